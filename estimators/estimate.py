@@ -1,0 +1,53 @@
+"""The Estimate: a value never without its covariance and its standing."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.structures import ModeStructure
+
+__all__ = ["Estimate", "Outcome"]
+
+
+class Outcome(StrEnum):
+    """Standing of an estimate."""
+
+    CONVERGED = "converged"
+    SETTLING = "settling"
+    NOT_OBSERVABLE = "not_observable"
+    REJECTED = "rejected"
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Concise derivatives of one mode of one vehicle at one instant.
+
+    Attributes:
+        estimator: ``fourier``, ``ekf``.
+        structure: the mode's model structure.
+        time_s: stamp of the last sample used.
+        value: shape (k,), in the order of ``structure.derivatives``; NaN where nothing is known yet.
+        covariance: shape (k, k); infinite on the diagonal where nothing is known yet.
+        outcomes: standing of each derivative, in the same order.
+        outcome: standing of the mode.
+        reason: one clause for the operator when the outcome is not ``converged``, else empty.
+        condition: mean (airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad) over
+            the samples that the estimate rests on.
+    """
+
+    estimator: str
+    structure: ModeStructure
+    time_s: float
+    value: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    outcomes: tuple[Outcome, ...]
+    outcome: Outcome
+    reason: str
+    condition: tuple[float, float, float, float]
+
+    @property
+    def standard_error(self) -> NDArray[np.float64]:
+        """Square root of the covariance's diagonal, shape (k,)."""
+        return np.sqrt(np.diagonal(self.covariance))
