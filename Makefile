@@ -2,32 +2,43 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+SETUP  := $(PYTHON) tools/install.py
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint types contracts check constraints proto clean
+.PHONY: help python run test constraints proto clean
 
-help:               ## what can be made
-	@grep -E '^[a-z]+: .*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/'
+help:         ## what can be made
+	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/^([a-z]+):.*## (.*)/\1|\2/' | while IFS='|' read -r name text; do \
+	  printf '  make %-12s %s\n' "$$name" "$$text"; done
 
-$(VENV)/run.stamp: pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python tools/install.py
-	@touch $@
+python:
+	@command -v "$(PYTHON)" >/dev/null || { \
+	  echo "wingwatch set-up: there is no '$(PYTHON)' on this machine: install Python 3.11 or newer, or name one with PYTHON=" >&2; \
+	  exit 2; }
 
-$(VENV)/dev.stamp: $(VENV)/run.stamp
-	$(BIN)/python tools/install.py --extra dev
-	@touch $@
+run: python   ## set up, then the service and a simulated fleet on 127.0.0.1:8000 (ARGS="--port 8010" and so on)
+	@$(SETUP)
+	@$(BIN)/wingwatch demo $(ARGS)
 
-run: $(VENV)/run.stamp            ## set up, then service and simulated fleet on 127.0.0.1:8000
-	$(BIN)/wingwatch demo $(ARGS)
-
-test: $(VENV)/dev.stamp           ## set up, then every check and test
+test: python  ## set up, then every check and test
+	@$(SETUP) --extra dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p wingwatch
-	$(BIN)/mypy tests benchmarks
+	$(BIN)/mypy tests benchmarks tools
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2
 
-clean:                            ## remove the environment and caches (the data folder stays)
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+# Pins stay where they can; `make constraints UPGRADE=--upgrade` takes the newest of everything.
+constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade for the newest)
+	@$(SETUP) --extra dev
+	CUSTOM_COMPILE_COMMAND="make constraints" $(BIN)/pip-compile $(UPGRADE) --quiet --generate-hashes --all-extras \
+	  --allow-unsafe --strip-extras --annotation-style=line --no-emit-index-url --no-emit-trusted-host \
+	  --no-emit-find-links --output-file constraints.txt pyproject.toml
+
+proto: python ## generate telemetry/protocol from proto/
+	@$(SETUP) --extra dev
+	$(BIN)/python tools/generate_protocol.py
+
+clean:        ## remove the environment and the caches (the data folder stays)
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache dist build
