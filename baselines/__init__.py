@@ -1,1 +1,41 @@
-"""Package."""
+"""Baselines: what each derivative is expected to be at a flight condition, and how well that is known.
+
+The database's names are looked up when first asked for, so that estimating offline needs no database library.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from wingwatch.baselines.records import (
+    AlertPage,
+    AlertRecord,
+    EstimateRecord,
+    EvidenceRecord,
+    ExpectationRecord,
+    ReferenceKey,
+    ReferenceRecord,
+)
+from wingwatch.baselines.reference import Reference
+
+if TYPE_CHECKING:
+    from wingwatch.baselines.database import Database, DatabaseError, open_database
+
+__all__ = [
+    "Reference",
+    "open_database",
+    "Database",
+    "DatabaseError",
+    "AlertPage",
+    "AlertRecord",
+    "EstimateRecord",
+    "EvidenceRecord",
+    "ExpectationRecord",
+    "ReferenceKey",
+    "ReferenceRecord",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in ("Database", "DatabaseError", "open_database"):
+        return getattr(import_module("wingwatch.baselines.database"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

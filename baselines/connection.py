@@ -1,0 +1,309 @@
+"""Opens the database: engine, pragmas, migration to the newest schema, and errors as one clear sentence.
+
+SQLite begins its transactions by our own statements: the driver's implicit ones would commit before a
+schema change, and a transaction that reads first and writes later fails under WAL where it should wait.
+"""
+
+import os
+import sqlite3
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from alembic import command
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
+from sqlalchemy.exc import ArgumentError, DBAPIError, IntegrityError
+from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+
+__all__ = [
+    "DatabaseError",
+    "check_answers",
+    "connect",
+    "head_revision",
+    "sentences",
+    "sqlite_file",
+    "upgrade",
+    "writing",
+]
+
+VERSION_TABLE = "wingwatch_schema"
+"""Where the revision stands: a name of our own, so that another program's tables are told from ours."""
+
+CONNECT_TIMEOUT_S = 5
+"""How long a PostgreSQL server may take to answer a new connection."""
+
+CHECK_TIMEOUT_S = 0.5
+"""How long a readiness check waits for the write lock of SQLite."""
+
+_UPGRADE_LOCK = 0x77696E67
+"""Key of the PostgreSQL advisory lock under which one process at a time upgrades (ASCII "wing")."""
+
+_MIGRATIONS = Path(__file__).parent / "migrations"
+_WRITE = "wingwatch_write"
+
+_LOCKED = "is locked by another program; end that program or try again"
+_READ_ONLY = "is read-only for this user; make the file and its folder writable, or choose another path"
+_SQLITE_FAULTS = {
+    "SQLITE_BUSY": _LOCKED,
+    "SQLITE_LOCKED": _LOCKED,
+    "SQLITE_READONLY": _READ_ONLY,
+    "SQLITE_PERM": _READ_ONLY,
+    "SQLITE_CANTOPEN": "cannot be opened; check that its folder exists and is writable for this user",
+    "SQLITE_NOTADB": "is not an SQLite database; choose another path or move that file away",
+    "SQLITE_CORRUPT": "is damaged; restore it from a copy, or move it away to start anew",
+    "SQLITE_FULL": "cannot grow because the disk is full; free some space",
+    "SQLITE_IOERR": "cannot be read or written because the disk reports an error; check the disk",
+}
+_POSTGRES_FAULTS = {
+    "55P03": _LOCKED,
+    "57014": "took too long to answer and was asked to stop; try again",
+    "25006": "accepts no writes; connect to the primary server, not to a read-only copy",
+    "42501": "forbids this user to write; grant the user rights on the schema",
+    "53100": "cannot grow because its disk is full; free some space",
+}
+
+
+class DatabaseError(RuntimeError):
+    """The database cannot do what was asked; the text is one sentence for the operator."""
+
+
+def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
+    """Engine for a path of an SQLite file, or for a URL ``sqlite:///...`` or ``postgresql://...``.
+
+    The folder of an SQLite file is made if need be. Nothing is read yet.
+
+    Raises:
+        DatabaseError: a URL of another kind, a driver that is not installed, a folder that cannot be made.
+    """
+    url = _url(where)
+    if url.get_backend_name() == "sqlite":
+        _prepare_file(url)
+        engine = create_engine(url, pool_timeout=busy_timeout_s)
+        event.listen(engine, "connect", _sqlite_session(busy_timeout_s))
+        event.listen(engine, "begin", _sqlite_begin)
+        return engine
+    milliseconds = int(1000 * busy_timeout_s)
+    try:
+        return create_engine(
+            url,
+            pool_pre_ping=True,
+            pool_timeout=busy_timeout_s,
+            connect_args={
+                "connect_timeout": CONNECT_TIMEOUT_S,
+                "options": f"-c lock_timeout={milliseconds} -c client_encoding=UTF8",
+            },
+        )
+    except ModuleNotFoundError as error:
+        raise DatabaseError(
+            "PostgreSQL needs the package psycopg, which is not installed; install wingwatch[postgres]"
+        ) from error
+
+
+def writing(engine: Engine) -> Engine:
+    """The same engine for transactions that write: on SQLite they take the write lock when they begin."""
+    return engine.execution_options(**{_WRITE: True})
+
+
+def sqlite_file(engine: Engine) -> Path | None:
+    """The file of an SQLite database, None for a server."""
+    is_file = engine.url.get_backend_name() == "sqlite"
+    return Path(str(engine.url.database)) if is_file else None
+
+
+def head_revision() -> str:
+    """The newest revision that this code knows."""
+    head = ScriptDirectory(str(_MIGRATIONS)).get_current_head()
+    if head is None:
+        raise DatabaseError("this installation lacks its database migrations; install wingwatch again")
+    return head
+
+
+def upgrade(engine: Engine) -> None:
+    """Bring the schema to the newest revision, all in one transaction.
+
+    Raises:
+        DatabaseError: a schema newer than this code, another program's database, or a fault of the database.
+    """
+    with sentences(engine), writing(engine).begin() as connection:
+        if engine.dialect.name == "postgresql":
+            connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _UPGRADE_LOCK})
+        current = _revision(connection)
+        head = head_revision()
+        if current == head:
+            return
+        _refuse_foreign(engine, connection, current, head)
+        config = Config(attributes={"connection": connection, "version_table": VERSION_TABLE})
+        config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
+        command.upgrade(config, "head")
+
+
+def check_answers(engine: Engine, busy_timeout_s: float, inode: int | None) -> None:
+    """Read the schema's revision and make sure that a write would be taken, without writing.
+
+    Args:
+        busy_timeout_s: the usual patience, restored after the check's own.
+        inode: of the SQLite file when it was opened; None for a server.
+
+    Raises:
+        DatabaseError: if not, saying why.
+    """
+    path = sqlite_file(engine)
+    if path is not None:
+        _check_file(path, inode)
+    with sentences(engine), engine.connect() as connection:
+        if path is not None:
+            _take_write_lock(connection, busy_timeout_s)
+        elif connection.execute(text("SHOW transaction_read_only")).scalar_one() != "off":
+            raise DatabaseError(f"{_name(engine)} {_POSTGRES_FAULTS['25006']}")
+        found, head = _revision(connection), head_revision()
+    if found != head:
+        raise DatabaseError(
+            f"{_name(engine)} now has schema {found}, but this program has schema {head}; "
+            "restart with the newest wingwatch"
+        )
+
+
+@contextmanager
+def sentences(engine: Engine) -> Iterator[None]:
+    """Turns faults of the database inside the block into ``DatabaseError``, one sentence each."""
+    try:
+        yield
+    except IntegrityError as error:
+        raise DatabaseError(
+            f"{_name(engine)} already holds that entry, or another program wrote it at the same moment; "
+            f"try again ({_first_line(error)})"
+        ) from error
+    except DBAPIError as error:
+        raise DatabaseError(f"{_name(engine)} {_fault(engine, error)}") from error
+    except PoolTimeoutError as error:
+        raise DatabaseError(
+            f"{_name(engine)} is asked by too many threads at once; try again, or ask it less often"
+        ) from error
+
+
+def _url(where: str | os.PathLike[str]) -> URL:
+    given = os.fspath(where)
+    if "://" not in given:
+        return URL.create("sqlite", database=str(Path(given).expanduser().absolute()))
+    try:
+        url = make_url(given)
+    except ArgumentError as error:
+        scheme = given.split("://", 1)[0]  # the rest may hold a password
+        raise DatabaseError(
+            f"the database URL that begins with {scheme}:// cannot be understood; "
+            "write sqlite:///path/to/file.db or postgresql://user:password@host/name"
+        ) from error
+    if url.drivername in ("postgresql", "postgres", "postgresql+psycopg"):
+        return url.set(drivername="postgresql+psycopg")
+    if url.drivername != "sqlite":
+        raise DatabaseError(
+            f"databases of the kind {url.drivername!r} are not supported; use sqlite or postgresql"
+        )
+    if not url.database or url.database == ":memory:" or url.database.startswith("file:"):
+        raise DatabaseError(
+            "the SQLite database must be a file, since one in memory is not shared by threads; give its path"
+        )
+    return url.set(database=str(Path(url.database).absolute()))
+
+
+def _prepare_file(url: URL) -> None:
+    path = Path(str(url.database))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        mode = path.stat().st_mode if path.exists() else stat.S_IFREG
+    except OSError as error:
+        raise DatabaseError(
+            f"the folder of the database {path} cannot be used ({error.strerror}); choose another path"
+        ) from error
+    if not stat.S_ISREG(mode):
+        raise DatabaseError(f"the database {path} is a folder or a device, not a file; choose another path")
+
+
+def _sqlite_session(busy_timeout_s: float) -> Any:
+    def session(connection: sqlite3.Connection, _record: object) -> None:
+        connection.isolation_level = None
+        for pragma in (
+            f"busy_timeout = {int(1000 * busy_timeout_s)}",
+            "journal_mode = WAL",
+            "synchronous = NORMAL",
+            "foreign_keys = ON",
+        ):
+            connection.execute(f"PRAGMA {pragma}").close()
+
+    return session
+
+
+def _sqlite_begin(connection: Connection) -> None:
+    writes = connection.get_execution_options().get(_WRITE, False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def _check_file(path: Path, inode: int | None) -> None:
+    """A file deleted or replaced while open still takes writes, which then are lost."""
+    if not path.exists() or path.stat().st_ino != inode:
+        raise DatabaseError(f"the database {path} was moved or deleted while open; restart wingwatch")
+    if not (os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)):
+        raise DatabaseError(f"the database {path} {_READ_ONLY}")
+
+
+def _take_write_lock(connection: Connection, busy_timeout_s: float) -> None:
+    """For a moment and with a short patience; the connection's close gives it back."""
+    driver: Any = connection.connection.driver_connection
+    driver.execute(f"PRAGMA busy_timeout = {int(1000 * min(CHECK_TIMEOUT_S, busy_timeout_s))}").close()
+    try:
+        connection.execution_options(**{_WRITE: True})
+        connection.execute(text("SELECT 1")).scalar_one()
+    finally:
+        driver.execute(f"PRAGMA busy_timeout = {int(1000 * busy_timeout_s)}").close()
+
+
+def _revision(connection: Connection) -> str | None:
+    context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
+    return context.get_current_revision()
+
+
+def _refuse_foreign(engine: Engine, connection: Connection, current: str | None, head: str) -> None:
+    known = {script.revision for script in ScriptDirectory(str(_MIGRATIONS)).walk_revisions()}
+    if current is not None and current not in known:
+        raise DatabaseError(
+            f"{_name(engine)} has schema {current}, newer than schema {head} of this program; "
+            "install the newer wingwatch that wrote it, or choose another database"
+        )
+    if current is None and engine.dialect.name == "sqlite":
+        tables = sorted(set(inspect(connection).get_table_names()) - {VERSION_TABLE})
+        if tables:
+            raise DatabaseError(
+                f"{_name(engine)} belongs to another program (it has the table {tables[0]!r}); "
+                "choose another path"
+            )
+
+
+def _name(engine: Engine) -> str:
+    path = sqlite_file(engine)
+    return f"the database {path or engine.url.render_as_string(hide_password=True)}"
+
+
+def _first_line(error: DBAPIError) -> str:
+    lines = str(error.orig).strip().splitlines()
+    return lines[0].strip() if lines else type(error.orig).__name__
+
+
+def _fault(engine: Engine, error: DBAPIError) -> str:
+    """The part of the sentence after the database's name."""
+    if engine.dialect.name == "sqlite":
+        code = str(getattr(error.orig, "sqlite_errorname", ""))
+        for prefix, fault in _SQLITE_FAULTS.items():
+            if code == prefix or code.startswith(prefix + "_"):
+                return fault
+        return f"reports: {_first_line(error)}"
+    state = getattr(error.orig, "sqlstate", None)
+    if state in _POSTGRES_FAULTS:
+        return _POSTGRES_FAULTS[state]
+    if state is None or str(state).startswith(("08", "57P")):
+        return f"cannot be reached ({_first_line(error)}); start the server or correct the address"
+    return f"reports: {_first_line(error)}"

@@ -1,0 +1,394 @@
+"""The baseline database: expectations, references, alerts and the history of estimates.
+
+SQLite by default, PostgreSQL by URL, the same schema. A ``Database`` may be used by any number of threads:
+one engine, and a session of its own for each call.
+"""
+
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, fields, replace
+from typing import Any
+
+from sqlalchemy import Engine, delete, insert, select, update
+from sqlalchemy.orm import Session
+
+from wingwatch.baselines.connection import (
+    DatabaseError,
+    check_answers,
+    connect,
+    sentences,
+    sqlite_file,
+    upgrade,
+    writing,
+)
+from wingwatch.baselines.records import (
+    AlertPage,
+    AlertRecord,
+    EstimateRecord,
+    EvidenceRecord,
+    ExpectationRecord,
+    ReferenceKey,
+    ReferenceRecord,
+)
+from wingwatch.baselines.reference import Reference
+from wingwatch.baselines.tables import AlertRow, EstimateRow, ExpectationRow, ReferenceRow
+
+__all__ = ["Database", "DatabaseError", "open_database"]
+
+MAX_PAGE = 1000
+"""Most alerts on one page."""
+
+MAX_REFERENCE_HISTORY = 1000
+"""Most saved versions of one reference; the oldest go first."""
+
+_PRUNE_SHARE = 10
+"""Estimates are pruned each time a vehicle has added a tenth of its retention."""
+
+
+def open_database(
+    where: str | os.PathLike[str],
+    *,
+    busy_timeout_s: float = 5.0,
+    estimates_per_vehicle: int = 200_000,
+) -> "Database":
+    """Open a database, creating and upgrading its schema.
+
+    Args:
+        where: path of an SQLite file, or a URL ``sqlite:///...`` or ``postgresql://...``.
+        busy_timeout_s: how long a call waits for another program's lock.
+        estimates_per_vehicle: retention; at most a tenth more rows are kept for each vehicle.
+
+    Raises:
+        DatabaseError: locked, read-only, of a newer schema, not a database, damaged, or out of reach.
+        ValueError: a timeout or a retention that is not positive.
+    """
+    if busy_timeout_s <= 0.0 or estimates_per_vehicle <= 0:
+        raise ValueError(
+            f"busy_timeout_s and estimates_per_vehicle must be positive, "
+            f"got {busy_timeout_s} and {estimates_per_vehicle}"
+        )
+    engine = connect(where, busy_timeout_s)
+    try:
+        upgrade(engine)
+        return Database(engine, busy_timeout_s, estimates_per_vehicle)
+    except BaseException:
+        engine.dispose()
+        raise
+
+
+class Database:
+    """An open database; made by ``open_database``, ended by ``close`` or a ``with`` block.
+
+    Every method raises ``DatabaseError`` with one sentence where the database cannot do it.
+    """
+
+    def __init__(self, engine: Engine, busy_timeout_s: float, estimates_per_vehicle: int) -> None:
+        self._engine = engine
+        self._write_engine = writing(engine)
+        self._busy_timeout_s = busy_timeout_s
+        self._retention = estimates_per_vehicle
+        self._closed = False
+        path = sqlite_file(engine)
+        self._inode = path.stat().st_ino if path else None
+        self._lock = threading.Lock()
+        self._since_prune: dict[tuple[str, str], int] = {}
+
+    def __enter__(self) -> "Database":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give back every connection; the object is of no use afterwards."""
+        self._closed = True
+        self._engine.dispose()
+
+    def check(self) -> None:
+        """Does the database still answer, and would it still take a write? Nothing is written.
+
+        Raises:
+            DatabaseError: if not, saying why.
+        """
+        with self._open():
+            check_answers(self._engine, self._busy_timeout_s, self._inode)
+
+    def put_expectation(self, entry: ExpectationRecord) -> ExpectationRecord:
+        """Store an entry; the current one at the same point (if any) becomes its history.
+
+        A point is aircraft, configuration, structure, airspeed and altitude.
+
+        Returns:
+            the entry as stored, with its id.
+
+        Raises:
+            ValueError: an entry that already has an id.
+        """
+        if entry.id is not None or entry.superseded_by is not None:
+            raise ValueError(f"expectation {entry.id} is already stored; put a new entry to supersede it")
+        row = ExpectationRow(**_plain(entry))
+        with self._write() as session:
+            now_current = (*_same_series(entry.aircraft, entry.configuration, entry.structure),
+                           ExpectationRow.airspeed_true_m_s == entry.airspeed_true_m_s,
+                           ExpectationRow.altitude_m == entry.altitude_m,
+                           ExpectationRow.superseded_by.is_(None))  # fmt: skip
+            old = session.scalars(select(ExpectationRow.id).where(*now_current)).all()
+            # Only one entry of a point may be current at any moment, so the old one first points at itself.
+            session.execute(
+                update(ExpectationRow).where(*now_current).values(superseded_by=ExpectationRow.id)
+            )
+            session.add(row)
+            session.flush()
+            session.execute(
+                update(ExpectationRow).where(ExpectationRow.id.in_(old)).values(superseded_by=row.id)
+            )
+            return replace(entry, id=row.id)
+
+    def expectations(
+        self, aircraft: str, configuration: str, structure: str
+    ) -> tuple[ExpectationRecord, ...]:
+        """The current entries, by airspeed, then altitude."""
+        query = (
+            select(ExpectationRow)
+            .where(*_same_series(aircraft, configuration, structure), ExpectationRow.superseded_by.is_(None))
+            .order_by(ExpectationRow.airspeed_true_m_s, ExpectationRow.altitude_m)
+        )
+        with self._read() as session:
+            return tuple(_expectation(row) for row in session.scalars(query))
+
+    def history(self, aircraft: str, configuration: str, structure: str) -> tuple[ExpectationRecord, ...]:
+        """Every entry ever stored, oldest first; each says what superseded it."""
+        query = (
+            select(ExpectationRow)
+            .where(*_same_series(aircraft, configuration, structure))
+            .order_by(ExpectationRow.id)
+        )
+        with self._read() as session:
+            return tuple(_expectation(row) for row in session.scalars(query))
+
+    def save_reference(self, key: ReferenceKey, reference: Reference, updated_at_s: float) -> None:
+        """Store a new version; the last ``MAX_REFERENCE_HISTORY`` versions stay as its history."""
+        with self._write() as session:
+            session.add(ReferenceRow(**asdict(key), **reference.to_dict(), updated_at_s=updated_at_s))
+            session.flush()
+            oldest = (
+                select(ReferenceRow.id)
+                .where(*_same_reference(key))
+                .order_by(ReferenceRow.id.desc())
+                .offset(MAX_REFERENCE_HISTORY - 1)
+                .limit(1)
+            )
+            keep_from = session.scalar(oldest)
+            if keep_from is not None:
+                session.execute(
+                    delete(ReferenceRow).where(*_same_reference(key), ReferenceRow.id < keep_from)
+                )
+
+    def load_reference(self, key: ReferenceKey) -> Reference | None:
+        """The newest version; None if this aircraft has taught nothing yet."""
+        query = select(ReferenceRow).where(*_same_reference(key)).order_by(ReferenceRow.id.desc()).limit(1)
+        with self._read() as session:
+            row = session.scalar(query)
+            return None if row is None else _reference(row).reference
+
+    def reference_history(self, key: ReferenceKey) -> tuple[ReferenceRecord, ...]:
+        """Every kept version, oldest first."""
+        query = select(ReferenceRow).where(*_same_reference(key)).order_by(ReferenceRow.id)
+        with self._read() as session:
+            return tuple(_reference(row) for row in session.scalars(query))
+
+    def insert_alert(self, alert: AlertRecord) -> None:
+        """Store a new alert."""
+        with self._write() as session:
+            session.add(AlertRow(**_plain(alert)))
+
+    def update_alert(self, alert: AlertRecord) -> None:
+        """Replace a stored alert by its new version, found by its id.
+
+        Raises:
+            DatabaseError: no alert of that id is stored.
+        """
+        with self._write() as session:
+            known = session.execute(
+                update(AlertRow)
+                .where(AlertRow.id == alert.id)
+                .values(_plain(alert))
+                .returning(AlertRow.serial)
+            ).one_or_none()
+            if known is None:
+                raise DatabaseError(f"alert {alert.id!r} is not in the database; insert it first")
+
+    def alert(self, alert_id: str) -> AlertRecord | None:
+        """One alert; None if unknown."""
+        with self._read() as session:
+            row = session.scalar(select(AlertRow).where(AlertRow.id == alert_id))
+            return None if row is None else _alert(row)
+
+    def alerts(
+        self,
+        *,
+        state: str | None = None,
+        vehicle: str | None = None,
+        fleet: str | None = None,
+        kind: str | None = None,
+        since_s: float | None = None,
+        limit: int = 100,
+        cursor: str | None = None,
+    ) -> AlertPage:
+        """Alerts that match every filter given, newest first.
+
+        Args:
+            since_s: raised at this sample time or later.
+            limit: at most this many, 1 to ``MAX_PAGE``.
+            cursor: ``next`` of the page before.
+
+        Raises:
+            ValueError: a limit out of range or a cursor that no page gave.
+        """
+        if not 1 <= limit <= MAX_PAGE:
+            raise ValueError(f"limit is {limit}; give 1 to {MAX_PAGE}")
+        query = select(AlertRow).order_by(AlertRow.serial.desc()).limit(limit + 1)
+        wanted = {"state": state, "vehicle": vehicle, "fleet": fleet, "kind": kind}
+        for name, value in wanted.items():
+            if value is not None:
+                query = query.where(getattr(AlertRow, name) == value)
+        if since_s is not None:
+            query = query.where(AlertRow.raised_s >= since_s)
+        if cursor is not None:
+            query = query.where(AlertRow.serial < _serial(cursor))
+        with self._read() as session:
+            rows = session.scalars(query).all()
+        following = f"{rows[limit - 1].serial:x}" if len(rows) > limit else None
+        return AlertPage(tuple(_alert(row) for row in rows[:limit]), following)
+
+    def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
+        """Store estimates in one go, and drop the oldest of a vehicle beyond its retention."""
+        if not rows:
+            return
+        with self._write() as session:
+            session.execute(insert(EstimateRow), [_plain(row) for row in rows])
+            pruned = self._due_for_pruning(rows)
+            for vehicle in pruned:
+                self._prune(session, *vehicle)
+        with self._lock:
+            self._since_prune.update(dict.fromkeys(pruned, 0))
+
+    def estimate_history(
+        self,
+        fleet: str,
+        vehicle: str,
+        from_s: float | None = None,
+        to_s: float | None = None,
+        *,
+        limit: int | None = None,
+    ) -> tuple[EstimateRecord, ...]:
+        """Kept estimates of one vehicle with from_s <= time_s <= to_s, by time (at most ``limit``)."""
+        query = (
+            select(EstimateRow)
+            .where(EstimateRow.fleet == fleet, EstimateRow.vehicle == vehicle)
+            .order_by(EstimateRow.time_s, EstimateRow.id)
+            .limit(limit)
+        )
+        if from_s is not None:
+            query = query.where(EstimateRow.time_s >= from_s)
+        if to_s is not None:
+            query = query.where(EstimateRow.time_s <= to_s)
+        with self._read() as session:
+            return tuple(_estimate(row) for row in session.scalars(query))
+
+    @contextmanager
+    def _open(self) -> Iterator[None]:
+        if self._closed:
+            raise DatabaseError("the database is closed; open it again")
+        with sentences(self._engine):
+            yield
+
+    @contextmanager
+    def _read(self) -> Iterator[Session]:
+        with self._open(), Session(self._engine, expire_on_commit=False) as session:
+            yield session
+
+    @contextmanager
+    def _write(self) -> Iterator[Session]:
+        with self._open(), Session(self._write_engine) as session, session.begin():
+            yield session
+
+    def _due_for_pruning(self, rows: Sequence[EstimateRecord]) -> list[tuple[str, str]]:
+        """Vehicles that added a share of their retention since last time, or are new to this process."""
+        with self._lock:
+            counts = self._since_prune
+            for row in rows:
+                key = (row.fleet, row.vehicle)
+                counts[key] = counts.get(key, self._retention) + 1
+            seen = {(row.fleet, row.vehicle) for row in rows}
+            return [key for key in seen if counts[key] * _PRUNE_SHARE >= self._retention]
+
+    def _prune(self, session: Session, fleet: str, vehicle: str) -> None:
+        of_vehicle = (EstimateRow.fleet == fleet, EstimateRow.vehicle == vehicle)
+        oldest = (
+            select(EstimateRow.id)
+            .where(*of_vehicle)
+            .order_by(EstimateRow.id.desc())
+            .offset(self._retention - 1)
+            .limit(1)
+        )
+        keep_from = session.scalar(oldest)
+        if keep_from is not None:
+            session.execute(delete(EstimateRow).where(*of_vehicle, EstimateRow.id < keep_from))
+
+
+def _plain(record: ExpectationRecord | AlertRecord | EstimateRecord) -> dict[str, Any]:
+    """A record's fields as a row's values; sequences as lists."""
+    values = asdict(record)
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+
+
+def _same_series(aircraft: str, configuration: str, structure: str) -> tuple[Any, ...]:
+    return (
+        ExpectationRow.aircraft == aircraft,
+        ExpectationRow.configuration == configuration,
+        ExpectationRow.structure == structure,
+    )
+
+
+def _same_reference(key: ReferenceKey) -> tuple[Any, ...]:
+    return tuple(getattr(ReferenceRow, f.name) == getattr(key, f.name) for f in fields(key))
+
+
+def _serial(cursor: str) -> int:
+    try:
+        serial = int(cursor, 16)
+    except ValueError:
+        serial = -1
+    if not 0 <= serial < 2**63:
+        raise ValueError(f"cursor {cursor!r:.40} is not one that a page gave; start without a cursor")
+    return serial
+
+
+def _expectation(row: ExpectationRow) -> ExpectationRecord:
+    values = {f.name: getattr(row, f.name) for f in fields(ExpectationRecord)}
+    values["value"] = tuple(row.value)
+    values["covariance"] = tuple(tuple(r) for r in row.covariance)
+    return ExpectationRecord(**values)
+
+
+def _reference(row: ReferenceRow) -> ReferenceRecord:
+    key = ReferenceKey(**{f.name: getattr(row, f.name) for f in fields(ReferenceKey)})
+    names = ("information", "vector", "blocks", "seconds")
+    return ReferenceRecord(key, Reference.from_dict({n: getattr(row, n) for n in names}), row.updated_at_s)
+
+
+def _alert(row: AlertRow) -> AlertRecord:
+    values = {f.name: getattr(row, f.name) for f in fields(AlertRecord)}
+    values["evidence"] = tuple(EvidenceRecord(**e) for e in row.evidence)
+    values["note"] = tuple(row.note)
+    return AlertRecord(**values)
+
+
+def _estimate(row: EstimateRow) -> EstimateRecord:
+    values = {f.name: getattr(row, f.name) for f in fields(EstimateRecord)}
+    for name in ("value", "standard_error", "condition"):
+        values[name] = tuple(values[name])
+    return EstimateRecord(**values)

@@ -1,0 +1,151 @@
+"""What the database takes and gives: plain frozen objects, free of any database library.
+
+Times named ``*_at_s`` are seconds since 1970-01-01 UTC, handed in by the caller; all others are the
+vehicle's own clock.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from wingwatch.baselines.reference import Reference
+from wingwatch.estimators.estimate import Estimate
+
+__all__ = [
+    "AlertPage",
+    "AlertRecord",
+    "EstimateRecord",
+    "EvidenceRecord",
+    "ExpectationRecord",
+    "ReferenceKey",
+    "ReferenceRecord",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectationRecord:
+    """One entry of the baseline: concise derivatives of a structure at one flight condition.
+
+    Attributes:
+        value: length k, in the order of ``structure.derivatives``.
+        covariance: k rows of length k.
+        provenance: ``a-priori``, ``empirical`` or ``identified``.
+        source: where the numbers come from, for the reader.
+        id: given by the database; None before.
+        superseded_by: id of the entry that took its place; None while it is the current one.
+    """
+
+    aircraft: str
+    configuration: str
+    structure: str
+    airspeed_true_m_s: float
+    altitude_m: float
+    air_density_kg_m3: float
+    angle_of_attack_rad: float
+    value: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    provenance: str
+    source: str
+    created_at_s: float
+    id: int | None = None
+    superseded_by: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceKey:
+    """What a reference belongs to."""
+
+    fleet: str
+    vehicle: str
+    aircraft: str
+    configuration: str
+    structure: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceRecord:
+    """One saved version of a reference."""
+
+    key: ReferenceKey
+    reference: Reference
+    updated_at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceRecord:
+    """One derivative's part in an alert."""
+
+    derivative: str
+    estimate: float
+    standard_error: float
+    expected: float
+    expected_standard_error: float
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class AlertRecord:
+    """One alert as it is stored; its fields mean what the monitor's alert says."""
+
+    id: str
+    fleet: str
+    vehicle: str
+    kind: str
+    cause: str
+    level: str
+    state: str
+    raised_s: float
+    cleared_s: float | None
+    size: float
+    size_standard_error: float
+    probability: float
+    basis: str
+    text: str
+    evidence: Sequence[EvidenceRecord]
+    created_at_s: float
+    updated_at_s: float
+    note: Sequence[str] = field(default=())
+
+
+@dataclass(frozen=True, slots=True)
+class AlertPage:
+    """Some alerts, newest first, and the cursor of the following page (None at the end)."""
+
+    items: tuple[AlertRecord, ...]
+    next: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateRecord:
+    """One estimate of a vehicle's mode, as kept for history.
+
+    Attributes:
+        value: length k, in the order of ``structure.derivatives``; NaN where nothing is known.
+        standard_error: length k; infinite where nothing is known.
+        condition: airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad.
+    """
+
+    fleet: str
+    vehicle: str
+    time_s: float
+    structure: str
+    estimator: str
+    value: tuple[float, ...]
+    standard_error: tuple[float, ...]
+    outcome: str
+    condition: tuple[float, float, float, float]
+
+    @classmethod
+    def of(cls, fleet: str, vehicle: str, estimate: Estimate) -> "EstimateRecord":
+        """The part of an estimate that is kept."""
+        airspeed, altitude, density, alpha = (float(x) for x in estimate.condition)
+        return cls(
+            fleet=fleet,
+            vehicle=vehicle,
+            time_s=float(estimate.time_s),
+            structure=estimate.structure.name,
+            estimator=estimate.estimator,
+            value=tuple(map(float, estimate.value)),
+            standard_error=tuple(map(float, estimate.standard_error)),
+            outcome=str(estimate.outcome),
+            condition=(airspeed, altitude, density, alpha),
+        )

@@ -1,0 +1,192 @@
+"""What an aircraft's own flights taught: normal equations that grow block by block.
+
+A healthy flight yields blocks of independent estimates. Each block with covariance C and value x adds
+its information C^-1 and C^-1 x; the sum is all that later flights need. Coordinates are American
+non-dimensional (the affine form of ``wingwatch.aircraft``), so blocks of different airspeeds add up.
+"""
+
+import json
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["MAX_CONDITION", "Reference"]
+
+MAX_CONDITION = 1e8
+"""Largest condition number (unit diagonal) at which flights alone count as an estimate: half of the sixteen
+digits of a double are then still right, far more than any derivative's standard error needs."""
+
+_ROUNDING = 1e-9
+"""Asymmetry or negative eigenvalue, relative to the largest entry, that may come from rounding alone: an
+inverse of a covariance with condition number 1e6 (its author's, not ours) has errors of about 1e6 eps."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """Empirical normal equations of one structure of one aircraft, American non-dimensional coordinates.
+
+    Attributes:
+        information: J, shape (k, k), symmetric, positive semidefinite; zero before the first block.
+        vector: h = J x, shape (k,).
+        blocks: how many blocks were added.
+        seconds: seconds of observable flight they rest on.
+    """
+
+    information: NDArray[np.float64]
+    vector: NDArray[np.float64]
+    blocks: int = 0
+    seconds: float = 0.0
+
+    def __post_init__(self) -> None:
+        information, vector = _checked(self.information, self.vector)
+        if self.blocks < 0 or not (np.isfinite(self.seconds) and self.seconds >= 0.0):
+            raise ValueError(
+                f"a reference has blocks and seconds of 0 or more, got {self.blocks} and {self.seconds}"
+            )
+        object.__setattr__(self, "information", information)
+        object.__setattr__(self, "vector", vector)
+
+    @classmethod
+    def empty(cls, k: int) -> Self:
+        """The reference of an aircraft that has not flown yet, for k derivatives."""
+        return cls(np.zeros((k, k)), np.zeros(k))
+
+    def add(self, information: ArrayLike, vector: ArrayLike, seconds: float) -> "Reference":
+        """One more block.
+
+        Args:
+            information: inverse covariance of the block's estimate, shape (k, k); may be singular.
+            vector: ``information @ value``, shape (k,).
+            seconds: of observable flight that the block rests on.
+
+        Raises:
+            ValueError: wrong shape, not finite, not symmetric, not positive semidefinite, negative seconds.
+        """
+        if not (np.isfinite(seconds) and seconds >= 0.0):
+            raise ValueError(f"a block lasts 0 s or more, got {seconds}")
+        block, h = _checked(information, vector)
+        if h.shape != self.vector.shape:
+            raise ValueError(f"a block of {h.size} derivatives cannot join a reference of {self.vector.size}")
+        return Reference(self.information + block, self.vector + h, self.blocks + 1, self.seconds + seconds)
+
+    def posterior(
+        self, prior_value: ArrayLike, prior_covariance: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Expectation after the flights, from the one before: Gaussian prior times Gaussian blocks.
+
+        With P = L L' and the eigenvalues w of L' J L, the posterior covariance is L U diag(1/(1+w)) U' L'.
+        Neither P nor J is ever inverted, so both may be singular: what no flight excited stays at the prior,
+        what the prior holds fixed stays fixed.
+
+        Args:
+            prior_value: shape (k,), American non-dimensional.
+            prior_covariance: shape (k, k).
+
+        Returns:
+            value (k,), covariance (k, k), symmetric and positive semidefinite.
+
+        Raises:
+            ValueError: wrong shape, not finite, not symmetric, not positive semidefinite.
+        """
+        covariance, value = _checked(prior_covariance, prior_value)
+        if value.shape != self.vector.shape:
+            raise ValueError(
+                f"a prior of {value.size} derivatives cannot meet a reference of {self.vector.size}"
+            )
+        root = _square_root(covariance)
+        w, u = np.linalg.eigh(root.T @ self.information @ root)
+        shrunk = (root @ u) / np.sqrt(1.0 + np.maximum(w, 0.0))
+        shift = shrunk @ (shrunk.T @ (self.vector - self.information @ value))
+        return value + shift, shrunk @ shrunk.T
+
+    def estimate(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Value (k,) and covariance (k, k) from the flights alone; None while they do not determine all k.
+
+        Determined means: scaled to unit diagonal, the condition number of J is at most ``MAX_CONDITION``.
+        """
+        diagonal = np.diagonal(self.information)
+        if not np.all(diagonal > 0.0):
+            return None
+        scale = 1.0 / np.sqrt(diagonal)
+        w, u = np.linalg.eigh(self.information * np.outer(scale, scale))
+        if w[0] * MAX_CONDITION < w[-1]:
+            return None
+        root = scale[:, None] * u / np.sqrt(w)
+        return root @ (root.T @ self.vector), root @ root.T
+
+    def to_json(self) -> str:
+        """JSON text; every float reads back bit for bit."""
+        return json.dumps(self.to_dict(), allow_nan=False, separators=(",", ":"))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain lists and numbers."""
+        return {
+            "information": self.information.tolist(),
+            "vector": self.vector.tolist(),
+            "blocks": self.blocks,
+            "seconds": self.seconds,
+        }
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Inverse of ``to_json``.
+
+        Raises:
+            ValueError: the text is no such JSON or breaks a rule of the class.
+        """
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise ValueError(f"a reference is JSON, but this is not: {error}") from error
+        return cls.from_dict(data)
+
+    @classmethod
+    def from_dict(cls, data: Any) -> Self:
+        """Inverse of ``to_dict``."""
+        keys = {"information", "vector", "blocks", "seconds"}
+        if not isinstance(data, dict) or set(data) != keys:
+            raise ValueError(f"a reference has the keys {', '.join(sorted(keys))}, got {data!r:.80}")
+        return cls(
+            np.array(data["information"], dtype=np.float64),
+            np.array(data["vector"], dtype=np.float64),
+            int(data["blocks"]),
+            float(data["seconds"]),
+        )
+
+
+def _checked(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Both as read-only arrays, the matrix exactly symmetric."""
+    m = np.array(matrix, dtype=np.float64)
+    v = np.array(vector, dtype=np.float64)
+    if v.ndim != 1 or m.shape != (v.size, v.size):
+        raise ValueError(f"a matrix (k, k) and a vector (k,) are needed, got {m.shape} and {v.shape}")
+    if not (np.isfinite(m).all() and np.isfinite(v).all()):
+        raise ValueError("matrix and vector must be finite; leave out a block that holds NaN or infinity")
+    _require_semidefinite(m)
+    symmetric = m if np.array_equal(m, m.T) else 0.5 * (m + m.T)
+    symmetric.setflags(write=False)
+    v.setflags(write=False)
+    return symmetric, v
+
+
+def _require_semidefinite(m: NDArray[np.float64]) -> None:
+    """Symmetric and semidefinite but for rounding, judged on the matrix scaled to unit diagonal."""
+    diagonal = np.diagonal(m)
+    if np.any(diagonal < 0.0):
+        raise ValueError(f"the matrix has a negative diagonal entry, {diagonal.min():.6g}")
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    unit = m / np.outer(scale, scale)
+    if unit.size and float(np.abs(unit - unit.T).max()) > _ROUNDING:
+        raise ValueError("the matrix must be symmetric")
+    if unit.size and float(np.linalg.eigvalsh(unit)[0]) < -_ROUNDING * unit.shape[0]:
+        raise ValueError("the matrix must be positive semidefinite")
+
+
+def _square_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """L with L L' = covariance, shape (k, k); the covariance may be singular."""
+    diagonal = np.diagonal(covariance)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    w, u = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return np.asarray(scale[:, None] * u * np.sqrt(np.maximum(w, 0.0)))

@@ -1,0 +1,201 @@
+"""The tables, the same on SQLite and PostgreSQL. A change here needs a migration beside it."""
+
+import math
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Dialect,
+    Double,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    String,
+    Text,
+    TypeDecorator,
+    text,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+__all__ = ["AlertRow", "Base", "EstimateRow", "ExpectationRow", "ReferenceRow"]
+
+_NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+
+
+class Numbers(TypeDecorator[Any]):
+    """Nested lists (and dictionaries) of floats as JSON, exact.
+
+    JSON has no NaN and no infinity and PostgreSQL refuses them, so these three are written as text.
+    """
+
+    impl = JSON
+    cache_ok = True
+
+    def process_bind_param(self, value: Any, dialect: Dialect) -> Any:
+        """Python to database."""
+        return _encode(value)
+
+    def process_result_value(self, value: Any, dialect: Dialect) -> Any:
+        """Database to Python."""
+        return _decode(value)
+
+
+class MaybeNumber(TypeDecorator[float]):
+    """A float whose NaN is stored as NULL (SQLite has no NaN), and read back as NaN."""
+
+    impl = Double
+    cache_ok = True
+
+    def process_bind_param(self, value: float | None, dialect: Dialect) -> float | None:
+        """Python to database."""
+        return None if value is None or math.isnan(value) else value
+
+    def process_result_value(self, value: float | None, dialect: Dialect) -> float:
+        """Database to Python."""
+        return math.nan if value is None else value
+
+
+def _encode(value: Any) -> Any:
+    if isinstance(value, (list, tuple)):
+        return [_encode(v) for v in value]
+    if isinstance(value, dict):
+        return {k: _encode(v) for k, v in value.items()}
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else ("Infinity" if value > 0.0 else "-Infinity")
+    return value
+
+
+def _decode(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_decode(v) for v in value]
+    if isinstance(value, dict):
+        return {k: _decode(v) for k, v in value.items()}
+    return _NON_FINITE.get(value, value) if isinstance(value, str) else value
+
+
+_Key = BigInteger().with_variant(Integer, "sqlite")  # SQLite counts up only where the type is INTEGER
+
+
+class Base(DeclarativeBase):
+    """Every table, with fixed names of constraints so that migrations can name them."""
+
+    metadata = MetaData(
+        naming_convention={
+            "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+            "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_N_name)s",
+            "pk": "pk_%(table_name)s",
+        }
+    )
+
+
+class ExpectationRow(Base):
+    """An entry of the baseline; superseded entries stay as its history."""
+
+    __tablename__ = "expectation"
+
+    id: Mapped[int] = mapped_column(_Key, primary_key=True, autoincrement=True)
+    aircraft: Mapped[str] = mapped_column(String(200))
+    configuration: Mapped[str] = mapped_column(String(100))
+    structure: Mapped[str] = mapped_column(String(50))
+    airspeed_true_m_s: Mapped[float] = mapped_column(Double)
+    altitude_m: Mapped[float] = mapped_column(Double)
+    air_density_kg_m3: Mapped[float] = mapped_column(Double)
+    angle_of_attack_rad: Mapped[float] = mapped_column(Double)
+    value: Mapped[list[float]] = mapped_column(Numbers)
+    covariance: Mapped[list[list[float]]] = mapped_column(Numbers)
+    provenance: Mapped[str] = mapped_column(String(20))
+    source: Mapped[str] = mapped_column(Text)
+    created_at_s: Mapped[float] = mapped_column(Double)
+    superseded_by: Mapped[int | None] = mapped_column(_Key, ForeignKey("expectation.id"))
+
+    __table_args__ = (
+        Index(
+            "uq_expectation_current",
+            "aircraft",
+            "configuration",
+            "structure",
+            "airspeed_true_m_s",
+            "altitude_m",
+            unique=True,
+            sqlite_where=text("superseded_by IS NULL"),
+            postgresql_where=text("superseded_by IS NULL"),
+        ),
+    )
+
+
+class ReferenceRow(Base):
+    """One saved version of a vehicle's reference; the newest id of a key is the current one."""
+
+    __tablename__ = "reference"
+
+    id: Mapped[int] = mapped_column(_Key, primary_key=True, autoincrement=True)
+    fleet: Mapped[str] = mapped_column(String(63))
+    vehicle: Mapped[str] = mapped_column(String(63))
+    aircraft: Mapped[str] = mapped_column(String(200))
+    configuration: Mapped[str] = mapped_column(String(100))
+    structure: Mapped[str] = mapped_column(String(50))
+    information: Mapped[list[list[float]]] = mapped_column(Numbers)
+    vector: Mapped[list[float]] = mapped_column(Numbers)
+    blocks: Mapped[int] = mapped_column(Integer)
+    seconds: Mapped[float] = mapped_column(Double)
+    updated_at_s: Mapped[float] = mapped_column(Double)
+
+    __table_args__ = (
+        Index("ix_reference_key", "fleet", "vehicle", "aircraft", "configuration", "structure", "id"),
+    )
+
+
+class AlertRow(Base):
+    """An alert; ``serial`` is the order in which alerts came and what a page's cursor points at."""
+
+    __tablename__ = "alert"
+
+    serial: Mapped[int] = mapped_column(_Key, primary_key=True, autoincrement=True)
+    id: Mapped[str] = mapped_column(String(200), unique=True)
+    fleet: Mapped[str] = mapped_column(String(63))
+    vehicle: Mapped[str] = mapped_column(String(63))
+    kind: Mapped[str] = mapped_column(String(50))
+    cause: Mapped[str] = mapped_column(String(100))
+    level: Mapped[str] = mapped_column(String(20))
+    state: Mapped[str] = mapped_column(String(20))
+    raised_s: Mapped[float] = mapped_column(Double)
+    cleared_s: Mapped[float | None] = mapped_column(Double)
+    size: Mapped[float] = mapped_column(MaybeNumber, nullable=True)
+    size_standard_error: Mapped[float] = mapped_column(MaybeNumber, nullable=True)
+    probability: Mapped[float] = mapped_column(MaybeNumber, nullable=True)
+    basis: Mapped[str] = mapped_column(String(50))
+    text: Mapped[str] = mapped_column(Text)
+    evidence: Mapped[list[dict[str, Any]]] = mapped_column(Numbers)
+    note: Mapped[list[str]] = mapped_column(JSON)
+    created_at_s: Mapped[float] = mapped_column(Double)
+    updated_at_s: Mapped[float] = mapped_column(Double)
+
+    __table_args__ = (
+        Index("ix_alert_fleet_vehicle", "fleet", "vehicle"),
+        Index("ix_alert_state", "state"),
+    )
+
+
+class EstimateRow(Base):
+    """One estimate kept for history; the oldest of a vehicle are dropped beyond the retention."""
+
+    __tablename__ = "estimate_record"
+
+    id: Mapped[int] = mapped_column(_Key, primary_key=True, autoincrement=True)
+    fleet: Mapped[str] = mapped_column(String(63))
+    vehicle: Mapped[str] = mapped_column(String(63))
+    time_s: Mapped[float] = mapped_column(Double)
+    structure: Mapped[str] = mapped_column(String(50))
+    estimator: Mapped[str] = mapped_column(String(50))
+    value: Mapped[list[float]] = mapped_column(Numbers)
+    standard_error: Mapped[list[float]] = mapped_column(Numbers)
+    outcome: Mapped[str] = mapped_column(String(20))
+    condition: Mapped[list[float]] = mapped_column(Numbers)
+
+    __table_args__ = (
+        Index("ix_estimate_record_time", "fleet", "vehicle", "time_s"),
+        Index("ix_estimate_record_age", "fleet", "vehicle", "id"),
+    )
