@@ -100,8 +100,7 @@ class SampleBlock:
     @property
     def present(self) -> tuple[str, ...]:
         """Names of the channels that have at least one finite value."""
-        finite = np.isfinite(self.values).any(axis=0)
-        return tuple(name for name, there in zip(CHANNEL_NAMES, finite, strict=True) if there)
+        return tuple(CHANNEL_NAMES[i] for i in np.flatnonzero(np.isfinite(self.values).any(axis=0)))
 
     @classmethod
     def from_columns(cls, columns: Mapping[str, ArrayLike]) -> "SampleBlock":

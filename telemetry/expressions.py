@@ -1,0 +1,179 @@
+"""Arithmetic on table columns: parsed into a tree whose every node is checked, never ``eval``."""
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ExpressionError", "canonical_name", "evaluate", "evaluate_filter"]
+
+_MAX_CHARACTERS = 300
+_ARITHMETIC: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+}
+_COMPARISON: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
+_TOPIC_WITHOUT_INSTANCE = re.compile(r"(\w+)\.(.+)")
+
+
+class ExpressionError(ValueError):
+    """An expression that cannot be read or names a column the table lacks; one clause."""
+
+
+def canonical_name(name: str) -> str:
+    """A column's name with its topic's instance written out: ``IMU.GyrY`` becomes ``IMU[0].GyrY``."""
+    match = _TOPIC_WITHOUT_INSTANCE.fullmatch(name)
+    return f"{match[1]}[0].{match[2]}" if match else name
+
+
+def evaluate(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The value of an expression, row by row.
+
+    A text that is exactly a column's name is that column, whatever characters it has; inside an expression
+    such a name stands in quotes.
+
+    Args:
+        text: numbers, columns, ``+ - * / **`` and parentheses, at most 300 characters.
+        columns: equal-length columns by name.
+
+    Returns:
+        Shape (rows,), float64; a division by zero gives a non-finite value, which cleaning rejects.
+
+    Raises:
+        ExpressionError: anything else in the text, or a column that is not there.
+    """
+    if text in columns:
+        return np.array(columns[text], dtype=np.float64)
+    with np.errstate(all="ignore"):
+        value = _Evaluator(columns).number(_parse(text))
+    return np.array(np.broadcast_to(value, _shape(columns)), dtype=np.float64)
+
+
+def evaluate_filter(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """Which rows a condition keeps: comparisons of expressions joined by ``and``, ``or``, ``not``.
+
+    Returns:
+        Shape (rows,); a comparison with a missing value is false.
+
+    Raises:
+        ExpressionError: anything else in the text, or a column that is not there.
+    """
+    with np.errstate(all="ignore"):
+        value = _Evaluator(columns).condition(_parse(text))
+    return np.array(np.broadcast_to(value, _shape(columns)), dtype=np.bool_)
+
+
+def _shape(columns: Mapping[str, NDArray[np.float64]]) -> tuple[int, ...]:
+    return next(iter(columns.values())).shape
+
+
+def _parse(text: str) -> ast.expr:
+    if len(text) > _MAX_CHARACTERS:
+        raise ExpressionError(f"an expression of {len(text)} characters is longer than {_MAX_CHARACTERS}")
+    try:
+        return ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise ExpressionError(f"{text!r} is neither a column nor an expression that can be read") from None
+
+
+class _Evaluator:
+    """Walks a parsed expression over the columns of one table."""
+
+    def __init__(self, columns: Mapping[str, NDArray[np.float64]]) -> None:
+        self._columns = {canonical_name(name): column for name, column in columns.items()}
+
+    def number(self, node: ast.expr) -> Any:
+        match node:
+            case ast.Constant(value=bool()):
+                raise _refused(node)
+            case ast.Constant(value=int() | float() as value):
+                return _finite(value)
+            case ast.Constant(value=str() as name):
+                return self._column(name)
+            case ast.Name() | ast.Attribute() | ast.Subscript():
+                return self._column(_column_name(node))
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return -self.number(operand)
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.number(operand)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
+                return _ARITHMETIC[type(op)](self.number(left), self.number(right))
+        raise _refused(node)
+
+    def condition(self, node: ast.expr) -> Any:
+        match node:
+            case ast.BoolOp(op=op, values=values):
+                join = np.logical_and if isinstance(op, ast.And) else np.logical_or
+                return join.reduce(np.broadcast_arrays(*(self.condition(value) for value in values)), axis=0)
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return np.logical_not(self.condition(operand))
+            case ast.Compare(left=left, ops=ops, comparators=comparators):
+                return self._comparison([left, *comparators], ops)
+        raise ExpressionError(f"{ast.unparse(node)!r} is no condition: compare, as in 'mode == 2'")
+
+    def _comparison(self, operands: list[ast.expr], ops: list[ast.cmpop]) -> Any:
+        values = [self.number(operand) for operand in operands]
+        result: Any = True
+        for i, op in enumerate(ops):
+            if type(op) not in _COMPARISON:
+                raise ExpressionError("a condition compares with == != < <= > >= only")
+            result = np.logical_and(result, _COMPARISON[type(op)](values[i], values[i + 1]))
+        return result
+
+    def _column(self, name: str) -> NDArray[np.float64]:
+        column = self._columns.get(canonical_name(name))
+        if column is None:
+            close = get_close_matches(canonical_name(name), self._columns, n=1)
+            hint = f"; did you mean {close[0]!r}?" if close else f" (it has {_some(self._columns)})"
+            raise ExpressionError(f"the table has no column {name!r}{hint}")
+        return column
+
+
+def _column_name(node: ast.expr) -> str:
+    match node:
+        case ast.Name(id=name):
+            return name
+        case ast.Attribute(value=value, attr=field):
+            return f"{_column_name(value)}.{field}"
+        case ast.Subscript(value=value, slice=ast.Constant(value=int() as index)) if not isinstance(
+            index, bool
+        ):
+            return f"{_column_name(value)}[{index}]"
+    raise _refused(node)
+
+
+def _finite(value: int | float) -> np.float64:
+    try:
+        number = np.float64(value)
+    except OverflowError:
+        number = np.float64(np.inf)
+    if not np.isfinite(number):
+        raise ExpressionError("a number in the expression is too large")
+    return number
+
+
+def _refused(node: ast.expr) -> ExpressionError:
+    return ExpressionError(
+        f"{ast.unparse(node)[:80]!r} is not allowed in an expression: "
+        "use columns, numbers, + - * / ** and parentheses"
+    )
+
+
+def _some(names: Mapping[str, object], most: int = 12) -> str:
+    shown = ", ".join(list(names)[:most])
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

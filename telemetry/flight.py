@@ -1,0 +1,260 @@
+"""A whole flight: a file read, mapped and completed into the flight table, and written back."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.telemetry.completion import complete, derivations
+from wingwatch.telemetry.maps import ChannelMap, apply_map, load_map
+from wingwatch.telemetry.readers import RawTable, read_table
+from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, SampleBlock
+
+__all__ = [
+    "REQUIRED_CHANNELS",
+    "FlightError",
+    "FlightReport",
+    "FlightTable",
+    "load_flight",
+    "missing_for",
+    "write_flight",
+]
+
+Kind = Literal["position", "command"]
+Quality = Literal["measured", "derived"]
+
+REQUIRED_CHANNELS: tuple[str, ...] = (
+    "time_s",
+    "airspeed_true_m_s",
+    "roll_rate_rad_s",
+    "pitch_rate_rad_s",
+    "yaw_rate_rad_s",
+    "specific_force_x_m_s2",
+    "specific_force_y_m_s2",
+    "specific_force_z_m_s2",
+    "roll_rad",
+    "pitch_rad",
+    "altitude_m",
+)
+"""Channels without which a sample is of no use to any mode (contract "flight table")."""
+
+_MODE_CHANNELS: Mapping[str, tuple[str, ...]] = {
+    "w": ("angle_of_attack_rad",),
+    "v": ("sideslip_rad",),
+    "eta": ("elevator_rad",),
+    "xi": ("aileron_rad",),
+    "zeta": ("rudder_rad",),
+}
+_ELSEWHERE: Mapping[str, str] = {
+    "airspeed_true_m_s": "or airspeed_indicated_m_s",
+    "elevator_rad": "or elevator_command_rad",
+    "aileron_rad": "or aileron_command_rad, or aileron_left_rad and aileron_right_rad",
+    "rudder_rad": "or rudder_command_rad",
+}
+_SURFACES = ("elevator_rad", "aileron_rad", "rudder_rad")
+
+
+class FlightError(ValueError):
+    """A file that is a table but no flight; one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightReport:
+    """What reading a flight used and left.
+
+    Attributes:
+        rows_read: rows of the file.
+        rows_kept: rows of the window and filter.
+        unused: columns that are no channel and that the map does not name.
+        ignored: columns that could not be read as a vector of numbers, each with the reason.
+        notes: what was lost or doubtful, one clause each.
+    """
+
+    rows_read: int
+    rows_kept: int
+    unused: tuple[str, ...]
+    ignored: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """One line for a person."""
+        parts = [f"{self.rows_kept} of {self.rows_read} rows"]
+        if self.unused:
+            parts.append(f"{len(self.unused)} columns not used ({_listed(self.unused)})")
+        if self.ignored:
+            parts.append(f"{len(self.ignored)} columns not readable ({_listed(self.ignored)})")
+        return "; ".join([*parts, *self.notes])
+
+
+@dataclass(frozen=True, slots=True)
+class FlightTable:
+    """A flight in the contract's channels, completed, not yet cleaned.
+
+    Attributes:
+        block: the samples.
+        kinds: for each surface channel present, whether it is a measured position or a command.
+        quality: for each channel present, whether it was measured or derived.
+        source: the file it came from.
+        report: what reading used and left.
+    """
+
+    block: SampleBlock
+    kinds: Mapping[str, Kind]
+    quality: Mapping[str, Quality]
+    source: str
+    report: FlightReport
+
+    @property
+    def wire_columns(self) -> tuple[str, ...]:
+        """Channels a message must carry so that its receiver's completion gives this very table.
+
+        A surface known only by its command goes as the command; the receiver then knows what it is.
+        """
+        commands = {name for name, kind in self.kinds.items() if kind == "command"}
+        return tuple(name for name in self.block.present if name not in commands)
+
+
+def load_flight(path: Path, channel_map: ChannelMap | Path | None = None) -> FlightTable:
+    """A flight from a CSV, Parquet or MATLAB file.
+
+    Args:
+        path: the file.
+        channel_map: a map, its file, or None for a file that already carries the channels' names.
+
+    Raises:
+        TableError: the file cannot be read as a table.
+        MapError: the map cannot be read or does not fit the table.
+        FlightError: no row is left, or a required channel is missing.
+    """
+    raw = read_table(path)
+    rules = load_map(channel_map) if isinstance(channel_map, Path) else channel_map
+    rules = ChannelMap(format=1) if rules is None else rules
+    unused = _unused(raw, rules)
+    _demand_required(raw, unused, {*raw.columns, *rules.channels})
+    mapped = apply_map(rules, raw.columns)
+    rows = np.flatnonzero(mapped.keep)
+    if rows.size == 0:
+        raise FlightError(f"{path}: the map's window and filter leave none of the {len(raw)} rows")
+    columns = {name: column[rows] for name, column in mapped.columns.items()}
+    kinds = _command_kinds(columns, rules)
+    given = [name for name, column in columns.items() if np.isfinite(column).any()]
+    made = derivations(given)
+    block = complete(SampleBlock.from_columns(columns), given)
+    _demand_required(raw, unused, given)
+    for name in _SURFACES:
+        if name in made and name not in kinds:
+            kinds[name] = "command" if made[name] == (_command_of(name),) else "position"
+    quality = _quality(block, rules, made)
+    report = FlightReport(len(raw), int(rows.size), unused, raw.ignored, raw.notes)
+    return FlightTable(block, kinds, quality, str(path), report)
+
+
+def missing_for(structure: ModeStructure, present: Collection[str]) -> tuple[str, ...]:
+    """Channels that a mode needs and a block does not have, in the order of the flight table.
+
+    Args:
+        structure: the mode.
+        present: channels there are, after completion (``SampleBlock.present``).
+    """
+    needed = set(REQUIRED_CHANNELS)
+    for symbol in structure.regressors:
+        needed.update(_MODE_CHANNELS.get(symbol, ()))
+    return tuple(name for name in CHANNEL_NAMES if name in needed and name not in present)
+
+
+def write_flight(block: SampleBlock, path: Path) -> None:
+    """Writes the channels present to ``.csv`` or ``.parquet``; reading it back gives the same numbers.
+
+    Raises:
+        FlightError: another suffix, nothing to write, or a file that cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".parquet"):
+        raise FlightError(
+            f"{path}: a flight is written as .csv or .parquet, not {suffix or 'without a suffix'}"
+        )
+    names = [name for name in CHANNEL_NAMES if name in set(block.present)]
+    if not names:
+        raise FlightError(f"{path}: the flight has no samples to write")
+    table = pa.table({name: pa.array(block.column(name), from_pandas=suffix == ".csv") for name in names})
+    try:
+        if suffix == ".csv":
+            pacsv.write_csv(table, path, pacsv.WriteOptions(quoting_style="none"))
+        else:
+            pq.write_table(table, path)
+    except OSError as problem:
+        raise FlightError(f"{path}: cannot be written: {problem.strerror or problem}") from None
+
+
+def _unused(raw: RawTable, rules: ChannelMap) -> tuple[str, ...]:
+    mentioned = " ".join([*(entry.source for entry in rules.channels.values()), rules.rows.filter or ""])
+    return tuple(name for name in raw.columns if name not in CHANNEL_INDEX and not _mentions(mentioned, name))
+
+
+def _mentions(text: str, name: str) -> bool:
+    """Whether a column's name stands in a text as a word of its own."""
+    start = text.find(name)
+    while start >= 0:
+        around = text[max(start - 1, 0) : start] + text[start + len(name) : start + len(name) + 1]
+        if not any(c.isalnum() or c == "_" for c in around):
+            return True
+        start = text.find(name, start + 1)
+    return False
+
+
+def _command_of(surface: str) -> str:
+    return surface.removesuffix("_rad") + "_command_rad"
+
+
+def _command_kinds(columns: dict[str, NDArray[np.float64]], rules: ChannelMap) -> dict[str, Kind]:
+    """Kinds of the surfaces in the table; one that the map calls a command is put among the commands too."""
+    kinds: dict[str, Kind] = {}
+    for name in _SURFACES:
+        if name not in columns:
+            continue
+        entry = rules.channels.get(name)
+        if entry is not None and entry.kind == "command":
+            kinds[name] = "command"
+            columns[_command_of(name)] = columns[name]
+        else:
+            kinds[name] = "position"
+    return kinds
+
+
+def _quality(
+    block: SampleBlock, rules: ChannelMap, made: Mapping[str, tuple[str, ...]]
+) -> dict[str, Quality]:
+    quality: dict[str, Quality] = {}
+    for name in block.present:
+        entry = rules.channels.get(name)
+        said = entry.quality if entry is not None else None
+        quality[name] = said or ("derived" if name in made else "measured")
+    return quality
+
+
+def _demand_required(raw: RawTable, unused: tuple[str, ...], given: Collection[str]) -> None:
+    made = derivations(given)
+    missing = [name for name in REQUIRED_CHANNELS if name not in given and name not in made]
+    if not missing:
+        return
+    named = [f"{name} ({_ELSEWHERE[name]})" if name in _ELSEWHERE else name for name in missing]
+    close = [(name, get_close_matches(name, unused, n=1)) for name in missing]
+    hints = [f"does {name} come from {found[0]}?" for name, found in close if found]
+    advice = f"; {' '.join(hints)}" if hints else f" (the file has {_listed(unused)})" if unused else ""
+    raise FlightError(
+        f"{raw.source}: no values for {', '.join(named)}: name their columns in a channel map{advice}"
+    )
+
+
+def _listed(names: tuple[str, ...], most: int = 8) -> str:
+    shown = ", ".join(names[:most])
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

@@ -1,0 +1,75 @@
+"""Units that logs use, and their way to the SI unit of a flight-table channel."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+
+__all__ = ["Unit", "SERVO_UNITS", "UNITS", "allowed_units"]
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """``SI value = factor * value + offset``.
+
+    Attributes:
+        si: the SI unit it converts to, as ``Channel.unit`` prints it.
+        factor: exact by definition of the unit, or the standard's value.
+        offset: in the SI unit; other than 0 only for temperatures.
+    """
+
+    si: str
+    factor: float
+    offset: float = 0.0
+
+
+_FOOT_M = 0.3048
+_NAUTICAL_MILE_M = 1852.0
+_STATUTE_MILE_M = 1609.344
+_STANDARD_GRAVITY_M_S2 = 9.80665
+_DEGREE_RAD = pi / 180.0
+_SLUG_PER_FT3_KG_M3 = 14.593902937 / _FOOT_M**3
+
+UNITS: Mapping[str, Unit] = {
+    "s": Unit("s", 1.0),
+    "ms": Unit("s", 1e-3),
+    "us": Unit("s", 1e-6),
+    "ns": Unit("s", 1e-9),
+    "min": Unit("s", 60.0),
+    "m/s": Unit("m/s", 1.0),
+    "cm/s": Unit("m/s", 0.01),
+    "km/h": Unit("m/s", 1.0 / 3.6),
+    "kt": Unit("m/s", _NAUTICAL_MILE_M / 3600.0),
+    "mph": Unit("m/s", _STATUTE_MILE_M / 3600.0),
+    "ft/s": Unit("m/s", _FOOT_M),
+    "ft/min": Unit("m/s", _FOOT_M / 60.0),
+    "rad/s": Unit("rad/s", 1.0),
+    "deg/s": Unit("rad/s", _DEGREE_RAD),
+    "m/s2": Unit("m/s2", 1.0),
+    "g": Unit("m/s2", _STANDARD_GRAVITY_M_S2),
+    "ft/s2": Unit("m/s2", _FOOT_M),
+    "rad": Unit("rad", 1.0),
+    "deg": Unit("rad", _DEGREE_RAD),
+    "m": Unit("m", 1.0),
+    "km": Unit("m", 1000.0),
+    "cm": Unit("m", 0.01),
+    "mm": Unit("m", 0.001),
+    "ft": Unit("m", _FOOT_M),
+    "kg/m3": Unit("kg/m3", 1.0),
+    "g/cm3": Unit("kg/m3", 1000.0),
+    "slug/ft3": Unit("kg/m3", _SLUG_PER_FT3_KG_M3),
+    "K": Unit("K", 1.0),
+    "degC": Unit("K", 1.0, 273.15),
+    "degF": Unit("K", 5.0 / 9.0, 273.15 - 32.0 * 5.0 / 9.0),
+    "1": Unit("", 1.0),
+    "%": Unit("", 0.01),
+}
+"""Every unit with a fixed way to SI, by the name a channel map writes."""
+
+SERVO_UNITS = ("norm", "pwm")
+"""Servo signals: their way to an angle is the aircraft's own (neutral, span, deflection at full travel)."""
+
+
+def allowed_units(si: str) -> tuple[str, ...]:
+    """Names of the units that convert to an SI unit, servo signals among them for angles and fractions."""
+    plain = tuple(name for name, unit in UNITS.items() if unit.si == si)
+    return plain + (SERVO_UNITS if si in ("rad", "") else ())
