@@ -1,0 +1,319 @@
+"""The aircraft file: what wingwatch must know about one type of aircraft (contract "aircraft file").
+
+Everything but the name is optional; what a calculation needs and the file does not say is refused in one
+sentence by that calculation (``AircraftDataError``).
+"""
+
+import math
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from wingwatch.aircraft.coefficients import Coefficients
+from wingwatch.aircraft.condition import FlightCondition
+from wingwatch.aircraft.structures import STRUCTURES, ModeStructure
+from wingwatch.aircraft.vocabulary import DERIVATIVES
+
+__all__ = [
+    "Actuator",
+    "Actuators",
+    "Aircraft",
+    "AircraftDataError",
+    "ConditionEntry",
+    "DerivativeEntry",
+    "ElectricPropulsion",
+    "EnvelopeLimits",
+    "Geometry",
+    "Mass",
+    "Mode",
+    "Provenance",
+    "SENSOR_COLUMNS",
+    "Sensors",
+]
+
+SENSOR_COLUMNS: tuple[str, ...] = (
+    "airspeed_true_m_s",
+    "airspeed_indicated_m_s",
+    "roll_rate_rad_s",
+    "pitch_rate_rad_s",
+    "yaw_rate_rad_s",
+    "specific_force_x_m_s2",
+    "specific_force_y_m_s2",
+    "specific_force_z_m_s2",
+    "roll_rad",
+    "pitch_rad",
+    "heading_rad",
+    "elevator_rad",
+    "aileron_rad",
+    "rudder_rad",
+    "angle_of_attack_rad",
+    "sideslip_rad",
+    "throttle",
+    "altitude_m",
+    "air_density_kg_m3",
+    "outside_air_temperature_k",
+    "elevator_command_rad",
+    "aileron_command_rad",
+    "rudder_command_rad",
+    "aileron_left_rad",
+    "aileron_right_rad",
+)
+"""Flight-table columns that a sensor or actuator signal can have noise or delay in."""
+
+
+class AircraftDataError(ValueError):
+    """A calculation needs something that the aircraft's file does not say; the sentence names both."""
+
+
+class Provenance(StrEnum):
+    """What an expectation rests on, weakest first."""
+
+    A_PRIORI = "a-priori"
+    EMPIRICAL = "empirical"
+    IDENTIFIED = "identified"
+
+
+def _sensor_columns(table: dict[str, float]) -> dict[str, float]:
+    for key in table:
+        if key not in SENSOR_COLUMNS:
+            raise ValueError(f"{key!r} is no sensor column; allowed are {', '.join(SENSOR_COLUMNS)}")
+    return table
+
+
+def _structures(table: dict[str, "Mode"]) -> dict[str, "Mode"]:
+    for key in table:
+        if key not in STRUCTURES:
+            raise ValueError(f"{key!r} is no mode; allowed are {', '.join(STRUCTURES)}")
+    return table
+
+
+def _derivatives(table: dict[str, "DerivativeEntry"]) -> dict[str, "DerivativeEntry"]:
+    for key in table:
+        if key not in DERIVATIVES:
+            raise ValueError(f"{key!r} is no derivative; allowed are {', '.join(DERIVATIVES)}")
+    return table
+
+
+def _ascending(pair: tuple[float, float]) -> tuple[float, float]:
+    if not pair[0] < pair[1]:
+        raise ValueError(f"the limits {list(pair)} do not ascend; give [lowest, highest]")
+    return pair
+
+
+Positive = Annotated[float, Field(gt=0.0)]
+Vector = tuple[float, float, float]
+SensorTable = Annotated[dict[str, Annotated[float, Field(ge=0.0)]], AfterValidator(_sensor_columns)]
+PositiveLimits = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
+Limits = Annotated[tuple[float, float], AfterValidator(_ascending)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Geometry(_Table):
+    """Reference dimensions; the tail's for empirical prediction (thesis tables B.1 and B.2), all optional."""
+
+    wing_area_m2: Positive
+    span_m: Positive
+    mean_chord_m: Positive
+    tail_area_m2: Positive | None = None
+    tail_arm_m: Positive | None = None
+    fin_area_m2: Positive | None = None
+    fin_arm_m: Positive | None = None
+
+
+class Mass(_Table):
+    """Mass and moments of inertia about the centre of gravity in body axes."""
+
+    mass_kg: Positive
+    inertia_x_kg_m2: Positive
+    inertia_y_kg_m2: Positive
+    inertia_z_kg_m2: Positive
+    inertia_xz_kg_m2: float = 0.0
+
+    @model_validator(mode="after")
+    def _realisable(self) -> "Mass":
+        if self.inertia_xz_kg_m2**2 >= self.inertia_x_kg_m2 * self.inertia_z_kg_m2:
+            raise ValueError(
+                f"inertia_xz_kg_m2 is {self.inertia_xz_kg_m2}; no body has its square at or above "
+                f"inertia_x_kg_m2 times inertia_z_kg_m2 = {self.inertia_x_kg_m2 * self.inertia_z_kg_m2:.6g}"
+            )
+        return self
+
+
+class Sensors(_Table):
+    """Where sensors sit from the centre of gravity (body axes), how noisy and how late their columns are."""
+
+    imu_position_m: Vector = (0.0, 0.0, 0.0)
+    vane_position_m: Vector = (0.0, 0.0, 0.0)
+    noise_std: SensorTable = Field(default_factory=dict)
+    delay_s: SensorTable = Field(default_factory=dict)
+
+
+class Actuator(_Table):
+    """A first-order surface actuator; a limit that is absent does not act. Position limits are symmetric."""
+
+    bandwidth_hz: Positive
+    rate_limit_rad_s: Positive | None = None
+    position_limit_rad: Positive | None = None
+
+
+class Actuators(_Table):
+    """The three surfaces; an absent one is taken as ideal."""
+
+    elevator: Actuator | None = None
+    aileron: Actuator | None = None
+    rudder: Actuator | None = None
+
+
+class Mode(_Table):
+    """Analysis band of one mode."""
+
+    band_hz: PositiveLimits
+
+
+class EnvelopeLimits(_Table):
+    """Where the file's expectations may be used, and the point it is usually flown at."""
+
+    airspeed_true_m_s: PositiveLimits
+    altitude_m: Limits
+    cruise_airspeed_true_m_s: Positive | None = None
+    cruise_altitude_m: float | None = None
+
+    @model_validator(mode="after")
+    def _cruise_inside(self) -> "EnvelopeLimits":
+        for key, value, (low, high) in (
+            ("cruise_airspeed_true_m_s", self.cruise_airspeed_true_m_s, self.airspeed_true_m_s),
+            ("cruise_altitude_m", self.cruise_altitude_m, self.altitude_m),
+        ):
+            if value is not None and not low <= value <= high:
+                raise ValueError(f"{key} is {value}; give a value in the envelope's {low:g} to {high:g}")
+        return self
+
+    @property
+    def cruise(self) -> FlightCondition:
+        """The stated cruise point, else the middle of the limits."""
+        airspeed, altitude = self.cruise_airspeed_true_m_s, self.cruise_altitude_m
+        return FlightCondition(
+            math.fsum(self.airspeed_true_m_s) / 2.0 if airspeed is None else airspeed,
+            math.fsum(self.altitude_m) / 2.0 if altitude is None else altitude,
+        )
+
+
+class ElectricPropulsion(_Table):
+    """A fixed-pitch propeller on a direct-current motor (Beard and McLain, Small Unmanned Aircraft, ch. 4).
+
+    ``thrust_coefficients`` and ``torque_coefficients`` are (c0, c1, c2) of c0 + c1 J + c2 J^2, J = V / (n D),
+    T = ρ n^2 D^4 C_T, Q = ρ n^2 D^5 C_Q, n in revolutions per second. Thrust acts along x body through the
+    centre of gravity.
+    """
+
+    kind: Literal["electric_propeller"]
+    propeller_diameter_m: Positive
+    thrust_coefficients: Vector
+    torque_coefficients: Vector
+    motor_constant_v_s_rad: Positive
+    torque_constant_n_m_a: Positive
+    resistance_ohm: Positive
+    no_load_current_a: Annotated[float, Field(ge=0.0)]
+    voltage_max_v: Positive
+
+
+class DerivativeEntry(_Table):
+    """A concise derivative that is stated outright."""
+
+    value: float
+    standard_error: Positive
+
+
+class ConditionEntry(_Table):
+    """Concise derivatives stated at one point of the envelope, and what they rest on."""
+
+    airspeed_true_m_s: Positive
+    altitude_m: float
+    air_density_kg_m3: Positive | None = None
+    angle_of_attack_rad: float = 0.0
+    configuration: str = "clean"
+    provenance: Provenance
+    source: str = ""
+    derivatives: Annotated[dict[str, DerivativeEntry], AfterValidator(_derivatives)]
+
+    @property
+    def condition(self) -> FlightCondition:
+        """The point as a flight condition."""
+        density = math.nan if self.air_density_kg_m3 is None else self.air_density_kg_m3
+        return FlightCondition(
+            self.airspeed_true_m_s, self.altitude_m, density, self.configuration, self.angle_of_attack_rad
+        )
+
+    def covers(self, structure: ModeStructure) -> bool:
+        """Whether every derivative of a structure is stated here."""
+        return all(symbol in self.derivatives for symbol in structure.derivatives)
+
+
+class Aircraft(_Table):
+    """One type of aircraft, as its file describes it."""
+
+    format: Literal[1]
+    name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$")]
+    description: str = ""
+    geometry: Geometry | None = None
+    mass: Mass | None = None
+    sensors: Sensors = Field(default_factory=Sensors)
+    actuators: Actuators = Field(default_factory=Actuators)
+    modes: Annotated[dict[str, Mode], AfterValidator(_structures)] = Field(default_factory=dict)
+    envelope: EnvelopeLimits | None = None
+    coefficients: Coefficients | None = None
+    propulsion: ElectricPropulsion | None = None
+    conditions: tuple[ConditionEntry, ...] = ()
+
+    def band_hz(self, structure: ModeStructure) -> tuple[float, float]:
+        """Analysis band (lowest, highest) in Hz of a mode.
+
+        The file's ``[modes.<structure>] band_hz`` where it is stated, else ``modes.default_band_hz`` of the
+        mode's frequency at cruise.
+
+        Raises:
+            AircraftDataError: neither the band nor anything to derive it from is stated.
+        """
+        stated = self.modes.get(structure.name)
+        if stated is not None:
+            return stated.band_hz
+        from wingwatch.aircraft.modes import default_band_hz
+
+        return default_band_hz(self, structure)
+
+    def noise_std(self, column: str) -> float | None:
+        """Noise standard deviation of a flight-table column in its unit, None where the file says none."""
+        return self.sensors.noise_std.get(column)
+
+    def delay_s(self, column: str) -> float:
+        """Delay of a flight-table column in s, 0 where the file says none."""
+        return self.sensors.delay_s.get(column, 0.0)
+
+    def entries(self, structure: ModeStructure, configuration: str = "clean") -> tuple[ConditionEntry, ...]:
+        """The stated conditions that have all of a structure's derivatives in a configuration."""
+        return tuple(c for c in self.conditions if c.configuration == configuration and c.covers(structure))
+
+    def need_geometry(self, purpose: str) -> Geometry:
+        """The geometry, or AircraftDataError saying what for."""
+        if self.geometry is None:
+            raise AircraftDataError(self._absent("geometry", purpose))
+        return self.geometry
+
+    def need_mass(self, purpose: str) -> Mass:
+        """The mass, or AircraftDataError saying what for."""
+        if self.mass is None:
+            raise AircraftDataError(self._absent("mass", purpose))
+        return self.mass
+
+    def need_coefficients(self, purpose: str) -> Coefficients:
+        """The coefficients, or AircraftDataError saying what for."""
+        if self.coefficients is None:
+            raise AircraftDataError(self._absent("coefficients", purpose))
+        return self.coefficients
+
+    def _absent(self, table: str, purpose: str) -> str:
+        return f"aircraft {self.name} states no [{table}], which {purpose} needs; add that table to its file"

@@ -1,0 +1,327 @@
+"""Concise, dimensional, British and American derivatives, and the way between (thesis tables B.3 to B.5).
+
+The concise symbol (``m_q``) stays the key in every convention; value and unit change, ``display_name`` says
+how the convention prints it. With S wing area, c mean chord, b span, V true airspeed, ρ density:
+
+- dimensional: force or moment per unit of motion or deflection, N and N m;
+- British: divided by ½ρVS for w and v, ½ρVS c for q, ½ρVS b for p and r, ½ρV²S for deflections, moments by
+  a further c (pitch) or b (roll, yaw). Table B.3 prints ½ρV₀Sb for Y_ζ; a force per radian needs ½ρV₀²S, as
+  Z_η has, and that is what stands here;
+- American: as British, but rates in units of 2V/c and 2V/b, so rate derivatives are twice the British
+  (table B.5). w/V and v/V stand for the angles: where alpha is not small, ``CZ_alpha`` here is the
+  derivative by w/V at constant forward speed, which is what a linear model in body axes carries.
+
+Concise and dimensional are tied by the mass matrices of equations B.8 and B.11, hence table B.4:
+
+    z_x = (Z_x + m U for q) / (m - Z_wdot)      m_x = (M_x + M_wdot z_x) / I_y
+    y_x = Y_x / m - U for r, + W for p          I_x l_x - I_xz n_x = L_x      I_z n_x - I_xz l_x = N_x
+
+with U = V cos(alpha), W = V sin(alpha). The thesis has W = 0 by its choice of axes (3.12); body axes of a
+real trim have not, so y_p keeps its W.
+"""
+
+import math
+from collections.abc import Mapping
+from enum import StrEnum
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.aircraft_file import Aircraft
+from wingwatch.aircraft.condition import FlightCondition
+from wingwatch.aircraft.structures import LATERAL, ModeStructure
+from wingwatch.aircraft.vocabulary import DERIVATIVES
+
+__all__ = [
+    "Convention",
+    "affine",
+    "convert",
+    "convert_standard_errors",
+    "display_name",
+    "unit",
+    "unsteady_inertia",
+]
+
+_PURPOSE = "conversion between conventions"
+
+
+class Convention(StrEnum):
+    """How a derivative is expressed."""
+
+    CONCISE = "concise"
+    DIMENSIONAL = "dimensional"
+    BRITISH = "british"
+    AMERICAN = "american"
+
+
+_AMERICAN_INDEX = {
+    "w": "alpha",
+    "v": "beta",
+    "p": "p",
+    "q": "q",
+    "r": "r",
+    "eta": "de",
+    "xi": "da",
+    "zeta": "dr",
+}
+_AMERICAN_ROW = {"z": "CZ", "y": "CY", "m": "Cm", "l": "Cl", "n": "Cn"}
+_MOMENTS = frozenset("lmn")
+_SURFACES = frozenset(("eta", "xi", "zeta"))
+_RATES = frozenset("pqr")
+
+
+def display_name(symbol: str, convention: Convention) -> str:
+    """How a convention prints a derivative: ``m_q``, ``M_q`` (dimensional and British), ``Cm_q``."""
+    row, index = symbol.split("_")
+    if convention is Convention.CONCISE:
+        return symbol
+    if convention is Convention.AMERICAN:
+        return f"{_AMERICAN_ROW[row]}_{_AMERICAN_INDEX[index]}"
+    return f"{row.upper()}_{index}"
+
+
+def unit(symbol: str, convention: Convention) -> str:
+    """Unit of a derivative in a convention (rad left out), empty where it has none."""
+    if convention is Convention.CONCISE:
+        return DERIVATIVES[symbol].unit
+    if convention is not Convention.DIMENSIONAL:
+        return ""
+    row, index = symbol.split("_")
+    if index in _SURFACES:
+        return "N m" if row in _MOMENTS else "N"
+    if index in _RATES:
+        return "N m s" if row in _MOMENTS else "N s"
+    return "N s" if row in _MOMENTS else "N s/m"
+
+
+def unsteady_inertia(aircraft: Aircraft, condition: FlightCondition) -> tuple[float, float]:
+    """(Z_wdot in kg, M_wdot in kg m) from the file's alphadot coefficients; zeros where it has none.
+
+    Z_wdot = -¼ρSc cos²α CL_alphadot, M_wdot = ¼ρSc² cosα Cm_alphadot: dα/dt = cosα dw/dt / V at constant
+    forward speed, and the lift turned into body axes. Both concern thesis table B.4.
+    """
+    coefficients = aircraft.coefficients
+    if coefficients is None or (coefficients.CL.alphadot == 0.0 and coefficients.Cm.alphadot == 0.0):
+        return 0.0, 0.0
+    geometry = aircraft.need_geometry(_PURPOSE)
+    cos = math.cos(condition.angle_of_attack_rad)
+    chord = geometry.mean_chord_m
+    common = 0.25 * condition.air_density_kg_m3 * geometry.wing_area_m2 * chord * cos
+    return -common * cos * coefficients.CL.alphadot, common * chord * coefficients.Cm.alphadot
+
+
+@cache
+def _exponents(structure: ModeStructure) -> dict[str, NDArray[np.float64]]:
+    """Powers of V, b and c, the American halves and the offsets' places, in the order of the derivatives."""
+    parts = [symbol.split("_") for symbol in structure.derivatives]
+    return {
+        "speed": np.array([2.0 if x in _SURFACES else 1.0 for _, x in parts]),
+        "span": np.array([float(row in "ln") + float(x in ("p", "r")) for row, x in parts]),
+        "chord": np.array([float(row == "m") + float(x == "q") for row, x in parts]),
+        "half": np.array([0.5 if x in _RATES else 1.0 for _, x in parts]),
+        "row": np.array(["zmyln".index(row) for row, _ in parts]),
+        "forward": np.array([{"z_q": 1.0, "y_r": -1.0}.get("_".join(part), 0.0) for part in parts]),
+        "normal": np.array([float("_".join(part) == "y_p") for part in parts]),
+    }
+
+
+def _multiplier(
+    structure: ModeStructure, aircraft: Aircraft, condition: FlightCondition, convention: Convention
+) -> NDArray[np.float64]:
+    """Dimensional over the convention's derivative, shape (k,) (thesis tables B.3 and B.5)."""
+    if convention is Convention.DIMENSIONAL:
+        return np.ones(len(structure.derivatives))
+    geometry = aircraft.need_geometry(_PURPOSE)
+    powers = _exponents(structure)
+    multiplier = (
+        (0.5 * condition.air_density_kg_m3 * geometry.wing_area_m2)
+        * condition.airspeed_true_m_s ** powers["speed"]
+        * geometry.span_m ** powers["span"]
+        * geometry.mean_chord_m ** powers["chord"]
+    )
+    return multiplier * powers["half"] if convention is Convention.AMERICAN else multiplier
+
+
+def affine(
+    structure: ModeStructure,
+    aircraft: Aircraft,
+    condition: FlightCondition,
+    target: Convention = Convention.AMERICAN,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Scale and offset with ``concise = scale * value + offset``, one derivative at a time.
+
+    ``value`` is the *effective* derivative in the convention ``target``: for roll and yaw moments the
+    primed, Ixz-coupled one, ``Cn' = I_z (I_x Cn + I_xz Cl) / (I_x I_z - I_xz²)`` and its like for Cl; for
+    pitch moments of an aircraft with alphadot terms the one with M_wdot z_x inside. Both are nearly the
+    same at every condition, which is what carries an expectation or an estimate from one to another without
+    knowing its neighbours. ``convert`` un-mixes them. Standard errors scale with ``scale`` alone.
+
+    Args:
+        structure: the mode's structure.
+        aircraft: needs [geometry] and [mass], unless ``target`` is concise.
+        condition: airspeed, density and angle of attack count.
+        target: convention of ``value``.
+
+    Returns:
+        (scale, offset), each of shape (k,) in the order of ``structure.derivatives``.
+
+    Raises:
+        AircraftDataError: the file lacks [geometry] or [mass].
+    """
+    k = len(structure.derivatives)
+    if target is Convention.CONCISE:
+        return np.ones(k), np.zeros(k)
+    mass = aircraft.need_mass(_PURPOSE)
+    powers = _exponents(structure)
+    apparent = mass.mass_kg - unsteady_inertia(aircraft, condition)[0]
+    inertia = np.array(
+        [apparent, mass.inertia_y_kg_m2, mass.mass_kg, mass.inertia_x_kg_m2, mass.inertia_z_kg_m2]
+    )[powers["row"]]
+    scale = _multiplier(structure, aircraft, condition, target) / inertia
+    offset = (
+        powers["forward"] * condition.forward_velocity_m_s + powers["normal"] * condition.normal_velocity_m_s
+    ) * (mass.mass_kg / np.where(powers["row"] == 0, apparent, mass.mass_kg))
+    return scale, offset
+
+
+def _check_names(values: Mapping[str, float], structure: ModeStructure) -> None:
+    expected = structure.derivatives
+    if set(values) != set(expected):
+        wrong = sorted(set(values) ^ set(expected))
+        raise ValueError(
+            f"{structure.name} has the derivatives {', '.join(expected)}; "
+            f"missing or unknown here: {', '.join(wrong)}"
+        )
+
+
+def _to_dimensional(
+    concise: Mapping[str, float], aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure
+) -> dict[str, float]:
+    """Multiply by the mass matrix (thesis B.8, B.11) and take the kinematic terms out."""
+    mass = aircraft.need_mass(_PURPOSE)
+    z_wdot, m_wdot = unsteady_inertia(aircraft, condition)
+    m, forward, normal = mass.mass_kg, condition.forward_velocity_m_s, condition.normal_velocity_m_s
+    out: dict[str, float] = {}
+    for symbol in structure.derivatives:
+        row, index = symbol.split("_")
+        value = concise[symbol]
+        if row == "z":
+            out[symbol] = (m - z_wdot) * value - (m * forward if index == "q" else 0.0)
+        elif row == "m":
+            out[symbol] = mass.inertia_y_kg_m2 * value - m_wdot * concise[f"z_{index}"]
+        elif row == "y":
+            out[symbol] = m * (value - {"p": normal, "r": -forward}.get(index, 0.0))
+        elif row == "l":
+            out[symbol] = mass.inertia_x_kg_m2 * value - mass.inertia_xz_kg_m2 * concise[f"n_{index}"]
+        else:
+            coupled = mass.inertia_xz_kg_m2 * concise[f"l_{index}"] if structure == LATERAL else 0.0
+            out[symbol] = mass.inertia_z_kg_m2 * value - coupled
+    return out
+
+
+def _to_concise(
+    dimensional: Mapping[str, float], aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure
+) -> dict[str, float]:
+    """The inverse of ``_to_dimensional``: thesis table B.4."""
+    mass = aircraft.need_mass(_PURPOSE)
+    z_wdot, m_wdot = unsteady_inertia(aircraft, condition)
+    m, forward, normal = mass.mass_kg, condition.forward_velocity_m_s, condition.normal_velocity_m_s
+    i_x, i_z, i_xz = mass.inertia_x_kg_m2, mass.inertia_z_kg_m2, mass.inertia_xz_kg_m2
+    determinant = i_x * i_z - i_xz**2
+    out: dict[str, float] = {}
+    for symbol in structure.derivatives:
+        row, index = symbol.split("_")
+        value = dimensional[symbol]
+        if row == "z":
+            out[symbol] = (value + (m * forward if index == "q" else 0.0)) / (m - z_wdot)
+        elif row == "m":
+            out[symbol] = (value + m_wdot * out[f"z_{index}"]) / mass.inertia_y_kg_m2
+        elif row == "y":
+            out[symbol] = value / m + {"p": normal, "r": -forward}.get(index, 0.0)
+        elif row == "l":
+            out[symbol] = (i_z * value + i_xz * dimensional[f"n_{index}"]) / determinant
+        elif structure == LATERAL:
+            out[symbol] = (i_x * value + i_xz * dimensional[f"l_{index}"]) / determinant
+        else:
+            out[symbol] = value / i_z
+    return out
+
+
+def convert(
+    values: Mapping[str, float],
+    *,
+    aircraft: Aircraft,
+    condition: FlightCondition,
+    structure: ModeStructure,
+    source: Convention,
+    target: Convention,
+) -> dict[str, float]:
+    """All derivatives of a structure from one convention to another; a round trip returns them to rounding.
+
+    With the 4-DOF lateral structure the roll and yaw moments are un-mixed through Ixz. The Dutch roll alone
+    has no rolling moment, so its yaw moments stay the effective ones of ``affine``.
+
+    Args:
+        values: every derivative of the structure by its concise symbol, in units of ``source``; NaN stays
+            NaN.
+        aircraft: needs [geometry] and [mass] unless source and target are the same.
+        condition: flight condition of the values.
+        structure: the mode's structure.
+        source: convention of ``values``.
+        target: convention of the result.
+
+    Returns:
+        The same symbols with values in units of ``target``.
+
+    Raises:
+        AircraftDataError: the file lacks [geometry] or [mass].
+        ValueError: a derivative of the structure is absent or an unknown one is present.
+    """
+    _check_names(values, structure)
+    if source is target:
+        return {symbol: float(values[symbol]) for symbol in structure.derivatives}
+    if source is Convention.CONCISE:
+        dimensional = _to_dimensional(values, aircraft, condition, structure)
+    else:
+        multiplier = _multiplier(structure, aircraft, condition, source)
+        dimensional = {
+            s: values[s] * float(f) for s, f in zip(structure.derivatives, multiplier, strict=True)
+        }
+    if target is Convention.CONCISE:
+        return _to_concise(dimensional, aircraft, condition, structure)
+    multiplier = _multiplier(structure, aircraft, condition, target)
+    return {s: dimensional[s] / float(f) for s, f in zip(structure.derivatives, multiplier, strict=True)}
+
+
+def convert_standard_errors(
+    standard_errors: Mapping[str, float],
+    *,
+    aircraft: Aircraft,
+    condition: FlightCondition,
+    structure: ModeStructure,
+    source: Convention,
+    target: Convention,
+) -> dict[str, float]:
+    """Standard errors carried through ``convert``, errors of different derivatives taken as independent.
+
+    Arguments and errors are those of ``convert``; the conversion is linear, so the root sum of squares of its
+    partial derivatives times the errors is exact for independent errors.
+    """
+    _check_names(standard_errors, structure)
+    zeros = dict.fromkeys(structure.derivatives, 0.0)
+
+    def converted(values: Mapping[str, float]) -> dict[str, float]:
+        return convert(
+            values, aircraft=aircraft, condition=condition, structure=structure, source=source, target=target
+        )
+
+    base = converted(zeros)
+    variance = dict.fromkeys(structure.derivatives, 0.0)
+    for symbol, error in standard_errors.items():
+        unit_step = converted({**zeros, symbol: 1.0})
+        for other, value in unit_step.items():
+            partial = value - base[other]
+            if partial != 0.0:
+                variance[other] += (partial * error) ** 2
+    return {symbol: math.sqrt(v) for symbol, v in variance.items()}

@@ -1,0 +1,103 @@
+"""How far a published coefficient set may be trusted before any flight.
+
+A monitor that takes a-priori numbers for truth calls every error of the book damage. The figures here are
+judgement, not measurement; ``docs/decisions/0002-aircraft-apriori-errors.md`` says how they were chosen,
+and a file's ``[coefficients.relative_standard_error]`` and ``[coefficients.standard_error_floor]`` replace
+them.
+"""
+
+import math
+from collections.abc import Mapping
+
+from wingwatch.aircraft.aircraft_file import Aircraft
+from wingwatch.aircraft.coefficients import Coefficients
+from wingwatch.aircraft.condition import FlightCondition
+from wingwatch.aircraft.linearisation import linearised_at, trim
+from wingwatch.aircraft.structures import ModeStructure
+
+__all__ = [
+    "HANDBOOK_RELATIVE_STANDARD_ERROR",
+    "HANDBOOK_STANDARD_ERROR_FLOOR",
+    "coefficient_standard_error",
+    "derivative_standard_errors",
+]
+
+HANDBOOK_RELATIVE_STANDARD_ERROR: Mapping[str, float] = {
+    "default": 0.5,
+    "CL_alpha": 0.10,
+    "Cm_alpha": 0.15,
+    "Cm_elevator": 0.15,
+    "CY_beta": 0.20,
+    "Cl_beta": 0.20,
+    "Cn_beta": 0.15,
+    "Cl_aileron": 0.15,
+    "Cn_rudder": 0.15,
+    "CY_rudder": 0.20,
+    "CL_q": 0.30,
+    "Cm_q": 0.20,
+    "Cl_p": 0.15,
+    "Cn_r": 0.20,
+    "CD_min": 0.20,
+    "CD_oswald": 0.20,
+    "CL_zero": 0.20,
+}
+"""Relative standard error by coefficient; a share of one half leaves only the sign at 95 %."""
+
+HANDBOOK_STANDARD_ERROR_FLOOR: Mapping[str, float] = {
+    "CL_elevator": 0.05,
+    "CL_q": 1.0,
+    "CY_p": 0.05,
+    "CY_r": 0.10,
+    "CY_aileron": 0.02,
+    "Cl_r": 0.03,
+    "Cl_rudder": 0.005,
+    "Cn_p": 0.03,
+    "Cn_aileron": 0.005,
+}
+"""Smallest standard error by coefficient: weak ones are often published as a round zero."""
+
+
+def coefficient_standard_error(coefficients: Coefficients, name: str) -> float:
+    """Standard error of one coefficient (``CL_alpha``): the larger of its relative share and its floor.
+
+    The file's own entry counts first, then the file's ``default``, then the handbook's figures above.
+    """
+    value = dict(coefficients.items())[name]
+    return max(
+        abs(value) * _looked_up(coefficients.relative_standard_error, HANDBOOK_RELATIVE_STANDARD_ERROR, name),
+        _looked_up(coefficients.standard_error_floor, HANDBOOK_STANDARD_ERROR_FLOOR, name),
+    )
+
+
+def _looked_up(stated: Mapping[str, float], handbook: Mapping[str, float], name: str) -> float:
+    if name in stated:
+        return stated[name]
+    if "default" in stated:
+        return stated["default"]
+    return handbook.get(name, handbook.get("default", 0.0))
+
+
+def derivative_standard_errors(
+    aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure
+) -> dict[str, float]:
+    """A-priori standard error of each concise derivative that ``linearised_derivatives`` gives.
+
+    First-order propagation: each coefficient is moved by one standard error at the fixed trim, the changes
+    of the derivatives are added as squares (coefficients taken as independent). The errors of the moments
+    also stand for those of the inertias, which publications state without any.
+
+    Raises:
+        AircraftDataError, TrimError: as ``linearised_derivatives``.
+    """
+    at = trim(aircraft, condition)
+    coefficients = aircraft.need_coefficients("a-priori standard errors")
+    base = linearised_at(aircraft, condition, structure, at)
+    variance = dict.fromkeys(structure.derivatives, 0.0)
+    for name, value in coefficients.items():
+        error = coefficient_standard_error(coefficients, name)
+        if error == 0.0:
+            continue
+        moved = aircraft.model_copy(update={"coefficients": coefficients.with_value(name, value + error)})
+        for symbol, other in linearised_at(moved, condition, structure, at).items():
+            variance[symbol] += (other - base[symbol]) ** 2
+    return {symbol: math.sqrt(v) for symbol, v in variance.items()}
