@@ -29,8 +29,8 @@ LOG = "wingwatch-setup.log"
 FAILURES = (
     (
         r"DO NOT MATCH THE HASHES",
-        "a downloaded package is not the one that constraints.txt pins: do not install it; check which package"
-        " index pip is set to use",
+        "a downloaded package is not the one that constraints.txt pins, so nothing of it was installed: check"
+        " which package index pip is set to use",
     ),
     (
         r"No space left on device",
@@ -38,16 +38,17 @@ FAILURES = (
     ),
     (
         r"Permission denied",
-        "a file of the virtual environment may not be written: check who owns it, or run make clean and try again",
+        "a file of the virtual environment may not be written: check who owns it, or run make clean and try"
+        " again",
     ),
     (
-        r"Retrying \(Retry|NewConnectionError|ConnectTimeout|ProxyError|Read timed out|Temporary failure in name",
+        r"Retrying \(Retry|NewConnectionError|ConnectTimeout|ProxyError|Read timed out",
         "the package index cannot be reached: check the network or pip's own settings, then run make again",
     ),
     (
-        r"No matching distribution found for (\S+)",
-        "no ready-built file of a pinned package fits this Python and machine: use Linux x86_64 and, if this"
-        " Python is newer than the pins, another one with PYTHON=python3.11",
+        r"No matching distribution found for",
+        "no ready-built file of a pinned package was found: check the network, pip's own settings, and that"
+        " this is Linux on x86_64 with Python 3.11 to 3.13",
     ),
 )
 
