@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
 
-__all__ = ["Estimate", "Outcome"]
+__all__ = ["BlockEvidence", "Estimate", "Outcome"]
 
 
 class Outcome(StrEnum):
@@ -51,3 +51,27 @@ class Estimate:
     def standard_error(self) -> NDArray[np.float64]:
         """Square root of the covariance's diagonal, shape (k,)."""
         return np.sqrt(np.diagonal(self.covariance))
+
+
+@dataclass(frozen=True, slots=True)
+class BlockEvidence:
+    """What one block of samples says of the referred aerodynamic derivatives, as a quadratic log-likelihood.
+
+    Near its maximum the log-likelihood is -1/2 x' J x + h' x, x the referred derivatives. Blocks add. A quiet block
+    has J near zero: it neither accuses nor acquits.
+
+    Attributes:
+        blocks: how many blocks have been closed so far; the number grows by one with each.
+        start_s: time stamp of the block's first sample.
+        end_s: of its last.
+        information: J, shape (k, k).
+        vector: h, shape (k,).
+        condition: mean airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad of the block.
+    """
+
+    blocks: int
+    start_s: float
+    end_s: float
+    information: NDArray[np.float64]
+    vector: NDArray[np.float64]
+    condition: tuple[float, float, float, float]

@@ -1,0 +1,264 @@
+"""Extended Kalman filter with the derivatives as states, for a batch of vehicles; engines "compiled" and "filterpy".
+
+Both engines run the same model (``ekf_model``), noise adaptation and forgetting; the engine "filterpy" leaves
+prediction and correction to ``filterpy.kalman.ExtendedKalmanFilter`` and serves as the reference.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.estimators.ekf_kernel import (
+    TRIM_DRIFT,
+    WARM_UP,
+    adapt_noise,
+    solve_all,
+    step_inputs,
+    update_all,
+)
+from wingwatch.estimators.ekf_model import measure, transition
+from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.reference import offsets, referred_scale, standing
+from wingwatch.estimators.signals import MAX_GAP_S, SignalLayout
+
+__all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class EkfConfig:
+    """How the filter works on one structure.
+
+    Attributes:
+        structure: which mode.
+        prior_value: shape (k,), referred aerodynamic derivatives to start from and, in long quiet, to return to.
+        prior_std: shape (k,), how far off they may be.
+        reference: (airspeed_true_m_s, air_density_kg_m3) to which derivatives are referred.
+        engine: ``compiled`` (batch) or ``filterpy`` (one vehicle at a time, the reference).
+        memory_s: time constant of forgetting under steady excitation.
+        adapt_s: time constant of the noise variances.
+        stale_s: without excitation for this long a derivative is not observable.
+        held: for each input, whether it is held between samples.
+        use_accelerometer: whether the accelerometer is a measurement.
+        imu_position_m: (x, y, z) of the accelerometer from the c.g.
+    """
+
+    structure: ModeStructure
+    prior_value: Array
+    prior_std: Array
+    reference: tuple[float, float]
+    engine: Literal["compiled", "filterpy"] = "compiled"
+    memory_s: float = 40.0
+    adapt_s: float = 10.0
+    stale_s: float = 30.0
+    held: tuple[bool, ...] = ()
+    use_accelerometer: bool = True
+    imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not self.held:
+            object.__setattr__(self, "held", (False,) * len(self.structure.inputs))
+
+
+@dataclass(slots=True)
+class EkfState:
+    """Everything the filter remembers, one row a vehicle.
+
+    Attributes:
+        z: augmented state (states, derivatives, constants); cov: its covariance.
+        noise: variances of the measured states, the accelerometer, and the states' process noise a step.
+        rows: (2, columns) last signal row and the one before.
+        roughness: squared second differences during warm-up.
+        condition: dynamic pressure ratio, airspeed, density, altitude, angle of attack of the last sample.
+        clock: last solution's time, time not yet forgotten.
+        informed_s: last time each derivative's variance shrank through data, (k,); variance: its last value.
+        information, vector: of the derivatives after the last solution, (k, k) and (k,).
+        gained_matrix, gained_vector: information gained from data since they were last read.
+        counts: samples, solutions.
+    """
+
+    z: Array
+    cov: Array
+    noise: Array
+    rows: Array
+    roughness: Array
+    condition: Array
+    clock: Array
+    informed_s: Array
+    variance: Array
+    information: Array
+    vector: Array
+    gained_matrix: Array
+    gained_vector: Array
+    counts: NDArray[np.int64]
+
+
+class EkfEstimator:
+    """The filter: ``init``, ``update``, ``solve``, ``estimate``; a batch of vehicles at a time."""
+
+    name = "ekf"
+
+    def __init__(self, config: EkfConfig) -> None:
+        self.config = config
+        self.layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
+        ns = self.layout.states
+        self._longitudinal = config.structure.equations[0] == "z"
+        self._roll = ns == 3
+        self._lever = np.zeros(ns)
+        x, _, z = config.imu_position_m
+        if self._longitudinal:
+            self._lever[1] = x
+        else:
+            self._lever[-1] = -x
+            if self._roll:
+                self._lever[1] = z
+        self._exponents = np.array([1.0] * ns + [2.0] * self.layout.inputs)
+        self._held = np.array(config.held)
+        self._reference = np.array(config.reference)
+        constant = np.full(ns, 10.0)
+        constant[0] = 30.0
+        self._prior_value = np.concatenate([config.prior_value, np.zeros(ns)])
+        self._prior_std = np.concatenate([config.prior_std, constant])
+
+    def init(self, vehicles: int) -> EkfState:
+        """State before the first sample."""
+        n, ns, k = vehicles, self.layout.states, self.config.prior_value.size
+        z = np.concatenate([np.zeros(ns), self._prior_value])
+        cov = np.zeros((z.size, z.size))
+        cov[ns:, ns:] = np.diag(self._prior_std**2)
+        return EkfState(
+            z=np.tile(z, (n, 1)),
+            cov=np.tile(cov, (n, 1, 1)),
+            noise=np.full((n, 2 * ns + 1), 1e-8),
+            rows=np.full((n, 2, self.layout.columns), np.nan),
+            roughness=np.zeros((n, ns + 1)),
+            condition=np.full((n, 5), np.nan),
+            clock=np.tile(np.array([np.nan, 0.0]), (n, 1)),
+            informed_s=np.full((n, k), -np.inf),
+            variance=np.tile(self.config.prior_std**2, (n, 1)),
+            information=np.tile(np.diag(self.config.prior_std**-2.0), (n, 1, 1)),
+            vector=np.tile(self.config.prior_value / self.config.prior_std**2, (n, 1)),
+            gained_matrix=np.zeros((n, k, k)),
+            gained_vector=np.zeros((n, k)),
+            counts=np.zeros((n, 2), dtype=np.int64),
+        )
+
+    def update(self, state: EkfState, signals: Array) -> None:
+        """Take in samples: shape (vehicles, samples, columns) from ``Signals``; incomplete rows are passed over."""
+        if self.config.engine == "filterpy":
+            for vehicle in range(signals.shape[0]):
+                self._update_filterpy(state, vehicle, signals[vehicle])
+            return
+        update_all(
+            np.ascontiguousarray(signals), self._held, self._lever, self._exponents, self._reference,
+            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s,
+            state.z, state.cov, state.noise, state.rows, state.roughness, state.condition, state.counts,
+        )  # fmt: skip
+
+    def solve(self, state: EkfState) -> None:
+        """Close half a second: note what was learned, then forget in proportion to what arrived."""
+        solve_all(
+            self.config.memory_s, self._prior_value, self._prior_std, state.z, state.cov, state.rows, state.clock,
+            state.informed_s, state.variance, state.information, state.vector, state.gained_matrix,
+            state.gained_vector, state.counts,
+        )  # fmt: skip
+
+    def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
+        """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
+        c, ns, k = self.config, self.layout.states, self.config.prior_value.size
+        _, airspeed, density, altitude, alpha = state.condition[vehicle]
+        scale = referred_scale(c.structure, airspeed, density, c.reference)
+        value = state.z[vehicle, ns : ns + k] * scale + offsets(c.structure, airspeed, alpha)
+        covariance = state.cov[vehicle, ns : ns + k, ns : ns + k] * np.outer(scale, scale)
+        return standing(
+            self.name, c.structure, float(state.rows[vehicle, 0, 0]), value, covariance, state.informed_s[vehicle],
+            c.stale_s, 3.0 * c.prior_std * scale, bool(state.counts[vehicle, 0] > WARM_UP),
+            np.array([airspeed, altitude, density, alpha]),
+        )  # fmt: skip
+
+    def take_gained(self, state: EkfState, vehicle: int = 0) -> tuple[Array, Array]:
+        """Information (k, k) and vector (k,) gained from data since the last call; the account starts anew."""
+        matrix, vector = state.gained_matrix[vehicle].copy(), state.gained_vector[vehicle].copy()
+        state.gained_matrix[vehicle] = 0.0
+        state.gained_vector[vehicle] = 0.0
+        return matrix, vector
+
+    def _update_filterpy(self, state: EkfState, i: int, signals: Array) -> None:
+        """The same recursion with filterpy's filter doing prediction and correction."""
+        ns, nu = self.layout.states, self.layout.inputs
+        kinematic = self.layout.kinematic
+        nz = state.z.shape[1]
+        for new in signals:
+            if not np.isfinite(new[: kinematic + 5]).all():
+                continue
+            old, older = state.rows[i, 0].copy(), state.rows[i, 1].copy()
+            dt = new[0] - old[0]
+            if not 0.0 < dt <= MAX_GAP_S or state.counts[i, 0] < WARM_UP:
+                self._compiled_one(state, i, new)
+                continue
+            state.counts[i, 0] += 1
+            over, at_end, scale, forward, kappa, rest = step_inputs(
+                new,
+                old,
+                older,
+                self._held,
+                self._reference,
+                self._exponents,
+                self._longitudinal,
+                self._roll,
+                ns,
+                nu,
+            )
+            after, top = transition(state.z[i], dt, scale, forward, over, kappa, rest, ns, nu)
+            process = np.concatenate(
+                [state.noise[i, ns + 1 :], np.zeros(nz - 2 * ns), np.full(ns, TRIM_DRIFT * dt)]
+            )
+            measured = np.ones(ns + 1, dtype=bool)
+            measured[0] = new[kinematic + 6] == 1.0
+            measured[ns] = self.config.use_accelerometer
+            before = after.copy()
+            kalman = _Filter(after, state.cov[i], top, np.diag(process), int(measured.sum()))
+            kalman.predict()
+            expected, jacobian = measure(after, scale, forward, at_end, kappa, rest, self._lever, ns, nu)
+            reading = new[1 : 2 + ns]
+            predicted = np.diagonal(kalman.P)[:ns].copy()
+            kalman.R = np.diag(state.noise[i, : ns + 1][measured])
+            kalman.update(reading[measured], lambda _: jacobian[measured], lambda _: expected[measured])  # noqa: B023
+            state.z[i], state.cov[i] = kalman.x, 0.5 * (kalman.P + kalman.P.T)
+            residual = reading - expected - jacobian @ (state.z[i] - before)
+            explained = np.einsum("jc,cd,jd->j", jacobian, state.cov[i], jacobian)
+            rate = max(dt / self.config.adapt_s, 1.0 / (state.counts[i, 0] + 50.0))
+            shrunk = predicted - np.diagonal(state.cov[i])[:ns]
+            correction = state.z[i, :ns] - before[:ns]
+            adapt_noise(state.noise[i], residual, explained, correction, shrunk, measured, rate, ns)
+            state.rows[i, 1] = old
+            state.rows[i, 0] = new
+            state.condition[i] = new[kinematic + 1 : kinematic + 6]
+
+    def _compiled_one(self, state: EkfState, i: int, new: Array) -> None:
+        """Start, restart and warm-up are no filtering and are shared with the compiled engine."""
+        one = slice(i, i + 1)
+        update_all(
+            np.ascontiguousarray(new)[None, None], self._held, self._lever, self._exponents, self._reference,
+            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, state.z[one],
+            state.cov[one], state.noise[one], state.rows[one], state.roughness[one], state.condition[one],
+            state.counts[one],
+        )  # fmt: skip
+
+
+class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy carries no types
+    """filterpy's filter with the state's prediction handed in instead of F x."""
+
+    def __init__(self, after: Array, covariance: Array, top: Array, process: Array, readings: int) -> None:
+        super().__init__(dim_x=after.size, dim_z=readings)
+        self.x, self.P, self.Q = after.copy(), covariance.copy(), process
+        self.F = np.eye(after.size)
+        self.F[: top.shape[0]] = top
+
+    def predict_x(self, u: float = 0) -> None:
+        """The state has been predicted by the model already."""

@@ -1,0 +1,107 @@
+"""Referred derivatives and the standing of an estimate: what both estimators share.
+
+Aerodynamic stability derivatives grow with rho V and control derivatives with rho V^2 (thesis table B.3), so an
+estimate made at one airspeed is carried to another by a ratio, without any geometry. Referred means: as it would be
+at the reference airspeed and density. The kinematic parts (forward speed in z_q and y_r, W in y_p) are offsets.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.estimators.estimate import Estimate, Outcome
+
+__all__ = ["offsets", "referred_scale", "standing"]
+
+Array = NDArray[np.float64]
+
+
+def referred_scale(
+    structure: ModeStructure,
+    airspeed_true_m_s: float,
+    air_density_kg_m3: float,
+    reference: tuple[float, float],
+) -> Array:
+    """Factor from referred to present aerodynamic derivatives, shape (k,)."""
+    pressure = air_density_kg_m3 * airspeed_true_m_s / (reference[0] * reference[1])
+    row = [pressure] * len(structure.states) + [pressure * airspeed_true_m_s / reference[0]] * len(
+        structure.inputs
+    )
+    return np.array(row * len(structure.equations))
+
+
+def offsets(structure: ModeStructure, airspeed_true_m_s: float, angle_of_attack_rad: float) -> Array:
+    """Kinematic part of each concise derivative (thesis table B.4), shape (k,)."""
+    alpha = angle_of_attack_rad if np.isfinite(angle_of_attack_rad) else 0.0
+    forward, down = airspeed_true_m_s * np.cos(alpha), airspeed_true_m_s * np.sin(alpha)
+    kinematic = {"z_q": forward, "y_r": -forward, "y_p": down}
+    return np.array([kinematic.get(symbol, 0.0) for symbol in structure.derivatives])
+
+
+def standing(
+    estimator: str,
+    structure: ModeStructure,
+    time_s: float,
+    value: Array,
+    covariance: Array,
+    informed_s: Array,
+    stale_s: float,
+    prior_std: Array,
+    solved: bool,
+    condition: Array,
+) -> Estimate:
+    """An Estimate with its outcomes.
+
+    A derivative is converged when its standard error is below a quarter of its size or of its natural size (a third
+    of the wide prior); it is settling while data arrive; it is not observable when its regressor has carried
+    nothing but noise for ``stale_s``, or the data have said less than its natural size.
+    """
+    error = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    natural = prior_std / 3.0
+    outcomes = []
+    for k in range(value.size):
+        if not np.isfinite(value[k]) or not np.isfinite(error[k]):
+            outcomes.append(Outcome.REJECTED if solved else Outcome.NOT_OBSERVABLE)
+        elif not solved or time_s - informed_s[k] > stale_s or error[k] > natural[k]:
+            outcomes.append(Outcome.NOT_OBSERVABLE)
+        elif error[k] <= 0.25 * max(abs(value[k]), natural[k]):
+            outcomes.append(Outcome.CONVERGED)
+        else:
+            outcomes.append(Outcome.SETTLING)
+    outcome, reason = _together(structure, outcomes, informed_s, time_s, stale_s, solved)
+    return Estimate(
+        estimator, structure, time_s, value, covariance, tuple(outcomes), outcome, reason,
+        (float(condition[0]), float(condition[1]), float(condition[2]), float(condition[3])),
+    )  # fmt: skip
+
+
+def _together(
+    structure: ModeStructure,
+    outcomes: list[Outcome],
+    informed_s: Array,
+    time_s: float,
+    stale_s: float,
+    solved: bool,
+) -> tuple[Outcome, str]:
+    """The mode's own outcome: that of most of its derivatives, worst named."""
+    if not solved:
+        return Outcome.NOT_OBSERVABLE, "less than two seconds of data so far"
+    if Outcome.REJECTED in outcomes:
+        return Outcome.REJECTED, "the solution is not finite; the samples contradict the model"
+    hidden = [d for d, o in zip(structure.derivatives, outcomes, strict=True) if o is Outcome.NOT_OBSERVABLE]
+    if len(hidden) > len(outcomes) / 2:
+        latest = float(np.max(informed_s))
+        since = f"since {latest:.1f} s" if np.isfinite(latest) else "so far"
+        return Outcome.NOT_OBSERVABLE, f"no excitation {since}; move {', '.join(_surfaces(structure))}"
+    settling = [d for d, o in zip(structure.derivatives, outcomes, strict=True) if o is Outcome.SETTLING]
+    if hidden or settling:
+        names = ", ".join(hidden + settling)
+        return (Outcome.CONVERGED if len(hidden + settling) <= len(outcomes) / 2 else Outcome.SETTLING), (
+            f"not yet settled: {names}"
+        )
+    return Outcome.CONVERGED, ""
+
+
+def _surfaces(structure: ModeStructure) -> list[str]:
+    words = {"eta": "the elevator", "xi": "the ailerons", "zeta": "the rudder"}
+    return [words[u] for u in structure.inputs]

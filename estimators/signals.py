@@ -1,0 +1,239 @@
+"""From samples to what one mode's estimators read: states, accelerometer, inputs and the kinematic term.
+
+Both estimators model the aerodynamic part of the specific force and of the angular acceleration. With the
+air-relative velocity components w = V sin(alpha), v = V sin(beta) and the rigid-body kinematics of thesis
+equations 7.1 and 7.3,
+
+    dw/dt = a_z + U q - p v + g cos(theta) cos(phi),        dv/dt = a_y - U r + p w + g cos(theta) sin(phi),
+
+the part in front of the aerodynamics, here called the kinematic term, is known from measurements, so the
+aerodynamic derivatives never have the forward speed inside; it is added again when they are reported
+(z_q has +U, y_r has -U, y_p has +W).
+
+Column layout of the result (shape (vehicles, samples, columns)): time, states, accelerometer, inputs, then
+kinematic term, dynamic pressure ratio rho V^2 / (rho V^2 at the reference), filtered airspeed, air density,
+altitude, angle of attack, and 1 where the velocity was measured by a vane or 0 where it was reconstructed.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
+from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
+
+__all__ = ["CONDITION_COLUMNS", "SignalConfig", "SignalLayout", "Signals", "SignalState"]
+
+GRAVITY_M_S2 = 9.80665
+MAX_GAP_S = 0.5
+"""Above this distance between samples nothing is bridged: every recursion starts anew."""
+
+CONDITION_COLUMNS = 7
+
+_TIME = CHANNEL_INDEX["time_s"]
+_AIRSPEED = CHANNEL_INDEX["airspeed_true_m_s"]
+_P = CHANNEL_INDEX["roll_rate_rad_s"]
+_Q = CHANNEL_INDEX["pitch_rate_rad_s"]
+_R = CHANNEL_INDEX["yaw_rate_rad_s"]
+_AY = CHANNEL_INDEX["specific_force_y_m_s2"]
+_AZ = CHANNEL_INDEX["specific_force_z_m_s2"]
+_ROLL = CHANNEL_INDEX["roll_rad"]
+_PITCH = CHANNEL_INDEX["pitch_rad"]
+_ALPHA = CHANNEL_INDEX["angle_of_attack_rad"]
+_BETA = CHANNEL_INDEX["sideslip_rad"]
+_ALTITUDE = CHANNEL_INDEX["altitude_m"]
+_DENSITY = CHANNEL_INDEX["air_density_kg_m3"]
+_TEMPERATURE = CHANNEL_INDEX["outside_air_temperature_k"]
+_ELEVATOR = CHANNEL_INDEX["elevator_rad"]
+_AILERON = CHANNEL_INDEX["aileron_rad"]
+_RUDDER = CHANNEL_INDEX["rudder_rad"]
+
+_INPUT_CHANNEL = {"eta": _ELEVATOR, "xi": _AILERON, "zeta": _RUDDER}
+_RATE_CHANNEL = {"p": _P, "q": _Q, "r": _R}
+
+
+@dataclass(frozen=True, slots=True)
+class SignalLayout:
+    """Where things stand in a signal row of a structure."""
+
+    states: int
+    inputs: int
+
+    @property
+    def accelerometer(self) -> int:
+        """Column of the accelerometer."""
+        return 1 + self.states
+
+    @property
+    def first_input(self) -> int:
+        """Column of the first control input."""
+        return 2 + self.states
+
+    @property
+    def kinematic(self) -> int:
+        """Column of the kinematic term; the other condition columns follow it."""
+        return 2 + self.states + self.inputs
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        return self.kinematic + CONDITION_COLUMNS
+
+
+@dataclass(frozen=True, slots=True)
+class SignalConfig:
+    """How samples become signals of one structure.
+
+    Attributes:
+        structure: which mode.
+        vane_position_m: (x, y, z) of the vane from the c.g., body axes.
+        airspeed_filter_s: time constant of the airspeed that scales dynamic pressure.
+        reconstruction_s: leak of the reconstructed velocity where no vane is there (thesis 7.2 integrates
+            without leak; sensor biases then drift without bound).
+        reference_airspeed_m_s: airspeed to which referred derivatives are scaled.
+        reference_density_kg_m3: density likewise.
+    """
+
+    structure: ModeStructure
+    vane_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    airspeed_filter_s: float = 0.5
+    reconstruction_s: float = 20.0
+    reference_airspeed_m_s: float = 25.0
+    reference_density_kg_m3: float = 1.225
+    layout: SignalLayout = field(init=False)
+
+    def __post_init__(self) -> None:
+        layout = SignalLayout(len(self.structure.states), len(self.structure.inputs))
+        object.__setattr__(self, "layout", layout)
+
+
+@dataclass(slots=True)
+class SignalState:
+    """Recursive part, one row a vehicle: last time, filtered airspeed, reconstructed velocity, last rate of it, and
+    whether a vane was ever seen (a vane that falls silent is not replaced in silence)."""
+
+    memory: NDArray[np.float64]
+
+
+class Signals:
+    """Turns blocks of samples into signals of one structure, for a batch of vehicles."""
+
+    def __init__(self, config: SignalConfig) -> None:
+        self.config = config
+        structure = config.structure
+        self._lateral = structure.name in (DUTCH_ROLL.name, LATERAL.name)
+        if not self._lateral and structure.name != SHORT_PERIOD.name:
+            raise ValueError(f"no signals are defined for structure {structure.name!r}")
+        self._rates = np.array([_RATE_CHANNEL[s] for s in structure.states[1:]])
+        self._inputs = np.array([_INPUT_CHANNEL[u] for u in structure.inputs])
+
+    def init(self, vehicles: int) -> SignalState:
+        """State before the first sample."""
+        return SignalState(np.tile(np.array([np.nan, np.nan, 0.0, 0.0, 0.0]), (vehicles, 1)))
+
+    def update(self, state: SignalState, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signals of a batch.
+
+        Args:
+            state: advanced in place.
+            values: shape (vehicles, samples, channels) as in ``SampleBlock.values``.
+
+        Returns:
+            shape (vehicles, samples, layout.columns).
+        """
+        if values.ndim != 3 or values.shape[2] != len(CHANNELS):
+            raise ValueError(f"values have shape (vehicles, samples, {len(CHANNELS)}), got {values.shape}")
+        c = self.config
+        out = np.empty((*values.shape[:2], c.layout.columns))
+        reference = c.reference_density_kg_m3 * c.reference_airspeed_m_s**2
+        x_vane, _, z_vane = c.vane_position_m
+        _signals(
+            np.ascontiguousarray(values), state.memory, self._lateral, self._rates, self._inputs, x_vane, z_vane,
+            c.airspeed_filter_s, c.reconstruction_s, reference, out,
+        )  # fmt: skip
+        return out
+
+
+@njit(cache=True)
+def _density(row: NDArray[np.float64]) -> float:
+    """Air density: measured, or from measured temperature, or the standard atmosphere's (troposphere)."""
+    if np.isfinite(row[_DENSITY]):
+        return float(row[_DENSITY])
+    altitude = min(max(row[_ALTITUDE], -1000.0), 20000.0)
+    temperature = 288.15 - 0.0065 * min(altitude, 11000.0)
+    pressure = 101325.0 * (temperature / 288.15) ** 5.255876
+    if altitude > 11000.0:
+        pressure *= np.exp(-GRAVITY_M_S2 * (altitude - 11000.0) / (287.05287 * temperature))
+    if np.isfinite(row[_TEMPERATURE]):
+        temperature = row[_TEMPERATURE]
+    return float(pressure / (287.05287 * temperature))
+
+
+@njit(cache=True)
+def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
+    """Air-relative w or v at the c.g. (NaN without vane) and the kinematic term of its rate."""
+    airspeed = row[_AIRSPEED]
+    alpha, beta = row[_ALPHA], row[_BETA]
+    w = airspeed * np.sin(alpha) + row[_Q] * x_vane
+    v = airspeed * np.sin(beta) - row[_R] * x_vane + row[_P] * z_vane
+    forward = airspeed * (np.cos(alpha) if np.isfinite(alpha) else 1.0)
+    cos_pitch = np.cos(row[_PITCH])
+    if lateral:
+        across = w if np.isfinite(w) else airspeed * np.sin(row[_PITCH])
+        kinematic = -forward * row[_R] + row[_P] * across + GRAVITY_M_S2 * cos_pitch * np.sin(row[_ROLL])
+        return v, kinematic
+    side = v if np.isfinite(v) else 0.0
+    kinematic = forward * row[_Q] - row[_P] * side + GRAVITY_M_S2 * cos_pitch * np.cos(row[_ROLL])
+    return w, kinematic
+
+
+@njit(cache=True)
+def _signals(  # type: ignore[no-untyped-def]
+    values, memory, lateral, rates, inputs, x_vane, z_vane, filter_s, leak_s, reference, out
+):
+    """One pass over vehicles and samples; see the module's layout."""
+    force = _AY if lateral else _AZ
+    ns, nu = 1 + rates.size, inputs.size
+    for i in range(values.shape[0]):
+        last, speed, velocity, rate, seen = memory[i]
+        for k in range(values.shape[1]):
+            row = values[i, k]
+            dt = row[_TIME] - last
+            velocity_measured, kinematic = _velocity_and_kinematics(row, lateral, x_vane, z_vane)
+            rate_now = row[force] + kinematic
+            if not (0.0 < dt <= MAX_GAP_S):
+                speed, velocity = row[_AIRSPEED], 0.0
+            else:
+                speed += (1.0 - np.exp(-dt / filter_s)) * (row[_AIRSPEED] - speed)
+                decay = np.exp(-dt / leak_s)
+                velocity = decay * velocity + 0.5 * dt * (rate + rate_now)
+            last, rate = row[_TIME], rate_now
+            o = out[i, k]
+            o[0] = row[_TIME]
+            measured = np.isfinite(velocity_measured)
+            if measured:
+                seen = 1.0
+            o[1] = velocity_measured if measured or seen == 1.0 else velocity
+            for j in range(rates.size):
+                o[2 + j] = row[rates[j]]
+            o[1 + ns] = row[force]
+            for j in range(nu):
+                o[2 + ns + j] = row[inputs[j]]
+            density = _density(row)
+            c = 2 + ns + nu
+            o[c] = kinematic
+            o[c + 1] = density * speed * speed / reference
+            o[c + 2] = speed
+            o[c + 3] = density
+            o[c + 4] = row[_ALTITUDE]
+            o[c + 5] = row[_ALPHA]
+            o[c + 6] = 1.0 if measured else 0.0
+        memory[i, 0], memory[i, 1], memory[i, 2], memory[i, 3], memory[i, 4] = (
+            last,
+            speed,
+            velocity,
+            rate,
+            seen,
+        )

@@ -1,0 +1,167 @@
+"""What the monitor shows: plain frozen objects that REST, Zenoh and the terminal translate, and the port they read.
+
+Times are the vehicle's own clock (time stamps of its samples), in seconds.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Protocol
+
+__all__ = [
+    "AlertAction",
+    "AlertState",
+    "AlertView",
+    "Event",
+    "EvidenceView",
+    "MonitorPort",
+    "VehicleState",
+    "VehicleView",
+    "WorstDerivative",
+]
+
+
+class VehicleState(StrEnum):
+    """Health state of a vehicle."""
+
+    HEALTHY = "healthy"
+    DEGRADED = "degraded"
+    NOT_OBSERVABLE = "not_observable"
+    STALE = "stale"
+    UNKNOWN = "unknown"
+
+
+class AlertState(StrEnum):
+    """Where an alert is in its life."""
+
+    ACTIVE = "active"
+    ACKNOWLEDGED = "acknowledged"
+    SHELVED = "shelved"
+    CLEARED = "cleared"
+
+
+class AlertAction(StrEnum):
+    """What a person may do to an alert."""
+
+    ACKNOWLEDGE = "acknowledge"
+    SHELVE = "shelve"
+    UNSHELVE = "unshelve"
+    CLEAR = "clear"
+
+
+@dataclass(frozen=True, slots=True)
+class WorstDerivative:
+    """The derivative furthest from its expectation, in standard errors of the difference."""
+
+    estimator: str
+    structure: str
+    derivative: str
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleView:
+    """One vehicle as an operator sees it.
+
+    Attributes:
+        reason: one clause saying why the state is what it is.
+        basis: what the comparison rests on: ``a-priori``, ``empirical``, ``identified``; None before any.
+        basis_text: the same as a sentence, with contradictions between expectation and flight if there are any.
+        counts: samples and messages accepted and rejected, by reason (``accepted``, ``duplicate``, ...).
+        active_alerts: ids of the alerts that are not cleared, worst first.
+        condition: latest airspeed_true_m_s, altitude_m, air_density_kg_m3 (empty before the first sample).
+    """
+
+    fleet: str
+    vehicle: str
+    aircraft: str | None
+    configuration: str | None
+    state: VehicleState
+    state_since_s: float | None
+    reason: str
+    last_sample_time_s: float | None
+    basis: str | None
+    basis_text: str
+    worst: WorstDerivative | None
+    counts: Mapping[str, int]
+    active_alerts: Sequence[str]
+    condition: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceView:
+    """One derivative's part in an alert."""
+
+    derivative: str
+    estimate: float
+    standard_error: float
+    expected: float
+    expected_standard_error: float
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class AlertView:
+    """One alert, with its evidence.
+
+    Attributes:
+        kind: ``icing``, ``damage``, ``sensor`` or ``unexplained``.
+        cause: a name of the shared vocabulary of causes.
+        level: ``watch``, ``warning`` or ``critical``.
+        raised_s: sample time at which it was raised.
+        cleared_s: sample time at which it was cleared, or None.
+        size: the cause's size (icing severity, fraction lost), with standard error.
+        probability: of the cause among those considered.
+        text: what, how much, what to do; one or two sentences for the operator.
+        note: who did what to it and why, newest last.
+    """
+
+    id: str
+    fleet: str
+    vehicle: str
+    kind: str
+    cause: str
+    level: str
+    state: AlertState
+    raised_s: float
+    cleared_s: float | None
+    size: float
+    size_standard_error: float
+    probability: float
+    basis: str
+    text: str
+    evidence: Sequence[EvidenceView]
+    note: Sequence[str] = field(default=())
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something a listener may want to know: ``kind`` is ``alert``, ``status`` or ``derivatives``."""
+
+    id: int
+    kind: str
+    data: Mapping[str, Any]
+
+
+class MonitorPort(Protocol):
+    """What the doors (REST, terminal) may ask the monitor. Every method is thread-safe and returns at once."""
+
+    def vehicles(self) -> Sequence[VehicleView]:
+        """All vehicles ever heard of, worst state first."""
+        ...
+
+    def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
+        """The ``estimate`` object of the contract with ``time_s`` and expectations; None for an unknown vehicle."""
+        ...
+
+    def alerts(self) -> Sequence[AlertView]:
+        """All alerts, newest first."""
+        ...
+
+    def act_on_alert(self, alert_id: str, action: AlertAction, who: str, note: str) -> AlertView | None:
+        """Carry out a person's action; None for an unknown alert; ValueError with one sentence if it makes no sense."""
+        ...
+
+    def events(self, after: int) -> Sequence[Event]:
+        """Events with an id above ``after``, oldest first (the last 1000 are kept)."""
+        ...
