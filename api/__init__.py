@@ -1,1 +1,23 @@
-"""Package."""
+"""The door: REST, event stream and status page. It translates what the monitor knows and computes nothing."""
+
+from wingwatch.api.app import create_app
+from wingwatch.api.encoding import encode_json
+from wingwatch.api.ports import EstimateRow, HistoryPort
+from wingwatch.api.schemas import AlertDocument, VehicleDocument, alert_document, vehicle_document
+from wingwatch.api.server import AddressError, HttpServer, PortInUse, listen, serve
+
+__all__ = [
+    "create_app",
+    "HttpServer",
+    "listen",
+    "serve",
+    "AddressError",
+    "PortInUse",
+    "HistoryPort",
+    "EstimateRow",
+    "AlertDocument",
+    "VehicleDocument",
+    "alert_document",
+    "vehicle_document",
+    "encode_json",
+]

@@ -1,0 +1,105 @@
+"""Routes about alerts: the list, one alert, and what a person does to it."""
+
+from http import HTTPStatus
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Path, Query, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from wingwatch.api.door import Door
+from wingwatch.api.encoding import json_answer
+from wingwatch.api.paging import decode_cursor, encode_cursor
+from wingwatch.api.problems import ProblemError, printable
+from wingwatch.api.schemas import AlertDocument, AlertList, Name, PersonAction, alert_document
+from wingwatch.monitor.views import AlertAction, AlertState, AlertView
+
+__all__ = ["alert_router"]
+
+AlertId = Annotated[str, Path(min_length=1, max_length=200)]
+
+
+class AlertQuery(BaseModel):
+    """Which alerts, and which page of them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    state: AlertState | None = None
+    vehicle: Name | None = None
+    fleet: Name | None = Field(default=None, description="only this fleet; all without")
+    kind: Literal["icing", "damage", "sensor", "unexplained"] | None = None
+    since: float | None = Field(
+        default=None, allow_inf_nan=False, description="raised at or after, s of the vehicle's own clock"
+    )
+    limit: int = Field(default=100, ge=1, le=1000)
+    cursor: str | None = Field(default=None, max_length=500, description="`next` of the page before")
+
+    def wants(self, alert: AlertView) -> bool:
+        """Whether an alert passes every filter."""
+        return (
+            self.state in (None, alert.state)
+            and self.vehicle in (None, alert.vehicle)
+            and self.fleet in (None, alert.fleet)
+            and self.kind in (None, alert.kind)
+            and (self.since is None or alert.raised_s >= self.since)
+        )
+
+
+def alert_router(door: Door) -> APIRouter:
+    """The routes ``/alerts...``."""
+    router = APIRouter(tags=["alerts"])
+
+    @router.get("/alerts", response_model=AlertList, summary="Alerts, newest first")
+    async def alerts(query: Annotated[AlertQuery, Query()]) -> Response:
+        return json_answer(_page(door, query))
+
+    @router.get("/alerts/{alert_id}", response_model=AlertDocument, summary="One alert")
+    async def alert(alert_id: AlertId) -> Response:
+        for view in door.monitor.alerts():
+            if view.id == alert_id:
+                return json_answer(alert_document(view))
+        raise _unknown(alert_id)
+
+    for action in AlertAction:
+        _add_action(router, door, action)
+    return router
+
+
+def _add_action(router: APIRouter, door: Door, action: AlertAction) -> None:
+    def act(alert_id: AlertId, person: PersonAction) -> Response:
+        try:
+            view = door.monitor.act_on_alert(alert_id, action, person.who, person.note)
+        except ValueError as error:
+            raise ProblemError(HTTPStatus.CONFLICT, str(error)) from error
+        if view is None:
+            raise _unknown(alert_id)
+        return json_answer(alert_document(view))
+
+    router.add_api_route(
+        f"/alerts/{{alert_id}}/{action}",
+        act,
+        methods=["POST"],
+        name=f"{action}_alert",
+        response_model=AlertDocument,
+        summary=f"{action.capitalize()} an alert",
+    )
+
+
+def _page(door: Door, query: AlertQuery) -> AlertList:
+    """The cursor is a place in the whole list: a change of state between two pages skips no alert."""
+    everything = list(door.monitor.alerts())
+    start = 0
+    if query.cursor is not None:
+        (last,) = decode_cursor(query.cursor, (str,))
+        start = 1 + next((i for i, alert in enumerate(everything) if alert.id == last), len(everything))
+    wanted = [alert for alert in everything[start:] if query.wants(alert)]
+    page = wanted[: query.limit]
+    more = len(wanted) > query.limit
+    return AlertList(
+        items=[alert_document(alert) for alert in page], next=encode_cursor([page[-1].id]) if more else None
+    )
+
+
+def _unknown(alert_id: str) -> ProblemError:
+    return ProblemError(
+        HTTPStatus.NOT_FOUND, f"There is no alert {printable(alert_id)}; /v1/alerts lists all."
+    )

@@ -1,0 +1,46 @@
+"""What every route may use: the ports behind the door, and the questions that several routes ask them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.api.events import EventStreams
+from wingwatch.api.ports import HistoryPort
+from wingwatch.api.problems import ProblemError
+from wingwatch.monitor.views import MonitorPort, VehicleView
+
+__all__ = ["Door"]
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """The parts that routes translate between.
+
+    Attributes:
+        readiness: per part (``zenoh``, ``database``, ``http``) None or its problem, one sentence.
+        history: None where estimates are not kept.
+        aircraft: an aircraft by its announced name; ValueError with one sentence where there is none.
+    """
+
+    monitor: MonitorPort
+    readiness: Callable[[], Mapping[str, str | None]]
+    history: HistoryPort | None
+    version: str
+    aircraft: Callable[[str], Aircraft]
+    streams: EventStreams
+
+    def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
+        """One vehicle.
+
+        Raises:
+            ProblemError: 404 for a vehicle never heard of.
+        """
+        for view in self.monitor.vehicles():
+            if view.vehicle == vehicle and view.fleet == fleet:
+                return view
+        raise ProblemError(
+            HTTPStatus.NOT_FOUND,
+            f"Vehicle '{vehicle}' of fleet '{fleet}' has never been heard of; /v1/vehicles lists all, "
+            "and ?fleet= names a fleet other than 'default'.",
+        )

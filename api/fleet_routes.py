@@ -1,0 +1,162 @@
+"""Routes about vehicles: the fleet's status, one vehicle, its derivatives and their history."""
+
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Query, Response
+from pydantic import BaseModel, ConfigDict, Field
+
+from wingwatch.aircraft import Convention
+from wingwatch.api import history
+from wingwatch.api.conventions import convert_estimators
+from wingwatch.api.door import Door
+from wingwatch.api.encoding import json_answer
+from wingwatch.api.problems import ProblemError, printable
+from wingwatch.api.schemas import (
+    DerivativesDocument,
+    HistoryList,
+    Name,
+    StatusDocument,
+    VehicleDocument,
+    VehicleList,
+    alert_document,
+    status_document,
+    vehicle_document,
+)
+from wingwatch.monitor.views import AlertState, VehicleView
+
+__all__ = ["fleet_router"]
+
+_HISTORY_FORMS: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "JSON is paged, CSV and Parquet are whole.",
+        "content": {
+            history.CSV_MEDIA_TYPE: {"schema": {"type": "string"}},
+            history.PARQUET_MEDIA_TYPE: {"schema": {"type": "string", "format": "binary"}},
+        },
+    }
+}
+
+
+class _Query(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class FleetQuery(_Query):
+    """Which fleets."""
+
+    fleet: Name | None = Field(default=None, description="only this fleet; all without")
+
+
+class VehicleQuery(_Query):
+    """Which fleet the path's vehicle belongs to."""
+
+    fleet: Name = "default"
+
+
+class DerivativesQuery(VehicleQuery):
+    """Which estimator and convention."""
+
+    estimator: str | None = Field(default=None, max_length=63, description="only this estimator; all without")
+    convention: Convention = Convention.CONCISE
+
+
+class HistoryQuery(VehicleQuery):
+    """Which part of the history."""
+
+    from_s: float | None = Field(default=None, alias="from", allow_inf_nan=False, description="s, inclusive")
+    to_s: float | None = Field(default=None, alias="to", allow_inf_nan=False, description="s, inclusive")
+    names: str | None = Field(
+        default=None, max_length=500, description="comma-separated symbols; all without"
+    )
+    limit: int = Field(default=1000, ge=1, le=10_000, description="items a JSON page")
+    cursor: str | None = Field(default=None, max_length=500, description="`next` of the page before")
+
+
+def fleet_router(door: Door) -> APIRouter:
+    """The routes ``/status`` and ``/vehicles...``."""
+    router = APIRouter(tags=["vehicles"])
+
+    @router.get("/status", response_model=StatusDocument, summary="The fleet at a glance, worst first")
+    async def status(query: Annotated[FleetQuery, Query()]) -> Response:
+        return json_answer(_status(door, query.fleet))
+
+    @router.get("/vehicles", response_model=VehicleList, summary="All vehicles, worst first")
+    async def vehicles(query: Annotated[FleetQuery, Query()]) -> Response:
+        return json_answer(VehicleList(items=[vehicle_document(v) for v in _vehicles(door, query.fleet)]))
+
+    @router.get("/vehicles/{vehicle}", response_model=VehicleDocument, summary="One vehicle")
+    async def vehicle(vehicle: Name, query: Annotated[VehicleQuery, Query()]) -> Response:
+        return json_answer(vehicle_document(door.vehicle(query.fleet, vehicle)))
+
+    @router.get(
+        "/vehicles/{vehicle}/derivatives", response_model=DerivativesDocument, summary="Current derivatives"
+    )
+    async def derivatives(vehicle: Name, query: Annotated[DerivativesQuery, Query()]) -> Response:
+        return json_answer(_derivatives(door, vehicle, query))
+
+    @router.get(
+        "/vehicles/{vehicle}/derivatives/history",
+        response_model=HistoryList,
+        responses=_HISTORY_FORMS,
+        summary="Past derivatives",
+    )
+    def past(
+        vehicle: Name,
+        query: Annotated[HistoryQuery, Query()],
+        accept: Annotated[str | None, Header(max_length=1000)] = None,
+    ) -> Response:
+        return _history(door, vehicle, query, accept)
+
+    return router
+
+
+def _vehicles(door: Door, fleet: str | None) -> list[VehicleView]:
+    return [view for view in door.monitor.vehicles() if fleet is None or view.fleet == fleet]
+
+
+def _status(door: Door, fleet: str | None) -> StatusDocument:
+    vehicles = [vehicle_document(view) for view in _vehicles(door, fleet)]
+    alerts = [
+        alert_document(view)
+        for view in door.monitor.alerts()
+        if view.state != AlertState.CLEARED and (fleet is None or view.fleet == fleet)
+    ]
+    return status_document(door.version, vehicles, alerts)
+
+
+def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> DerivativesDocument:
+    view = door.vehicle(query.fleet, vehicle)
+    current = door.monitor.derivatives(query.fleet, vehicle) or {"time_s": None, "estimators": {}}
+    estimators: dict[str, Any] = dict(current["estimators"])
+    if query.estimator is not None:
+        if query.estimator not in estimators:
+            known = ", ".join(estimators) or "none yet"
+            raise ProblemError(
+                HTTPStatus.UNPROCESSABLE_ENTITY,
+                f"The query parameter estimator {printable(query.estimator)} is unknown; "
+                f"this vehicle has: {known}.",
+            )
+        estimators = {query.estimator: estimators[query.estimator]}
+    if query.convention is not Convention.CONCISE:
+        estimators = convert_estimators(estimators, view, query.convention, door.aircraft)
+    owner = {"fleet": view.fleet, "vehicle": view.vehicle, "convention": str(query.convention)}
+    return DerivativesDocument.model_validate({**current, **owner, "estimators": estimators})
+
+
+def _history(door: Door, vehicle: str, query: HistoryQuery, accept: str | None) -> Response:
+    media_type = history.negotiate(accept)
+    names = history.parse_names(query.names)
+    if query.from_s is not None and query.to_s is not None and query.from_s > query.to_s:
+        raise ProblemError(
+            HTTPStatus.UNPROCESSABLE_ENTITY,
+            f"The query parameter from={query.from_s} lies after to={query.to_s}; exchange them.",
+        )
+    door.vehicle(query.fleet, vehicle)
+    if door.history is None:
+        raise ProblemError(
+            HTTPStatus.NOT_FOUND, "This service keeps no history; start it with a data folder or a database."
+        )
+    rows = door.history.estimate_history(query.fleet, vehicle, query.from_s, query.to_s)
+    items = history.history_items(rows, names)
+    return history.answer_history(items, media_type, query.limit, query.cursor)

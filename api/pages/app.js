@@ -1,0 +1,332 @@
+"use strict";
+/* The status page. It asks /v1/status and /v1/alerts, again whenever the event stream says that something is new,
+   and every few seconds in any case. Everything shown goes through textContent: nothing received becomes markup. */
+
+const REFRESH_MS = 500, POLL_LIVE_MS = 5000, POLL_ALONE_MS = 2000, TIMEOUT_MS = 8000;
+const Z_RANGE = 8, Z_BAND = 2;
+const STATES = ["degraded", "not_observable", "stale", "unknown", "healthy"];
+const GREEK = { eta: "η", xi: "ξ", zeta: "ζ" };
+const SHAPES = {
+  healthy: "M8 1.5a6.5 6.5 0 1 0 0 13 6.5 6.5 0 0 0 0-13zM4.8 8.2l2.2 2.2 4.2-4.6",
+  degraded: "M8 2l6.5 11.5h-13zM8 6.5v3.5M8 11.7v.3",
+  not_observable: "M1 8s2.5-4.5 7-4.5S15 8 15 8s-2.5 4.5-7 4.5S1 8 1 8zM2.5 13.5l11-11",
+  stale: "M8 1.5a6.5 6.5 0 1 0 0 13 6.5 6.5 0 0 0 0-13zM8 4.5V8l2.5 2",
+  unknown: "M8 1.5a6.5 6.5 0 1 0 0 13 6.5 6.5 0 0 0 0-13zM6 6.3a2 2 0 1 1 2.6 1.9c-.4.1-.6.4-.6.9M8 11.4v.2",
+  cleared: "M3 8h10",
+};
+const byId = (id) => document.getElementById(id);
+
+/* ---- small parts ------------------------------------------------------------------------------------- */
+
+function make(tag, className, ...children) {
+  const node = document.createElement(tag);
+  if (className) node.className = className;
+  node.append(...children);
+  return node;
+}
+
+function drawn(tag, attributes, ...children) {
+  const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
+  node.append(...children);
+  return node;
+}
+
+function words(name) {
+  return String(name ?? "").replaceAll("_", " ");
+}
+
+function fixed(value, digits) {
+  return value.toFixed(Math.min(Math.max(digits, 0), 9)).replace("-", "−");
+}
+
+function number(value, significant = 3) {
+  if (value === null || value === undefined) return "unknown";
+  return String(Number(value.toPrecision(significant))).replace("-", "−");
+}
+
+/** A value with its standard error, both to the error's second significant digit. */
+function plusMinus(value, error, unit = "", scale = 1) {
+  if (value === null) return "unknown";
+  const tail = unit ? ` ${unit}` : "";
+  if (error === null || !(error > 0)) return number(value * scale) + tail;
+  const digits = 1 - Math.floor(Math.log10(error * scale));
+  return `${fixed(value * scale, digits)} ± ${fixed(error * scale, digits)}${tail}`;
+}
+
+function signed(z) {
+  if (z === null) return "unknown";
+  return (z > 0 ? "+" : "") + fixed(z, 1);
+}
+
+function symbol(name) {
+  const [row, index] = String(name).split("_");
+  const node = make("span", "symbol", row);
+  if (index) node.append(make("sub", "", GREEK[index] ?? index));
+  return node;
+}
+
+function shape(state) {
+  const path = { d: SHAPES[state] ?? SHAPES.unknown, fill: "none", stroke: "currentColor", "stroke-width": 1.4,
+    "stroke-linecap": "round", "stroke-linejoin": "round" };
+  return drawn("svg", { viewBox: "0 0 16 16", "aria-hidden": "true" }, drawn("path", path));
+}
+
+function tag(state, text) {
+  const node = make("span", "tag", shape(state), text);
+  node.dataset.tone = state;
+  return node;
+}
+
+/** Where a z lies: the band where flight and expectation agree, and a mark; beyond the range the mark is a wedge. */
+function scale(z, labelled) {
+  const width = 320, middle = width / 2, y = labelled ? 12 : 8, unit = (middle - 12) / Z_RANGE;
+  const svg = drawn("svg", { class: "scale", viewBox: `0 0 ${width} ${labelled ? 36 : 16}`, "aria-hidden": "true",
+    preserveAspectRatio: labelled ? "xMidYMid meet" : "none" });
+  svg.append(drawn("rect", { class: "band", x: middle - Z_BAND * unit, y: y - 7, width: 2 * Z_BAND * unit, height: 14, rx: 2 }));
+  svg.append(drawn("line", { class: "axis", x1: 8, x2: width - 8, y1: y, y2: y }));
+  for (let tick = -Z_RANGE; tick <= Z_RANGE; tick += Z_BAND) {
+    const x = middle + tick * unit;
+    svg.append(drawn("line", { class: "axis", x1: x, x2: x, y1: y - (tick ? 3 : 7), y2: y + (tick ? 3 : 7) }));
+    if (labelled && tick % 4 === 0) svg.append(drawn("text", { x, y: y + 21 }, fixed(tick, 0)));
+  }
+  if (z === null) return svg;
+  const x = middle + Math.max(-Z_RANGE, Math.min(Z_RANGE, z)) * unit, out = Math.sign(z) * 9;
+  const wedge = `M${x - out / 2} ${y - 7}L${x + out} ${y}L${x - out / 2} ${y + 7}z`;
+  const mark = Math.abs(z) > Z_RANGE ? { d: wedge } : { d: `M${x} ${y - 7}l5 7-5 7-5-7z` };
+  svg.append(drawn("path", { class: "mark", ...mark }));
+  return svg;
+}
+
+function facts(className, pairs) {
+  const list = make("dl", className);
+  for (const [name, value] of pairs) {
+    if (value === null || value === "") continue;
+    const nodes = [make("dt", "", name), make("dd", "", value)];
+    if (className === "figures") list.append(make("div", "", ...nodes));
+    else list.append(...nodes);
+  }
+  return list;
+}
+
+/** Bring a list's children in line with the items; a child is rebuilt only when what it shows has changed. */
+function sync(list, items, key, build) {
+  const old = new Map([...list.children].map((node) => [node.dataset.key, node]));
+  items.forEach((item, place) => {
+    const fingerprint = JSON.stringify(item);
+    let node = old.get(key(item));
+    old.delete(key(item));
+    if (!node || node.fingerprint !== fingerprint) {
+      const fresh = build(item);
+      fresh.dataset.key = key(item);
+      fresh.fingerprint = fingerprint;
+      if (node) node.replaceWith(fresh);
+      node = fresh;
+    }
+    if (list.children[place] !== node) list.insertBefore(node, list.children[place] ?? null);
+  });
+  old.forEach((node) => node.remove());
+}
+
+/* ---- what is shown ------------------------------------------------------------------------------------ */
+
+function countItem([state, count]) {
+  const item = make("li", "", make("b", "", String(count)), make("span", "", words(state)));
+  item.dataset.tone = state;
+  if (!count) item.dataset.none = "";
+  return item;
+}
+
+function dial(worst, tone) {
+  const node = make("div", "dial");
+  node.dataset.tone = tone;
+  if (!worst) {
+    node.append(make("p", "soft", "No derivative compared yet."), scale(null, true));
+    return node;
+  }
+  const name = make("span", "", symbol(worst.derivative), " ", make("small", "soft", worst.meaning));
+  const reading = make("span", "number", make("span", "soft", "z "), make("b", "", signed(worst.z)));
+  node.append(make("p", "", name, reading), scale(worst.z, true),
+    make("p", "soft", make("small", "", `furthest from expectation, ${worst.estimator}, ${words(worst.structure)}`)));
+  return node;
+}
+
+function rejections(counts) {
+  const parts = Object.entries(counts).filter(([name, count]) => name !== "accepted" && count > 0);
+  return parts.map(([name, count]) => `${count} ${words(name)}`).join(", ");
+}
+
+function vehicleItem(vehicle) {
+  const item = make("li", "card");
+  const fleet = vehicle.fleet === "default" ? "" : `${vehicle.fleet} / `;
+  const kind = [vehicle.aircraft ?? "aircraft not announced", vehicle.configuration].filter(Boolean).join(", ");
+  const head = make("div", "head", make("h3", "", fleet + vehicle.vehicle), tag(vehicle.state, words(vehicle.state)));
+  const sky = vehicle.condition;
+  const speed = sky.airspeed_true_m_s, height = sky.altitude_m;
+  const flight = [speed == null ? "" : `${fixed(speed, 1)} m/s`, height == null ? "" : `${fixed(height, 0)} m`];
+  const seen = vehicle.last_sample_time_s;
+  item.append(make("div", "", head, make("p", "soft", kind)), make("p", "reason", vehicle.reason),
+    dial(vehicle.worst, vehicle.state),
+    facts("facts", [
+      ["Basis", vehicle.basis_text || vehicle.basis || "nothing compared yet"],
+      ["Flight", flight.filter(Boolean).join(", ")],
+      ["Last sample", seen === null ? "none" : `${fixed(seen, 1)} s on its clock`],
+      ["Samples", vehicle.counts.accepted === undefined ? "" : `${vehicle.counts.accepted} accepted`],
+      ["Rejected", rejections(vehicle.counts)],
+      ["Alerts", vehicle.active_alerts.length ? String(vehicle.active_alerts.length) : ""],
+    ]));
+  return item;
+}
+
+function size(alert) {
+  const { value, standard_error: error } = alert.size;
+  if (value === null) return null;
+  if (alert.cause.endsWith("_effectiveness")) return ["Effectiveness lost", plusMinus(value, error, "%", 100)];
+  return [alert.cause === "icing" ? "Icing severity η" : "Size", plusMinus(value, error)];
+}
+
+function evidenceRow(part) {
+  const row = make("tr", "");
+  const measured = make("td", "number", plusMinus(part.estimate, part.standard_error, part.unit));
+  const expected = make("td", "number", plusMinus(part.expected, part.expected_standard_error, part.unit));
+  measured.dataset.label = "measured";
+  expected.dataset.label = "expected";
+  const z = make("td", "z", make("div", "", scale(part.z, false), make("span", "number", signed(part.z))));
+  const name = make("th", "", symbol(part.derivative), make("small", "", part.meaning));
+  name.scope = "row";
+  row.append(name, measured, expected, z);
+  return row;
+}
+
+function evidenceTable(alert) {
+  const titles = ["Derivative", "Measured", "Expected", "z"].map((title) => {
+    const cell = make("th", "", title);
+    cell.scope = "col";
+    return cell;
+  });
+  return make("table", "", make("caption", "hidden", "Evidence"), make("thead", "", make("tr", "", ...titles)),
+    make("tbody", "", ...alert.evidence.map(evidenceRow)));
+}
+
+function alertItem(alert) {
+  const item = make("li", "card");
+  const cleared = alert.state === "cleared";
+  item.dataset.tone = cleared ? "cleared" : alert.level;
+  const fleet = alert.fleet === "default" ? "" : `${alert.fleet} / `;
+  const cause = words(alert.cause), title = cause.charAt(0).toUpperCase() + cause.slice(1);
+  const standing = alert.state === "active" ? alert.level : `${alert.level}, ${alert.state}`;
+  const mark = tag(cleared ? "cleared" : "degraded", standing);
+  mark.dataset.tone = item.dataset.tone;
+  item.append(make("div", "head", make("h3", "", `${title} on ${fleet}${alert.vehicle}`), mark),
+    make("p", "text", alert.text),
+    facts("figures", [
+      size(alert) ?? ["Size", "not known"],
+      ["Probability", alert.probability === null ? "" : `${fixed(100 * alert.probability, 0)} %`],
+      ["Kind", alert.kind === alert.cause ? "" : alert.kind],
+      ["Raised", `${fixed(alert.raised_s, 1)} s`],
+      ["Cleared", alert.cleared_s === null ? "" : `${fixed(alert.cleared_s, 1)} s`],
+      ["Compared with", `${alert.basis} expectation`],
+    ]));
+  if (alert.evidence.length) item.append(evidenceTable(alert));
+  if (alert.notes.length) item.append(make("ul", "notes", ...alert.notes.map((note) => make("li", "", note))));
+  return item;
+}
+
+let known = null;
+
+function announce(active) {
+  const fresh = known === null ? [] : active.filter((alert) => !known.has(alert.id));
+  known = new Set(active.map((alert) => alert.id));
+  if (fresh.length) {
+    byId("announcer").textContent =
+      fresh.map((alert) => `New ${alert.level}: ${words(alert.cause)} on ${alert.vehicle}.`).join(" ");
+  }
+}
+
+function show(status, recent) {
+  const active = status.alerts;
+  const cleared = recent.items.filter((alert) => alert.state === "cleared");
+  const counts = STATES.map((state) => [state, status.counts[state] ?? 0]);
+  sync(byId("counts"), counts, ([state]) => state, countItem);
+  sync(byId("alerts"), active, (alert) => alert.id, alertItem);
+  sync(byId("cleared"), cleared, (alert) => alert.id, alertItem);
+  sync(byId("vehicles"), status.vehicles, (vehicle) => `${vehicle.fleet}/${vehicle.vehicle}`, vehicleItem);
+  byId("no-alerts").hidden = active.length > 0;
+  byId("no-alerts").textContent = "No alert stands.";
+  byId("no-vehicles").hidden = status.vehicles.length > 0;
+  byId("past").hidden = cleared.length === 0;
+  byId("past-count").textContent = `(${cleared.length})`;
+  byId("version").textContent = `wingwatch ${status.version}.`;
+  document.title = active.length ? `(${active.length}) wingwatch` : "wingwatch";
+  announce(active);
+}
+
+/* ---- keeping it true ------------------------------------------------------------------------------------ */
+
+let streaming = false, asking = false, askAgain = false, timer = 0, lastAnswer = null;
+
+function tellLink(lost) {
+  const state = lost ? "lost" : streaming ? "live" : "polling";
+  const texts = { live: "live", polling: "asking every 2 s", lost: "no answer" };
+  byId("link").dataset.link = state;
+  byId("link-text").textContent = texts[state] + (lastAnswer ? `, ${lastAnswer.toLocaleTimeString()}` : "");
+  byId("banner").hidden = !lost;
+  if (lost) {
+    const since = lastAnswer ? ` since ${lastAnswer.toLocaleTimeString()}; what stands below is as old as that` : " yet";
+    byId("banner").textContent = `The service has not answered${since}.`;
+  }
+}
+
+async function get(path) {
+  const answer = await fetch(path, { cache: "no-store", signal: AbortSignal.timeout(TIMEOUT_MS) });
+  if (!answer.ok) throw new Error(`${path} answered ${answer.status}`);
+  return answer.json();
+}
+
+async function refresh() {
+  if (asking) {
+    askAgain = true;
+    return;
+  }
+  asking = true;
+  askAgain = false;
+  let lost = false;
+  try {
+    const [status, recent] = await Promise.all([get("/v1/status"), get("/v1/alerts?state=cleared&limit=50")]);
+    lastAnswer = new Date();
+    show(status, recent);
+  } catch (error) {
+    console.warn(error);
+    lost = true;
+  }
+  asking = false;
+  tellLink(lost);
+  plan(askAgain ? REFRESH_MS : streaming ? POLL_LIVE_MS : POLL_ALONE_MS);
+}
+
+function plan(delay) {
+  clearTimeout(timer);
+  timer = setTimeout(refresh, delay);
+}
+
+let soon = false;
+
+function somethingNew() {
+  if (soon) return;
+  soon = true;
+  setTimeout(() => { soon = false; refresh(); }, REFRESH_MS);
+}
+
+function follow() {
+  const stream = new EventSource("/v1/events");
+  stream.onopen = () => { streaming = true; refresh(); };
+  stream.onerror = () => {
+    streaming = false;
+    plan(POLL_ALONE_MS);
+    if (stream.readyState === EventSource.CLOSED) setTimeout(follow, POLL_LIVE_MS);
+  };
+  for (const kind of ["alert", "status", "derivatives", "resync"]) stream.addEventListener(kind, somethingNew);
+}
+
+refresh();
+follow();

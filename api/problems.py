@@ -1,0 +1,149 @@
+"""Errors as problem documents (RFC 9457): one sentence that says what, which value, what to do."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+
+from wingwatch.api.encoding import JsonResponse
+from wingwatch.api.schemas import FieldProblem, Problem
+
+__all__ = ["PROBLEM_MEDIA_TYPE", "PROBLEM_RESPONSES", "ProblemError", "install_problem_handlers", "printable"]
+
+PROBLEM_MEDIA_TYPE = "application/problem+json"
+
+_LONGEST_ECHO = 80
+_LOG = logging.getLogger(__name__)
+
+_CONTENT = {PROBLEM_MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+PROBLEM_RESPONSES: dict[int | str, dict[str, Any]] = {
+    "4XX": {"description": "The request cannot be answered; `detail` says why.", "content": _CONTENT},
+    "5XX": {"description": "The service cannot answer now; `detail` says why.", "content": _CONTENT},
+}
+"""What every operation's description says about errors."""
+
+
+class ProblemError(Exception):
+    """A request that is refused.
+
+    Attributes:
+        status: HTTP status code.
+        detail: one sentence for the caller.
+        checks: per part of the service its problem or None, where the problem is about readiness.
+    """
+
+    def __init__(self, status: int, detail: str, checks: Mapping[str, str | None] | None = None) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+        self.checks = checks
+
+
+def printable(value: object) -> str:
+    """A caller's value as it may be echoed: quoted, without control characters, at most 80 characters."""
+    text = (
+        ascii(value) if isinstance(value, str) else repr(value).encode("ascii", "backslashreplace").decode()
+    )
+    return text if len(text) <= _LONGEST_ECHO else text[: _LONGEST_ECHO - 3] + "..."
+
+
+def install_problem_handlers(app: FastAPI) -> None:
+    """Make every error of the application a problem document, its own faults included."""
+    app.add_exception_handler(ProblemError, _refused)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(Exception, _fault)
+
+
+def _document(request: Request, problem: Problem, headers: Mapping[str, str] | None = None) -> Response:
+    document = problem.model_copy(update={"instance": quote(request.url.path, safe="/:@-._~")})
+    return JsonResponse(
+        {key: value for key, value in document.model_dump().items() if value is not None},
+        status_code=problem.status,
+        headers={"Cache-Control": "no-store", **(headers or {})},
+        media_type=PROBLEM_MEDIA_TYPE,
+    )
+
+
+def _problem(status: int, detail: str) -> Problem:
+    return Problem(title=HTTPStatus(status).phrase, status=status, detail=detail)
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, ProblemError)
+    problem = _problem(error.status, error.detail)
+    if error.checks is not None:
+        problem = problem.model_copy(update={"checks": dict(error.checks)})
+    return _document(request, problem)
+
+
+async def _invalid(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    fields = [_field(e) for e in error.errors()]
+    more = f" (and {len(fields) - 1} more, see `errors`)" if len(fields) > 1 else ""
+    problem = _problem(HTTPStatus.UNPROCESSABLE_ENTITY, f"{fields[0].message}{more}.")
+    return _document(request, problem.model_copy(update={"errors": fields}))
+
+
+async def _http(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    path = printable(request.url.path)
+    allowed = (error.headers or {}).get("Allow", "GET")
+    details = {
+        HTTPStatus.NOT_FOUND: f"Nothing is served at {path}; /openapi.json lists every path.",
+        HTTPStatus.METHOD_NOT_ALLOWED: (
+            f"{printable(request.method)} is not offered at {path}; use {allowed}."
+        ),
+        HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "The request's body is too large; at most 64 kB are read.",
+        HTTPStatus.BAD_REQUEST: "The request's body cannot be read; send one JSON object encoded as UTF-8.",
+    }
+    detail = details.get(HTTPStatus(error.status_code), f"The request was refused: {error.detail}.")
+    return _document(request, _problem(error.status_code, detail), error.headers)
+
+
+async def _fault(request: Request, error: Exception) -> Response:
+    _LOG.error("fault while answering %s %s", request.method, printable(request.url.path), exc_info=error)
+    detail = (
+        "The service met a fault of its own while answering; its log says which, and trying again may help."
+    )
+    return _document(request, _problem(HTTPStatus.INTERNAL_SERVER_ERROR, detail))
+
+
+_PLACES = {
+    "query": "the query parameter",
+    "path": "the path's",
+    "body": "the body's field",
+    "header": "the header",
+}
+
+
+def _field(error: Mapping[str, Any]) -> FieldProblem:
+    """One fault of validation as a clause: where, what is allowed, what came."""
+    location: Sequence[object] = error["loc"]
+    kind, message = str(error["type"]), str(error["msg"])
+    place = _PLACES.get(str(location[0]), str(location[0]))
+    name = ".".join(printable(part)[1:-1] if isinstance(part, str) else str(part) for part in location[1:])
+    where = f"{location[0]}.{name}" if name else str(location[0])
+    if kind == "json_invalid":
+        reason = printable(error.get("ctx", {}).get("error", "syntax error"))[1:-1]
+        return FieldProblem(
+            where="body", message=f"the body is no JSON: {reason} at character {location[-1]}"
+        )
+    subject = f"{place} {name}" if name else "the body"
+    if kind == "missing":
+        clause = (
+            f"{subject} is required" if name else "a JSON body is required (Content-Type: application/json)"
+        )
+    elif kind == "extra_forbidden":
+        clause = f"{subject} is not known here"
+    else:
+        allowed = message.removeprefix("Input ").removeprefix("String ").removeprefix("Value error, ")
+        if not allowed.startswith(("should ", "must ")):
+            allowed = f"is not usable: {allowed[:1].lower()}{allowed[1:]}"
+        clause = f"{subject} {allowed}, got {printable(error.get('input'))}"
+    return FieldProblem(where=where, message=clause)

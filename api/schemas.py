@@ -1,0 +1,320 @@
+"""The REST objects, and how the monitor's views become them."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from wingwatch.aircraft.vocabulary import DERIVATIVES
+from wingwatch.api.encoding import quantity
+from wingwatch.monitor.views import (
+    AlertState,
+    AlertView,
+    EvidenceView,
+    VehicleState,
+    VehicleView,
+    WorstDerivative,
+)
+
+__all__ = [
+    "AlertDocument",
+    "AlertList",
+    "DerivativesDocument",
+    "FieldProblem",
+    "HistoryItem",
+    "HistoryList",
+    "Live",
+    "Name",
+    "PersonAction",
+    "Problem",
+    "Ready",
+    "StatusDocument",
+    "VehicleDocument",
+    "VehicleList",
+    "alert_document",
+    "status_document",
+    "vehicle_document",
+]
+
+Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$")]
+"""A fleet's or vehicle's name, as the Zenoh keys allow it."""
+
+_Line = r"^[^\x00-\x1f\x7f]*$"
+
+
+class _Answer(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class _OpenAnswer(BaseModel):
+    """An object to which the monitor may add keys; they are passed on as they are."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+
+class FieldProblem(_Answer):
+    """One part of a request that cannot be used."""
+
+    where: str = Field(description="place and name, such as `query.limit`")
+    message: str
+
+
+class Problem(_Answer):
+    """A problem document (RFC 9457)."""
+
+    type: str = "about:blank"
+    title: str = Field(description="the status code's meaning")
+    status: int
+    detail: str = Field(description="one sentence: what, which value, what to do")
+    instance: str | None = Field(default=None, description="path of the request")
+    errors: list[FieldProblem] | None = Field(default=None, description="every fault of a request's values")
+    checks: dict[str, str | None] | None = Field(
+        default=None, description="readiness: each part's problem, null where it works"
+    )
+
+
+class WorstDocument(_Answer):
+    """The derivative furthest from its expectation."""
+
+    estimator: str
+    structure: str
+    derivative: str
+    z: float | None = Field(description="difference over its standard error")
+    unit: str
+    meaning: str
+
+
+class VehicleDocument(_Answer):
+    """One vehicle as an operator sees it."""
+
+    fleet: str
+    vehicle: str
+    aircraft: str | None = Field(description="announced aircraft; null before it is known")
+    configuration: str | None
+    state: VehicleState
+    state_since_s: float | None
+    reason: str = Field(description="why the state is what it is")
+    last_sample_time_s: float | None = Field(description="the vehicle's own clock")
+    basis: str | None = Field(description="what the comparison rests on: a-priori, empirical, identified")
+    basis_text: str
+    worst: WorstDocument | None
+    counts: dict[str, int] = Field(description="samples and messages accepted and rejected, by reason")
+    active_alerts: list[str] = Field(description="ids of alerts that are not cleared, worst first")
+    condition: dict[str, float | None] = Field(
+        description="latest airspeed_true_m_s, altitude_m, air_density_kg_m3"
+    )
+
+
+class VehicleList(_Answer):
+    """All vehicles, worst first."""
+
+    items: list[VehicleDocument]
+    next: None = None
+
+
+class SizeDocument(_Answer):
+    """Size of a cause, with its standard error."""
+
+    value: float | None
+    standard_error: float | None
+
+
+class EvidenceDocument(_Answer):
+    """One derivative's part in an alert."""
+
+    derivative: str
+    estimate: float | None
+    standard_error: float | None
+    expected: float | None
+    expected_standard_error: float | None
+    z: float | None
+    unit: str
+    meaning: str
+
+
+class AlertDocument(_Answer):
+    """One alert with its evidence."""
+
+    id: str
+    fleet: str
+    vehicle: str
+    kind: str = Field(description="icing, damage, sensor or unexplained")
+    cause: str
+    level: str = Field(description="watch, warning or critical")
+    state: AlertState
+    raised_s: float = Field(description="sample time at which it was raised")
+    cleared_s: float | None
+    size: SizeDocument
+    probability: float | None = Field(description="of the cause among those considered")
+    basis: str = Field(description="what the comparison rests on")
+    text: str
+    evidence: list[EvidenceDocument]
+    notes: list[str] = Field(description="who did what and why, newest last")
+
+
+class AlertList(_Answer):
+    """Alerts, newest first, one page."""
+
+    items: list[AlertDocument]
+    next: str | None = Field(default=None, description="`cursor` of the next page, null on the last")
+
+
+class StatusDocument(_Answer):
+    """The fleet at a glance."""
+
+    version: str
+    counts: dict[VehicleState, int] = Field(description="vehicles per state, every state listed")
+    vehicles: list[VehicleDocument] = Field(description="worst first")
+    alerts: list[AlertDocument] = Field(description="alerts that are not cleared, newest first")
+
+
+class DerivativeValue(_OpenAnswer):
+    """One derivative, estimated and expected."""
+
+    value: float | None
+    standard_error: float | None
+    unit: str
+    outcome: str
+    expected: float | None = None
+    expected_standard_error: float | None = None
+
+
+class ModeEstimate(_OpenAnswer):
+    """One mode's estimate by one estimator."""
+
+    outcome: str
+    derivatives: dict[str, DerivativeValue]
+    natural_frequency_rad_s: float | None = None
+    damping_ratio: float | None = None
+
+
+class DerivativesDocument(_OpenAnswer):
+    """Current derivatives of a vehicle: estimator, then structure, then derivative."""
+
+    fleet: str
+    vehicle: str
+    time_s: float | None = Field(description="stamp of the last sample used")
+    convention: str
+    estimators: dict[str, dict[str, ModeEstimate]]
+
+
+class HistoryItem(_Answer):
+    """One derivative at one past instant."""
+
+    time_s: float
+    estimator: str
+    structure: str
+    derivative: str
+    value: float | None
+    standard_error: float | None
+    unit: str
+    outcome: str
+
+
+class HistoryList(_Answer):
+    """Past estimates, oldest first, one page."""
+
+    items: list[HistoryItem]
+    next: str | None = Field(default=None, description="`cursor` of the next page, null on the last")
+
+
+class Live(_Answer):
+    """The process answers."""
+
+    live: Literal[True] = True
+    version: str
+
+
+class Ready(_Answer):
+    """Everything works."""
+
+    ready: Literal[True] = True
+    checks: dict[str, str | None] = Field(description="each part of the service: null where it works")
+
+
+class PersonAction(BaseModel):
+    """Who acts on an alert, and why."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)
+
+    who: str = Field(min_length=1, max_length=100, pattern=_Line)
+    note: str = Field(default="", max_length=1000, pattern=_Line)
+
+
+def vehicle_document(view: VehicleView) -> VehicleDocument:
+    """The object of ``/v1/vehicles/{id}`` and of the Zenoh status key."""
+    return VehicleDocument(
+        fleet=view.fleet,
+        vehicle=view.vehicle,
+        aircraft=view.aircraft,
+        configuration=view.configuration,
+        state=view.state,
+        state_since_s=quantity(view.state_since_s),
+        reason=view.reason,
+        last_sample_time_s=quantity(view.last_sample_time_s),
+        basis=view.basis,
+        basis_text=view.basis_text,
+        worst=None if view.worst is None else _worst(view.worst),
+        counts={key: int(count) for key, count in view.counts.items()},
+        active_alerts=list(view.active_alerts),
+        condition={key: quantity(value) for key, value in view.condition.items()},
+    )
+
+
+def alert_document(view: AlertView) -> AlertDocument:
+    """The object of ``/v1/alerts/{id}`` and of the Zenoh alert key."""
+    return AlertDocument(
+        id=view.id,
+        fleet=view.fleet,
+        vehicle=view.vehicle,
+        kind=view.kind,
+        cause=view.cause,
+        level=view.level,
+        state=view.state,
+        raised_s=view.raised_s,
+        cleared_s=quantity(view.cleared_s),
+        size=SizeDocument(value=quantity(view.size), standard_error=quantity(view.size_standard_error)),
+        probability=quantity(view.probability),
+        basis=view.basis,
+        text=view.text,
+        evidence=[_evidence(e) for e in view.evidence],
+        notes=list(view.note),
+    )
+
+
+def status_document(
+    version: str, vehicles: list[VehicleDocument], alerts: list[AlertDocument]
+) -> StatusDocument:
+    """The fleet's status from its vehicles and from those alerts that are not cleared."""
+    counts = {state: sum(v.state == state for v in vehicles) for state in VehicleState}
+    return StatusDocument(version=version, counts=counts, vehicles=vehicles, alerts=alerts)
+
+
+def _worst(worst: WorstDerivative) -> WorstDocument:
+    unit, meaning = _words(worst.derivative)
+    return WorstDocument(
+        estimator=worst.estimator,
+        structure=worst.structure,
+        derivative=worst.derivative,
+        z=quantity(worst.z),
+        unit=unit,
+        meaning=meaning,
+    )
+
+
+def _evidence(part: EvidenceView) -> EvidenceDocument:
+    unit, meaning = _words(part.derivative)
+    return EvidenceDocument(
+        derivative=part.derivative,
+        estimate=quantity(part.estimate),
+        standard_error=quantity(part.standard_error),
+        expected=quantity(part.expected),
+        expected_standard_error=quantity(part.expected_standard_error),
+        z=quantity(part.z),
+        unit=unit,
+        meaning=meaning,
+    )
+
+
+def _words(symbol: str) -> tuple[str, str]:
+    known = DERIVATIVES.get(symbol)
+    return (known.unit, known.meaning) if known else ("", "")

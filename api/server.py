@@ -1,0 +1,212 @@
+"""Serving the application: the port is taken before anything else starts, and it ends within seconds."""
+
+import contextlib
+import errno
+import ipaddress
+import logging
+import signal
+import socket
+import threading
+from collections.abc import Callable, Generator
+from types import FrameType
+from typing import Self
+
+import uvicorn
+from fastapi import FastAPI
+
+__all__ = ["AddressError", "HttpServer", "PortInUse", "listen", "serve"]
+
+_LOG = logging.getLogger(__name__)
+_BACKLOG = 256
+_MOST_CONNECTIONS = 512
+_START_S = 10.0
+
+
+class AddressError(OSError):
+    """A host and port on which the service cannot listen; its text is one sentence for the user."""
+
+
+class PortInUse(AddressError):
+    """Another process already listens there."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening TCP socket, taken now, served later; port 0 lets the system choose.
+
+    Whoever asks first thing knows that the port is theirs before a session or a database is opened. A host
+    beyond loopback is the caller's explicit choice and is logged as a warning.
+
+    Raises:
+        PortInUse: another process listens there.
+        AddressError: no such host here, or no right to the port.
+    """
+    where = f"{host}:{port}"
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+    except (socket.gaierror, UnicodeError, OverflowError) as error:
+        raise AddressError(
+            f"cannot listen on {where}: host {host!r} has no address here; use 127.0.0.1"
+        ) from error
+    bound = socket.socket(family, kind, protocol)
+    try:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind(address)
+        bound.listen(_BACKLOG)
+    except (OSError, OverflowError) as error:
+        bound.close()
+        raise _refusal(error, host, port) from error
+    bound.set_inheritable(False)
+    chosen = bound.getsockname()[0]
+    if not ipaddress.ip_address(chosen.split("%")[0]).is_loopback:
+        _LOG.warning("listening on %s: whoever reaches this machine can read and act on alerts", chosen)
+    return bound
+
+
+class HttpServer:
+    """The application on a socket, in a thread of its own.
+
+    Args:
+        app: made by ``create_app``.
+        listening: made by ``listen``; closed at the end.
+        grace_s: how long requests under way may go on after the end was asked for; streams end at once.
+    """
+
+    def __init__(self, app: FastAPI, listening: socket.socket, grace_s: float = 1.0) -> None:
+        self._server = _server(app, grace_s)
+        self._listening = listening
+        self._address = listening.getsockname()
+        self._thread: threading.Thread | None = None
+        self._fault: BaseException | None = None
+
+    @property
+    def port(self) -> int:
+        """The port listened on."""
+        return int(self._address[1])
+
+    @property
+    def url(self) -> str:
+        """Where a browser on this machine finds the status page."""
+        host = str(self._address[0])
+        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
+        return f"http://[{host}]:{self.port}" if ":" in host else f"http://{host}:{self.port}"
+
+    @property
+    def problem(self) -> str | None:
+        """None while requests are answered, else why not (for readiness)."""
+        if self._fault is not None:
+            return f"the HTTP server failed: {self._fault}."
+        running = self._thread is not None and self._thread.is_alive() and self._server.started
+        return None if running and not self._server.should_exit else "the HTTP server is not running."
+
+    def start(self) -> Self:
+        """Serve from a thread; returns once requests are answered.
+
+        Raises:
+            RuntimeError: the server did not come up; the sentence says why.
+        """
+        self._thread = threading.Thread(target=self._run, name="wingwatch-http", daemon=True)
+        self._thread.start()
+        waited = threading.Event()
+        for _ in range(int(_START_S / 0.01)):
+            if self._server.started or not self._thread.is_alive():
+                break
+            waited.wait(0.01)
+        if not self._server.started:
+            raise RuntimeError(f"the HTTP server did not start: {self._fault or 'no reason given'}")
+        return self
+
+    def stop(self, timeout_s: float = 2.5) -> None:
+        """End it: streams at once, requests after the grace, then whatever is left by force."""
+        self._server.should_exit = True
+        if self._thread is not None:
+            self._thread.join(timeout_s)
+            if self._thread.is_alive():
+                self._server.force_exit = True
+                self._thread.join(0.5)
+        self._listening.close()
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        try:
+            self._server.run(sockets=[self._listening])
+        except BaseException as error:  # a thread's end must not be silent, whatever ended it
+            self._fault = error
+            _LOG.exception("the HTTP server ended")
+
+
+def serve(app: FastAPI, listening: socket.socket, grace_s: float = 1.0) -> None:
+    """Serve in the calling (main) thread until SIGINT or SIGTERM, then return for the caller to tidy up."""
+    try:
+        _server(app, grace_s).run(sockets=[listening])
+    finally:
+        listening.close()
+
+
+class _Server(uvicorn.Server):
+    """Uvicorn that ends event streams first, and returns from a signal instead of dying of it."""
+
+    def __init__(self, config: uvicorn.Config, before_shutdown: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._before_shutdown = before_shutdown
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._before_shutdown()
+        await super().shutdown(sockets)
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Generator[None, None, None]:
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = {number: signal.signal(number, self._end) for number in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    def _end(self, _number: int, _frame: FrameType | None) -> None:
+        self.force_exit = self.should_exit
+        self.should_exit = True
+
+
+def _server(app: FastAPI, grace_s: float) -> _Server:
+    config = uvicorn.Config(
+        app,
+        http="h11",
+        ws="none",
+        lifespan="off",
+        loop="asyncio",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        limit_concurrency=_MOST_CONNECTIONS,
+        backlog=_BACKLOG,
+        timeout_graceful_shutdown=max(1, round(grace_s)),
+    )
+    return _Server(config, app.state.close_streams)
+
+
+def _refusal(error: Exception, host: str, port: int) -> AddressError:
+    number = getattr(error, "errno", None)
+    if number == errno.EADDRINUSE:
+        return PortInUse(
+            f"port {port} on {host} is in use by another process; end that one or give another with --port"
+        )
+    if number == errno.EACCES:
+        return AddressError(
+            f"port {port} on {host} needs rights this user lacks; give one above 1023 with --port"
+        )
+    if number == errno.EADDRNOTAVAIL:
+        return AddressError(
+            f"cannot listen on {host}:{port}: {host} is no address of this machine; use 127.0.0.1"
+        )
+    reason = getattr(error, "strerror", None) or str(error)
+    return AddressError(f"cannot listen on {host}:{port}: {reason}; give another with --host or --port")
