@@ -6,6 +6,19 @@ The database's names are looked up when first asked for, so that estimating offl
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from wingwatch.baselines.apriori import apriori_envelope
+from wingwatch.baselines.expectation import (
+    DECLARED,
+    MEASURED,
+    UNSCALED,
+    Envelope,
+    Expectation,
+    Neighbourhood,
+    OutOfEnvelope,
+    american,
+    concise,
+    empirical,
+)
 from wingwatch.baselines.records import (
     AlertPage,
     AlertRecord,
@@ -21,6 +34,17 @@ if TYPE_CHECKING:
     from wingwatch.baselines.database import Database, DatabaseError, open_database
 
 __all__ = [
+    "Expectation",
+    "OutOfEnvelope",
+    "Envelope",
+    "Neighbourhood",
+    "MEASURED",
+    "DECLARED",
+    "UNSCALED",
+    "apriori_envelope",
+    "american",
+    "concise",
+    "empirical",
     "Reference",
     "open_database",
     "Database",

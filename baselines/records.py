@@ -7,6 +7,10 @@ vehicle's own clock.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from wingwatch.aircraft import STRUCTURES, FlightCondition, Provenance
+from wingwatch.baselines.expectation import Expectation
 from wingwatch.baselines.reference import Reference
 from wingwatch.estimators.estimate import Estimate
 
@@ -48,6 +52,47 @@ class ExpectationRecord:
     created_at_s: float
     id: int | None = None
     superseded_by: int | None = None
+
+    @classmethod
+    def of(cls, aircraft: str, expectation: Expectation, created_at_s: float) -> "ExpectationRecord":
+        """An expectation as an entry of the aircraft of that name."""
+        condition = expectation.condition
+        return cls(
+            aircraft=aircraft,
+            configuration=condition.configuration,
+            structure=expectation.structure.name,
+            airspeed_true_m_s=float(condition.airspeed_true_m_s),
+            altitude_m=float(condition.altitude_m),
+            air_density_kg_m3=float(condition.air_density_kg_m3),
+            angle_of_attack_rad=float(condition.angle_of_attack_rad),
+            value=tuple(expectation.value.tolist()),
+            covariance=tuple(tuple(row) for row in expectation.covariance.tolist()),
+            provenance=str(expectation.provenance),
+            source=expectation.source,
+            created_at_s=created_at_s,
+        )
+
+    @property
+    def expectation(self) -> Expectation:
+        """The entry as an expectation, a point for an ``Envelope``.
+
+        Raises:
+            KeyError, ValueError: a structure or provenance that this program does not know.
+        """
+        return Expectation(
+            STRUCTURES[self.structure],
+            np.array(self.value),
+            np.array(self.covariance),
+            Provenance(self.provenance),
+            FlightCondition(
+                self.airspeed_true_m_s,
+                self.altitude_m,
+                self.air_density_kg_m3,
+                self.configuration,
+                self.angle_of_attack_rad,
+            ),
+            self.source,
+        )
 
 
 @dataclass(frozen=True, slots=True)
