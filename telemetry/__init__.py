@@ -21,8 +21,24 @@ from wingwatch.telemetry.keys import (
     vehicle_key,
 )
 from wingwatch.telemetry.maps import ChannelEntry, ChannelMap, MapError, RowSelection, load_map, parse_map
+from wingwatch.telemetry.messages import (
+    JSON,
+    PROTOBUF,
+    AircraftMessage,
+    MessageError,
+    MessageLimits,
+    SensorsMessage,
+    decode_aircraft,
+    decode_sensors,
+    encode_aircraft,
+    encode_sensors,
+)
+from wingwatch.telemetry.publisher import FlightPublisher
 from wingwatch.telemetry.readers import RawTable, TableError, read_table
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, CHANNELS, Channel, SampleBlock
+from wingwatch.telemetry.service_messages import ServiceStream, decode_service_object, encode_service_object
+from wingwatch.telemetry.subscriber import InboundMessage, SensorSubscriber, SequenceTracker
+from wingwatch.telemetry.zenoh_link import DEFAULT_ENDPOINT, LinkError, ZenohSettings, open_session
 
 __all__ = [
     "Channel",
@@ -60,4 +76,25 @@ __all__ = [
     "parse_key",
     "service_alive_key",
     "vehicle_key",
+    "JSON",
+    "PROTOBUF",
+    "AircraftMessage",
+    "MessageError",
+    "MessageLimits",
+    "SensorsMessage",
+    "decode_aircraft",
+    "decode_sensors",
+    "encode_aircraft",
+    "encode_sensors",
+    "ServiceStream",
+    "decode_service_object",
+    "encode_service_object",
+    "DEFAULT_ENDPOINT",
+    "LinkError",
+    "ZenohSettings",
+    "open_session",
+    "InboundMessage",
+    "SensorSubscriber",
+    "SequenceTracker",
+    "FlightPublisher",
 ]

@@ -1,0 +1,300 @@
+"""What vehicles publish, as bytes and back: sensors and aircraft messages in protobuf and in JSON.
+
+Payloads come from strangers: whatever the bytes, decoding gives a message or a ``MessageError`` with a reason
+a machine can count and a sentence a person can read. Schema: ``proto/wingwatch/v1/vehicle.proto``.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import orjson
+from google.protobuf.message import DecodeError
+from google.protobuf.unknown_fields import UnknownFieldSet
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from wingwatch.telemetry.completion import complete
+from wingwatch.telemetry.protocol import vehicle_pb2
+from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, SampleBlock
+
+__all__ = [
+    "JSON",
+    "PROTOBUF",
+    "AircraftMessage",
+    "MessageError",
+    "MessageLimits",
+    "SensorsMessage",
+    "decode_aircraft",
+    "decode_sensors",
+    "encode_aircraft",
+    "encode_sensors",
+    "is_json",
+]
+
+PROTOBUF = "application/protobuf"
+JSON = "application/json"
+_JSON_ENCODINGS = (JSON, "text/json")
+_UNSAID_ENCODINGS = ("", "zenoh/bytes", "zenoh/string", "application/octet-stream", "text/plain")
+_MAX_SEQUENCE = 2**64 - 1
+_SHOWN_CHARACTERS = 60
+# protobuf's own JSON writes these numbers as text
+_NUMBER_WORDS: Mapping[Any, float] = {"NaN": np.nan, "Infinity": np.inf, "-Infinity": -np.inf}
+
+
+class MessageError(ValueError):
+    """A payload that is no message of the contract.
+
+    Attributes:
+        reason: short name for counting: ``too_large``, ``too_many_samples``, ``unsupported_encoding``,
+            ``malformed``, ``unknown_field``, ``unknown_column``, ``wrong_type``, ``unequal_lengths``,
+            ``missing_time``, ``bad_value``.
+    """
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(text)
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class MessageLimits:
+    """How large a message may be.
+
+    Attributes:
+        max_bytes: longest payload.
+        max_samples: most samples in one message.
+    """
+
+    max_bytes: int = 65_536
+    max_samples: int = 1_000
+
+
+@dataclass(frozen=True, slots=True)
+class SensorsMessage:
+    """Samples that arrived together.
+
+    Attributes:
+        sequence: the publisher's count of its messages, from 0.
+        block: the samples, completed (``complete``).
+        given: channels that the message itself carried.
+    """
+
+    sequence: int
+    block: SampleBlock
+    given: tuple[str, ...]
+
+
+class AircraftMessage(BaseModel):
+    """Which aircraft a vehicle is, and how it is loaded.
+
+    Attributes:
+        aircraft: name of a library aircraft or of a file that the service was given; never a path.
+        configuration: configuration in the sense of the aircraft file.
+        mass_kg: actual mass where it is known.
+        cg_shift_m: centre of gravity behind (positive) that of the aircraft file, where it is known.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    aircraft: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,127}$")]
+    configuration: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")] = "clean"
+    mass_kg: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
+    cg_shift_m: Annotated[float, Field(allow_inf_nan=False)] | None = None
+
+
+def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None = None) -> SensorsMessage:
+    """The samples of a sensors message, completed as a flight read from a file is.
+
+    Args:
+        payload: the bytes.
+        encoding: Zenoh's encoding; where it says nothing (``zenoh/bytes``, text), a ``{`` tells JSON.
+        limits: largest message; the defaults where not given.
+
+    Raises:
+        MessageError: anything that is no sensors message.
+    """
+    limits = MessageLimits() if limits is None else limits
+    if is_json(payload, encoding, limits):
+        sequence, columns = _sensors_from_json(payload)
+    else:
+        sequence, columns = _sensors_from_protobuf(payload)
+    if "time_s" not in columns:
+        raise MessageError("missing_time", "the sensors message has no time_s")
+    lengths = {name: len(column) for name, column in columns.items()}
+    samples = lengths["time_s"]
+    for name, length in lengths.items():
+        if length != samples:
+            text = f"column {name} has {length} values and time_s {samples}: all columns must be equally long"
+            raise MessageError("unequal_lengths", text)
+    if samples > limits.max_samples:
+        text = f"the message has {samples} samples, more than the {limits.max_samples} allowed: send fewer"
+        raise MessageError("too_many_samples", text)
+    block = SampleBlock.from_columns({name: _numbers(name, column) for name, column in columns.items()})
+    given = tuple(name for name in CHANNEL_NAMES if name in columns)
+    return SensorsMessage(sequence, complete(block, given), given)
+
+
+def encode_sensors(
+    sequence: int, block: SampleBlock, encoding: str = PROTOBUF, columns: Sequence[str] | None = None
+) -> bytes:
+    """A sensors message.
+
+    Args:
+        sequence: number of this message, from 0.
+        block: the samples.
+        encoding: ``application/protobuf`` or ``application/json``.
+        columns: channels to send; those with a finite value in this block where not given. Pieces of one
+            flight must all send the same.
+
+    Raises:
+        ValueError: an encoding that is neither.
+    """
+    names = block.present if columns is None else columns
+    values = {name: block.column(name).tolist() for name in names}
+    if encoding == JSON:
+        return orjson.dumps({"sequence": sequence, "columns": values})  # NaN becomes null
+    _demand_protobuf(encoding)
+    message = vehicle_pb2.Sensors(sequence=sequence)
+    for name, column in values.items():
+        getattr(message.columns, name).extend(column)
+    return message.SerializeToString()
+
+
+def decode_aircraft(payload: bytes, encoding: str, limits: MessageLimits | None = None) -> AircraftMessage:
+    """An aircraft message.
+
+    Raises:
+        MessageError: anything that is no aircraft message.
+    """
+    if is_json(payload, encoding, MessageLimits() if limits is None else limits):
+        fields = _json_object(payload, "aircraft message")
+    else:
+        message = vehicle_pb2.Aircraft()
+        _parse(message, payload)
+        fields = {field.name: value for field, value in message.ListFields()}
+    try:
+        return AircraftMessage.model_validate(fields)
+    except ValidationError as problem:
+        first = problem.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "extra_forbidden":
+            raise _unknown_field(where, "aircraft message", AircraftMessage.model_fields) from None
+        reason = "wrong_type" if first["type"].endswith("_type") else "bad_value"
+        text = f"the aircraft message's {where} is not valid ({_shown(first['input'])}): {first['msg']}"
+        raise MessageError(reason, text) from None
+
+
+def encode_aircraft(message: AircraftMessage, encoding: str = PROTOBUF) -> bytes:
+    """An aircraft message's bytes.
+
+    Raises:
+        ValueError: an encoding that is neither protobuf nor JSON.
+    """
+    fields = message.model_dump(exclude_none=True)
+    if encoding == JSON:
+        return orjson.dumps(fields)
+    _demand_protobuf(encoding)
+    return vehicle_pb2.Aircraft(**fields).SerializeToString()
+
+
+def is_json(payload: bytes, encoding: str, limits: MessageLimits) -> bool:
+    """Whether a payload is JSON, else protobuf: by its encoding or, where that says nothing, its first byte.
+
+    Raises:
+        MessageError: a payload too large, or an encoding that is neither.
+    """
+    if len(payload) > limits.max_bytes:
+        text = (
+            f"the payload is longer than the {limits.max_bytes} bytes allowed: send fewer samples a message"
+        )
+        raise MessageError("too_large", text)
+    kind = encoding.partition(";")[0].strip().lower()
+    if kind in _JSON_ENCODINGS:
+        return True
+    if kind == PROTOBUF:
+        return False
+    if kind in _UNSAID_ENCODINGS or kind.startswith("text/"):
+        return payload.lstrip()[:1] == b"{"
+    text = f"the encoding {_shown(encoding)} is not known: send {PROTOBUF} or {JSON}"
+    raise MessageError("unsupported_encoding", text)
+
+
+def _demand_protobuf(encoding: str) -> None:
+    if encoding != PROTOBUF:
+        raise ValueError(f"messages are encoded as {PROTOBUF} or {JSON}, not {encoding!r}")
+
+
+def _sensors_from_protobuf(payload: bytes) -> tuple[int, Mapping[str, Any]]:
+    message = vehicle_pb2.Sensors()
+    _parse(message, payload)
+    if len(UnknownFieldSet(message.columns)):
+        raise MessageError("unknown_column", "the message has a column with a number that is no channel's")
+    return message.sequence, {field.name: column for field, column in message.columns.ListFields()}
+
+
+def _parse(message: vehicle_pb2.Sensors | vehicle_pb2.Aircraft, payload: bytes) -> None:
+    try:
+        message.ParseFromString(payload)
+    except DecodeError:
+        raise MessageError("malformed", "the payload is no protobuf message of this schema") from None
+    if len(UnknownFieldSet(message)):
+        raise MessageError("unknown_field", "the message has a field that the schema does not know")
+
+
+def _sensors_from_json(payload: bytes) -> tuple[int, Mapping[str, Any]]:
+    fields = _json_object(payload, "sensors message")
+    for name in fields:
+        if name not in ("sequence", "columns"):
+            raise _unknown_field(name, "sensors message", ("sequence", "columns"))
+    columns = fields.get("columns")
+    if not isinstance(columns, dict):
+        text = f"the sensors message's columns must be an object of lists, not {_shown(columns)}"
+        raise MessageError("wrong_type", text)
+    for name, column in columns.items():
+        if name not in CHANNEL_INDEX:
+            text = f"column {_shown(name)} is no channel of the flight table: send its channels only"
+            raise MessageError("unknown_column", text)
+        if not isinstance(column, list):
+            raise MessageError("wrong_type", f"column {name} must be a list of numbers, not {_shown(column)}")
+    return _sequence(fields.get("sequence", 0)), columns
+
+
+def _sequence(value: Any) -> int:
+    """A message number; protobuf's own JSON writes 64-bit integers as text."""
+    if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) <= 20:
+        value = int(value)
+    if type(value) is not int or not 0 <= value <= _MAX_SEQUENCE:
+        raise MessageError("wrong_type", f"sequence must be a whole number from 0, not {_shown(value)}")
+    return value
+
+
+def _numbers(name: str, column: Any) -> NDArray[np.float64]:
+    if isinstance(column, list) and not set(map(type, column)) <= {float, int, type(None)}:
+        column = [_NUMBER_WORDS.get(v, v) if isinstance(v, str) else v for v in column]
+        for value in column:
+            if type(value) not in (float, int, type(None)):
+                raise MessageError("wrong_type", f"column {name} holds {_shown(value)}, which is no number")
+    return np.array(column, dtype=np.float64)
+
+
+def _json_object(payload: bytes, what: str) -> dict[str, Any]:
+    try:
+        value = orjson.loads(payload)
+    except orjson.JSONDecodeError:
+        text = f"the {what} is not valid JSON (a missing value is null, not NaN)"
+        raise MessageError("malformed", text) from None
+    if not isinstance(value, dict):
+        raise MessageError("malformed", f"the {what} must be a JSON object, not {_shown(value)}")
+    return value
+
+
+def _unknown_field(name: str, what: str, allowed: Any) -> MessageError:
+    return MessageError(
+        "unknown_field", f"the {what} has no field {_shown(name)}: it has {', '.join(allowed)}"
+    )
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}..."

@@ -1,0 +1,200 @@
+"""Receiving: messages of all vehicles wait, undecoded, in a bounded queue for the service's loop.
+
+Zenoh's callbacks must neither block nor call Zenoh, so they only check the key, copy the bytes and leave.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Lock
+from types import TracebackType
+from typing import Any, Self
+
+import zenoh
+
+from wingwatch.telemetry.keys import KEY_ROOT, KeyNameError, parse_key, vehicle_key
+
+__all__ = ["InboundMessage", "SensorSubscriber", "SequenceTracker"]
+
+_ASK_AGAIN_S = 2.0
+_MAX_VEHICLES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class InboundMessage:
+    """One message as it came in.
+
+    Attributes:
+        fleet: from its key.
+        vehicle: from its key.
+        stream: ``sensors`` or ``aircraft``.
+        payload: its bytes; of a payload above the limit only so many that decoding says ``too_large``.
+        encoding: Zenoh's encoding, as text.
+        received_s: the subscriber's clock on arrival.
+    """
+
+    fleet: str
+    vehicle: str
+    stream: str
+    payload: bytes
+    encoding: str
+    received_s: float
+
+
+class SensorSubscriber:
+    """Subscribes the sensors and aircraft streams of every vehicle; use it in a ``with`` statement.
+
+    A vehicle whose samples come without its aircraft having been heard of is asked for it, so it does not
+    matter who started first.
+
+    Args:
+        session: an open session.
+        clock: seconds, for the time of arrival.
+        on_arrival: called after each message from Zenoh's thread; it must return at once (set an event).
+        capacity: most messages waiting; more are dropped and counted as ``overflow``.
+        capacity_bytes: most bytes waiting; likewise.
+        max_message_bytes: longest payload kept whole.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        clock: Callable[[], float],
+        on_arrival: Callable[[], None] | None = None,
+        *,
+        capacity: int = 100_000,
+        capacity_bytes: int = 268_435_456,
+        max_message_bytes: int = 65_536,
+    ) -> None:
+        self._session = session
+        self._clock = clock
+        self._on_arrival = on_arrival
+        self._capacity = capacity
+        self._capacity_bytes = capacity_bytes
+        self._keep_bytes = max_message_bytes + 1
+        self._waiting: deque[InboundMessage] = deque()
+        self._waiting_bytes = 0
+        self._counts = {"received": 0, "overflow": 0, "bad_key": 0}
+        self._lock = Lock()
+        self._announced: set[tuple[str, str]] = set()
+        self._asked_s: dict[tuple[str, str], float] = {}
+        self._subscribers = [
+            session.declare_subscriber(f"{KEY_ROOT}/*/*/{stream}", self._arrived)
+            for stream in ("aircraft", "sensors")
+        ]
+        self._ask(f"{KEY_ROOT}/*/*/aircraft")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the subscription; what waits can still be drained."""
+        while self._subscribers:
+            self._subscribers.pop().undeclare()  # type: ignore[no-untyped-call]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages ``received``, dropped because the queue was full (``overflow``), and under a ``bad_key``."""
+        with self._lock:
+            return dict(self._counts)
+
+    @property
+    def waiting(self) -> int:
+        """Messages in the queue now."""
+        return len(self._waiting)
+
+    def drain(self, max_items: int) -> list[InboundMessage]:
+        """The oldest waiting messages, in the order of arrival; never waits. Called from one thread only."""
+        with self._lock:
+            taken = [self._waiting.popleft() for _ in range(min(max_items, len(self._waiting)))]
+            self._waiting_bytes -= sum(len(message.payload) for message in taken)
+        for message in taken:
+            self._note_aircraft(message)
+        return taken
+
+    def _arrived(self, sample: zenoh.Sample) -> None:
+        if sample.kind != zenoh.SampleKind.PUT:
+            return
+        try:
+            key = parse_key(str(sample.key_expr))
+        except KeyNameError:
+            self._count("bad_key")
+            return
+        payload = sample.payload.to_bytes()[: self._keep_bytes]
+        message = InboundMessage(
+            key.fleet, key.vehicle, key.leaf, payload, str(sample.encoding), self._clock()
+        )
+        self._queue(message)
+        if self._on_arrival is not None:
+            self._on_arrival()
+
+    def _queue(self, message: InboundMessage) -> None:
+        with self._lock:
+            full = len(self._waiting) >= self._capacity
+            if full or self._waiting_bytes + len(message.payload) > self._capacity_bytes:
+                self._counts["overflow"] += 1
+                return
+            self._counts["received"] += 1
+            self._waiting_bytes += len(message.payload)
+            self._waiting.append(message)
+
+    def _count(self, name: str) -> None:
+        with self._lock:
+            self._counts[name] += 1
+
+    def _note_aircraft(self, message: InboundMessage) -> None:
+        """Remembers who has announced an aircraft, and asks those who send samples without."""
+        name = (message.fleet, message.vehicle)
+        if message.stream == "aircraft":
+            if len(self._announced) < _MAX_VEHICLES:
+                self._announced.add(name)
+            self._asked_s.pop(name, None)
+        elif name not in self._announced:
+            asked_s = self._asked_s.get(name)
+            if asked_s is None and len(self._asked_s) >= _MAX_VEHICLES:
+                return
+            if asked_s is None or message.received_s - asked_s >= _ASK_AGAIN_S:
+                self._asked_s[name] = message.received_s
+                self._ask(vehicle_key(*name, "aircraft"))
+
+    def _ask(self, key: str) -> None:
+        self._session.get(key, self._answered, target=zenoh.QueryTarget.ALL)
+
+    def _answered(self, reply: Any) -> None:
+        if reply.ok is not None:
+            self._arrived(reply.ok)
+
+
+class SequenceTracker:
+    """Counts the messages of one publisher that never arrived, by the gaps in their numbers.
+
+    Attributes:
+        missing: messages lost so far.
+        restarts: times the publisher began again at 0.
+        repeated: messages whose number had been there already.
+    """
+
+    def __init__(self) -> None:
+        self.missing = 0
+        self.restarts = 0
+        self.repeated = 0
+        self._next: int | None = None
+
+    def observe(self, sequence: int) -> int:
+        """Takes the number of a message that arrived; how many are missing right before it."""
+        expected, self._next = self._next, sequence + 1
+        if expected is None or sequence == expected:
+            return 0
+        if sequence > expected:
+            self.missing += sequence - expected
+            return sequence - expected
+        if sequence == 0:
+            self.restarts += 1
+        else:
+            self.repeated += 1
+        return 0

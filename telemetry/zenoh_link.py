@@ -1,0 +1,120 @@
+"""The Zenoh session: loopback and no scouting unless told otherwise, one sentence where it cannot be had."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import zenoh
+
+__all__ = ["DEFAULT_ENDPOINT", "LinkError", "ZenohSettings", "open_session"]
+
+DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+_RETRY_FIRST_MS, _RETRY_LAST_MS = 100, 500  # a lost router is found again 0.3 s after it is back
+_STALL_ALLOWED_US = (
+    60_000_000  # a busy receiver may hold up a blocking publisher this long before the link drops
+)
+
+
+class LinkError(RuntimeError):
+    """A session, listener or receiver that is not to be had; one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class ZenohSettings:
+    """How this process takes part.
+
+    Attributes:
+        mode: ``peer`` (others may connect to it), ``client`` (connects to one router or peer) or ``router``.
+        listen: endpoints others connect to.
+        connect: endpoints to connect to.
+        max_message_bytes: longest payload that is taken; a longer one is counted as ``too_large``.
+        max_transport_bytes: a message longer than this is dropped before it has been put together, uncounted
+            but for the gap it leaves in the sequence; it bounds the memory a stranger can claim.
+        open_timeout_s: how long to try to connect.
+    """
+
+    mode: Literal["peer", "client", "router"] = "peer"
+    listen: tuple[str, ...] = (DEFAULT_ENDPOINT,)
+    connect: tuple[str, ...] = ()
+    max_message_bytes: int = 65_536
+    max_transport_bytes: int = 16_777_216
+    open_timeout_s: float = 5.0
+
+    @classmethod
+    def for_service(cls, listen: tuple[str, ...] = (), connect: tuple[str, ...] = ()) -> "ZenohSettings":
+        """A service: a peer that listens (on loopback where nothing is said), or a client of a router."""
+        if connect and not listen:
+            return cls(mode="client", listen=(), connect=connect)
+        return cls(mode="peer", listen=listen or (DEFAULT_ENDPOINT,), connect=connect)
+
+    @classmethod
+    def for_vehicle(cls, connect: tuple[str, ...] = (DEFAULT_ENDPOINT,)) -> "ZenohSettings":
+        """A vehicle: always a client, because two peers that do not listen never hear of each other."""
+        return cls(mode="client", listen=(), connect=connect)
+
+    def config(self) -> zenoh.Config:
+        """The settings in Zenoh's own form.
+
+        Raises:
+            LinkError: an endpoint that is none, or a client without one.
+        """
+        if self.mode == "client" and not self.connect:
+            raise LinkError(f"a Zenoh client needs an endpoint to connect to, such as {DEFAULT_ENDPOINT}")
+        values: dict[str, Any] = {
+            "mode": self.mode,
+            "listen/endpoints": list(self.listen),
+            "connect/endpoints": list(self.connect),
+            "connect/timeout_ms": round(1000 * self.open_timeout_s),
+            "connect/exit_on_failure": True,
+            "connect/retry": {"period_init_ms": _RETRY_FIRST_MS, "period_max_ms": _RETRY_LAST_MS},
+            "scouting/multicast/enabled": False,
+            "transport/shared_memory/enabled": False,
+            "transport/link/rx/max_message_size": self.max_transport_bytes,
+            "transport/link/tx/queue/congestion_control/block/wait_before_close": _STALL_ALLOWED_US,
+        }
+        config = zenoh.Config()
+        for key, value in values.items():
+            try:
+                config.insert_json5(key, json.dumps(value))
+            except zenoh.ZError:
+                shown = json.dumps(value)
+                raise LinkError(
+                    f"Zenoh does not take {shown} for {key}: use the form tcp/HOST:PORT"
+                ) from None
+        return config
+
+
+@contextmanager
+def open_session(settings: ZenohSettings) -> Iterator[zenoh.Session]:
+    """A session that is closed on the way out, whatever happens: an open one keeps the process from ending.
+
+    Raises:
+        LinkError: the port is taken, nothing answers within the timeout, or an endpoint is wrong.
+    """
+    try:
+        session = zenoh.open(settings.config())
+    except zenoh.ZError as problem:
+        raise LinkError(_sentence(settings, str(problem))) from None
+    try:
+        yield session
+    finally:
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def _sentence(settings: ZenohSettings, problem: str) -> str:
+    listen, connect = " ".join(settings.listen), " ".join(settings.connect)
+    if "Address already in use" in problem:
+        return f"Zenoh cannot listen on {listen}: the port is in use; choose another one"
+    if "Cannot assign requested address" in problem:
+        return f"Zenoh cannot listen on {listen}: this machine does not have that address"
+    if "ermission denied" in problem:
+        return f"Zenoh cannot listen on {listen}: the system does not permit it; choose a port above 1023"
+    if "Unable to connect" in problem:
+        return (
+            f"nothing answers at {connect} within {settings.open_timeout_s:g} s: "
+            "start the service or router, or correct the endpoint"
+        )
+    what = problem.split(" at /", 1)[0].rstrip(".")
+    return f"Zenoh cannot be opened (listen {listen or 'none'}, connect {connect or 'none'}): {what}"
