@@ -1,0 +1,393 @@
+"""The image's build steps run in a temporary folder, and the compose file is sound; no engine is needed.
+
+COPY and RUN of the build stage are carried out on a copy of what the ignore file lets through, with the
+image's folders moved below a temporary one. Steps that change the system (users, owners) are only looked at.
+"""
+
+import fnmatch
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+DOCKERFILE = ROOT / "docker" / "Dockerfile"
+IGNORE = ROOT / "docker" / "Dockerfile.dockerignore"
+CONSTRAINTS = (ROOT / "constraints.txt").read_text()
+INSTRUCTIONS = {
+    "FROM",
+    "WORKDIR",
+    "COPY",
+    "RUN",
+    "ENV",
+    "USER",
+    "VOLUME",
+    "EXPOSE",
+    "HEALTHCHECK",
+    "ENTRYPOINT",
+    "CMD",
+}
+SERVE_OPTIONS = {"--config", "--host", "--port", "--listen", "--connect", "--data", "--aircraft"}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One instruction of a Dockerfile."""
+
+    stage: int
+    word: str
+    text: str
+
+
+def read_steps(text: str) -> list[Step]:
+    """The instructions of a Dockerfile, comments and continuation lines resolved."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    joined = re.sub(r"\\\n\s*", "", "\n".join(lines))
+    steps, stage = [], -1
+    for line in joined.splitlines():
+        word, rest = line.split(None, 1)
+        stage += word == "FROM"
+        steps.append(Step(stage, word, rest))
+    return steps
+
+
+STEPS = read_steps(DOCKERFILE.read_text())
+
+
+def ignored(name: str, patterns: list[str]) -> bool:
+    """Whether an ignore file keeps a path out: the last pattern that fits it, or a folder above it, wins."""
+    out = False
+    path = PurePosixPath(name)
+    above = [path, *(parent for parent in path.parents if parent.name)]
+    for pattern in patterns:
+        bare = pattern.removeprefix("!")
+        anywhere = bare.startswith("**/")  # otherwise a pattern starts at the root
+        tried = [part.name if anywhere else str(part) for part in above]
+        if fnmatch.filter(tried, bare.removeprefix("**/")):
+            out = not pattern.startswith("!")
+    return out
+
+
+def ignore_patterns() -> list[str]:
+    """Lines of the ignore file without comments."""
+    lines = IGNORE.read_text().splitlines()
+    return [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+
+
+@pytest.fixture(scope="module")
+def context(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The build context: the project's files, links kept as links, without what the ignore file keeps out."""
+    listing = subprocess.run(
+        ["git", "-c", "safe.directory=*", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        capture_output=True,
+        check=False,
+    )
+    if listing.returncode:
+        pytest.skip("not a git clone, so there is no list of the project's files to build from")
+    target = tmp_path_factory.mktemp("context")
+    for name in listing.stdout.decode().split("\0"):
+        source = ROOT / name
+        if name and (source.is_file() or source.is_symlink()) and not ignored(name, ignore_patterns()):
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(source, target / name, follow_symlinks=False)
+    return target
+
+
+def copy_step(step: Step, context: Path, workdir: Path) -> None:
+    """COPY as the engine does it: the contents of a folder, or files into a folder."""
+    *sources, target = shlex.split(step.text)
+    place = workdir / target
+    for source in sources:
+        origin = context / source
+        assert origin.exists(), f"COPY {step.text}: {source} is not in the build context"
+        if origin.is_dir():
+            shutil.copytree(origin, place, symlinks=True, dirs_exist_ok=True)
+        else:
+            assert target.endswith("/"), "several files need a folder as target, with a slash at its end"
+            place.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(origin, place / origin.name)
+
+
+@pytest.fixture(scope="module")
+def image(context: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The build stage carried out below a temporary folder that stands for the image's root."""
+    root = tmp_path_factory.mktemp("image")
+    workdir = root
+    for step in (s for s in STEPS if s.stage == 0):
+        if step.word == "WORKDIR":
+            workdir = root / step.text.lstrip("/")
+            workdir.mkdir(parents=True)
+        elif step.word == "COPY":
+            copy_step(step, context, workdir)
+        elif step.word == "RUN":
+            command = step.text.replace("/opt/", f"{shlex.quote(str(root))}/opt/")
+            command = re.sub(r"^python ", f"{shlex.quote(sys.executable)} ", command)
+            (root / "opt").mkdir(exist_ok=True)
+            done = subprocess.run(
+                ["sh", "-c", command], cwd=workdir, capture_output=True, text=True, check=False
+            )
+            if "the package index cannot be reached" in done.stderr:
+                pytest.skip("the package index cannot be reached, and the image's packages come from it")
+            assert done.returncode == 0, f"RUN {step.text}\n{done.stdout}\n{done.stderr}"
+    return root
+
+
+def last(word: str) -> str:
+    """Text of the last instruction of this name in the final stage."""
+    return [s.text for s in STEPS if s.word == word and s.stage == max(t.stage for t in STEPS)][-1]
+
+
+def test_every_instruction_is_one_that_these_tests_understand() -> None:
+    assert {s.word for s in STEPS} <= INSTRUCTIONS
+
+
+def test_two_stages_on_one_pinned_slim_python() -> None:
+    bases = [s.text for s in STEPS if s.word == "FROM"]
+    assert len(bases) == 2
+    assert bases[0].endswith(" AS build")
+    assert bases[0].split()[0] == bases[1]
+    assert re.fullmatch(r"python:3\.11\.\d+-slim-[a-z]+", bases[1])
+
+
+def test_the_image_runs_as_a_user_who_owns_only_the_data() -> None:
+    assert last("USER") == "wingwatch"
+    create = last("RUN")
+    assert "useradd --uid 10001" in create
+    assert "install -d -o wingwatch -g wingwatch /data" in create
+    subprocess.run(["sh", "-n", "-c", create], check=True)
+    order = [s.word for s in STEPS if s.stage == 1]
+    assert order.index("RUN") < order.index("USER") < order.index("ENTRYPOINT")
+    assert last("VOLUME") == last("WORKDIR") == "/data"
+
+
+def test_what_the_final_stage_takes_is_what_the_first_made() -> None:
+    assert last("COPY") == "--from=build /opt/wingwatch /opt/wingwatch"
+    assert "PATH=/opt/wingwatch/bin:$PATH" in last("ENV")
+
+
+def test_the_command_says_only_what_serve_understands() -> None:
+    assert json.loads(last("ENTRYPOINT")) == ["wingwatch"]
+    verb, *options = json.loads(last("CMD"))
+    assert verb == "serve"
+    given = dict(zip(options[::2], options[1::2], strict=True))
+    assert set(given) <= SERVE_OPTIONS
+    assert given["--data"] == last("VOLUME")
+    assert {given["--port"], given["--listen"].rsplit(":", 1)[1]} == set(last("EXPOSE").split())
+
+
+def test_the_ignore_file_lets_in_what_the_wheel_needs_and_no_more(context: Path) -> None:
+    tops = {p.name for p in context.iterdir()}
+    packages = {p.parent.name for p in ROOT.glob("*/__init__.py")}
+    assert tops == packages | {"LICENSE", "README.md", "constraints.txt", "pyproject.toml", "tools"}
+    assert not list(context.rglob("__pycache__"))
+
+
+@pytest.mark.parametrize(
+    ("name", "out"),
+    [
+        ("tests/packaging/test_packaging_docker.py", True),
+        (".git/config", True),
+        ("data/wingwatch.db", True),
+        ("tools/install.py", False),
+        ("tools/other.py", True),
+        ("monitor/views.py", False),
+        ("monitor/__pycache__/views.pyc", True),
+        ("wingwatch/monitor", False),
+        ("proto/wingwatch/v1/vehicle.proto", True),
+        ("tests/aircraft/test_aircraft.py", True),
+    ],
+)
+def test_the_reading_of_the_ignore_file(name: str, out: bool) -> None:
+    assert ignored(name, ignore_patterns()) is out
+
+
+@pytest.mark.slow
+def test_the_build_stage_installs_a_copy_without_developers_tools(image: Path) -> None:
+    program = image / "opt" / "wingwatch" / "bin"
+    listing = subprocess.run(
+        [program / "python", "-m", "pip", "list", "--format=json"], capture_output=True, check=True
+    )
+    have = {row["name"].lower(): row for row in json.loads(listing.stdout)}
+    assert {"wingwatch", "psycopg", "numpy"} <= set(have)
+    assert "editable_project_location" not in have["wingwatch"]
+    assert not {"pytest", "mypy", "ruff"} & set(have)
+    shutil.rmtree(image / "src")  # the final stage does not have it
+    where = subprocess.run(
+        [program / "python", "-c", "import wingwatch; print(wingwatch.__file__)"],
+        cwd=image,
+        env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert where.stdout.startswith(str(image / "opt" / "wingwatch" / "lib"))
+    assert os.access(program / json.loads(last("ENTRYPOINT"))[0], os.X_OK)
+
+
+class Door(BaseHTTPRequestHandler):
+    """A service that answers its readiness with one fixed status."""
+
+    status = 200
+
+    def do_GET(self) -> None:
+        self.send_response(self.status if self.path == "/health/ready" else 404)
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Says nothing."""
+
+
+@pytest.fixture
+def door() -> Iterator[HTTPServer]:
+    server = HTTPServer(("127.0.0.1", 0), Door)
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
+    thread.start()
+    yield server
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def healthcheck(port: int) -> int:
+    """Exit code of the image's healthcheck against a port of this machine."""
+    command = json.loads(last("HEALTHCHECK").split("CMD", 1)[1])
+    assert command[0] == "python"
+    assert ":8000/" in command[2]
+    call = [sys.executable, *command[1:-1], command[-1].replace(":8000/", f":{port}/")]
+    return subprocess.run(call, capture_output=True, check=False, timeout=30).returncode
+
+
+@pytest.mark.parametrize(("status", "healthy"), [(200, True), (503, False), (404, False)])
+def test_the_healthcheck_tells_ready_from_not_ready(
+    door: HTTPServer, monkeypatch: pytest.MonkeyPatch, status: int, healthy: bool
+) -> None:
+    monkeypatch.setattr(Door, "status", status)
+    assert (healthcheck(door.server_port) == 0) is healthy
+
+
+def test_the_healthcheck_fails_where_nobody_listens(door: HTTPServer) -> None:
+    port = door.server_port
+    door.server_close()
+    assert healthcheck(port) != 0
+
+
+COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker" / "compose.yaml").read_text())
+SERVICES: dict[str, dict[str, Any]] = COMPOSE["services"]
+SERVICE_KEYS = {
+    "build",
+    "cap_drop",
+    "command",
+    "depends_on",
+    "environment",
+    "healthcheck",
+    "image",
+    "init",
+    "ports",
+    "profiles",
+    "read_only",
+    "restart",
+    "security_opt",
+    "tmpfs",
+    "volumes",
+}
+
+
+def filled(text: str) -> str:
+    """A compose value with each variable at its default, as with an empty environment."""
+    return re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", text)
+
+
+def test_the_compose_file_has_the_keys_of_the_specification() -> None:
+    assert set(COMPOSE) == {"name", "services", "volumes"}
+    assert set(SERVICES) == {"router", "service", "database"}
+    for service in SERVICES.values():
+        assert set(service) <= SERVICE_KEYS
+
+
+def test_every_image_is_pinned_to_one_release() -> None:
+    for service in SERVICES.values():
+        assert re.fullmatch(r"[a-z/]+:\d+\.\d+(\.\d+)?(-[a-z]+)?", service["image"])
+
+
+def test_the_router_is_of_the_library_s_release() -> None:
+    pinned = re.search(r"^eclipse-zenoh==(\S+)", CONSTRAINTS, re.MULTILINE)
+    assert pinned is not None
+    assert SERVICES["router"]["image"] == f"eclipse/zenoh:{pinned.group(1)}"
+    assert "--no-multicast-scouting" in SERVICES["router"]["command"]
+
+
+def test_the_service_s_image_carries_the_project_s_version_and_is_built_here() -> None:
+    version = re.search(
+        r'^__version__ = "(.+)"', (ROOT / "wingwatch" / "__init__.py").read_text(), re.MULTILINE
+    )
+    assert version is not None
+    assert SERVICES["service"]["image"] == f"wingwatch:{version.group(1)}"
+    build = SERVICES["service"]["build"]
+    base = (ROOT / "docker" / build["context"]).resolve()
+    assert base == ROOT.resolve()
+    assert (base / build["dockerfile"]).is_file()
+
+
+def test_ports_open_on_this_machine_alone_unless_told_otherwise() -> None:
+    ports = [filled(port) for service in SERVICES.values() for port in service.get("ports", [])]
+    assert sorted(ports) == ["127.0.0.1:7447:7447", "127.0.0.1:8000:8000"]
+    assert not SERVICES["database"].get("ports")
+
+
+def test_the_service_is_told_the_router_and_keeps_its_data_in_a_volume() -> None:
+    verb, *options = SERVICES["service"]["command"]
+    given = dict(zip(options[::2], options[1::2], strict=True))
+    assert verb == "serve"
+    assert set(given) <= SERVE_OPTIONS
+    assert given["--connect"] == "tcp/router:7447"
+    assert f"data:{given['--data']}" in SERVICES["service"]["volumes"]
+    assert given["--data"] == last("VOLUME")
+    assert SERVICES["service"]["read_only"] is True
+
+
+def test_named_volumes_are_declared_and_used() -> None:
+    used = {volume.split(":")[0] for service in SERVICES.values() for volume in service.get("volumes", [])}
+    assert used == set(COMPOSE["volumes"])
+
+
+def test_postgresql_stands_in_a_profile_that_nothing_needs() -> None:
+    database = SERVICES["database"]
+    assert database["profiles"] == ["postgres"]
+    assert database["image"].startswith("postgres:")
+    assert [name for name, service in SERVICES.items() if service.get("profiles")] == ["database"]
+    assert SERVICES["service"]["depends_on"]["database"]["required"] is False
+    assert filled(SERVICES["service"]["environment"]["WINGWATCH_DATABASE_URL"]) == ""
+
+
+def test_who_is_waited_for_says_when_it_is_healthy() -> None:
+    for service in SERVICES.values():
+        for name, wait in service.get("depends_on", {}).items():
+            assert wait["condition"] == "service_healthy"
+            check = SERVICES[name]["healthcheck"]
+            assert check["test"][0] == "CMD"
+            assert all(re.fullmatch(r"\d+s", check[key]) for key in ("interval", "timeout"))
+
+
+def test_no_secret_is_written_down() -> None:
+    assert filled(SERVICES["database"]["environment"]["POSTGRES_PASSWORD"]) == ""
+
+
+def test_the_docker_folder_holds_only_these() -> None:
+    assert {p.name for p in (ROOT / "docker").iterdir() if p.name != ".env"} == {
+        "Dockerfile",
+        "Dockerfile.dockerignore",
+        "compose.yaml",
+    }
