@@ -12,7 +12,6 @@ import numpy as np
 import orjson
 from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from wingwatch.telemetry.completion import complete
@@ -39,6 +38,7 @@ _JSON_ENCODINGS = (JSON, "text/json")
 _UNSAID_ENCODINGS = ("", "zenoh/bytes", "zenoh/string", "application/octet-stream", "text/plain")
 _MAX_SEQUENCE = 2**64 - 1
 _SHOWN_CHARACTERS = 60
+_NUMBER_TYPES = {float, int, type(None)}
 # protobuf's own JSON writes these numbers as text
 _NUMBER_WORDS: Mapping[Any, float] = {"NaN": np.nan, "Infinity": np.inf, "-Infinity": -np.inf}
 
@@ -130,9 +130,10 @@ def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None =
     if samples > limits.max_samples:
         text = f"the message has {samples} samples, more than the {limits.max_samples} allowed: send fewer"
         raise MessageError("too_many_samples", text)
-    block = SampleBlock.from_columns({name: _numbers(name, column) for name, column in columns.items()})
+    values = np.full((samples, len(CHANNEL_NAMES)), np.nan)
+    values[:, [CHANNEL_INDEX[name] for name in columns]] = np.array(list(columns.values()), np.float64).T
     given = tuple(name for name in CHANNEL_NAMES if name in columns)
-    return SensorsMessage(sequence, complete(block, given), given)
+    return SensorsMessage(sequence, complete(SampleBlock(values), given), given)
 
 
 def encode_sensors(
@@ -225,12 +226,12 @@ def _demand_protobuf(encoding: str) -> None:
         raise ValueError(f"messages are encoded as {PROTOBUF} or {JSON}, not {encoding!r}")
 
 
-def _sensors_from_protobuf(payload: bytes) -> tuple[int, Mapping[str, Any]]:
+def _sensors_from_protobuf(payload: bytes) -> tuple[int, dict[str, list[Any]]]:
     message = vehicle_pb2.Sensors()
     _parse(message, payload)
     if len(UnknownFieldSet(message.columns)):
         raise MessageError("unknown_column", "the message has a column with a number that is no channel's")
-    return message.sequence, {field.name: column for field, column in message.columns.ListFields()}
+    return message.sequence, {field.name: column[:] for field, column in message.columns.ListFields()}
 
 
 def _parse(message: vehicle_pb2.Sensors | vehicle_pb2.Aircraft, payload: bytes) -> None:
@@ -242,7 +243,7 @@ def _parse(message: vehicle_pb2.Sensors | vehicle_pb2.Aircraft, payload: bytes) 
         raise MessageError("unknown_field", "the message has a field that the schema does not know")
 
 
-def _sensors_from_json(payload: bytes) -> tuple[int, Mapping[str, Any]]:
+def _sensors_from_json(payload: bytes) -> tuple[int, dict[str, list[Any]]]:
     fields = _json_object(payload, "sensors message")
     for name in fields:
         if name not in ("sequence", "columns"):
@@ -257,7 +258,8 @@ def _sensors_from_json(payload: bytes) -> tuple[int, Mapping[str, Any]]:
             raise MessageError("unknown_column", text)
         if not isinstance(column, list):
             raise MessageError("wrong_type", f"column {name} must be a list of numbers, not {_shown(column)}")
-    return _sequence(fields.get("sequence", 0)), columns
+    numbers = {name: _numbers(name, column) for name, column in columns.items()}
+    return _sequence(fields.get("sequence", 0)), numbers
 
 
 def _sequence(value: Any) -> int:
@@ -269,13 +271,15 @@ def _sequence(value: Any) -> int:
     return value
 
 
-def _numbers(name: str, column: Any) -> NDArray[np.float64]:
-    if isinstance(column, list) and not set(map(type, column)) <= {float, int, type(None)}:
-        column = [_NUMBER_WORDS.get(v, v) if isinstance(v, str) else v for v in column]
-        for value in column:
-            if type(value) not in (float, int, type(None)):
-                raise MessageError("wrong_type", f"column {name} holds {_shown(value)}, which is no number")
-    return np.array(column, dtype=np.float64)
+def _numbers(name: str, column: list[Any]) -> list[Any]:
+    """The column if it holds numbers and nulls only."""
+    if set(map(type, column)) <= _NUMBER_TYPES:
+        return column
+    column = [_NUMBER_WORDS.get(value, value) if isinstance(value, str) else value for value in column]
+    for value in column:
+        if type(value) not in _NUMBER_TYPES:
+            raise MessageError("wrong_type", f"column {name} holds {_shown(value)}, which is no number")
+    return column
 
 
 def _json_object(payload: bytes, what: str) -> dict[str, Any]:

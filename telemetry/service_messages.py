@@ -1,6 +1,6 @@
 """What the service publishes about a vehicle, as bytes and back: the REST objects in JSON or in protobuf.
 
-Schema: ``proto/wingwatch/v1/service.proto``. JSON is the REST object as it stands; protobuf carries the fields
+Schema: ``proto/wingwatch/v1/service.proto``. JSON is the REST object as it stands; protobuf has the fields
 of the schema, with a message of its own between estimator and mode: it has no map of maps.
 """
 

@@ -99,7 +99,7 @@ class SensorSubscriber:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages ``received``, dropped because the queue was full (``overflow``), and under a ``bad_key``."""
+        """Messages ``received``, dropped from a full queue (``overflow``), and under a ``bad_key``."""
         with self._lock:
             return dict(self._counts)
 
