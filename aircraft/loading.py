@@ -1,6 +1,7 @@
 """Reading aircraft files, by path or by name from the library, with errors that teach."""
 
 import tomllib
+import types
 import typing
 from importlib.resources import files
 from pathlib import Path
@@ -121,7 +122,9 @@ def _keys_at(loc: tuple[int | str, ...]) -> list[str]:
 
 
 def _model(annotation: object) -> type[BaseModel] | None:
-    for candidate in (annotation, *typing.get_args(annotation)):
+    """The model that an annotation names, alone or as ``Model | None``."""
+    alternatives = typing.get_args(annotation) if typing.get_origin(annotation) is types.UnionType else ()
+    for candidate in (annotation, *alternatives):
         if isinstance(candidate, type) and issubclass(candidate, BaseModel):
             return candidate
     return None
