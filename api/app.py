@@ -10,7 +10,8 @@ from wingwatch.api.alert_routes import alert_router
 from wingwatch.api.door import Door
 from wingwatch.api.events import EventStreams
 from wingwatch.api.fleet_routes import fleet_router
-from wingwatch.api.page_files import SafetyHeaders, pages_router
+from wingwatch.api.guards import BodyLimit, SafetyHeaders
+from wingwatch.api.page_files import pages_router
 from wingwatch.api.ports import HistoryPort
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
@@ -18,8 +19,6 @@ from wingwatch.api.service_routes import event_router, health_router
 from wingwatch.monitor.views import MonitorPort
 
 __all__ = ["create_app"]
-
-_LARGEST_BODY_BYTES = 65_536
 
 
 def create_app(
@@ -54,13 +53,13 @@ def create_app(
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
-        max_body_size=_LARGEST_BODY_BYTES,
     )
     app.state.close_streams = streams.close
     for router in (fleet_router(door), alert_router(door), event_router(door)):
         app.include_router(router, prefix="/v1", responses=PROBLEM_RESPONSES)
     app.include_router(health_router(door), responses=PROBLEM_RESPONSES)
     app.include_router(pages_router())
+    app.add_middleware(BodyLimit)
     install_problem_handlers(app)
     app.add_middleware(SafetyHeaders)
     _describe_problems(app)

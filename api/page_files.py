@@ -1,19 +1,12 @@
-"""The status page's files, and the headers that keep every answer within its bounds."""
+"""The status page's files, served as they lie in the package."""
 
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
 from fastapi import APIRouter, Request, Response
-from starlette.datastructures import MutableHeaders
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["CONTENT_SECURITY_POLICY", "SafetyHeaders", "pages_router"]
-
-CONTENT_SECURITY_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
+__all__ = ["pages_router"]
 
 _FOLDER = Path(__file__).parent / "pages"
 _FILES: Mapping[str, tuple[str, str]] = {
@@ -22,27 +15,6 @@ _FILES: Mapping[str, tuple[str, str]] = {
     "/pages/app.js": ("app.js", "text/javascript; charset=utf-8"),
     "/pages/icon.svg": ("icon.svg", "image/svg+xml"),
 }
-
-
-class SafetyHeaders:
-    """ASGI wrapper: a strict Content-Security-Policy and its companions on every answer."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer through the wrapped application."""
-
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                headers["Content-Security-Policy"] = CONTENT_SECURITY_POLICY
-                headers["X-Content-Type-Options"] = "nosniff"
-                headers["Referrer-Policy"] = "no-referrer"
-                headers["Cross-Origin-Resource-Policy"] = "same-origin"
-            await send(message)
-
-        await self._app(scope, receive, send_with_headers)
 
 
 def pages_router() -> APIRouter:

@@ -9,15 +9,24 @@ from urllib.parse import quote
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from wingwatch.api.encoding import JsonResponse
 from wingwatch.api.schemas import FieldProblem, Problem
 
-__all__ = ["PROBLEM_MEDIA_TYPE", "PROBLEM_RESPONSES", "ProblemError", "install_problem_handlers", "printable"]
+__all__ = [
+    "PROBLEM_MEDIA_TYPE",
+    "PROBLEM_RESPONSES",
+    "FaultGuard",
+    "ProblemError",
+    "install_problem_handlers",
+    "printable",
+]
 
 PROBLEM_MEDIA_TYPE = "application/problem+json"
 
 _LONGEST_ECHO = 80
+_FAULT = "The service met a fault of its own while answering; its log says which, and trying again may help."
 _LOG = logging.getLogger(__name__)
 
 _CONTENT = {PROBLEM_MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
@@ -44,6 +53,32 @@ class ProblemError(Exception):
         self.checks = checks
 
 
+class FaultGuard:
+    """ASGI wrapper: a fault of our own is logged and answered as a problem, and the connection lives on."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer through the wrapped application."""
+        started = False
+
+        async def send_noting(message: Message) -> None:
+            nonlocal started
+            started = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, send_noting)
+        except Exception:
+            if started or scope["type"] != "http":
+                raise
+            request = Request(scope)
+            _LOG.exception("fault while answering %s %s", request.method, printable(request.url.path))
+            problem = _problem(HTTPStatus.INTERNAL_SERVER_ERROR, _FAULT)
+            await _document(request, problem)(scope, receive, send)
+
+
 def printable(value: object) -> str:
     """A caller's value as it may be echoed: quoted, without control characters, at most 80 characters."""
     text = (
@@ -57,7 +92,7 @@ def install_problem_handlers(app: FastAPI) -> None:
     app.add_exception_handler(ProblemError, _refused)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
-    app.add_exception_handler(Exception, _fault)
+    app.add_middleware(FaultGuard)
 
 
 def _document(request: Request, problem: Problem, headers: Mapping[str, str] | None = None) -> Response:
@@ -104,14 +139,6 @@ async def _http(request: Request, error: Exception) -> Response:
     }
     detail = details.get(HTTPStatus(error.status_code), f"The request was refused: {error.detail}.")
     return _document(request, _problem(error.status_code, detail), error.headers)
-
-
-async def _fault(request: Request, error: Exception) -> Response:
-    _LOG.error("fault while answering %s %s", request.method, printable(request.url.path), exc_info=error)
-    detail = (
-        "The service met a fault of its own while answering; its log says which, and trying again may help."
-    )
-    return _document(request, _problem(HTTPStatus.INTERNAL_SERVER_ERROR, detail))
 
 
 _PLACES = {

@@ -48,7 +48,7 @@ function number(value, significant = 3) {
 /** A value with its standard error, both to the error's second significant digit. */
 function plusMinus(value, error, unit = "", scale = 1) {
   if (value === null) return "unknown";
-  const tail = unit ? ` ${unit}` : "";
+  const tail = unit ? ` ${unit.replace(/([a-z])2/g, "$1²")}` : "";
   if (error === null || !(error > 0)) return number(value * scale) + tail;
   const digits = 1 - Math.floor(Math.log10(error * scale));
   return `${fixed(value * scale, digits)} ± ${fixed(error * scale, digits)}${tail}`;
@@ -221,7 +221,7 @@ function alertItem(alert) {
     make("p", "text", alert.text),
     facts("figures", [
       size(alert) ?? ["Size", "not known"],
-      ["Probability", alert.probability === null ? "" : `${fixed(100 * alert.probability, 0)} %`],
+      ["Probability", alert.probability === null ? "" : `${number(100 * alert.probability)} %`],
       ["Kind", alert.kind === alert.cause ? "" : alert.kind],
       ["Raised", `${fixed(alert.raised_s, 1)} s`],
       ["Cleared", alert.cleared_s === null ? "" : `${fixed(alert.cleared_s, 1)} s`],

@@ -1,0 +1,157 @@
+"""A monitor and a history for the door's tests: small, filled by hand, obeying the ports."""
+
+import contextlib
+import dataclasses
+import threading
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import httpx
+
+from wingwatch.api import HistoryPort, HttpServer, create_app, listen
+from wingwatch.monitor.views import (
+    AlertAction,
+    AlertState,
+    AlertView,
+    Event,
+    EvidenceView,
+    VehicleState,
+    VehicleView,
+    WorstDerivative,
+)
+
+ICED = EvidenceView("m_eta", -116.25, 1.75, -131.5, 2.5, 4.9985)
+VERSION = "9.8.7"
+
+
+def vehicle(name: str, state: VehicleState = VehicleState.HEALTHY, **changes: Any) -> VehicleView:
+    view = VehicleView(
+        fleet="default",
+        vehicle=name,
+        aircraft="aerosonde",
+        configuration="clean",
+        state=state,
+        state_since_s=2.0,
+        reason="every derivative agrees with its expectation",
+        last_sample_time_s=118.48,
+        basis="a-priori",
+        basis_text="rests on the aircraft file's own numbers (a-priori)",
+        worst=WorstDerivative("fourier", "short_period", "m_q", -1.25),
+        counts={"accepted": 5924, "duplicate": 0},
+        active_alerts=(),
+        condition={"airspeed_true_m_s": 25.0, "altitude_m": 1000.0, "air_density_kg_m3": 1.1116},
+    )
+    return dataclasses.replace(view, **changes)
+
+
+def alert(number: int, **changes: Any) -> AlertView:
+    view = AlertView(
+        id=f"a{number}",
+        fleet="default",
+        vehicle="aero-2",
+        kind="icing",
+        cause="icing",
+        level="warning",
+        state=AlertState.ACTIVE,
+        raised_s=70.0 + number,
+        cleared_s=None,
+        size=0.0625,
+        size_standard_error=0.0078125,
+        probability=0.96875,
+        basis="a-priori",
+        text="Icing of severity 0.06 is likely; leave the icing layer.",
+        evidence=(ICED,),
+    )
+    return dataclasses.replace(view, **changes)
+
+
+def derivative(value: float, standard_error: float, **more: Any) -> dict[str, Any]:
+    return {"value": value, "standard_error": standard_error, "unit": "1/s", "outcome": "converged", **more}
+
+
+class FakeMonitor:
+    """Obeys MonitorPort."""
+
+    def __init__(self) -> None:
+        self.views: list[VehicleView] = []
+        self.current: dict[tuple[str, str], Mapping[str, Any]] = {}
+        self.raised: list[AlertView] = []
+        self.kept: list[Event] = []
+        self.lock = threading.Lock()
+
+    def vehicles(self) -> Sequence[VehicleView]:
+        return tuple(self.views)
+
+    def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
+        return self.current.get((fleet, vehicle))
+
+    def alerts(self) -> Sequence[AlertView]:
+        return tuple(self.raised)
+
+    def act_on_alert(self, alert_id: str, action: AlertAction, who: str, note: str) -> AlertView | None:
+        states = {
+            AlertAction.ACKNOWLEDGE: AlertState.ACKNOWLEDGED,
+            AlertAction.SHELVE: AlertState.SHELVED,
+            AlertAction.UNSHELVE: AlertState.ACTIVE,
+            AlertAction.CLEAR: AlertState.CLEARED,
+        }
+        for place, view in enumerate(self.raised):
+            if view.id == alert_id:
+                if view.state is AlertState.CLEARED:
+                    raise ValueError(f"alert {alert_id} is cleared; nothing more can be done to it.")
+                line = f"{action} by {who}: {note}"
+                self.raised[place] = dataclasses.replace(view, state=states[action], note=(*view.note, line))
+                return self.raised[place]
+        return None
+
+    def events(self, after: int) -> Sequence[Event]:
+        with self.lock:
+            return [event for event in self.kept if event.id > after]
+
+    def tell(self, kind: str, data: Mapping[str, Any]) -> int:
+        """Add an event and return its id; the last 1000 are kept."""
+        with self.lock:
+            number = self.kept[-1].id + 1 if self.kept else 1
+            self.kept = [*self.kept[-999:], Event(number, kind, data)]
+            return number
+
+
+@dataclass(frozen=True)
+class FakeRow:
+    """Obeys EstimateRow."""
+
+    time_s: float
+    estimator: str
+    structure: str
+    value: Sequence[float]
+    standard_error: Sequence[float]
+    outcome: str = "converged"
+
+
+class FakeHistory:
+    """Obeys HistoryPort."""
+
+    def __init__(self, rows: Sequence[FakeRow]) -> None:
+        self.rows = rows
+
+    def estimate_history(
+        self, fleet: str, vehicle: str, from_s: float | None = None, to_s: float | None = None
+    ) -> Sequence[FakeRow]:
+        low = float("-inf") if from_s is None else from_s
+        high = float("inf") if to_s is None else to_s
+        return [row for row in self.rows if low <= row.time_s <= high]
+
+
+@contextlib.contextmanager
+def served(
+    monitor: FakeMonitor,
+    history: HistoryPort | None = None,
+    checks: Mapping[str, str | None] | None = None,
+    keep_alive_s: float = 10.0,
+) -> Generator[tuple[HttpServer, httpx.Client]]:
+    """The application over the fake, on a real socket, with a client."""
+    ready = checks if checks is not None else {"zenoh": None, "database": None, "http": None}
+    app = create_app(monitor, lambda: ready, history, VERSION, keep_alive_s=keep_alive_s)
+    with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
+        yield server, client

@@ -1,0 +1,267 @@
+"""What the routes answer, held against the OpenAPI description that the service itself publishes."""
+
+import json
+import math
+from collections.abc import Generator
+from typing import Any
+
+import httpx
+import pytest
+from api_fakes import ICED, VERSION, FakeHistory, FakeMonitor, FakeRow, alert, derivative, served, vehicle
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from openapi_check import answer_schema, misfits
+
+from wingwatch.api import encode_json
+from wingwatch.monitor.views import AlertState, VehicleState
+
+ESTIMATORS: dict[str, Any] = {
+    "fourier": {
+        "short_period": {
+            "outcome": "converged",
+            "derivatives": {
+                "m_q": derivative(-6.035, 0.1, expected=-6.1, expected_standard_error=0.3, basis="a-priori"),
+                "m_w": derivative(math.nan, math.inf),
+            },
+            "natural_frequency_rad_s": 10.4,
+            "damping_ratio": 0.62,
+            "reason": "",
+        }
+    },
+    "ekf": {"short_period": {"outcome": "settling", "derivatives": {"m_q": derivative(-6.2, 0.4)}}},
+}
+
+
+def fleet() -> FakeMonitor:
+    monitor = FakeMonitor()
+    monitor.views = [
+        vehicle("aero-2", VehicleState.DEGRADED, active_alerts=("a3", "a1")),
+        vehicle("aero-1"),
+        vehicle("aero-1", VehicleState.UNKNOWN, fleet="north", worst=None, aircraft=None, condition={}),
+    ]
+    monitor.current = {
+        ("default", "aero-1"): {"time_s": 118.48, "estimators": ESTIMATORS},
+        ("north", "aero-1"): {"time_s": None, "estimators": {}},
+    }
+    monitor.raised = [
+        alert(4, vehicle="aero-1", fleet="north", kind="unexplained", cause="unknown", size=math.nan),
+        alert(3),
+        alert(2, state=AlertState.CLEARED, cleared_s=90.0),
+        alert(1, kind="damage", cause="elevator_effectiveness", state=AlertState.ACKNOWLEDGED),
+    ]
+    return monitor
+
+
+@pytest.fixture
+def client() -> Generator[httpx.Client]:
+    history = FakeHistory([FakeRow(1.0, "ekf", "dutch_roll", [1.0] * 6, [0.1] * 6)])
+    with served(fleet(), history) as (_, connection):
+        yield connection
+
+
+def get(client: httpx.Client, path: str) -> Any:
+    answer = client.get(path)
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+@pytest.mark.parametrize(
+    ("path", "described"),
+    [
+        ("/v1/status", "/v1/status"),
+        ("/v1/vehicles", "/v1/vehicles"),
+        ("/v1/vehicles/aero-1", "/v1/vehicles/{vehicle}"),
+        ("/v1/vehicles/aero-1?fleet=north", "/v1/vehicles/{vehicle}"),
+        ("/v1/vehicles/aero-1/derivatives", "/v1/vehicles/{vehicle}/derivatives"),
+        ("/v1/vehicles/aero-1/derivatives?fleet=north", "/v1/vehicles/{vehicle}/derivatives"),
+        ("/v1/vehicles/aero-1/derivatives/history", "/v1/vehicles/{vehicle}/derivatives/history"),
+        ("/v1/alerts", "/v1/alerts"),
+        ("/v1/alerts?limit=1", "/v1/alerts"),
+        ("/v1/alerts/a4", "/v1/alerts/{alert_id}"),
+        ("/health/live", "/health/live"),
+        ("/health/ready", "/health/ready"),
+    ],
+)
+def test_every_answer_is_what_openapi_says(client: httpx.Client, path: str, described: str) -> None:
+    description = get(client, "/openapi.json")
+    assert misfits(get(client, path), answer_schema(description, described), description) == []
+
+
+def test_the_check_of_answers_can_fail(client: httpx.Client) -> None:
+    description = get(client, "/openapi.json")
+    schema = answer_schema(description, "/v1/status")
+    status = get(client, "/v1/status")
+    assert misfits({**status, "extra": 1}, schema, description) == ["$: extra is not described"]
+    status["vehicles"][1]["state"] = "fine"
+    del status["alerts"][0]["size"]["value"]
+    status["version"] = None
+    assert len(misfits(status, schema, description)) == 3
+
+
+def test_status_is_worst_first_with_counts_and_standing_alerts(client: httpx.Client) -> None:
+    status = get(client, "/v1/status")
+    assert status["version"] == VERSION
+    assert [(v["fleet"], v["vehicle"]) for v in status["vehicles"]] == [
+        ("default", "aero-2"),
+        ("default", "aero-1"),
+        ("north", "aero-1"),
+    ]
+    assert status["counts"] == {"healthy": 1, "degraded": 1, "not_observable": 0, "stale": 0, "unknown": 1}
+    assert [a["id"] for a in status["alerts"]] == ["a4", "a3", "a1"]
+    only = get(client, "/v1/status?fleet=north")
+    assert [v["fleet"] for v in only["vehicles"]] == ["north"]
+    assert [a["id"] for a in only["alerts"]] == ["a4"]
+
+
+def test_vehicle_carries_state_worst_derivative_and_basis(client: httpx.Client) -> None:
+    shown = get(client, "/v1/vehicles/aero-2")
+    assert shown["state"] == "degraded"
+    assert shown["last_sample_time_s"] == 118.48
+    assert shown["basis"] == "a-priori"
+    assert shown["active_alerts"] == ["a3", "a1"]
+    assert shown["worst"] == {
+        "estimator": "fourier",
+        "structure": "short_period",
+        "derivative": "m_q",
+        "z": -1.25,
+        "unit": "1/s",
+        "meaning": "pitch acceleration due to pitch rate",
+    }
+    assert get(client, "/v1/vehicles/aero-1?fleet=north")["worst"] is None
+    listed = get(client, "/v1/vehicles")
+    assert listed["next"] is None
+    assert listed["items"][0] == shown
+
+
+def test_derivatives_pass_through_unchanged_and_unknown_ones_are_null(client: httpx.Client) -> None:
+    shown = get(client, "/v1/vehicles/aero-1/derivatives")
+    assert (shown["fleet"], shown["vehicle"], shown["time_s"]) == ("default", "aero-1", 118.48)
+    mode = shown["estimators"]["fourier"]["short_period"]
+    assert mode["derivatives"]["m_q"] == ESTIMATORS["fourier"]["short_period"]["derivatives"]["m_q"]
+    assert mode["derivatives"]["m_w"]["value"] is None
+    assert mode["derivatives"]["m_w"]["standard_error"] is None
+    assert mode["damping_ratio"] == 0.62
+    only = get(client, "/v1/vehicles/aero-1/derivatives?estimator=ekf")
+    assert list(only["estimators"]) == ["ekf"]
+
+
+def test_alert_carries_size_and_evidence_with_standard_errors(client: httpx.Client) -> None:
+    shown = get(client, "/v1/alerts/a3")
+    assert shown["size"] == {"value": 0.0625, "standard_error": 0.0078125}
+    assert shown["evidence"] == [
+        {
+            "derivative": "m_eta",
+            "estimate": ICED.estimate,
+            "standard_error": ICED.standard_error,
+            "expected": ICED.expected,
+            "expected_standard_error": ICED.expected_standard_error,
+            "z": ICED.z,
+            "unit": "1/s2",
+            "meaning": "pitch acceleration due to elevator",
+        }
+    ]
+    assert shown["state"] == "active"
+    assert get(client, "/v1/alerts/a4")["size"]["value"] is None
+
+
+@pytest.mark.parametrize(
+    ("query", "ids"),
+    [
+        ("", ["a4", "a3", "a2", "a1"]),
+        ("state=cleared", ["a2"]),
+        ("state=acknowledged", ["a1"]),
+        ("vehicle=aero-1", ["a4"]),
+        ("fleet=default", ["a3", "a2", "a1"]),
+        ("kind=damage", ["a1"]),
+        ("since=73", ["a4", "a3"]),
+        ("since=73.0000001", ["a4"]),
+        ("kind=icing&state=active", ["a3"]),
+        ("kind=sensor", []),
+    ],
+)
+def test_alerts_are_filtered(client: httpx.Client, query: str, ids: list[str]) -> None:
+    page = get(client, f"/v1/alerts?{query}")
+    assert [a["id"] for a in page["items"]] == ids
+    assert page["next"] is None
+
+
+def test_pages_give_every_alert_once_though_new_ones_arrive_and_states_change() -> None:
+    monitor = FakeMonitor()
+    monitor.raised = [alert(n) for n in range(9, 0, -1)]
+    with served(monitor) as (_, client):
+        seen: list[str] = []
+        path = "/v1/alerts?state=active&limit=4"
+        cursor: str | None = ""
+        while cursor is not None:
+            page = get(client, path + (f"&cursor={cursor}" if cursor else ""))
+            seen += [a["id"] for a in page["items"]]
+            cursor = page["next"]
+            monitor.raised.insert(0, alert(90 + len(seen)))
+            if len(seen) == 4:
+                client.post(f"/v1/alerts/{seen[-1]}/clear", json={"who": "ana"})
+    assert seen == [f"a{n}" for n in range(9, 0, -1)]
+
+
+@pytest.mark.parametrize(
+    ("action", "state"),
+    [("acknowledge", "acknowledged"), ("shelve", "shelved"), ("unshelve", "active"), ("clear", "cleared")],
+)
+def test_a_person_acts_on_an_alert(client: httpx.Client, action: str, state: str) -> None:
+    answer = client.post(f"/v1/alerts/a3/{action}", json={"who": " Ana ", "note": "seen"})
+    assert answer.status_code == 200
+    assert answer.json()["state"] == state
+    assert answer.json()["notes"] == [f"{action} by Ana: seen"]
+    assert get(client, "/v1/alerts/a3")["state"] == state
+    description = get(client, "/openapi.json")
+    schema = answer_schema(description, f"/v1/alerts/{{alert_id}}/{action}", "post")
+    assert misfits(answer.json(), schema, description) == []
+
+
+def test_ready_names_what_does_not_work() -> None:
+    checks = {"zenoh": None, "database": "the database is read-only; make its folder writable.", "http": None}
+    with served(FakeMonitor(), checks=checks) as (_, client):
+        answer = client.get("/health/ready")
+        assert answer.status_code == 503
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert answer.json()["checks"] == checks
+        assert answer.json()["detail"] == "database: the database is read-only; make its folder writable."
+        assert client.get("/health/live").json() == {"live": True, "version": VERSION}
+    with served(FakeMonitor()) as (_, client):
+        assert client.get("/health/ready").json()["ready"] is True
+
+
+def test_no_page_loads_anything_from_elsewhere(client: httpx.Client) -> None:
+    for path in ("/docs", "/redoc"):
+        assert client.get(path).status_code == 404
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.floats(allow_nan=True, allow_infinity=True))
+def test_a_float_survives_json_to_the_last_bit(value: float) -> None:
+    back = json.loads(encode_json({"x": value}))["x"]
+    if math.isfinite(value):
+        assert math.copysign(1.0, back) == math.copysign(1.0, value)
+        assert float(back).hex() == value.hex()
+    else:
+        assert back is None
+
+
+@settings(max_examples=60, deadline=None)
+@given(value=st.floats(allow_nan=False, allow_infinity=False))
+def test_a_derivative_reaches_the_caller_to_the_last_bit(exact: Any, value: float) -> None:
+    monitor, client = exact
+    modes = {"short_period": {"outcome": "converged", "derivatives": {"m_q": derivative(value, value)}}}
+    monitor.current = {("default", "aero-1"): {"time_s": value, "estimators": {"fourier": modes}}}
+    shown = get(client, "/v1/vehicles/aero-1/derivatives")
+    entry = shown["estimators"]["fourier"]["short_period"]["derivatives"]["m_q"]
+    assert [float(x).hex() for x in (entry["value"], entry["standard_error"], shown["time_s"])] == [
+        value.hex()
+    ] * 3
+
+
+@pytest.fixture(scope="module")
+def exact() -> Generator[tuple[FakeMonitor, httpx.Client]]:
+    monitor = FakeMonitor()
+    monitor.views = [vehicle("aero-1")]
+    with served(monitor) as (_, connection):
+        yield monitor, connection
