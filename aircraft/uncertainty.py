@@ -1,7 +1,7 @@
 """How far a published coefficient set may be trusted before any flight.
 
 A monitor that takes a-priori numbers for truth calls every error of the book damage. The figures here are
-judgement, not measurement; ``docs/decisions/0002-aircraft-apriori-errors.md`` says how they were chosen,
+judgement, not measurement; ``docs/decisions/0003-aircraft-apriori-errors.md`` says how they were chosen,
 and a file's ``[coefficients.relative_standard_error]`` and ``[coefficients.standard_error_floor]`` replace
 them.
 """

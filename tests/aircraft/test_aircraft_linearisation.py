@@ -234,7 +234,7 @@ def test_the_thesis_short_period_frequency_follows_from_its_derivatives_and_its_
     two_dof = natural_frequency_and_damping(structure, matrix)
     assert two_dof == pytest.approx((4.217, 0.1999), abs=6e-4)  # where 5.977 and 0.2139 are printed
     # The printed value is that of the full lateral motion, with roll and bank angle: our own, from other
-    # coefficients, lies within the a-priori error of Cn_beta (15 %, so 7.5 % in frequency); 2-DOF is 29 % off.
+    # coefficients, lies within the a-priori error of Cn_beta (15 %, so 7.5 % in frequency); 2-DOF is 29 %.
     full, _ = lateral_mode_with_bank(AIRCRAFT[0], CRUISE["aerosonde"])
     assert full == pytest.approx(frequency, rel=0.075)
 
