@@ -126,7 +126,8 @@ def _longitudinal(c: Coefficients, aspect: float, at: Trim) -> dict[str, float]:
     still = body_coefficients(c, aspect, alpha, surfaces=(eta, 0.0, 0.0))
     by_alpha = _partials(lambda d: body_coefficients(c, aspect, alpha + d, surfaces=(eta, 0.0, 0.0)))
     by_q = _partials(lambda d: body_coefficients(c, aspect, alpha, rates=(0.0, d, 0.0)))
-    by_eta = _partials(lambda d: body_coefficients(c, aspect, alpha, surfaces=(eta + d, 0.0, 0.0)))
+    even = c.with_value("CD_elevator", 0.0)
+    by_eta = _partials(lambda d: body_coefficients(even, aspect, alpha, surfaces=(eta + d, 0.0, 0.0)))
     cos, twice_sin = math.cos(alpha), 2.0 * math.sin(alpha)
     return {
         "z_w": float(cos * by_alpha.CZ.real + twice_sin * still.CZ.real),
@@ -185,7 +186,9 @@ def linearised_derivatives(
     Lift, drag and side force are turned into body axes at the trim's angle of attack, alphadot terms enter
     through the mass matrix (thesis table B.4), roll and yaw are coupled through Ixz. The condition's own
     angle of attack is not used: the result belongs to ``trimmed(aircraft, condition)``. Thrust adds
-    nothing, for it acts along x body through the centre of gravity and is taken constant.
+    nothing, for it acts along x body through the centre of gravity and is taken constant. The elevator's
+    own drag is even in its deflection and has no linear part; its slope beside neutral, sinα CD_elevator or
+    about 1 % of z_eta, is left out.
 
     Raises:
         AircraftDataError: the file lacks [coefficients], [geometry] or [mass], or the configuration is
