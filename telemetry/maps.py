@@ -103,7 +103,8 @@ class ChannelMap(_Part):
 
 
 def _unknown_channel(what: str, name: str) -> str:
-    close = get_close_matches(name, CHANNEL_INDEX, n=1)
+    begun = [channel for channel in CHANNEL_INDEX if channel.startswith(name)]
+    close = begun or get_close_matches(name, CHANNEL_INDEX, n=1)
     hint = f"did you mean {close[0]}?" if close else f"channels are {', '.join(CHANNEL_INDEX)}"
     return f"{what} {name!r} is no flight-table channel; {hint}"
 
