@@ -1,0 +1,223 @@
+"""One aircraft's estimation chain: clean samples in, solutions of every mode out; the same live and offline.
+
+Solutions fall on a grid of half seconds of the samples' own time stamps, so how samples were cut into messages
+changes nothing.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, FlightCondition, ModeStructure
+from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
+from wingwatch.estimators import (
+    BlockEvidence,
+    EkfConfig,
+    EkfEstimator,
+    EkfState,
+    Estimate,
+    FourierConfig,
+    FourierEstimator,
+    FourierState,
+    SignalConfig,
+    Signals,
+    SignalState,
+    offsets,
+)
+from wingwatch.telemetry import SampleBlock, missing_for
+
+__all__ = ["Chain", "ChainState", "ModeSolution", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
+
+Array = NDArray[np.float64]
+
+STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, DUTCH_ROLL, LATERAL)
+
+SOLUTION_INTERVAL_S = 0.5
+"""Thesis 9.2: least squares at 2 Hz."""
+
+_INPUT_COLUMN = {"eta": "elevator_rad", "xi": "aileron_rad", "zeta": "rudder_rad"}
+
+
+@dataclass(frozen=True, slots=True)
+class ModeSolution:
+    """What both estimators say of one mode, and what the last closed block added."""
+
+    structure: ModeStructure
+    fourier: Estimate
+    ekf: Estimate
+    block: BlockEvidence
+    gained: tuple[Array, Array] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """All modes at one instant of the vehicle's clock."""
+
+    time_s: float
+    modes: Mapping[str, ModeSolution]
+
+
+@dataclass(frozen=True, slots=True)
+class _Mode:
+    """The parts that work on one structure."""
+
+    structure: ModeStructure
+    signals: Signals
+    fourier: FourierEstimator
+    ekf: EkfEstimator
+
+
+@dataclass(slots=True)
+class ChainState:
+    """Everything a chain remembers of its vehicle."""
+
+    signals: dict[str, SignalState]
+    fourier: dict[str, FourierState]
+    ekf: dict[str, EkfState]
+    blocks: dict[str, int] = field(default_factory=dict)
+    next_solution_s: float = float("nan")
+    last_s: float = float("nan")
+
+
+def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
+    """The condition that an aircraft's derivatives are referred to: its cruise, else its first stated condition."""
+    if aircraft.envelope is not None:
+        return aircraft.envelope.cruise
+    if aircraft.conditions:
+        return aircraft.conditions[0].condition
+    return None
+
+
+class Chain:
+    """Estimators of every mode for which the aircraft file gives an expectation and the samples the channels.
+
+    Args:
+        aircraft: its file.
+        present: names of the channels that the samples carry.
+        kinds: ``position`` or ``command`` for the surfaces; what is not named is a position.
+        configuration: of the aircraft.
+    """
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        present: Sequence[str],
+        kinds: Mapping[str, str],
+        configuration: str = "clean",
+    ) -> None:
+        self.aircraft = aircraft
+        self.envelopes: dict[str, Envelope] = {}
+        self.absent: dict[str, str] = {}
+        self._modes: list[_Mode] = []
+        for structure in STRUCTURES_WATCHED:
+            missing = missing_for(structure, present)
+            if missing:
+                self.absent[structure.name] = f"missing {', '.join(missing)}"
+                continue
+            envelope = apriori_envelope(aircraft, structure, configuration)
+            prior = self._prior(envelope)
+            if isinstance(prior, str):
+                self.absent[structure.name] = prior
+                continue
+            self.envelopes[structure.name] = envelope
+            self._modes.append(_mode(aircraft, structure, prior, kinds))
+
+    @property
+    def structures(self) -> tuple[ModeStructure, ...]:
+        """Structures that are estimated."""
+        return tuple(m.structure for m in self._modes)
+
+    def _prior(self, envelope: Envelope) -> Expectation | str:
+        nominal = nominal_condition(self.aircraft)
+        if nominal is None:
+            return f"aircraft {self.aircraft.name} states neither [envelope] nor [[conditions]]"
+        found = envelope.lookup(nominal)
+        return found.reason if isinstance(found, OutOfEnvelope) else found
+
+    def init(self) -> ChainState:
+        """State before the first sample."""
+        return ChainState(
+            {m.structure.name: m.signals.init(1) for m in self._modes},
+            {m.structure.name: m.fourier.init(1) for m in self._modes},
+            {m.structure.name: m.ekf.init(1) for m in self._modes},
+        )
+
+    def advance(self, state: ChainState, block: SampleBlock) -> Iterator[Solution]:
+        """Take in clean samples; yields a solution at every half second of their clock."""
+        time_s = block.time_s
+        start = 0
+        for k in range(len(block)):
+            t = float(time_s[k])
+            jumped = not 0.0 < t - state.last_s < 10.0 * SOLUTION_INTERVAL_S
+            state.last_s = t
+            if np.isnan(state.next_solution_s) or jumped:
+                state.next_solution_s = t + SOLUTION_INTERVAL_S
+            elif t >= state.next_solution_s - 1e-6:
+                self._take(state, block.values[start : k + 1])
+                start = k + 1
+                yield self._solve(state, t)
+                while state.next_solution_s <= t + 1e-6:
+                    state.next_solution_s += SOLUTION_INTERVAL_S
+        self._take(state, block.values[start:])
+
+    def current(self, state: ChainState) -> Solution:
+        """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
+        return Solution(state.last_s, {m.structure.name: self._read(state, m, None) for m in self._modes})
+
+    def _take(self, state: ChainState, values: Array) -> None:
+        if not len(values):
+            return
+        for m in self._modes:
+            name = m.structure.name
+            signals = m.signals.update(state.signals[name], values[None])
+            m.fourier.update(state.fourier[name], signals)
+            m.ekf.update(state.ekf[name], signals)
+
+    def _solve(self, state: ChainState, time_s: float) -> Solution:
+        modes = {}
+        for m in self._modes:
+            name = m.structure.name
+            m.fourier.solve(state.fourier[name])
+            m.ekf.solve(state.ekf[name])
+            closed = int(state.fourier[name].counts[0, 1])
+            gained = None
+            if closed != state.blocks.get(name, 0):
+                state.blocks[name] = closed
+                gained = m.ekf.take_gained(state.ekf[name])
+            modes[name] = self._read(state, m, gained)
+        return Solution(time_s, modes)
+
+    @staticmethod
+    def _read(state: ChainState, mode: _Mode, gained: tuple[Array, Array] | None) -> ModeSolution:
+        name = mode.structure.name
+        return ModeSolution(
+            mode.structure,
+            mode.fourier.estimate(state.fourier[name]),
+            mode.ekf.estimate(state.ekf[name]),
+            mode.fourier.evidence(state.fourier[name]),
+            gained,
+        )
+
+
+def _mode(
+    aircraft: Aircraft, structure: ModeStructure, prior: Expectation, kinds: Mapping[str, str]
+) -> _Mode:
+    """Both estimators of a structure, started from the a-priori expectation and free to leave it."""
+    condition = prior.condition
+    reference = (condition.airspeed_true_m_s, condition.air_density_kg_m3)
+    value = prior.value - offsets(structure, condition.airspeed_true_m_s, condition.angle_of_attack_rad)
+    error = np.sqrt(np.diagonal(prior.covariance))
+    natural = np.maximum(np.abs(value), 2.0 * error)
+    held = tuple(kinds.get(_INPUT_COLUMN[u], "position") == "command" for u in structure.inputs)
+    sensors = aircraft.sensors
+    imu, vane = sensors.imu_position_m, sensors.vane_position_m
+    signals = SignalConfig(
+        structure, vane, reference_airspeed_m_s=reference[0], reference_density_kg_m3=reference[1]
+    )
+    fourier = FourierConfig(
+        structure, aircraft.band_hz(structure), value, 3.0 * natural, reference, held=held, imu_position_m=imu
+    )
+    ekf = EkfConfig(structure, value, natural, reference, held=held, imu_position_m=imu)
+    return _Mode(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf))

@@ -1,0 +1,135 @@
+"""Comparison: what a window of blocks says of a change since its onset, with the covariance of both sides.
+
+Coordinates are those in which derivatives hardly depend on the flight condition (American non-dimensional; where the
+aircraft file lacks mass or geometry, referred to the nominal condition), so blocks at different airspeeds add. Blocks
+before the onset and the expectation make the reference N(mu, L); blocks after it, with information J and vector h, a
+change d with
+
+    K = (J^-1 + L + Q)^-1,        K d = (I + J (L + Q))^-1 (h - J mu)
+
+without inverting J, which is singular where nothing was excited. Q is what the linear model itself may be wrong by.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from wingwatch.aircraft import Aircraft, AircraftDataError, FlightCondition, ModeStructure, affine
+from wingwatch.estimators import BlockEvidence, offsets, referred_scale
+
+__all__ = ["Change", "Coordinates", "change_since", "log_bayes_any", "log_bayes_direction"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinates:
+    """The coordinates of one structure of one aircraft.
+
+    Attributes:
+        reference: (airspeed_true_m_s, air_density_kg_m3) to which the estimators refer derivatives.
+    """
+
+    structure: ModeStructure
+    aircraft: Aircraft
+    reference: tuple[float, float]
+
+    def to_concise(self, condition: FlightCondition) -> tuple[Array, Array]:
+        """(scale, offset) with ``concise = scale * coordinate + offset``, each of shape (k,)."""
+        try:
+            return affine(self.structure, self.aircraft, condition)
+        except AircraftDataError:
+            scale = referred_scale(
+                self.structure, condition.airspeed_true_m_s, condition.air_density_kg_m3, self.reference
+            )
+            return scale, offsets(self.structure, condition.airspeed_true_m_s, condition.angle_of_attack_rad)
+
+    def from_concise(
+        self, value: Array, covariance: Array, condition: FlightCondition
+    ) -> tuple[Array, Array]:
+        """A value (k,) and its covariance (k, k) in these coordinates."""
+        scale, offset = self.to_concise(condition)
+        return (value - offset) / scale, covariance / np.outer(scale, scale)
+
+    def of_block(self, block: BlockEvidence, condition: FlightCondition) -> tuple[Array, Array]:
+        """Information (k, k) and vector (k,) of a block in these coordinates."""
+        scale, offset = self.to_concise(condition)
+        speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
+        referred = referred_scale(self.structure, speed, density, self.reference)
+        kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
+        slope, shift = scale / referred, (offset - kinematic) / referred
+        information = block.information * np.outer(slope, slope)
+        return information, slope * (block.vector - block.information @ shift)
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A change of one structure's derivatives since an onset.
+
+    Attributes:
+        weight: K, shape (k, k): inverse covariance of the change, zero where nothing is known.
+        pull: K d, shape (k,).
+        information, vector: J and h of the window, for the estimate after the onset.
+        mean, covariance: the reference before it.
+    """
+
+    weight: Array
+    pull: Array
+    information: Array
+    vector: Array
+    mean: Array
+    covariance: Array
+
+    def along(self, direction: Array) -> tuple[float, float]:
+        """(a'K d, a'K a) of a direction a."""
+        return float(direction @ self.pull), float(direction @ self.weight @ direction)
+
+
+def change_since(
+    mean: Array, covariance: Array, information: Array, vector: Array, model_error: Array
+) -> Change:
+    """The change that a window of blocks shows against a reference.
+
+    Args:
+        mean, covariance: reference, (k,) and (k, k).
+        information, vector: sums over the window's blocks, (k, k) and (k,).
+        model_error: standard deviation of what the linear model may be wrong by, (k,).
+    """
+    spread = covariance + np.diag(model_error**2)
+    inner = np.eye(mean.size) + information @ spread
+    solved = np.linalg.solve(inner, np.column_stack([information, vector - information @ mean]))
+    weight = np.asarray(solved[:, :-1], dtype=np.float64)
+    return Change(
+        0.5 * (weight + weight.T),
+        np.asarray(solved[:, -1], dtype=np.float64),
+        information,
+        vector,
+        mean,
+        covariance,
+    )
+
+
+def log_bayes_direction(pull: float, weight: float, size_std: float) -> tuple[float, float, float]:
+    """Log Bayes factor of "a change of some positive size along a direction" against "no change".
+
+    The size is half-normal with standard deviation ``size_std``; the integral of the likelihood is exact.
+
+    Returns:
+        log Bayes factor, size (posterior mode, not below zero) and its standard error.
+    """
+    variance = 1.0 / (weight + size_std**-2)
+    mode = variance * pull
+    error = float(np.sqrt(variance))
+    log_factor = np.log(error / size_std) + 0.5 * mode * pull + np.log(2.0) + float(log_ndtr(mode / error))
+    return float(log_factor), max(mode, 0.0), error
+
+
+def log_bayes_any(change: Change, spread: Array) -> float:
+    """Log Bayes factor of "every derivative may have changed", each N(0, spread^2), against "no change"."""
+    weight = change.weight * np.outer(spread, spread)
+    pull = change.pull * spread
+    grown = np.eye(pull.size) + weight
+    _, log_determinant = np.linalg.slogdet(grown)
+    return float(-0.5 * log_determinant + 0.5 * pull @ np.linalg.solve(grown, pull))

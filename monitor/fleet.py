@@ -1,0 +1,430 @@
+"""The live fleet: messages in, vehicles watched, alerts and events out. One lock, no I/O of its own.
+
+Who brings messages, where alerts are stored and where outputs are published is handed in, so the same object serves
+the service, the demo and the tests.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.baselines import EstimateRecord, Reference
+from wingwatch.estimators import Estimate
+from wingwatch.monitor.alerts import act
+from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
+from wingwatch.monitor.views import (
+    AlertAction,
+    AlertState,
+    AlertView,
+    Event,
+    VehicleState,
+    VehicleView,
+)
+from wingwatch.telemetry import (
+    AircraftMessage,
+    MessageError,
+    SensorsMessage,
+    decode_aircraft,
+    decode_sensors,
+)
+
+__all__ = ["FleetMonitor", "FleetSettings", "Outputs", "Store"]
+
+VehicleKey = tuple[str, str]
+
+STATE_ORDER = (
+    VehicleState.DEGRADED,
+    VehicleState.STALE,
+    VehicleState.UNKNOWN,
+    VehicleState.NOT_OBSERVABLE,
+    VehicleState.HEALTHY,
+)
+"""Worst first."""
+
+
+class Store(Protocol):
+    """Where a fleet's memory is kept; every method may raise and is then counted, never fatal."""
+
+    def references(
+        self, fleet: str, vehicle: str, aircraft: str, configuration: str
+    ) -> Mapping[str, Reference]:
+        """What earlier flights of the vehicle taught, by structure."""
+        ...
+
+    def save_references(
+        self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
+    ) -> None:
+        """Keep what the vehicle's flights taught."""
+        ...
+
+    def save_alert(self, alert: AlertView) -> None:
+        """Keep an alert; one with the same id is replaced."""
+        ...
+
+    def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
+        """Keep estimates for history."""
+        ...
+
+    def alerts(self) -> Sequence[AlertView]:
+        """Alerts of earlier runs, newest first."""
+        ...
+
+
+class Outputs(Protocol):
+    """Where news goes; called without the fleet's lock held."""
+
+    def announce(
+        self, fleet: str, vehicle: str, stream: str, value: Mapping[str, Any] | VehicleView | AlertView
+    ) -> None:
+        """``stream`` is ``derivatives``, ``status`` or ``alerts``."""
+        ...
+
+    def ask_aircraft(self, fleet: str, vehicle: str) -> None:
+        """A vehicle sends samples but never said what aircraft it is: query it."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FleetSettings:
+    """Limits of the live loop.
+
+    Attributes:
+        stale_s: wall-clock time without samples after which a vehicle is stale.
+        status_interval_s: how often an unchanged status is published.
+        ask_interval_s: least time between two questions for a vehicle's aircraft.
+        max_vehicles: vehicles remembered; a flood of invented names cannot fill the memory.
+        kept_events, kept_alerts: how many are kept in memory.
+        history_interval_s: least sample time between two estimates kept for history.
+    """
+
+    stale_s: float = 5.0
+    status_interval_s: float = 5.0
+    ask_interval_s: float = 1.0
+    max_vehicles: int = 5000
+    kept_events: int = 1000
+    kept_alerts: int = 10_000
+    history_interval_s: float = 1.0
+    judge: JudgeConfig = field(default_factory=JudgeConfig)
+
+
+@dataclass(slots=True)
+class _Vehicle:
+    """A vehicle as the live loop knows it."""
+
+    message: AircraftMessage | None = None
+    aircraft: Aircraft | None = None
+    problem: str = ""
+    monitor: VehicleMonitor | None = None
+    given: tuple[str, ...] = ()
+    counts: dict[str, int] = field(default_factory=dict)
+    next_sequence: int | None = None
+    received_s: float | None = None
+    asked_s: float = float("-inf")
+    published_s: float = float("-inf")
+    shown: VehicleState = VehicleState.UNKNOWN
+    history_s: float = float("-inf")
+    saved_blocks: int = 0
+
+    def count(self, reason: str, times: int = 1) -> None:
+        self.counts[reason] = self.counts.get(reason, 0) + times
+
+
+class FleetMonitor:
+    """All vehicles of a service; implements ``MonitorPort``.
+
+    Args:
+        find_aircraft: the aircraft of a name; raises ValueError with one sentence for an unknown one.
+        clock: wall or monotonic time in s, for staleness only.
+        new_id: makes alert ids.
+        store: memory across restarts, or None.
+        outputs: where news goes, or None.
+    """
+
+    def __init__(
+        self,
+        find_aircraft: Callable[[str], Aircraft],
+        clock: Callable[[], float],
+        new_id: Callable[[], str],
+        store: Store | None = None,
+        outputs: Outputs | None = None,
+        settings: FleetSettings | None = None,
+    ) -> None:
+        self._find, self._clock, self._new_id = find_aircraft, clock, new_id
+        self._store, self.outputs = store, outputs
+        self._settings = settings or FleetSettings()
+        self._lock = threading.RLock()
+        self._vehicles: dict[VehicleKey, _Vehicle] = {}
+        self._alerts: dict[str, AlertView] = {}
+        self._events: deque[Event] = deque(maxlen=self._settings.kept_events)
+        self._event_id = 0
+        self.problems: dict[str, int] = {}
+        if store is not None:
+            self._alerts = {a.id: a for a in reversed(self._guarded(store.alerts) or ())}
+
+    # -- what comes in ------------------------------------------------------------------------
+
+    def receive(self, fleet: str, vehicle: str, stream: str, payload: bytes, encoding: str) -> None:
+        """Take in one message; ``stream`` is ``sensors`` or ``aircraft``. Nothing a message holds can raise here."""
+        with self._lock:
+            known = self._vehicles.get((fleet, vehicle))
+            if known is None:
+                if len(self._vehicles) >= self._settings.max_vehicles:
+                    self.problems["too_many_vehicles"] = self.problems.get("too_many_vehicles", 0) + 1
+                    return
+                known = self._vehicles.setdefault((fleet, vehicle), _Vehicle())
+            try:
+                if stream == "aircraft":
+                    news = self._announced(fleet, vehicle, known, decode_aircraft(payload, encoding))
+                else:
+                    news = self._sampled(fleet, vehicle, known, decode_sensors(payload, encoding))
+            except MessageError as error:
+                known.count(f"message_{error.reason}")
+                return
+        self._tell(fleet, vehicle, news)
+
+    def _announced(self, fleet: str, vehicle: str, known: _Vehicle, message: AircraftMessage) -> list[Any]:
+        if message == known.message:
+            return []
+        changed = known.message is not None and (
+            message.aircraft != known.message.aircraft or message.configuration != known.message.configuration
+        )
+        known.message = message
+        try:
+            known.aircraft, known.problem = self._find(message.aircraft), ""
+        except ValueError as error:
+            known.aircraft, known.problem = None, str(error)
+            known.count("unknown_aircraft")
+        if changed or known.aircraft is None:
+            known.monitor = None
+        return []
+
+    def _sampled(self, fleet: str, vehicle: str, known: _Vehicle, message: SensorsMessage) -> list[Any]:
+        known.received_s = self._clock()
+        self._track(known, message.sequence)
+        if known.aircraft is None:
+            known.count("unannounced" if known.message is None else "unknown_aircraft", len(message.block))
+            return ["ask"] if known.message is None else []
+        if known.monitor is None:
+            known.monitor = self._new_monitor(fleet, vehicle, known, message)
+        report = known.monitor.feed(message.block)
+        return self._digest(fleet, vehicle, known, report)
+
+    @staticmethod
+    def _track(known: _Vehicle, sequence: int) -> None:
+        expected = known.next_sequence
+        if expected is not None and sequence > expected:
+            known.count("messages_lost", sequence - expected)
+        known.next_sequence = sequence + 1
+
+    def _new_monitor(
+        self, fleet: str, vehicle: str, known: _Vehicle, message: SensorsMessage
+    ) -> VehicleMonitor:
+        aircraft, announced = known.aircraft, known.message
+        if aircraft is None or announced is None:
+            raise ValueError(f"vehicle {fleet}/{vehicle} has not been announced")
+        known.given = message.given
+        store = self._store
+        learned: Mapping[str, Reference] | None = None
+        if store is not None:
+            configuration = announced.configuration
+            learned = self._guarded(lambda: store.references(fleet, vehicle, aircraft.name, configuration))
+        return VehicleMonitor(
+            aircraft, fleet, vehicle, message.block.present, surface_kinds(message.given),
+            configuration=announced.configuration, references=learned, new_id=self._new_id,
+            config=self._settings.judge,
+        )  # fmt: skip
+
+    # -- what it leads to ----------------------------------------------------------------------
+
+    def _digest(self, fleet: str, vehicle: str, known: _Vehicle, report: Report) -> list[Any]:
+        monitor = known.monitor
+        if monitor is None:
+            return []
+        news: list[Any] = []
+        for alert in report.alerts:
+            self._keep_alert(alert)
+            news.append(alert)
+        if report.solutions:
+            self._keep_history(fleet, vehicle, known, monitor, report)
+            value = monitor.derivatives()
+            news.append(value)
+            self._event("derivatives", {"fleet": fleet, "vehicle": vehicle, "time_s": value["time_s"]})
+        if monitor.state is not known.shown:
+            known.shown = monitor.state
+            news.append(monitor.view())
+            self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(monitor.state)})
+        return news
+
+    def _keep_alert(self, alert: AlertView) -> None:
+        before = self._alerts.get(alert.id)
+        if before is not None and before.state is not AlertState.ACTIVE and alert.state is AlertState.ACTIVE:
+            alert = replace(alert, state=before.state, note=before.note)
+        self._alerts[alert.id] = alert
+        while len(self._alerts) > self._settings.kept_alerts:
+            self._alerts.pop(next(iter(self._alerts)))
+        self._event(
+            "alert",
+            {"id": alert.id, "fleet": alert.fleet, "vehicle": alert.vehicle, "state": str(alert.state),
+             "kind": alert.kind, "cause": alert.cause, "level": alert.level, "text": alert.text},
+        )  # fmt: skip
+        store = self._store
+        if store is not None:
+            kept = alert
+            self._guarded(lambda: store.save_alert(kept))
+
+    def _keep_history(
+        self, fleet: str, vehicle: str, known: _Vehicle, monitor: VehicleMonitor, report: Report
+    ) -> None:
+        store = self._store
+        if store is None:
+            return
+        rows: list[EstimateRecord] = []
+        for solution in report.solutions:
+            if solution.time_s - known.history_s < self._settings.history_interval_s - 1e-6:
+                if solution.time_s >= known.history_s:
+                    continue
+            known.history_s = solution.time_s
+            estimates: list[Estimate] = [e for m in solution.modes.values() for e in (m.fourier, m.ekf)]
+            rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]
+        if rows:
+            self._guarded(lambda: store.append_estimates(rows))
+        learned = sum(r.blocks for r in monitor.references.values())
+        if learned > known.saved_blocks:
+            known.saved_blocks = learned
+            name, configuration = monitor.aircraft.name, monitor.configuration
+            self._guarded(
+                lambda: store.save_references(fleet, vehicle, name, configuration, monitor.references)
+            )
+
+    def _guarded(self, action: Callable[[], Any]) -> Any:
+        """A store that fails is counted and reported; watching goes on."""
+        try:
+            return action()
+        except Exception as error:  # whatever a database raises must not stop the watch
+            self.problems["store"] = self.problems.get("store", 0) + 1
+            self._event("problem", {"what": "store", "text": str(error)})
+            return None
+
+    def _event(self, kind: str, data: Mapping[str, Any]) -> None:
+        self._event_id += 1
+        self._events.append(Event(self._event_id, kind, data))
+
+    def _tell(self, fleet: str, vehicle: str, news: Sequence[Any]) -> None:
+        if self.outputs is None:
+            return
+        for item in news:
+            if item == "ask":
+                now = self._clock()
+                known = self._vehicles[fleet, vehicle]
+                if now - known.asked_s >= self._settings.ask_interval_s:
+                    known.asked_s = now
+                    self.outputs.ask_aircraft(fleet, vehicle)
+            elif isinstance(item, AlertView):
+                self.outputs.announce(fleet, vehicle, "alerts", item)
+            elif isinstance(item, VehicleView):
+                self.outputs.announce(fleet, vehicle, "status", item)
+            else:
+                self.outputs.announce(fleet, vehicle, "derivatives", item)
+
+    def tick(self) -> None:
+        """To be called about once a second: staleness, and status for those who listen."""
+        now = self._clock()
+        due: list[tuple[str, str, VehicleView]] = []
+        with self._lock:
+            for (fleet, vehicle), known in self._vehicles.items():
+                view = self._view(fleet, vehicle, known)
+                changed = view.state is not known.shown
+                if changed:
+                    known.shown = view.state
+                    self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(view.state)})
+                if changed or now - known.published_s >= self._settings.status_interval_s:
+                    known.published_s = now
+                    due.append((fleet, vehicle, view))
+        if self.outputs is not None:
+            for fleet, vehicle, view in due:
+                self.outputs.announce(fleet, vehicle, "status", view)
+
+    # -- what may be asked (MonitorPort) ---------------------------------------------------------
+
+    def _view(self, fleet: str, vehicle: str, known: _Vehicle) -> VehicleView:
+        silent = known.received_s is None or self._clock() - known.received_s > self._settings.stale_s
+        if known.monitor is None:
+            reason = known.problem or (
+                "samples arrive but the vehicle has not said what aircraft it is"
+                if known.message is None
+                else "announced; no samples yet"
+            )
+            return VehicleView(
+                fleet=fleet, vehicle=vehicle, aircraft=known.message.aircraft if known.message else None,
+                configuration=known.message.configuration if known.message else None, state=VehicleState.UNKNOWN,
+                state_since_s=None, reason=reason, last_sample_time_s=None, basis=None,
+                basis_text="Nothing has been compared yet.", worst=None, counts=dict(known.counts),
+                active_alerts=(), condition={},
+            )  # fmt: skip
+        view = known.monitor.view()
+        if silent and view.state is not VehicleState.DEGRADED:
+            view = replace(view, state=VehicleState.STALE, reason="no samples are arriving")
+        active = [
+            a.id
+            for a in self._alerts.values()
+            if (a.fleet, a.vehicle) == (fleet, vehicle) and a.id in view.active_alerts
+        ]
+        return replace(view, counts={**view.counts, **known.counts}, active_alerts=tuple(active))
+
+    def vehicles(self) -> Sequence[VehicleView]:
+        """All vehicles ever heard of, worst state first."""
+        with self._lock:
+            views = [self._view(f, v, known) for (f, v), known in self._vehicles.items()]
+        return sorted(views, key=lambda v: (STATE_ORDER.index(v.state), v.fleet, v.vehicle))
+
+    def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
+        """The ``estimate`` object with ``time_s`` and expectations; None for an unknown vehicle."""
+        with self._lock:
+            known = self._vehicles.get((fleet, vehicle))
+            if known is None:
+                return None
+            if known.monitor is None:
+                return {"time_s": None, "basis": None, "estimators": {}, "not_estimated": {}}
+            return known.monitor.derivatives()
+
+    def alerts(self) -> Sequence[AlertView]:
+        """All alerts, newest first."""
+        with self._lock:
+            return list(reversed(self._alerts.values()))
+
+    def act_on_alert(self, alert_id: str, action: AlertAction, who: str, note: str) -> AlertView | None:
+        """Carry out a person's action; None for an unknown alert, ValueError where it makes no sense."""
+        with self._lock:
+            alert = self._alerts.get(alert_id)
+            if alert is None:
+                return None
+            changed = act(alert, action, who, note)
+            known = self._vehicles.get((alert.fleet, alert.vehicle))
+            monitor = known.monitor if known is not None else None
+            if changed.state is AlertState.CLEARED:
+                changed = replace(changed, cleared_s=monitor.last_sample_time_s if monitor else None)
+                if (
+                    monitor is not None
+                    and monitor.book.active is not None
+                    and monitor.book.active.id == alert_id
+                ):
+                    monitor.book.dismiss()
+            elif (
+                monitor is not None and monitor.book.active is not None and monitor.book.active.id == alert_id
+            ):
+                monitor.book.active = changed
+            self._alerts[alert_id] = changed
+            self._keep_alert(changed)
+        self._tell(alert.fleet, alert.vehicle, [changed])
+        return changed
+
+    def events(self, after: int) -> Sequence[Event]:
+        """Events with an id above ``after``, oldest first."""
+        with self._lock:
+            if after >= self._event_id:
+                return []
+            return [e for e in self._events if e.id > after]

@@ -1,0 +1,385 @@
+"""The judge: a sequential test over blocks, for every onset and every cause, and what an alert is made of.
+
+For each possible onset among the blocks remembered, the Bayes factor of "changed by this cause since then" against "no
+change" is formed; their sum over onsets is the Shiryaev-Roberts statistic. Without a change a Bayes factor has
+expectation one, so the statistic minus the number of blocks is a martingale and the mean number of blocks to a false
+alert is at least the threshold, whatever the excitation: quiet blocks have a factor of one and neither accuse nor
+acquit. The derivation stands in ``docs/monitor.md``.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+from scipy.stats import chi2
+
+from wingwatch.aircraft import FlightCondition, ModeStructure
+from wingwatch.baselines import Expectation, Reference
+from wingwatch.estimators import BlockEvidence, Estimate, Outcome
+from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
+from wingwatch.monitor.comparison import (
+    Change,
+    Coordinates,
+    change_since,
+    log_bayes_any,
+    log_bayes_direction,
+)
+
+__all__ = ["BlockView", "Judge", "JudgeConfig", "JudgeState", "ModeBlock", "Verdict"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class JudgeConfig:
+    """Settings of the sequential test.
+
+    Attributes:
+        remembered_blocks: onsets considered; older blocks join the reference.
+        false_alert_interval_h: mean time to a false alert, at least, per vehicle.
+        block_s: length of a block.
+        model_error: what the linear model may be wrong by, as a share of each derivative's natural size; a
+            change below this is not called one.
+        cause_probability: a cause is named when its probability among the causes reaches this.
+        patience_blocks: informative blocks to wait for a cause to become clear before calling it unexplained.
+        founded_blocks: informative blocks of its own flights after which an aircraft's reference is empirical.
+        contradiction: probability below which flights contradict an a-priori expectation.
+    """
+
+    remembered_blocks: int = 18
+    false_alert_interval_h: float = 1000.0
+    block_s: float = 10.0
+    model_error: float = 0.03
+    cause_probability: float = 0.9
+    patience_blocks: int = 3
+    founded_blocks: int = 6
+    contradiction: float = 1e-4
+
+    @property
+    def log_threshold(self) -> float:
+        """Of the Shiryaev-Roberts statistic: blocks in the false alert interval."""
+        return float(np.log(self.false_alert_interval_h * 3600.0 / self.block_s))
+
+
+@dataclass(frozen=True, slots=True)
+class ModeBlock:
+    """One structure's part of a block, in coordinates that do not depend on the flight condition."""
+
+    information: Array
+    vector: Array
+    expected: Array
+    expected_covariance: Array
+    ekf: Array
+    ekf_covariance: Array
+    ekf_stands: bool
+
+
+@dataclass(frozen=True, slots=True)
+class BlockView:
+    """One block of all structures."""
+
+    end_s: float
+    condition: FlightCondition
+    modes: Mapping[str, ModeBlock]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the test says after a block.
+
+    Attributes:
+        log_statistic: log of the Shiryaev-Roberts statistic.
+        cause: likeliest cause; probability: among all causes, given that something changed.
+        onset: index of the first changed block among those remembered; onset_s: end of the block before it.
+        size, size_standard_error: of the cause.
+        changes: per structure, the change since the onset.
+        confirmed: whether the filter, the second voice, has moved the same way.
+    """
+
+    log_statistic: float
+    cause: Cause
+    probability: float
+    onset: int
+    onset_s: float
+    size: float
+    size_standard_error: float
+    changes: Mapping[str, Change]
+    confirmed: bool
+
+
+@dataclass(slots=True)
+class JudgeState:
+    """What the judge remembers of one vehicle."""
+
+    references: dict[str, Reference]
+    blocks: list[BlockView] = field(default_factory=list)
+    founded: bool = False
+    contradictions: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    informative: int = 0
+
+
+class Judge:
+    """Tests one aircraft type's blocks; the state is one vehicle's.
+
+    Args:
+        coordinates: of the structures compared.
+        config: see ``JudgeConfig``.
+    """
+
+    def __init__(self, coordinates: Mapping[str, Coordinates], config: JudgeConfig | None = None) -> None:
+        self.coordinates = coordinates
+        self.config = config or JudgeConfig()
+
+    def init(self, references: Mapping[str, Reference], founded: bool) -> JudgeState:
+        """State at the start, with what earlier flights taught.
+
+        ``founded``: the expectation rests on more than a-priori numbers.
+        """
+        learned = {
+            name: references.get(name) or Reference.empty(len(c.structure.derivatives))
+            for name, c in self.coordinates.items()
+        }
+        own = all(r.blocks >= self.config.founded_blocks for r in learned.values())
+        return JudgeState(learned, founded=founded or (own and bool(learned)))
+
+    def mode_block(
+        self, structure: ModeStructure, evidence: BlockEvidence, ekf: Estimate, expectation: Expectation,
+        condition: FlightCondition,
+    ) -> ModeBlock:  # fmt: skip
+        """A structure's evidence, expectation and filter estimate brought to common coordinates."""
+        c = self.coordinates[structure.name]
+        information, vector = c.of_block(evidence, condition)
+        expected, covariance = c.from_concise(expectation.value, expectation.covariance, condition)
+        now = FlightCondition(
+            ekf.condition[0], ekf.condition[1], ekf.condition[2], condition.configuration,
+            ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0,
+        )  # fmt: skip
+        value, spread = c.from_concise(ekf.value, ekf.covariance, now)
+        stands = ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
+        return ModeBlock(information, vector, expected, covariance, value, spread, stands)
+
+    def consider(self, state: JudgeState, block: BlockView, alarmed_onset_s: float | None) -> Verdict | None:
+        """Take in a block; returns what the test says, or None while there is nothing to compare with.
+
+        Args:
+            alarmed_onset_s: onset of the alert in force: later blocks never join the reference.
+        """
+        state.blocks.append(block)
+        if any(np.trace(m.information) > 0.0 for m in block.modes.values()):
+            state.informative += 1
+        verdict = self._verdict(state)
+        if len(state.blocks) > self.config.remembered_blocks:
+            self._absorb(state, alarmed_onset_s, verdict)
+        self._check_expectation(state, verdict)
+        return verdict
+
+    def _absorb(self, state: JudgeState, alarmed_onset_s: float | None, verdict: Verdict | None) -> None:
+        """The oldest block joins the reference, unless it may be part of a change."""
+        oldest = state.blocks.pop(0)
+        if alarmed_onset_s is not None and oldest.end_s > alarmed_onset_s:
+            return
+        suspicious = verdict is not None and verdict.log_statistic > 0.5 * self.config.log_threshold
+        if suspicious and alarmed_onset_s is None and verdict is not None and verdict.onset == 0:
+            return
+        for name, mode in oldest.modes.items():
+            if name in state.references and np.trace(mode.information) > 0.0:
+                state.references[name] = state.references[name].add(
+                    mode.information, mode.vector, self.config.block_s
+                )
+
+    def _check_expectation(self, state: JudgeState, verdict: Verdict | None) -> None:
+        """Flights that contradict an a-priori expectation take its weight away; nothing is called damage."""
+        calm = verdict is None or verdict.log_statistic < 0.5 * self.config.log_threshold
+        if state.founded or not calm:
+            return
+        for name, coordinates in self.coordinates.items():
+            if name in state.contradictions:
+                continue
+            information, vector = self._before(state, name, max(0, len(state.blocks) - 2))
+            modes = [b.modes[name] for b in state.blocks if name in b.modes]
+            if not modes:
+                continue
+            error = self.config.model_error * _natural(modes[-1])
+            change = change_since(
+                modes[-1].expected, modes[-1].expected_covariance, information, vector, error
+            )
+            freedom = float(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
+            distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
+            if freedom and chi2.sf(distance, freedom) < self.config.contradiction:
+                state.contradictions[name] = _named(coordinates.structure, change)
+        if all(r.blocks >= self.config.founded_blocks for r in state.references.values()):
+            state.founded = True
+
+    def expected(self, state: JudgeState, name: str, prior: Array, covariance: Array) -> tuple[Array, Array]:
+        """Expectation after the vehicle's own flights, in the judge's coordinates."""
+        if name in state.contradictions:
+            covariance = covariance * 100.0
+        return state.references[name].posterior(prior, covariance)
+
+    def _before(self, state: JudgeState, name: str, onset: int) -> tuple[Array, Array]:
+        """Information and vector of the vehicle's own flight before a block, earlier flights included."""
+        reference = state.references[name]
+        information, vector = reference.information.copy(), reference.vector.copy()
+        for block in state.blocks[:onset]:
+            if name in block.modes:
+                information += block.modes[name].information
+                vector += block.modes[name].vector
+        return information, vector
+
+    def _change(self, state: JudgeState, name: str, onset: int, healthy: int | None = None) -> Change | None:
+        """The change of a structure since an onset against everything before it (or before block ``healthy``)."""
+        modes = [b.modes[name] for b in state.blocks[onset:] if name in b.modes]
+        if not modes:
+            return None
+        latest = modes[-1]
+        prior = latest.expected_covariance * (100.0 if name in state.contradictions else 1.0)
+        information, vector = self._before(state, name, onset if healthy is None else healthy)
+        known = np.linalg.inv(prior)
+        covariance = np.linalg.inv(known + information)
+        covariance = 0.5 * (covariance + covariance.T)
+        mean = covariance @ (known @ latest.expected + vector)
+        window = np.sum([m.information for m in modes], axis=0)
+        pulled = np.sum([m.vector for m in modes], axis=0)
+        return change_since(mean, covariance, window, pulled, self.config.model_error * _natural(latest))
+
+    def recent(
+        self, state: JudgeState, cause: Cause, onset_s: float, blocks: int, condition: FlightCondition
+    ) -> tuple[float, float, float] | None:
+        """Log Bayes factor, size and standard error of a cause over the latest informative blocks alone.
+
+        The reference is what came before ``onset_s``. None while there are not yet that many blocks since.
+        """
+        after = [
+            k
+            for k, b in enumerate(state.blocks)
+            if b.end_s > onset_s and any(np.trace(m.information) > 0.0 for m in b.modes.values())
+        ]
+        if len(after) <= blocks:
+            return None
+        found = {name: self._change(state, name, after[-blocks], after[0]) for name in self.coordinates}
+        known = {name: change for name, change in found.items() if change is not None}
+        if cause is UNEXPLAINED:
+            size, error = _largest(known)
+            return self._anything(state, known), size, error
+        return self._directed(known, cause, condition)
+
+    def _verdict(self, state: JudgeState) -> Verdict | None:
+        first = 0 if state.founded else 1
+        onsets = range(first, len(state.blocks))
+        if not onsets:
+            return None
+        hypotheses = (*CAUSES, UNEXPLAINED)
+        factors = np.full((len(hypotheses), len(onsets)), -np.inf)
+        sizes = np.zeros((len(hypotheses), len(onsets), 2))
+        changes: list[dict[str, Change]] = []
+        condition = state.blocks[-1].condition
+        for column, onset in enumerate(onsets):
+            found = {name: self._change(state, name, onset) for name in self.coordinates}
+            known = {name: change for name, change in found.items() if change is not None}
+            changes.append(known)
+            for row, cause in enumerate(CAUSES):
+                factor, size, error = self._directed(known, cause, condition)
+                factors[row, column] = factor
+                sizes[row, column] = size, error
+            factors[-1, column] = self._anything(state, known)
+        weights = np.log([h.weight for h in hypotheses])
+        by_cause = logsumexp(factors + weights[:, None], axis=1)
+        total = float(logsumexp(by_cause))
+        best = int(np.argmax(by_cause))
+        column = int(np.argmax(factors[best]))
+        onset = onsets[column]
+        size, error = sizes[best, column]
+        cause = hypotheses[best]
+        if cause is UNEXPLAINED:
+            size, error = _largest(changes[column])
+        earlier = state.blocks[onset - 1].end_s if onset else state.blocks[0].end_s - self.config.block_s
+        confirmed = self._confirmed(state, changes[column], cause, onset, float(size), condition)
+        return Verdict(
+            total, cause, float(np.exp(by_cause[best] - total)), onset, earlier, float(size), float(error),
+            changes[column], confirmed,
+        )  # fmt: skip
+
+    def direction(self, name: str, cause: Cause, mean: Array, condition: FlightCondition) -> Array:
+        """A cause's direction in the judge's coordinates."""
+        c = self.coordinates[name]
+        scale, offset = c.to_concise(condition)
+        aerodynamic = scale * mean + offset
+        if cause.name != "icing":
+            aerodynamic = scale * mean
+        return cause.direction(c.structure, aerodynamic, c.aircraft, condition) / scale
+
+    def _directed(
+        self, changes: Mapping[str, Change], cause: Cause, condition: FlightCondition
+    ) -> tuple[float, float, float]:
+        """Bayes factor and size of a cause, over all structures together."""
+        pull = weight = 0.0
+        for name, change in changes.items():
+            p, w = change.along(self.direction(name, cause, change.mean, condition))
+            pull, weight = pull + p, weight + w
+        return log_bayes_direction(pull, weight, cause.size_std)
+
+    def _anything(self, state: JudgeState, changes: Mapping[str, Change]) -> float:
+        """Bayes factor of a change in no pattern: in one structure, in another, or in all."""
+        singles = []
+        for name, change in changes.items():
+            latest = next(b.modes[name] for b in reversed(state.blocks) if name in b.modes)
+            singles.append(log_bayes_any(change, UNEXPLAINED.size_std * _natural(latest)))
+        if len(singles) == 1:
+            return singles[0]
+        options = [*singles, float(np.sum(singles))]
+        return float(logsumexp(options) - np.log(len(options)))
+
+    def _confirmed(
+        self, state: JudgeState, changes: Mapping[str, Change], cause: Cause, onset: int, size: float,
+        condition: FlightCondition,
+    ) -> bool:  # fmt: skip
+        """Whether the filter's own estimates moved along the same direction, by at least half the size.
+
+        A filter without standing abstains.
+        """
+        pull = weight = 0.0
+        for name, change in changes.items():
+            now = state.blocks[-1].modes.get(name)
+            before = state.blocks[onset - 1].modes.get(name) if onset else None
+            if now is None or not now.ekf_stands:
+                continue
+            start = before.ekf if before is not None and before.ekf_stands else change.mean
+            if cause is UNEXPLAINED:
+                direction = np.linalg.pinv(change.weight, rcond=1e-6, hermitian=True) @ change.pull
+                size = 1.0
+            else:
+                direction = self.direction(name, cause, change.mean, condition)
+            moved = change.weight @ direction
+            pull += float(moved @ (now.ekf - start))
+            weight += float(moved @ direction)
+        return weight <= 0.0 or pull / weight >= 0.5 * size
+
+
+def _natural(mode: ModeBlock) -> Array:
+    """Natural size of each derivative: its expectation, or where that is near zero, two of its standard errors."""
+    return np.maximum(np.abs(mode.expected), 2.0 * np.sqrt(np.diagonal(mode.expected_covariance)))
+
+
+def _largest(changes: Mapping[str, Change]) -> tuple[float, float]:
+    """Largest relative change of a single derivative that is seen at all, with its standard error."""
+    best = (0.0, 0.0, 0.0)
+    for change in changes.values():
+        for a in range(change.mean.size):
+            w = change.weight[a, a]
+            if w <= 0.0 or change.mean[a] == 0.0:
+                continue
+            size, error = change.pull[a] / w / abs(change.mean[a]), 1.0 / np.sqrt(w) / abs(change.mean[a])
+            z = abs(size) / error
+            if z > best[0]:
+                best = (z, abs(size), error)
+    return best[1], best[2]
+
+
+def _named(structure: ModeStructure, change: Change, most: int = 4) -> tuple[str, ...]:
+    """Derivatives that differ most, in standard errors, worst first."""
+    diagonal = np.diagonal(change.weight)
+    z = np.where(diagonal > 0.0, change.pull / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
+    order: Sequence[int] = np.argsort(-np.abs(z)).tolist()
+    return tuple(structure.derivatives[a] for a in order[:most] if abs(z[a]) > 3.0)

@@ -1,0 +1,336 @@
+"""One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from wingwatch.aircraft import (
+    DERIVATIVES,
+    DUTCH_ROLL,
+    LATERAL,
+    SHORT_PERIOD,
+    Aircraft,
+    FlightCondition,
+    ModeStructure,
+    natural_frequency_and_damping,
+    state_matrix,
+)
+from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
+from wingwatch.estimators import Estimate, Outcome
+from wingwatch.monitor.alerts import AlertBook
+from wingwatch.monitor.chain import Chain, ModeSolution, Solution, nominal_condition
+from wingwatch.monitor.comparison import Coordinates
+from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig
+from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
+from wingwatch.telemetry import Cleaner, SampleBlock, derivations
+
+__all__ = ["Report", "VehicleMonitor", "surface_kinds"]
+
+
+def surface_kinds(given: Sequence[str]) -> dict[str, str]:
+    """``command`` for every surface whose position is not given and is taken from its command."""
+    return {
+        name: "command"
+        for name, sources in derivations(given).items()
+        if len(sources) == 1 and sources[0].endswith("_command_rad")
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a block of samples led to: solutions, and alerts that were raised, changed or cleared."""
+
+    solutions: Sequence[Solution] = ()
+    alerts: Sequence[AlertView] = ()
+
+
+@dataclass(slots=True)
+class _Memory:
+    """What the vehicle remembers beside its parts' own states."""
+
+    latest: Solution | None = None
+    observable_s: float = 0.0
+    state: VehicleState = VehicleState.UNKNOWN
+    state_since_s: float | None = None
+    outside: str = ""
+    shelved: set[str] = field(default_factory=set)
+
+
+class VehicleMonitor:
+    """Watches one vehicle.
+
+    Args:
+        aircraft: its file.
+        present: channels that its samples carry after completion.
+        kinds: of the surfaces (see ``surface_kinds``).
+        references: what earlier flights of this vehicle taught, by structure.
+        new_id: makes alert ids.
+    """
+
+    def __init__(
+        self,
+        aircraft: Aircraft,
+        fleet: str,
+        vehicle: str,
+        present: Sequence[str],
+        kinds: Mapping[str, str],
+        *,
+        configuration: str = "clean",
+        references: Mapping[str, Reference] | None = None,
+        new_id: Callable[[], str],
+        config: JudgeConfig | None = None,
+    ) -> None:
+        self.aircraft, self.fleet, self.vehicle = aircraft, fleet, vehicle
+        self.configuration = configuration
+        self.cleaner = Cleaner()
+        self.chain = Chain(aircraft, present, kinds, configuration)
+        self._chain_state = self.chain.init()
+        self._compared = _compared(self.chain.structures)
+        nominal = nominal_condition(aircraft)
+        reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
+        self.judge = Judge({s.name: Coordinates(s, aircraft, reference) for s in self._compared}, config)
+        self._judge_state = self.judge.init(references or {}, self._founded_by_file(nominal))
+        self.book = AlertBook(fleet, vehicle, new_id)
+        self._memory = _Memory()
+
+    @property
+    def observable_s(self) -> float:
+        """Seconds of flight in which something could be said."""
+        return self._memory.observable_s
+
+    @property
+    def references(self) -> Mapping[str, Reference]:
+        """What this vehicle's flights have taught so far, by structure."""
+        return self._judge_state.references
+
+    @property
+    def last_sample_time_s(self) -> float | None:
+        """Stamp of the last sample used."""
+        t = self._chain_state.last_s
+        return t if np.isfinite(t) else None
+
+    def feed(self, block: SampleBlock) -> Report:
+        """Take in samples as they came (completed, not cleaned)."""
+        clean = self.cleaner.clean(block).block
+        solutions: list[Solution] = []
+        alerts: list[AlertView] = []
+        for solution in self.chain.advance(self._chain_state, clean):
+            solutions.append(solution)
+            changed = self._judge_solution(solution)
+            self._memory.latest = solution
+            if changed is not None:
+                alerts.append(changed)
+            self._update_state(solution)
+        return Report(solutions, alerts)
+
+    def _founded_by_file(self, nominal: FlightCondition | None) -> bool:
+        """Whether every compared structure's expectation rests on flights of the type, not on numbers alone."""
+        if nominal is None or not self._compared:
+            return False
+        found = [self.chain.envelopes[s.name].lookup(nominal) for s in self._compared]
+        return all(isinstance(e, Expectation) and e.provenance != "a-priori" for e in found)
+
+    def _judge_solution(self, solution: Solution) -> AlertView | None:
+        """If blocks were closed, compare them and follow up."""
+        fresh = [m for s in self._compared if (m := solution.modes[s.name]).gained is not None]
+        if not fresh:
+            return None
+        modes = {}
+        condition = None
+        for mode in fresh:
+            airspeed, altitude, density, alpha = mode.block.condition
+            condition = FlightCondition(
+                airspeed, altitude, density, self.configuration, alpha if np.isfinite(alpha) else 0.0
+            )
+            expectation = self.chain.envelopes[mode.structure.name].lookup(condition)
+            if isinstance(expectation, OutOfEnvelope):
+                self._memory.outside = expectation.reason
+                continue
+            self._memory.outside = ""
+            modes[mode.structure.name] = self.judge.mode_block(
+                mode.structure, mode.block, mode.ekf, expectation, condition
+            )
+        if condition is None or not modes:
+            return None
+        block = BlockView(fresh[0].block.end_s, condition, modes)
+        verdict = self.judge.consider(self._judge_state, block, self.book.onset_s)
+        return self.book.follow(
+            self.judge, self._judge_state, verdict, condition, solution.time_s, self.basis or "a-priori"
+        )
+
+    def _update_state(self, solution: Solution) -> None:
+        m = self._memory
+        seen = any(_seen(solution.modes[s.name]) for s in self._compared)
+        if seen:
+            m.observable_s += 0.5
+        state = VehicleState.HEALTHY if seen and not m.outside else VehicleState.NOT_OBSERVABLE
+        if self.book.active is not None:
+            state = VehicleState.DEGRADED
+        if state is not m.state:
+            m.state, m.state_since_s = state, solution.time_s
+
+    @property
+    def state(self) -> VehicleState:
+        """Health as of the last solution."""
+        return self._memory.state
+
+    @property
+    def basis(self) -> str | None:
+        """What the comparison rests on: ``a-priori``, ``empirical`` or ``identified``."""
+        if not self._compared:
+            return None
+        nominal = nominal_condition(self.aircraft)
+        weakest = "identified"
+        for s in self._compared:
+            found = self.chain.envelopes[s.name].lookup(nominal) if nominal else None
+            stated = str(found.provenance) if isinstance(found, Expectation) else "a-priori"
+            own = self._judge_state.references[s.name].blocks >= self.judge.config.founded_blocks
+            mine = "empirical" if stated == "a-priori" and own else stated
+            weakest = min(weakest, mine, key=("a-priori", "empirical", "identified").index)
+        return weakest
+
+    @property
+    def basis_text(self) -> str:
+        """The basis as a sentence, with what contradicts it."""
+        if self.basis is None:
+            return "Nothing to compare with: " + "; ".join(f"{k}: {v}" for k, v in self.chain.absent.items())
+        seconds = max(r.seconds for r in self._judge_state.references.values())
+        words = {
+            "a-priori": "Compared with a-priori numbers and with this flight's own earlier blocks",
+            "empirical": f"Compared with {seconds:.0f} s of this aircraft's own flights",
+            "identified": "Compared with derivatives identified in flight",
+        }[self.basis]
+        for name, symbols in self._judge_state.contradictions.items():
+            words += f"; the a-priori {name} does not fit this aircraft ({', '.join(symbols) or 'jointly'})"
+        return words + "."
+
+    def expectation(
+        self, structure: ModeStructure, condition: FlightCondition
+    ) -> Expectation | OutOfEnvelope:
+        """What is expected at a condition, this vehicle's own flights included."""
+        found = self.chain.envelopes[structure.name].lookup(condition)
+        if isinstance(found, OutOfEnvelope) or structure.name not in self.judge.coordinates:
+            return found
+        c = self.judge.coordinates[structure.name]
+        prior, spread = c.from_concise(found.value, found.covariance, condition)
+        value, covariance = self.judge.expected(self._judge_state, structure.name, prior, spread)
+        scale, offset = c.to_concise(condition)
+        return Expectation(
+            structure, scale * value + offset, covariance * np.outer(scale, scale), found.provenance, condition,
+            found.source,
+        )  # fmt: skip
+
+    def derivatives(self) -> dict[str, Any]:
+        """The contract's ``estimate`` object as of the last sample, with expectations."""
+        solution = self.chain.current(self._chain_state)
+        estimators: dict[str, dict[str, Any]] = {"fourier": {}, "ekf": {}}
+        for name, mode in solution.modes.items():
+            for estimate in (mode.fourier, mode.ekf):
+                estimators[estimate.estimator][name] = self._mode_object(estimate)
+        return {
+            "time_s": self.last_sample_time_s,
+            "basis": self.basis,
+            "estimators": estimators,
+            "not_estimated": dict(self.chain.absent),
+        }
+
+    def _expected_now(self, estimate: Estimate) -> Expectation | None:
+        airspeed, altitude, density, alpha = estimate.condition
+        if not (np.isfinite(airspeed) and airspeed > 0.0 and np.isfinite(density)):
+            return None
+        condition = FlightCondition(
+            airspeed, altitude, density, self.configuration, alpha if np.isfinite(alpha) else 0.0
+        )
+        found = self.expectation(estimate.structure, condition)
+        return None if isinstance(found, OutOfEnvelope) else found
+
+    def _mode_object(self, estimate: Estimate) -> dict[str, Any]:
+        expected = self._expected_now(estimate)
+        symbols = estimate.structure.derivatives
+        error = estimate.standard_error
+        rows = {}
+        for k, symbol in enumerate(symbols):
+            row: dict[str, Any] = {
+                "value": float(estimate.value[k]),
+                "standard_error": float(error[k]),
+                "unit": DERIVATIVES[symbol].unit,
+                "outcome": str(estimate.outcomes[k]),
+            }
+            if expected is not None:
+                row["expected"] = float(expected.value[k])
+                row["expected_standard_error"] = float(expected.standard_error[k])
+            rows[symbol] = row
+        matrix = state_matrix(estimate.structure, dict(zip(symbols, estimate.value.tolist(), strict=True)))
+        frequency, damping = natural_frequency_and_damping(estimate.structure, matrix)
+        return {
+            "outcome": str(estimate.outcome),
+            "reason": estimate.reason,
+            "derivatives": rows,
+            "natural_frequency_rad_s": frequency,
+            "damping_ratio": damping,
+        }
+
+    def worst(self) -> WorstDerivative | None:
+        """The derivative furthest from its expectation, among those that are observable."""
+        solution, worst = self._memory.latest, None
+        if solution is None:
+            return None
+        for s in self._compared:
+            for estimate in (solution.modes[s.name].fourier, solution.modes[s.name].ekf):
+                expected = self._expected_now(estimate)
+                if expected is None:
+                    continue
+                z = (estimate.value - expected.value) / np.hypot(
+                    estimate.standard_error, expected.standard_error
+                )
+                for k, symbol in enumerate(s.derivatives):
+                    stands = estimate.outcomes[k] in (Outcome.CONVERGED, Outcome.SETTLING)
+                    if stands and (worst is None or abs(z[k]) > abs(worst.z)):
+                        worst = WorstDerivative(estimate.estimator, s.name, symbol, float(z[k]))
+        return worst
+
+    @property
+    def reason(self) -> str:
+        """Why the state is what it is, in one clause."""
+        if self.book.active is not None:
+            return self.book.active.text
+        if not self._compared:
+            return self.basis_text
+        if self._memory.outside:
+            return self._memory.outside
+        if self._memory.latest is None:
+            return "no solution yet"
+        if self.state is VehicleState.NOT_OBSERVABLE:
+            return "; ".join(self._memory.latest.modes[s.name].fourier.reason for s in self._compared)
+        return "no change against what is expected"
+
+    def view(self, state: VehicleState | None = None) -> VehicleView:
+        """The vehicle as an operator sees it; ``state`` replaces its own (a vehicle that fell silent)."""
+        solution = self._memory.latest
+        condition: dict[str, float] = {}
+        if solution is not None and solution.modes:
+            airspeed, altitude, density, _ = next(iter(solution.modes.values())).ekf.condition
+            condition = {
+                "airspeed_true_m_s": airspeed,
+                "altitude_m": altitude,
+                "air_density_kg_m3": density,
+            }
+        return VehicleView(
+            fleet=self.fleet, vehicle=self.vehicle, aircraft=self.aircraft.name, configuration=self.configuration,
+            state=state or self.state, state_since_s=self._memory.state_since_s, reason=self.reason,
+            last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
+            worst=self.worst(), counts=dict(self.cleaner.report.counts),
+            active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
+        )  # fmt: skip
+
+
+def _compared(structures: Sequence[ModeStructure]) -> tuple[ModeStructure, ...]:
+    """Structures the monitor compares: short period, and the fullest lateral one there is."""
+    lateral = LATERAL if LATERAL in structures else DUTCH_ROLL
+    return tuple(s for s in (SHORT_PERIOD, lateral) if s in structures)
+
+
+def _seen(mode: ModeSolution) -> bool:
+    return mode.fourier.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
