@@ -9,6 +9,7 @@ import sqlite3
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ __all__ = [
     "check_answers",
     "connect",
     "head_revision",
+    "one_writer",
     "sentences",
     "sqlite_file",
     "upgrade",
@@ -40,8 +42,8 @@ CONNECT_TIMEOUT_S = 5
 CHECK_TIMEOUT_S = 0.5
 """How long a readiness check waits for the write lock of SQLite."""
 
-_UPGRADE_LOCK = 0x77696E67
-"""Key of the PostgreSQL advisory lock under which one process at a time upgrades (ASCII "wing")."""
+_WRITER_LOCK = 0x77696E67
+"""Key of the PostgreSQL advisory lock of ``one_writer`` (ASCII "wing")."""
 
 _MIGRATIONS = Path(__file__).parent / "migrations"
 _WRITE = "wingwatch_write"
@@ -87,7 +89,7 @@ def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
         event.listen(engine, "connect", _sqlite_session(busy_timeout_s))
         event.listen(engine, "begin", _sqlite_begin)
         return engine
-    milliseconds = int(1000 * busy_timeout_s)
+    wanted = (str(url.query.get("options", "")), f"-c lock_timeout={int(1000 * busy_timeout_s)}")
     try:
         return create_engine(
             url,
@@ -95,7 +97,7 @@ def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
             pool_timeout=busy_timeout_s,
             connect_args={
                 "connect_timeout": CONNECT_TIMEOUT_S,
-                "options": f"-c lock_timeout={milliseconds} -c client_encoding=UTF8",
+                "options": " ".join(wanted).strip(),
             },
         )
     except ModuleNotFoundError as error:
@@ -109,6 +111,15 @@ def writing(engine: Engine) -> Engine:
     return engine.execution_options(**{_WRITE: True})
 
 
+def one_writer(connection: Connection) -> None:
+    """Wait until no other transaction has passed here: for reading first and writing what follows from it.
+
+    SQLite's transactions that write are alone already.
+    """
+    if connection.dialect.name == "postgresql":
+        connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _WRITER_LOCK})
+
+
 def sqlite_file(engine: Engine) -> Path | None:
     """The file of an SQLite database, None for a server."""
     is_file = engine.url.get_backend_name() == "sqlite"
@@ -117,10 +128,16 @@ def sqlite_file(engine: Engine) -> Path | None:
 
 def head_revision() -> str:
     """The newest revision that this code knows."""
-    head = ScriptDirectory(str(_MIGRATIONS)).get_current_head()
-    if head is None:
+    return _known_revisions(_MIGRATIONS)[0]
+
+
+@cache
+def _known_revisions(migrations: Path) -> tuple[str, ...]:
+    """All revisions of a folder, newest first."""
+    known = tuple(script.revision for script in ScriptDirectory(str(migrations)).walk_revisions())
+    if not known:
         raise DatabaseError("this installation lacks its database migrations; install wingwatch again")
-    return head
+    return known
 
 
 def upgrade(engine: Engine) -> None:
@@ -130,8 +147,7 @@ def upgrade(engine: Engine) -> None:
         DatabaseError: a schema newer than this code, another program's database, or a fault of the database.
     """
     with sentences(engine), writing(engine).begin() as connection:
-        if engine.dialect.name == "postgresql":
-            connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _UPGRADE_LOCK})
+        one_writer(connection)
         current = _revision(connection)
         head = head_revision()
         if current == head:
@@ -192,7 +208,7 @@ def _url(where: str | os.PathLike[str]) -> URL:
         return URL.create("sqlite", database=str(Path(given).expanduser().absolute()))
     try:
         url = make_url(given)
-    except ArgumentError as error:
+    except (ArgumentError, ValueError) as error:
         scheme = given.split("://", 1)[0]  # the rest may hold a password
         raise DatabaseError(
             f"the database URL that begins with {scheme}:// cannot be understood; "
@@ -247,7 +263,8 @@ def _check_file(path: Path, inode: int | None) -> None:
     """A file deleted or replaced while open still takes writes, which then are lost."""
     if not path.exists() or path.stat().st_ino != inode:
         raise DatabaseError(f"the database {path} was moved or deleted while open; restart wingwatch")
-    if not (os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)):
+    effective = os.access in os.supports_effective_ids
+    if not all(os.access(place, os.W_OK, effective_ids=effective) for place in (path, path.parent)):
         raise DatabaseError(f"the database {path} {_READ_ONLY}")
 
 
@@ -268,8 +285,7 @@ def _revision(connection: Connection) -> str | None:
 
 
 def _refuse_foreign(engine: Engine, connection: Connection, current: str | None, head: str) -> None:
-    known = {script.revision for script in ScriptDirectory(str(_MIGRATIONS)).walk_revisions()}
-    if current is not None and current not in known:
+    if current is not None and current not in _known_revisions(_MIGRATIONS):
         raise DatabaseError(
             f"{_name(engine)} has schema {current}, newer than schema {head} of this program; "
             "install the newer wingwatch that wrote it, or choose another database"
@@ -285,7 +301,7 @@ def _refuse_foreign(engine: Engine, connection: Connection, current: str | None,
 
 def _name(engine: Engine) -> str:
     path = sqlite_file(engine)
-    return f"the database {path or engine.url.render_as_string(hide_password=True)}"
+    return f"the database {path or engine.url.set(query={}).render_as_string(hide_password=True)}"
 
 
 def _first_line(error: DBAPIError) -> str:

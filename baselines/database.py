@@ -18,6 +18,7 @@ from wingwatch.baselines.connection import (
     DatabaseError,
     check_answers,
     connect,
+    one_writer,
     sentences,
     sqlite_file,
     upgrade,
@@ -130,6 +131,7 @@ class Database:
             raise ValueError(f"expectation {entry.id} is already stored; put a new entry to supersede it")
         row = ExpectationRow(**_plain(entry))
         with self._write() as session:
+            one_writer(session.connection())
             now_current = (*_same_series(entry.aircraft, entry.configuration, entry.structure),
                            ExpectationRow.airspeed_true_m_s == entry.airspeed_true_m_s,
                            ExpectationRow.altitude_m == entry.altitude_m,

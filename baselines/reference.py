@@ -148,12 +148,15 @@ class Reference:
         keys = {"information", "vector", "blocks", "seconds"}
         if not isinstance(data, dict) or set(data) != keys:
             raise ValueError(f"a reference has the keys {', '.join(sorted(keys))}, got {data!r:.80}")
-        return cls(
-            np.array(data["information"], dtype=np.float64),
-            np.array(data["vector"], dtype=np.float64),
-            int(data["blocks"]),
-            float(data["seconds"]),
-        )
+        try:
+            return cls(
+                np.array(data["information"], dtype=np.float64),
+                np.array(data["vector"], dtype=np.float64),
+                int(data["blocks"]),
+                float(data["seconds"]),
+            )
+        except TypeError as error:
+            raise ValueError(f"a reference holds numbers only: {error}") from error
 
 
 def _checked(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

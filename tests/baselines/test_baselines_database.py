@@ -1,0 +1,376 @@
+"""What goes into the database comes out the same, on SQLite and (where a server is given) on PostgreSQL."""
+
+import json
+import math
+import os
+import threading
+import uuid
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import create_engine, make_url, text
+
+from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, Provenance
+from wingwatch.baselines import (
+    AlertRecord,
+    Database,
+    DatabaseError,
+    EstimateRecord,
+    EvidenceRecord,
+    Expectation,
+    ExpectationRecord,
+    Reference,
+    ReferenceKey,
+    open_database,
+)
+from wingwatch.baselines import database as database_module
+from wingwatch.baselines.connection import VERSION_TABLE, connect
+from wingwatch.baselines.tables import Base
+from wingwatch.estimators.estimate import Estimate, Outcome
+
+POSTGRES_URL = os.environ.get("WINGWATCH_TEST_POSTGRES_URL", "")
+
+NASTY = (0.1, 1.0 / 3.0, -0.0, 5e-324, 1.7976931348623157e308, math.pi, -1e-17, 2.0**53 + 1.0)
+"""Floats that lose a bit wherever text is printed with fewer than 17 digits."""
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    if request.param == "sqlite":
+        yield str(tmp_path / "folder" / "wingwatch.db")
+        return
+    if not POSTGRES_URL:
+        pytest.skip("no PostgreSQL server is given in WINGWATCH_TEST_POSTGRES_URL")
+    schema = f"wingwatch_test_{uuid.uuid4().hex[:12]}"
+    base = make_url(POSTGRES_URL).set(drivername="postgresql+psycopg")
+    admin = create_engine(base)
+    with admin.begin() as connection:
+        connection.execute(text(f"CREATE SCHEMA {schema}"))
+    own = base.update_query_dict({"options": f"-c search_path={schema}"})
+    yield own.render_as_string(hide_password=False)
+    with admin.begin() as connection:
+        connection.execute(text(f"DROP SCHEMA {schema} CASCADE"))
+    admin.dispose()
+
+
+@pytest.fixture
+def database(url: str) -> Iterator[Database]:
+    with open_database(url) as opened:
+        yield opened
+
+
+def entry(**changes: object) -> ExpectationRecord:
+    covariance = np.outer(NASTY[:4] * 2, NASTY[:4] * 2)[:6, :6]
+    covariance[3, 3] = NASTY[4]
+    record = ExpectationRecord(
+        aircraft="aerosonde",
+        configuration="clean",
+        structure="short_period",
+        airspeed_true_m_s=25.1,
+        altitude_m=1000.0 / 3.0,
+        air_density_kg_m3=1.1 + 1e-16,
+        angle_of_attack_rad=0.1,
+        value=NASTY[:6],
+        covariance=tuple(map(tuple, covariance.tolist())),
+        provenance="identified",
+        source="flight 7, 'doublets'; ζ = 0.4",
+        created_at_s=1.7e9 + 0.1,
+    )
+    return replace(record, **changes)  # type: ignore[arg-type]
+
+
+def alert(alert_id: str = "a1", **changes: object) -> AlertRecord:
+    record = AlertRecord(
+        id=alert_id,
+        fleet="default",
+        vehicle="uav-1",
+        kind="icing",
+        cause="icing",
+        level="warning",
+        state="active",
+        raised_s=61.02,
+        cleared_s=None,
+        size=0.0675,
+        size_standard_error=1.0 / 3.0,
+        probability=0.97,
+        basis="a-priori",
+        text="Ice: η = 0.07 ± 0.01; leave the cloud.",
+        evidence=(EvidenceRecord("m_q", -6.035, 0.3, -6.5, math.inf, math.nan),),
+        created_at_s=1.7e9,
+        updated_at_s=1.7e9,
+        note=("NaN", "who: why"),
+    )
+    return replace(record, **changes)  # type: ignore[arg-type]
+
+
+def estimate(time_s: float, vehicle: str = "uav-1") -> EstimateRecord:
+    return EstimateRecord(
+        "default", vehicle, time_s, "short_period", "fourier", NASTY[:6], (0.1,) * 6, "converged",
+        (25.0, 1000.0, 1.1, 0.05),
+    )  # fmt: skip
+
+
+KEY = ReferenceKey("default", "uav-1", "aerosonde", "clean", "short_period")
+
+
+def same(a: object, b: object) -> bool:
+    """Equal, with NaN equal to NaN and -0.0 unlike 0.0."""
+    return repr(a) == repr(b)
+
+
+def test_migrations_make_the_schema_of_the_tables(database: Database, url: str) -> None:
+    engine = connect(url, 1.0)
+    with engine.connect() as connection:
+        context = MigrationContext.configure(
+            connection, opts={"version_table": VERSION_TABLE, "compare_type": True}
+        )
+        assert compare_metadata(context, Base.metadata) == []
+    engine.dispose()
+
+
+def test_opening_again_keeps_what_is_there(url: str) -> None:
+    with open_database(url) as first:
+        first.insert_alert(alert())
+    with open_database(url) as second:
+        assert second.alert("a1") is not None
+        second.check()
+
+
+def test_an_expectation_comes_back_bit_for_bit(database: Database) -> None:
+    stored = database.put_expectation(entry())
+    assert stored.id is not None
+    assert same(database.expectations("aerosonde", "clean", "short_period"), (stored,))
+    assert same(replace(stored, id=None), entry())
+
+
+def test_a_new_entry_at_the_same_point_makes_the_old_one_history(database: Database) -> None:
+    first = database.put_expectation(entry(provenance="a-priori"))
+    elsewhere = database.put_expectation(entry(airspeed_true_m_s=20.0))
+    second = database.put_expectation(entry(provenance="empirical"))
+    third = database.put_expectation(entry())
+    current = database.expectations("aerosonde", "clean", "short_period")
+    assert [e.id for e in current] == [elsewhere.id, third.id]
+    past = database.history("aerosonde", "clean", "short_period")
+    assert [(e.id, e.superseded_by) for e in past] == [
+        (first.id, second.id),
+        (elsewhere.id, None),
+        (second.id, third.id),
+        (third.id, None),
+    ]
+    assert [e.provenance for e in past] == ["a-priori", "identified", "empirical", "identified"]
+
+
+def test_entries_of_other_series_do_not_mix(database: Database) -> None:
+    database.put_expectation(entry())
+    for other in ({"aircraft": "x"}, {"configuration": "flaps"}, {"structure": "dutch_roll"}):
+        database.put_expectation(entry(**other))
+    assert len(database.expectations("aerosonde", "clean", "short_period")) == 1
+    assert database.expectations("nobody", "clean", "short_period") == ()
+
+
+def test_a_stored_entry_cannot_be_put_twice(database: Database) -> None:
+    stored = database.put_expectation(entry())
+    with pytest.raises(ValueError, match="already stored"):
+        database.put_expectation(stored)
+
+
+def test_an_expectation_survives_as_a_point_of_an_envelope(database: Database) -> None:
+    condition = FlightCondition(25.1, 1000.0, 1.05, angle_of_attack_rad=0.07)
+    point = Expectation(
+        SHORT_PERIOD, np.array(NASTY[:6]), np.diag([0.1] * 6), Provenance.IDENTIFIED, condition, "flight 7"
+    )
+    database.put_expectation(ExpectationRecord.of("aerosonde", point, 1.0))
+    (back,) = database.expectations("aerosonde", "clean", "short_period")
+    assert back.expectation.value.tobytes() == point.value.tobytes()
+    assert back.expectation.covariance.tobytes() == point.covariance.tobytes()
+    assert back.expectation.condition == condition
+    assert back.expectation.provenance is Provenance.IDENTIFIED
+    assert back.expectation.source == "flight 7"
+
+
+def test_a_reference_comes_back_bit_for_bit_and_keeps_its_history(database: Database) -> None:
+    assert database.load_reference(KEY) is None
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(6, 6))
+    first = Reference.empty(6).add(root @ root.T, rng.normal(size=6), 12.3)
+    second = first.add(np.eye(6) / 3.0, rng.normal(size=6), 1.0 / 3.0)
+    database.save_reference(KEY, first, 100.0)
+    database.save_reference(KEY, second, 200.0)
+    database.save_reference(replace(KEY, vehicle="uav-2"), first, 300.0)
+    loaded = database.load_reference(KEY)
+    assert loaded is not None
+    assert loaded.to_json() == second.to_json()
+    assert loaded.information.tobytes() == second.information.tobytes()
+    versions = database.reference_history(KEY)
+    assert [v.updated_at_s for v in versions] == [100.0, 200.0]
+    assert versions[0].reference.to_json() == first.to_json()
+
+
+def test_the_history_of_a_reference_is_bounded(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(database_module, "MAX_REFERENCE_HISTORY", 3)
+    for i in range(5):
+        database.save_reference(KEY, Reference.empty(1), float(i))
+    assert [v.updated_at_s for v in database.reference_history(KEY)] == [2.0, 3.0, 4.0]
+
+
+def test_an_alert_comes_back_whole(database: Database) -> None:
+    database.insert_alert(alert())
+    assert same(database.alert("a1"), alert())
+    assert database.alert("unknown") is None
+
+
+def test_an_alert_of_unknown_size_keeps_its_nan(database: Database) -> None:
+    unexplained = alert(size=math.nan, size_standard_error=math.inf, probability=math.nan, kind="unexplained")
+    database.insert_alert(unexplained)
+    assert same(database.alert("a1"), unexplained)
+
+
+def test_an_updated_alert_replaces_its_former_self(database: Database) -> None:
+    database.insert_alert(alert())
+    database.insert_alert(alert("a2"))
+    cleared = alert(state="cleared", cleared_s=99.5, updated_at_s=1.7e9 + 5, note=("ops: gone",))
+    database.update_alert(cleared)
+    assert same(database.alert("a1"), cleared)
+    assert same(database.alert("a2"), alert("a2"))
+
+
+def test_an_unknown_alert_cannot_be_updated(database: Database) -> None:
+    with pytest.raises(DatabaseError, match="'a1' is not in the database"):
+        database.update_alert(alert())
+
+
+def test_the_same_alert_cannot_be_inserted_twice(database: Database) -> None:
+    database.insert_alert(alert())
+    with pytest.raises(DatabaseError, match="already holds that entry"):
+        database.insert_alert(alert())
+    assert len(database.alerts().items) == 1
+
+
+def test_alerts_are_filtered_by_every_field_given(database: Database) -> None:
+    database.insert_alert(alert("a"))
+    database.insert_alert(alert("b", state="cleared"))
+    database.insert_alert(alert("c", vehicle="uav-2", raised_s=70.0))
+    database.insert_alert(alert("d", fleet="north", kind="damage"))
+
+    def ids(**filters: object) -> list[str]:
+        return [x.id for x in database.alerts(**filters).items]  # type: ignore[arg-type]
+
+    assert ids() == ["d", "c", "b", "a"]
+    assert ids(state="active") == ["d", "c", "a"]
+    assert ids(vehicle="uav-2") == ["c"]
+    assert ids(fleet="default", state="active") == ["c", "a"]
+    assert ids(kind="damage") == ["d"]
+    assert ids(since_s=61.02) == ["d", "c", "b", "a"]
+    assert ids(since_s=61.03) == ["c"]
+    assert ids(vehicle="'; drop table alert; --") == []
+
+
+def test_pages_give_every_alert_once_while_new_ones_arrive(database: Database) -> None:
+    for i in range(5):
+        database.insert_alert(alert(f"a{i}"))
+    page = database.alerts(limit=2)
+    seen = [x.id for x in page.items]
+    database.insert_alert(alert("late"))
+    while page.next is not None:
+        page = database.alerts(limit=2, cursor=page.next)
+        seen += [x.id for x in page.items]
+    assert seen == ["a4", "a3", "a2", "a1", "a0"]
+
+
+@pytest.mark.parametrize("cursor", ["", "xyz", "-1", "f" * 40, "1; drop"])
+def test_a_cursor_that_no_page_gave_is_refused(database: Database, cursor: str) -> None:
+    with pytest.raises(ValueError, match="start without a cursor"):
+        database.alerts(cursor=cursor)
+
+
+@pytest.mark.parametrize("limit", [0, -1, 1001])
+def test_the_size_of_a_page_is_limited(database: Database, limit: int) -> None:
+    with pytest.raises(ValueError, match=f"limit is {limit}; give 1 to 1000"):
+        database.alerts(limit=limit)
+
+
+def test_estimates_come_back_by_time_within_the_window(database: Database) -> None:
+    rows = [estimate(t) for t in (0.5, 1.5, 1.0, 2.0)]
+    database.append_estimates([*rows, estimate(1.0, "uav-2")])
+    database.append_estimates([])
+    back = database.estimate_history("default", "uav-1", 1.0, 1.5)
+    assert same(back, (rows[2], rows[1]))
+    assert [r.time_s for r in database.estimate_history("default", "uav-1")] == [0.5, 1.0, 1.5, 2.0]
+    assert [r.time_s for r in database.estimate_history("default", "uav-1", limit=2)] == [0.5, 1.0]
+    assert database.estimate_history("north", "uav-1") == ()
+
+
+def test_an_estimate_that_knows_nothing_yet_is_kept_as_it_is(database: Database) -> None:
+    unknown = Estimate(
+        estimator="ekf",
+        structure=SHORT_PERIOD,
+        time_s=1.0,
+        value=np.array([math.nan, *NASTY[:5]]),
+        covariance=np.diag([math.inf, 1.0, 4.0, 9.0, 16.0, 25.0]),
+        outcomes=(Outcome.NOT_OBSERVABLE,) * 6,
+        outcome=Outcome.NOT_OBSERVABLE,
+        reason="the elevator does not move",
+        condition=(25.0, 1000.0, 1.1, math.nan),
+    )
+    record = EstimateRecord.of("default", "uav-1", unknown)
+    assert record.standard_error == (math.inf, 1.0, 2.0, 3.0, 4.0, 5.0)
+    database.append_estimates([record])
+    assert same(database.estimate_history("default", "uav-1"), (record,))
+
+
+def test_estimates_of_a_vehicle_are_bounded_and_the_newest_stay(url: str) -> None:
+    retention, kept_at_most = 20, 22
+    with open_database(url, estimates_per_vehicle=retention) as database:
+        database.append_estimates([estimate(0.0, "quiet")])
+        for i in range(100):
+            database.append_estimates([estimate(float(i))])
+            assert len(database.estimate_history("default", "uav-1")) <= kept_at_most
+        times = [r.time_s for r in database.estimate_history("default", "uav-1")]
+        assert len(times) >= retention
+        assert times == [float(i) for i in range(100 - len(times), 100)]
+        assert len(database.estimate_history("default", "quiet")) == 1
+
+
+def test_many_threads_may_use_one_database(database: Database) -> None:
+    faults: list[BaseException] = []
+
+    def work(n: int) -> None:
+        try:
+            for i in range(10):
+                database.append_estimates([estimate(float(i), f"v{n}")])
+                database.insert_alert(alert(f"{n}-{i}"))
+                database.put_expectation(entry(value=(float(n),) * 6))
+                database.alerts(limit=5)
+                database.check()
+        except BaseException as fault:
+            faults.append(fault)
+
+    threads = [threading.Thread(target=work, args=(n,)) for n in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [str(f) for f in faults] == []
+    page = database.alerts(limit=1000)
+    assert len(page.items) == 40
+    assert all(len(database.estimate_history("default", f"v{n}")) == 10 for n in range(4))
+    assert len(database.expectations("aerosonde", "clean", "short_period")) == 1
+    assert len(database.history("aerosonde", "clean", "short_period")) == 40
+
+
+def test_stored_numbers_are_plain_json(database: Database, url: str) -> None:
+    database.insert_alert(alert())
+    engine = connect(url, 1.0)
+    with engine.connect() as connection:
+        stored = connection.execute(text("SELECT CAST(evidence AS VARCHAR) FROM alert")).scalar_one()
+    engine.dispose()
+
+    def refuse(constant: str) -> object:
+        raise AssertionError(f"{constant} is not JSON")
+
+    assert json.loads(stored, parse_constant=refuse)[0]["z"] == "NaN"

@@ -1,0 +1,217 @@
+"""A reference is the sum of what flights taught; its posterior is Bayes' rule, also where it is singular."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from wingwatch.baselines import Reference
+
+Array = NDArray[np.float64]
+
+EPS = float(np.finfo(np.float64).eps)
+
+seeds = st.integers(0, 2**32 - 1)
+sizes = st.integers(1, 15)
+
+
+def spd(rng: np.random.Generator, k: int, spread: float = 100.0) -> Array:
+    """Symmetric positive definite, condition number ``spread``, then scaled like derivatives' units."""
+    q, _ = np.linalg.qr(rng.normal(size=(k, k)))
+    units = 10.0 ** rng.uniform(-2.0, 2.0, k)
+    m = (q * np.geomspace(1.0, spread, k)) @ q.T * np.outer(units, units)
+    return np.asarray(0.5 * (m + m.T))
+
+
+def blocks(rng: np.random.Generator, k: int, n: int) -> list[tuple[Array, Array]]:
+    informations = [spd(rng, k) for _ in range(n)]
+    return [(j, j @ rng.normal(size=k)) for j in informations]
+
+
+def test_an_aircraft_that_has_not_flown_leaves_the_prior_alone() -> None:
+    rng = np.random.default_rng(1)
+    value, covariance = rng.normal(size=6), spd(rng, 6)
+    new_value, new_covariance = Reference.empty(6).posterior(value, covariance)
+    assert new_value.tobytes() == value.tobytes()
+    assert new_covariance == pytest.approx(covariance, rel=1e3 * EPS * 6, abs=0)
+    assert Reference.empty(6).estimate() is None
+
+
+@settings(deadline=None)
+@given(seeds, sizes)
+def test_the_posterior_is_bayes_rule(seed: int, k: int) -> None:
+    rng = np.random.default_rng(seed)
+    prior_value, prior_covariance = rng.normal(size=k), spd(rng, k)
+    reference = Reference.empty(k)
+    for j, h in blocks(rng, k, 3):
+        reference = reference.add(j, h, 10.0)
+    value, covariance = reference.posterior(prior_value, prior_covariance)
+    scale = np.sqrt(np.diagonal(prior_covariance))  # textbook algebra in units of the prior's standard error
+    prior = np.linalg.inv(prior_covariance / np.outer(scale, scale))
+    information = reference.information * np.outer(scale, scale)
+    direct = np.linalg.solve(prior + information, prior @ (prior_value / scale) + scale * reference.vector)
+    expected = np.linalg.inv(prior + information)
+    errors = np.sqrt(np.diagonal(expected))
+    # a solution is right to eps, times the condition number of what is inverted, times what is summed up
+    tolerance = 10.0 * k * EPS * float(np.linalg.cond(prior + information)) * float(np.linalg.cond(prior))
+    summed = np.linalg.norm(prior) * np.linalg.norm(prior_value / scale)
+    summed += np.linalg.norm(scale * reference.vector)
+    size = np.linalg.norm(expected) * summed + np.linalg.norm(prior_value / scale)
+    assert np.all(np.abs(value / scale - direct) <= tolerance * size)
+    assert np.all(
+        np.abs(covariance / np.outer(scale, scale) - expected) <= tolerance * np.outer(errors, errors).max()
+    )
+
+
+@settings(deadline=None)
+@given(seeds, sizes)
+def test_the_posterior_covariance_is_symmetric_semidefinite_and_no_larger(seed: int, k: int) -> None:
+    rng = np.random.default_rng(seed)
+    prior = spd(rng, k)
+    j = spd(rng, k)
+    _, covariance = Reference.empty(k).add(j, j @ rng.normal(size=k), 1.0).posterior(np.zeros(k), prior)
+    scale = np.sqrt(np.diagonal(prior))
+    unit = covariance / np.outer(scale, scale)
+    assert np.array_equal(covariance, covariance.T)
+    assert np.linalg.eigvalsh(unit)[0] >= -k * EPS
+    assert np.linalg.eigvalsh(prior / np.outer(scale, scale) - unit)[0] >= -100.0 * k * EPS
+
+
+def test_what_no_flight_excited_stays_at_the_prior() -> None:
+    j = np.diag([4.0, 0.0])
+    value, covariance = Reference.empty(2).add(j, j @ [3.0, 9.0], 1.0).posterior([1.0, 2.0], np.eye(2))
+    assert value == pytest.approx([1.0 + 4.0 / 5.0 * 2.0, 2.0], abs=4 * EPS)
+    assert covariance == pytest.approx(np.diag([1.0 / 5.0, 1.0]), abs=4 * EPS)
+
+
+def test_what_the_prior_holds_fixed_stays_fixed() -> None:
+    j = np.array([[4.0, 1.0], [1.0, 4.0]])
+    reference = Reference.empty(2).add(j, j @ [3.0, 9.0], 1.0)
+    value, covariance = reference.posterior([1.0, 2.0], np.diag([1.0, 0.0]))
+    assert value[1] == 2.0
+    assert np.array_equal(covariance[1], [0.0, 0.0])
+    # the first alone: J11 x1 = h1 - J12 * 2, with prior 1 +- 1
+    assert value[0] == pytest.approx((1.0 + reference.vector[0] - 2.0) / 5.0, rel=8 * EPS)
+
+
+def test_information_beyond_any_condition_number_is_still_exact() -> None:
+    j = np.diag([1e18, 1e-18])
+    value, covariance = Reference.empty(2).add(j, j @ [3.0, 9.0], 1.0).posterior([1.0, 2.0], np.eye(2))
+    assert value == pytest.approx([3.0, 2.0], rel=1e-15)
+    assert np.diagonal(covariance) == pytest.approx([1e-18, 1.0], rel=1e-15)
+
+
+@settings(deadline=None)
+@given(seeds, st.integers(1, 6))
+def test_flights_alone_give_their_own_value_once_they_determine_all(seed: int, k: int) -> None:
+    rng = np.random.default_rng(seed)
+    truth, j = rng.normal(size=k), spd(rng, k)
+    estimated = Reference.empty(k).add(j, j @ truth, 1.0).estimate()
+    assert estimated is not None
+    value, covariance = estimated
+    errors = np.sqrt(np.diagonal(covariance))
+    unit = np.sqrt(np.diagonal(j))
+    bound = 100.0 * k * EPS * float(np.linalg.cond(j / np.outer(unit, unit)))
+    assert np.all(np.abs(value - truth) <= bound * np.linalg.norm(unit * truth) * errors)
+
+
+def test_flights_that_leave_a_direction_open_give_no_estimate_of_their_own() -> None:
+    one_direction = np.outer([1.0, 2.0], [1.0, 2.0])
+    assert Reference.empty(2).add(one_direction, [1.0, 2.0], 1.0).estimate() is None
+    assert Reference.empty(2).add(np.diag([1.0, 0.0]), [1.0, 0.0], 1.0).estimate() is None
+    both = Reference.empty(2).add(one_direction, [1.0, 2.0], 1.0).add(np.eye(2), [0.0, 0.0], 1.0)
+    assert both.estimate() is not None
+
+
+@settings(deadline=None)
+@given(seeds, st.integers(1, 6))
+def test_the_order_of_flights_does_not_matter(seed: int, k: int) -> None:
+    rng = np.random.default_rng(seed)
+    taught = blocks(rng, k, 4)
+    forward, backward = Reference.empty(k), Reference.empty(k)
+    for j, h in taught:
+        forward = forward.add(j, h, 1.0)
+    for j, h in reversed(taught):
+        backward = backward.add(j, h, 1.0)
+    size = sum(np.abs(j) for j, _ in taught)
+    assert np.all(np.abs(forward.information - backward.information) <= 8 * EPS * size)
+    assert forward.blocks == backward.blocks == 4
+    assert forward.seconds == 4.0
+
+
+@settings(deadline=None)
+@given(seeds, sizes, st.floats(0.0, 1e9))
+def test_json_brings_every_bit_back(seed: int, k: int, seconds: float) -> None:
+    rng = np.random.default_rng(seed)
+    j = spd(rng, k)
+    reference = Reference.empty(k).add(j, rng.normal(size=k) * 1e-300, seconds)
+    back = Reference.from_json(reference.to_json())
+    assert back.information.tobytes() == reference.information.tobytes()
+    assert back.vector.tobytes() == reference.vector.tobytes()
+    assert (back.blocks, back.seconds) == (1, seconds)
+
+
+def test_a_reference_cannot_be_changed_from_outside() -> None:
+    j = np.eye(2)
+    reference = Reference.empty(2).add(j, [1.0, 1.0], 1.0)
+    j[0, 0] = 9.0
+    assert reference.information[0, 0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        reference.information[0, 0] = 2.0
+
+
+@pytest.mark.parametrize(
+    ("matrix", "vector", "what"),
+    [
+        (np.eye(3), [1.0, 1.0], r"got \(3, 3\) and \(2,\)"),
+        (np.eye(3), [1.0, 1.0, 1.0], "3 derivatives cannot join a reference of 2"),
+        (np.diag([1.0, math.nan]), [1.0, 1.0], "must be finite"),
+        (np.eye(2), [1.0, math.inf], "must be finite"),
+        ([[1.0, 0.5], [0.4, 1.0]], [1.0, 1.0], "must be symmetric"),
+        ([[1.0, 2.0], [2.0, 1.0]], [1.0, 1.0], "must be positive semidefinite"),
+        ([[0.0, 1.0], [1.0, 1.0]], [1.0, 1.0], "must be positive semidefinite"),
+        (np.diag([1.0, -1.0]), [1.0, 1.0], "negative diagonal entry, -1"),
+    ],
+)
+def test_a_block_that_is_no_information_is_refused(matrix: Array, vector: list[float], what: str) -> None:
+    with pytest.raises(ValueError, match=what):
+        Reference.empty(2).add(matrix, vector, 1.0)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, math.nan, math.inf])
+def test_a_block_of_no_duration_is_refused(seconds: float) -> None:
+    with pytest.raises(ValueError, match="a block lasts 0 s or more"):
+        Reference.empty(1).add([[1.0]], [1.0], seconds)
+
+
+def test_a_prior_of_another_structure_is_refused() -> None:
+    with pytest.raises(ValueError, match="prior of 3 derivatives cannot meet a reference of 2"):
+        Reference.empty(2).posterior(np.zeros(3), np.eye(3))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"information": [[1]], "vector": [1], "blocks": 1, "seconds": 1, "more": 1}',
+        '{"information": [[1]], "vector": ["x"], "blocks": 1, "seconds": 1}',
+        '{"information": [[1, 2], [3]], "vector": [1], "blocks": 1, "seconds": 1}',
+        '{"information": [[1]], "vector": [NaN], "blocks": 1, "seconds": 1}',
+        '{"information": [[1]], "vector": [1], "blocks": -1, "seconds": 1}',
+        '{"information": [[1]], "vector": [1], "blocks": null, "seconds": 1}',
+    ],
+)
+def test_json_that_is_no_reference_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"\w"):
+        Reference.from_json(text)
+
+
+def test_the_json_is_plain() -> None:
+    keys = json.loads(Reference.empty(1).to_json()).keys()
+    assert list(keys) == ["information", "vector", "blocks", "seconds"]
