@@ -1,0 +1,25 @@
+"""Loss of aileron effectiveness: every force and moment of the surface shrinks, its travel does not.
+
+The usual form in the fault literature: control derivatives times 1 - lambda (such as Machines 2023, 11(2), 211).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from wingwatch.simulation.effects.effect import Effect
+
+__all__ = ["AileronEffectiveness"]
+
+
+@dataclass(frozen=True, slots=True)
+class AileronEffectiveness(Effect):
+    """``size`` is the fraction of the aileron's effect that is lost, 0 to 1."""
+
+    name: ClassVar[str] = "aileron_effectiveness"
+    size_max: ClassVar[float] = 1.0
+    size_meaning: ClassVar[str] = "the fraction lost"
+
+    def factors(self) -> Mapping[str, float]:
+        """-1 on each of the surface's coefficients."""
+        return {"CD_aileron": -1.0, "CY_aileron": -1.0, "Cl_aileron": -1.0, "Cn_aileron": -1.0}
