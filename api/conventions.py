@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from http import HTTPStatus
 from typing import Any
 
@@ -21,7 +22,9 @@ from wingwatch.monitor.views import VehicleView
 
 __all__ = ["convert_estimators"]
 
-_CHANGES = {
+_CONDITION = ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad")
+_Change = Callable[..., dict[str, float]]
+_CHANGES: Mapping[str, _Change] = {
     "value": convert,
     "standard_error": convert_standard_errors,
     "expected": convert,
@@ -66,17 +69,16 @@ def _unconvertible(vehicle: VehicleView, why: str) -> ProblemError:
 
 
 def _condition(mode: Mapping[str, Any], vehicle: VehicleView) -> FlightCondition:
-    condition: Mapping[str, float] = mode.get("condition") or vehicle.condition
-    missing = [key for key in ("airspeed_true_m_s", "altitude_m") if condition.get(key) is None]
-    if missing:
-        raise ValueError(f"its {' and '.join(missing)} is not known yet")
-    alpha = condition.get("angle_of_attack_rad", 0.0)
+    condition: Mapping[str, float | None] = mode.get("condition") or vehicle.condition
+    airspeed, altitude, density, alpha = (quantity(condition.get(key)) for key in _CONDITION)
+    if airspeed is None or altitude is None:
+        raise ValueError("its airspeed or altitude is not known yet; ask for convention=concise")
     return FlightCondition(
-        airspeed_true_m_s=condition["airspeed_true_m_s"],
-        altitude_m=condition["altitude_m"],
-        air_density_kg_m3=condition.get("air_density_kg_m3", math.nan),
+        airspeed_true_m_s=airspeed,
+        altitude_m=altitude,
+        air_density_kg_m3=math.nan if density is None else density,
         configuration=vehicle.configuration or "clean",
-        angle_of_attack_rad=alpha if math.isfinite(alpha) else 0.0,
+        angle_of_attack_rad=alpha or 0.0,
     )
 
 
@@ -90,25 +92,26 @@ def _mode(
     condition = _condition(mode, vehicle)
     derivatives = {symbol: dict(entry) for symbol, entry in mode["derivatives"].items()}
     for key, change in _CHANGES.items():
-        present = [symbol for symbol, entry in derivatives.items() if key in entry]
-        if not present:
-            continue
-        before = {s: _number(derivatives.get(s, {}).get(key)) for s in structure.derivatives}
-        after = change(
-            before,
+        change_here = partial(
+            change,
             aircraft=aircraft,
             condition=condition,
             structure=structure,
             source=Convention.CONCISE,
             target=target,
         )
-        for symbol in present:
-            derivatives[symbol][key] = quantity(after[symbol])
+        known = {s: float(e[key]) for s, e in derivatives.items() if quantity(e.get(key)) is not None}
+        changed = _changed(known, structure, change_here)
+        for symbol, entry in derivatives.items():
+            if key in entry:
+                entry[key] = quantity(changed.get(symbol))
     for symbol, entry in derivatives.items():
         entry["unit"] = unit(symbol, target)
         entry["name"] = display_name(symbol, target)
     return {**mode, "derivatives": derivatives}
 
 
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
+def _changed(known: Mapping[str, float], structure: ModeStructure, change: _Change) -> dict[str, float]:
+    """What is known, converted; left out is what rests on an unknown: two stand-ins for that one disagree."""
+    first, second = (change({**dict.fromkeys(structure.derivatives, x), **known}) for x in (0.0, 1.0))
+    return {symbol: first[symbol] for symbol in known if first[symbol] == second[symbol]}

@@ -60,8 +60,8 @@ class EventStreams:
     async def _stream(self, last_seen: int | None) -> AsyncIterator[bytes]:
         self._open += 1
         try:
-            yield b"retry: 2000\n: events of wingwatch\n\n"
             newest = max((event.id for event in self._monitor.events(-1)), default=-1)
+            yield b"retry: 2000\n: events of wingwatch\n\n"
             after = newest if last_seen is None else last_seen
             if after > newest:
                 yield _resync("the service was started anew since")

@@ -13,6 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from wingwatch.api.encoding import JsonResponse
 from wingwatch.api.schemas import FieldProblem, Problem
+from wingwatch.baselines import DatabaseError
 
 __all__ = [
     "PROBLEM_MEDIA_TYPE",
@@ -92,6 +93,7 @@ def install_problem_handlers(app: FastAPI) -> None:
     app.add_exception_handler(ProblemError, _refused)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
+    app.add_exception_handler(DatabaseError, _database)
     app.add_middleware(FaultGuard)
 
 
@@ -123,6 +125,11 @@ async def _invalid(request: Request, error: Exception) -> Response:
     more = f" (and {len(fields) - 1} more, see `errors`)" if len(fields) > 1 else ""
     problem = _problem(HTTPStatus.UNPROCESSABLE_ENTITY, f"{fields[0].message}{more}.")
     return _document(request, problem.model_copy(update={"errors": fields}))
+
+
+async def _database(request: Request, error: Exception) -> Response:
+    sentence = str(error).rstrip(".") + "."
+    return _document(request, _problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence))
 
 
 async def _http(request: Request, error: Exception) -> Response:

@@ -1,5 +1,6 @@
 """Serving the application: the port is taken before anything else starts, and it ends within seconds."""
 
+import asyncio
 import contextlib
 import errno
 import ipaddress
@@ -18,6 +19,7 @@ __all__ = ["AddressError", "HttpServer", "PortInUse", "listen", "serve"]
 
 _LOG = logging.getLogger(__name__)
 _BACKLOG = 256
+_LAST_PORT = 65_535
 _MOST_CONNECTIONS = 512
 _START_S = 10.0
 
@@ -41,11 +43,13 @@ def listen(host: str, port: int) -> socket.socket:
         AddressError: no such host here, or no right to the port.
     """
     where = f"{host}:{port}"
+    if not 0 <= port <= _LAST_PORT:
+        raise AddressError(f"cannot listen on {where}: a port is a number from 0 to {_LAST_PORT}")
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
-    except (socket.gaierror, UnicodeError, OverflowError) as error:
+    except (socket.gaierror, UnicodeError) as error:
         raise AddressError(
             f"cannot listen on {where}: host {host!r} has no address here; use 127.0.0.1"
         ) from error
@@ -54,7 +58,7 @@ def listen(host: str, port: int) -> socket.socket:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.bind(address)
         bound.listen(_BACKLOG)
-    except (OSError, OverflowError) as error:
+    except OSError as error:
         bound.close()
         raise _refusal(error, host, port) from error
     bound.set_inheritable(False)
@@ -159,6 +163,11 @@ class _Server(uvicorn.Server):
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._before_shutdown()
         await super().shutdown(sockets)
+        for connection in list(self.server_state.connections):
+            connection.transport.abort()  # a client that reads no more would hold its answer's rest for ever
+        if self.server_state.tasks:
+            await asyncio.wait(self.server_state.tasks, timeout=0.2)
+        await asyncio.sleep(0)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Generator[None, None, None]:
@@ -194,19 +203,19 @@ def _server(app: FastAPI, grace_s: float) -> _Server:
     return _Server(config, app.state.close_streams)
 
 
-def _refusal(error: Exception, host: str, port: int) -> AddressError:
-    number = getattr(error, "errno", None)
-    if number == errno.EADDRINUSE:
+def _refusal(error: OSError, host: str, port: int) -> AddressError:
+    if error.errno == errno.EADDRINUSE:
         return PortInUse(
             f"port {port} on {host} is in use by another process; end that one or give another with --port"
         )
-    if number == errno.EACCES:
+    if error.errno == errno.EACCES:
         return AddressError(
             f"port {port} on {host} needs rights this user lacks; give one above 1023 with --port"
         )
-    if number == errno.EADDRNOTAVAIL:
+    if error.errno == errno.EADDRNOTAVAIL:
         return AddressError(
             f"cannot listen on {host}:{port}: {host} is no address of this machine; use 127.0.0.1"
         )
-    reason = getattr(error, "strerror", None) or str(error)
-    return AddressError(f"cannot listen on {host}:{port}: {reason}; give another with --host or --port")
+    return AddressError(
+        f"cannot listen on {host}:{port}: {error.strerror}; give another with --host or --port"
+    )

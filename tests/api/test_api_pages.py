@@ -1,0 +1,172 @@
+"""The status page: nothing from elsewhere, nothing received becomes markup, live and honest when it is not."""
+
+import dataclasses
+import re
+from collections.abc import Generator
+from pathlib import Path
+
+import httpx
+import pytest
+from api_fakes import FakeMonitor, alert, served, vehicle
+from browser import Page, chromium_path, open_page
+
+import wingwatch.api
+from wingwatch.api import HttpServer
+from wingwatch.monitor.views import AlertState, VehicleState
+
+FOLDER = Path(wingwatch.api.__file__).parent / "pages"
+NASTY = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>&amp;"
+
+needs_chromium = pytest.mark.skipif(
+    chromium_path() is None, reason="no Chromium on this machine: install the package chromium"
+)
+
+
+@pytest.fixture
+def monitor() -> FakeMonitor:
+    filled = FakeMonitor()
+    filled.views = [
+        vehicle("aero-2", VehicleState.DEGRADED, reason="icing " + NASTY, active_alerts=("a1",)),
+        vehicle("aero-1", worst=None, basis=None, basis_text="", condition={}),
+    ]
+    filled.raised = [
+        alert(1, text="Leave the icing layer. " + NASTY, note=("acknowledged by ana: " + NASTY,)),
+        alert(0, state=AlertState.CLEARED, cleared_s=80.0, size=float("nan")),
+    ]
+    return filled
+
+
+@pytest.fixture
+def door(monitor: FakeMonitor) -> Generator[tuple[HttpServer, httpx.Client]]:
+    with served(monitor) as parts:
+        yield parts
+
+
+@pytest.fixture
+def page(door: tuple[HttpServer, httpx.Client]) -> Generator[Page]:
+    with open_page(door[0].url) as opened:
+        opened.wait("document.querySelectorAll('#vehicles > li').length === 2")
+        yield opened
+
+
+def text(page: Page, selector: str) -> str:
+    found = page.ask(f"document.querySelector({selector!r}).innerText")
+    assert isinstance(found, str)
+    return found
+
+
+def test_every_file_of_the_page_is_served_with_a_strict_policy(door: tuple[HttpServer, httpx.Client]) -> None:
+    _, client = door
+    kinds = {"/": "text/html", "/pages/app.js": "text/javascript", "/pages/app.css": "text/css"}
+    for path, kind in {**kinds, "/pages/icon.svg": "image/svg+xml"}.items():
+        answer = client.get(path)
+        assert answer.status_code == 200
+        assert answer.headers["content-type"].startswith(kind)
+        policy = answer.headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert set(re.findall(r"'[a-z-]+'", policy)) == {"'none'", "'self'"}
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        again = client.get(path, headers={"if-none-match": answer.headers["etag"]})
+        assert (again.status_code, again.content) == (304, b"")
+
+
+def test_nothing_is_loaded_from_elsewhere_and_nothing_received_becomes_markup() -> None:
+    files = {path.name: path.read_text() for path in FOLDER.iterdir()}
+    assert set(files) == {"index.html", "app.css", "app.js", "icon.svg"}
+    for name, content in files.items():
+        addresses = set(re.findall(r"https?://[^\s\"')]+", content))
+        assert addresses <= {"http://www.w3.org/2000/svg"}, name  # a namespace's name, never fetched
+        assert "url(" not in content
+    for forbidden in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "Function("):
+        assert forbidden not in files["app.js"]
+    assert not re.search(r"\son[a-z]+=|<style|\sstyle=|<script(?! src=)", files["index.html"])
+
+
+def test_no_file_outside_the_page_can_be_asked_for(door: tuple[HttpServer, httpx.Client]) -> None:
+    _, client = door
+    for path in ("/pages/", "/pages/../app.py", "/pages/%2e%2e/app.py", "/pages/..%2fapp.py", "/app.js"):
+        assert client.get(path).status_code == 404
+
+
+@needs_chromium
+def test_it_shows_state_derivative_basis_and_evidence_and_escapes_all(page: Page) -> None:
+    shown = text(page, "#alerts")
+    assert "Icing on aero-2" in shown
+    assert "0.0625 ± 0.0078" in shown
+    assert "96.9 %" in shown
+    assert "−116.3 ± 1.8 1/s²" in shown
+    assert "−131.5 ± 2.5 1/s²" in shown
+    assert "+5.0" in shown
+    assert "a-priori expectation" in shown
+    assert "<script>document.title='owned'</script>&amp;" in shown
+    first = text(page, "#vehicles > li")
+    assert "aero-2" in first
+    assert "degraded" in first
+    assert "z −1.3" in first.replace("\n", " ")
+    assert "pitch acceleration due to pitch rate" in first
+    assert "rests on the aircraft file's own numbers" in first
+    assert "nothing compared yet" in text(page, "#vehicles > li:nth-child(2)")
+    assert page.ask("document.querySelectorAll('main img, main script').length") == 0
+    assert page.ask("document.title") == "(1) wingwatch"
+    assert page.console == []
+
+
+@needs_chromium
+def test_an_event_brings_news_at_once(page: Page, monitor: FakeMonitor) -> None:
+    page.wait("document.getElementById('link').dataset.link === 'live'")
+    monitor.raised = [alert(2, cause="elevator_effectiveness", size=0.5, vehicle="aero-1"), *monitor.raised]
+    monitor.tell("alert", {"id": "a2"})
+    # sooner than the poll every 5 s could; the stream's 0.1 s and the page's 0.5 s are the way
+    page.wait("document.querySelectorAll('#alerts > li').length === 2", seconds=4.0)
+    assert "Elevator effectiveness on aero-1" in text(page, "#alerts")
+    assert "50.00 ± 0.78 %" in text(page, "#alerts")
+    assert page.ask("document.getElementById('announcer').textContent") == (
+        "New warning: elevator effectiveness on aero-1."
+    )
+
+
+@needs_chromium
+def test_without_events_it_polls_and_without_answers_it_says_so(
+    page: Page, door: tuple[HttpServer, httpx.Client]
+) -> None:
+    server, _ = door
+    page.wait("document.getElementById('link').dataset.link === 'live'")
+    server.stop()
+    page.wait("document.getElementById('link').dataset.link === 'lost'")
+    assert "has not answered since" in text(page, "#banner")
+    assert "aero-2" in text(page, "#vehicles"), "what was known stays readable"
+
+
+@needs_chromium
+def test_a_client_that_cannot_stream_is_served_by_polling(monitor: FakeMonitor) -> None:
+    class Silent(FakeMonitor):
+        def events(self, after: int) -> list[object]:  # type: ignore[override]
+            raise RuntimeError("no events today")
+
+    silent = Silent()
+    silent.views = monitor.views
+    with served(silent) as (server, _), open_page(server.url) as page:
+        page.wait("document.querySelectorAll('#vehicles > li').length === 2")
+        page.wait("document.getElementById('link').dataset.link === 'polling'")
+        silent.views = [dataclasses.replace(silent.views[1], vehicle="late"), *silent.views]
+        page.wait("document.querySelectorAll('#vehicles > li').length === 3")
+
+
+@needs_chromium
+def test_it_fits_a_phone_and_the_keyboard_reaches_everything(page: Page) -> None:
+    page.look(360, 740, "dark", mobile=True)
+    assert page.ask("document.documentElement.scrollWidth <= 360")
+    colours = "getComputedStyle(document.body).backgroundColor"
+    dark = page.ask(colours)
+    page.look(1280, 900, "light")
+    assert page.ask(colours) != dark
+    reached = []
+    for _ in range(5):
+        page.key("Tab")
+        reached.append(page.ask("document.activeElement.tagName + ' ' + document.activeElement.innerText"))
+        if "Cleared" in reached[-1]:
+            page.key("Enter")
+    assert reached[0].startswith("SUMMARY Cleared alerts")
+    assert page.ask("document.getElementById('past').open")
+    assert {"A status", "A alerts", "A OpenAPI"} <= set(reached)
+    assert "not known" in text(page, "#cleared")
