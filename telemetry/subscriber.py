@@ -1,6 +1,8 @@
 """Receiving: messages of all vehicles wait, undecoded, in a bounded queue for the service's loop.
 
-Zenoh's callbacks must neither block nor call Zenoh, so they only check the key, copy the bytes and leave.
+Zenoh's callbacks must neither block nor call Zenoh, so they only check the key, copy the bytes and leave. They
+run in Zenoh's own thread: with a thread for each subscription, as is usual, samples overtake the aircraft
+message that was sent before them.
 """
 
 from collections import deque
@@ -18,6 +20,7 @@ __all__ = ["InboundMessage", "SensorSubscriber", "SequenceTracker"]
 
 _ASK_AGAIN_S = 2.0
 _MAX_VEHICLES = 10_000
+_MOST_LOST = 1_000_000  # two days of ten-sample messages at 50 Hz; a longer leap is another count
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +82,9 @@ class SensorSubscriber:
         self._announced: set[tuple[str, str]] = set()
         self._asked_s: dict[tuple[str, str], float] = {}
         self._subscribers = [
-            session.declare_subscriber(f"{KEY_ROOT}/*/*/{stream}", self._arrived)
+            session.declare_subscriber(
+                f"{KEY_ROOT}/*/*/{stream}", zenoh.handlers.Callback(self._arrived, indirect=False)
+            )
             for stream in ("aircraft", "sensors")
         ]
         self._ask(f"{KEY_ROOT}/*/*/aircraft")
@@ -175,7 +180,7 @@ class SequenceTracker:
 
     Attributes:
         missing: messages lost so far.
-        restarts: times the publisher began again at 0.
+        restarts: times the publisher began again at 0, or leapt too far for a loss.
         repeated: messages whose number had been there already.
     """
 
@@ -190,10 +195,10 @@ class SequenceTracker:
         expected, self._next = self._next, sequence + 1
         if expected is None or sequence == expected:
             return 0
-        if sequence > expected:
+        if expected < sequence <= expected + _MOST_LOST:
             self.missing += sequence - expected
             return sequence - expected
-        if sequence == 0:
+        if sequence == 0 or sequence > expected:
             self.restarts += 1
         else:
             self.repeated += 1
