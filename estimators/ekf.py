@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.ekf_kernel import (
-    TRIM_DRIFT,
     WARM_UP,
     adapt_noise,
     solve_all,
     step_inputs,
+    trim_drift,
     update_all,
 )
 from wingwatch.estimators.ekf_model import measure, transition
@@ -40,8 +40,9 @@ class EkfConfig:
         prior_std: shape (k,), how far off they may be.
         reference: (airspeed_true_m_s, air_density_kg_m3) to which derivatives are referred.
         engine: ``compiled`` (batch) or ``filterpy`` (one vehicle at a time, the reference).
-        memory_s: time constant of forgetting under steady excitation.
+        memory_s: time constant of forgetting while something is excited.
         adapt_s: time constant of the noise variances.
+        trim_corner_hz: slower changes than this belong to the trim, not to the derivatives.
         stale_s: without excitation for this long a derivative is not observable.
         held: for each input, whether it is held between samples.
         use_accelerometer: whether the accelerometer is a measurement.
@@ -55,6 +56,7 @@ class EkfConfig:
     engine: Literal["compiled", "filterpy"] = "compiled"
     memory_s: float = 40.0
     adapt_s: float = 10.0
+    trim_corner_hz: float = 0.1
     stale_s: float = 30.0
     held: tuple[bool, ...] = ()
     use_accelerometer: bool = True
@@ -75,7 +77,7 @@ class EkfState:
         rows: (2, columns) last signal row and the one before.
         roughness: squared second differences during warm-up.
         condition: dynamic pressure ratio, airspeed, density, altitude, angle of attack of the last sample.
-        clock: last solution's time, time not yet forgotten.
+        clock: last solution's time.
         informed_s: last time each derivative's variance shrank through data, (k,); variance: its last value.
         information, vector: of the derivatives after the last solution, (k, k) and (k,).
         gained_matrix, gained_vector: information gained from data since they were last read.
@@ -118,6 +120,7 @@ class EkfEstimator:
             if self._roll:
                 self._lever[1] = z
         self._exponents = np.array([1.0] * ns + [2.0] * self.layout.inputs)
+        self._corner = 2.0 * np.pi * config.trim_corner_hz
         self._held = np.array(config.held)
         self._reference = np.array(config.reference)
         constant = np.full(ns, 10.0)
@@ -138,7 +141,7 @@ class EkfEstimator:
             rows=np.full((n, 2, self.layout.columns), np.nan),
             roughness=np.zeros((n, ns + 1)),
             condition=np.full((n, 5), np.nan),
-            clock=np.tile(np.array([np.nan, 0.0]), (n, 1)),
+            clock=np.full(n, np.nan),
             informed_s=np.full((n, k), -np.inf),
             variance=np.tile(self.config.prior_std**2, (n, 1)),
             information=np.tile(np.diag(self.config.prior_std**-2.0), (n, 1, 1)),
@@ -156,14 +159,14 @@ class EkfEstimator:
             return
         update_all(
             np.ascontiguousarray(signals), self._held, self._lever, self._exponents, self._reference,
-            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s,
+            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner,
             state.z, state.cov, state.noise, state.rows, state.roughness, state.condition, state.counts,
         )  # fmt: skip
 
     def solve(self, state: EkfState) -> None:
-        """Close half a second: note what was learned, then forget in proportion to what arrived."""
+        """Note what was learned, then forget with ``memory_s``, unless all is quiet."""
         solve_all(
-            self.config.memory_s, self._prior_value, self._prior_std, state.z, state.cov, state.rows, state.clock,
+            self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, state.z, state.cov, state.rows, state.clock,
             state.informed_s, state.variance, state.information, state.vector, state.gained_matrix,
             state.gained_vector, state.counts,
         )  # fmt: skip
@@ -202,6 +205,9 @@ class EkfEstimator:
                 self._compiled_one(state, i, new)
                 continue
             state.counts[i, 0] += 1
+            carried = (
+                self.config.use_accelerometer and new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
+            )
             over, at_end, scale, forward, kappa, rest = step_inputs(
                 new,
                 old,
@@ -211,20 +217,20 @@ class EkfEstimator:
                 self._exponents,
                 self._longitudinal,
                 self._roll,
+                carried,
                 ns,
                 nu,
             )
-            after, top = transition(state.z[i], dt, scale, forward, over, kappa, rest, ns, nu)
-            process = np.concatenate(
-                [state.noise[i, ns + 1 :], np.zeros(nz - 2 * ns), np.full(ns, TRIM_DRIFT * dt)]
-            )
+            after, top = transition(state.z[i], dt, scale, forward, over, kappa, rest, carried, ns, nu)
+            drift = trim_drift(state.noise[i], dt, self._corner, carried, ns)
+            process = np.concatenate([state.noise[i, ns + 1 :], np.zeros(nz - 2 * ns), drift])
             measured = np.ones(ns + 1, dtype=bool)
             measured[0] = new[kinematic + 6] == 1.0
             measured[ns] = self.config.use_accelerometer
             before = after.copy()
             kalman = _Filter(after, state.cov[i], top, np.diag(process), int(measured.sum()))
             kalman.predict()
-            expected, jacobian = measure(after, scale, forward, at_end, kappa, rest, self._lever, ns, nu)
+            expected, jacobian = measure(after, scale, at_end, kappa, self._lever, ns, nu)
             reading = new[1 : 2 + ns]
             predicted = np.diagonal(kalman.P)[:ns].copy()
             kalman.R = np.diag(state.noise[i, : ns + 1][measured])
@@ -245,7 +251,7 @@ class EkfEstimator:
         one = slice(i, i + 1)
         update_all(
             np.ascontiguousarray(new)[None, None], self._held, self._lever, self._exponents, self._reference,
-            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, state.z[one],
+            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner, state.z[one],
             state.cov[one], state.noise[one], state.rows[one], state.roughness[one], state.condition[one],
             state.counts[one],
         )  # fmt: skip

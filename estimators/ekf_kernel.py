@@ -9,10 +9,7 @@ from numba import njit
 from wingwatch.estimators.ekf_model import measure, transition
 from wingwatch.estimators.signals import MAX_GAP_S
 
-__all__ = ["WARM_UP", "adapt_noise", "solve_all", "step_inputs", "update_all", "warm_up"]
-
-TRIM_DRIFT = 1e-4
-"""Random walk of the trim constants, (m/s2)^2 and (rad/s2)^2 per second."""
+__all__ = ["WARM_UP", "adapt_noise", "solve_all", "step_inputs", "trim_drift", "update_all", "warm_up"]
 
 PROCESS_PACE = 0.2
 """Process noise adapts this much slower than measurement noise, so that the two are told apart."""
@@ -22,7 +19,7 @@ WARM_UP = 10
 
 
 @njit(cache=True)
-def step_inputs(new, old, older, held, reference, exponents, longitudinal, roll, ns, nu):  # type: ignore[no-untyped-def]
+def step_inputs(new, old, older, held, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu):  # type: ignore[no-untyped-def]
     """What a step needs besides the state: inputs over it, inputs at its end, scale, forward, kappa, rest."""
     kinematic = 2 + ns + nu
     over, at_end = np.empty(nu), np.empty(nu)
@@ -44,6 +41,8 @@ def step_inputs(new, old, older, held, reference, exponents, longitudinal, roll,
     if roll:
         forward[1] = speed * np.sin(alpha)
     rest = 0.5 * (old[kinematic] + new[kinematic])
+    if by_accelerometer:
+        rest += 0.5 * (old[1 + ns] + new[1 + ns])
     for j in range(1, ns):
         rest -= forward[j] * 0.5 * (old[1 + j] + new[1 + j])
     return over, at_end, scale, forward, kappa, rest
@@ -67,6 +66,22 @@ def adapt_noise(noise, residual, explained, correction, shrunk, measured, rate, 
 
 
 @njit(cache=True)
+def trim_drift(noise, dt, corner, carried, ns):  # type: ignore[no-untyped-def]
+    """Variance that a step adds to the trim constants: below ``corner`` (rad/s) they follow the data.
+
+    A random walk of density s is seen through white noise of density R dt above the frequency where s / w^2
+    equals it (a constant measured at once, by the accelerometer) or s / w^4 (one measured through an integration).
+    """
+    drift = np.empty(ns)
+    for k in range(ns):
+        if k == 0 and carried:
+            drift[k] = noise[ns] * (corner * dt) ** 2
+        else:
+            drift[k] = noise[k] * dt * dt * corner**4
+    return drift
+
+
+@njit(cache=True)
 def _predict(z, cov, noise, after, jacobian, drift, ns):  # type: ignore[no-untyped-def]
     nz = z.size
     top = jacobian @ cov
@@ -80,7 +95,7 @@ def _predict(z, cov, noise, after, jacobian, drift, ns):  # type: ignore[no-unty
             cov[k, c] = top[k, c]
             cov[c, k] = top[k, c]
     for c in range(nz - ns, nz):
-        cov[c, c] += drift
+        cov[c, c] += drift[c - nz + ns]
     for k in range(ns):
         cov[k, k] += noise[ns + 1 + k]
         for m in range(k):
@@ -186,7 +201,7 @@ def warm_up(z, cov, new, noise, count, roughness, ns):  # type: ignore[no-untype
 
 @njit(cache=True)
 def update_all(  # type: ignore[no-untyped-def]
-    signals, held, lever, exponents, reference, longitudinal, roll, use_accelerometer, adapt_s,
+    signals, held, lever, exponents, reference, longitudinal, roll, use_accelerometer, adapt_s, corner,
     z, cov, noise, rows, roughness, condition, counts,
 ):  # fmt: skip
     """Run all samples of all vehicles; arrays lead with the vehicle axis and are advanced in place."""
@@ -221,12 +236,14 @@ def update_all(  # type: ignore[no-untyped-def]
                         roughness[i, j] += bend * bend
                 warm_up(z[i], cov[i], new, noise[i], counts[i, 0], roughness[i], ns)
             else:
+                carried = use_accelerometer and new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
                 over, at_end, scale, forward, kappa, rest = step_inputs(
-                    new, old, older, held, reference, exponents, longitudinal, roll, ns, nu
+                    new, old, older, held, reference, exponents, longitudinal, roll, carried, ns, nu
                 )
-                after, jacobian = transition(z[i], dt, scale, forward, over, kappa, rest, ns, nu)
-                _predict(z[i], cov[i], noise[i], after, jacobian, TRIM_DRIFT * dt, ns)
-                expected, row = measure(z[i], scale, forward, at_end, kappa, rest, lever, ns, nu)
+                after, jacobian = transition(z[i], dt, scale, forward, over, kappa, rest, carried, ns, nu)
+                drift = trim_drift(noise[i], dt, corner, carried, ns)
+                _predict(z[i], cov[i], noise[i], after, jacobian, drift, ns)
+                expected, row = measure(z[i], scale, at_end, kappa, lever, ns, nu)
                 measured[0] = new[kinematic + 6] == 1.0
                 measured[ns] = use_accelerometer
                 reading = new[1 : 2 + ns]
@@ -245,10 +262,10 @@ def update_all(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def solve_all(  # type: ignore[no-untyped-def]
-    memory_s, prior_value, prior_std, z, cov, rows, clock, informed, variance, information, vector,
+    memory_s, stale_s, prior_value, prior_std, z, cov, rows, clock, informed, variance, information, vector,
     gained_matrix, gained_vector, counts,
 ):  # fmt: skip
-    """Note what the data of the last half second taught, then forget in proportion to it."""
+    """Note what the data of the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten."""
     k = informed.shape[1]
     ns = z.shape[1] - prior_value.size
     prior_information = 1.0 / (prior_std * prior_std)
@@ -264,14 +281,10 @@ def solve_all(  # type: ignore[no-untyped-def]
         for a in range(k):
             if parameters[a, a] < 0.98 * variance[i, a]:
                 informed[i, a] = now
-        arrived = np.trace(parameters @ gained) / k
-        elapsed = now - clock[i, 0]
-        if elapsed > 0.0:
-            clock[i, 1] = min(clock[i, 1] + elapsed, 0.5 * memory_s)
-        clock[i, 0] = now
-        part = min(1.0, max(0.0, arrived / 0.1))
-        _forget(z[i], cov[i], prior_value, prior_information, np.exp(-part * clock[i, 1] / memory_s), ns)
-        clock[i, 1] *= 1.0 - part
+        elapsed = now - clock[i]
+        clock[i] = now
+        if 0.0 < elapsed < stale_s and now - np.max(informed[i]) < stale_s:
+            _forget(z[i], cov[i], prior_value, prior_information, np.exp(-elapsed / memory_s), ns)
         parameters = np.ascontiguousarray(cov[i, ns : ns + k, ns : ns + k])
         information[i] = np.linalg.inv(parameters)
         vector[i] = information[i] @ z[i, ns : ns + k]

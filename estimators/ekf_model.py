@@ -14,10 +14,10 @@ __all__ = ["measure", "transition"]
 
 
 @njit(cache=True)
-def _matrices(z, scale, forward, u, kappa, rest, ns, nu, a, b):  # type: ignore[no-untyped-def]
-    """A (with forward speed) and the part of dx/dt that does not depend on x."""
+def _matrices(z, scale, forward, u, kappa, rest, first, ns, nu, a, b):  # type: ignore[no-untyped-def]
+    """A (with forward speed) and the part of dx/dt that does not depend on x; aerodynamics from row ``first`` on."""
     nd = ns + nu
-    for k in range(ns):
+    for k in range(first, ns):
         b[k] = z[ns + ns * nd + k] * kappa
         for j in range(ns):
             a[k, j] = z[ns + k * nd + j] * scale[k * nd + j]
@@ -29,7 +29,7 @@ def _matrices(z, scale, forward, u, kappa, rest, ns, nu, a, b):  # type: ignore[
 
 
 @njit(cache=True)
-def transition(z, dt, scale, forward, u, kappa, rest, ns, nu):  # type: ignore[no-untyped-def]
+def transition(z, dt, scale, forward, u, kappa, rest, by_accelerometer, ns, nu):  # type: ignore[no-untyped-def]
     """One step.
 
     Args:
@@ -39,7 +39,10 @@ def transition(z, dt, scale, forward, u, kappa, rest, ns, nu):  # type: ignore[n
         forward: kinematic part of the first equation per state, m/s.
         u: inputs over the step, shape (nu,).
         kappa: dynamic pressure over that of the reference.
-        rest: kinematic acceleration not due to the states (gravity, products), m/s2.
+        rest: acceleration of the first state not due to the states: gravity, products and, where
+            ``by_accelerometer``, the measured specific force, m/s2.
+        by_accelerometer: the first state is carried by kinematics alone, so that gusts and vane errors do
+            not pass for aerodynamics; its derivatives are then seen by the accelerometer only.
 
     Returns:
         the state after the step, and the rows of the Jacobian that belong to the mode's states
@@ -48,7 +51,8 @@ def transition(z, dt, scale, forward, u, kappa, rest, ns, nu):  # type: ignore[n
     nd, nz = ns + nu, z.size
     a = np.zeros((ns, ns))
     b = np.zeros(ns)
-    _matrices(z, scale, forward, u, kappa, rest, ns, nu, a, b)
+    first = 1 if by_accelerometer else 0
+    _matrices(z, scale, forward, u, kappa, rest, first, ns, nu, a, b)
     a *= dt
     identity = np.eye(ns)
     a2 = a @ a
@@ -64,7 +68,7 @@ def transition(z, dt, scale, forward, u, kappa, rest, ns, nu):  # type: ignore[n
     jacobian = np.zeros((ns, nz))
     jacobian[:, :ns] = identity + series @ a
     for row in range(ns):
-        for k in range(ns):
+        for k in range(first, ns):
             gain = dt * series[row, k]
             for j in range(ns):
                 jacobian[row, ns + k * nd + j] = gain * scale[k * nd + j] * 0.5 * (x[j] + after[j])
@@ -75,7 +79,7 @@ def transition(z, dt, scale, forward, u, kappa, rest, ns, nu):  # type: ignore[n
 
 
 @njit(cache=True)
-def measure(z, scale, forward, u, kappa, rest, lever, ns, nu):  # type: ignore[no-untyped-def]
+def measure(z, scale, u, kappa, lever, ns, nu):  # type: ignore[no-untyped-def]
     """Expected measurements: the states, then the accelerometer at its place.
 
     The accelerometer reads the first equation's aerodynamics less ``lever`` times the angular accelerations

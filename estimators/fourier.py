@@ -5,8 +5,8 @@ exact for a signal that is linear between samples, trim and drift are regressors
 jointly with the noise in the regressors accounted for, and the noise variances come from the residual.
 The derivation, with what each step gains, is in ``docs/estimators.md``.
 
-A block is the rectangular window of ``block_s``; when it ends, its information is added to what is known,
-which is forgotten in proportion to what arrives, so quiet flight forgets nothing.
+A block is the rectangular window of ``block_s``; when it ends, its information is added to what is known, which
+is forgotten with ``memory_s`` unless all has been quiet for ``stale_s``.
 """
 
 from dataclasses import dataclass, field
@@ -43,12 +43,13 @@ class FourierConfig:
         prior_std: shape (k,), so wide that it only keeps the solution finite where the data say nothing.
         reference: (airspeed_true_m_s, air_density_kg_m3) to which derivatives are referred.
         block_s: length of a block; bins are spaced by its inverse.
-        memory_s: time constant of forgetting under steady excitation.
+        memory_s: time constant of forgetting while something is excited; long quiet forgets nothing.
         first_solution_s: time of data before the first solution (thesis 9.2: 2 s).
         stale_s: without excitation for this long a derivative is not observable.
         held: for each input, whether it is held between samples (a command) rather than linear (a position).
         force_from_accelerometer: force equation from the accelerometer; else from the velocity's rate.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
+        input_noise_std: of each measured input, rad; not more than the input's own roughness is believed.
         smallest_share: share of signal in the regressors' power below which a direction counts as unseen.
     """
 
@@ -64,6 +65,7 @@ class FourierConfig:
     held: tuple[bool, ...] = ()
     force_from_accelerometer: bool = True
     imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    input_noise_std: tuple[float, ...] = ()
     smallest_share: float = 0.5
     omega_rad_s: Array = field(init=False)
 
@@ -77,6 +79,8 @@ class FourierConfig:
         object.__setattr__(self, "omega_rad_s", bins)
         if not self.held:
             object.__setattr__(self, "held", (False,) * len(self.structure.inputs))
+        if not self.input_noise_std:
+            object.__setattr__(self, "input_noise_std", (0.0,) * len(self.structure.inputs))
 
 
 @dataclass(slots=True)
@@ -87,7 +91,8 @@ class FourierState:
         bank: (frequencies, channels) transforms of the block; decay: (frequencies,) its phase.
         coefficients, step: one-pole coefficients (4, frequencies) and the time step they are for.
         rows: (3, columns) signal rows at the block's start, the last and the one before.
-        sums: airspeed, density, altitude, angle of attack summed over the block, count, second differences.
+        sums: airspeed, density, altitude, angle of attack over the block, count; squared second differences of the
+            inputs and their count.
         roughness: summed squared second differences of states and accelerometer, and their count.
         theta, noise: current referred derivatives (k,) and noise variances.
         noise_known: (variances..., weight) gathered from closed blocks.
@@ -135,18 +140,19 @@ class FourierEstimator:
         c, n = self.config, vehicles
         ns, nu, k = self.layout.states, self.layout.inputs, len(c.structure.derivatives)
         nf = c.omega_rad_s.size
-        noise = np.ones((n, 2 * ns + 1))
+        noise = np.ones((n, 2 * ns + 1 + nu))
+        noise[:, 2 * ns + 1 :] = 0.0
         return FourierState(
             bank=np.zeros((n, nf, ns + nu + 4), dtype=np.complex128),
             decay=np.ones((n, nf), dtype=np.complex128),
             coefficients=np.zeros((n, 4, nf), dtype=np.complex128),
             step=np.full((n, 1), -1.0),
             rows=np.full((n, 3, self.layout.columns), np.nan),
-            sums=np.zeros((n, 5)),
+            sums=np.zeros((n, 6 + nu)),
             roughness=np.zeros((n, ns + 2)),
             theta=np.tile(c.prior_value, (n, 1)),
             noise=noise,
-            noise_known=np.zeros((n, 2 * ns + 2)),
+            noise_known=np.zeros((n, 2 * ns + 2 + nu)),
             sensitivity=np.zeros((n, k, k)),
             information=np.zeros((n, k, k)),
             vector=np.zeros((n, k)),
@@ -209,8 +215,9 @@ class FourierEstimator:
                 lever[1] = z
         exponents = np.array([1.0] * self.layout.states + [2.0] * self.layout.inputs)
         settings = np.array(
-            [c.block_s, c.first_solution_s, np.exp(-c.block_s / c.memory_s), c.smallest_share, *c.reference]
-        )
+            [c.block_s, c.first_solution_s, c.memory_s, c.smallest_share, *c.reference, c.stale_s,
+             *np.square(c.input_noise_std)]
+        )  # fmt: skip
         roll = self.layout.states == 3
         return (
             c.omega_rad_s, np.array(c.held), lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
@@ -234,7 +241,7 @@ def _noise_start(roughness, noise, ns):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _floor_noise(noise, ns):  # type: ignore[no-untyped-def]
     """Below any sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s."""
-    for j in range(noise.size):
+    for j in range(2 * ns + 1):
         least = 1e-8 if j in (0, ns, ns + 1) else 1e-10
         noise[j] = max(noise[j], least)
 
@@ -262,6 +269,9 @@ def _block_step(  # type: ignore[no-untyped-def]
     if roll:
         forward[1] = airspeed * np.sin(alpha)
     share = min(1.0, span / settings[0])
+    for j in range(nu):
+        rough = sums[6 + j] / (6.0 * max(sums[5], 1.0))
+        noise[2 * ns + 1 + j] = min(settings[7 + j], rough)
     n_theta = theta.size
     weight = 1.0 / (prior_std * prior_std)
     for _ in range(iterations):
@@ -295,7 +305,7 @@ def _block_step(  # type: ignore[no-untyped-def]
             by_accelerometer, ns, nu,
         )  # fmt: skip
         known = noise_known[-1]
-        for j in range(noise.size):
+        for j in range(2 * ns + 1):
             noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
         if by_accelerometer:
             noise[ns + 1] = 0.0
@@ -351,20 +361,15 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     evidence_span[i, 0], evidence_span[i, 1] = rows[i, 0, 0], rows[i, 1, 0]
     _condition(sums[i], condition[i])
     evidence_span[i, 2:] = condition[i]
-    total = sensitivity[i] + mc
-    ridge = 1.0 / (prior_std * prior_std)
-    for a in range(theta.shape[1]):
-        total[a, a] += ridge[a]
-    arriving = np.trace(np.linalg.solve(total, mc)) / theta.shape[1]
-    steady = 1.0 - settings[2]
-    keep = 1.0 - steady * min(1.0, max(arriving, 0.0) / steady)
+    quiet = rows[i, 1, 0] - np.max(informed[i]) > settings[6]
+    keep = 1.0 if quiet else np.exp(-(rows[i, 1, 0] - rows[i, 0, 0]) / settings[2])
     sensitivity[i] = keep * sensitivity[i] + mc
     information[i] = keep * information[i] + kept
     vector[i] = keep * vector[i] + add
     known = noise_known[i, -1]
     for j in range(noise.shape[1]):
         noise_known[i, j] = (known * noise_known[i, j] + share * fresh[j]) / (known + share)
-    noise_known[i, -1] = settings[2] * (known + share)
+    noise_known[i, -1] = np.exp(-settings[0] / settings[2]) * (known + share)
     counts[i, 0] += 1
     counts[i, 1] += 1
 
@@ -408,6 +413,10 @@ def _update(  # type: ignore[no-untyped-def]
                     bend = new[1 + j] - 2.0 * rows[i, 1, 1 + j] + rows[i, 2, 1 + j]
                     roughness[i, j] += bend * bend
                 roughness[i, ns + 1] += 1.0
+                for j in range(nu):
+                    bend = new[2 + ns + j] - 2.0 * rows[i, 1, 2 + ns + j] + rows[i, 2, 2 + ns + j]
+                    sums[i, 6 + j] += bend * bend
+                sums[i, 5] += 1.0
             rows[i, 2] = rows[i, 1]
             rows[i, 1] = new
             _gather(sums[i], new, kinematic)

@@ -86,7 +86,7 @@ def _bin(  # type: ignore[no-untyped-def]
     """Regressors, response, noise transfer L and weight of one frequency.
 
     The equation error of row k is sum_j L[k, j] n_j plus the equation's own noise, n the noise of the measured
-    states and of the accelerometer. Differentiation adds the noise of both end points (2 D, flat).
+    states, of the accelerometer and of the inputs. Differentiation adds the noise of both end points (2 D, flat).
     """
     s = 1j * omega[f]
     nc = ns + nu + 3
@@ -96,8 +96,9 @@ def _bin(  # type: ignore[no-untyped-def]
         regressors[ns + j] = bank[f, ns + 1 + j]
     transfer[:] = 0.0
     for k in range(ns):
-        for j in range(ns):
-            transfer[k, j] = -theta[k * (ns + nu) + j] * scale[k * (ns + nu) + j]
+        for j in range(ns + nu):
+            column = j if j < ns else j + 1
+            transfer[k, column] = -theta[k * (ns + nu) + j] * scale[k * (ns + nu) + j]
         if k > 0 or not by_accelerometer:
             transfer[k, k] += s
             response[k] = s * bank[f, k] + end[1 + k] - decay[f] * start[1 + k]
@@ -118,6 +119,8 @@ def _bin(  # type: ignore[no-untyped-def]
             total = 0.0 + 0.0j
             for j in range(ns + 1):
                 total += transfer[k, j] * noise[j] * np.conj(transfer[m, j])
+            for j in range(ns + 1, ns + 1 + nu):
+                total += transfer[k, j] * noise[ns + j] * np.conj(transfer[m, j])
             covariance[k, m] = power * total
         covariance[k, k] += power * noise[ns + 1 + k]
         if k > 0 or not by_accelerometer:
@@ -143,7 +146,7 @@ def block_equations(  # type: ignore[no-untyped-def]
     g = np.zeros(ns * nd)
     regressors = np.zeros(nc, dtype=np.complex128)
     response = np.zeros(ns, dtype=np.complex128)
-    transfer = np.zeros((ns, ns + 1), dtype=np.complex128)
+    transfer = np.zeros((ns, ns + 1 + nu), dtype=np.complex128)
     weight = np.zeros((ns, ns), dtype=np.complex128)
     for f in range(omega.size):
         _bin(f, omega, bank, decay, start, end, theta, scale, noise, power, forward, lever, by_accelerometer,
@@ -157,15 +160,17 @@ def block_equations(  # type: ignore[no-untyped-def]
                     left = np.conj(regressors[c]) * w
                     for d in range(nc):
                         m_full[k * nc + c, m * nc + d] += (left * regressors[d]).real
-                for j in range(ns):
-                    n_noise[k * nd + j, m * nd + j] += w.real * power * noise[j]
+                for j in range(nd):
+                    level = noise[j] if j < ns else noise[ns + j + 1]
+                    n_noise[k * nd + j, m * nd + j] += w.real * power * level
             for c in range(nc):
                 b_full[k * nc + c] += (np.conj(regressors[c]) * wy).real
-            for j in range(ns):
+            for j in range(nd):
                 crossed = 0.0 + 0.0j
                 for m in range(ns):
-                    crossed += weight[k, m] * transfer[m, j]
-                g[k * nd + j] += power * noise[j] * crossed.real
+                    crossed += weight[k, m] * transfer[m, j if j < ns else j + 1]
+                level = noise[j] if j < ns else noise[ns + j + 1]
+                g[k * nd + j] += power * level * crossed.real
     return _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc)
 
 
@@ -240,7 +245,7 @@ def noise_update(  # type: ignore[no-untyped-def]
     nc, nd = ns + nu + 3, ns + nu
     regressors = np.zeros(nc, dtype=np.complex128)
     response = np.zeros(ns, dtype=np.complex128)
-    transfer = np.zeros((ns, ns + 1), dtype=np.complex128)
+    transfer = np.zeros((ns, ns + 1 + nu), dtype=np.complex128)
     weight = np.zeros((ns, ns), dtype=np.complex128)
     total = np.zeros(noise.size)
     determined = np.zeros(noise.size)

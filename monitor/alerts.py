@@ -92,7 +92,8 @@ class AlertBook:
             size_standard_error=verdict.size_standard_error, probability=verdict.probability, note=note,
             text=_text(cause, verdict), evidence=_evidence(judge, verdict, condition),
         )  # fmt: skip
-        return self.active
+        moved = abs(verdict.size - alert.size) > alert.size_standard_error
+        return self.active if other or moved or self.active.level != alert.level else None
 
     def _gone(self, judge: Judge, state: JudgeState, condition: FlightCondition) -> bool:
         """Whether the latest informative blocks agree with the time before the onset."""

@@ -213,11 +213,22 @@ def _mode(
     held = tuple(kinds.get(_INPUT_COLUMN[u], "position") == "command" for u in structure.inputs)
     sensors = aircraft.sensors
     imu, vane = sensors.imu_position_m, sensors.vane_position_m
+    noise = tuple(
+        0.0 if still else aircraft.noise_std(_INPUT_COLUMN[u]) or 0.0
+        for u, still in zip(structure.inputs, held, strict=True)
+    )
     signals = SignalConfig(
         structure, vane, reference_airspeed_m_s=reference[0], reference_density_kg_m3=reference[1]
     )
     fourier = FourierConfig(
-        structure, aircraft.band_hz(structure), value, 3.0 * natural, reference, held=held, imu_position_m=imu
+        structure,
+        aircraft.band_hz(structure),
+        value,
+        3.0 * natural,
+        reference,
+        held=held,
+        imu_position_m=imu,
+        input_noise_std=noise,
     )
     ekf = EkfConfig(structure, value, natural, reference, held=held, imu_position_m=imu)
     return _Mode(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf))

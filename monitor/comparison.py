@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from wingwatch.aircraft import Aircraft, AircraftDataError, FlightCondition, ModeStructure, affine
-from wingwatch.estimators import BlockEvidence, offsets, referred_scale
+from wingwatch.estimators import offsets, referred_scale
 
 __all__ = ["Change", "Coordinates", "change_since", "log_bayes_any", "log_bayes_direction"]
 
@@ -53,15 +53,16 @@ class Coordinates:
         scale, offset = self.to_concise(condition)
         return (value - offset) / scale, covariance / np.outer(scale, scale)
 
-    def of_block(self, block: BlockEvidence, condition: FlightCondition) -> tuple[Array, Array]:
-        """Information (k, k) and vector (k,) of a block in these coordinates."""
+    def of_evidence(
+        self, information: Array, vector: Array, condition: FlightCondition
+    ) -> tuple[Array, Array]:
+        """Information (k, k) and vector (k,) about referred derivatives, in these coordinates."""
         scale, offset = self.to_concise(condition)
         speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
         referred = referred_scale(self.structure, speed, density, self.reference)
         kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
         slope, shift = scale / referred, (offset - kinematic) / referred
-        information = block.information * np.outer(slope, slope)
-        return information, slope * (block.vector - block.information @ shift)
+        return information * np.outer(slope, slope), slope * (vector - information @ shift)
 
 
 @dataclass(frozen=True, slots=True)

@@ -284,9 +284,9 @@ class FleetMonitor:
             return
         rows: list[EstimateRecord] = []
         for solution in report.solutions:
-            if solution.time_s - known.history_s < self._settings.history_interval_s - 1e-6:
-                if solution.time_s >= known.history_s:
-                    continue
+            since = solution.time_s - known.history_s
+            if 0.0 <= since < self._settings.history_interval_s - 1e-6:
+                continue
             known.history_s = solution.time_s
             estimates: list[Estimate] = [e for m in solution.modes.values() for e in (m.fourier, m.ekf)]
             rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]

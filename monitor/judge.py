@@ -17,8 +17,9 @@ from scipy.stats import chi2
 
 from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
-from wingwatch.estimators import BlockEvidence, Estimate, Outcome
+from wingwatch.estimators import Outcome
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
+from wingwatch.monitor.chain import ModeSolution
 from wingwatch.monitor.comparison import (
     Change,
     Coordinates,
@@ -65,14 +66,22 @@ class JudgeConfig:
 
 @dataclass(frozen=True, slots=True)
 class ModeBlock:
-    """One structure's part of a block, in coordinates that do not depend on the flight condition."""
+    """One structure's part of a block, in coordinates that do not depend on the flight condition.
+
+    Attributes:
+        information, vector: the Fourier form's evidence, (k, k) and (k,).
+        expected, expected_covariance: the expectation.
+        ekf: the filter's estimate at the block's end; ekf_stands: whether it has standing.
+        ekf_information, ekf_vector: what the filter learned from this block alone.
+    """
 
     information: Array
     vector: Array
     expected: Array
     expected_covariance: Array
     ekf: Array
-    ekf_covariance: Array
+    ekf_information: Array
+    ekf_vector: Array
     ekf_stands: bool
 
 
@@ -145,20 +154,21 @@ class Judge:
         return JudgeState(learned, founded=founded or (own and bool(learned)))
 
     def mode_block(
-        self, structure: ModeStructure, evidence: BlockEvidence, ekf: Estimate, expectation: Expectation,
-        condition: FlightCondition,
-    ) -> ModeBlock:  # fmt: skip
+        self, mode: ModeSolution, expectation: Expectation, condition: FlightCondition
+    ) -> ModeBlock:
         """A structure's evidence, expectation and filter estimate brought to common coordinates."""
-        c = self.coordinates[structure.name]
-        information, vector = c.of_block(evidence, condition)
+        c = self.coordinates[mode.structure.name]
+        information, vector = c.of_evidence(mode.block.information, mode.block.vector, condition)
         expected, covariance = c.from_concise(expectation.value, expectation.covariance, condition)
-        now = FlightCondition(
-            ekf.condition[0], ekf.condition[1], ekf.condition[2], condition.configuration,
-            ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0,
-        )  # fmt: skip
-        value, spread = c.from_concise(ekf.value, ekf.covariance, now)
+        ekf = mode.ekf
+        alpha = ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0
+        now = FlightCondition(*ekf.condition[:3], condition.configuration, alpha)
+        value, _ = c.from_concise(ekf.value, ekf.covariance, now)
+        gained = mode.gained or (np.zeros_like(information), np.zeros_like(vector))
         stands = ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
-        return ModeBlock(information, vector, expected, covariance, value, spread, stands)
+        return ModeBlock(
+            information, vector, expected, covariance, value, *c.of_evidence(*gained, condition), stands
+        )
 
     def consider(self, state: JudgeState, block: BlockView, alarmed_onset_s: float | None) -> Verdict | None:
         """Take in a block; returns what the test says, or None while there is nothing to compare with.
@@ -335,25 +345,24 @@ class Judge:
         self, state: JudgeState, changes: Mapping[str, Change], cause: Cause, onset: int, size: float,
         condition: FlightCondition,
     ) -> bool:  # fmt: skip
-        """Whether the filter's own estimates moved along the same direction, by at least half the size.
+        """Whether what the filter learned since the onset moved the same way, by at least half the size.
 
-        A filter without standing abstains.
+        Measured from the filter's own estimate at the onset; a filter without standing abstains.
         """
         pull = weight = 0.0
         for name, change in changes.items():
-            now = state.blocks[-1].modes.get(name)
             before = state.blocks[onset - 1].modes.get(name) if onset else None
-            if now is None or not now.ekf_stands:
-                continue
             start = before.ekf if before is not None and before.ekf_stands else change.mean
             if cause is UNEXPLAINED:
                 direction = np.linalg.pinv(change.weight, rcond=1e-6, hermitian=True) @ change.pull
                 size = 1.0
             else:
                 direction = self.direction(name, cause, change.mean, condition)
-            moved = change.weight @ direction
-            pull += float(moved @ (now.ekf - start))
-            weight += float(moved @ direction)
+            for block in state.blocks[onset:]:
+                mode = block.modes.get(name)
+                if mode is not None and mode.ekf_stands:
+                    pull += float(direction @ (mode.ekf_vector - mode.ekf_information @ start))
+                    weight += float(direction @ mode.ekf_information @ direction)
         return weight <= 0.0 or pull / weight >= 0.5 * size
 
 

@@ -149,9 +149,7 @@ class VehicleMonitor:
                 self._memory.outside = expectation.reason
                 continue
             self._memory.outside = ""
-            modes[mode.structure.name] = self.judge.mode_block(
-                mode.structure, mode.block, mode.ekf, expectation, condition
-            )
+            modes[mode.structure.name] = self.judge.mode_block(mode, expectation, condition)
         if condition is None or not modes:
             return None
         block = BlockView(fresh[0].block.end_s, condition, modes)
