@@ -113,5 +113,7 @@ def _mode(
 
 def _changed(known: Mapping[str, float], structure: ModeStructure, change: _Change) -> dict[str, float]:
     """What is known, converted; left out is what rests on an unknown: two stand-ins for that one disagree."""
+    if len(known) == len(structure.derivatives):
+        return change(known)
     first, second = (change({**dict.fromkeys(structure.derivatives, x), **known}) for x in (0.0, 1.0))
     return {symbol: first[symbol] for symbol in known if first[symbol] == second[symbol]}

@@ -158,5 +158,4 @@ def _history(door: Door, vehicle: str, query: HistoryQuery, accept: str | None) 
             HTTPStatus.NOT_FOUND, "This service keeps no history; start it with a data folder or a database."
         )
     rows = door.history.estimate_history(query.fleet, vehicle, query.from_s, query.to_s)
-    items = history.history_items(rows, names)
-    return history.answer_history(items, media_type, query.limit, query.cursor)
+    return history.answer_history(rows, names, media_type, query.limit, query.cursor)

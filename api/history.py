@@ -2,8 +2,11 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from http import HTTPStatus
+from itertools import islice
+from typing import NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -21,7 +24,6 @@ __all__ = [
     "CSV_MEDIA_TYPE",
     "PARQUET_MEDIA_TYPE",
     "answer_history",
-    "history_items",
     "negotiate",
     "parse_names",
 ]
@@ -31,11 +33,25 @@ CSV_MEDIA_TYPE = "text/csv"
 PARQUET_MEDIA_TYPE = "application/vnd.apache.parquet"
 
 _OFFERED = (JSON_MEDIA_TYPE, CSV_MEDIA_TYPE, PARQUET_MEDIA_TYPE)
-_COLUMNS = tuple(HistoryItem.model_fields)
+
+
+class _Item(NamedTuple):
+    """The fields of ``HistoryItem``; a hundred thousand of them must be cheap."""
+
+    time_s: float
+    estimator: str
+    structure: str
+    derivative: str
+    value: float | None
+    standard_error: float | None
+    unit: str
+    outcome: str
+
+
 _SCHEMA = pa.schema(
     [
         (name, pa.float64() if name in ("time_s", "value", "standard_error") else pa.string())
-        for name in _COLUMNS
+        for name in _Item._fields
     ]
 )
 
@@ -78,60 +94,77 @@ def parse_names(names: str | None) -> frozenset[str] | None:
     return frozenset(wanted)
 
 
-def history_items(rows: Sequence[EstimateRow], names: frozenset[str] | None) -> list[HistoryItem]:
-    """One item a derivative, ordered by time, estimator, structure and the structure's own order."""
-    ordered = sorted(rows, key=lambda row: (row.time_s, row.estimator, row.structure))
-    return [item for row in ordered for item in _items(row) if names is None or item.derivative in names]
+def answer_history(
+    rows: Sequence[EstimateRow],
+    names: frozenset[str] | None,
+    media_type: str,
+    limit: int,
+    cursor: str | None,
+) -> Response:
+    """Rows of the named derivatives, ordered by time, estimator, structure and the structure's own order.
 
+    Only JSON is paged; CSV and Parquet hold everything.
 
-def answer_history(items: Sequence[HistoryItem], media_type: str, limit: int, cursor: str | None) -> Response:
-    """The answer in the negotiated form; only JSON is paged."""
+    Raises:
+        ProblemError: 422 for a cursor of another list.
+    """
+    ordered = sorted(rows, key=_row_key)
     if media_type == CSV_MEDIA_TYPE:
-        return _download(_csv(items), f"{CSV_MEDIA_TYPE}; charset=utf-8")
+        return _download(_csv(_items(ordered, names)), f"{CSV_MEDIA_TYPE}; charset=utf-8")
     if media_type == PARQUET_MEDIA_TYPE:
-        return _download(_parquet(items), PARQUET_MEDIA_TYPE)
-    return json_answer(_page(items, limit, cursor))
+        return _download(_parquet(list(_items(ordered, names))), PARQUET_MEDIA_TYPE)
+    return json_answer(_page(ordered, names, limit, cursor))
 
 
-def _items(row: EstimateRow) -> Iterator[HistoryItem]:
-    symbols = STRUCTURES[row.structure].derivatives
-    for symbol, value, error in zip(symbols, row.value, row.standard_error, strict=True):
-        yield HistoryItem(
-            time_s=row.time_s,
-            estimator=row.estimator,
-            structure=row.structure,
-            derivative=symbol,
-            value=quantity(value),
-            standard_error=quantity(error),
-            unit=DERIVATIVES[symbol].unit,
-            outcome=row.outcome,
-        )
+def _row_key(row: EstimateRow) -> tuple[float, str, str]:
+    return (row.time_s, row.estimator, row.structure)
 
 
-def _key(item: HistoryItem) -> tuple[float, str, str, int]:
+def _items(rows: Iterable[EstimateRow], names: frozenset[str] | None) -> Iterator[_Item]:
+    for row in rows:
+        symbols = STRUCTURES[row.structure].derivatives
+        for symbol, value, error in zip(symbols, row.value, row.standard_error, strict=True):
+            if names is None or symbol in names:
+                unit = DERIVATIVES[symbol].unit
+                yield _Item(
+                    row.time_s,
+                    row.estimator,
+                    row.structure,
+                    symbol,
+                    quantity(value),
+                    quantity(error),
+                    unit,
+                    row.outcome,
+                )
+
+
+def _item_key(item: _Item) -> tuple[float, str, str, int]:
     order = STRUCTURES[item.structure].derivatives.index(item.derivative)
     return (item.time_s, item.estimator, item.structure, order)
 
 
-def _page(items: Sequence[HistoryItem], limit: int, cursor: str | None) -> HistoryList:
-    if cursor is not None:
-        after = decode_cursor(cursor, (float, str, str, int))
-        items = [item for item in items if _key(item) > after]
-    page = list(items[:limit])
-    more = len(items) > limit
-    return HistoryList(items=page, next=encode_cursor(_key(page[-1])) if more else None)
+def _page(
+    ordered: Sequence[EstimateRow], names: frozenset[str] | None, limit: int, cursor: str | None
+) -> HistoryList:
+    after = None if cursor is None else decode_cursor(cursor, (float, str, str, int))
+    start = 0 if after is None else bisect_left(ordered, after[:3], key=_row_key)
+    rest = _items(islice(ordered, start, None), names)
+    page = list(islice((i for i in rest if after is None or _item_key(i) > after), limit + 1))
+    more = encode_cursor(_item_key(page[limit - 1])) if len(page) > limit else None
+    return HistoryList(items=[HistoryItem(**item._asdict()) for item in page[:limit]], next=more)
 
 
-def _csv(items: Sequence[HistoryItem]) -> bytes:
+def _csv(items: Iterable[_Item]) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerow(_COLUMNS)
-    writer.writerows([getattr(item, name) for name in _COLUMNS] for item in items)
+    writer.writerow(_Item._fields)
+    writer.writerows(items)
     return text.getvalue().encode()
 
 
-def _parquet(items: Sequence[HistoryItem]) -> bytes:
-    table = pa.table({name: [getattr(item, name) for item in items] for name in _COLUMNS}, schema=_SCHEMA)
+def _parquet(items: Sequence[_Item]) -> bytes:
+    columns = zip(*items, strict=True) if items else [()] * len(_Item._fields)
+    table = pa.table(dict(zip(_Item._fields, map(list, columns), strict=True)), schema=_SCHEMA)
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink)
     return bytes(sink.getvalue())

@@ -3,7 +3,7 @@
    and every few seconds in any case. Everything shown goes through textContent: nothing received becomes markup. */
 
 const REFRESH_MS = 500, POLL_LIVE_MS = 5000, POLL_ALONE_MS = 2000, TIMEOUT_MS = 8000;
-const Z_RANGE = 8, Z_BAND = 2;
+const Z_RANGE = 8, Z_BAND = 2, LEAST_EVIDENCE = 3;
 const STATES = ["degraded", "not_observable", "stale", "unknown", "healthy"];
 const GREEK = { eta: "η", xi: "ξ", zeta: "ζ" };
 const SHAPES = {
@@ -56,7 +56,14 @@ function plusMinus(value, error, unit = "", scale = 1) {
 
 function signed(z) {
   if (z === null) return "unknown";
-  return (z > 0 ? "+" : "") + fixed(z, 1);
+  const text = fixed(Math.abs(z), 1);
+  return (text === "0.0" ? "" : z > 0 ? "+" : "−") + text;
+}
+
+/** A probability in per cent that never claims certainty. */
+function percent(probability) {
+  if (probability > 0.999) return "above 99.9 %";
+  return probability < 0.001 ? "below 0.1 %" : `${number(100 * probability)} %`;
 }
 
 function symbol(name) {
@@ -109,6 +116,19 @@ function facts(className, pairs) {
   return list;
 }
 
+/** Put a child in an older one's place; what the reader unfolded stays unfolded, and so does the focus. */
+function takePlace(fresh, old) {
+  const folds = fresh.querySelectorAll("details");
+  const focused = document.activeElement;
+  old.querySelectorAll("details").forEach((fold, place) => {
+    if (!folds[place]) return;
+    folds[place].open = fold.open;
+    if (fold.firstElementChild === focused) folds[place].dataset.focus = "";
+  });
+  old.replaceWith(fresh);
+  fresh.querySelector("details[data-focus] > summary")?.focus();
+}
+
 /** Bring a list's children in line with the items; a child is rebuilt only when what it shows has changed. */
 function sync(list, items, key, build) {
   const old = new Map([...list.children].map((node) => [node.dataset.key, node]));
@@ -120,7 +140,7 @@ function sync(list, items, key, build) {
       const fresh = build(item);
       fresh.dataset.key = key(item);
       fresh.fingerprint = fingerprint;
-      if (node) node.replaceWith(fresh);
+      if (node) takePlace(fresh, node);
       node = fresh;
     }
     if (list.children[place] !== node) list.insertBefore(node, list.children[place] ?? null);
@@ -198,14 +218,26 @@ function evidenceRow(part) {
   return row;
 }
 
-function evidenceTable(alert) {
+function evidenceTable(parts) {
   const titles = ["Derivative", "Measured", "Expected", "z"].map((title) => {
     const cell = make("th", "", title);
     cell.scope = "col";
     return cell;
   });
   return make("table", "", make("caption", "hidden", "Evidence"), make("thead", "", make("tr", "", ...titles)),
-    make("tbody", "", ...alert.evidence.map(evidenceRow)));
+    make("tbody", "", ...parts.map(evidenceRow)));
+}
+
+/** The derivatives that speak for the alert stand open, the others fold away; at least the first three stand open. */
+function evidence(parts) {
+  const speaks = (part, place) => place < LEAST_EVIDENCE || part.z === null || Math.abs(part.z) >= Z_BAND;
+  const open = parts.filter(speaks), folded = parts.filter((part, place) => !speaks(part, place));
+  const nodes = open.length ? [evidenceTable(open)] : [];
+  if (folded.length) {
+    const words = folded.length === 1 ? "1 more derivative is" : `${folded.length} more derivatives are`;
+    nodes.push(make("details", "", make("summary", "", `${words} within ${Z_BAND} standard errors`), evidenceTable(folded)));
+  }
+  return nodes;
 }
 
 function alertItem(alert) {
@@ -221,13 +253,13 @@ function alertItem(alert) {
     make("p", "text", alert.text),
     facts("figures", [
       size(alert) ?? ["Size", "not known"],
-      ["Probability", alert.probability === null ? "" : `${number(100 * alert.probability)} %`],
+      ["Probability", alert.probability === null ? "" : percent(alert.probability)],
       ["Kind", alert.kind === alert.cause ? "" : alert.kind],
       ["Raised", `${fixed(alert.raised_s, 1)} s`],
       ["Cleared", alert.cleared_s === null ? "" : `${fixed(alert.cleared_s, 1)} s`],
       ["Compared with", `${alert.basis} expectation`],
     ]));
-  if (alert.evidence.length) item.append(evidenceTable(alert));
+  item.append(...evidence(alert.evidence));
   if (alert.notes.length) item.append(make("ul", "notes", ...alert.notes.map((note) => make("li", "", note))));
   return item;
 }

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from api_fakes import FakeMonitor, alert, served, vehicle
+from api_fakes import ICED, FakeMonitor, alert, served, vehicle
 from browser import Page, chromium_path, open_page
 
 import wingwatch.api
@@ -16,6 +16,7 @@ from wingwatch.monitor.views import AlertState, VehicleState
 
 FOLDER = Path(wingwatch.api.__file__).parent / "pages"
 NASTY = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>&amp;"
+SPEAKING = (("m_eta", 7.0), ("m_w", 1.5), ("z_w", 0.0), ("m_q", 0.04), ("y_v", -3.0), ("z_q", -0.1))
 
 needs_chromium = pytest.mark.skipif(
     chromium_path() is None, reason="no Chromium on this machine: install the package chromium"
@@ -150,6 +151,28 @@ def test_a_client_that_cannot_stream_is_served_by_polling(monitor: FakeMonitor) 
         page.wait("document.getElementById('link').dataset.link === 'polling'")
         silent.views = [dataclasses.replace(silent.views[1], vehicle="late"), *silent.views]
         page.wait("document.querySelectorAll('#vehicles > li').length === 3")
+
+
+@needs_chromium
+def test_evidence_that_does_not_speak_folds_away_and_stays_as_the_reader_left_it(
+    page: Page, monitor: FakeMonitor
+) -> None:
+    parts = [dataclasses.replace(ICED, derivative=d, z=z) for d, z in SPEAKING]
+    monitor.raised = [alert(1, evidence=parts, probability=0.99999)]
+    monitor.tell("alert", {"id": "a1"})
+    page.wait("document.querySelectorAll('#alerts details').length === 1")
+    assert page.ask("document.querySelectorAll('#alerts > li > table tbody tr').length") == 4
+    assert "2 more derivatives are within 2 standard errors" in text(page, "#alerts")
+    assert "above 99.9 %" in text(page, "#alerts")
+    assert "+0.0" not in text(page, "#alerts")
+    page.ask("document.querySelector('#alerts summary').focus()")
+    page.key("Enter")
+    monitor.raised = [alert(1, evidence=parts, text="Changed.")]
+    monitor.tell("alert", {"id": "a1"})
+    page.wait("document.querySelector('#alerts .text').textContent === 'Changed.'")
+    assert page.ask("document.querySelector('#alerts details').open")
+    assert page.ask("document.activeElement.tagName") == "SUMMARY"
+    assert "−0.1" in text(page, "#alerts details")
 
 
 @needs_chromium
