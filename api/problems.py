@@ -122,8 +122,9 @@ async def _refused(request: Request, error: Exception) -> Response:
 async def _invalid(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
     fields = [_field(e) for e in error.errors()]
+    first = fields[0].message
     more = f" (and {len(fields) - 1} more, see `errors`)" if len(fields) > 1 else ""
-    problem = _problem(HTTPStatus.UNPROCESSABLE_ENTITY, f"{fields[0].message}{more}.")
+    problem = _problem(HTTPStatus.UNPROCESSABLE_ENTITY, f"{first[:1].upper()}{first[1:]}{more}.")
     return _document(request, problem.model_copy(update={"errors": fields}))
 
 

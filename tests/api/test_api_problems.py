@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from openapi_check import misfits
 
+from wingwatch.baselines import DatabaseError
 from wingwatch.monitor.views import AlertState, AlertView, VehicleView
 
 
@@ -108,6 +109,19 @@ def test_what_cannot_be_answered_says_why(
     document = problem(client, client.get(path), status)
     assert [word for word in words if word not in document["detail"]] == []
     assert document["instance"] == path.split("?")[0]
+
+
+def test_a_database_that_cannot_answer_is_a_problem_in_its_own_sentence(monitor: FaultyMonitor) -> None:
+    class Locked(FakeHistory):
+        def estimate_history(
+            self, fleet: str, vehicle: str, from_s: float | None = None, to_s: float | None = None
+        ) -> Sequence[FakeRow]:
+            raise DatabaseError("database wingwatch.db is locked by another program; end it or wait")
+
+    with served(monitor, Locked([])) as (_, connection):
+        answer = connection.get("/v1/vehicles/aero-1/derivatives/history")
+        document = problem(connection, answer, 503)
+    assert document["detail"] == "database wingwatch.db is locked by another program; end it or wait."
 
 
 def test_every_fault_of_a_request_is_listed(client: httpx.Client) -> None:

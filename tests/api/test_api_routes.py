@@ -87,6 +87,30 @@ def test_every_answer_is_what_openapi_says(client: httpx.Client, path: str, desc
     assert misfits(get(client, path), answer_schema(description, described), description) == []
 
 
+def test_every_promised_path_is_described_with_its_errors(client: httpx.Client) -> None:
+    description = get(client, "/openapi.json")
+    actions = ("acknowledge", "shelve", "unshelve", "clear")
+    assert set(description["paths"]) == {
+        "/v1/status",
+        "/v1/vehicles",
+        "/v1/vehicles/{vehicle}",
+        "/v1/vehicles/{vehicle}/derivatives",
+        "/v1/vehicles/{vehicle}/derivatives/history",
+        "/v1/alerts",
+        "/v1/alerts/{alert_id}",
+        *(f"/v1/alerts/{{alert_id}}/{action}" for action in actions),
+        "/v1/events",
+        "/health/live",
+        "/health/ready",
+    }
+    for operations in description["paths"].values():
+        for operation in operations.values():
+            assert operation["summary"]
+            for status, answer in operation["responses"].items():
+                assert status == "200" or list(answer["content"]) == ["application/problem+json"]
+    assert "HTTPValidationError" not in description["components"]["schemas"]
+
+
 def test_the_check_of_answers_can_fail(client: httpx.Client) -> None:
     description = get(client, "/openapi.json")
     schema = answer_schema(description, "/v1/status")
