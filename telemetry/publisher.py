@@ -124,27 +124,44 @@ class FlightPublisher:
             receiver_timeout_s: how long to wait for somebody to listen before the first message.
 
         Raises:
-            LinkError: ``rate`` is None and nobody listens.
+            LinkError: ``rate`` is None, and nobody listens or the link breaks on the way.
             ValueError: a rate that is not positive.
         """
         if rate is not None and not (rate > 0.0 and np.isfinite(rate)):
             raise ValueError(f"rate is {rate}: choose a number above 0, or none for as fast as possible")
         self._begin(rate is None, receiver_timeout_s)
         names = block.present if columns is None else columns
-        first, start_s = self._sequence, self._clock()
-        for due_s, piece in self._pieces(block):
-            payload = encode_sensors(self._sequence, piece, PROTOBUF, names)
-            self._sequence += 1
-            if rate is None:
-                self._put(self._sensors_key, payload)
-            else:
-                self._pause_until(start_s + due_s / rate)
-                self._sensors.put(payload)
-        if rate is None and not self._has_receiver():
-            raise LinkError(
-                f"whoever listened to {self._sensors_key} went away: samples are lost, publish again"
-            )
+        first = self._sequence
+        if rate is None:
+            self._publish_all(block, names)
+        else:
+            self._publish_in_time(block, names, rate)
         return self._sequence - first
+
+    def _publish_all(self, block: SampleBlock, names: Sequence[str]) -> None:
+        with self._session.info.declare_transport_events_listener() as events:
+            for _, piece in self._pieces(block):
+                self._put(self._sensors_key, self._next_payload(piece, names))
+                if _link_was_lost(events):
+                    break
+            else:
+                if self._has_receiver():
+                    return
+        raise LinkError(
+            f"the link to whoever listens to {self._sensors_key} broke at message {self._sequence}: "
+            "samples are lost; publish the flight again"
+        )
+
+    def _publish_in_time(self, block: SampleBlock, names: Sequence[str], rate: float) -> None:
+        start_s = self._clock()
+        for due_s, piece in self._pieces(block):
+            self._pause_until(start_s + due_s / rate)
+            self._sensors.put(self._next_payload(piece, names))
+
+    def _next_payload(self, piece: SampleBlock, names: Sequence[str]) -> bytes:
+        payload = encode_sensors(self._sequence, piece, PROTOBUF, names)
+        self._sequence += 1
+        return payload
 
     def _begin(self, must_be_heard: bool, timeout_s: float) -> None:
         """Announces the vehicle once there is somebody to hear it; a later call only looks."""
@@ -191,3 +208,11 @@ class FlightPublisher:
             with self._lock:
                 payload = self._aircraft_payload
             query.reply(self._aircraft_key, payload, encoding=PROTOBUF)
+
+
+def _link_was_lost(events: Any) -> bool:
+    """Whether a connection towards the receivers has closed: what was on its way is gone, silently."""
+    while (event := events.try_recv()) is not None:
+        if event.kind == zenoh.SampleKind.DELETE and event.transport.whatami != zenoh.WhatAmI.CLIENT:
+            return True
+    return False

@@ -3,8 +3,10 @@
 import json
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -186,6 +188,27 @@ class TestPublishing:
             pytest.raises(LinkError, match=r"nobody listens to wingwatch/v1/f/uav1/sensors after 0.1 s"),
         ):
             publisher.publish(flight_block(5), None, receiver_timeout_s=0.1)
+
+    def test_a_receiver_that_goes_away_on_the_way_is_said(self, endpoint: str) -> None:
+        block = flight_block(300_000)
+        with ExitStack() as service:
+            receiving = service.enter_context(open_session(ZenohSettings.for_service(listen=(endpoint,))))
+            arrived = threading.Event()
+            service.enter_context(SensorSubscriber(receiving, time.monotonic, arrived.set))
+
+            def leave() -> None:
+                arrived.wait(PATIENCE_S)
+                service.close()
+
+            leaving = threading.Thread(target=leave)
+            leaving.start()
+            with (
+                open_session(vehicle(endpoint)) as session,
+                FlightPublisher(session, "f", "uav1", AEROSONDE, samples_per_message=1) as publisher,
+                pytest.raises(LinkError, match=r"link to whoever listens .* broke at message"),
+            ):
+                publisher.publish(block, None)
+            leaving.join()
 
     def test_a_vehicle_flies_on_when_nobody_listens(self, endpoint: str, service: zenoh.Session) -> None:
         with (
