@@ -7,7 +7,7 @@ from numba import njit
 __all__ = ["actuator_position"]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def actuator_position(position, command, bandwidth, rate_limit, position_limit, after_s):  # type: ignore[no-untyped-def]
     """Where a surface is some time after it stood at ``position``, the command held since.
 

@@ -80,9 +80,9 @@ def autopilot_row(aircraft: Aircraft, condition: FlightCondition, point: TrimPoi
     ) / (2.0 * THROTTLE_STEP)
     if not (steady_pitch_rate < 0.0 and steady_roll_rate < 0.0 and slope > 0.0):
         raise ValueError(
-            f"aircraft {aircraft.name} cannot be flown by the autopilot at {speed:g} m/s: per unit, elevator gives pitch "
-            f"rate {steady_pitch_rate:.3g} 1/s, aileron roll rate {steady_roll_rate:.3g} 1/s (both must be negative) and "
-            f"throttle {slope:.3g} N (must be positive); check its coefficients and propulsion"
+            f"aircraft {aircraft.name} cannot be flown by the autopilot at {speed:g} m/s: per unit, elevator "
+            f"gives pitch rate {steady_pitch_rate:.3g} 1/s, aileron roll rate {steady_roll_rate:.3g} 1/s (both must be "
+            f"negative) and throttle {slope:.3g} N (must be positive); check its coefficients and propulsion"
         )
     return np.array([
         PITCH_RAD_S / -steady_pitch_rate, ALTITUDE_RAD_S / speed, AIRSPEED_RAD_S * vehicle[MASS] / slope,
@@ -92,12 +92,12 @@ def autopilot_row(aircraft: Aircraft, condition: FlightCondition, point: TrimPoi
     ])  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _held(value, limit):  # type: ignore[no-untyped-def]
     return min(limit, max(-limit, value))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def autopilot(state, airspeed, gains, integrals, dt, out):  # type: ignore[no-untyped-def]
     """Commands for the next ``dt`` seconds; the integrals advance.
 

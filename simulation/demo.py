@@ -10,9 +10,9 @@ from wingwatch.simulation.scenario import Scenario
 __all__ = ["demo_fleet"]
 
 ICING_SEVERITY = 0.15
-"""Between the Twin Otter's reference level (0.0675, lift slope -10 %) and the published files' final one (0.3, -44 %): the
-lift slope loses 22 %, the drag at no lift doubles, directional stability loses 44 %. Iced small unmanned aircraft are
-reported at +80 % power and more, airfoils at -40 % lift, so this is moderate ice there."""
+"""Between the Twin Otter's reference level (0.0675, lift slope -10 %) and the published files' final one (0.3,
+-44 %): the lift slope loses 22 %, the drag at no lift doubles, directional stability loses 44 %. Iced small unmanned
+aircraft are reported at +80 % power and more, airfoils at -40 % lift, so this is moderate ice there."""
 ICING_RAMP_S = 30.0
 """The published files' transient time."""
 DOUBLET_RAD = math.radians(2.0)

@@ -1,8 +1,8 @@
 """The equations of motion of one rigid aircraft over a flat earth, compiled.
 
-Newton and Euler in body axes with the full symmetric-aircraft inertia tensor (I_xz), attitude by quaternion, aerodynamics
-as the aircraft file defines them (``wingwatch.aircraft.aerodynamics``, to which tests hold this), thrust along x
-body through the centre of gravity without torque, standard atmosphere, gravity constant.
+Newton and Euler in body axes with the full inertia tensor of a symmetric aircraft (I_xz), attitude by quaternion,
+aerodynamics as the aircraft file defines them (``wingwatch.aircraft.aerodynamics``, to which tests hold this), thrust
+along x body through the centre of gravity without torque, standard atmosphere, gravity constant.
 
 Arrays are laid out as in ``wingwatch.simulation.layout``.
 """
@@ -14,12 +14,62 @@ from numba import njit
 
 from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.simulation.layout import (
-    AREA, CD_AILERON, CD_CL_AT_MIN, CD_ELEVATOR, CD_MIN, CD_OSWALD, CD_RUDDER, CHORD, CL_ALPHA, CL_ALPHADOT,
-    CL_ELEVATOR, CL_Q, CL_ZERO, CM_ALPHA, CM_ALPHADOT, CM_ELEVATOR, CM_Q, CM_ZERO, CN_AILERON, CN_BETA, CN_P, CN_R,
-    CN_RUDDER, CY_AILERON, CY_BETA, CY_P, CY_R, CY_RUDDER, DIAMETER, ELECTRIC, INERTIA_X, INERTIA_XZ, INERTIA_Y,
-    INERTIA_Z, MASS, MOTOR_CONSTANT, NO_LOAD_CURRENT, RESISTANCE, ROLL_AILERON, ROLL_BETA, ROLL_P, ROLL_R,
-    ROLL_RUDDER, SPAN, STALL_ANGLE, STALL_SHARPNESS, THRUST_0, THRUST_1, THRUST_2, THRUST_MAX, TORQUE_0, TORQUE_1,
-    TORQUE_2, TORQUE_CONSTANT, VOLTAGE_MAX, WIND_AXES,
+    AREA,
+    CD_AILERON,
+    CD_CL_AT_MIN,
+    CD_ELEVATOR,
+    CD_MIN,
+    CD_OSWALD,
+    CD_RUDDER,
+    CHORD,
+    CL_ALPHA,
+    CL_ALPHADOT,
+    CL_ELEVATOR,
+    CL_Q,
+    CL_ZERO,
+    CM_ALPHA,
+    CM_ALPHADOT,
+    CM_ELEVATOR,
+    CM_Q,
+    CM_ZERO,
+    CN_AILERON,
+    CN_BETA,
+    CN_P,
+    CN_R,
+    CN_RUDDER,
+    CY_AILERON,
+    CY_BETA,
+    CY_P,
+    CY_R,
+    CY_RUDDER,
+    DIAMETER,
+    ELECTRIC,
+    INERTIA_X,
+    INERTIA_XZ,
+    INERTIA_Y,
+    INERTIA_Z,
+    MASS,
+    MOTOR_CONSTANT,
+    NO_LOAD_CURRENT,
+    RESISTANCE,
+    ROLL_AILERON,
+    ROLL_BETA,
+    ROLL_P,
+    ROLL_R,
+    ROLL_RUDDER,
+    SPAN,
+    STALL_ANGLE,
+    STALL_SHARPNESS,
+    THRUST_0,
+    THRUST_1,
+    THRUST_2,
+    THRUST_MAX,
+    TORQUE_0,
+    TORQUE_1,
+    TORQUE_2,
+    TORQUE_CONSTANT,
+    VOLTAGE_MAX,
+    WIND_AXES,
 )  # fmt: skip
 
 __all__ = ["air_density", "derivatives", "euler_angles", "runge_kutta_step", "thrust_n"]
@@ -34,7 +84,7 @@ _STILL_M_S = 1e-6
 """Airspeed below which the air exerts nothing, so that no rate is divided by zero."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def air_density(altitude_m):  # type: ignore[no-untyped-def]
     """Density in kg/m3 of the standard atmosphere up to 20000 m (ISO 2533, as ``aircraft.isa_density_kg_m3``)."""
     if altitude_m <= _TROPOPAUSE_M:
@@ -43,7 +93,7 @@ def air_density(altitude_m):  # type: ignore[no-untyped-def]
     return _TROPOPAUSE_DENSITY * math.exp(-_G * (altitude_m - _TROPOPAUSE_M) / (_GAS * _TROPOPAUSE_K))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def thrust_n(vehicle, throttle, airspeed, density):  # type: ignore[no-untyped-def]
     """Thrust in N at a throttle of 0 to 1.
 
@@ -73,7 +123,7 @@ def thrust_n(vehicle, throttle, airspeed, density):  # type: ignore[no-untyped-d
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _logistic(x):  # type: ignore[no-untyped-def]
     """1 / (1 + e^-x) without overflow."""
     if x >= 0.0:
@@ -82,7 +132,7 @@ def _logistic(x):  # type: ignore[no-untyped-def]
     return grown / (1.0 + grown)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _lift_and_drag(vehicle, coefficients, alpha, q_hat, surfaces):  # type: ignore[no-untyped-def]
     """CL without its alphadot term, and CD."""
     c = coefficients
@@ -106,7 +156,7 @@ def _lift_and_drag(vehicle, coefficients, alpha, q_hat, surfaces):  # type: igno
     return line + c[CL_Q] * q_hat + c[CL_ELEVATOR] * surfaces[0], drag
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _aerodynamics(vehicle, coefficients, air, density, surfaces, out):  # type: ignore[no-untyped-def]
     """Forces X, Y, Z in N and moments L, M, N in N m in body axes into ``out[:6]``; into ``out[6:8]`` the lift force
     and the pitching moment per rad/s of alphadot.
@@ -147,7 +197,7 @@ def _aerodynamics(vehicle, coefficients, air, density, surfaces, out):  # type: 
     out[7] = pressure_area * half_chord * vehicle[CHORD] * c[CM_ALPHADOT]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def air_relative(state, wind, gust, air):  # type: ignore[no-untyped-def]
     """Velocity and angular rates relative to the air (body axes) into ``air``.
 
@@ -185,7 +235,7 @@ def air_relative(state, wind, gust, air):  # type: ignore[no-untyped-def]
     air[3], air[4], air[5] = state[10] - gust[3], state[11] - gust[4], state[12] - gust[5]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _kinematics(state, out):  # type: ignore[no-untyped-def]
     """Rates of position and quaternion."""
     u, v, w = state[3], state[4], state[5]
@@ -206,7 +256,7 @@ def _kinematics(state, out):  # type: ignore[no-untyped-def]
     out[9] = 0.5 * (r * q0 + q * q1 - p * q2)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def derivatives(state, surfaces, throttle, wind, gust, vehicle, coefficients, air, load, out):  # type: ignore[no-untyped-def]
     """d(state)/dt into ``out`` (13,).
 
@@ -262,7 +312,7 @@ def derivatives(state, surfaces, throttle, wind, gust, vehicle, coefficients, ai
     out[12] = (ixz * roll + ix * yaw) / determinant
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def runge_kutta_step(state, first, dt, surfaces, throttle, wind, gusts, vehicle, coefficients, work):  # type: ignore[no-untyped-def]
     """One classical fourth-order Runge-Kutta step, in place; the quaternion is brought back to length one.
 
@@ -302,7 +352,7 @@ def runge_kutta_step(state, first, dt, surfaces, throttle, wind, gusts, vehicle,
         state[i] /= length
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def euler_angles(state):  # type: ignore[no-untyped-def]
     """(roll, pitch, heading) in rad of a rigid-body state; heading between -pi and pi."""
     q0, q1, q2, q3 = state[6], state[7], state[8], state[9]

@@ -1,8 +1,8 @@
 """A fleet of simulated aircraft, stepped together: integration, autopilot, turbulence, sensors.
 
-Everything is integrated at no less than 200 Hz, whatever the sample rate; the autopilot, the actuators and the gust filter
-run with the integration. Effects are brought up to date once a sample. Each vehicle is computed by the same scalar
-code from its own rows, so a flight is the same to the last bit alone and in any company.
+Everything is integrated at no less than 200 Hz, whatever the sample rate; the autopilot, the actuators and the gust
+filter run with the integration. Effects are brought up to date once a sample. Each vehicle is computed by the same
+scalar code from its own rows, so a flight is the same to the last bit alone and in any company.
 """
 
 import math
@@ -91,6 +91,25 @@ class FleetState(NamedTuple):
     gust: NDArray[np.float64]
 
 
+class _Vehicle(NamedTuple):
+    """Rows of one vehicle, from ``Fleet`` and ``FleetState``."""
+
+    vehicle: NDArray[np.float64]
+    pulses: NDArray[np.float64]
+    pulse_count: int
+    gains: NDArray[np.float64]
+    wind: NDArray[np.float64]
+    turbulent: bool
+    transition: NDArray[np.float64]
+    input_gain: NDArray[np.float64]
+    gust_output: NDArray[np.float64]
+    rigid: NDArray[np.float64]
+    surfaces: NDArray[np.float64]
+    integrals: NDArray[np.float64]
+    gust_filter: NDArray[np.float64]
+    gust: NDArray[np.float64]
+
+
 class Work(NamedTuple):
     """Work space of one vehicle at a time."""
 
@@ -110,7 +129,7 @@ def _work() -> Work:
     return Work(*(np.zeros(shape) for shape in shapes))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _coefficients_now(clean, effects, factors, time_s, out):  # type: ignore[no-untyped-def]
     """Coefficients under all effects at a time; the severity is that of ``Effect.severity``."""
     for j in range(clean.size):
@@ -124,7 +143,7 @@ def _coefficients_now(clean, effects, factors, time_s, out):  # type: ignore[no-
             out[j] *= 1.0 + severity * factors[e, j]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _report(row, time_s, state, surfaces, gains, vehicle, w):  # type: ignore[no-untyped-def]
     """True values of every simulated column; ``w`` holds the derivatives, forces and commands of this instant."""
     p, q, r = state[10], state[11], state[12]
@@ -152,61 +171,60 @@ def _report(row, time_s, state, surfaces, gains, vehicle, w):  # type: ignore[no
     row[_DEMANDS + 2], row[_DEMANDS + 3] = gains[AIRSPEED_DEMAND], gains[ALTITUDE_DEMAND]
 
 
-@njit(cache=True)
-def _substep(i, time_s, dt, fleet, state, normals, w, row):  # type: ignore[no-untyped-def]
-    """Advance vehicle ``i`` by ``dt``; a row that is not empty gets the values at the start of it."""
-    vehicle, gains, wind = fleet.vehicle[i], fleet.gains[i], fleet.wind[i]
-    rigid, surfaces, gusts = state.rigid[i], state.surfaces[i], w.gusts
-    air_relative(rigid, wind, state.gust[i], w.air)
+@njit(cache=True, error_model="numpy")
+def _substep(time_s, dt, one, normals, w, row):  # type: ignore[no-untyped-def]
+    """Advance one vehicle by ``dt``; a row that is not empty gets the values at the start of it."""
+    vehicle, rigid, gusts, positions = one.vehicle, one.rigid, w.gusts, w.positions
+    for j in range(6):
+        gusts[0, j] = one.gust[j]
+        gusts[1, j] = one.gust[j]
+    air_relative(rigid, one.wind, gusts[0], w.air)
     airspeed = math.sqrt(w.air[0] * w.air[0] + w.air[1] * w.air[1] + w.air[2] * w.air[2])
-    autopilot(rigid, airspeed, gains, state.integrals[i], dt, w.orders)
-    excitation(fleet.pulses[i], fleet.pulse_count[i], time_s, w.command)
+    autopilot(rigid, airspeed, one.gains, one.integrals, dt, w.orders)
+    excitation(one.pulses, one.pulse_count, time_s, w.command)
     for j in range(3):
         w.command[j] += w.orders[j]
         for stage in range(3):
-            w.positions[stage, j] = actuator_position(
-                surfaces[j], w.command[j], vehicle[BANDWIDTH + j], vehicle[RATE_LIMIT + j], vehicle[POSITION_LIMIT + j],
-                0.5 * stage * dt,
+            positions[stage, j] = actuator_position(
+                one.surfaces[j], w.command[j], vehicle[BANDWIDTH + j], vehicle[RATE_LIMIT + j],
+                vehicle[POSITION_LIMIT + j], 0.5 * stage * dt,
             )  # fmt: skip
-    gusts[0] = state.gust[i]
-    gusts[1] = gusts[0]
     throttle = w.orders[3]
     derivatives(
-        rigid, w.positions[0], throttle, wind, gusts[0], vehicle, w.coefficients, w.air, w.load, w.rates
+        rigid, positions[0], throttle, one.wind, gusts[0], vehicle, w.coefficients, w.air, w.load, w.rates
     )
     if row.size > 0:
-        _report(row, time_s, rigid, w.positions[0], gains, vehicle, w)
-    if fleet.turbulent[i]:
-        step_gust(
-            fleet.transition[i],
-            fleet.input_gain[i],
-            fleet.gust_output[i],
-            state.gust_filter[i],
-            normals,
-            gusts[1],
-        )
-        state.gust[i] = gusts[1]
+        _report(row, time_s, rigid, positions[0], one.gains, vehicle, w)
+    if one.turbulent:
+        step_gust(one.transition, one.input_gain, one.gust_output, one.gust_filter, normals, gusts[1])
+        for j in range(6):
+            one.gust[j] = gusts[1, j]
     runge_kutta_step(
-        rigid, w.rates, dt, w.positions, throttle, wind, gusts, vehicle, w.coefficients, w.stages
+        rigid, w.rates, dt, positions, throttle, one.wind, gusts, vehicle, w.coefficients, w.stages
     )
-    surfaces[:] = w.positions[2]
+    for j in range(3):
+        one.surfaces[j] = positions[2, j]
 
 
-@njit(cache=True)
-def _fly(fleet, state, first_sample, sample_s, substeps, normals, w, out):  # type: ignore[no-untyped-def]
+@njit(cache=True, error_model="numpy")
+def _fly(fleet, state, first_sample, rate_hz, substeps, normals, w, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` (vehicles, samples, channels) with true values, advancing the state by as many samples."""
-    dt = sample_s / substeps
+    dt = 1.0 / (rate_hz * substeps)
     nothing = np.empty(0)
     for i in range(out.shape[0]):
+        one = _Vehicle(
+            fleet.vehicle[i], fleet.pulses[i], fleet.pulse_count[i], fleet.gains[i], fleet.wind[i], fleet.turbulent[i],
+            fleet.transition[i], fleet.input_gain[i], fleet.gust_output[i], state.rigid[i], state.surfaces[i],
+            state.integrals[i], state.gust_filter[i], state.gust[i],
+        )  # fmt: skip
+        clean, effects, factors = fleet.coefficients[i], fleet.effects[i], fleet.factors[i]
         for k in range(out.shape[1]):
-            start = (first_sample + k) * sample_s
-            _coefficients_now(
-                fleet.coefficients[i], fleet.effects[i], fleet.factors[i], start, w.coefficients
-            )
+            start = (first_sample + k) / rate_hz
+            _coefficients_now(clean, effects, factors, start, w.coefficients)
             for s in range(substeps):
                 row = out[i, k] if s == 0 else nothing
-                numbers = normals[i, k, s * STATES : (s + 1) * STATES] if fleet.turbulent[i] else nothing
-                _substep(i, start + s * dt, dt, fleet, state, numbers, w, row)
+                numbers = normals[i, k, s * STATES : (s + 1) * STATES] if one.turbulent else nothing
+                _substep(start + s * dt, dt, one, numbers, w, row)
 
 
 class FleetSimulation:
@@ -227,7 +245,7 @@ class FleetSimulation:
         if not 1.0 <= rate_hz <= 1000.0:
             raise ValueError(f"rate_hz is {rate_hz}; give 1 to 1000 samples a second")
         self.scenarios = tuple(scenarios)
-        self.rate_hz = rate_hz
+        self.rate_hz = float(rate_hz)
         self._substeps = max(1, math.ceil(LEAST_INTEGRATION_HZ / rate_hz - 1e-9))
         streams = [
             [np.random.default_rng(c) for c in np.random.SeedSequence(s.seed).spawn(2)] for s in scenarios
@@ -250,8 +268,8 @@ class FleetSimulation:
         """The next samples of every vehicle.
 
         Returns:
-            Shape (vehicles, n_samples, channels) in the order of ``CHANNELS``, NaN in columns that are not simulated. The
-            first sample of a flight, at time 0, is the trimmed aircraft.
+            Shape (vehicles, n_samples, channels) in the order of ``CHANNELS``, NaN in columns that are not simulated.
+            The first sample of a flight, at time 0, is the trimmed aircraft.
 
         Raises:
             ValueError: a negative number of samples.
@@ -260,16 +278,7 @@ class FleetSimulation:
             raise ValueError(f"n_samples is {n_samples}; give a number of samples from 0")
         out = np.full((len(self.scenarios), n_samples, len(CHANNELS)), np.nan)
         normals = np.ascontiguousarray(self._air_normals.take(n_samples))
-        _fly(
-            self._fleet,
-            self._state,
-            self._samples,
-            1.0 / self.rate_hz,
-            self._substeps,
-            normals,
-            self._work,
-            out,
-        )
+        _fly(self._fleet, self._state, self._samples, self.rate_hz, self._substeps, normals, self._work, out)
         self._samples += n_samples
         self._sensors.read(out)
         return out
@@ -300,7 +309,7 @@ def _fleet(scenarios: Sequence[Scenario], points: Sequence[TrimPoint], dt_s: flo
         coefficients=np.array([coefficient_row(s.aircraft) for s in scenarios]),
         effects=_padded(effects, 3),
         factors=_padded(factors, len(COEFFICIENTS)),
-        pulses=_padded(pulses, PULSE_COLUMNS),
+        pulses=_padded([list(rows) for rows in pulses], PULSE_COLUMNS),
         pulse_count=np.array([len(rows) for rows in pulses], dtype=np.int64),
         gains=np.array(
             [

@@ -1,8 +1,8 @@
 """Flights of the linear two-degree-of-freedom plants: short period and Dutch roll, exact, for tests and benchmarks.
 
-The plant is dx/dt = A x + B u with concise derivatives, x measured from trim, u held between samples. Flights made of it
-are consistent with the rigid body's kinematics to rounding (no neglected product, gravity constant), so an estimator that
-misses the derivatives has itself to blame.
+The plant is dx/dt = A x + B u with concise derivatives, x measured from trim, u held between samples. Flights made of
+it are consistent with the rigid body's kinematics to rounding (no neglected product, gravity constant), so an
+estimator that misses the derivatives has itself to blame.
 """
 
 import math
@@ -144,8 +144,8 @@ def linear_flight(
         condition: airspeed, altitude, density and angle of attack of the trim.
         inputs: shape (n, 1) or (n,), rad from trim, held between samples.
         rate_hz: samples a second.
-        offsets: trim values that are added to states and input (``w``, ``q``, ``eta`` or ``v``, ``r``, ``zeta``) in m/s,
-            rad/s and rad; all else stays consistent with them.
+        offsets: trim values that are added to states and input (``w``, ``q``, ``eta`` or ``v``, ``r``, ``zeta``) in
+            m/s, rad/s and rad; all else stays consistent with them.
         noise_std: by flight-table column, in its unit.
         rng: of the noise; needed where there is any.
 
@@ -188,8 +188,8 @@ def _steady_columns(
         "air_density_kg_m3": condition.air_density_kg_m3,
     }
     zero = (
-        "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "roll_rad", "heading_rad", "elevator_rad", "aileron_rad",
-        "rudder_rad", "sideslip_rad",
+        "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "roll_rad", "heading_rad", "elevator_rad",
+        "aileron_rad", "rudder_rad", "sideslip_rad",
     )  # fmt: skip
     columns = {name: np.full(n, value) for name, value in (level | dict.fromkeys(zero, 0.0)).items()}
     return columns | {"time_s": np.arange(n) / rate_hz}

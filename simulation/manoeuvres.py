@@ -201,10 +201,10 @@ def pulse_rows(manoeuvres: Sequence[Manoeuvre]) -> NDArray[np.float64]:
     return np.array(rows, dtype=np.float64).reshape(len(rows), PULSE_COLUMNS)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def excitation(pulses, count, time_s, out):  # type: ignore[no-untyped-def]
     """Sum of the deflections of ``pulses[:count]`` at a time, by surface, into ``out`` (3,)."""
-    out[:] = 0.0
+    out[0], out[1], out[2] = 0.0, 0.0, 0.0
     for i in range(count):
         row = pulses[i]
         since = time_s - row[1]

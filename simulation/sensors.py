@@ -81,7 +81,7 @@ def _noisy_columns(aircraft: Aircraft) -> dict[int, float]:
     return {CHANNEL_INDEX[c]: table[c] for c in CHANNEL_NAMES if c in SIMULATED and table.get(c, 0.0) > 0.0}
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _add_noise(values, normals, columns, noise_std):  # type: ignore[no-untyped-def]
     for i in range(values.shape[0]):
         for k in range(values.shape[1]):

@@ -119,8 +119,8 @@ def trim(
     x[np.abs(x) < _NOTHING] = 0.0
     residual = float(np.abs(accelerations(x)).max())
     what = (
-        f"{aircraft.name} has no steady flight at {condition.airspeed_true_m_s:g} m/s, {condition.altitude_m:g} m, climb "
-        f"{climb_rad:g} rad, bank {bank_rad:g} rad"
+        f"{aircraft.name} has no steady flight at {condition.airspeed_true_m_s:g} m/s, {condition.altitude_m:g} m, "
+        f"climb {climb_rad:g} rad, bank {bank_rad:g} rad"
     )
     if not residual < _RESIDUAL:
         raise TrimError(

@@ -9,8 +9,9 @@ The altitude is taken as height above ground, the ground as at sea level. Filter
 - p_g: first order, time constant 4 b / (pi V), variance sigma_w^2 0.8 pi^2 / (8 b L_w) (pi L_w / (4 b))^(1/3);
 - q_g, r_g: the gradient of w_g and v_g along the flight path, smoothed over 4 b / (pi V) and 3 b / (pi V).
 
-Signs of q_g and r_g follow from the frozen field: the air at a place x ahead of the centre of gravity has w_g + x w_g'/V,
-the aircraft's own motion there is w - q x, so a gradient acts as a pitch rate of the air -w_g'/V; likewise +v_g'/V in yaw.
+Signs of q_g and r_g follow from the frozen field: the air at a place x ahead of the centre of gravity has
+w_g + x w_g'/V, the aircraft's own motion there is w - q x, so a gradient acts as a pitch rate of the air -w_g'/V;
+likewise +v_g'/V in yaw.
 """
 
 import math
@@ -105,7 +106,10 @@ def gust_scales(level: Turbulence, height_m: float) -> GustScales:
 
 
 def _transverse(sigma: float, time_s: float, lag_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A and B of x1' = x2/T, x2' = (-x1 - 2 x2)/T + n/T, lag' = (gust - lag)/lag_s; gust = sigma sqrt(T) (x1 + sqrt(3) x2)."""
+    """A and B of x1' = x2/T, x2' = (-x1 - 2 x2)/T + n/T, lag' = (gust - lag)/lag_s.
+
+    The gust is sigma sqrt(T) (x1 + sqrt(3) x2).
+    """
     c = sigma * math.sqrt(time_s) * np.array([1.0, math.sqrt(3.0)])
     a = np.zeros((3, 3))
     a[0, 1] = 1.0 / time_s
@@ -125,13 +129,9 @@ def turbulence_filter(
     variance_p = g.sigma_w_m_s**2 * 0.8 * math.pi**2 / (8.0 * span_m * g.length_w_m)
     variance_p *= (math.pi * g.length_w_m / (4.0 * span_m)) ** (1.0 / 3.0)
     across, down = _transverse(g.sigma_u_m_s, time_u, lag_r), _transverse(g.sigma_w_m_s, time_w, lag_q)
-    a = block_diag([[-1.0 / time_u]], across[0], down[0], [[-1.0 / lag_p]])
-    b = block_diag(
-        [[g.sigma_u_m_s * math.sqrt(2.0 / time_u)]],
-        across[1],
-        down[1],
-        [[math.sqrt(2.0 * variance_p / lag_p)]],
-    )
+    drive_u, drive_p = g.sigma_u_m_s * math.sqrt(2.0 / time_u), math.sqrt(2.0 * variance_p / lag_p)
+    a = _blocks(np.array([[-1.0 / time_u]]), across[0], down[0], np.array([[-1.0 / lag_p]]))
+    b = _blocks(np.array([[drive_u]]), across[1], down[1], np.array([[drive_p]]))
     c = np.zeros((6, STATES))
     c[0, 0] = 1.0
     c[1, _V] = *(across[0][2, :2] * lag_r), 0.0
@@ -140,10 +140,16 @@ def turbulence_filter(
     c[4, _W] = -down[0][2] / v
     c[5, _V] = across[0][2] / v
     noise = b @ b.T
-    grown = expm(dt_s * np.block([[-a, noise], [np.zeros_like(a), a.T]]))
+    grown = np.asarray(expm(dt_s * np.block([[-a, noise], [np.zeros_like(a), a.T]])), dtype=np.float64)
     transition = grown[STATES:, STATES:].T
     added = transition @ grown[:STATES, STATES:]
-    return TurbulenceFilter(transition, _root(added), c, _root(solve_continuous_lyapunov(a, -noise)))
+    return TurbulenceFilter(
+        transition, _root(added), c, _root(np.asarray(solve_continuous_lyapunov(a, -noise), dtype=np.float64))
+    )
+
+
+def _blocks(*blocks: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(block_diag(*blocks), dtype=np.float64)
 
 
 def _root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -152,7 +158,7 @@ def _root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def step_gust(transition, input_gain, output, state, normals, after):  # type: ignore[no-untyped-def]
     """One step of the filter: ``state`` (8,) advances, ``after`` (6,) is the air's motion at the end of the step.
 
