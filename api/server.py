@@ -5,6 +5,7 @@ import contextlib
 import errno
 import ipaddress
 import logging
+import math
 import signal
 import socket
 import threading
@@ -156,18 +157,23 @@ def serve(app: FastAPI, listening: socket.socket, grace_s: float = 1.0) -> None:
 class _Server(uvicorn.Server):
     """Uvicorn that ends event streams first, and returns from a signal instead of dying of it."""
 
-    def __init__(self, config: uvicorn.Config, before_shutdown: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, before_shutdown: Callable[[], None], grace_s: float) -> None:
         super().__init__(config)
         self._before_shutdown = before_shutdown
+        self._grace_s = grace_s
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._before_shutdown()
+        grace_over = asyncio.get_running_loop().call_later(self._grace_s, self._abort_connections)
         await super().shutdown(sockets)
-        for connection in list(self.server_state.connections):
-            connection.transport.abort()  # a client that reads no more would hold its answer's rest for ever
-        if self.server_state.tasks:
-            await asyncio.wait(self.server_state.tasks, timeout=0.2)
+        grace_over.cancel()
+        self._abort_connections()
         await asyncio.sleep(0)
+
+    def _abort_connections(self) -> None:
+        """A client that reads no more would hold the rest of its answer for ever."""
+        for connection in list(self.server_state.connections):
+            connection.transport.abort()
 
     @contextlib.contextmanager
     def capture_signals(self) -> Generator[None, None, None]:
@@ -198,9 +204,9 @@ def _server(app: FastAPI, grace_s: float) -> _Server:
         server_header=False,
         limit_concurrency=_MOST_CONNECTIONS,
         backlog=_BACKLOG,
-        timeout_graceful_shutdown=max(1, round(grace_s)),
+        timeout_graceful_shutdown=math.ceil(grace_s) + 1,  # only for what outlives its connection
     )
-    return _Server(config, app.state.close_streams)
+    return _Server(config, app.state.close_streams, grace_s)
 
 
 def _refusal(error: OSError, host: str, port: int) -> AddressError:

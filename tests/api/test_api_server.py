@@ -84,7 +84,9 @@ def test_ipv6_loopback_is_served() -> None:
         assert httpx.get(f"{server.url}/health/live").status_code == 200
 
 
-def test_it_ends_in_time_with_listeners_that_read_and_listeners_that_do_not() -> None:
+def test_it_ends_in_time_with_listeners_that_read_and_listeners_that_do_not(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     monitor = FakeMonitor()
     with served(monitor) as (server, _):
         stalled = [raw_stream(server.port) for _ in range(3)]
@@ -113,6 +115,7 @@ def test_it_ends_in_time_with_listeners_that_read_and_listeners_that_do_not() ->
     for connection in (*stalled, idle, half):
         connection.close()
     assert took < LONGEST_END_S
+    assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
     assert ended.is_set(), "the listener that reads must see a proper end of its stream"
 
 
