@@ -1,4 +1,4 @@
-"""Cost of simulated flight: microseconds of one core for one sample of one vehicle at 50 Hz, by batch and by what is on.
+"""Cost of simulated flight: microseconds of one core for a sample of a vehicle at 50 Hz, by batch and by what is on.
 
 Run: python benchmarks/simulation_cost.py
 """
@@ -21,7 +21,8 @@ def microseconds(vehicles: int, turbulence: Turbulence, noise: bool) -> float:
     fleet = FleetSimulation(
         [
             Scenario(
-                aircraft, manoeuvres=(manoeuvre,), effects=(Icing(0.15, 1.0, 30.0),), turbulence=turbulence, seed=i, noise=noise
+                aircraft, manoeuvres=(manoeuvre,), effects=(Icing(0.15, 1.0, 30.0),), turbulence=turbulence, seed=i,
+                noise=noise,
             )
             for i in range(vehicles)
         ],
