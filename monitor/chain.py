@@ -98,6 +98,7 @@ class Chain:
         present: names of the channels that the samples carry.
         kinds: ``position`` or ``command`` for the surfaces; what is not named is a position.
         configuration: of the aircraft.
+        envelopes: expectations that take the place of the aircraft file's, by structure.
     """
 
     def __init__(
@@ -106,8 +107,10 @@ class Chain:
         present: Sequence[str],
         kinds: Mapping[str, str],
         configuration: str = "clean",
+        envelopes: Mapping[str, Envelope] | None = None,
     ) -> None:
         self.aircraft = aircraft
+        given = envelopes or {}
         self.envelopes: dict[str, Envelope] = {}
         self.absent: dict[str, str] = {}
         self._modes: list[_Mode] = []
@@ -116,7 +119,7 @@ class Chain:
             if missing:
                 self.absent[structure.name] = f"missing {', '.join(missing)}"
                 continue
-            envelope = apriori_envelope(aircraft, structure, configuration)
+            envelope = given.get(structure.name) or apriori_envelope(aircraft, structure, configuration)
             prior = self._prior(envelope)
             if isinstance(prior, str):
                 self.absent[structure.name] = prior

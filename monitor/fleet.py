@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import EstimateRecord, Reference
+from wingwatch.baselines import Envelope, EstimateRecord, Reference
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
 from wingwatch.monitor.judge import JudgeConfig
@@ -30,6 +30,7 @@ from wingwatch.telemetry import (
     SensorsMessage,
     decode_aircraft,
     decode_sensors,
+    derivations,
 )
 
 __all__ = ["FleetMonitor", "FleetSettings", "Outputs", "Store"]
@@ -53,6 +54,10 @@ class Store(Protocol):
         self, fleet: str, vehicle: str, aircraft: str, configuration: str
     ) -> Mapping[str, Reference]:
         """What earlier flights of the vehicle taught, by structure."""
+        ...
+
+    def envelopes(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
+        """Expectations that are kept for an aircraft, by structure; they take the place of its file's."""
         ...
 
     def save_references(
@@ -229,12 +234,16 @@ class FleetMonitor:
         known.given = message.given
         store = self._store
         learned: Mapping[str, Reference] | None = None
+        kept: Mapping[str, Envelope] | None = None
         if store is not None:
             configuration = announced.configuration
             learned = self._guarded(lambda: store.references(fleet, vehicle, aircraft.name, configuration))
+            kept = self._guarded(lambda: store.envelopes(aircraft, configuration))
+        # What the message carries counts, not what its few samples happen to hold: a vane may start late.
+        present = [*message.given, *derivations(message.given)]
         return VehicleMonitor(
-            aircraft, fleet, vehicle, message.block.present, surface_kinds(message.given),
-            configuration=announced.configuration, references=learned, new_id=self._new_id,
+            aircraft, fleet, vehicle, present, surface_kinds(message.given),
+            configuration=announced.configuration, references=learned, envelopes=kept, new_id=self._new_id,
             config=self._settings.judge,
         )  # fmt: skip
 

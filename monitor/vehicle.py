@@ -17,7 +17,7 @@ from wingwatch.aircraft import (
     natural_frequency_and_damping,
     state_matrix,
 )
-from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
+from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.chain import Chain, ModeSolution, Solution, nominal_condition
@@ -66,6 +66,7 @@ class VehicleMonitor:
         present: channels that its samples carry after completion.
         kinds: of the surfaces (see ``surface_kinds``).
         references: what earlier flights of this vehicle taught, by structure.
+        envelopes: expectations that take the place of the aircraft file's, by structure.
         new_id: makes alert ids.
     """
 
@@ -79,13 +80,14 @@ class VehicleMonitor:
         *,
         configuration: str = "clean",
         references: Mapping[str, Reference] | None = None,
+        envelopes: Mapping[str, Envelope] | None = None,
         new_id: Callable[[], str],
         config: JudgeConfig | None = None,
     ) -> None:
         self.aircraft, self.fleet, self.vehicle = aircraft, fleet, vehicle
         self.configuration = configuration
         self.cleaner = Cleaner()
-        self.chain = Chain(aircraft, present, kinds, configuration)
+        self.chain = Chain(aircraft, present, kinds, configuration, envelopes)
         self._chain_state = self.chain.init()
         self._compared = _compared(self.chain.structures)
         nominal = nominal_condition(aircraft)
