@@ -66,6 +66,7 @@ class BlockEvidence:
         end_s: of its last.
         information: J, shape (k, k).
         vector: h, shape (k,).
+        bias: J times the bias that gusts are expected to have caused, shape (k,).
         condition: mean airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad of the block.
     """
 
@@ -74,4 +75,5 @@ class BlockEvidence:
     end_s: float
     information: NDArray[np.float64]
     vector: NDArray[np.float64]
+    bias: NDArray[np.float64]
     condition: tuple[float, float, float, float]

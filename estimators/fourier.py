@@ -96,10 +96,10 @@ class FourierState:
         roughness: summed squared second differences of states and accelerometer, and their count.
         theta, noise: current referred derivatives (k,) and noise variances.
         noise_known: (variances..., weight) gathered from closed blocks.
-        sensitivity, information, vector: what closed blocks said, (k, k), (k, k), (k,).
+        sensitivity, information, vector, driven: what closed blocks said, (k, k), (k, k), (k,), (k,).
         covariance: of theta, (k, k).
         informed_s: last time each derivative's regressor carried signal, (k,).
-        evidence_matrix, evidence_vector, evidence_span: of the last closed block, for the monitor.
+        evidence_matrix, evidence_vector, evidence_bias, evidence_span: of the last closed block, for the monitor.
         condition: airspeed, altitude, density, angle of attack that theta is reported at.
         counts: solutions so far, blocks closed.
     """
@@ -117,10 +117,12 @@ class FourierState:
     sensitivity: Array
     information: Array
     vector: Array
+    driven: Array
     covariance: Array
     informed_s: Array
     evidence_matrix: Array
     evidence_vector: Array
+    evidence_bias: Array
     evidence_span: Array
     condition: Array
     counts: NDArray[np.int64]
@@ -156,10 +158,12 @@ class FourierEstimator:
             sensitivity=np.zeros((n, k, k)),
             information=np.zeros((n, k, k)),
             vector=np.zeros((n, k)),
+            driven=np.zeros((n, k)),
             covariance=np.tile(np.diag(c.prior_std**2), (n, 1, 1)),
             informed_s=np.full((n, k), -np.inf),
             evidence_matrix=np.zeros((n, k, k)),
             evidence_vector=np.zeros((n, k)),
+            evidence_bias=np.zeros((n, k)),
             evidence_span=np.full((n, 6), np.nan),
             condition=np.full((n, 4), np.nan),
             counts=np.zeros((n, 2), dtype=np.int64),
@@ -200,6 +204,7 @@ class FourierEstimator:
             end_s=float(span[1]),
             information=state.evidence_matrix[vehicle].copy(),
             vector=state.evidence_vector[vehicle].copy(),
+            bias=state.evidence_bias[vehicle].copy(),
             condition=(float(span[2]), float(span[3]), float(span[4]), float(span[5])),
         )
 
@@ -223,7 +228,7 @@ class FourierEstimator:
             c.omega_rad_s, np.array(c.held), lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
             c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.decay, s.coefficients, s.step, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
-            s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_span, s.condition, s.counts,
+            s.driven, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias, s.evidence_span, s.condition, s.counts,
         )  # fmt: skip
 
 
@@ -249,7 +254,7 @@ def _floor_noise(noise, ns):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _block_step(  # type: ignore[no-untyped-def]
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank, decay, rows, sums, theta, noise,
-    noise_known, sensitivity, information, vector, prior_value, prior_std, iterations,
+    noise_known, sensitivity, information, vector, past_driven, prior_value, prior_std, iterations,
 ):  # fmt: skip
     """Solve with the running block: theta and noise in place; returns what the block adds."""
     ns = theta.size // exponents.size
@@ -275,7 +280,7 @@ def _block_step(  # type: ignore[no-untyped-def]
     n_theta = theta.size
     weight = 1.0 / (prior_std * prior_std)
     for _ in range(iterations):
-        m, n_noise, score, nuisance = block_equations(
+        m, n_noise, score, nuisance, driven = block_equations(
             omega,
             bank,
             decay,
@@ -291,7 +296,9 @@ def _block_step(  # type: ignore[no-untyped-def]
             ns,
             nu,
         )
-        mc, kept, score, evidence, evidence_score = reduce_information(m, n_noise, score, settings[3])
+        mc, kept, score, driven, evidence, evidence_score, gust = reduce_information(
+            m, n_noise, score, driven, settings[3]
+        )
         gain = 2.0 * share
         add_vector = gain * (score + mc @ theta)
         total = sensitivity + gain * mc
@@ -315,16 +322,12 @@ def _block_step(  # type: ignore[no-untyped-def]
     spread = information + gain * kept
     for a in range(n_theta):
         spread[a, a] += weight[a]
+    bias = inverse @ (past_driven + gain * driven)
+    covariance = inverse @ spread @ inverse + np.outer(bias, bias)
     return (
-        gain * mc,
-        gain * kept,
-        add_vector,
-        inverse @ spread @ inverse,
-        gain * evidence,
-        evidence_vector,
-        m,
-        fresh,
-    )
+        gain * mc, gain * kept, add_vector, gain * driven, covariance, gain * evidence, evidence_vector, gain * gust,
+        m, fresh,
+    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -345,19 +348,21 @@ def _condition(sums, condition):  # type: ignore[no-untyped-def]
 def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     """End the block of vehicle i: its information joins what is known."""
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
-    (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, covariance,
-     informed, evidence_matrix, evidence_vector, evidence_span, condition, counts) = arrays  # fmt: skip
+    (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
+     covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts) = arrays  # fmt: skip
     if counts[i, 0] == 0:
         _noise_start(roughness[i], noise[i], lever.size)
-    mc, kept, add, cov, evidence, evidence_v, m, fresh = _block_step(
+    mc, kept, add, gust, cov, evidence, evidence_v, evidence_b, m, fresh = _block_step(
         omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i], sums[i],
-        theta[i], noise[i], noise_known[i], sensitivity[i], information[i], vector[i], prior_value, prior_std, 2,
+        theta[i], noise[i], noise_known[i], sensitivity[i], information[i], vector[i], driven[i],
+        prior_value, prior_std, 2,
     )  # fmt: skip
     covariance[i] = cov
     share = min(1.0, (rows[i, 1, 0] - rows[i, 0, 0]) / settings[0])
     _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * share)
     evidence_matrix[i] = evidence
     evidence_vector[i] = evidence_v
+    evidence_bias[i] = evidence_b
     evidence_span[i, 0], evidence_span[i, 1] = rows[i, 0, 0], rows[i, 1, 0]
     _condition(sums[i], condition[i])
     evidence_span[i, 2:] = condition[i]
@@ -366,6 +371,7 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     sensitivity[i] = keep * sensitivity[i] + mc
     information[i] = keep * information[i] + kept
     vector[i] = keep * vector[i] + add
+    driven[i] = keep * driven[i] + gust
     known = noise_known[i, -1]
     for j in range(noise.shape[1]):
         noise_known[i, j] = (known * noise_known[i, j] + share * fresh[j]) / (known + share)
@@ -378,7 +384,8 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
 def _update(  # type: ignore[no-untyped-def]
     signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, decay, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
-    vector, covariance, informed, evidence_matrix, evidence_vector, evidence_span, condition, counts,
+    vector, driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+    counts,
 ):  # fmt: skip
     ns = lever.size
     nu = held.size
@@ -386,7 +393,8 @@ def _update(  # type: ignore[no-untyped-def]
     force = 1 + ns if by_accelerometer else kinematic
     common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
     arrays = (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector,
-              covariance, informed, evidence_matrix, evidence_vector, evidence_span, condition, counts)  # fmt: skip
+              driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+              counts)  # fmt: skip
     for i in range(signals.shape[0]):
         for k in range(signals.shape[1]):
             new = signals[i, k]
@@ -448,7 +456,8 @@ def _gather(sums, row, kinematic):  # type: ignore[no-untyped-def]
 def _solve_all(  # type: ignore[no-untyped-def]
     omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, decay, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
-    vector, covariance, informed, evidence_matrix, evidence_vector, evidence_span, condition, counts,
+    vector, driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+    counts,
 ):  # fmt: skip
     for i in range(theta.shape[0]):
         span = rows[i, 1, 0] - rows[i, 0, 0]
@@ -458,10 +467,10 @@ def _solve_all(  # type: ignore[no-untyped-def]
         if counts[i, 0] == 0:
             _noise_start(roughness[i], noise[i], lever.size)
             iterations = 5
-        _, kept, _, cov, _, _, m, _ = _block_step(
+        _, kept, _, _, cov, _, _, _, m, _ = _block_step(
             omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i],
-            sums[i], theta[i], noise[i], noise_known[i], sensitivity[i], information[i], vector[i], prior_value,
-            prior_std, iterations,
+            sums[i], theta[i], noise[i], noise_known[i], sensitivity[i], information[i], vector[i], driven[i],
+            prior_value, prior_std, iterations,
         )  # fmt: skip
         covariance[i] = cov
         _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * min(1.0, span / settings[0]))

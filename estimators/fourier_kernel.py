@@ -129,14 +129,40 @@ def _bin(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _driven(f, omega, theta, scale, forward, ns, nu, out):  # type: ignore[no-untyped-def]
+    """(j omega I - A)^-1: how the states answer to the equations' own noise, which so enters the regressors."""
+    matrix = np.zeros((ns, ns), dtype=np.complex128)
+    for k in range(ns):
+        for j in range(ns):
+            matrix[k, j] = -theta[k * (ns + nu) + j] * scale[k * (ns + nu) + j]
+        matrix[k, k] += 1j * omega[f]
+    for j in range(ns):
+        matrix[0, j] -= forward[j]
+    if ns == 2:
+        _inverse_2(matrix, out)
+    else:
+        out[:] = np.linalg.inv(matrix)
+
+
+@njit(cache=True)
+def _inverse_2(matrix, out):  # type: ignore[no-untyped-def]
+    determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    out[0, 0] = matrix[1, 1] / determinant
+    out[1, 1] = matrix[0, 0] / determinant
+    out[0, 1] = -matrix[0, 1] / determinant
+    out[1, 0] = -matrix[1, 0] / determinant
+
+
+@njit(cache=True)
 def block_equations(  # type: ignore[no-untyped-def]
     omega, bank, decay, start, end, theta, scale, noise, power, forward, lever, by_accelerometer, ns, nu
 ):
     """Normal equations of one block at ``theta``, with the nuisance columns eliminated.
 
     Returns:
-        M (p, p), N (p, p) its part due to noise in the regressors, score (p,) = b - g - M theta, and the
-        nuisance values (ns, 3) that belong to theta; all in referred derivatives (``scale`` applied).
+        M (p, p), N (p, p) its part due to noise in the regressors, score (p,) = b - g - M theta, the nuisance
+        values (ns, 3) that belong to theta, and the part of the score that is expected because the equations'
+        own noise (gusts) drives the states, (p,); all in referred derivatives (``scale`` applied).
     """
     nc, nd = ns + nu + 3, ns + nu
     full = ns * nc
@@ -144,13 +170,16 @@ def block_equations(  # type: ignore[no-untyped-def]
     b_full = np.zeros(full)
     n_noise = np.zeros((ns * nd, ns * nd))
     g = np.zeros(ns * nd)
+    driven = np.zeros(ns * nd)
     regressors = np.zeros(nc, dtype=np.complex128)
     response = np.zeros(ns, dtype=np.complex128)
     transfer = np.zeros((ns, ns + 1 + nu), dtype=np.complex128)
     weight = np.zeros((ns, ns), dtype=np.complex128)
+    response_to = np.zeros((ns, ns), dtype=np.complex128)
     for f in range(omega.size):
         _bin(f, omega, bank, decay, start, end, theta, scale, noise, power, forward, lever, by_accelerometer,
              ns, nu, regressors, response, transfer, weight)  # fmt: skip
+        _driven(f, omega, theta, scale, forward, ns, nu, response_to)
         for k in range(ns):
             wy = 0.0 + 0.0j
             for m in range(ns):
@@ -171,7 +200,13 @@ def block_equations(  # type: ignore[no-untyped-def]
                     crossed += weight[k, m] * transfer[m, j if j < ns else j + 1]
                 level = noise[j] if j < ns else noise[ns + j + 1]
                 g[k * nd + j] += power * level * crossed.real
-    return _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc)
+            for j in range(ns):
+                crossed = 0.0 + 0.0j
+                for m in range(ns):
+                    crossed += weight[k, m] * noise[ns + 1 + m] * np.conj(response_to[j, m])
+                driven[k * nd + j] += power * crossed.real
+    m, n_noise, score, nuisance = _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc)
+    return m, n_noise, score, nuisance, driven * scale
 
 
 @njit(cache=True)
@@ -286,15 +321,15 @@ def noise_update(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def reduce_information(m, n_noise, score, smallest):  # type: ignore[no-untyped-def]
+def reduce_information(m, n_noise, score, driven, smallest):  # type: ignore[no-untyped-def]
     """Keep the directions in which the regressors' power is signal, not noise.
 
     The sensitivity of the estimating equation is M - N. In coordinates that whiten M its eigenvalues are
     the signal's share of the power (at most 1); directions below ``smallest`` carry no information.
 
     Returns:
-        sensitivity (p, p), M restricted to the kept directions (p, p), score restricted, and
-        M^-1 on the kept directions times score (for the monitor's evidence).
+        sensitivity (p, p), M, score and driven part restricted to the kept directions, and for the monitor the
+        evidence: information (p, p), its score (p,) and the information times the bias that gusts cause (p,).
     """
     p = m.shape[0]
     size = np.empty(p)
@@ -314,12 +349,16 @@ def reduce_information(m, n_noise, score, smallest):  # type: ignore[no-untyped-
     inner = np.linalg.solve(lower, np.ascontiguousarray(half.T))
     share, vectors = np.linalg.eigh(0.5 * (inner + inner.T))
     root = lower @ np.ascontiguousarray(vectors)
-    z = np.ascontiguousarray(vectors.T) @ np.linalg.solve(lower, score / size)
+    turned = np.ascontiguousarray(vectors.T)
+    z = turned @ np.linalg.solve(lower, score / size)
+    gust = turned @ np.linalg.solve(lower, driven / size)
     sensitivity = np.zeros((p, p))
     kept = np.zeros((p, p))
     evidence = np.zeros((p, p))
     score_kept = np.zeros(p)
     evidence_score = np.zeros(p)
+    driven_kept = np.zeros(p)
+    evidence_bias = np.zeros(p)
     for v in range(p):
         if share[v] < smallest:
             continue
@@ -328,9 +367,11 @@ def reduce_information(m, n_noise, score, smallest):  # type: ignore[no-untyped-
             ra = root[a, v] * size[a]
             score_kept[a] += ra * z[v]
             evidence_score[a] += ra * rho * z[v]
+            driven_kept[a] += ra * gust[v]
+            evidence_bias[a] += ra * rho * gust[v]
             for b in range(p):
                 outer = ra * root[b, v] * size[b]
                 sensitivity[a, b] += rho * outer
                 kept[a, b] += outer
                 evidence[a, b] += rho * rho * outer
-    return sensitivity, kept, score_kept, evidence, evidence_score
+    return sensitivity, kept, score_kept, driven_kept, evidence, evidence_score, evidence_bias

@@ -53,6 +53,13 @@ class Coordinates:
         scale, offset = self.to_concise(condition)
         return (value - offset) / scale, covariance / np.outer(scale, scale)
 
+    def slope(self, condition: FlightCondition) -> Array:
+        """d(referred)/d(coordinate), shape (k,)."""
+        scale, _ = self.to_concise(condition)
+        return scale / referred_scale(
+            self.structure, condition.airspeed_true_m_s, condition.air_density_kg_m3, self.reference
+        )
+
     def of_evidence(
         self, information: Array, vector: Array, condition: FlightCondition
     ) -> tuple[Array, Array]:
@@ -96,9 +103,9 @@ def change_since(
     Args:
         mean, covariance: reference, (k,) and (k, k).
         information, vector: sums over the window's blocks, (k, k) and (k,).
-        model_error: standard deviation of what the linear model may be wrong by, (k,).
+        model_error: covariance of what the linear model and gusts may make of an unchanged aircraft, (k, k).
     """
-    spread = covariance + np.diag(model_error**2)
+    spread = covariance + model_error
     inner = np.eye(mean.size) + information @ spread
     solved = np.linalg.solve(inner, np.column_stack([information, vector - information @ mean]))
     weight = np.asarray(solved[:, :-1], dtype=np.float64)

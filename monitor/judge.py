@@ -69,7 +69,8 @@ class ModeBlock:
     """One structure's part of a block, in coordinates that do not depend on the flight condition.
 
     Attributes:
-        information, vector: the Fourier form's evidence, (k, k) and (k,).
+        information, vector: the Fourier form's evidence, (k, k) and (k,); bias: information times the bias that
+            gusts are expected to have caused, (k,).
         expected, expected_covariance: the expectation.
         ekf: the filter's estimate at the block's end; ekf_stands: whether it has standing.
         ekf_information, ekf_vector: what the filter learned from this block alone.
@@ -77,6 +78,7 @@ class ModeBlock:
 
     information: Array
     vector: Array
+    bias: Array
     expected: Array
     expected_covariance: Array
     ekf: Array
@@ -159,6 +161,7 @@ class Judge:
         """A structure's evidence, expectation and filter estimate brought to common coordinates."""
         c = self.coordinates[mode.structure.name]
         information, vector = c.of_evidence(mode.block.information, mode.block.vector, condition)
+        bias = c.slope(condition) * mode.block.bias
         expected, covariance = c.from_concise(expectation.value, expectation.covariance, condition)
         ekf = mode.ekf
         alpha = ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0
@@ -167,7 +170,7 @@ class Judge:
         gained = mode.gained or (np.zeros_like(information), np.zeros_like(vector))
         stands = ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
         return ModeBlock(
-            information, vector, expected, covariance, value, *c.of_evidence(*gained, condition), stands
+            information, vector, bias, expected, covariance, value, *c.of_evidence(*gained, condition), stands
         )
 
     def consider(self, state: JudgeState, block: BlockView, alarmed_onset_s: float | None) -> Verdict | None:
@@ -212,9 +215,11 @@ class Judge:
             if not modes:
                 continue
             error = self.config.model_error * _natural(modes[-1])
+            bias = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ np.sum([m.bias for m in modes], axis=0)
             change = change_since(
-                modes[-1].expected, modes[-1].expected_covariance, information, vector, error
-            )
+                modes[-1].expected, modes[-1].expected_covariance, information, vector,
+                np.diag(error**2) + np.outer(bias, bias),
+            )  # fmt: skip
             freedom = float(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
             distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
             if freedom and chi2.sf(distance, freedom) < self.config.contradiction:
@@ -252,7 +257,12 @@ class Judge:
         mean = covariance @ (known @ latest.expected + vector)
         window = np.sum([m.information for m in modes], axis=0)
         pulled = np.sum([m.vector for m in modes], axis=0)
-        return change_since(mean, covariance, window, pulled, self.config.model_error * _natural(latest))
+        earlier = state.blocks[: onset if healthy is None else healthy]
+        gusts = np.sum([m.bias for m in modes], axis=0)
+        before = np.sum([b.modes[name].bias for b in earlier if name in b.modes] or [0.0 * gusts], axis=0)
+        bias = np.linalg.pinv(window, rcond=1e-9, hermitian=True) @ gusts - covariance @ before
+        error = self.config.model_error * _natural(latest)
+        return change_since(mean, covariance, window, pulled, np.diag(error**2) + np.outer(bias, bias))
 
     def recent(
         self, state: JudgeState, cause: Cause, onset_s: float, blocks: int, condition: FlightCondition
