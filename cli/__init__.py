@@ -1,1 +1,1 @@
-"""Package."""
+"""The command line: the composition root, where parts are wired together."""

@@ -1,0 +1,67 @@
+"""What the baseline database holds for one aircraft and one vehicle, in the form the monitor takes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from wingwatch.aircraft import STRUCTURES, Aircraft, Provenance
+from wingwatch.baselines import DECLARED, MEASURED, Database, Envelope, Reference, ReferenceKey, open_database
+from wingwatch.cli.faults import CommandError
+
+__all__ = ["Baseline", "read_baseline", "stored_envelopes", "stored_references"]
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """Expectations and learned references by structure; empty where there are none."""
+
+    envelopes: Mapping[str, Envelope] = field(default_factory=dict)
+    references: Mapping[str, Reference] = field(default_factory=dict)
+
+
+def read_baseline(
+    where: str, fleet: str, vehicle: str, aircraft: Aircraft, configuration: str = "clean"
+) -> Baseline:
+    """What a database, path or URL, says of a vehicle.
+
+    Raises:
+        CommandError: the file does not exist (it is not made here).
+        DatabaseError: the database cannot be read.
+    """
+    if "://" not in where and not Path(where).is_file():
+        raise CommandError(f"--baseline {where}: there is no such file; give the database of a service")
+    with open_database(where) as database:
+        return Baseline(
+            stored_envelopes(database, aircraft, configuration),
+            stored_references(database, fleet, vehicle, aircraft.name, configuration),
+        )
+
+
+def stored_envelopes(database: Database, aircraft: Aircraft, configuration: str) -> dict[str, Envelope]:
+    """An envelope for each structure that the database has entries of; these go before the aircraft file's.
+
+    A-priori entries span an envelope that somebody declared, so nothing beyond them is answered; around
+    entries of flights there is the usual neighbourhood.
+    """
+    envelopes: dict[str, Envelope] = {}
+    for name, structure in STRUCTURES.items():
+        points = [e.expectation for e in database.expectations(aircraft.name, configuration, name)]
+        if points:
+            declared = all(p.provenance is Provenance.A_PRIORI for p in points)
+            envelopes[name] = Envelope(
+                aircraft,
+                structure,
+                points,
+                configuration=configuration,
+                neighbourhood=DECLARED if declared else MEASURED,
+            )
+    return envelopes
+
+
+def stored_references(
+    database: Database, fleet: str, vehicle: str, aircraft: str, configuration: str
+) -> dict[str, Reference]:
+    """What a vehicle's earlier flights taught, by structure."""
+    keys = {name: ReferenceKey(fleet, vehicle, aircraft, configuration, name) for name in STRUCTURES}
+    found = {name: database.load_reference(key) for name, key in keys.items()}
+    return {name: reference for name, reference in found.items() if reference is not None}

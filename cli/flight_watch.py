@@ -1,0 +1,114 @@
+"""A recorded flight through the very code that watches live, in pieces of one message each."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wingwatch.aircraft import Aircraft, load_aircraft
+from wingwatch.baselines import Envelope, Reference
+from wingwatch.cli.faults import CommandError
+from wingwatch.cli.progress import Progress
+from wingwatch.monitor import AlertView, Report, VehicleMonitor
+from wingwatch.telemetry import FlightTable, SampleBlock, load_flight
+
+__all__ = ["OFFLINE", "Watched", "load", "watch"]
+
+OFFLINE = "offline"
+"""What a vehicle is called that is known from a file only."""
+
+PIECE = 10
+"""Samples at a time, as a vehicle sends them; how a flight is cut changes nothing but how often we look."""
+
+Listener = Callable[[VehicleMonitor, Report], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Watched:
+    """What watching a flight led to.
+
+    Attributes:
+        monitor: in its state after the last sample.
+        flight: the flight.
+        alerts: each alert as it stood last, in the order in which they were raised.
+    """
+
+    monitor: VehicleMonitor
+    flight: FlightTable
+    alerts: tuple[AlertView, ...]
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last stamp of the flight's rows that have one."""
+        stamps = self.flight.block.time_s
+        finite = stamps[stamps == stamps]
+        return float(finite.max() - finite.min()) if finite.size else 0.0
+
+    @property
+    def cleaning(self) -> dict[str, Any]:
+        """What reading and cleaning counted, for JSON."""
+        read, report = self.flight.report, self.monitor.cleaner.report
+        return {
+            "rows_read": read.rows_read,
+            "rows_kept": read.rows_kept,
+            **report.counts,
+            "pending": report.pending,
+            "by_channel": dict(report.by_channel),
+            "unused_columns": list(read.unused),
+            "unreadable_columns": list(read.ignored),
+            "notes": list(read.notes),
+        }
+
+    @property
+    def cleaning_text(self) -> str:
+        """The same as one line for a person."""
+        return f"{self.flight.report.text}; {self.monitor.cleaner.report.text}"
+
+
+def load(path: Path, channel_map: Path | None, aircraft: str) -> tuple[FlightTable, Aircraft]:
+    """The flight and its aircraft; the aircraft first, since it is quicker to be wrong about."""
+    known = load_aircraft(aircraft)
+    return load_flight(path, channel_map), known
+
+
+def watch(
+    flight: FlightTable,
+    aircraft: Aircraft,
+    progress: Progress,
+    *,
+    fleet: str = "default",
+    vehicle: str = OFFLINE,
+    references: Mapping[str, Reference] | None = None,
+    envelopes: Mapping[str, Envelope] | None = None,
+    listener: Listener | None = None,
+) -> Watched:
+    """Feed a flight to the monitor of one vehicle.
+
+    Args:
+        references: what earlier flights taught; nothing without.
+        envelopes: expectations that take the place of the aircraft file's, by structure.
+        listener: called after each piece.
+
+    Raises:
+        CommandError: the flight has not the channels for any mode, or the aircraft no expectation.
+    """
+    numbers = iter(range(1, 1 + len(flight.block)))
+    monitor = VehicleMonitor(
+        aircraft, fleet, vehicle, flight.block.present, flight.kinds,
+        references=references, envelopes=envelopes, new_id=lambda: f"alert-{next(numbers)}",
+    )  # fmt: skip
+    if not monitor.chain.structures:
+        reasons = "; ".join(f"{name}: {why}" for name, why in monitor.chain.absent.items())
+        raise CommandError(f"{flight.source}: no mode can be estimated ({reasons})")
+    alerts: dict[str, AlertView] = {}
+    for piece in progress.track(list(_pieces(flight.block)), "watching the flight"):
+        report = monitor.feed(piece)
+        alerts.update((alert.id, alert) for alert in report.alerts)
+        if listener is not None:
+            listener(monitor, report)
+    return Watched(monitor, flight, tuple(alerts.values()))
+
+
+def _pieces(block: SampleBlock) -> Iterator[SampleBlock]:
+    for start in range(0, len(block), PIECE):
+        yield SampleBlock(block.values[start : start + PIECE])

@@ -1,0 +1,62 @@
+"""The command `wingwatch`: arguments in, one of the commands run, an exit code out.
+
+Exit codes: 0 success, 2 bad usage or bad input (one sentence on standard error), 130 interrupted, 1 a fault of
+the program itself. Commands are loaded only when they are run, so that help is at once.
+"""
+
+import argparse
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib import import_module
+
+from wingwatch import __version__
+from wingwatch.cli.arguments import build_parser
+from wingwatch.cli.faults import blame, say
+
+__all__ = ["main"]
+
+INTERRUPTED = 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: the arguments after the program's name; those of the process if not given.
+
+    Returns:
+        the exit code; bad usage ends in ``SystemExit`` with code 2, as argparse has it.
+    """
+    arguments = build_parser(__version__).parse_args(argv)
+    try:
+        return _run(arguments)
+    except KeyboardInterrupt:
+        say("interrupted")
+        return INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing more can be written there
+        return 0
+    except Exception as error:
+        sentence = blame(error)
+        if sentence is not None:
+            say(f"error: {sentence}")
+            return 2
+        if os.environ.get("WINGWATCH_DEBUG"):
+            traceback.print_exc()
+        say(
+            f"internal error: {type(error).__name__}: {' '.join(str(error).split())[:300]}; "
+            "set WINGWATCH_DEBUG=1 to see where, and report it"
+        )
+        return 1
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    module = import_module(f"wingwatch.cli.{arguments.command}_command")
+    code: int = module.run(arguments)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

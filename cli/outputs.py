@@ -1,0 +1,182 @@
+"""The service's own streams on Zenoh: derivatives, status and alerts, published and answered to queries.
+
+Whoever calls here never waits: one thread encodes and hands over. Derivatives and status are coalesced, the newest
+of each vehicle counts; alerts go first, each of them, and wait for a congested link. Zenoh's callbacks only put
+the query into a queue.
+"""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Iterator, Mapping
+from typing import Any, Self
+
+import zenoh
+
+from wingwatch.api import alert_document, vehicle_document
+from wingwatch.monitor import AlertView, MonitorPort, VehicleView
+from wingwatch.telemetry import (
+    JSON,
+    ServiceStream,
+    encode_service_object,
+    service_alive_key,
+    vehicle_key,
+)
+from wingwatch.telemetry.keys import KEY_ROOT
+
+__all__ = ["ZenohOutputs"]
+
+_LOG = logging.getLogger(__name__)
+_MOST_ALERTS = 10_000
+_MOST_QUERIES = 256
+_STREAMS: tuple[ServiceStream, ...] = ("derivatives", "status", "alerts")
+_JOIN_S = 1.0
+
+News = Mapping[str, Any] | VehicleView | AlertView
+
+
+class ZenohOutputs:
+    """Implements the monitor's ``Outputs``; use it in a ``with`` statement, inside that of its session.
+
+    Args:
+        session: open.
+
+    Attributes:
+        dropped: alerts and queries that found their queue full, and messages that could not be sent.
+    """
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self._session = session
+        self._monitor: MonitorPort | None = None
+        self._latest: dict[tuple[str, str, ServiceStream], News] = {}
+        self._alerts: deque[AlertView] = deque()
+        self._queries: deque[Any] = deque()
+        self._lock = threading.Lock()
+        self._news = threading.Event()
+        self._ending = False
+        self._thread = threading.Thread(target=self._run, name="wingwatch-outputs", daemon=True)
+        self._queryables: list[Any] = []
+        self._token: Any = None
+        self.dropped = {"alerts": 0, "queries": 0, "unsent": 0}
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for declared in (*self._queryables, self._token):
+            if declared is not None:
+                declared.undeclare()
+        self._ending = True
+        self._news.set()
+        self._thread.join(_JOIN_S)  # a link that takes nothing holds it; the session's end frees it
+
+    def answer_from(self, monitor: MonitorPort) -> None:
+        """From now on answer queries with what the monitor knows, and show that the service lives."""
+        self._monitor = monitor
+        for stream in _STREAMS:
+            callback = zenoh.handlers.Callback(self._asked, indirect=False)
+            self._queryables.append(self._session.declare_queryable(f"{KEY_ROOT}/*/*/{stream}", callback))
+        key = service_alive_key(str(self._session.info.zid()))
+        self._token = self._session.liveliness().declare_token(key)
+
+    # -- what the monitor calls ---------------------------------------------------------------------
+
+    def announce(self, fleet: str, vehicle: str, stream: str, value: News) -> None:
+        """Publish soon; returns at once."""
+        with self._lock:
+            if isinstance(value, AlertView):
+                if len(self._alerts) >= _MOST_ALERTS:
+                    self.dropped["alerts"] += 1
+                else:
+                    self._alerts.append(value)
+            elif stream in _STREAMS:
+                self._latest[fleet, vehicle, stream] = value
+        self._news.set()
+
+    def ask_aircraft(self, fleet: str, vehicle: str) -> None:
+        """Nothing to do here: the subscriber asks every vehicle whose aircraft it has not heard of."""
+
+    # -- the thread that hands over -------------------------------------------------------------------
+
+    def _asked(self, query: Any) -> None:
+        """In Zenoh's thread: keep the query for ours."""
+        with self._lock:
+            if len(self._queries) >= _MOST_QUERIES:
+                self.dropped["queries"] += 1
+                query.drop()
+                return
+            self._queries.append(query)
+        self._news.set()
+
+    def _run(self) -> None:
+        while True:
+            self._news.wait()
+            if self._ending:
+                return
+            self._news.clear()
+            with self._lock:
+                alerts, latest, queries = list(self._alerts), self._latest, list(self._queries)
+                self._alerts.clear()
+                self._queries.clear()
+                self._latest = {}
+            for alert in alerts:
+                self._safely(lambda alert=alert: self._put(alert.fleet, alert.vehicle, "alerts", alert))
+            for (fleet, vehicle, stream), value in latest.items():
+                self._safely(lambda put=(fleet, vehicle, stream, value): self._put(*put))
+            for query in queries:
+                self._safely(lambda query=query: self._answer(query))
+
+    def _safely(self, action: Any) -> None:
+        """What cannot be sent is counted; the thread goes on."""
+        try:
+            action()
+        except Exception as error:
+            self.dropped["unsent"] += 1
+            _LOG.warning("not published: %s: %s", type(error).__name__, error)
+
+    def _put(self, fleet: str, vehicle: str, stream: ServiceStream, value: News) -> None:
+        urgent = stream == "alerts"
+        control, priority = zenoh.CongestionControl, zenoh.Priority
+        self._session.put(
+            vehicle_key(fleet, vehicle, stream),
+            encode_service_object(stream, _document(fleet, vehicle, value)),
+            encoding=JSON,
+            congestion_control=control.BLOCK if urgent else control.DROP,
+            priority=priority.INTERACTIVE_HIGH if urgent else priority.DATA,
+        )
+
+    def _answer(self, query: Any) -> None:
+        """Reply with every object whose key the query asks for, and end it."""
+        try:
+            for key, stream, document in self._documents(query.key_expr):
+                query.reply(key, encode_service_object(stream, document), encoding=JSON)
+        finally:
+            query.drop()
+
+    def _documents(self, asked: Any) -> Iterator[tuple[str, ServiceStream, Mapping[str, Any]]]:
+        """Alerts come oldest first: of several replies under one key Zenoh keeps the last unless told otherwise."""
+        monitor = self._monitor
+        if monitor is None:
+            return
+        for view in monitor.vehicles():
+            owner = (view.fleet, view.vehicle)
+            keys = {stream: vehicle_key(*owner, stream) for stream in _STREAMS}
+            wanted = {s for s, key in keys.items() if asked.intersects(zenoh.KeyExpr(key))}
+            if "status" in wanted:
+                yield keys["status"], "status", _document(*owner, view)
+            if "derivatives" in wanted and (value := monitor.derivatives(*owner)) is not None:
+                yield keys["derivatives"], "derivatives", _document(*owner, value)
+            if "alerts" in wanted:
+                for alert in reversed(monitor.alerts()):
+                    if (alert.fleet, alert.vehicle) == owner:
+                        yield keys["alerts"], "alerts", _document(*owner, alert)
+
+
+def _document(fleet: str, vehicle: str, value: News) -> Mapping[str, Any]:
+    """The object that REST gives."""
+    if isinstance(value, AlertView):
+        return alert_document(value).model_dump(mode="json")
+    if isinstance(value, VehicleView):
+        return vehicle_document(value).model_dump(mode="json")
+    return {**value, "fleet": fleet, "vehicle": vehicle, "convention": "concise"}

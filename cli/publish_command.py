@@ -1,0 +1,82 @@
+"""`wingwatch publish`: a flight into Zenoh, as a vehicle sends it."""
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import zenoh
+
+from wingwatch.aircraft import library_names, load_aircraft
+from wingwatch.cli.faults import CommandError, say
+from wingwatch.cli.progress import Progress, write_json
+from wingwatch.telemetry import (
+    AircraftMessage,
+    FlightPublisher,
+    FlightTable,
+    ZenohSettings,
+    check_name,
+    load_flight,
+    open_session,
+)
+
+__all__ = ["run"]
+
+_SAMPLES_A_MESSAGE = 10
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Carry out the command."""
+    fleet, vehicle = check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
+    aircraft = AircraftMessage(aircraft=_announced(arguments.aircraft))
+    flight = load_flight(arguments.flight, arguments.map)
+    began_s = time.monotonic()
+    with (
+        open_session(ZenohSettings.for_vehicle((arguments.connect,))) as session,
+        Progress().count(len(flight.block), f"publishing {vehicle}") as show,
+    ):
+        messages = _publish(session, fleet, vehicle, aircraft, flight, arguments.rate, show)
+    seconds = time.monotonic() - began_s
+    result = {
+        "fleet": fleet,
+        "vehicle": vehicle,
+        "samples": len(flight.block),
+        "messages": messages,
+        "seconds": seconds,
+        "columns": list(flight.wire_columns),
+    }
+    if arguments.json:
+        write_json(result)
+    else:
+        print(f"{len(flight.block)} samples in {messages} messages handed over in {seconds:.1f} s")
+    return 0
+
+
+def _announced(aircraft: str) -> str:
+    """The name a vehicle announces: that of the library or the one its file states."""
+    is_file = Path(aircraft).suffix == ".toml" or "/" in aircraft
+    name = load_aircraft(Path(aircraft)).name if is_file else aircraft
+    if name not in library_names():
+        if not is_file:
+            known = ", ".join(library_names())
+            raise CommandError(
+                f"aircraft {name!r} is not in the library, which has {known}; give the path of its file"
+            )
+        say(f"the service must have been started with --aircraft {aircraft}: it is not in the library")
+    return name
+
+
+def _publish(
+    session: zenoh.Session, fleet: str, vehicle: str, aircraft: AircraftMessage, flight: FlightTable,
+    rate: float | None, show: Callable[[int], None],
+) -> int:  # fmt: skip
+    """Send it all; the number of messages."""
+
+    def sleep(seconds: float) -> None:
+        show(publisher.sequence * _SAMPLES_A_MESSAGE)
+        time.sleep(seconds)
+
+    with FlightPublisher(
+        session, fleet, vehicle, aircraft, samples_per_message=_SAMPLES_A_MESSAGE, sleep=sleep
+    ) as publisher:
+        return publisher.publish(flight.block, rate, columns=flight.wire_columns)

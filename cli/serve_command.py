@@ -1,0 +1,57 @@
+"""`wingwatch serve`: the service, until Ctrl-C or SIGTERM."""
+
+import argparse
+import logging
+import os
+import threading
+
+from rich.console import Console
+
+from wingwatch.cli.ending import asked_to_end, leave
+from wingwatch.cli.faults import say
+from wingwatch.cli.progress import write_json
+from wingwatch.cli.service import Service, running_service
+from wingwatch.cli.settings import serve_settings
+
+__all__ = ["await_ready", "run", "write_address"]
+
+_LOOK_S = 0.2
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Carry out the command."""
+    logging.basicConfig(level=logging.WARNING, format="wingwatch: %(message)s")
+    settings = serve_settings(arguments, os.environ)
+    with asked_to_end() as end:
+        with running_service(settings) as service:
+            write_address(service, arguments.json)
+            if await_ready(service, end):
+                say("ready")
+            end.wait()
+            say("ending")
+        return leave(0, service.pump.alive)
+
+
+def write_address(service: Service, as_json: bool) -> None:
+    """Say where the service is found, as soon as it is."""
+    if as_json:
+        write_json({"url": service.url, "zenoh": list(service.endpoints)})
+    say(f"status page {service.url}   Zenoh {' '.join(service.endpoints)}")
+
+
+def await_ready(service: Service, end: threading.Event) -> bool:
+    """Wait until samples are taken in, or the end is asked for, or it turns out that neither will come."""
+    console = Console(stderr=True)
+    if console.is_terminal:
+        with console.status("compiling kernels (about a minute, on the first run only)"):
+            return _await(service, end)
+    if not service.pump.wait(1.0):
+        say("compiling kernels (about a minute, on the first run only)")
+    return _await(service, end)
+
+
+def _await(service: Service, end: threading.Event) -> bool:
+    while not end.is_set() and service.pump.alive:
+        if service.pump.wait(_LOOK_S):
+            return True
+    return False

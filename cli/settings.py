@@ -1,0 +1,105 @@
+"""Settings of the service: from a TOML file, overridden by flags."""
+
+import argparse
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from wingwatch.cli.faults import CommandError
+
+__all__ = ["DATABASE_VARIABLE", "ServeSettings", "serve_settings"]
+
+DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
+"""Environment variable; empty counts as not set. It goes before the file's ``database``."""
+
+_MOST_BYTES = 100_000
+
+
+class ServeSettings(BaseModel):
+    """What a service needs to start.
+
+    Attributes:
+        host, port: where HTTP is served; port 0 takes a free one.
+        listen: Zenoh endpoints to listen on; where neither ``listen`` nor ``connect`` is given, loopback.
+        connect: Zenoh routers to connect to.
+        data: folder of the SQLite database.
+        database: URL or path that replaces the one in ``data``.
+        aircraft: files beside the library.
+        stale_s: silence after which a vehicle is stale.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    host: Annotated[str, Field(min_length=1, max_length=253)] = "127.0.0.1"
+    port: Annotated[int, Field(strict=True, ge=0, le=65_535)] = 8000
+    listen: tuple[str, ...] = ()
+    connect: tuple[str, ...] = ()
+    data: Path = Path("data")
+    database: str | None = None
+    aircraft: tuple[Path, ...] = ()
+    stale_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 5.0
+
+    @field_validator("listen", "connect", "aircraft", mode="before")
+    @classmethod
+    def _one_or_several(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, str) else value
+
+    @property
+    def where(self) -> str:
+        """Path or URL of the database."""
+        return self.database or str(self.data / "wingwatch.db")
+
+
+def serve_settings(arguments: argparse.Namespace, environment: Mapping[str, str]) -> ServeSettings:
+    """The settings of ``wingwatch serve``: defaults, then file, then environment, then flags.
+
+    Paths in the file count from the file's folder.
+
+    Raises:
+        CommandError: a file that cannot be read, a key that is not known, a value that is not allowed.
+    """
+    path: Path | None = arguments.config
+    values = {} if path is None else _read(path)
+    if environment.get(DATABASE_VARIABLE):
+        values["database"] = environment[DATABASE_VARIABLE]
+    for name in ("host", "port", "listen", "connect", "data", "aircraft"):
+        given = getattr(arguments, name)
+        if given is not None:
+            values[name] = tuple(given) if isinstance(given, list) else given
+    try:
+        return ServeSettings.model_validate(values)
+    except ValidationError as error:
+        raise CommandError(_sentence(error, path)) from None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        raw = path.read_bytes()[: _MOST_BYTES + 1]
+        values = tomllib.loads(raw.decode("utf-8"))
+    except OSError as error:
+        reason = (error.strerror or "unreadable").lower()
+        raise CommandError(f"--config {path}: {reason}; give an existing file") from None
+    except UnicodeDecodeError:
+        raise CommandError(f"--config {path}: not UTF-8 text; save it as UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise CommandError(f"--config {path}: not valid TOML: {error}") from None
+    if isinstance(values.get("data"), str):
+        values["data"] = path.parent / values["data"]
+    files = values.get("aircraft")
+    if isinstance(files, str | list):
+        names = [files] if isinstance(files, str) else files
+        values["aircraft"] = [path.parent / n if isinstance(n, str) else n for n in names]
+    return values
+
+
+def _sentence(error: ValidationError, path: Path | None) -> str:
+    first = error.errors(include_url=False)[0]
+    key = ".".join(str(part) for part in first["loc"])
+    where = "" if path is None else f"--config {path}: "
+    if first["type"] == "extra_forbidden":
+        return f"{where}{key} is no setting; known are {', '.join(ServeSettings.model_fields)}"
+    message = first["msg"].removeprefix("Input should be ").removeprefix("a ")
+    return f"{where}{key} is {first['input']!r}; allowed is {message[0].lower()}{message[1:]}"
