@@ -244,7 +244,7 @@ def _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc):  # type: ignor
     solved = np.linalg.solve(mcc, np.concatenate((mpc.T, rest.reshape(q, 1)), axis=1))
     nuisance = solved[:, p]
     score = b_full[wanted] - g - m @ (theta * scale) - mpc @ nuisance
-    m = m - mpc @ solved[:, :p]
+    m = m - mpc @ np.ascontiguousarray(solved[:, :p])
     for a in range(p):
         score[a] *= scale[a]
         for b in range(p):
