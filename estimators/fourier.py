@@ -20,6 +20,7 @@ from wingwatch.estimators.estimate import BlockEvidence, Estimate
 from wingwatch.estimators.fourier_kernel import (
     advance_bank,
     block_equations,
+    noise_edge,
     noise_update,
     reduce_information,
 )
@@ -50,7 +51,8 @@ class FourierConfig:
         force_from_accelerometer: force equation from the accelerometer; else from the velocity's rate.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
         input_noise_std: of each measured input, rad; not more than the input's own roughness is believed.
-        smallest_share: share of signal in the regressors' power below which a direction counts as unseen.
+        smallest_share: share of signal in the regressors' power below which a direction counts as unseen (more
+            where the bins are so few that noise alone may look like it).
     """
 
     structure: ModeStructure
@@ -93,7 +95,7 @@ class FourierState:
         rows: (3, columns) signal rows at the block's start, the last and the one before.
         sums: airspeed, density, altitude, angle of attack over the block, count; squared second differences of the
             inputs and their count.
-        roughness: summed squared second differences of states and accelerometer, and their count.
+        roughness: squared second differences of states and accelerometer over the block, and their count.
         theta, noise: current referred derivatives (k,) and noise variances.
         noise_known: (variances..., weight) gathered from closed blocks.
         sensitivity, information, vector, driven: what closed blocks said, (k, k), (k, k), (k,), (k,).
@@ -254,7 +256,7 @@ def _floor_noise(noise, ns):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _block_step(  # type: ignore[no-untyped-def]
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank, decay, rows, sums, theta, noise,
-    noise_known, sensitivity, information, vector, past_driven, prior_value, prior_std, iterations,
+    noise_known, roughness, sensitivity, information, vector, past_driven, prior_value, prior_std, iterations,
 ):  # fmt: skip
     """Solve with the running block: theta and noise in place; returns what the block adds."""
     ns = theta.size // exponents.size
@@ -280,7 +282,7 @@ def _block_step(  # type: ignore[no-untyped-def]
     n_theta = theta.size
     weight = 1.0 / (prior_std * prior_std)
     for _ in range(iterations):
-        m, n_noise, score, nuisance, driven = block_equations(
+        m, n_noise, score, nuisance, follow, driven = block_equations(
             omega,
             bank,
             decay,
@@ -297,7 +299,7 @@ def _block_step(  # type: ignore[no-untyped-def]
             nu,
         )
         mc, kept, score, driven, evidence, evidence_score, gust = reduce_information(
-            m, n_noise, score, driven, settings[3]
+            m, n_noise, score, driven, max(settings[3], noise_edge(ns + nu, omega.size * share))
         )
         gain = 2.0 * share
         add_vector = gain * (score + mc @ theta)
@@ -306,7 +308,9 @@ def _block_step(  # type: ignore[no-untyped-def]
             total[a, a] += weight[a]
         inverse = np.linalg.inv(total)
         evidence_vector = gain * (evidence @ theta + evidence_score)
-        theta[:] = inverse @ (vector + add_vector + weight * prior_value)
+        moved = inverse @ (vector + add_vector + weight * prior_value)
+        nuisance += (follow @ (moved - theta)).reshape(ns, 3)
+        theta[:] = moved
         fresh = noise_update(
             omega, bank, decay, rows[0], rows[1], theta, scale, nuisance, noise, power, forward, lever,
             by_accelerometer, ns, nu,
@@ -318,6 +322,8 @@ def _block_step(  # type: ignore[no-untyped-def]
             noise[ns + 1] = 0.0
         else:
             noise[ns] = 0.0
+        for j in range(ns + 1):
+            noise[j] = max(noise[j], 0.5 * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
         _floor_noise(noise, ns)
     spread = information + gain * kept
     for a in range(n_theta):
@@ -345,19 +351,36 @@ def _condition(sums, condition):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std):  # type: ignore[no-untyped-def]
+    """Theta and its covariance from all closed blocks."""
+    ridge = np.diag(1.0 / (prior_std * prior_std))
+    inverse = np.linalg.inv(sensitivity[i] + ridge)
+    theta[i] = inverse @ (vector[i] + ridge @ prior_value)
+    bias = inverse @ driven[i]
+    covariance[i] = inverse @ (information[i] + ridge) @ inverse + np.outer(bias, bias)
+
+
+@njit(cache=True)
 def _close(i, common, arrays):  # type: ignore[no-untyped-def]
-    """End the block of vehicle i: its information joins what is known."""
+    """End the block of vehicle i: solved on its own, from what is known, its information joins what is known."""
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
     (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
      covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts) = arrays  # fmt: skip
     if counts[i, 0] == 0:
         _noise_start(roughness[i], noise[i], lever.size)
-    mc, kept, add, gust, cov, evidence, evidence_v, evidence_b, m, fresh = _block_step(
+    _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std)
+    nothing = np.zeros_like(sensitivity[i])
+    anchor, own = theta[i].copy(), theta[i].copy()
+    level = noise_known[i, :-1].copy() if noise_known[i, -1] > 0.0 else noise[i].copy()
+    _, _, _, _, _, _, _, _, _, fresh = _block_step(
         omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i], sums[i],
-        theta[i], noise[i], noise_known[i], sensitivity[i], information[i], vector[i], driven[i],
-        prior_value, prior_std, 2,
+        own, level, noise_known[i], roughness[i], nothing, nothing, nothing[0], nothing[0], anchor, prior_std / 3.0, 1,
     )  # fmt: skip
-    covariance[i] = cov
+    own[:] = anchor
+    mc, kept, add, gust, _, evidence, evidence_v, evidence_b, m, _ = _block_step(
+        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i], sums[i],
+        own, level, noise_known[i], roughness[i], nothing, nothing, nothing[0], nothing[0], anchor, prior_std / 3.0, 1,
+    )  # fmt: skip
     share = min(1.0, (rows[i, 1, 0] - rows[i, 0, 0]) / settings[0])
     _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * share)
     evidence_matrix[i] = evidence
@@ -376,6 +399,8 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     for j in range(noise.shape[1]):
         noise_known[i, j] = (known * noise_known[i, j] + share * fresh[j]) / (known + share)
     noise_known[i, -1] = np.exp(-settings[0] / settings[2]) * (known + share)
+    noise[i, : 2 * lever.size + 1] = noise_known[i, : 2 * lever.size + 1]
+    _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std)
     counts[i, 0] += 1
     counts[i, 1] += 1
 
@@ -409,7 +434,7 @@ def _update(  # type: ignore[no-untyped-def]
                     _close(i, common, arrays)
                 rows[i, 0], rows[i, 1], rows[i, 2] = new, new, new
                 rows[i, 2, 1:] = np.nan
-                _restart(i, bank, decay, sums)
+                _restart(i, bank, decay, sums, roughness)
                 _gather(sums[i], new, kinematic)
                 continue
             advance_bank(
@@ -431,15 +456,16 @@ def _update(  # type: ignore[no-untyped-def]
             if new[0] - rows[i, 0, 0] >= settings[0] - 0.5 * dt:
                 _close(i, common, arrays)
                 rows[i, 0] = new
-                _restart(i, bank, decay, sums)
+                _restart(i, bank, decay, sums, roughness)
                 _gather(sums[i], new, kinematic)
 
 
 @njit(cache=True)
-def _restart(i, bank, decay, sums):  # type: ignore[no-untyped-def]
+def _restart(i, bank, decay, sums, roughness):  # type: ignore[no-untyped-def]
     bank[i] = 0.0
     decay[i] = 1.0
     sums[i] = 0.0
+    roughness[i] = 0.0
 
 
 @njit(cache=True)
@@ -466,11 +492,11 @@ def _solve_all(  # type: ignore[no-untyped-def]
         iterations = 1
         if counts[i, 0] == 0:
             _noise_start(roughness[i], noise[i], lever.size)
-            iterations = 5
+            iterations = 3
         _, kept, _, _, cov, _, _, _, m, _ = _block_step(
             omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i],
-            sums[i], theta[i], noise[i], noise_known[i], sensitivity[i], information[i], vector[i], driven[i],
-            prior_value, prior_std, iterations,
+            sums[i], theta[i], noise[i], noise_known[i], roughness[i], sensitivity[i], information[i], vector[i],
+            driven[i], prior_value, prior_std, iterations,
         )  # fmt: skip
         covariance[i] = cov
         _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * min(1.0, span / settings[0]))

@@ -7,7 +7,7 @@ allocates per sample.
 import numpy as np
 from numba import njit
 
-__all__ = ["advance_bank", "block_equations", "noise_update", "reduce_information"]
+__all__ = ["advance_bank", "block_equations", "noise_edge", "noise_update", "reduce_information"]
 
 
 @njit(cache=True)
@@ -161,7 +161,7 @@ def block_equations(  # type: ignore[no-untyped-def]
 
     Returns:
         M (p, p), N (p, p) its part due to noise in the regressors, score (p,) = b - g - M theta, the nuisance
-        values (ns, 3) that belong to theta, and the part of the score that is expected because the equations'
+        values (ns, 3) that belong to theta and how they follow it (3 ns, p), and the part of the score that is expected because the equations'
         own noise (gusts) drives the states, (p,); all in referred derivatives (``scale`` applied).
     """
     nc, nd = ns + nu + 3, ns + nu
@@ -205,8 +205,8 @@ def block_equations(  # type: ignore[no-untyped-def]
                 for m in range(ns):
                     crossed += weight[k, m] * noise[ns + 1 + m] * np.conj(response_to[j, m])
                 driven[k * nd + j] += power * crossed.real
-    m, n_noise, score, nuisance = _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc)
-    return m, n_noise, score, nuisance, driven * scale
+    m, n_noise, score, nuisance, follow = _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc)
+    return m, n_noise, score, nuisance, follow, driven * scale
 
 
 @njit(cache=True)
@@ -250,7 +250,11 @@ def _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc):  # type: ignor
         for b in range(p):
             m[a, b] *= scale[a] * scale[b]
             n_noise[a, b] *= scale[a] * scale[b]
-    return m, n_noise, score, (nuisance / size).reshape(ns, 3)
+    follow = np.empty((q, p))
+    for a in range(q):
+        for b in range(p):
+            follow[a, b] = -solved[a, b] / size[a] * scale[b]
+    return m, n_noise, score, (nuisance / size).reshape(ns, 3), follow
 
 
 @njit(cache=True)
@@ -318,6 +322,18 @@ def noise_update(  # type: ignore[no-untyped-def]
         else:
             total[j] = noise[j]
     return total
+
+
+@njit(cache=True)
+def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
+    """Share of "signal" that pure noise can show: the upper edge of the spectrum of a sample covariance matrix.
+
+    Of ``regressors`` channels of white noise over ``bins`` independent bins the largest eigenvalue tends to
+    (1 + sqrt(regressors / bins))^2 times the true power (Marchenko and Pastur 1967).
+    """
+    if bins <= 0.0:
+        return 1.0
+    return 1.0 - 1.0 / (1.0 + np.sqrt(regressors / bins)) ** 2
 
 
 @njit(cache=True)

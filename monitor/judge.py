@@ -33,6 +33,11 @@ __all__ = ["BlockView", "Judge", "JudgeConfig", "JudgeState", "ModeBlock", "Verd
 Array = NDArray[np.float64]
 
 
+APRIORI_DISCOUNT = 100.0
+"""A-priori numbers accuse nobody: in the test their standard errors count ten times as large, so a change is always one
+against the vehicle's own flight, until its reference is founded on flights."""
+
+
 @dataclass(frozen=True, slots=True)
 class JudgeConfig:
     """Settings of the sequential test.
@@ -230,7 +235,7 @@ class Judge:
     def expected(self, state: JudgeState, name: str, prior: Array, covariance: Array) -> tuple[Array, Array]:
         """Expectation after the vehicle's own flights, in the judge's coordinates."""
         if name in state.contradictions:
-            covariance = covariance * 100.0
+            covariance = covariance * APRIORI_DISCOUNT
         return state.references[name].posterior(prior, covariance)
 
     def _before(self, state: JudgeState, name: str, onset: int) -> tuple[Array, Array]:
@@ -249,7 +254,7 @@ class Judge:
         if not modes:
             return None
         latest = modes[-1]
-        prior = latest.expected_covariance * (100.0 if name in state.contradictions else 1.0)
+        prior = latest.expected_covariance * (1.0 if state.founded else APRIORI_DISCOUNT)
         information, vector = self._before(state, name, onset if healthy is None else healthy)
         known = np.linalg.inv(prior)
         covariance = np.linalg.inv(known + information)
