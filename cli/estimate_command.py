@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Mapping
+from math import isfinite, nan
 from typing import Any
 
 from rich.console import Console
@@ -72,7 +73,7 @@ def _table(structure: str, estimators: Mapping[str, Any]) -> Table:
 
 
 def _number(value: float | None, error: float | None) -> str:
-    if value is None or error is None or not (abs(value) < float("inf") and abs(error) < float("inf")):
+    if value is None or error is None or not (isfinite(value) and isfinite(error)):
         return "-"
     return f"{value:.4g} ± {error:.2g}"
 
@@ -82,7 +83,7 @@ def _mode_line(mode: Mapping[str, Any]) -> str:
     parts = [mode["outcome"].replace("_", " ")]
     if mode.get("reason"):
         parts.append(mode["reason"])
-    if mode["natural_frequency_rad_s"] is not None:
+    if isfinite(mode["natural_frequency_rad_s"] or nan):
         parts.append(
             f"natural frequency {mode['natural_frequency_rad_s']:.3g} rad/s, "
             f"damping ratio {mode['damping_ratio']:.3g}"

@@ -23,6 +23,7 @@ from wingwatch.telemetry import (
 __all__ = ["run"]
 
 _SAMPLES_A_MESSAGE = 10
+_LISTENER_S = 3.0
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -79,4 +80,6 @@ def _publish(
     with FlightPublisher(
         session, fleet, vehicle, aircraft, samples_per_message=_SAMPLES_A_MESSAGE, sleep=sleep
     ) as publisher:
+        if rate is not None and not publisher.wait_for_receiver(_LISTENER_S):
+            say(f"nobody listens to {vehicle} yet: what is sent is lost until somebody does")
         return publisher.publish(flight.block, rate, columns=flight.wire_columns)

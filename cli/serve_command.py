@@ -36,7 +36,8 @@ def write_address(service: Service, as_json: bool) -> None:
     """Say where the service is found, as soon as it is."""
     if as_json:
         write_json({"url": service.url, "zenoh": list(service.endpoints)})
-    say(f"status page {service.url}   Zenoh {' '.join(service.endpoints)}")
+    else:
+        print(f"status page {service.url}   Zenoh {' '.join(service.endpoints)}", flush=True)
 
 
 def await_ready(service: Service, end: threading.Event) -> bool:

@@ -47,7 +47,7 @@ class Pump:
         subscriber: SensorSubscriber,
         monitor: FleetMonitor,
         arrived: threading.Event,
-        prepare: Callable[[], None],
+        prepare: Callable[[], object],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._subscriber = subscriber
@@ -188,7 +188,7 @@ def _remove(database: Path) -> None:
 def running_service(
     settings: ServeSettings,
     *,
-    prepare: Callable[[], None] = warm_up,
+    prepare: Callable[[], object] = warm_up,
     wall_clock: Callable[[], float] = time.time,
     fresh: bool = False,
 ) -> Iterator[Service]:

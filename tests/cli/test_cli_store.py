@@ -1,0 +1,117 @@
+"""The fleet's memory: what the monitor hands over comes back, and a database that fails holds nobody up."""
+
+import sqlite3
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wingwatch.aircraft import STRUCTURES
+from wingwatch.baselines import Database, EstimateRecord, Reference, open_database
+from wingwatch.cli.store import DatabaseStore, alert_record, alert_view
+from wingwatch.monitor import AlertState, AlertView, EvidenceView
+
+ALERT = AlertView(
+    id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
+    state=AlertState.ACTIVE, raised_s=80.5, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.97,
+    basis="a-priori", text="Icing.", evidence=(EvidenceView("z_w", -3.5, 0.1, -4.4, 0.2, 4.0),), note=("x: y",),
+)  # fmt: skip
+K = len(STRUCTURES["short_period"].derivatives)
+ESTIMATE = EstimateRecord(
+    "default", "uav1", 10.0, "short_period", "fourier", (1.0,) * K, (0.1,) * K, "converged",
+    (25.0, 1000.0, 1.1, 0.05),
+)  # fmt: skip
+PATIENCE_S = 10.0
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    with open_database(tmp_path / "w.db", busy_timeout_s=0.1) as opened:
+        yield opened
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def reference(blocks: int) -> Reference:
+    learned = Reference.empty(K)
+    for _ in range(blocks):
+        learned = learned.add(np.eye(K), np.ones(K), 10.0)
+    return learned
+
+
+def test_an_alert_survives_the_way_into_the_database_and_back() -> None:
+    assert alert_view(alert_record(ALERT, 1.0, 2.0)) == ALERT
+    assert (alert_record(ALERT, 1.0, 2.0).created_at_s, alert_record(ALERT, 1.0, 2.0).updated_at_s) == (
+        1.0,
+        2.0,
+    )
+
+
+def test_everything_handed_over_is_there_after_the_end(database: Database) -> None:
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        store.save_alert(ALERT)
+        store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(2)})
+        store.append_estimates([ESTIMATE])
+    with DatabaseStore(database, lambda: 2000.0) as later:
+        assert later.alerts() == [ALERT]
+        learned = later.references("default", "uav1", "aerosonde", "clean")
+        assert {name: r.blocks for name, r in learned.items()} == {"short_period": 2}
+        assert later.references("default", "uav2", "aerosonde", "clean") == {}
+    assert database.estimate_history("default", "uav1") == (ESTIMATE,)
+
+
+def test_an_alert_of_an_earlier_run_is_changed_not_stored_twice(database: Database) -> None:
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        store.save_alert(ALERT)
+    with DatabaseStore(database, lambda: 2000.0) as later:
+        later.alerts()
+        later.save_alert(replace(ALERT, state=AlertState.CLEARED, cleared_s=90.0))
+    stored = database.alert("a1")
+    assert stored is not None
+    assert (stored.state, stored.created_at_s, stored.updated_at_s) == ("cleared", 1000.0, 2000.0)
+    assert len(database.alerts().items) == 1
+
+
+def test_a_locked_database_holds_nobody_up_and_loses_no_alert(database: Database, tmp_path: Path) -> None:
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        other = sqlite3.connect(tmp_path / "w.db", isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        began = time.monotonic()
+        store.save_alert(ALERT)
+        store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(1)})
+        store.append_estimates([ESTIMATE])
+        handed_over_s = time.monotonic() - began
+        until(lambda: store.problem is not None)
+        assert store.problem is not None
+        assert "locked" in store.problem
+        assert store.dropped_estimates == 1
+        store.save_alert(replace(ALERT, level="critical"))
+        waiting = store.references("default", "uav1", "aerosonde", "clean")
+        assert waiting["short_period"].blocks == 1
+        other.execute("ROLLBACK")
+        other.close()
+        until(lambda: store.problem is None)
+    assert handed_over_s < 0.1  # the database's own patience, which the caller did not have to share
+    stored = database.alert("a1")
+    assert stored is not None
+    assert stored.level == "critical"
+
+
+def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wingwatch.cli.store._MOST_ESTIMATES", 3)
+    store = DatabaseStore(database, lambda: 0.0)  # its thread does not run yet
+    store.append_estimates([ESTIMATE] * 5)
+    assert store.dropped_estimates == 2
+    with store:
+        pass
+    assert len(database.estimate_history("default", "uav1")) == 3

@@ -1,0 +1,87 @@
+"""A running service on free ports, and what the end-to-end tests ask of it."""
+
+import contextlib
+import socket
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import zenoh
+
+from wingwatch.cli.service import Service, running_service
+from wingwatch.cli.settings import ServeSettings
+from wingwatch.telemetry import (
+    PROTOBUF,
+    AircraftMessage,
+    FlightPublisher,
+    SampleBlock,
+    ZenohSettings,
+    open_session,
+)
+
+PATIENCE_S = 60.0
+COMPILE_S = 240.0
+"""A fresh machine compiles every kernel in the first test that needs one."""
+
+
+def free_endpoint() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
+
+
+@contextlib.contextmanager
+def service_in(folder: Path, **settings: Any) -> Iterator[tuple[Service, str]]:
+    """A service that takes samples in, and its Zenoh endpoint."""
+    endpoint = free_endpoint()
+    given = ServeSettings(port=0, listen=(endpoint,), data=folder, **settings)
+    with running_service(given) as service:
+        assert service.pump.wait(COMPILE_S)
+        yield service, endpoint
+
+
+def get(service: Service, path: str) -> dict[str, Any]:
+    answer = httpx.get(f"{service.url}{path}", timeout=10.0)
+    assert answer.status_code == 200, answer.text
+    value = answer.json()
+    assert isinstance(value, dict)
+    return value
+
+
+def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
+    """Waits for something that another thread brings about."""
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+def known(service: Service, vehicle: str) -> dict[str, Any] | None:
+    """The vehicle as REST gives it, None while nobody has heard of it."""
+    answer = httpx.get(f"{service.url}/v1/vehicles/{vehicle}", timeout=10.0)
+    return answer.json() if answer.status_code == 200 else None
+
+
+def until_last(service: Service, vehicle: str, block: SampleBlock) -> dict[str, Any]:
+    """Waits until a flight's last sample has been used; its derivatives then."""
+    last_s = float(block.time_s[-1])
+    until(lambda: (known(service, vehicle) or {}).get("last_sample_time_s") == last_s)
+    return get(service, f"/v1/vehicles/{vehicle}/derivatives")
+
+
+def put(session: zenoh.Session, key: str, payload: str | bytes, encoding: str = PROTOBUF) -> None:
+    """A stranger's message, not lost to congestion."""
+    session.put(key, payload, encoding=encoding, congestion_control=zenoh.CongestionControl.BLOCK)
+
+
+def fly(endpoint: str, vehicle: str, block: SampleBlock) -> None:
+    """An Aerosonde's flight, published as fast as it is taken."""
+    with open_session(ZenohSettings.for_vehicle((endpoint,))) as session:
+        publish(session, vehicle, block)
+
+
+def publish(session: zenoh.Session, vehicle: str, block: SampleBlock) -> None:
+    """The same over a session that is open already."""
+    with FlightPublisher(session, "default", vehicle, AircraftMessage(aircraft="aerosonde")) as publisher:
+        publisher.publish(block, None)

@@ -1,0 +1,121 @@
+"""Ctrl-C and SIGTERM end service and demo within three seconds, whoever is still connected; alerts outlive it."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from live import COMPILE_S, fly, free_endpoint, get, service_in, until, until_last
+
+from wingwatch.simulation import demo_fleet, simulate
+
+LONGEST_END_S = 3.0
+EXIT_AFTER_S = 20.0
+
+
+class Running:
+    """A command in a process of its own."""
+
+    def __init__(self, *arguments: object) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "wingwatch.cli.main", *map(str, arguments), "--json"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        assert line, self.process.communicate()[1]
+        self.address = json.loads(line)
+        self.url = str(self.address["url"])
+
+    def wait_ready(self) -> None:
+        until(lambda: httpx.get(f"{self.url}/health/ready", timeout=10.0).status_code == 200, COMPILE_S)
+
+    def end(self, number: signal.Signals) -> tuple[int, float, str]:
+        """Exit code, seconds it took, standard error."""
+        began = time.monotonic()
+        self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=EXIT_AFTER_S)
+        assert out == ""  # the one JSON line was all
+        return self.process.returncode, time.monotonic() - began, err
+
+
+@pytest.fixture
+def processes() -> Iterator[list[Running]]:
+    started: list[Running] = []
+    yield started
+    for running in started:
+        if running.process.poll() is None:
+            running.process.kill()
+            running.process.communicate()
+
+
+def open_stream(url: str) -> socket.socket:
+    """An event stream whose head has been read and which stays open."""
+    host, port = url.removeprefix("http://").split(":")
+    connection = socket.create_connection((host, int(port)), timeout=10.0)
+    connection.sendall(b"GET /v1/events HTTP/1.1\r\nHost: x\r\n\r\n")
+    assert connection.recv(12) == b"HTTP/1.1 200"
+    return connection
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("command", ["serve", "demo"])
+def test_an_end_is_an_end_with_a_stream_open(
+    tmp_path: Path, processes: list[Running], command: str, number: signal.Signals
+) -> None:
+    running = Running(command, "--port", 0, "--listen", free_endpoint(), "--data", tmp_path)
+    processes.append(running)
+    running.wait_ready()
+    with open_stream(running.url), httpx.Client() as browser:
+        assert browser.get(f"{running.url}/v1/status").status_code == 200  # stays connected
+        if command == "demo":
+            names = {"healthy", "icing", "elevator"}
+            until(
+                lambda: (
+                    names == {v["vehicle"] for v in browser.get(f"{running.url}/v1/vehicles").json()["items"]}
+                )
+            )
+        code, took_s, err = running.end(number)
+    assert code == 0
+    assert took_s < LONGEST_END_S
+    assert "Traceback" not in err
+
+
+def test_a_demo_begins_anew_and_a_service_goes_on(tmp_path: Path, processes: list[Running]) -> None:
+    """The demo's database is its own and fresh; that of a service in the same folder stays."""
+    (tmp_path / "demo.db").write_bytes(b"left over from a demo that was killed")
+    (tmp_path / "wingwatch.db").write_bytes(b"not the demo's")
+    running = Running("demo", "--port", 0, "--listen", free_endpoint(), "--data", tmp_path)
+    processes.append(running)
+    assert httpx.get(f"{running.url}/v1/alerts", timeout=10.0).json()["items"] == []
+    assert running.end(signal.SIGINT)[0] == 0
+    assert (tmp_path / "wingwatch.db").read_bytes() == b"not the demo's"
+    assert (tmp_path / "demo.db").read_bytes().startswith(b"SQLite format 3")
+
+
+def test_alerts_what_was_learned_and_history_outlive_the_service(tmp_path: Path) -> None:
+    block = simulate(demo_fleet()[1], 120.0)
+    with service_in(tmp_path) as (service, endpoint):
+        fly(endpoint, "icing", block)
+        until_last(service, "icing", block)
+        before = get(service, "/v1/alerts")["items"]
+        assert len(before) == 1
+        until(lambda: bool(get(service, "/v1/vehicles/icing/derivatives/history?names=m_w")["items"]))
+    with service_in(tmp_path) as (service, _endpoint):
+        assert get(service, "/v1/alerts")["items"] == before
+        act = f"{service.url}/v1/alerts/{before[0]['id']}/acknowledge"
+        assert httpx.post(act, json={"who": "a tester"}, timeout=10.0).status_code == 200
+    with service_in(tmp_path) as (service, _endpoint):
+        (alert,) = get(service, "/v1/alerts")["items"]
+        assert alert["state"] == "acknowledged"
+        assert "a tester" in alert["notes"][0]
