@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.baselines import Envelope, Reference
 from wingwatch.cli.faults import CommandError
@@ -41,7 +43,7 @@ class Watched:
     def duration_s(self) -> float:
         """Time from the first to the last stamp of the flight's rows that have one."""
         stamps = self.flight.block.time_s
-        finite = stamps[stamps == stamps]
+        finite = stamps[np.isfinite(stamps)]
         return float(finite.max() - finite.min()) if finite.size else 0.0
 
     @property
