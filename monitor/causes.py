@@ -81,7 +81,7 @@ CAUSES: tuple[Cause, ...] = (
 """Every cause the first classifier knows. Sizes: severity eta (published values reach 0.3 to 0.4), fraction lost."""
 
 UNEXPLAINED = Cause(
-    "unknown", "unexplained", 0.3, 0.25, (0.2, 0.5), lambda s, c, a, f: np.zeros(c.size),
+    "unknown", "unexplained", 0.3, 0.05, (0.2, 0.5), lambda s, c, a, f: np.zeros(c.size),
     "Derivatives have changed by up to {size} in no known pattern", "Compare with the evidence and inspect.",
 )  # fmt: skip
 """Any change of any derivative, by up to about ``size_std`` of its size."""

@@ -1,16 +1,18 @@
 """Comparison: what a window of blocks says of a change since its onset, with the covariance of both sides.
 
 Coordinates are those in which derivatives hardly depend on the flight condition (American non-dimensional; where the
-aircraft file lacks mass or geometry, referred to the nominal condition), so blocks at different airspeeds add. Blocks
+aircraft file lacks mass or geometry, referred to the nominal condition), so blocks at different airspeeds add. A
+block's derivatives may wander by Q for reasons the linear model does not know: J becomes (J^-1 + Q)^-1. Blocks
 before the onset and the expectation make the reference N(mu, L); blocks after it, with information J and vector h, a
 change d with
 
-    K = (J^-1 + L + Q)^-1,        K d = (I + J (L + Q))^-1 (h - J mu)
+    K = (J^-1 + L + b b')^-1,        K d = (I + J (L + b b'))^-1 (h - J mu)
 
-without inverting J, which is singular where nothing was excited. Q is what the linear model itself may be wrong by.
+without inverting J, which is singular where nothing was excited; b is the difference of the biases that gusts are
+expected to have caused in the window and in the reference.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +83,7 @@ class Change:
         pull: K d, shape (k,).
         information, vector: J and h of the window, for the estimate after the onset.
         mean, covariance: the reference before it.
+        natural: natural size of each derivative, (k,).
     """
 
     weight: Array
@@ -89,34 +92,52 @@ class Change:
     vector: Array
     mean: Array
     covariance: Array
+    natural: Array
+
+    def loosened(self, spread: Array) -> "Change":
+        """The same change seen through additional uncertainty of each derivative, standard deviations (k,)."""
+        inner = np.eye(spread.size) + self.weight * spread**2
+        solved = np.linalg.solve(inner, np.column_stack([self.weight, self.pull]))
+        weight = np.asarray(solved[:, :-1], dtype=np.float64)
+        return replace(
+            self, weight=0.5 * (weight + weight.T), pull=np.asarray(solved[:, -1], dtype=np.float64)
+        )
 
     def along(self, direction: Array) -> tuple[float, float]:
         """(a'K d, a'K a) of a direction a."""
         return float(direction @ self.pull), float(direction @ self.weight @ direction)
 
 
+def natural_size(value: Array, covariance: Array) -> Array:
+    """Natural size of each derivative (k,): its expectation, or where that is near zero, two of its standard errors."""
+    return np.asarray(np.maximum(np.abs(value), 2.0 * np.sqrt(np.diagonal(covariance))))
+
+
+def blurred(information: Array, vector: Array, bias: Array, variance: Array) -> tuple[Array, Array, Array]:
+    """A block's evidence when its derivatives may also wander by ``variance`` (k,): (J^-1 + Q)^-1 and its products."""
+    inner = np.eye(variance.size) + information * variance
+    solved = np.linalg.solve(inner, np.column_stack([information, vector, bias]))
+    reduced = np.asarray(solved[:, :-2], dtype=np.float64)
+    return 0.5 * (reduced + reduced.T), np.asarray(solved[:, -2]), np.asarray(solved[:, -1])
+
+
 def change_since(
-    mean: Array, covariance: Array, information: Array, vector: Array, model_error: Array
+    mean: Array, covariance: Array, information: Array, vector: Array, model_error: Array, natural: Array
 ) -> Change:
     """The change that a window of blocks shows against a reference.
 
     Args:
         mean, covariance: reference, (k,) and (k, k).
         information, vector: sums over the window's blocks, (k, k) and (k,).
-        model_error: covariance of what the linear model and gusts may make of an unchanged aircraft, (k, k).
+        model_error: covariance of what gusts may make of an unchanged aircraft, (k, k).
+        natural: natural size of each derivative, (k,).
     """
     spread = covariance + model_error
     inner = np.eye(mean.size) + information @ spread
     solved = np.linalg.solve(inner, np.column_stack([information, vector - information @ mean]))
     weight = np.asarray(solved[:, :-1], dtype=np.float64)
-    return Change(
-        0.5 * (weight + weight.T),
-        np.asarray(solved[:, -1], dtype=np.float64),
-        information,
-        vector,
-        mean,
-        covariance,
-    )
+    pull = np.asarray(solved[:, -1], dtype=np.float64)
+    return Change(0.5 * (weight + weight.T), pull, information, vector, mean, covariance, natural)
 
 
 def log_bayes_direction(pull: float, weight: float, size_std: float) -> tuple[float, float, float]:

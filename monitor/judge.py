@@ -23,9 +23,11 @@ from wingwatch.monitor.chain import ModeSolution
 from wingwatch.monitor.comparison import (
     Change,
     Coordinates,
+    blurred,
     change_since,
     log_bayes_any,
     log_bayes_direction,
+    natural_size,
 )
 
 __all__ = ["BlockView", "Judge", "JudgeConfig", "JudgeState", "ModeBlock", "Verdict"]
@@ -46,10 +48,12 @@ class JudgeConfig:
         remembered_blocks: onsets considered; older blocks join the reference.
         false_alert_interval_h: mean time to a false alert, at least, per vehicle.
         block_s: length of a block.
-        model_error: what the linear model may be wrong by, as a share of each derivative's natural size; a
-            change below this is not called one.
+        model_error: by how much each block's derivatives may differ from the mean for reasons that the linear model
+            does not know, as a share of their natural size.
         cause_probability: a cause is named when its probability among the causes reaches this.
         patience_blocks: informative blocks to wait for a cause to become clear before calling it unexplained.
+        stray_pattern: share of its own effect by which a cause's effect on a derivative may differ from the pattern.
+        stray_natural: share of its natural size by which a cause of typical size may move any derivative besides.
         founded_blocks: informative blocks of its own flights after which an aircraft's reference is empirical.
         contradiction: probability below which flights contradict an a-priori expectation.
     """
@@ -60,6 +64,8 @@ class JudgeConfig:
     model_error: float = 0.03
     cause_probability: float = 0.9
     patience_blocks: int = 3
+    stray_pattern: float = 0.15
+    stray_natural: float = 0.05
     founded_blocks: int = 6
     contradiction: float = 1e-4
 
@@ -168,6 +174,8 @@ class Judge:
         information, vector = c.of_evidence(mode.block.information, mode.block.vector, condition)
         bias = c.slope(condition) * mode.block.bias
         expected, covariance = c.from_concise(expectation.value, expectation.covariance, condition)
+        wander = (self.config.model_error * natural_size(expected, covariance)) ** 2
+        information, vector, bias = blurred(information, vector, bias, wander)
         ekf = mode.ekf
         alpha = ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0
         now = FlightCondition(*ekf.condition[:3], condition.configuration, alpha)
@@ -219,11 +227,14 @@ class Judge:
             modes = [b.modes[name] for b in state.blocks if name in b.modes]
             if not modes:
                 continue
-            error = self.config.model_error * _natural(modes[-1])
-            bias = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ np.sum([m.bias for m in modes], axis=0)
+            natural = natural_size(modes[-1].expected, modes[-1].expected_covariance)
+            error = self.config.model_error * natural
+            bias = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ np.sum(
+                [m.bias for m in modes], axis=0
+            )
             change = change_since(
                 modes[-1].expected, modes[-1].expected_covariance, information, vector,
-                np.diag(error**2) + np.outer(bias, bias),
+                np.diag(error**2) + np.outer(bias, bias), natural,
             )  # fmt: skip
             freedom = float(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
             distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
@@ -266,8 +277,8 @@ class Judge:
         gusts = np.sum([m.bias for m in modes], axis=0)
         before = np.sum([b.modes[name].bias for b in earlier if name in b.modes] or [0.0 * gusts], axis=0)
         bias = np.linalg.pinv(window, rcond=1e-9, hermitian=True) @ gusts - covariance @ before
-        error = self.config.model_error * _natural(latest)
-        return change_since(mean, covariance, window, pulled, np.diag(error**2) + np.outer(bias, bias))
+        natural = natural_size(latest.expected, latest.expected_covariance)
+        return change_since(mean, covariance, window, pulled, np.outer(bias, bias), natural)
 
     def recent(
         self, state: JudgeState, cause: Cause, onset_s: float, blocks: int, condition: FlightCondition
@@ -287,7 +298,7 @@ class Judge:
         known = {name: change for name, change in found.items() if change is not None}
         if cause is UNEXPLAINED:
             size, error = _largest(known)
-            return self._anything(state, known), size, error
+            return self._anything(known), size, error
         return self._directed(known, cause, condition)
 
     def _verdict(self, state: JudgeState) -> Verdict | None:
@@ -308,7 +319,7 @@ class Judge:
                 factor, size, error = self._directed(known, cause, condition)
                 factors[row, column] = factor
                 sizes[row, column] = size, error
-            factors[-1, column] = self._anything(state, known)
+            factors[-1, column] = self._anything(known)
         weights = np.log([h.weight for h in hypotheses])
         by_cause = logsumexp(factors + weights[:, None], axis=1)
         total = float(logsumexp(by_cause))
@@ -338,19 +349,29 @@ class Judge:
     def _directed(
         self, changes: Mapping[str, Change], cause: Cause, condition: FlightCondition
     ) -> tuple[float, float, float]:
-        """Bayes factor and size of a cause, over all structures together."""
-        pull = weight = 0.0
-        for name, change in changes.items():
-            p, w = change.along(self.direction(name, cause, change.mean, condition))
-            pull, weight = pull + p, weight + w
-        return log_bayes_direction(pull, weight, cause.size_std)
+        """Bayes factor and size of a cause, over all structures together.
 
-    def _anything(self, state: JudgeState, changes: Mapping[str, Change]) -> float:
-        """Bayes factor of a change in no pattern: in one structure, in another, or in all."""
-        singles = []
+        No real ice or damage follows its pattern exactly, so a cause of some size may move every derivative off
+        the pattern in proportion to that size; the integral over those deviations is exact too.
+        """
+        directions = {name: self.direction(name, cause, c.mean, condition) for name, c in changes.items()}
+        along = [c.along(directions[name]) for name, c in changes.items()]
+        _, size, _ = log_bayes_direction(sum(p for p, _ in along), sum(w for _, w in along), cause.size_std)
+        log_factor = pull = weight = 0.0
         for name, change in changes.items():
-            latest = next(b.modes[name] for b in reversed(state.blocks) if name in b.modes)
-            singles.append(log_bayes_any(change, UNEXPLAINED.size_std * _natural(latest)))
+            stray = size * np.hypot(
+                self.config.stray_pattern * directions[name],
+                self.config.stray_natural / cause.size_std * change.natural,
+            )
+            log_factor += log_bayes_any(change, stray)
+            p, w = change.loosened(stray).along(directions[name])
+            pull, weight = pull + p, weight + w
+        factor, size, error = log_bayes_direction(pull, weight, cause.size_std)
+        return log_factor + factor, size, error
+
+    def _anything(self, changes: Mapping[str, Change]) -> float:
+        """Bayes factor of a change in no pattern: in one structure, in another, or in all."""
+        singles = [log_bayes_any(c, UNEXPLAINED.size_std * c.natural) for c in changes.values()]
         if len(singles) == 1:
             return singles[0]
         options = [*singles, float(np.sum(singles))]
@@ -379,11 +400,6 @@ class Judge:
                     pull += float(direction @ (mode.ekf_vector - mode.ekf_information @ start))
                     weight += float(direction @ mode.ekf_information @ direction)
         return weight <= 0.0 or pull / weight >= 0.5 * size
-
-
-def _natural(mode: ModeBlock) -> Array:
-    """Natural size of each derivative: its expectation, or where that is near zero, two of its standard errors."""
-    return np.maximum(np.abs(mode.expected), 2.0 * np.sqrt(np.diagonal(mode.expected_covariance)))
 
 
 def _largest(changes: Mapping[str, Change]) -> tuple[float, float]:
