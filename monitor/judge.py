@@ -351,23 +351,31 @@ class Judge:
     ) -> tuple[float, float, float]:
         """Bayes factor and size of a cause, over all structures together.
 
-        No real ice or damage follows its pattern exactly, so a cause of some size may move every derivative off
-        the pattern in proportion to that size; the integral over those deviations is exact too.
+        No real ice or damage follows its pattern exactly: with even odds a cause either does, or moves every
+        derivative of the structures it acts on off the pattern in proportion to its size. The integral over those
+        deviations is exact; the size and error given are those of the likelier case.
         """
         directions = {name: self.direction(name, cause, c.mean, condition) for name, c in changes.items()}
         along = [c.along(directions[name]) for name, c in changes.items()]
-        _, size, _ = log_bayes_direction(sum(p for p, _ in along), sum(w for _, w in along), cause.size_std)
+        exact, size, error = log_bayes_direction(
+            sum(p for p, _ in along), sum(w for _, w in along), cause.size_std
+        )
         log_factor = pull = weight = 0.0
         for name, change in changes.items():
-            stray = size * np.hypot(
-                self.config.stray_pattern * directions[name],
-                self.config.stray_natural / cause.size_std * change.natural,
-            )
-            log_factor += log_bayes_any(change, stray)
+            stray = np.zeros(change.natural.size)
+            if directions[name].any():
+                stray = size * np.hypot(
+                    self.config.stray_pattern * directions[name],
+                    self.config.stray_natural / cause.size_std * change.natural,
+                )
+                log_factor += log_bayes_any(change, stray)
             p, w = change.loosened(stray).along(directions[name])
             pull, weight = pull + p, weight + w
-        factor, size, error = log_bayes_direction(pull, weight, cause.size_std)
-        return log_factor + factor, size, error
+        strayed, loose_size, loose_error = log_bayes_direction(pull, weight, cause.size_std)
+        strayed += log_factor
+        if strayed > exact:
+            size, error = loose_size, loose_error
+        return float(np.logaddexp(exact, strayed) - np.log(2.0)), size, error
 
     def _anything(self, changes: Mapping[str, Change]) -> float:
         """Bayes factor of a change in no pattern: in one structure, in another, or in all."""
