@@ -22,15 +22,9 @@ def fleet_table(monitor: MonitorPort, title: str) -> Table:
     """One row a vehicle, by name, so that rows stay where they are."""
     alerts = [alert for alert in monitor.alerts() if alert.state is not AlertState.CLEARED]
     table = Table(title=escape(title), title_justify="left", expand=True)
-    for name, ratio in (
-        ("vehicle", 2),
-        ("time", 1),
-        ("state", 2),
-        ("compared with", 2),
-        ("worst derivative", 3),
-    ):
-        table.add_column(name, ratio=ratio, justify="right" if name == "time" else "left")
-    table.add_column("alerts", ratio=8)
+    for name in ("vehicle", "time", "state", "compared with", "worst derivative"):
+        table.add_column(name, no_wrap=True, justify="right" if name == "time" else "left")
+    table.add_column("alerts", ratio=1)
     for view in sorted(monitor.vehicles(), key=lambda v: (v.fleet, v.vehicle)):
         time_s = view.last_sample_time_s
         table.add_row(

@@ -1,11 +1,12 @@
 """The command line as such: help, usage, and how faults are told."""
 
+import re
 import subprocess
 import sys
 import time
 
 import pytest
-from cli_flights import run
+from cli_flights import ROOT, run
 
 from wingwatch import __version__
 from wingwatch.cli import estimate_command
@@ -99,3 +100,15 @@ def test_a_reader_that_goes_away_is_no_fault() -> None:
     command = f"{sys.executable} -m wingwatch.cli.main --help | head -n 1; exit ${{PIPESTATUS[0]}}"
     ran = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert ran.stderr == ""
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_manual_names_every_option_and_no_other(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    """The section of a command in docs/commands.md against its parser."""
+    sections = (ROOT / "docs" / "commands.md").read_text().split("\n## ")
+    general = sections[0]
+    (section,) = (s for s in sections if s.startswith(f"`wingwatch {command}`"))
+    usage = run(capsys, [command, "--help"]).out
+    options = set(re.findall(r"--[a-z]+", usage)) - {"--help"}
+    assert options <= set(re.findall(r"--[a-z]+", general + section))
+    assert set(re.findall(r"--[a-z]+", section)) <= options

@@ -1,0 +1,226 @@
+"""Parts of the service on their own: the pump, the outputs, the display."""
+
+import io
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, cast
+
+import pytest
+import zenoh
+from rich.console import Console
+
+from wingwatch.cli.fleet_display import FleetLines, fleet_table
+from wingwatch.cli.outputs import ZenohOutputs
+from wingwatch.cli.service import Pump
+from wingwatch.monitor import (
+    AlertState,
+    AlertView,
+    EvidenceView,
+    FleetMonitor,
+    MonitorPort,
+    VehicleState,
+    VehicleView,
+    WorstDerivative,
+)
+from wingwatch.telemetry import InboundMessage, SensorSubscriber, decode_service_object
+
+PATIENCE_S = 10.0
+ALERT = AlertView(
+    id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
+    state=AlertState.ACTIVE, raised_s=80.5, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.97,
+    basis="a-priori", text="Icing [of a kind].", evidence=(EvidenceView("z_w", -3.5, 0.1, -4.4, 0.2, 4.0),),
+)  # fmt: skip
+VEHICLE = VehicleView(
+    fleet="default", vehicle="uav1", aircraft="aerosonde", configuration="clean", state=VehicleState.HEALTHY,
+    state_since_s=1.0, reason="no change", last_sample_time_s=12.5, basis="a-priori", basis_text="...",
+    worst=WorstDerivative("ekf", "short_period", "m_w", -2.25), counts={}, active_alerts=(), condition={},
+)  # fmt: skip
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.005)
+
+
+class Queue:
+    """A subscriber's queue, filled by hand."""
+
+    def __init__(self) -> None:
+        self.messages: list[InboundMessage] = []
+
+    def drain(self, max_items: int) -> list[InboundMessage]:
+        taken, self.messages = self.messages[:max_items], self.messages[max_items:]
+        return taken
+
+
+class Recorder:
+    """A monitor that notes what it gets, and fails on one vehicle."""
+
+    def __init__(self) -> None:
+        self.got: list[str] = []
+        self.ticks = 0
+
+    def receive(self, fleet: str, vehicle: str, stream: str, payload: bytes, encoding: str) -> None:
+        if vehicle == "bad":
+            raise ZeroDivisionError("a fault of the program")
+        self.got.append(vehicle)
+
+    def tick(self) -> None:
+        self.ticks += 1
+
+
+def pump_over(
+    queue: Queue, monitor: Recorder, prepare: Callable[[], object] = lambda: None
+) -> tuple[Pump, threading.Event]:
+    arrived = threading.Event()
+    pump = Pump(cast(SensorSubscriber, queue), cast(FleetMonitor, monitor), arrived, prepare)
+    return pump, arrived
+
+
+def message(vehicle: str) -> InboundMessage:
+    return InboundMessage("default", vehicle, "sensors", b"", "", 0.0)
+
+
+def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
+    queue, monitor = Queue(), Recorder()
+    pump, arrived = pump_over(queue, monitor)
+    pump.start()
+    queue.messages = [message("a"), message("bad"), message("b")]
+    arrived.set()
+    until(lambda: monitor.got == ["a", "b"])
+    assert pump.faults == 1
+    assert pump.problem is None
+    assert monitor.ticks >= 1
+    pump.stop()
+    assert not pump.alive
+    assert pump.problem is not None
+
+
+def test_kernels_that_cannot_be_compiled_are_told(caplog: pytest.LogCaptureFixture) -> None:
+    def prepare() -> None:
+        raise OSError("no space left")
+
+    pump, _ = pump_over(Queue(), Recorder(), prepare)
+    assert pump.problem is not None
+    assert "compiled" in pump.problem
+    pump.start()
+    until(lambda: not pump.alive)
+    assert pump.problem is not None
+    assert "no space left" in pump.problem
+    assert not pump.wait(0.0)
+
+
+class Session:
+    """A Zenoh session that keeps what is put; it can be held as a congested link would hold it."""
+
+    def __init__(self) -> None:
+        self.open = threading.Event()
+        self.open.set()
+        self.put_: list[tuple[str, bytes, Mapping[str, Any]]] = []
+
+    def put(self, key: str, payload: bytes, **options: Any) -> None:
+        self.open.wait(PATIENCE_S)
+        self.put_.append((key, payload, options))
+
+
+def leaf(key: str) -> str:
+    return key.rsplit("/", 1)[1]
+
+
+def test_of_derivatives_and_status_the_newest_goes_out_of_alerts_each() -> None:
+    session = Session()
+    with ZenohOutputs(cast(zenoh.Session, session)) as outputs:
+        session.open.clear()
+        outputs.announce("default", "uav0", "status", replace(VEHICLE, vehicle="uav0"))
+        until(lambda: not outputs._latest)  # the thread now hangs on the congested link
+        began = time.monotonic()
+        for k in range(50):
+            outputs.announce("default", "uav1", "derivatives", {"time_s": float(k), "estimators": {}})
+            outputs.announce("default", "uav1", "status", replace(VEHICLE, last_sample_time_s=float(k)))
+            outputs.announce("default", "uav1", "alerts", replace(ALERT, raised_s=float(k)))
+        assert time.monotonic() - began < 1.0  # nobody who announces waits for the link
+        session.open.set()
+        until(lambda: len(session.put_) == 1 + 50 + 2)
+    sent = session.put_[1:]
+    assert [leaf(key) for key, _, _ in sent] == ["alerts"] * 50 + ["derivatives", "status"]
+    raised = [decode_service_object("alerts", p, "application/json")["raised_s"] for _, p, _ in sent[:50]]
+    assert raised == [float(k) for k in range(50)]
+    derivatives = decode_service_object("derivatives", sent[50][1], "application/json")
+    assert (derivatives["time_s"], derivatives["vehicle"], derivatives["convention"]) == (
+        49.0,
+        "uav1",
+        "concise",
+    )
+    assert decode_service_object("status", sent[51][1], "application/json")["last_sample_time_s"] == 49.0
+    controls = {leaf(key): options["congestion_control"] for key, _, options in sent}
+    assert controls["alerts"] == zenoh.CongestionControl.BLOCK
+    assert controls["derivatives"] == controls["status"] == zenoh.CongestionControl.DROP
+
+
+def test_alerts_that_find_no_room_and_values_that_cannot_be_sent_are_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("wingwatch.cli.outputs._MOST_ALERTS", 2)
+    session = Session()
+    outputs = ZenohOutputs(cast(zenoh.Session, session))  # its thread does not run yet
+    for _ in range(5):
+        outputs.announce("default", "uav1", "alerts", ALERT)
+    outputs.announce("default", "NOT A NAME", "derivatives", {"estimators": {}})
+    assert outputs.dropped["alerts"] == 3
+    with outputs:
+        until(lambda: len(session.put_) == 2 and outputs.dropped["unsent"] == 1)
+
+
+class Shown:
+    """A monitor port with what the display reads."""
+
+    def __init__(self, vehicles: list[VehicleView], alerts: list[AlertView]) -> None:
+        self._vehicles, self._alerts = vehicles, alerts
+
+    def vehicles(self) -> list[VehicleView]:
+        return self._vehicles
+
+    def alerts(self) -> list[AlertView]:
+        return self._alerts
+
+
+def test_the_table_shows_state_basis_worst_and_alerts_as_they_are() -> None:
+    strange = replace(VEHICLE, vehicle="uav2", state=VehicleState.NOT_OBSERVABLE, worst=None, basis=None)
+    cleared = replace(ALERT, id="a0", state=AlertState.CLEARED, text="long gone")
+    shown = cast(MonitorPort, Shown([strange, VEHICLE], [ALERT, cleared]))
+    console = Console(file=io.StringIO(), width=140)
+    console.print(fleet_table(shown, "wingwatch [demo]"))
+    text = cast(io.StringIO, console.file).getvalue()
+    for words in (
+        "wingwatch [demo]",
+        "uav1",
+        "12 s",
+        "healthy",
+        "a-priori",
+        "m_w z = -2.2 (ekf)",
+        "not observable",
+    ):
+        assert words in text
+    assert "warning: Icing [of a kind]." in text  # text of the monitor is no markup
+    assert "long gone" not in text
+    assert text.index("uav1") < text.index("uav2")
+
+
+def test_lines_tell_each_change_once() -> None:
+    lines = FleetLines()
+    before = cast(MonitorPort, Shown([VEHICLE], []))
+    assert list(lines.changes(before)) == ["   12.5 s uav1: healthy (no change)"]
+    assert list(lines.changes(before)) == []
+    degraded = replace(VEHICLE, state=VehicleState.DEGRADED, reason="ice")
+    after = cast(MonitorPort, Shown([degraded], [ALERT]))
+    assert list(lines.changes(after)) == [
+        "   12.5 s uav1: degraded (ice)",
+        "   80.5 s uav1: warning icing alert active: Icing [of a kind].",
+    ]
+    cleared = replace(ALERT, state=AlertState.CLEARED, cleared_s=99.0)
+    (line,) = lines.changes(cast(MonitorPort, Shown([degraded], [cleared])))
+    assert line.startswith("   99.0 s uav1: warning icing alert cleared")

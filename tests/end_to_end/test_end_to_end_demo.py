@@ -1,0 +1,40 @@
+"""The demonstration's fleet, flown faster than life through a real session: the right alerts, in time, and no other."""
+
+from pathlib import Path
+
+from live import get, service_in, until
+
+from wingwatch.cli.simulated_fleet import SimulatedFleet
+from wingwatch.simulation import demo_fleet
+
+SPEED = 10.0
+ONSETS_S = {"icing": 60.0, "elevator": 90.0}
+ALERT_WITHIN_S = 60.0
+EXPECTED = {"icing": ("icing", "icing"), "elevator": ("damage", "elevator_effectiveness")}
+
+
+def test_the_demonstration_shows_what_it_promises(tmp_path: Path) -> None:
+    end_s = max(ONSETS_S.values()) + ALERT_WITHIN_S
+    with (
+        service_in(tmp_path) as (service, endpoint),
+        SimulatedFleet(demo_fleet(), endpoint, speed=SPEED) as fleet,
+    ):
+
+        def flown_s() -> float:
+            assert fleet.problem is None
+            items = get(service, "/v1/vehicles")["items"]
+            return (
+                min([v["last_sample_time_s"] or 0.0 for v in items], default=0.0) if len(items) == 3 else 0.0
+            )
+
+        until(lambda: flown_s() >= end_s)
+        alerts = {alert["vehicle"]: alert for alert in get(service, "/v1/alerts")["items"]}
+        vehicles = {v["vehicle"]: v for v in get(service, "/v1/vehicles")["items"]}
+    assert set(alerts) == set(EXPECTED)
+    for name, alert in alerts.items():
+        assert (alert["kind"], alert["cause"]) == EXPECTED[name]
+        assert ONSETS_S[name] < alert["raised_s"] <= ONSETS_S[name] + ALERT_WITHIN_S
+        assert alert["size"]["standard_error"] > 0.0
+        assert alert["evidence"]
+    assert vehicles["healthy"]["active_alerts"] == []
+    assert "messages_lost" not in vehicles["healthy"]["counts"]
