@@ -161,14 +161,13 @@ def _evidence(judge: Judge, verdict: Verdict, condition: FlightCondition) -> tup
         for k, symbol in enumerate(coordinates.structure.derivatives):
             if not seen[k]:
                 continue
-            rows.append(
-                EvidenceView(
-                    symbol,
-                    float(scale[k] * value[k] + offset[k]),
-                    float(abs(scale[k]) * error[k]),
-                    float(scale[k] * change.mean[k] + offset[k]),
-                    float(abs(scale[k]) * before[k]),
-                    float(z[k] * np.sign(scale[k])),
-                )  # fmt: skip
+            evidence = EvidenceView(
+                symbol,
+                float(scale[k] * value[k] + offset[k]),
+                float(abs(scale[k]) * error[k]),
+                float(scale[k] * change.mean[k] + offset[k]),
+                float(abs(scale[k]) * before[k]),
+                float(z[k] * np.sign(scale[k])),
             )
+            rows.append(evidence)
     return tuple(sorted(rows, key=lambda row: -abs(row.z)))

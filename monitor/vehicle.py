@@ -29,6 +29,9 @@ from wingwatch.telemetry import Cleaner, SampleBlock, derivations
 __all__ = ["Report", "VehicleMonitor", "surface_kinds"]
 
 
+_CONDITION = ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad")
+
+
 def surface_kinds(given: Sequence[str]) -> dict[str, str]:
     """``command`` for every surface whose position is not given and is taken from its command."""
     return {
@@ -267,29 +270,43 @@ class VehicleMonitor:
         return {
             "outcome": str(estimate.outcome),
             "reason": estimate.reason,
+            "condition": dict(zip(_CONDITION, estimate.condition, strict=True)),
             "derivatives": rows,
             "natural_frequency_rad_s": frequency,
             "damping_ratio": damping,
         }
 
     def worst(self) -> WorstDerivative | None:
-        """The derivative furthest from its expectation, among those that are observable."""
+        """The derivative furthest from its expectation, among those that are observable.
+
+        Both estimators must say so: of two that stand, the one nearer to the expectation speaks for the pair.
+        """
         solution, worst = self._memory.latest, None
         if solution is None:
             return None
         for s in self._compared:
-            for estimate in (solution.modes[s.name].fourier, solution.modes[s.name].ekf):
-                expected = self._expected_now(estimate)
-                if expected is None:
-                    continue
-                z = (estimate.value - expected.value) / np.hypot(
-                    estimate.standard_error, expected.standard_error
-                )
-                for k, symbol in enumerate(s.derivatives):
-                    stands = estimate.outcomes[k] in (Outcome.CONVERGED, Outcome.SETTLING)
-                    if stands and (worst is None or abs(z[k]) > abs(worst.z)):
-                        worst = WorstDerivative(estimate.estimator, s.name, symbol, float(z[k]))
+            mode = solution.modes[s.name]
+            for voices in zip(*(self._distances(e) for e in (mode.fourier, mode.ekf)), strict=True):
+                standing = [v for v in voices if v is not None]
+                if standing:
+                    mildest = min(standing, key=lambda v: abs(v.z))
+                    if worst is None or abs(mildest.z) > abs(worst.z):
+                        worst = mildest
         return worst
+
+    def _distances(self, estimate: Estimate) -> list[WorstDerivative | None]:
+        """Each derivative's distance from its expectation; None where either is missing."""
+        expected, symbols = self._expected_now(estimate), estimate.structure.derivatives
+        if expected is None:
+            return [None] * len(symbols)
+        z = (estimate.value - expected.value) / np.hypot(estimate.standard_error, expected.standard_error)
+        stands = [o in (Outcome.CONVERGED, Outcome.SETTLING) for o in estimate.outcomes]
+        return [
+            WorstDerivative(estimate.estimator, estimate.structure.name, symbol, float(z[k]))
+            if stands[k]
+            else None
+            for k, symbol in enumerate(symbols)
+        ]
 
     @property
     def reason(self) -> str:

@@ -1,0 +1,143 @@
+"""The comparison's algebra against direct formulas that invert what may be inverted."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.stats import multivariate_normal
+
+from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, load_aircraft
+from wingwatch.monitor.comparison import (
+    Change,
+    Coordinates,
+    blurred,
+    change_since,
+    log_bayes_any,
+    log_bayes_direction,
+)
+
+CONDITION = FlightCondition(25.0, 1000.0, angle_of_attack_rad=0.05)
+
+
+def _spd(rng: np.random.Generator, k: int) -> np.ndarray:
+    root = rng.normal(size=(k, k))
+    return np.asarray(root @ root.T + np.eye(k))
+
+
+def _change(rng: np.random.Generator, k: int = 4) -> Change:
+    information = _spd(rng, k)
+    return change_since(
+        rng.normal(size=k),
+        np.linalg.inv(_spd(rng, k)),
+        information,
+        rng.normal(size=k),
+        0.1 * _spd(rng, k),
+        np.ones(k),
+    )
+
+
+@given(seed=st.integers(0, 10_000))
+def test_change_equals_the_formula_with_inverses(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mean, covariance, information = rng.normal(size=4), _spd(rng, 4), _spd(rng, 4)
+    vector, extra = rng.normal(size=4), 0.1 * _spd(rng, 4)
+    found = change_since(mean, covariance, information, vector, extra, np.ones(4))
+    weight = np.linalg.inv(np.linalg.inv(information) + covariance + extra)
+    difference = np.linalg.solve(information, vector) - mean
+    np.testing.assert_allclose(found.weight, weight, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.pull, weight @ difference, rtol=1e-6, atol=1e-8)
+
+
+def test_a_block_that_saw_nothing_says_nothing() -> None:
+    nothing = np.zeros((3, 3))
+    found = change_since(np.ones(3), np.eye(3), nothing, np.zeros(3), np.eye(3), np.ones(3))
+    assert np.all(found.weight == 0.0)
+    assert np.all(found.pull == 0.0)
+    assert log_bayes_any(found, np.ones(3)) == 0.0
+    factor, size, _ = log_bayes_direction(*found.along(np.ones(3)), 0.3)
+    assert factor == pytest.approx(0.0, abs=1e-12)
+    assert size == 0.0
+
+
+@given(pull=st.floats(-30.0, 30.0), weight=st.floats(0.01, 500.0), std=st.floats(0.05, 1.0))
+def test_directed_factor_is_the_integral_over_the_half_normal_prior(
+    pull: float, weight: float, std: float
+) -> None:
+    # a normal density times a constant: taken out of the exponent at its peak, integrated piecewise around it
+    width = (weight + std**-2) ** -0.5
+    peak = max(pull * width**2, 0.0)
+    highest = peak * pull - 0.5 * (peak / width) ** 2
+
+    def integrand(size: float) -> float:
+        return float(np.exp(size * pull - 0.5 * (size / width) ** 2 - highest))
+
+    edges = np.unique(np.maximum(peak + width * np.arange(-9.0, 10.0, 1.5), 0.0))
+    integral = sum(quad(integrand, a, b)[0] for a, b in pairwise(edges.tolist()))
+    expected = highest + np.log(integral) + np.log(2.0 / (std * np.sqrt(2.0 * np.pi)))
+    assert log_bayes_direction(pull, weight, std)[0] == pytest.approx(expected, rel=1e-7, abs=1e-7)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_undirected_factor_is_a_ratio_of_normal_densities(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    change = _change(rng)
+    spread = rng.uniform(0.1, 2.0, size=4)
+    covariance = np.linalg.inv(change.weight)
+    difference = covariance @ change.pull
+    changed = multivariate_normal(np.zeros(4), covariance + np.diag(spread**2)).logpdf(difference)
+    same = multivariate_normal(np.zeros(4), covariance).logpdf(difference)
+    assert log_bayes_any(change, spread) == pytest.approx(changed - same, rel=1e-6, abs=1e-8)
+
+
+def test_a_bayes_factor_has_expectation_one_when_nothing_changed() -> None:
+    rng = np.random.default_rng(5)
+    n, weight, std = 200_000, 4.0, 0.5
+    pulls = rng.normal(size=n) * np.sqrt(weight)
+    factors = np.array([np.exp(log_bayes_direction(float(p), weight, std)[0]) for p in pulls[:20_000]])
+    # the factor's own variance under the null is finite here: weight * std^2 = 1 < 3
+    assert abs(factors.mean() - 1.0) < 4.0 * factors.std() / np.sqrt(factors.size)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_loosening_adds_variance(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    change = _change(rng)
+    spread = rng.uniform(0.0, 2.0, size=4)
+    loose = change.loosened(spread)
+    expected = np.linalg.inv(np.linalg.inv(change.weight) + np.diag(spread**2))
+    np.testing.assert_allclose(loose.weight, expected, rtol=1e-6, atol=1e-9)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_blurring_keeps_the_estimate_and_widens_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    information, vector, bias = _spd(rng, 4), rng.normal(size=4), rng.normal(size=4)
+    variance = rng.uniform(0.0, 1.0, size=4)
+    j, h, b = blurred(information, vector, bias, variance)
+    np.testing.assert_allclose(j, np.linalg.inv(np.linalg.inv(information) + np.diag(variance)), rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.solve(j, h), np.linalg.solve(information, vector), rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.solve(j, b), np.linalg.solve(information, bias), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["aerosonde", "jetstream31"])
+def test_coordinates_round_trip_and_carry_evidence(name: str) -> None:
+    aircraft = load_aircraft(name)
+    coordinates = Coordinates(SHORT_PERIOD, aircraft, (25.0, 1.1116))
+    rng = np.random.default_rng(3)
+    value, covariance = rng.normal(size=6) * 10.0, _spd(rng, 6)
+    scale, offset = coordinates.to_concise(CONDITION)
+    inside, spread = coordinates.from_concise(value, covariance, CONDITION)
+    np.testing.assert_allclose(scale * inside + offset, value, rtol=1e-12)
+    np.testing.assert_allclose(spread * np.outer(scale, scale), covariance, rtol=1e-12)
+    # evidence about referred derivatives gives the same estimate as converting that estimate
+    information = _spd(rng, 6)
+    referred = rng.normal(size=6)
+    j, h = coordinates.of_evidence(information, information @ referred, CONDITION)
+    slope = coordinates.slope(CONDITION)
+    assert np.allclose(j, information * np.outer(slope, slope))
+    shifted = np.linalg.solve(j, h)
+    zero = np.linalg.solve(j, coordinates.of_evidence(information, np.zeros(6), CONDITION)[1])
+    np.testing.assert_allclose(shifted - zero, referred / slope, rtol=1e-8)

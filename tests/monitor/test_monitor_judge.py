@@ -1,0 +1,168 @@
+"""The sequential test on blocks made by hand, whose truth is known exactly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition, load_aircraft
+from wingwatch.baselines import Expectation, apriori_envelope
+from wingwatch.monitor.causes import CAUSES
+from wingwatch.monitor.comparison import Coordinates
+from wingwatch.monitor.judge import BlockView, Judge, JudgeState, ModeBlock, Verdict
+
+AIRCRAFT = load_aircraft("aerosonde")
+CONDITION = FlightCondition(25.0, 1000.0, angle_of_attack_rad=0.05)
+STRUCTURES = {s.name: s for s in (SHORT_PERIOD, LATERAL)}
+
+
+class Bench:
+    """Makes blocks with a given truth and error, and feeds them to a judge."""
+
+    def __init__(
+        self, seed: int, *, error: float = 0.05, wrong_baseline: float = 0.0, founded: bool = False
+    ) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.error, self.time_s = error, 0.0
+        self.coordinates = {n: Coordinates(s, AIRCRAFT, (25.0, 1.1116)) for n, s in STRUCTURES.items()}
+        self.judge = Judge(self.coordinates)
+        self.state: JudgeState = self.judge.init({}, founded)
+        self.expected: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.truth: dict[str, np.ndarray] = {}
+        for name, structure in STRUCTURES.items():
+            found = apriori_envelope(AIRCRAFT, structure).lookup(CONDITION)
+            assert isinstance(found, Expectation)
+            c = self.coordinates[name]
+            self.truth[name], spread = c.from_concise(found.value, found.covariance, CONDITION)
+            spread = spread / 25.0 if founded else spread  # flights know five times better than a book
+            off = 1.0 + wrong_baseline * np.sign(self.rng.normal(size=self.truth[name].size))
+            self.expected[name] = (self.truth[name] * off, spread)
+
+    def change(self, cause: str, size: float) -> dict[str, np.ndarray]:
+        found = next(c for c in CAUSES if c.name == cause)
+        return {n: t + size * self.judge.direction(n, found, t, CONDITION) for n, t in self.truth.items()}
+
+    def feed(
+        self, truth: dict[str, np.ndarray], *, quiet: bool = False, onset_s: float | None = None
+    ) -> Verdict | None:
+        modes = {}
+        for name, value in truth.items():
+            k = value.size
+            sigma = self.error * np.maximum(np.abs(self.truth[name]), 0.02)
+            information = np.zeros((k, k)) if quiet else np.diag(sigma**-2.0)
+            estimate = value + self.rng.normal(size=k) * sigma
+            mean, spread = self.expected[name]
+            vector = information @ estimate
+            modes[name] = ModeBlock(
+                information, vector, np.zeros(k), mean, spread, value, information, vector, True
+            )
+        self.time_s += 10.0
+        return self.judge.consider(self.state, BlockView(self.time_s, CONDITION, modes), onset_s)
+
+
+def test_a_healthy_flight_stays_below_the_threshold() -> None:
+    bench = Bench(1)
+    verdicts = [bench.feed(bench.truth) for _ in range(120)]
+    highest = max(v.log_statistic for v in verdicts if v is not None)
+    assert highest < bench.judge.config.log_threshold
+
+
+def test_a_wrong_baseline_accuses_nobody_and_is_named() -> None:
+    bench = Bench(2, wrong_baseline=0.8)
+    verdicts = [bench.feed(bench.truth) for _ in range(40)]
+    assert max(v.log_statistic for v in verdicts if v is not None) < bench.judge.config.log_threshold
+    assert "short_period" in bench.state.contradictions
+    assert bench.state.contradictions["short_period"]
+
+
+def test_a_founded_baseline_accuses_from_the_first_block() -> None:
+    bench = Bench(3, founded=True)
+    verdict = None
+    for _ in range(4):
+        verdict = bench.feed(bench.change("elevator_effectiveness", 0.6))
+    assert verdict is not None
+    assert verdict.cause.name == "elevator_effectiveness"
+    assert verdict.log_statistic > bench.judge.config.log_threshold
+
+
+@pytest.mark.parametrize(
+    ("cause", "size"),
+    [
+        ("icing", 0.1),
+        ("elevator_effectiveness", 0.4),
+        ("aileron_effectiveness", 0.4),
+        ("rudder_effectiveness", 0.4),
+    ],
+)
+def test_each_cause_is_named_with_its_size_and_onset(cause: str, size: float) -> None:
+    bench = Bench(4)
+    for _ in range(8):
+        bench.feed(bench.truth)
+    verdict = None
+    for _ in range(4):
+        verdict = bench.feed(bench.change(cause, size))
+    assert verdict is not None
+    assert verdict.log_statistic > bench.judge.config.log_threshold
+    assert verdict.cause.name == cause
+    assert verdict.probability > 0.9
+    assert verdict.confirmed
+    assert verdict.onset_s == pytest.approx(80.0, abs=10.1)
+    assert abs(verdict.size - size) < 3.0 * verdict.size_standard_error + 0.1 * size
+
+
+def test_a_change_in_no_pattern_is_called_unknown() -> None:
+    bench = Bench(5)
+    for _ in range(8):
+        bench.feed(bench.truth)
+    odd = {n: t.copy() for n, t in bench.truth.items()}
+    odd["short_period"][4] *= 0.3  # pitch damping alone
+    odd["lateral"][6] *= 1.6  # and roll damping the other way
+    verdict = None
+    for _ in range(4):
+        verdict = bench.feed(odd)
+    assert verdict is not None
+    assert verdict.cause.name == "unknown"
+
+
+def test_quiet_blocks_neither_accuse_nor_acquit() -> None:
+    bench = Bench(6)
+    for _ in range(6):
+        bench.feed(bench.truth)
+    before = bench.feed(bench.change("elevator_effectiveness", 0.5))
+    later = None
+    for _ in range(5):
+        later = bench.feed(bench.truth, quiet=True)
+    assert before is not None
+    assert later is not None
+    assert later.cause.name == before.cause.name
+    # each quiet block adds one more possible onset, with a factor of one
+    assert later.log_statistic == pytest.approx(before.log_statistic, abs=1e-3)
+
+
+def test_old_blocks_teach_the_reference_but_not_those_after_an_alarm() -> None:
+    bench = Bench(7)
+    for _ in range(bench.judge.config.remembered_blocks + 5):
+        bench.feed(bench.truth)
+    learned = bench.state.references["short_period"].blocks
+    assert learned == 5
+    onset_s = bench.time_s
+    for _ in range(bench.judge.config.remembered_blocks + 10):
+        bench.feed(bench.change("elevator_effectiveness", 0.5), onset_s=onset_s)
+    kept = bench.state.references["short_period"].blocks
+    assert kept == learned + bench.judge.config.remembered_blocks
+
+
+def test_the_second_voice_must_move_the_same_way() -> None:
+    bench = Bench(8)
+    for _ in range(6):
+        bench.feed(bench.truth)
+    changed = bench.change("elevator_effectiveness", 0.6)
+    verdict = bench.feed(changed)
+    assert verdict is not None
+    assert verdict.confirmed
+    last = bench.state.blocks[-1]
+    still = {n: replace(m, ekf_vector=m.information @ bench.truth[n]) for n, m in last.modes.items()}
+    bench.state.blocks[-1] = BlockView(last.end_s, last.condition, still)
+    again = bench.judge._verdict(bench.state)
+    assert again is not None
+    assert not again.confirmed
