@@ -7,7 +7,7 @@ import numpy as np
 
 from wingwatch.aircraft import FlightCondition
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
-from wingwatch.monitor.judge import Judge, JudgeState, Verdict
+from wingwatch.monitor.judge import Judge, JudgeState, Verdict, largest_change
 from wingwatch.monitor.views import AlertAction, AlertState, AlertView, EvidenceView
 
 __all__ = ["AlertBook", "act"]
@@ -47,7 +47,7 @@ class AlertBook:
         if verdict.log_statistic < judge.config.log_threshold:
             self.waited = 0
             return None
-        self.waited += 1
+        self.waited += state.blocks[-1].informative
         clear = verdict.cause is not UNEXPLAINED and verdict.probability >= judge.config.cause_probability
         if not verdict.confirmed or not (clear or self.waited >= judge.config.patience_blocks):
             return None
@@ -55,12 +55,16 @@ class AlertBook:
 
     def dismiss(self) -> None:
         """Someone has cleared the alert in force; a change that persists will be raised again."""
-        self.active, self.onset_s, self.waited = None, None, 0
+        self.active, self.onset_s, self.waited, self.doubts = None, None, 0, 0
 
     def _raise(
         self, judge: Judge, verdict: Verdict, condition: FlightCondition, time_s: float, basis: str, clear: bool
     ) -> AlertView:  # fmt: skip
-        cause = verdict.cause if clear else UNEXPLAINED
+        cause = verdict.cause
+        if not clear:
+            cause = UNEXPLAINED
+            size, error = largest_change(verdict.changes)
+            verdict = replace(verdict, size=size, size_standard_error=error, probability=verdict.unexplained)
         self.onset_s = verdict.onset_s
         self.active = AlertView(
             id=self.new_id(), fleet=self.fleet, vehicle=self.vehicle, kind=cause.kind, cause=cause.name,
@@ -77,6 +81,7 @@ class AlertBook:
         if alert is None or self.onset_s is None:
             return None
         if self._gone(judge, state, condition):
+            judge.forget_change(state, self.onset_s, CLEAR_BLOCKS)
             self.dismiss()
             return replace(alert, state=AlertState.CLEARED, cleared_s=time_s)
         if verdict.log_statistic < judge.config.log_threshold or verdict.onset_s < self.onset_s - 60.0:
@@ -85,7 +90,7 @@ class AlertBook:
         self.doubts = self.doubts + 1 if other and verdict.probability > 0.99 else 0
         if other and self.doubts < 2:
             return None
-        cause = verdict.cause
+        cause, self.doubts = verdict.cause, 0
         note = (*alert.note, f"wingwatch: cause {alert.cause} became {cause.name}") if other else alert.note
         self.active = replace(
             alert, kind=cause.kind, cause=cause.name, level=cause.level(verdict.size), size=verdict.size,

@@ -30,7 +30,7 @@ from wingwatch.monitor.comparison import (
     natural_size,
 )
 
-__all__ = ["BlockView", "Judge", "JudgeConfig", "JudgeState", "ModeBlock", "Verdict"]
+__all__ = ["BlockView", "Judge", "JudgeConfig", "JudgeState", "ModeBlock", "Verdict", "largest_change"]
 
 Array = NDArray[np.float64]
 
@@ -106,6 +106,11 @@ class BlockView:
     condition: FlightCondition
     modes: Mapping[str, ModeBlock]
 
+    @property
+    def informative(self) -> bool:
+        """Whether anything was excited."""
+        return any(np.trace(m.information) > 0.0 for m in self.modes.values())
+
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
@@ -113,7 +118,8 @@ class Verdict:
 
     Attributes:
         log_statistic: log of the Shiryaev-Roberts statistic.
-        cause: likeliest cause; probability: among all causes, given that something changed.
+        cause: likeliest cause; probability: among all causes, given that something changed; unexplained: the
+            probability of a change in no known pattern.
         onset: index of the first changed block among those remembered; onset_s: end of the block before it.
         size, size_standard_error: of the cause.
         changes: per structure, the change since the onset.
@@ -123,6 +129,7 @@ class Verdict:
     log_statistic: float
     cause: Cause
     probability: float
+    unexplained: float
     onset: int
     onset_s: float
     size: float
@@ -193,7 +200,7 @@ class Judge:
             alarmed_onset_s: onset of the alert in force: later blocks never join the reference.
         """
         state.blocks.append(block)
-        if any(np.trace(m.information) > 0.0 for m in block.modes.values()):
+        if block.informative:
             state.informative += 1
         verdict = self._verdict(state)
         if len(state.blocks) > self.config.remembered_blocks:
@@ -287,19 +294,23 @@ class Judge:
 
         The reference is what came before ``onset_s``. None while there are not yet that many blocks since.
         """
-        after = [
-            k
-            for k, b in enumerate(state.blocks)
-            if b.end_s > onset_s and any(np.trace(m.information) > 0.0 for m in b.modes.values())
-        ]
+        after = _informative_since(state, onset_s)
         if len(after) <= blocks:
             return None
         found = {name: self._change(state, name, after[-blocks], after[0]) for name in self.coordinates}
         known = {name: change for name, change in found.items() if change is not None}
         if cause is UNEXPLAINED:
-            size, error = _largest(known)
+            size, error = largest_change(known)
             return self._anything(known), size, error
         return self._directed(known, cause, condition)
+
+    def forget_change(self, state: JudgeState, onset_s: float, blocks: int) -> None:
+        """A change is over: its blocks leave, so they neither accuse again nor teach the reference.
+
+        What came before ``onset_s`` stays, and from the latest ``blocks`` informative ones on, which agree with it.
+        """
+        resumed = _informative_since(state, onset_s)[-blocks]
+        state.blocks[:] = [b for k, b in enumerate(state.blocks) if b.end_s <= onset_s or k >= resumed]
 
     def _verdict(self, state: JudgeState) -> Verdict | None:
         first = 0 if state.founded else 1
@@ -329,12 +340,12 @@ class Judge:
         size, error = sizes[best, column]
         cause = hypotheses[best]
         if cause is UNEXPLAINED:
-            size, error = _largest(changes[column])
+            size, error = largest_change(changes[column])
         earlier = state.blocks[onset - 1].end_s if onset else state.blocks[0].end_s - self.config.block_s
         confirmed = self._confirmed(state, changes[column], cause, onset, float(size), condition)
         return Verdict(
-            total, cause, float(np.exp(by_cause[best] - total)), onset, earlier, float(size), float(error),
-            changes[column], confirmed,
+            total, cause, float(np.exp(by_cause[best] - total)), float(np.exp(by_cause[-1] - total)), onset, earlier,
+            float(size), float(error), changes[column], confirmed,
         )  # fmt: skip
 
     def direction(self, name: str, cause: Cause, mean: Array, condition: FlightCondition) -> Array:
@@ -410,7 +421,12 @@ class Judge:
         return weight <= 0.0 or pull / weight >= 0.5 * size
 
 
-def _largest(changes: Mapping[str, Change]) -> tuple[float, float]:
+def _informative_since(state: JudgeState, onset_s: float) -> list[int]:
+    """Indices of the remembered blocks since an onset in which anything was excited."""
+    return [k for k, b in enumerate(state.blocks) if b.end_s > onset_s and b.informative]
+
+
+def largest_change(changes: Mapping[str, Change]) -> tuple[float, float]:
     """Largest relative change of a single derivative that is seen at all, with its standard error."""
     best = (0.0, 0.0, 0.0)
     for change in changes.values():
