@@ -241,11 +241,13 @@ class FleetMonitor:
             kept = self._guarded(lambda: store.envelopes(aircraft, configuration))
         # What the message carries counts, not what its few samples happen to hold: a vane may start late.
         present = [*message.given, *derivations(message.given)]
-        return VehicleMonitor(
+        monitor = VehicleMonitor(
             aircraft, fleet, vehicle, present, surface_kinds(message.given),
             configuration=announced.configuration, references=learned, envelopes=kept, new_id=self._new_id,
             config=self._settings.judge,
         )  # fmt: skip
+        known.saved_blocks = _blocks(monitor)
+        return monitor
 
     # -- what it leads to ----------------------------------------------------------------------
 
@@ -301,7 +303,7 @@ class FleetMonitor:
             rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]
         if rows:
             self._guarded(lambda: store.append_estimates(rows))
-        learned = sum(r.blocks for r in monitor.references.values())
+        learned = _blocks(monitor)
         if learned > known.saved_blocks:
             known.saved_blocks = learned
             name, configuration = monitor.aircraft.name, monitor.configuration
@@ -437,3 +439,8 @@ class FleetMonitor:
             if after >= self._event_id:
                 return []
             return [e for e in self._events if e.id > after]
+
+
+def _blocks(monitor: VehicleMonitor) -> int:
+    """Blocks that a vehicle's references rest on; one more means there is something new to keep."""
+    return sum(r.blocks for r in monitor.references.values())

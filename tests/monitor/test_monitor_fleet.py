@@ -1,0 +1,478 @@
+"""The live loop with a clock, a store and outputs made by hand, and messages as a vehicle would send them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
+from wingwatch.baselines import Envelope, EstimateRecord, Reference
+from wingwatch.monitor import (
+    AlertAction,
+    AlertState,
+    AlertView,
+    FleetMonitor,
+    FleetSettings,
+    JudgeConfig,
+    VehicleState,
+    VehicleView,
+)
+from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
+from wingwatch.telemetry import (
+    JSON,
+    PROTOBUF,
+    AircraftMessage,
+    MessageLimits,
+    SampleBlock,
+    encode_aircraft,
+    encode_sensors,
+)
+
+AEROSONDE = load_aircraft("aerosonde")
+TWIN = AEROSONDE.model_copy(update={"name": "twin"})
+HANGAR = {"aerosonde": AEROSONDE, "twin": TWIN}
+PIECE = 50
+"""Samples a message: one second."""
+
+OLD_ALERT = AlertView(
+    id="old", fleet="default", vehicle="gone", kind="icing", cause="icing", level="watch",
+    state=AlertState.ACTIVE, raised_s=10.0, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.95,
+    basis="a-priori", text="Icing.", evidence=(),
+)  # fmt: skip
+
+
+def find(name: str) -> Aircraft:
+    if name not in HANGAR:
+        raise ValueError(f"aircraft {name} is not known; known are {', '.join(HANGAR)}")
+    return HANGAR[name]
+
+
+@dataclass
+class Clock:
+    now_s: float = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@dataclass
+class FakeStore:
+    """Remembers what it is given; with ``broken`` every call fails as a locked database would."""
+
+    broken: bool = False
+    earlier: Sequence[AlertView] = ()
+    asked: list[tuple[str, str]] = field(default_factory=list)
+    learned: list[tuple[str, int]] = field(default_factory=list)
+    alerts_kept: list[AlertView] = field(default_factory=list)
+    rows: list[EstimateRecord] = field(default_factory=list)
+
+    def _fail(self) -> None:
+        if self.broken:
+            raise OSError("database is locked")
+
+    def references(
+        self, fleet: str, vehicle: str, aircraft: str, configuration: str
+    ) -> Mapping[str, Reference]:
+        self._fail()
+        self.asked.append((aircraft, configuration))
+        return {}
+
+    def envelopes(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
+        self._fail()
+        return {}
+
+    def save_references(
+        self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
+    ) -> None:
+        self._fail()
+        self.learned.append((aircraft, max(r.blocks for r in references.values())))
+
+    def save_alert(self, alert: AlertView) -> None:
+        self._fail()
+        self.alerts_kept.append(alert)
+
+    def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
+        self._fail()
+        self.rows.extend(rows)
+
+    def alerts(self) -> Sequence[AlertView]:
+        self._fail()
+        return self.earlier
+
+
+@dataclass
+class FakeOutputs:
+    """Keeps what was announced and who was asked."""
+
+    said: list[tuple[str, Any]] = field(default_factory=list)
+    asked: list[tuple[str, str]] = field(default_factory=list)
+
+    def announce(
+        self, fleet: str, vehicle: str, stream: str, value: Mapping[str, Any] | VehicleView | AlertView
+    ) -> None:
+        self.said.append((stream, value))
+
+    def ask_aircraft(self, fleet: str, vehicle: str) -> None:
+        self.asked.append((fleet, vehicle))
+
+    def states(self) -> list[VehicleState]:
+        return [v.state for stream, v in self.said if stream == "status"]
+
+
+class Hall:
+    """A fleet monitor with everything around it."""
+
+    def __init__(self, settings: FleetSettings | None = None, store: FakeStore | None = None) -> None:
+        self.clock, self.outputs = Clock(), FakeOutputs()
+        self.store = store or FakeStore()
+        ids = count(1)
+        self.fleet = FleetMonitor(
+            find, self.clock, lambda: f"a{next(ids)}", self.store, self.outputs, settings
+        )
+        self.sequence = count()
+
+    def announce(self, vehicle: str = "uav", aircraft: str = "aerosonde", **rest: Any) -> None:
+        message = AircraftMessage(aircraft=aircraft, **rest)
+        self.fleet.receive("default", vehicle, "aircraft", encode_aircraft(message), PROTOBUF)
+
+    def sample(
+        self, block: SampleBlock, sequence: int, vehicle: str = "uav", encoding: str = PROTOBUF
+    ) -> None:
+        payload = encode_sensors(sequence, block, encoding)
+        self.fleet.receive("default", vehicle, "sensors", payload, encoding)
+
+    def raw(self, payload: bytes, encoding: str = JSON, stream: str = "sensors") -> None:
+        self.fleet.receive("default", "uav", stream, payload, encoding)
+
+    def fly(self, flight: SampleBlock, from_s: int, to_s: int) -> None:
+        """Whole seconds of a flight, a message each, with running numbers."""
+        for k in range(from_s, to_s):
+            self.sample(second(flight, k), next(self.sequence))
+
+    def view(self, vehicle: str = "uav") -> VehicleView:
+        return next(v for v in self.fleet.vehicles() if v.vehicle == vehicle)
+
+    def derivatives(self) -> Mapping[str, Any]:
+        found = self.fleet.derivatives("default", "uav")
+        assert found is not None
+        return found
+
+
+def second(flight: SampleBlock, k: int) -> SampleBlock:
+    return SampleBlock(flight.values[k * PIECE : (k + 1) * PIECE])
+
+
+def _flight(seconds: float, *effects: ElevatorEffectiveness) -> SampleBlock:
+    schedule = doublet_schedule(AEROSONDE, FlightCondition(25.0, 1000.0), np.deg2rad(2.0))
+    return simulate(Scenario(AEROSONDE, manoeuvres=(schedule,), effects=effects, seed=3), seconds)
+
+
+@pytest.fixture(scope="module")
+def flight() -> SampleBlock:
+    return _flight(100.0)
+
+
+@pytest.fixture(scope="module")
+def damaged() -> SampleBlock:
+    return _flight(110.0, ElevatorEffectiveness(0.6, 60.0))
+
+
+@pytest.fixture
+def hall() -> Hall:
+    return Hall()
+
+
+# -- who is it ------------------------------------------------------------------------------------
+
+
+def test_a_vehicle_nobody_announced_is_counted_and_asked_for(hall: Hall, flight: SampleBlock) -> None:
+    hall.fly(flight, 0, 2)
+    view = hall.view()
+    assert view.state is VehicleState.UNKNOWN
+    assert view.counts == {"unannounced": 2 * PIECE}
+    assert "has not said what aircraft" in view.reason
+    assert hall.outputs.asked == [("default", "uav")]  # twice within the interval: asked once
+    hall.clock.now_s += FleetSettings().ask_interval_s
+    hall.fly(flight, 2, 4)
+    assert len(hall.outputs.asked) == 2
+    hall.announce()
+    hall.clock.now_s += 10.0
+    hall.fly(flight, 4, 6)
+    assert len(hall.outputs.asked) == 2
+    assert hall.view().counts["accepted"] == 2 * PIECE
+    assert hall.view().aircraft == "aerosonde"
+
+
+def test_an_unknown_aircraft_is_named_in_the_reason(hall: Hall, flight: SampleBlock) -> None:
+    hall.announce(aircraft="concorde")
+    hall.fly(flight, 0, 1)
+    view = hall.view()
+    assert view.state is VehicleState.UNKNOWN
+    assert view.reason == "aircraft concorde is not known; known are aerosonde, twin"
+    assert view.counts["unknown_aircraft"] >= PIECE
+    assert hall.outputs.asked == []  # it has said what it is
+    hall.announce()
+    hall.fly(flight, 1, 2)
+    assert hall.view().counts["accepted"] == PIECE
+
+
+def test_a_configuration_without_expectation_is_said_and_does_not_raise(
+    hall: Hall, flight: SampleBlock
+) -> None:
+    hall.announce(configuration="flaps")
+    hall.fly(flight, 0, 3)
+    view = hall.view()
+    assert view.state is VehicleState.NOT_OBSERVABLE
+    assert view.basis is None
+    assert "'flaps'" in view.basis_text
+
+
+def test_an_aircraft_message_repeated_changes_nothing(flight: SampleBlock) -> None:
+    once, often = Hall(), Hall()
+    for hall in (once, often):
+        hall.announce()
+        hall.fly(flight, 0, 6)
+    often.announce()
+    assert often.derivatives() == once.derivatives()
+    assert often.derivatives()["time_s"] > 5.0
+    once.fly(flight, 6, 12)
+    often.fly(flight, 6, 12)
+    assert often.derivatives() == once.derivatives()
+    assert often.store.asked == [("aerosonde", "clean")]
+
+
+def test_another_configuration_starts_a_new_monitor(hall: Hall, flight: SampleBlock) -> None:
+    hall.announce()
+    hall.fly(flight, 0, 12)
+    assert set(hall.derivatives()["estimators"]["fourier"]) >= {"short_period"}
+    hall.announce(configuration="iced-wing-test")
+    assert hall.derivatives()["estimators"] == {}  # nothing of the old one is shown for the new
+    hall.announce()
+    hall.fly(flight, 12, 13)
+    assert hall.view().counts["accepted"] == PIECE
+    assert "less than two seconds" in hall.view().reason
+
+
+def test_each_monitor_of_a_vehicle_keeps_what_it_learned(flight: SampleBlock) -> None:
+    hall = Hall(FleetSettings(judge=JudgeConfig(remembered_blocks=2)))
+    hall.announce()
+    hall.fly(flight, 0, 62)
+    first = max(blocks for name, blocks in hall.store.learned if name == "aerosonde")
+    hall.announce(aircraft="twin")
+    hall.fly(flight, 62, 100)
+    second_aircraft = [blocks for name, blocks in hall.store.learned if name == "twin"]
+    assert second_aircraft
+    assert second_aircraft[0] < first  # fewer than the first had, and kept all the same
+
+
+def test_a_flood_of_names_is_bounded(flight: SampleBlock) -> None:
+    hall = Hall(FleetSettings(max_vehicles=3))
+    for k in range(10):
+        hall.sample(second(flight, 0), 0, vehicle=f"uav{k}")
+    assert [v.vehicle for v in hall.fleet.vehicles()] == ["uav0", "uav1", "uav2"]
+    assert hall.fleet.problems == {"too_many_vehicles": 7}
+    assert hall.fleet.derivatives("default", "uav9") is None
+
+
+# -- what messages may hold -----------------------------------------------------------------------
+
+
+def test_bad_messages_are_counted_by_reason_and_the_rest_goes_on(flight: SampleBlock) -> None:
+    clean, pestered = Hall(), Hall()
+    for hall in (clean, pestered):
+        hall.announce()
+        hall.fly(flight, 0, 6)
+    pestered.raw(b"{")
+    pestered.raw(b"\xff\xff\xff", PROTOBUF)
+    pestered.raw(b'{"sequence": 6, "columns": {"time_s": [6.0], "moon_phase": [0.5]}}')
+    pestered.raw(b" " * (MessageLimits().max_bytes + 1))
+    pestered.raw(b'{"aircraft": "no/path"}', stream="aircraft")
+    for hall in (clean, pestered):
+        hall.fly(flight, 6, 12)
+    assert pestered.derivatives() == clean.derivatives()
+    expected = {
+        "message_malformed": 2,
+        "message_unknown_column": 1,
+        "message_too_large": 1,
+        "message_bad_value": 1,
+    }
+    counts = pestered.view().counts
+    assert {k: n for k, n in counts.items() if k.startswith("message_")} == expected
+    assert {k: n for k, n in counts.items() if k not in expected} == clean.view().counts
+
+
+def test_json_and_protobuf_lead_to_the_same(flight: SampleBlock) -> None:
+    one, other = Hall(), Hall()
+    for hall, encoding in ((one, PROTOBUF), (other, JSON)):
+        hall.announce()
+        for k in range(6):
+            hall.sample(second(flight, k), k, encoding=encoding)
+    assert one.derivatives() == other.derivatives()
+
+
+def test_gaps_in_the_numbering_are_losses_and_a_restart_is_none(hall: Hall, flight: SampleBlock) -> None:
+    hall.announce()
+    hall.sample(second(flight, 0), 0)
+    hall.sample(second(flight, 1), 1)
+    assert "messages_lost" not in hall.view().counts
+    hall.sample(second(flight, 4), 4)
+    assert hall.view().counts["messages_lost"] == 2
+    hall.sample(second(flight, 5), 0)  # the publisher was started again
+    hall.sample(second(flight, 6), 1)
+    assert hall.view().counts["messages_lost"] == 2
+    hall.sample(second(flight, 8), 3)
+    assert hall.view().counts["messages_lost"] == 3
+
+
+# -- memory ----------------------------------------------------------------------------------------
+
+
+def test_a_failing_store_is_counted_and_watching_goes_on(damaged: SampleBlock) -> None:
+    sound, broken = Hall(), Hall(store=FakeStore(broken=True))
+    assert broken.fleet.problems == {"store": 1}  # alerts of earlier runs
+    for hall in (sound, broken):
+        hall.announce()
+        hall.fly(damaged, 0, 110)
+    assert broken.derivatives() == sound.derivatives()
+    assert [a.cause for a in broken.fleet.alerts()] == [a.cause for a in sound.fleet.alerts()]
+    assert broken.fleet.alerts()
+    # references and envelopes once, then history every second and the alert
+    assert broken.fleet.problems["store"] > 100
+    said = [e.data["text"] for e in broken.fleet.events(0) if e.kind == "problem"]
+    assert set(said) == {"database is locked"}
+    assert sound.fleet.problems == {}
+
+
+def test_history_is_kept_at_its_interval(flight: SampleBlock) -> None:
+    hall = Hall(FleetSettings(history_interval_s=2.0))
+    hall.announce()
+    hall.fly(flight, 0, 20)
+    times = sorted({r.time_s for r in hall.store.rows})
+    assert np.all(np.diff(times) >= 2.0 - 1e-6)
+    assert len(times) == pytest.approx(20.0 / 2.0, abs=1)
+    assert {r.estimator for r in hall.store.rows} == {"fourier", "ekf"}
+
+
+# -- time ------------------------------------------------------------------------------------------
+
+
+def test_a_silent_vehicle_is_stale_and_comes_back(hall: Hall, flight: SampleBlock) -> None:
+    hall.announce()
+    hall.fly(flight, 0, 12)
+    before = hall.view().state
+    assert before in (VehicleState.HEALTHY, VehicleState.NOT_OBSERVABLE)
+    hall.clock.now_s += FleetSettings().stale_s
+    hall.fleet.tick()
+    assert hall.view().state is before  # not yet
+    hall.clock.now_s += 0.1
+    hall.fleet.tick()
+    assert hall.outputs.states()[-1] is VehicleState.STALE
+    assert hall.view().state is VehicleState.STALE
+    assert hall.view().reason == "no samples are arriving"
+    hall.fly(flight, 12, 13)
+    assert hall.view().state is not VehicleState.STALE
+    assert hall.outputs.states()[-1] is hall.view().state
+    stated = [e.data["state"] for e in hall.fleet.events(0) if e.kind == "status"]
+    assert stated[-2:] == ["stale", str(hall.view().state)]
+
+
+def test_an_unchanged_status_is_repeated_at_its_interval(hall: Hall, flight: SampleBlock) -> None:
+    hall.announce()
+    hall.fly(flight, 0, 3)
+    hall.fleet.tick()
+    said = len(hall.outputs.states())
+    hall.fleet.tick()
+    assert len(hall.outputs.states()) == said
+    hall.clock.now_s += FleetSettings().status_interval_s
+    hall.fleet.tick()
+    assert len(hall.outputs.states()) == said + 1
+
+
+def test_the_worst_vehicle_comes_first(hall: Hall, flight: SampleBlock) -> None:
+    hall.announce("a-quiet-one")
+    hall.announce("uav")
+    hall.sample(second(flight, 0), 0)
+    assert [v.vehicle for v in hall.fleet.vehicles()] == ["a-quiet-one", "uav"]
+    hall.sample(second(flight, 0), 0, vehicle="a-quiet-one")
+    hall.clock.now_s += 6.0
+    hall.sample(second(flight, 1), 1, vehicle="a-quiet-one")
+    assert [v.state for v in hall.fleet.vehicles()] == [VehicleState.STALE, VehicleState.NOT_OBSERVABLE]
+    assert hall.fleet.vehicles()[0].vehicle == "uav"
+
+
+# -- events ----------------------------------------------------------------------------------------
+
+
+def test_events_grow_and_are_bounded(flight: SampleBlock) -> None:
+    hall = Hall(FleetSettings(kept_events=5))
+    hall.announce()
+    hall.fly(flight, 0, 12)
+    kept = hall.fleet.events(0)
+    ids = [e.id for e in kept]
+    assert len(ids) == 5
+    assert ids == list(range(ids[0], ids[0] + 5))
+    assert ids[0] > 1
+    assert [e.id for e in hall.fleet.events(ids[2])] == ids[3:]
+    assert hall.fleet.events(ids[-1]) == []
+    assert hall.fleet.events(ids[-1] + 1000) == []
+    hall.fly(flight, 12, 14)
+    assert [e.id for e in hall.fleet.events(ids[-1])] == [ids[-1] + 1, ids[-1] + 2]
+
+
+# -- alerts ----------------------------------------------------------------------------------------
+
+
+def test_an_alert_is_kept_announced_and_obeys_people(damaged: SampleBlock) -> None:
+    hall = Hall()
+    hall.announce()
+    hall.fly(damaged, 0, 108)
+    (alert,) = hall.fleet.alerts()
+    assert (alert.cause, alert.state) == ("elevator_effectiveness", AlertState.ACTIVE)
+    assert hall.view().state is VehicleState.DEGRADED
+    assert hall.view().active_alerts == (alert.id,)
+    assert hall.store.alerts_kept[-1] == alert
+    assert [v.id for stream, v in hall.outputs.said if stream == "alerts"][-1] == alert.id
+    assert hall.outputs.states()[-1] is VehicleState.DEGRADED
+
+    acknowledged = hall.fleet.act_on_alert(alert.id, AlertAction.ACKNOWLEDGE, "ann", "seen")
+    assert acknowledged is not None
+    assert acknowledged.state is AlertState.ACKNOWLEDGED
+    hall.fly(damaged, 108, 110)
+    assert hall.fleet.alerts()[0].state is AlertState.ACKNOWLEDGED  # samples do not undo it
+    cleared = hall.fleet.act_on_alert(alert.id, AlertAction.CLEAR, "bob", "repaired")
+    assert cleared is not None
+    assert cleared.cleared_s == pytest.approx(110.0 - 0.02)
+    assert cleared.note == ("ann: acknowledge (seen)", "bob: clear (repaired)")
+    assert hall.view().active_alerts == ()
+    assert hall.store.alerts_kept[-1] == cleared
+    assert hall.outputs.said[-1] == ("alerts", cleared)
+    assert hall.fleet.events(0)[-1].data["state"] == "cleared"
+
+
+def test_alerts_of_earlier_runs_can_be_shelved_and_cleared() -> None:
+    newer = replace(OLD_ALERT, id="newer")
+    hall = Hall(store=FakeStore(earlier=(newer, OLD_ALERT)))
+    assert [a.id for a in hall.fleet.alerts()] == ["newer", "old"]
+    act = hall.fleet.act_on_alert
+    for action, state in (
+        (AlertAction.SHELVE, AlertState.SHELVED),
+        (AlertAction.UNSHELVE, AlertState.ACTIVE),
+        (AlertAction.CLEAR, AlertState.CLEARED),
+    ):
+        changed = act("old", action, "ann", "")
+        assert changed is not None
+        assert changed.state is state
+        assert hall.store.alerts_kept[-1] == changed
+    assert [a.id for a in hall.fleet.alerts()] == ["newer", "old"]
+
+
+def test_nonsense_about_alerts_is_refused() -> None:
+    hall = Hall(store=FakeStore(earlier=(OLD_ALERT,)))
+    assert hall.fleet.act_on_alert("nobody", AlertAction.CLEAR, "ann", "") is None
+    with pytest.raises(ValueError, match="alert old is active; unshelve applies to alerts that are shelved"):
+        hall.fleet.act_on_alert("old", AlertAction.UNSHELVE, "ann", "")
+    assert hall.fleet.alerts() == [OLD_ALERT]
+    assert hall.store.alerts_kept == []
