@@ -19,7 +19,6 @@ from wingwatch.estimators.ekf_kernel import (
     step_inputs,
     trim_drift,
     update_all,
-    watch,
 )
 from wingwatch.estimators.ekf_model import measure, transition
 from wingwatch.estimators.estimate import Estimate
@@ -77,7 +76,6 @@ class EkfState:
         noise: variances of the measured states, the accelerometer, and the states' process noise a step.
         rows: (2, columns) last signal row and the one before.
         roughness: squared second differences during warm-up.
-        excitation: level, power and roughness of each regressor, (3, states + inputs).
         condition: dynamic pressure ratio, airspeed, density, altitude, angle of attack of the last sample.
         clock: last solution's time.
         informed_s: last time each derivative's variance shrank through data, (k,); variance: its last value.
@@ -91,7 +89,6 @@ class EkfState:
     noise: Array
     rows: Array
     roughness: Array
-    excitation: Array
     condition: Array
     clock: Array
     informed_s: Array
@@ -143,7 +140,6 @@ class EkfEstimator:
             noise=np.full((n, 2 * ns + 1), 1e-8),
             rows=np.full((n, 2, self.layout.columns), np.nan),
             roughness=np.zeros((n, ns + 1)),
-            excitation=np.zeros((n, 3, ns + self.layout.inputs)),
             condition=np.full((n, 5), np.nan),
             clock=np.full(n, np.nan),
             informed_s=np.full((n, k), -np.inf),
@@ -164,16 +160,15 @@ class EkfEstimator:
         update_all(
             np.ascontiguousarray(signals), self._held, self._lever, self._exponents, self._reference,
             self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner,
-            state.z, state.cov, state.noise, state.rows, state.roughness, state.excitation, state.condition,
-            state.counts,
+            state.z, state.cov, state.noise, state.rows, state.roughness, state.condition, state.counts,
         )  # fmt: skip
 
     def solve(self, state: EkfState) -> None:
         """Note what was learned, then forget with ``memory_s``, unless all is quiet."""
         solve_all(
-            self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, state.z, state.cov,
-            state.rows, state.clock, state.informed_s, state.variance, state.information, state.vector,
-            state.gained_matrix, state.gained_vector, state.counts,
+            self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, state.z, state.cov, state.rows, state.clock,
+            state.informed_s, state.variance, state.information, state.vector, state.gained_matrix,
+            state.gained_vector, state.counts,
         )  # fmt: skip
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
@@ -210,18 +205,6 @@ class EkfEstimator:
                 self._compiled_one(state, i, new)
                 continue
             state.counts[i, 0] += 1
-            considered = watch(
-                state.excitation[i],
-                new,
-                old,
-                older,
-                dt,
-                self._corner,
-                self.config.adapt_s,
-                state.counts[i, 0],
-                ns,
-                nu,
-            )
             carried = (
                 self.config.use_accelerometer and new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
             )
@@ -245,20 +228,16 @@ class EkfEstimator:
             measured[0] = new[kinematic + 6] == 1.0
             measured[ns] = self.config.use_accelerometer
             before = after.copy()
-            kalman = _Filter(after, state.cov[i], top, np.diag(process))
+            kalman = _Filter(after, state.cov[i], top, np.diag(process), int(measured.sum()))
             kalman.predict()
             expected, jacobian = measure(after, scale, at_end, kappa, self._lever, ns, nu)
             reading = new[1 : 2 + ns]
             predicted = np.diagonal(kalman.P)[:ns].copy()
-            for j in np.flatnonzero(measured):
-                kalman.correct(
-                    reading[j], expected[j], jacobian[j : j + 1], state.noise[i, j], before, considered
-                )
+            kalman.R = np.diag(state.noise[i, : ns + 1][measured])
+            kalman.update(reading[measured], lambda _: jacobian[measured], lambda _: expected[measured])  # noqa: B023
             state.z[i], state.cov[i] = kalman.x, 0.5 * (kalman.P + kalman.P.T)
             residual = reading - expected - jacobian @ (state.z[i] - before)
             explained = np.einsum("jc,cd,jd->j", jacobian, state.cov[i], jacobian)
-            if considered.any():
-                explained[ns] = 0.0
             rate = max(dt / self.config.adapt_s, 1.0 / (state.counts[i, 0] + 50.0))
             shrunk = predicted - np.diagonal(state.cov[i])[:ns]
             correction = state.z[i, :ns] - before[:ns]
@@ -272,36 +251,20 @@ class EkfEstimator:
         one = slice(i, i + 1)
         update_all(
             np.ascontiguousarray(new)[None, None], self._held, self._lever, self._exponents, self._reference,
-            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner,
-            state.z[one], state.cov[one], state.noise[one], state.rows[one], state.roughness[one],
-            state.excitation[one], state.condition[one], state.counts[one],
+            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner, state.z[one],
+            state.cov[one], state.noise[one], state.rows[one], state.roughness[one], state.condition[one],
+            state.counts[one],
         )  # fmt: skip
 
 
 class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy carries no types
     """filterpy's filter with the state's prediction handed in instead of F x."""
 
-    def __init__(self, after: Array, covariance: Array, top: Array, process: Array) -> None:
-        super().__init__(dim_x=after.size, dim_z=1)
+    def __init__(self, after: Array, covariance: Array, top: Array, process: Array, readings: int) -> None:
+        super().__init__(dim_x=after.size, dim_z=readings)
         self.x, self.P, self.Q = after.copy(), covariance.copy(), process
         self.F = np.eye(after.size)
         self.F[: top.shape[0]] = top
 
     def predict_x(self, u: float = 0) -> None:
         """The state has been predicted by the model already."""
-
-    def correct(
-        self,
-        reading: float,
-        expected: float,
-        row: Array,
-        variance: float,
-        before: Array,
-        considered: NDArray[np.bool_],
-    ) -> None:
-        """One measurement, linear about ``before``; considered states keep value and variance."""
-        kept_value, kept_cov = self.x[considered], self.P[np.ix_(considered, considered)]
-        self.R = np.array([[variance]])
-        self.update(np.array([reading]), lambda _: row, lambda x: expected + row @ (x - before))
-        self.x[considered] = kept_value
-        self.P[np.ix_(considered, considered)] = kept_cov

@@ -9,55 +9,13 @@ from numba import njit
 from wingwatch.estimators.ekf_model import measure, transition
 from wingwatch.estimators.signals import MAX_GAP_S
 
-__all__ = [
-    "WARM_UP",
-    "adapt_noise",
-    "solve_all",
-    "step_inputs",
-    "trim_drift",
-    "update_all",
-    "warm_up",
-    "watch",
-]
+__all__ = ["WARM_UP", "adapt_noise", "solve_all", "step_inputs", "trim_drift", "update_all", "warm_up"]
 
 PROCESS_PACE = 0.2
 """Process noise adapts this much slower than measurement noise, so that the two are told apart."""
 
 WARM_UP = 10
 """Samples that only set the states and the first noise levels."""
-
-EXCITED = 2.0
-"""Power of a regressor over that of white noise as rough as it, above which it is taken for signal (share one half)."""
-
-
-@njit(cache=True)
-def watch(excitation, new, old, older, dt, corner, adapt_s, count, ns, nu):  # type: ignore[no-untyped-def]
-    """Running level, power (time constant 1 / ``corner``) and roughness (``adapt_s``) of each regressor, (3, ns + nu).
-
-    White noise of variance D has second differences of variance 6 D. A regressor whose power about its level is not
-    ``EXCITED`` times that D is noise, and so it counts until 1 / ``corner`` has passed once. The roughness fades
-    more slowly than the power, so an input without noise, too, comes to rest.
-
-    Returns:
-        shape (nz,): whether an augmented state is a derivative whose regressor is noise; it is then considered, not
-        corrected.
-    """
-    nd = ns + nu
-    considered = np.zeros(2 * ns + ns * nd, dtype=np.bool_)
-    rate = max(1.0 - np.exp(-corner * dt), 1.0 / count)
-    slow = max(1.0 - np.exp(-dt / adapt_s), 1.0 / count)
-    for j in range(nd):
-        c = 1 + j if j < ns else 2 + j
-        away = new[c] - excitation[0, j]
-        excitation[0, j] += rate * away
-        if count > 1 and np.isfinite(older[0]):
-            bend = new[c] - 2.0 * old[c] + older[c]
-            excitation[1, j] += rate * (away * away - excitation[1, j])
-            excitation[2, j] += slow * (bend * bend / 6.0 - excitation[2, j])
-        if count * dt * corner < 1.0 or excitation[1, j] <= EXCITED * excitation[2, j]:
-            for k in range(ns):
-                considered[ns + k * nd + j] = True
-    return considered
 
 
 @njit(cache=True)
@@ -96,8 +54,7 @@ def adapt_noise(noise, residual, explained, correction, shrunk, measured, rate, 
 
     After correction E[r r'] = R - H P H', so R is the mean of r^2 + H P H'. A consistent filter corrects a state by as
     much as its variance shrinks, E[(K nu)^2] = P- - P+; what is corrected beyond that is process noise not yet
-    in Q. Exponential means with weight ``rate``. Where derivatives are only considered, R - H P H' does not hold: the
-    caller hands in zero for what the accelerometer's residual has left to explain, which then is little.
+    in Q. Exponential means with weight ``rate``.
     """
     for j in range(ns + 1):
         if measured[j]:
@@ -149,12 +106,8 @@ def _predict(z, cov, noise, after, jacobian, drift, ns):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _correct(z, cov, noise, expected, jacobian, reading, measured, considered, ns):  # type: ignore[no-untyped-def]
-    """All measurements of one instant, one after the other.
-
-    Considered states keep value and variance, their covariance with the others is carried on (Schmidt 1966); with none
-    of them it equals the joint update for independent noise.
-    """
+def _correct(z, cov, noise, expected, jacobian, reading, measured, ns):  # type: ignore[no-untyped-def]
+    """All measurements of one instant, one after the other; equal to the joint update for independent noise."""
     nz = z.size
     before = z.copy()
     gain = np.empty(nz)
@@ -178,12 +131,9 @@ def _correct(z, cov, noise, expected, jacobian, reading, measured, considered, n
             for c in range(nz):
                 spread += row[c] * gain[c]
         for c in range(nz):
-            if not considered[c]:
-                z[c] += gain[c] * innovation / spread
+            z[c] += gain[c] * innovation / spread
         for c in range(nz):
             for d in range(c + 1):
-                if considered[c] and considered[d]:
-                    continue
                 cov[c, d] -= gain[c] * gain[d] / spread
                 cov[d, c] = cov[c, d]
 
@@ -252,7 +202,7 @@ def warm_up(z, cov, new, noise, count, roughness, ns):  # type: ignore[no-untype
 @njit(cache=True)
 def update_all(  # type: ignore[no-untyped-def]
     signals, held, lever, exponents, reference, longitudinal, roll, use_accelerometer, adapt_s, corner,
-    z, cov, noise, rows, roughness, excitation, condition, counts,
+    z, cov, noise, rows, roughness, condition, counts,
 ):  # fmt: skip
     """Run all samples of all vehicles; arrays lead with the vehicle axis and are advanced in place."""
     ns, nu = lever.size, held.size
@@ -279,7 +229,6 @@ def update_all(  # type: ignore[no-untyped-def]
                 condition[i] = new[kinematic + 1 : kinematic + 6]
                 continue
             counts[i, 0] += 1
-            considered = watch(excitation[i], new, old, older, dt, corner, adapt_s, counts[i, 0], ns, nu)
             if counts[i, 0] <= WARM_UP:
                 if np.isfinite(older[0]):
                     for j in range(ns + 1):
@@ -300,10 +249,8 @@ def update_all(  # type: ignore[no-untyped-def]
                 reading = new[1 : 2 + ns]
                 before = z[i].copy()
                 shrunk = np.diag(cov[i, :ns, :ns]).copy()
-                _correct(z[i], cov[i], noise[i], expected, row, reading, measured, considered, ns)
+                _correct(z[i], cov[i], noise[i], expected, row, reading, measured, ns)
                 residual, explained = _after_correction(z[i], cov[i], row, expected, before, reading, ns)
-                if considered.any():
-                    explained[ns] = 0.0
                 correction = z[i, :ns] - before[:ns]
                 shrunk -= np.diag(cov[i, :ns, :ns])
                 rate = max(dt / adapt_s, 1.0 / (counts[i, 0] + 50.0))
@@ -318,7 +265,7 @@ def solve_all(  # type: ignore[no-untyped-def]
     memory_s, stale_s, prior_value, prior_std, z, cov, rows, clock, informed, variance, information, vector,
     gained_matrix, gained_vector, counts,
 ):  # fmt: skip
-    """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten."""
+    """Note what the data of the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten."""
     k = informed.shape[1]
     ns = z.shape[1] - prior_value.size
     prior_information = 1.0 / (prior_std * prior_std)
