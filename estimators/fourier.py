@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
 from wingwatch.estimators.fourier_kernel import (
+    LOWEST_NOISE,
     advance_bank,
     block_equations,
     noise_edge,
@@ -230,7 +231,8 @@ class FourierEstimator:
             c.omega_rad_s, np.array(c.held), lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
             c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.decay, s.coefficients, s.step, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
-            s.driven, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias, s.evidence_span, s.condition, s.counts,
+            s.driven, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
+            s.evidence_span, s.condition, s.counts,
         )  # fmt: skip
 
 
@@ -323,7 +325,7 @@ def _block_step(  # type: ignore[no-untyped-def]
         else:
             noise[ns] = 0.0
         for j in range(ns + 1):
-            noise[j] = max(noise[j], 0.5 * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
+            noise[j] = max(noise[j], LOWEST_NOISE * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
         _floor_noise(noise, ns)
     spread = information + gain * kept
     for a in range(n_theta):
@@ -365,7 +367,8 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     """End the block of vehicle i: solved on its own, from what is known, its information joins what is known."""
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
     (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
-     covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts) = arrays  # fmt: skip
+     covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+     counts) = arrays  # fmt: skip
     if counts[i, 0] == 0:
         _noise_start(roughness[i], noise[i], lever.size)
     _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std)

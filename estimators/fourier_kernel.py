@@ -9,6 +9,9 @@ from numba import njit
 
 __all__ = ["advance_bank", "block_equations", "noise_edge", "noise_update", "reduce_information"]
 
+LOWEST_NOISE = 0.5
+"""A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
+
 
 @njit(cache=True)
 def _coefficients(omega, dt, exponential, linear_old, linear_new, held):  # type: ignore[no-untyped-def]
@@ -161,8 +164,8 @@ def block_equations(  # type: ignore[no-untyped-def]
 
     Returns:
         M (p, p), N (p, p) its part due to noise in the regressors, score (p,) = b - g - M theta, the nuisance
-        values (ns, 3) that belong to theta and how they follow it (3 ns, p), and the part of the score that is expected because the equations'
-        own noise (gusts) drives the states, (p,); all in referred derivatives (``scale`` applied).
+        values (ns, 3) that belong to theta and how they follow it (3 ns, p), and the part of the score that is
+        expected because the equations' own noise (gusts) drives the states, (p,); all in referred derivatives (``scale`` applied).
     """
     nc, nd = ns + nu + 3, ns + nu
     full = ns * nc
@@ -326,14 +329,15 @@ def noise_update(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
-    """Share of "signal" that pure noise can show: the upper edge of the spectrum of a sample covariance matrix.
+    """Share of "signal" that pure noise can show: what its level may be short of the truth, times chance.
 
+    The level is never believed below ``LOWEST_NOISE`` of the roughness, which is that of white noise.
     Of ``regressors`` channels of white noise over ``bins`` independent bins the largest eigenvalue tends to
     (1 + sqrt(regressors / bins))^2 times the true power (Marchenko and Pastur 1967).
     """
     if bins <= 0.0:
         return 1.0
-    return 1.0 - 1.0 / (1.0 + np.sqrt(regressors / bins)) ** 2
+    return 1.0 - LOWEST_NOISE / (1.0 + np.sqrt(regressors / bins)) ** 2
 
 
 @njit(cache=True)
