@@ -5,7 +5,7 @@ changes nothing.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from wingwatch.estimators import (
     FourierConfig,
     FourierEstimator,
     FourierState,
+    Outcome,
     SignalConfig,
     Signals,
     SignalState,
@@ -195,13 +196,27 @@ class Chain:
     @staticmethod
     def _read(state: ChainState, mode: _Mode, gained: tuple[Array, Array] | None) -> ModeSolution:
         name = mode.structure.name
-        return ModeSolution(
-            mode.structure,
-            mode.fourier.estimate(state.fourier[name]),
-            mode.ekf.estimate(state.ekf[name]),
-            mode.fourier.evidence(state.fourier[name]),
-            gained,
-        )
+        fourier = mode.fourier.estimate(state.fourier[name])
+        ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier)
+        evidence = mode.fourier.evidence(state.fourier[name])
+        return ModeSolution(mode.structure, fourier, ekf, evidence, gained)
+
+
+def _gated(ekf: Estimate, fourier: Estimate) -> Estimate:
+    """The filter's estimate with the standing that the excitation allows.
+
+    The filter cannot tell a noisy regressor from a moving one; the Fourier form can (its share of signal), so what it
+    calls not observable is not observable for the filter either.
+    """
+    hidden = [o is Outcome.NOT_OBSERVABLE for o in fourier.outcomes]
+    if not any(hidden):
+        return ekf
+    outcomes = tuple(
+        Outcome.NOT_OBSERVABLE if h else own for h, own in zip(hidden, ekf.outcomes, strict=True)
+    )
+    if fourier.outcome is Outcome.NOT_OBSERVABLE and ekf.outcome is not Outcome.REJECTED:
+        return replace(ekf, outcomes=outcomes, outcome=Outcome.NOT_OBSERVABLE, reason=fourier.reason)
+    return replace(ekf, outcomes=outcomes)
 
 
 def _mode(
