@@ -37,7 +37,8 @@ Array = NDArray[np.float64]
 
 APRIORI_DISCOUNT = 100.0
 """A-priori numbers accuse nobody: in the test their standard errors count ten times as large, so a change is always one
-against the vehicle's own flight, until its reference is founded on flights."""
+against flights, the vehicle's own or those that identified the type. That holds also once its own flights have founded
+a reference: directions that they hardly excited would else be judged by the numbers alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +141,18 @@ class Verdict:
 
 @dataclass(slots=True)
 class JudgeState:
-    """What the judge remembers of one vehicle."""
+    """What the judge remembers of one vehicle.
+
+    Attributes:
+        references: what its own flights taught, by structure, without the blocks still remembered.
+        identified: the expectation rests on flights of the type and may accuse as it stands.
+        founded: so it does, or enough flights of its own are in the reference: the first block may be judged.
+        contradictions: structures whose a-priori expectation does not fit, with the derivatives at fault.
+    """
 
     references: dict[str, Reference]
     blocks: list[BlockView] = field(default_factory=list)
+    identified: bool = False
     founded: bool = False
     contradictions: dict[str, tuple[str, ...]] = field(default_factory=dict)
     informative: int = 0
@@ -171,7 +180,7 @@ class Judge:
             for name, c in self.coordinates.items()
         }
         own = all(r.blocks >= self.config.founded_blocks for r in learned.values())
-        return JudgeState(learned, founded=founded or (own and bool(learned)))
+        return JudgeState(learned, identified=founded, founded=founded or (own and bool(learned)))
 
     def mode_block(
         self, mode: ModeSolution, expectation: Expectation, condition: FlightCondition
@@ -225,7 +234,7 @@ class Judge:
     def _check_expectation(self, state: JudgeState, verdict: Verdict | None) -> None:
         """Flights that contradict an a-priori expectation take its weight away; nothing is called damage."""
         calm = verdict is None or verdict.log_statistic < 0.5 * self.config.log_threshold
-        if state.founded or not calm:
+        if state.identified or not calm:
             return
         for name, coordinates in self.coordinates.items():
             if name in state.contradictions:
@@ -272,7 +281,7 @@ class Judge:
         if not modes:
             return None
         latest = modes[-1]
-        prior = latest.expected_covariance * (1.0 if state.founded else APRIORI_DISCOUNT)
+        prior = latest.expected_covariance * (1.0 if state.identified else APRIORI_DISCOUNT)
         information, vector = self._before(state, name, onset if healthy is None else healthy)
         known = np.linalg.inv(prior)
         covariance = np.linalg.inv(known + information)

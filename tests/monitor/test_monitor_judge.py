@@ -75,6 +75,19 @@ def test_a_wrong_baseline_accuses_nobody_and_is_named() -> None:
     assert bench.state.contradictions["short_period"]
 
 
+@pytest.mark.parametrize("error", [0.3, 0.6])
+def test_a_wrong_baseline_accuses_nobody_after_own_flights_have_founded_a_reference(error: float) -> None:
+    # little excitation: own flights say less of some derivatives than the (wrong) numbers claim to
+    bench = Bench(2, error=error, wrong_baseline=0.8)
+    verdicts = [bench.feed(bench.truth) for _ in range(40)]
+    assert bench.state.founded
+    bench.state = bench.judge.init(bench.state.references, False)
+    assert bench.state.founded
+    verdicts += [bench.feed(bench.truth) for _ in range(20)]
+    assert max(v.log_statistic for v in verdicts if v is not None) < bench.judge.config.log_threshold
+    assert bench.state.contradictions
+
+
 def test_a_founded_baseline_accuses_from_the_first_block() -> None:
     bench = Bench(3, founded=True)
     verdict = None
