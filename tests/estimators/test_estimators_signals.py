@@ -1,0 +1,98 @@
+"""Signals against hand computation."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
+from wingwatch.estimators import SignalConfig, Signals
+from wingwatch.estimators.signals import MAX_GAP_S
+from wingwatch.telemetry import SampleBlock
+
+G = 9.80665
+
+
+def block(n: int = 1, **columns: float) -> SampleBlock:
+    base = {
+        "airspeed_true_m_s": 25.0, "roll_rate_rad_s": 0.2, "pitch_rate_rad_s": 0.1, "yaw_rate_rad_s": -0.3,
+        "specific_force_y_m_s2": 0.4, "specific_force_z_m_s2": -9.0, "roll_rad": 0.3, "pitch_rad": 0.1,
+        "elevator_rad": 0.01, "aileron_rad": 0.02, "rudder_rad": 0.03, "angle_of_attack_rad": 0.05,
+        "sideslip_rad": -0.02, "altitude_m": 1000.0, "air_density_kg_m3": 1.1,
+    }  # fmt: skip
+    table = {k: np.full(n, v) for k, v in (base | columns).items() if not math.isnan(v)}
+    return SampleBlock.from_columns({"time_s": np.arange(n) / 50.0} | table)
+
+
+def rows(structure: ModeStructure, samples: SampleBlock, **config: object) -> np.ndarray:
+    signals = Signals(SignalConfig(structure, **config))  # type: ignore[arg-type]
+    return signals.update(signals.init(1), samples.values[None])[0]
+
+
+def test_short_period_by_hand() -> None:
+    row = rows(SHORT_PERIOD, block(), vane_position_m=(0.4, 0.0, -0.1))[0]
+    w, v = 25.0 * math.sin(0.05) + 0.1 * 0.4, 25.0 * math.sin(-0.02) + 0.3 * 0.4 - 0.2 * 0.1
+    kinematic = 25.0 * math.cos(0.05) * 0.1 - 0.2 * v + G * math.cos(0.1) * math.cos(0.3)
+    want = [0.0, w, 0.1, -9.0, 0.01, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0]
+    np.testing.assert_allclose(row, want, rtol=1e-12)
+
+
+def test_lateral_by_hand() -> None:
+    row = rows(LATERAL, block(), vane_position_m=(0.4, 0.0, -0.1))[0]
+    w, v = 25.0 * math.sin(0.05) + 0.1 * 0.4, 25.0 * math.sin(-0.02) + 0.3 * 0.4 - 0.2 * 0.1
+    kinematic = 25.0 * math.cos(0.05) * 0.3 + 0.2 * w + G * math.cos(0.1) * math.sin(0.3)
+    want = [0.0, v, 0.2, -0.3, 0.4, 0.02, 0.03, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0]
+    np.testing.assert_allclose(row, want, rtol=1e-12)
+
+
+def test_density_from_altitude_and_temperature() -> None:
+    """Standard atmosphere at 1000 m: 89 874.6 Pa, 281.65 K (US Standard Atmosphere 1976), so 1.1116 kg/m3."""
+    standard = rows(SHORT_PERIOD, block(air_density_kg_m3=math.nan))[0]
+    assert standard[8] == pytest.approx(1.1116, abs=1e-4)
+    warm = rows(SHORT_PERIOD, block(air_density_kg_m3=math.nan, outside_air_temperature_k=300.0))[0]
+    assert warm[8] == pytest.approx(89874.6 / (287.05287 * 300.0), rel=1e-5)
+
+
+def test_without_a_vane_the_velocity_is_integrated() -> None:
+    """A constant rate c with a leak of time constant L gives c L (1 - exp(-t / L)), but for half a step of the leak."""
+    samples = block(200, angle_of_attack_rad=math.nan, sideslip_rad=math.nan, roll_rate_rad_s=0.0)
+    out = rows(SHORT_PERIOD, samples, reconstruction_s=20.0)
+    rate = -9.0 + 25.0 * 0.1 + G * math.cos(0.1) * math.cos(0.3)
+    time = samples.time_s
+    want = rate * 20.0 * (1.0 - np.exp(-time / 20.0))
+    np.testing.assert_allclose(out[:, 1], want, rtol=0.02 / 20.0, atol=0.0)
+    assert (out[:, 11] == 0.0).all()
+
+
+def test_a_vane_that_falls_silent_is_not_replaced() -> None:
+    samples = block(100)
+    samples.column("angle_of_attack_rad")[40:60] = np.nan
+    out = rows(SHORT_PERIOD, samples)
+    assert np.isnan(out[40:60, 1]).all()
+    assert np.isfinite(out[:40, 1]).all()
+    assert np.isfinite(out[60:, 1]).all()
+    assert (out[40:60, 11] == 0.0).all()
+
+
+def test_a_gap_starts_the_reconstruction_anew() -> None:
+    samples = block(100, sideslip_rad=math.nan)
+    samples.time_s[50:] += MAX_GAP_S + 1.0
+    out = rows(DUTCH_ROLL, samples)
+    assert abs(out[49, 1]) > 0.0
+    assert out[50, 1] == 0.0
+
+
+def test_airspeed_is_filtered() -> None:
+    """A step passes by 1 - exp(-t / tau)."""
+    samples = block(100)
+    samples.column("airspeed_true_m_s")[1:] = 30.0
+    out = rows(SHORT_PERIOD, samples, airspeed_filter_s=0.5)
+    time = samples.time_s
+    np.testing.assert_allclose(out[:, 7], 25.0 + 5.0 * (1.0 - np.exp(-time / 0.5)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(10, 30), (1, 10, 7)])
+def test_another_shape_is_refused(shape: tuple[int, ...]) -> None:
+    signals = Signals(SignalConfig(SHORT_PERIOD))
+    with pytest.raises(ValueError, match="values have shape"):
+        signals.update(signals.init(1), np.zeros(shape))
