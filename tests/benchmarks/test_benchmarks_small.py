@@ -1,0 +1,143 @@
+"""The benchmarks in small: the figures that are not a matter of the machine, and that the commands hold together."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from wingwatch.aircraft import STRUCTURES, load_aircraft
+from wingwatch.monitor import FleetMonitor
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+
+
+def load(name: str) -> ModuleType:
+    known = f"wingwatch_benchmark_{name}"
+    if known not in sys.modules:
+        spec = importlib.util.spec_from_file_location(known, FOLDER / f"{name}.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[known] = module  # dataclasses look their module up
+        spec.loader.exec_module(module)
+    return sys.modules[known]
+
+
+@pytest.mark.parametrize("number", [0, 1], ids=["short_period", "dutch_roll"])
+@pytest.mark.parametrize("estimator", ["fourier", "ekf"])
+def test_clean_data_give_the_truth_within_one_percent(number: int, estimator: str) -> None:
+    plants = load("reference_plant")
+    plant = plants.PLANTS[number]
+    error = plants.clean_errors(plant)[estimator]
+    weak = [s in ("z_eta", "y_zeta") for s in plant.structure.derivatives]
+    assert np.abs(error[~np.array(weak)]).max() < 1.0
+    assert np.isfinite(error).all()
+
+
+@pytest.mark.parametrize("number", [0, 1], ids=["short_period", "dutch_roll"])
+def test_the_bounds_own_response_is_the_plants(number: int) -> None:
+    plants = load("reference_plant")
+    plant = plants.PLANTS[number]
+    ours = plants._outputs(plant, np.concatenate([plant.truth, np.zeros(4)]))
+    clean = plants.clean_states(plant)
+    assert np.abs(ours - clean).max() < 1e-9 * np.abs(clean).max()
+
+
+def test_the_bound_grows_with_the_noise_and_with_a_shorter_pulse() -> None:
+    plants = load("reference_plant")
+    plant = plants.PLANTS[0]
+    std = plants.noise_std(plant)
+    bound = plants.cramer_rao(plant, std)
+    assert plants.cramer_rao(plant, 3.0 * std) == pytest.approx(3.0 * bound, rel=1e-6)
+    brief = plants.Plant(plant.structure, plant.truth, plant.turn, 0.04)
+    assert (plants.cramer_rao(brief, std) > bound).all()
+
+
+@pytest.mark.parametrize("number", [0, 1], ids=["short_period", "dutch_roll"])
+@pytest.mark.parametrize("estimator", ["fourier", "ekf"])
+def test_stated_intervals_hold_the_truth_in_noise(number: int, estimator: str) -> None:
+    plants = load("reference_plant")
+    seeds = 60
+    scores = plants.noisy_scores(plants.PLANTS[number], seeds)
+    # A true share of 95 % falls below this in one of a million tests.
+    assert (scores[estimator].covered * seeds >= binom.ppf(1e-6, seeds, 0.95)).all()
+
+
+def test_the_same_seeds_give_the_same_score() -> None:
+    plants = load("reference_plant")
+    first, again = (plants.noisy_scores(plants.PLANTS[0], 3)["fourier"].rms for _ in range(2))
+    assert np.array_equal(first, again)
+
+
+def test_cost_counts_every_part_of_every_structure() -> None:
+    cost = load("cost")
+    aircraft = load_aircraft("aerosonde")
+    spent, state_bytes = cost.estimator_cost(aircraft, 2, 2.5)
+    assert set(spent) == set(cost.PARTS)
+    assert sum(spent.values()) > 0.0
+    assert [m.structure.name for m in cost.modes(aircraft, 1)] == list(STRUCTURES)
+    assert state_bytes == sum(m.state_bytes for m in cost.modes(aircraft, 1))
+
+
+def test_filterpys_bare_loop_and_engine_are_both_timed() -> None:
+    peer = load("cost").filterpy_cost(load_aircraft("aerosonde"), 1.0)
+    assert peer["with adaptation"] > peer["bare"] > 0.0
+
+
+def test_a_healthy_flight_and_an_iced_one_through_the_monitor() -> None:
+    alerts = load("alerts")
+    aircraft = load_aircraft("aerosonde")
+    healthy, *_ = alerts.cases("none")
+    iced = next(c for c in alerts.cases("none") if c.name == "icing 0.3")
+    (quiet,) = alerts.fly(healthy, aircraft, 1, 40.0, 0)
+    assert (quiet.false, quiet.hit) == (0, None)
+    (flight,) = alerts.fly(iced, aircraft, 1, 150.0, 0)
+    assert flight.false == 0
+    assert flight.hit is not None
+    assert flight.hit.cause == "icing"
+
+
+def test_flights_repeat_by_their_seed() -> None:
+    alerts = load("alerts")
+    aircraft = load_aircraft("aerosonde")
+    iced = next(c for c in alerts.cases("none") if c.name == "icing 0.3")
+    first, again = (alerts.fly(iced, aircraft, 1, 120.0, 7) for _ in range(2))
+    assert first == again
+
+
+def test_latency_pairs_arrivals_with_what_was_done_with_them() -> None:
+    latency = load("latency")
+    inside = latency.Inside()
+    inside.arrived.extend([("aircraft", 0.0), ("sensors", 0.0)])
+    _, timing_receive = latency.watch_inside(inside)
+    monitor = FleetMonitor(load_aircraft, lambda: 0.0, lambda: "id")
+    timing_receive(monitor, "f", "v", "aircraft", b"{}", "application/json")
+    assert inside.delays == []
+    timing_receive(monitor, "f", "v", "sensors", b"{}", "application/json")
+    assert len(inside.delays) == 1
+    assert not inside.arrived
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("reference_plant", ["--seeds", "1"], "at least 2"),
+        ("cost", ["--vehicles", "1"], "at least 2"),
+        ("alerts", ["--flights", "0"], "at least 1"),
+        ("alerts", ["--seconds", "50"], "above 100"),
+        ("latency", ["--seconds", "nan"], "at least 1"),
+    ],
+)
+def test_bad_arguments_get_one_sentence(
+    name: str, arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:  # fmt: skip
+    module = load(name)
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        module.main()
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err
