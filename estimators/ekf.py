@@ -166,9 +166,9 @@ class EkfEstimator:
     def solve(self, state: EkfState) -> None:
         """Note what was learned, then forget with ``memory_s``, unless all is quiet."""
         solve_all(
-            self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, state.z, state.cov, state.rows, state.clock,
-            state.informed_s, state.variance, state.information, state.vector, state.gained_matrix,
-            state.gained_vector, state.counts,
+            self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, state.z, state.cov,
+            state.rows, state.clock, state.informed_s, state.variance, state.information, state.vector,
+            state.gained_matrix, state.gained_vector, state.counts,
         )  # fmt: skip
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
@@ -251,8 +251,8 @@ class EkfEstimator:
         one = slice(i, i + 1)
         update_all(
             np.ascontiguousarray(new)[None, None], self._held, self._lever, self._exponents, self._reference,
-            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner, state.z[one],
-            state.cov[one], state.noise[one], state.rows[one], state.roughness[one], state.condition[one],
+            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner,
+            state.z[one], state.cov[one], state.noise[one], state.rows[one], state.roughness[one], state.condition[one],
             state.counts[one],
         )  # fmt: skip
 

@@ -265,7 +265,7 @@ def solve_all(  # type: ignore[no-untyped-def]
     memory_s, stale_s, prior_value, prior_std, z, cov, rows, clock, informed, variance, information, vector,
     gained_matrix, gained_vector, counts,
 ):  # fmt: skip
-    """Note what the data of the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten."""
+    """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten."""
     k = informed.shape[1]
     ns = z.shape[1] - prior_value.size
     prior_information = 1.0 / (prior_std * prior_std)

@@ -165,7 +165,8 @@ def block_equations(  # type: ignore[no-untyped-def]
     Returns:
         M (p, p), N (p, p) its part due to noise in the regressors, score (p,) = b - g - M theta, the nuisance
         values (ns, 3) that belong to theta and how they follow it (3 ns, p), and the part of the score that is
-        expected because the equations' own noise (gusts) drives the states, (p,); all in referred derivatives (``scale`` applied).
+        expected because the equations' own noise (gusts) drives the states, (p,); all in referred derivatives
+        (``scale`` applied).
     """
     nc, nd = ns + nu + 3, ns + nu
     full = ns * nc
