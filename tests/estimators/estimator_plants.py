@@ -66,7 +66,7 @@ def doublets(plant: Plant, seconds: float, every_s: float = 5.0, amplitude_deg: 
     since = np.mod(time - 1.0, every_s)
     up = (time >= 1.0) & (since < plant.pulse_s)
     down = (time >= 1.0) & (since >= plant.pulse_s) & (since < 2.0 * plant.pulse_s)
-    return np.radians(amplitude_deg) * (up.astype(float) - down.astype(float))
+    return np.asarray(np.radians(amplitude_deg) * (up.astype(float) - down.astype(float)))
 
 
 def make_signals(plant: Plant, inputs: Array, offsets: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Array:

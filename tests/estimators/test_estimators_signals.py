@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
 from wingwatch.estimators import SignalConfig, Signals
@@ -24,9 +25,10 @@ def block(n: int = 1, **columns: float) -> SampleBlock:
     return SampleBlock.from_columns({"time_s": np.arange(n) / 50.0} | table)
 
 
-def rows(structure: ModeStructure, samples: SampleBlock, **config: object) -> np.ndarray:
+def rows(structure: ModeStructure, samples: SampleBlock, **config: object) -> NDArray[np.float64]:
     signals = Signals(SignalConfig(structure, **config))  # type: ignore[arg-type]
-    return signals.update(signals.init(1), samples.values[None])[0]
+    out: NDArray[np.float64] = signals.update(signals.init(1), samples.values[None])[0]
+    return out
 
 
 def test_short_period_by_hand() -> None:
