@@ -203,7 +203,7 @@ def test_surfaces_follow_the_sign_convention() -> None:
 def test_jetstream_modes_are_those_that_the_thesis_prints() -> None:
     """Tables 9.6 and 9.8, row Emp; tolerances carry the rounding of the printed derivatives."""
     entry = load_aircraft("jetstream31").conditions[0]
-    assert entry.provenance is Provenance.EMPIRICAL
+    assert entry.provenance is Provenance.A_PRIORI
     values = {symbol: d.value for symbol, d in entry.derivatives.items()}
     short_period = natural_frequency_and_damping(SHORT_PERIOD, state_matrix(SHORT_PERIOD, values))
     # m_w is printed to 0.0005 of 0.080: w_n^2 moves by 86 * 0.0005 = 0.043 of 8.44, so w_n by 0.0075.
