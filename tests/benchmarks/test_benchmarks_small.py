@@ -84,8 +84,10 @@ def test_cost_counts_every_part_of_every_structure() -> None:
 
 
 def test_filterpys_bare_loop_and_engine_are_both_timed() -> None:
+    # Not which is dearer: the first call on a fresh machine has compilation in it, which the command runs beforehand.
     peer = load("cost").filterpy_cost(load_aircraft("aerosonde"), 1.0)
-    assert peer["with adaptation"] > peer["bare"] > 0.0
+    assert set(peer) == {"bare", "with adaptation"}
+    assert min(peer.values()) > 0.0
 
 
 def test_a_healthy_flight_and_an_iced_one_through_the_monitor() -> None:
