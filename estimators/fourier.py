@@ -256,6 +256,35 @@ def _floor_noise(noise, ns):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _present(sums, settings, exponents, longitudinal, roll, ns):  # type: ignore[no-untyped-def]
+    """Scale from referred to present derivatives, and the kinematic part per state, at the block's mean condition."""
+    airspeed, density, alpha = sums[0] / sums[4], sums[1] / sums[4], sums[3] / sums[4]
+    pressure = density * airspeed / (settings[5] * settings[4])
+    columns = exponents.size
+    scale = np.empty(ns * columns)
+    for k in range(ns):
+        for c in range(columns):
+            scale[k * columns + c] = pressure if exponents[c] == 1.0 else pressure * airspeed / settings[4]
+    forward = np.zeros(ns)
+    forward[ns - 1] = airspeed * np.cos(alpha) * (1.0 if longitudinal else -1.0)
+    if roll:
+        forward[1] = airspeed * np.sin(alpha)
+    return scale, forward
+
+
+@njit(cache=True)
+def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):  # type: ignore[no-untyped-def]
+    """Noise variances from this block's residual and from earlier blocks, by the time each rests on."""
+    known = noise_known[-1]
+    for j in range(2 * ns + 1):
+        noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
+    noise[ns + 1 if by_accelerometer else ns] = 0.0
+    for j in range(ns + 1):
+        noise[j] = max(noise[j], LOWEST_NOISE * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
+    _floor_noise(noise, ns)
+
+
+@njit(cache=True)
 def _block_step(  # type: ignore[no-untyped-def]
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank, decay, rows, sums, theta, noise,
     noise_known, roughness, sensitivity, information, vector, past_driven, prior_value, prior_std, iterations,
@@ -267,16 +296,7 @@ def _block_step(  # type: ignore[no-untyped-def]
     count = sums[4]
     dt = span / max(count - 1.0, 1.0)
     power = span * dt
-    airspeed, density, alpha = sums[0] / count, sums[1] / count, sums[3] / count
-    pressure = density * airspeed / (settings[5] * settings[4])
-    scale = np.empty(theta.size)
-    for k in range(ns):
-        for c in range(ns + nu):
-            scale[k * (ns + nu) + c] = pressure if exponents[c] == 1.0 else pressure * airspeed / settings[4]
-    forward = np.zeros(ns)
-    forward[ns - 1] = airspeed * np.cos(alpha) * (1.0 if longitudinal else -1.0)
-    if roll:
-        forward[1] = airspeed * np.sin(alpha)
+    scale, forward = _present(sums, settings, exponents, longitudinal, roll, ns)
     share = min(1.0, span / settings[0])
     for j in range(nu):
         rough = sums[6 + j] / (6.0 * max(sums[5], 1.0))
@@ -285,21 +305,8 @@ def _block_step(  # type: ignore[no-untyped-def]
     weight = 1.0 / (prior_std * prior_std)
     for _ in range(iterations):
         m, n_noise, score, nuisance, follow, driven = block_equations(
-            omega,
-            bank,
-            decay,
-            rows[0],
-            rows[1],
-            theta,
-            scale,
-            noise,
-            power,
-            forward,
-            lever,
-            by_accelerometer,
-            ns,
-            nu,
-        )
+            omega, bank, decay, rows[0], rows[1], theta, scale, noise, power, forward, lever, by_accelerometer, ns, nu
+        )  # fmt: skip
         mc, kept, score, driven, evidence, evidence_score, gust = reduce_information(
             m, n_noise, score, driven, max(settings[3], noise_edge(ns + nu, omega.size * share))
         )
@@ -317,16 +324,7 @@ def _block_step(  # type: ignore[no-untyped-def]
             omega, bank, decay, rows[0], rows[1], theta, scale, nuisance, noise, power, forward, lever,
             by_accelerometer, ns, nu,
         )  # fmt: skip
-        known = noise_known[-1]
-        for j in range(2 * ns + 1):
-            noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
-        if by_accelerometer:
-            noise[ns + 1] = 0.0
-        else:
-            noise[ns] = 0.0
-        for j in range(ns + 1):
-            noise[j] = max(noise[j], LOWEST_NOISE * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
-        _floor_noise(noise, ns)
+        _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns)
     spread = information + gain * kept
     for a in range(n_theta):
         spread[a, a] += weight[a]

@@ -372,7 +372,7 @@ def test_stated_conditions_come_before_coefficients() -> None:
     envelope = apriori_envelope(both, SHORT_PERIOD)
     found = expected(envelope, 25.0, 0.0)
     assert found.value == pytest.approx([stated.derivatives[s].value for s in SHORT_PERIOD.derivatives])
-    assert found.provenance is Provenance.EMPIRICAL
+    assert found.provenance is Provenance.A_PRIORI
     assert "ESDU 67003a" in found.source
     assert envelope.neighbourhood == MEASURED
     assert apriori_envelope(both, LATERAL).neighbourhood == DECLARED

@@ -215,13 +215,16 @@ def test_a_python_that_is_not_there_is_one_sentence() -> None:
 
 
 def test_make_alone_lists_every_target_once() -> None:
-    done = subprocess.run(["make"], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        ["make", "--no-print-directory"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
     listed = [line.split()[1] for line in done.stdout.splitlines()]
     assert listed == ["help", "run", "test", "constraints", "proto", "clean"]
 
 
 def test_make_test_makes_every_check() -> None:
-    done = subprocess.run(["make", "-n", "test"], cwd=ROOT, capture_output=True, text=True, check=True)
+    command = ["make", "--no-print-directory", "-n", "test"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     for check in (
         "ruff check",
         "ruff format --check",
