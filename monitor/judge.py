@@ -373,11 +373,12 @@ class Judge:
 
         No real ice or damage follows its pattern exactly: with even odds a cause either does, or moves every
         derivative of the structures it acts on off the pattern in proportion to its size. The integral over those
-        deviations is exact; the size and error given are those of the likelier case.
+        deviations is exact. The size given is that of the likelier case, its error always that of the second: a pattern
+        taken from another aircraft is never known to be exact.
         """
         directions = {name: self.direction(name, cause, c.mean, condition) for name, c in changes.items()}
         along = [c.along(directions[name]) for name, c in changes.items()]
-        exact, size, error = log_bayes_direction(
+        exact, size, _ = log_bayes_direction(
             sum(p for p, _ in along), sum(w for _, w in along), cause.size_std
         )
         log_factor = pull = weight = 0.0
@@ -393,9 +394,8 @@ class Judge:
             pull, weight = pull + p, weight + w
         strayed, loose_size, loose_error = log_bayes_direction(pull, weight, cause.size_std)
         strayed += log_factor
-        if strayed > exact:
-            size, error = loose_size, loose_error
-        return float(np.logaddexp(exact, strayed) - np.log(2.0)), size, error
+        size = loose_size if strayed > exact else size
+        return float(np.logaddexp(exact, strayed) - np.log(2.0)), size, loose_error
 
     def _anything(self, changes: Mapping[str, Change]) -> float:
         """Bayes factor of a change in no pattern: in one structure, in another, or in all."""
