@@ -6,14 +6,14 @@ sentence by that calculation (``AircraftDataError``).
 
 import math
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from wingwatch.aircraft.coefficients import Coefficients
 from wingwatch.aircraft.condition import FlightCondition
-from wingwatch.aircraft.structures import STRUCTURES, ModeStructure
-from wingwatch.aircraft.vocabulary import DERIVATIVES
+from wingwatch.aircraft.structures import MODEL_STRUCTURES, ModeStructure
+from wingwatch.aircraft.vocabulary import MODEL_DERIVATIVES
 
 __all__ = [
     "Actuator",
@@ -21,6 +21,7 @@ __all__ = [
     "Aircraft",
     "AircraftDataError",
     "ConditionEntry",
+    "ConstantThrust",
     "DerivativeEntry",
     "ElectricPropulsion",
     "EnvelopeLimits",
@@ -29,8 +30,11 @@ __all__ = [
     "Mode",
     "Provenance",
     "SENSOR_COLUMNS",
+    "SecondOrderLag",
     "Sensors",
 ]
+
+_T = TypeVar("_T")
 
 SENSOR_COLUMNS: tuple[str, ...] = (
     "airspeed_true_m_s",
@@ -74,7 +78,7 @@ class Provenance(StrEnum):
     IDENTIFIED = "identified"
 
 
-def _sensor_columns(table: dict[str, float]) -> dict[str, float]:
+def _sensor_columns(table: dict[str, _T]) -> dict[str, _T]:
     for key in table:
         if key not in SENSOR_COLUMNS:
             raise ValueError(f"{key!r} is no sensor column; allowed are {', '.join(SENSOR_COLUMNS)}")
@@ -83,15 +87,15 @@ def _sensor_columns(table: dict[str, float]) -> dict[str, float]:
 
 def _structures(table: dict[str, "Mode"]) -> dict[str, "Mode"]:
     for key in table:
-        if key not in STRUCTURES:
-            raise ValueError(f"{key!r} is no mode; allowed are {', '.join(STRUCTURES)}")
+        if key not in MODEL_STRUCTURES:
+            raise ValueError(f"{key!r} is no mode; allowed are {', '.join(MODEL_STRUCTURES)}")
     return table
 
 
 def _derivatives(table: dict[str, "DerivativeEntry"]) -> dict[str, "DerivativeEntry"]:
     for key in table:
-        if key not in DERIVATIVES:
-            raise ValueError(f"{key!r} is no derivative; allowed are {', '.join(DERIVATIVES)}")
+        if key not in MODEL_DERIVATIVES:
+            raise ValueError(f"{key!r} is no derivative; allowed are {', '.join(MODEL_DERIVATIVES)}")
     return table
 
 
@@ -102,8 +106,10 @@ def _ascending(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
 Vector = tuple[float, float, float]
 SensorTable = Annotated[dict[str, Annotated[float, Field(ge=0.0)]], AfterValidator(_sensor_columns)]
+PositiveSensorTable = Annotated[dict[str, Positive], AfterValidator(_sensor_columns)]
 PositiveLimits = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
 Limits = Annotated[tuple[float, float], AfterValidator(_ascending)]
 
@@ -143,21 +149,44 @@ class Mass(_Table):
         return self
 
 
+class SecondOrderLag(_Table):
+    """A sensor or filter that follows with x'' + 2 D w x' + w^2 x = w^2 input."""
+
+    natural_frequency_hz: Positive
+    damping_ratio: Positive
+
+
 class Sensors(_Table):
-    """Where sensors sit from the centre of gravity (body axes), how noisy and how late their columns are."""
+    """Where sensors sit from the centre of gravity (body axes), and how each column follows the truth.
+
+    A column is low-pass filtered (``lag_s``, ``second_order``), late by ``delay_s``, noisy, rounded to ``resolution``
+    and renewed ``rate_hz`` times a second; what a table does not name is not so.
+    """
 
     imu_position_m: Vector = (0.0, 0.0, 0.0)
     vane_position_m: Vector = (0.0, 0.0, 0.0)
     noise_std: SensorTable = Field(default_factory=dict)
     delay_s: SensorTable = Field(default_factory=dict)
+    lag_s: SensorTable = Field(default_factory=dict)
+    second_order: Annotated[dict[str, SecondOrderLag], AfterValidator(_sensor_columns)] = Field(
+        default_factory=dict
+    )
+    resolution: SensorTable = Field(default_factory=dict)
+    rate_hz: PositiveSensorTable = Field(default_factory=dict)
 
 
 class Actuator(_Table):
-    """A first-order surface actuator; a limit that is absent does not act. Position limits are symmetric."""
+    """A first-order surface actuator; a limit that is absent does not act. Position limits are symmetric.
+
+    ``backlash_rad`` is the full width of the play between servo and surface, ``dead_band_rad`` the full width
+    of command errors that the servo does not answer.
+    """
 
     bandwidth_hz: Positive
     rate_limit_rad_s: Positive | None = None
     position_limit_rad: Positive | None = None
+    backlash_rad: NotNegative = 0.0
+    dead_band_rad: NotNegative = 0.0
 
 
 class Actuators(_Table):
@@ -202,12 +231,35 @@ class EnvelopeLimits(_Table):
         )
 
 
-class ElectricPropulsion(_Table):
+class _Propulsion(_Table):
+    """Thrust along x body, ``thrust_line_z_m`` below the centre of gravity; ``slipstream_share`` of the tail lies in
+    the propeller's slipstream (0: none, and then the coefficients are those with the propeller running)."""
+
+    thrust_line_z_m: float = 0.0
+    slipstream_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+
+
+class ConstantThrust(_Propulsion):
+    """Throttle times a constant, whatever the airspeed; with a slipstream, from a propeller of a diameter."""
+
+    kind: Literal["constant_thrust"]
+    thrust_max_n: Positive
+    propeller_diameter_m: Positive | None = None
+
+    @model_validator(mode="after")
+    def _slipstream_needs_a_disk(self) -> "ConstantThrust":
+        if self.slipstream_share > 0.0 and self.propeller_diameter_m is None:
+            raise ValueError(
+                f"slipstream_share is {self.slipstream_share} without a propeller_diameter_m; state the diameter"
+            )
+        return self
+
+
+class ElectricPropulsion(_Propulsion):
     """A fixed-pitch propeller on a direct-current motor (Beard and McLain, Small Unmanned Aircraft, ch. 4).
 
     ``thrust_coefficients`` and ``torque_coefficients`` are (c0, c1, c2) of c0 + c1 J + c2 J^2, J = V / (n D),
-    T = ρ n^2 D^4 C_T, Q = ρ n^2 D^5 C_Q, n in revolutions per second. Thrust acts along x body through the
-    centre of gravity.
+    T = ρ n^2 D^4 C_T, Q = ρ n^2 D^5 C_Q, n in revolutions per second.
     """
 
     kind: Literal["electric_propeller"]
@@ -266,7 +318,7 @@ class Aircraft(_Table):
     modes: Annotated[dict[str, Mode], AfterValidator(_structures)] = Field(default_factory=dict)
     envelope: EnvelopeLimits | None = None
     coefficients: Coefficients | None = None
-    propulsion: ElectricPropulsion | None = None
+    propulsion: Annotated[ElectricPropulsion | ConstantThrust, Field(discriminator="kind")] | None = None
     conditions: tuple[ConditionEntry, ...] = ()
 
     def band_hz(self, structure: ModeStructure) -> tuple[float, float]:

@@ -17,7 +17,11 @@ Concise and dimensional are tied by the mass matrices of equations B.8 and B.11,
     y_x = Y_x / m - U for r, + W for p          I_x l_x - I_xz n_x = L_x      I_z n_x - I_xz l_x = N_x
 
 with U = V cos(alpha), W = V sin(alpha). The thesis has W = 0 by its choice of axes (3.12); body axes of a
-real trim have not, so y_p keeps its W.
+real trim have not, so y_p keeps its W. With the forward equation the mass matrix has three rows
+(``longitudinal_mass_matrix``), and x_q keeps -W.
+
+Angle forms: z_alpha and y_beta are accelerations per radian, divided by ½ρV²S as a deflection is. The reduced rows of
+phugoid and spiral are rates of an attitude: they know no mass, and are made non-dimensional by c/V and b/V (or half).
 """
 
 import math
@@ -30,8 +34,8 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.aircraft_file import Aircraft
 from wingwatch.aircraft.condition import FlightCondition
-from wingwatch.aircraft.structures import LATERAL, ModeStructure
-from wingwatch.aircraft.vocabulary import DERIVATIVES
+from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.aircraft.vocabulary import MODEL_DERIVATIVES
 
 __all__ = [
     "Convention",
@@ -39,6 +43,7 @@ __all__ = [
     "convert",
     "convert_standard_errors",
     "display_name",
+    "longitudinal_mass_matrix",
     "unit",
     "unsteady_inertia",
 ]
@@ -56,25 +61,36 @@ class Convention(StrEnum):
 
 
 _AMERICAN_INDEX = {
+    "u": "u",
     "w": "alpha",
     "v": "beta",
+    "alpha": "alpha",
+    "beta": "beta",
+    "theta": "theta",
+    "phi": "phi",
     "p": "p",
     "q": "q",
     "r": "r",
     "eta": "de",
     "xi": "da",
     "zeta": "dr",
+    "tau": "dt",
 }
-_AMERICAN_ROW = {"z": "CZ", "y": "CY", "m": "Cm", "l": "Cl", "n": "Cn"}
+_AMERICAN_ROW = {
+    "x": "CX", "z": "CZ", "y": "CY", "m": "Cm", "l": "Cl", "n": "Cn", "theta": "theta", "phi": "phi"
+}  # fmt: skip
 _MOMENTS = frozenset("lmn")
-_SURFACES = frozenset(("eta", "xi", "zeta"))
+_ATTITUDES = frozenset(("theta", "phi"))
+_PER_PRESSURE = frozenset(("eta", "xi", "zeta", "tau", "alpha", "beta", "theta", "phi"))
+"""Indices whose derivatives go with the square of the airspeed: deflections and angles."""
 _RATES = frozenset("pqr")
+_ROWS = ("x", "z", "m", "y", "l", "n", "theta", "phi")
 
 
 def display_name(symbol: str, convention: Convention) -> str:
     """How a convention prints a derivative: ``m_q``, ``M_q`` (dimensional and British), ``Cm_q``."""
     row, index = symbol.split("_")
-    if convention is Convention.CONCISE:
+    if convention is Convention.CONCISE or row in _ATTITUDES:
         return symbol
     if convention is Convention.AMERICAN:
         return f"{_AMERICAN_ROW[row]}_{_AMERICAN_INDEX[index]}"
@@ -83,12 +99,14 @@ def display_name(symbol: str, convention: Convention) -> str:
 
 def unit(symbol: str, convention: Convention) -> str:
     """Unit of a derivative in a convention (rad left out), empty where it has none."""
+    row, index = symbol.split("_")
     if convention is Convention.CONCISE:
-        return DERIVATIVES[symbol].unit
+        return MODEL_DERIVATIVES[symbol].unit
     if convention is not Convention.DIMENSIONAL:
         return ""
-    row, index = symbol.split("_")
-    if index in _SURFACES:
+    if row in _ATTITUDES:
+        return MODEL_DERIVATIVES[symbol].unit
+    if index in _PER_PRESSURE:
         return "N m" if row in _MOMENTS else "N"
     if index in _RATES:
         return "N m s" if row in _MOMENTS else "N s"
@@ -111,18 +129,43 @@ def unsteady_inertia(aircraft: Aircraft, condition: FlightCondition) -> tuple[fl
     return -common * cos * coefficients.CL.alphadot, common * chord * coefficients.Cm.alphadot
 
 
+def longitudinal_mass_matrix(aircraft: Aircraft, condition: FlightCondition) -> NDArray[np.float64]:
+    """Mass matrix of (du/dt, dw/dt, dq/dt), shape (3, 3), in kg, kg m and kg m2 (thesis equation B.8 with x).
+
+    Off its diagonal stand the alphadot terms, d(alpha)/dt = (cos(alpha) dw/dt - sin(alpha) du/dt) / V; with du/dt left
+    out, as the short period has it, they are those of ``unsteady_inertia``.
+
+    Raises:
+        AircraftDataError: the file lacks [mass], or [geometry] with alphadot coefficients.
+    """
+    mass = aircraft.need_mass(_PURPOSE)
+    matrix = np.diag([mass.mass_kg, mass.mass_kg, mass.inertia_y_kg_m2])
+    z_wdot, m_wdot = unsteady_inertia(aircraft, condition)
+    slope = math.tan(condition.angle_of_attack_rad)
+    by_wdot = np.array([-z_wdot * slope, z_wdot, m_wdot])
+    matrix[:, 1] -= by_wdot
+    matrix[:, 0] += slope * by_wdot
+    return matrix
+
+
 @cache
 def _exponents(structure: ModeStructure) -> dict[str, NDArray[np.float64]]:
-    """Powers of V, b and c, the American halves and the offsets' places, in the order of the derivatives."""
+    """Powers of V, b, c and ½ρS, the American halves and the offsets' places, in the order of the derivatives."""
     parts = [symbol.split("_") for symbol in structure.derivatives]
+    attitude = np.array([row in _ATTITUDES for row, _ in parts])
+    speed = np.array([2.0 if x in _PER_PRESSURE else 1.0 for _, x in parts])
+    half = np.array([0.5 if x in _RATES else 1.0 for _, x in parts])
     return {
-        "speed": np.array([2.0 if x in _SURFACES else 1.0 for _, x in parts]),
-        "span": np.array([float(row in "ln") + float(x in ("p", "r")) for row, x in parts]),
-        "chord": np.array([float(row == "m") + float(x == "q") for row, x in parts]),
-        "half": np.array([0.5 if x in _RATES else 1.0 for _, x in parts]),
-        "row": np.array(["zmyln".index(row) for row, _ in parts]),
+        "pressure": np.where(attitude, 0.0, 1.0),
+        "speed": np.where(attitude, speed - 1.0, speed),
+        "span": np.array(
+            [float(row in "ln") + float(x in ("p", "r")) - float(row == "phi") for row, x in parts]
+        ),
+        "chord": np.array([float(row == "m") + float(x == "q") - float(row == "theta") for row, x in parts]),
+        "half": np.where(attitude, 2.0, half),
+        "row": np.array([_ROWS.index(row) for row, _ in parts]),
         "forward": np.array([{"z_q": 1.0, "y_r": -1.0}.get("_".join(part), 0.0) for part in parts]),
-        "normal": np.array([float("_".join(part) == "y_p") for part in parts]),
+        "normal": np.array([{"y_p": 1.0, "x_q": -1.0}.get("_".join(part), 0.0) for part in parts]),
     }
 
 
@@ -135,7 +178,7 @@ def _multiplier(
     geometry = aircraft.need_geometry(_PURPOSE)
     powers = _exponents(structure)
     multiplier = (
-        (0.5 * condition.air_density_kg_m3 * geometry.wing_area_m2)
+        (0.5 * condition.air_density_kg_m3 * geometry.wing_area_m2) ** powers["pressure"]
         * condition.airspeed_true_m_s ** powers["speed"]
         * geometry.span_m ** powers["span"]
         * geometry.mean_chord_m ** powers["chord"]
@@ -175,13 +218,13 @@ def affine(
     mass = aircraft.need_mass(_PURPOSE)
     powers = _exponents(structure)
     apparent = mass.mass_kg - unsteady_inertia(aircraft, condition)[0]
-    inertia = np.array(
-        [apparent, mass.inertia_y_kg_m2, mass.mass_kg, mass.inertia_x_kg_m2, mass.inertia_z_kg_m2]
-    )[powers["row"]]
+    inertia = np.array([
+        mass.mass_kg, apparent, mass.inertia_y_kg_m2, mass.mass_kg, mass.inertia_x_kg_m2, mass.inertia_z_kg_m2, 1.0, 1.0
+    ])[powers["row"]]  # fmt: skip
     scale = _multiplier(structure, aircraft, condition, target) / inertia
     offset = (
         powers["forward"] * condition.forward_velocity_m_s + powers["normal"] * condition.normal_velocity_m_s
-    ) * (mass.mass_kg / np.where(powers["row"] == 0, apparent, mass.mass_kg))
+    ) * (mass.mass_kg / np.where(powers["row"] == _ROWS.index("z"), apparent, mass.mass_kg))
     return scale, offset
 
 
@@ -203,21 +246,54 @@ def _to_dimensional(
     z_wdot, m_wdot = unsteady_inertia(aircraft, condition)
     m, forward, normal = mass.mass_kg, condition.forward_velocity_m_s, condition.normal_velocity_m_s
     out: dict[str, float] = {}
+    if _is_full_longitudinal(structure):
+        return _through_mass_matrix(concise, aircraft, condition, structure, to_concise=False)
+    coupled = {"l", "n"} <= set(structure.equations)
     for symbol in structure.derivatives:
         row, index = symbol.split("_")
         value = concise[symbol]
-        if row == "z":
+        if row == "x":
+            out[symbol] = m * value
+        elif row in _ATTITUDES:
+            out[symbol] = value
+        elif row == "z":
             out[symbol] = (m - z_wdot) * value - (m * forward if index == "q" else 0.0)
         elif row == "m":
             out[symbol] = mass.inertia_y_kg_m2 * value - m_wdot * concise[f"z_{index}"]
         elif row == "y":
             out[symbol] = m * (value - {"p": normal, "r": -forward}.get(index, 0.0))
         elif row == "l":
-            out[symbol] = mass.inertia_x_kg_m2 * value - mass.inertia_xz_kg_m2 * concise[f"n_{index}"]
+            yawing = mass.inertia_xz_kg_m2 * concise[f"n_{index}"] if coupled else 0.0
+            out[symbol] = mass.inertia_x_kg_m2 * value - yawing
         else:
-            coupled = mass.inertia_xz_kg_m2 * concise[f"l_{index}"] if structure == LATERAL else 0.0
-            out[symbol] = mass.inertia_z_kg_m2 * value - coupled
+            rolling = mass.inertia_xz_kg_m2 * concise[f"l_{index}"] if coupled else 0.0
+            out[symbol] = mass.inertia_z_kg_m2 * value - rolling
     return out
+
+
+def _is_full_longitudinal(structure: ModeStructure) -> bool:
+    return structure.equations == ("x", "z", "m")
+
+
+def _through_mass_matrix(
+    values: Mapping[str, float],
+    aircraft: Aircraft,
+    condition: FlightCondition,
+    structure: ModeStructure,
+    *,
+    to_concise: bool,
+) -> dict[str, float]:
+    """Rows x, z, m between dimensional and concise: M concise = dimensional + m (-W, U, 0) for q."""
+    shape = (len(structure.equations), len(structure.regressors))
+    given = np.array([values[s] for s in structure.derivatives]).reshape(shape)
+    matrix, m = longitudinal_mass_matrix(aircraft, condition), aircraft.need_mass(_PURPOSE).mass_kg
+    kinematic = np.zeros(shape)
+    kinematic[:2, structure.regressors.index("q")] = (
+        -m * condition.normal_velocity_m_s,
+        m * condition.forward_velocity_m_s,
+    )
+    out = np.linalg.solve(matrix, given + kinematic) if to_concise else matrix @ given - kinematic
+    return dict(zip(structure.derivatives, out.ravel().tolist(), strict=True))
 
 
 def _to_concise(
@@ -230,18 +306,27 @@ def _to_concise(
     i_x, i_z, i_xz = mass.inertia_x_kg_m2, mass.inertia_z_kg_m2, mass.inertia_xz_kg_m2
     determinant = i_x * i_z - i_xz**2
     out: dict[str, float] = {}
+    if _is_full_longitudinal(structure):
+        return _through_mass_matrix(dimensional, aircraft, condition, structure, to_concise=True)
+    coupled = {"l", "n"} <= set(structure.equations)
     for symbol in structure.derivatives:
         row, index = symbol.split("_")
         value = dimensional[symbol]
-        if row == "z":
+        if row == "x":
+            out[symbol] = value / m
+        elif row in _ATTITUDES:
+            out[symbol] = value
+        elif row == "z":
             out[symbol] = (value + (m * forward if index == "q" else 0.0)) / (m - z_wdot)
         elif row == "m":
             out[symbol] = (value + m_wdot * out[f"z_{index}"]) / mass.inertia_y_kg_m2
         elif row == "y":
             out[symbol] = value / m + {"p": normal, "r": -forward}.get(index, 0.0)
         elif row == "l":
-            out[symbol] = (i_z * value + i_xz * dimensional[f"n_{index}"]) / determinant
-        elif structure == LATERAL:
+            out[symbol] = (
+                (i_z * value + i_xz * dimensional[f"n_{index}"]) / determinant if coupled else value / i_x
+            )
+        elif coupled:
             out[symbol] = (i_x * value + i_xz * dimensional[f"l_{index}"]) / determinant
         else:
             out[symbol] = value / i_z
@@ -259,8 +344,8 @@ def convert(
 ) -> dict[str, float]:
     """All derivatives of a structure from one convention to another; a round trip returns them to rounding.
 
-    With the 4-DOF lateral structure the roll and yaw moments are un-mixed through Ixz. The Dutch roll alone
-    has no rolling moment, so its yaw moments stay the effective ones of ``affine``.
+    With both lateral moments the roll and yaw moments are un-mixed through Ixz. The Dutch roll alone has no rolling
+    moment and the roll no yawing moment, so theirs stay the effective ones of ``affine``; so do the phugoid's.
 
     Args:
         values: every derivative of the structure by its concise symbol, in units of ``source``; NaN stays

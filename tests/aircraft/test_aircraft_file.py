@@ -34,7 +34,7 @@ def parse(text: str) -> object:
 
 
 def test_the_library_has_its_three_aircraft_under_their_names() -> None:
-    assert library_names() == ("aerosonde", "jetstream31", "ultrastick25e")
+    assert library_names() == ("aerosonde", "aerosonde-a", "jetstream31", "twinotter", "ultrastick25e")
     for name in library_names():
         aircraft = load_aircraft(name)
         assert aircraft.name == name
@@ -101,7 +101,7 @@ BAD = [
     (MINIMAL.replace("glider", "My Glider"), "name is 'My Glider'"),
     (
         MINIMAL + "[modes.spin]\nband_hz=[1,2]",
-        "modes: 'spin' is no mode; allowed are short_period, dutch_roll",
+        "modes: 'spin' is no mode; allowed are short_period, short_period_alpha",
     ),
     (
         MINIMAL + "[modes.lateral]\nband_hz=[4,2]",
@@ -175,7 +175,9 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
 
 
 def test_an_unknown_name_lists_the_library() -> None:
-    with pytest.raises(AircraftFileError, match="'cessna' is not in the library, which has aerosonde, jets"):
+    with pytest.raises(
+        AircraftFileError, match="'cessna' is not in the library, which has aerosonde, aerosonde-a, jets"
+    ):
         load_aircraft("cessna")
 
 
