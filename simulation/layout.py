@@ -1,7 +1,7 @@
 """Where each number stands in the arrays of the compiled kernels, and how an aircraft file fills them.
 
-One row a vehicle: its parameters (``VEHICLE``), its coefficients (``COEFFICIENTS``, those of the aircraft file in
-their own order), its rigid-body state (``STATE``), its three surfaces (``SURFACES``).
+One row a vehicle: its rigid-body state (``STATE``), its three surfaces (``SURFACES``) and its parameters
+(``PARAMETERS``): everything about the aircraft that an effect may change in flight.
 """
 
 import math
@@ -9,10 +9,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import GRAVITY_M_S2, Aircraft, coefficient_names
-from wingwatch.aircraft.aircraft_file import Actuator
+from wingwatch.aircraft import GRAVITY_M_S2, Actuator, Aircraft, ConstantThrust, coefficient_names
 
-__all__ = ["COEFFICIENTS", "STATE", "SURFACES", "VEHICLE", "coefficient_row", "vehicle_row"]
+__all__ = ["COEFFICIENTS", "PARAMETERS", "STATE", "SURFACES", "parameter_row"]
 
 STATE: tuple[str, ...] = (
     "north_m", "east_m", "down_m", "u_m_s", "v_m_s", "w_m_s", "q0", "q1", "q2", "q3", "p_rad_s", "q_rad_s", "r_rad_s",
@@ -30,12 +29,61 @@ COEFFICIENTS: tuple[str, ...] = (
     "Cm_zero", "Cm_alpha", "Cm_q", "Cm_alphadot", "Cm_elevator",
     "Cn_beta", "Cn_p", "Cn_r", "Cn_aileron", "Cn_rudder",
 )  # fmt: skip
-"""Columns of the coefficient array: ``aircraft.coefficient_names()``, spelled out so that kernels can name them."""
+"""``aircraft.coefficient_names()``, spelled out so that kernels can name them; the head of ``PARAMETERS``."""
 
 if coefficient_names() != COEFFICIENTS:  # a term of the aircraft file that the kernels do not know
     raise ImportError(
         f"simulation knows coefficients {COEFFICIENTS}, the aircraft file has {coefficient_names()}"
     )
+
+_FURTHER: tuple[str, ...] = (
+    # aerodynamics of an aircraft that is no longer symmetric or linear; none of it in an aircraft file
+    "CY_zero", "Cl_zero", "Cl_alpha", "Cn_zero", "Cn_alpha",
+    "CL_alpha_square", "Cm_alpha_square", "alpha_reference",
+    "ice_wing", "ice_tail", "ice_left_less_right",
+    "wind_axes", "stall_sharpness", "stall_angle_rad",
+    # reference dimensions
+    "area_m2", "span_m", "chord_m",
+    # mass: products of inertia as in the tensor's off-diagonal with a minus; c.g. from the reference point
+    "mass_kg", "inertia_x", "inertia_y", "inertia_z", "inertia_xz", "inertia_xy", "inertia_yz",
+    "cg_x_m", "cg_y_m", "cg_z_m",
+    # propulsion
+    "electric", "thrust_max_n", "diameter_m", "thrust_0", "thrust_1", "thrust_2", "torque_0", "torque_1", "torque_2",
+    "motor_constant", "torque_constant", "resistance_ohm", "no_load_current_a", "voltage_max_v",
+    "thrust_share", "thrust_line_z_m", "slipstream_share",
+    # actuators
+    "elevator_bandwidth", "aileron_bandwidth", "rudder_bandwidth",
+    "elevator_rate_limit", "aileron_rate_limit", "rudder_rate_limit",
+    "elevator_limit", "aileron_limit", "rudder_limit",
+    "elevator_backlash", "aileron_backlash", "rudder_backlash",
+    "elevator_dead_band", "aileron_dead_band", "rudder_dead_band",
+    "elevator_offset", "aileron_offset", "rudder_offset",
+    "elevator_stuck", "aileron_stuck", "rudder_stuck",
+    "elevator_stuck_at", "aileron_stuck_at", "rudder_stuck_at",
+    # sensors' places, from the reference point; what the autopilot's airspeed reads; how strong the gusts are
+    "imu_x_m", "imu_y_m", "imu_z_m", "vane_x_m", "vane_y_m", "vane_z_m",
+    "airspeed_reading", "gust_gain", "gust_sigma",
+)  # fmt: skip
+
+PARAMETERS: tuple[str, ...] = COEFFICIENTS + _FURTHER
+"""Columns of a parameter row.
+
+- ``Cl_alpha``, ``Cn_alpha`` and the lateral ``_zero``: moments and side force of a wing that is not alike left
+  and right;
+- ``CL_alpha_square``, ``Cm_alpha_square``: per rad^2, of the angle of attack less ``alpha_reference``;
+- ``ice_*``: severities of the non-linear icing model (wing, tail, left wing less right wing);
+- ``cg_*_m``: where the centre of gravity is, from the point that the aircraft file's coefficients and places refer to
+  (its clean centre of gravity), body axes; forces keep their reference point, so their moments change with it;
+- ``thrust_share``: thrust over what the throttle would give; ``thrust_line_z_m``: thrust line below the
+  reference point; ``slipstream_share``: share of the tail that the propeller's slipstream blows on;
+- bandwidths in rad/s, infinite for a surface without actuator; backlash and dead band are full widths in rad;
+  ``_offset`` is the deflection at zero command; ``_stuck`` 1 for a surface that stays at ``_stuck_at`` (NaN:
+  where it is);
+- ``airspeed_reading``: airspeed that the autopilot reads over the true one; ``gust_gain``: of the turbulence, 0 for
+  still air; ``gust_sigma``: root mean square of its vertical gust at gain 1, m/s (0: the scenario has no filter).
+"""
+
+INDEX: dict[str, int] = {name: i for i, name in enumerate(PARAMETERS)}
 
 (
     CL_ZERO, CL_ALPHA, CL_Q, CL_ALPHADOT, CL_ELEVATOR,
@@ -44,30 +92,27 @@ if coefficient_names() != COEFFICIENTS:  # a term of the aircraft file that the 
     ROLL_BETA, ROLL_P, ROLL_R, ROLL_AILERON, ROLL_RUDDER,
     CM_ZERO, CM_ALPHA, CM_Q, CM_ALPHADOT, CM_ELEVATOR,
     CN_BETA, CN_P, CN_R, CN_AILERON, CN_RUDDER,
-) = range(len(COEFFICIENTS))  # fmt: skip
-
-VEHICLE: tuple[str, ...] = (
-    "mass_kg", "inertia_x", "inertia_y", "inertia_z", "inertia_xz",
-    "area_m2", "span_m", "chord_m", "wind_axes",
-    "stall_sharpness", "stall_angle_rad",
-    "electric", "thrust_max_n", "diameter_m", "thrust_0", "thrust_1", "thrust_2", "torque_0", "torque_1", "torque_2",
-    "motor_constant", "torque_constant", "resistance_ohm", "no_load_current_a", "voltage_max_v",
-    "imu_x_m", "imu_y_m", "imu_z_m", "vane_x_m", "vane_y_m", "vane_z_m",
-    "elevator_bandwidth", "aileron_bandwidth", "rudder_bandwidth",
-    "elevator_rate_limit", "aileron_rate_limit", "rudder_rate_limit",
-    "elevator_limit", "aileron_limit", "rudder_limit",
-)  # fmt: skip
-"""Columns of the vehicle array; bandwidths in rad/s, infinite for a surface without actuator."""
-
-(
-    MASS, INERTIA_X, INERTIA_Y, INERTIA_Z, INERTIA_XZ,
-    AREA, SPAN, CHORD, WIND_AXES,
-    STALL_SHARPNESS, STALL_ANGLE,
+    CY_ZERO, ROLL_ZERO, ROLL_ALPHA, CN_ZERO, CN_ALPHA,
+    CL_ALPHA_SQUARE, CM_ALPHA_SQUARE, ALPHA_REFERENCE,
+    ICE_WING, ICE_TAIL, ICE_LEFT_LESS_RIGHT,
+    WIND_AXES, STALL_SHARPNESS, STALL_ANGLE,
+    AREA, SPAN, CHORD,
+    MASS, INERTIA_X, INERTIA_Y, INERTIA_Z, INERTIA_XZ, INERTIA_XY, INERTIA_YZ,
+    CG_X, CG_Y, CG_Z,
     ELECTRIC, THRUST_MAX, DIAMETER, THRUST_0, THRUST_1, THRUST_2, TORQUE_0, TORQUE_1, TORQUE_2,
     MOTOR_CONSTANT, TORQUE_CONSTANT, RESISTANCE, NO_LOAD_CURRENT, VOLTAGE_MAX,
+    THRUST_SHARE, THRUST_LINE_Z, SLIPSTREAM_SHARE,
+    ELEVATOR_BANDWIDTH, AILERON_BANDWIDTH, RUDDER_BANDWIDTH,
+    ELEVATOR_RATE_LIMIT, AILERON_RATE_LIMIT, RUDDER_RATE_LIMIT,
+    ELEVATOR_LIMIT, AILERON_LIMIT, RUDDER_LIMIT,
+    ELEVATOR_BACKLASH, AILERON_BACKLASH, RUDDER_BACKLASH,
+    ELEVATOR_DEAD_BAND, AILERON_DEAD_BAND, RUDDER_DEAD_BAND,
+    ELEVATOR_OFFSET, AILERON_OFFSET, RUDDER_OFFSET,
+    ELEVATOR_STUCK, AILERON_STUCK, RUDDER_STUCK,
+    ELEVATOR_STUCK_AT, AILERON_STUCK_AT, RUDDER_STUCK_AT,
     IMU_X, IMU_Y, IMU_Z, VANE_X, VANE_Y, VANE_Z,
-    BANDWIDTH, _, _, RATE_LIMIT, _, _, POSITION_LIMIT, _, _,
-) = range(len(VEHICLE))  # fmt: skip
+    AIRSPEED_READING, GUST_GAIN, GUST_SIGMA,
+) = range(len(PARAMETERS))  # fmt: skip
 
 THRUST_TO_WEIGHT = 0.6
 """Full throttle of an aircraft whose file has no [propulsion], over its weight: an assumption."""
@@ -75,13 +120,8 @@ THRUST_TO_WEIGHT = 0.6
 _PURPOSE = "simulation"
 
 
-def coefficient_row(aircraft: Aircraft) -> NDArray[np.float64]:
-    """The file's coefficients, shape (len(COEFFICIENTS),); AircraftDataError where the file has none."""
-    return np.array([value for _, value in aircraft.need_coefficients(_PURPOSE).items()])
-
-
-def vehicle_row(aircraft: Aircraft) -> NDArray[np.float64]:
-    """The file's geometry, mass, propulsion, sensor places and actuators, shape (len(VEHICLE),).
+def parameter_row(aircraft: Aircraft) -> NDArray[np.float64]:
+    """The aircraft as its file describes it, whole and clean, shape (len(PARAMETERS),).
 
     Raises:
         AircraftDataError: the file lacks [geometry], [mass] or [coefficients].
@@ -89,32 +129,53 @@ def vehicle_row(aircraft: Aircraft) -> NDArray[np.float64]:
     mass, geometry = aircraft.need_mass(_PURPOSE), aircraft.need_geometry(_PURPOSE)
     coefficients = aircraft.need_coefficients(_PURPOSE)
     stall = coefficients.stall
-    actuators = [getattr(aircraft.actuators, name) for name in SURFACES]
-    return np.array([
-        mass.mass_kg, mass.inertia_x_kg_m2, mass.inertia_y_kg_m2, mass.inertia_z_kg_m2, mass.inertia_xz_kg_m2,
-        geometry.wing_area_m2, geometry.span_m, geometry.mean_chord_m, float(coefficients.force_axes == "wind"),
-        0.0 if stall is None else stall.sharpness, 0.0 if stall is None else stall.angle_rad,
-        *_propulsion(aircraft, mass.mass_kg),
-        *aircraft.sensors.imu_position_m, *aircraft.sensors.vane_position_m,
-        *(_bandwidth_rad_s(a) for a in actuators),
-        *(_limit(None if a is None else a.rate_limit_rad_s) for a in actuators),
-        *(_limit(None if a is None else a.position_limit_rad) for a in actuators),
-    ])  # fmt: skip
+    values: dict[str, float] = dict(coefficients.items()) | {
+        "wind_axes": float(coefficients.force_axes == "wind"),
+        "stall_sharpness": 0.0 if stall is None else stall.sharpness,
+        "stall_angle_rad": 0.0 if stall is None else stall.angle_rad,
+        "area_m2": geometry.wing_area_m2, "span_m": geometry.span_m, "chord_m": geometry.mean_chord_m,
+        "mass_kg": mass.mass_kg, "inertia_x": mass.inertia_x_kg_m2, "inertia_y": mass.inertia_y_kg_m2,
+        "inertia_z": mass.inertia_z_kg_m2, "inertia_xz": mass.inertia_xz_kg_m2,
+        "airspeed_reading": 1.0, "gust_gain": 1.0,
+    }  # fmt: skip
+    values |= _propulsion(aircraft, mass.mass_kg)
+    for surface in SURFACES:
+        values |= _actuator(surface, getattr(aircraft.actuators, surface))
+    for place in ("imu", "vane"):
+        position = getattr(aircraft.sensors, f"{place}_position_m")
+        values |= {f"{place}_{axis}_m": position[i] for i, axis in enumerate("xyz")}
+    return np.array([values.get(name, 0.0) for name in PARAMETERS])
 
 
-def _propulsion(aircraft: Aircraft, mass_kg: float) -> tuple[float, ...]:
-    """From ``electric`` to ``voltage_max_v``; without [propulsion] thrust is throttle times a constant."""
+def _propulsion(aircraft: Aircraft, mass_kg: float) -> dict[str, float]:
+    """Without [propulsion] thrust is throttle times a constant."""
     p = aircraft.propulsion
+    values = {"thrust_share": 1.0}
     if p is None:
-        return (0.0, THRUST_TO_WEIGHT * mass_kg * GRAVITY_M_S2, *([1.0] * 12))
-    return (
-        1.0, 0.0, p.propeller_diameter_m, *p.thrust_coefficients, *p.torque_coefficients,
-        p.motor_constant_v_s_rad, p.torque_constant_n_m_a, p.resistance_ohm, p.no_load_current_a, p.voltage_max_v,
-    )  # fmt: skip
+        return values | {"thrust_max_n": THRUST_TO_WEIGHT * mass_kg * GRAVITY_M_S2}
+    values |= {"thrust_line_z_m": p.thrust_line_z_m, "slipstream_share": p.slipstream_share}
+    if isinstance(p, ConstantThrust):
+        return values | {"thrust_max_n": p.thrust_max_n, "diameter_m": p.propeller_diameter_m or 0.0}
+    return values | {
+        "electric": 1.0, "diameter_m": p.propeller_diameter_m,
+        **{f"thrust_{i}": c for i, c in enumerate(p.thrust_coefficients)},
+        **{f"torque_{i}": c for i, c in enumerate(p.torque_coefficients)},
+        "motor_constant": p.motor_constant_v_s_rad, "torque_constant": p.torque_constant_n_m_a,
+        "resistance_ohm": p.resistance_ohm, "no_load_current_a": p.no_load_current_a, "voltage_max_v": p.voltage_max_v,
+    }  # fmt: skip
 
 
-def _bandwidth_rad_s(actuator: Actuator | None) -> float:
-    return math.inf if actuator is None else 2.0 * math.pi * actuator.bandwidth_hz
+def _actuator(surface: str, actuator: Actuator | None) -> dict[str, float]:
+    """An absent actuator follows at once, without limits."""
+    if actuator is None:
+        return {f"{surface}_{name}": math.inf for name in ("bandwidth", "rate_limit", "limit")}
+    return {
+        f"{surface}_bandwidth": 2.0 * math.pi * actuator.bandwidth_hz,
+        f"{surface}_rate_limit": _limit(actuator.rate_limit_rad_s),
+        f"{surface}_limit": _limit(actuator.position_limit_rad),
+        f"{surface}_backlash": actuator.backlash_rad,
+        f"{surface}_dead_band": actuator.dead_band_rad,
+    }
 
 
 def _limit(value: float | None) -> float:

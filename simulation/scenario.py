@@ -1,15 +1,18 @@
 """A scenario: one flight to be simulated, all of it that is not chance given, and chance by its seed."""
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 from wingwatch.aircraft import Aircraft, FlightCondition
 from wingwatch.simulation.effects import Effect
+from wingwatch.simulation.gusts import DiscreteGust
 from wingwatch.simulation.manoeuvres import Manoeuvre
-from wingwatch.simulation.turbulence import LEVELS, Turbulence
+from wingwatch.simulation.route import Route
+from wingwatch.simulation.sensor_errors import SensorErrors
+from wingwatch.simulation.turbulence import LEVELS, MODELS, Turbulence, TurbulenceModel
+from wingwatch.simulation.wind import WindProfile
 
-__all__ = ["Scenario", "truth"]
+__all__ = ["Scenario"]
 
 _HIGHEST_M, _LOWEST_M = 20_000.0, -1_000.0
 
@@ -27,8 +30,15 @@ class Scenario:
         turbulence: level by MIL-F-8785C.
         seed: of turbulence and sensor noise; the same seed gives the same flight.
         noise: whether sensors are noisy as the aircraft file says.
-        wind_m_s: steady wind, the velocity of the air over the ground (north, east, down).
+        wind_m_s: steady wind, the velocity of the air over the ground (north, east, down), where ``wind_profile`` says:
+            without a boundary layer at the scenario's altitude.
         name: what the vehicle is called.
+        sensor_errors: biases, scale errors, vane upwash and dropouts of this vehicle.
+        turbulence_model: form of the spectra.
+        gusts: discrete gusts, added to the turbulence.
+        wind_profile: how the wind changes with height.
+        ground_altitude_m: above sea level; turbulence and boundary layer go by the height above it.
+        route: waypoints to fly, from where the flight starts; without one heading, altitude and airspeed are held.
 
     Raises:
         ValueError: a value outside what can be simulated, named.
@@ -44,12 +54,24 @@ class Scenario:
     noise: bool = True
     wind_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     name: str = ""
+    sensor_errors: SensorErrors = field(default_factory=SensorErrors)
+    turbulence_model: TurbulenceModel = "dryden"
+    gusts: tuple[DiscreteGust, ...] = ()
+    wind_profile: WindProfile = field(default_factory=WindProfile)
+    ground_altitude_m: float = 0.0
+    route: Route | None = None
 
     def __post_init__(self) -> None:
         if not _LOWEST_M <= self.altitude_m <= _HIGHEST_M:
             raise ValueError(f"altitude_m is {self.altitude_m}; give {_LOWEST_M:g} to {_HIGHEST_M:g} m")
         if self.turbulence not in LEVELS:
             raise ValueError(f"turbulence is {self.turbulence!r}; give one of {', '.join(LEVELS)}")
+        if self.turbulence_model not in MODELS:
+            raise ValueError(
+                f"turbulence_model is {self.turbulence_model!r}; give one of {', '.join(MODELS)}"
+            )
+        if not math.isfinite(self.ground_altitude_m):
+            raise ValueError(f"ground_altitude_m is {self.ground_altitude_m}; give a finite number of m")
         if self.seed < 0:
             raise ValueError(f"seed is {self.seed}; give an integer from 0")
         if not all(math.isfinite(component) for component in self.wind_m_s):
@@ -57,28 +79,11 @@ class Scenario:
         FlightCondition(self.airspeed_true_m_s, self.altitude_m)
 
     @property
+    def height_m(self) -> float:
+        """Height above the ground where the flight is held."""
+        return self.altitude_m - self.ground_altitude_m
+
+    @property
     def condition(self) -> FlightCondition:
         """Where the flight is held."""
         return FlightCondition(self.airspeed_true_m_s, self.altitude_m)
-
-
-def truth(scenario: Scenario, time_s: float) -> dict[str, Any]:
-    """What is true of a flight at a time, ready for JSON.
-
-    Returns:
-        ``time_s``; ``effects``: for each effect of the scenario its ``name``, its ``size`` at that time, the size it
-        grows to (``size_final``), ``onset_s`` and ``ramp_s``.
-    """
-    return {
-        "time_s": time_s,
-        "effects": [
-            {
-                "name": effect.name,
-                "size": effect.severity(time_s),
-                "size_final": effect.size,
-                "onset_s": effect.onset_s,
-                "ramp_s": effect.ramp_s,
-            }
-            for effect in scenario.effects
-        ],
-    }

@@ -1,135 +1,248 @@
-"""What the sensors make of a flight: delays, then white noise, each column as the aircraft file says."""
+"""What the sensors make of a flight, column by column.
 
-from collections.abc import Sequence
+The order, for every column: the place (the flown table has specific forces at the IMU's and flow angles at the
+vane's place), first-order lag, second-order lag, delay, gain (scale error, vane upwash, faults), bias, white noise,
+rounding to the resolution, the column's own rate, dropouts. Gain follows lag and delay because that is how a fault is
+defined (``SensorFault``); a constant gain commutes with both. Angles that leap by a turn (roll, heading) are lagged
+and delayed along the shorter way and end in [-pi, pi].
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
-from wingwatch.aircraft import Aircraft
+from wingwatch.simulation.effects import Effect
+from wingwatch.simulation.random_numbers import NormalStreams, random_streams
 from wingwatch.simulation.scenario import Scenario
-from wingwatch.telemetry import CHANNEL_INDEX, CHANNEL_NAMES
-
-__all__ = ["SIMULATED", "NormalStreams", "Sensors"]
-
-SIMULATED: tuple[str, ...] = (
-    "time_s",
-    "airspeed_true_m_s",
-    "roll_rate_rad_s",
-    "pitch_rate_rad_s",
-    "yaw_rate_rad_s",
-    "specific_force_x_m_s2",
-    "specific_force_y_m_s2",
-    "specific_force_z_m_s2",
-    "roll_rad",
-    "pitch_rad",
-    "heading_rad",
-    "elevator_rad",
-    "aileron_rad",
-    "rudder_rad",
-    "angle_of_attack_rad",
-    "sideslip_rad",
-    "throttle",
-    "altitude_m",
-    "air_density_kg_m3",
-    "elevator_command_rad",
-    "aileron_command_rad",
-    "rudder_command_rad",
-    "roll_demand_rad",
-    "pitch_demand_rad",
-    "airspeed_demand_m_s",
-    "altitude_demand_m",
+from wingwatch.simulation.sensor_errors import READINGS, SIMULATED
+from wingwatch.simulation.sensor_kernels import (
+    ENTRY,
+    FAULT,
+    LAG_STATES,
+    MEMORY,
+    SensorState,
+    SensorTable,
+    read_sensors,
 )
-"""Columns that a simulated flight has; the others are NaN."""
+from wingwatch.telemetry import CHANNEL_INDEX
 
-_PIECE = 32
-"""Samples whose random numbers are drawn at once."""
+__all__ = ["SIMULATED", "NormalStreams", "Sensors", "lag_filter"]
+
+_ANGLES = ("roll_rad", "heading_rad")
+_Lag = tuple[float, float, float]
+"""Time constant in s (0: none), natural frequency in rad/s (0: none), damping ratio."""
+_NO_LAG: _Lag = (0.0, 0.0, 0.0)
 
 
-class NormalStreams:
-    """Standard normal numbers, a stream of its own for each vehicle, consumed in order.
+@lru_cache(maxsize=256)
+def lag_filter(
+    lag_s: float, natural_frequency_rad_s: float, damping_ratio: float, step_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """A first-order lag, then a second-order one, exactly discrete for an input that is linear between samples.
 
-    A vehicle's numbers depend on its seed and on how many it has consumed, not on its neighbours nor on how a flight
-    is cut into steps.
+    The state is (z, x, x'/w): lag_s z' = u - z; x'' = w^2 (z - x) - 2 D w x'. Without the first x follows u, without
+    the second z is what is read; either is absent where its number is 0.
+
+    Returns:
+        Phi (3, 3), and gains of the older and of the newer input (3,): z' = Phi z + older u + newer u', from the
+        exponential of the system extended by u and its rate.
     """
-
-    def __init__(self, generators: Sequence[np.random.Generator], widths: Sequence[int]) -> None:
-        self._generators = generators
-        self._widths = widths
-        self._buffer = np.zeros((len(generators), 0, max(widths, default=0)))
-        self.width = self._buffer.shape[2]
-
-    def take(self, samples: int) -> NDArray[np.float64]:
-        """The next numbers, shape (vehicles, samples, width); beyond a vehicle's own width, zeros."""
-        missing = samples - self._buffer.shape[1]
-        if missing > 0 and self.width > 0:
-            length = -(-missing // _PIECE) * _PIECE
-            fresh = np.zeros((len(self._generators), length, self.width))
-            for i, (generator, width) in enumerate(zip(self._generators, self._widths, strict=True)):
-                if width > 0:
-                    fresh[i, :, :width] = generator.standard_normal((length, width))
-            self._buffer = np.concatenate([self._buffer, fresh], axis=1)
-        elif missing > 0:
-            return np.zeros((len(self._generators), samples, 0))
-        taken, self._buffer = self._buffer[:, :samples], self._buffer[:, samples:]
-        return taken
-
-
-def _noisy_columns(aircraft: Aircraft) -> dict[int, float]:
-    """Standard deviation by column of the flight table, of simulated columns."""
-    table = aircraft.sensors.noise_std
-    return {CHANNEL_INDEX[c]: table[c] for c in CHANNEL_NAMES if c in SIMULATED and table.get(c, 0.0) > 0.0}
-
-
-@njit(cache=True, error_model="numpy")
-def _add_noise(values, normals, columns, noise_std):  # type: ignore[no-untyped-def]
-    for i in range(values.shape[0]):
-        for k in range(values.shape[1]):
-            for j in range(columns.shape[1]):
-                if noise_std[i, j] > 0.0:
-                    values[i, k, columns[i, j]] += noise_std[i, j] * normals[i, k, j]
+    w, damping = natural_frequency_rad_s, damping_ratio
+    system = np.zeros((LAG_STATES + 2, LAG_STATES + 2))
+    if lag_s > 0.0:
+        system[0, 0], system[0, 3] = -1.0 / lag_s, 1.0 / lag_s
+    if w > 0.0:
+        system[1, 2] = w
+        system[2, 0 if lag_s > 0.0 else 3] = w
+        system[2, 1:3] = -w, -2.0 * damping * w
+    system[3, 4] = 1.0 / step_s
+    grown = np.asarray(expm(step_s * system), dtype=np.float64)[:LAG_STATES]
+    newer = grown[:, 4]
+    return grown[:, :LAG_STATES], grown[:, 3] - newer, newer
 
 
 class Sensors:
-    """Delays and noise of a fleet's sensors.
+    """The sensors of a fleet, from each scenario's aircraft file, ``sensor_errors`` and effects.
 
-    A delayed column is read, linearly between samples, that much earlier; before the flight its first value stood.
+    A flight's readings depend on its scenario and generator, not on its neighbours nor on how it is cut into steps; its
+    white noise, its turn-on biases and its dropouts are independent of one another.
+
+    Args:
+        scenarios: one a vehicle; ``noise`` false leaves out white noise alone.
+        generators: one a vehicle, consumed here.
+        rate_hz: samples a second.
+
+    Raises:
+        ValueError: an effect on the sensor of a column that is not simulated.
     """
 
     def __init__(
         self, scenarios: Sequence[Scenario], generators: Sequence[np.random.Generator], rate_hz: float
     ) -> None:
-        tables = [_noisy_columns(s.aircraft) if s.noise else {} for s in scenarios]
-        width = max((len(t) for t in tables), default=0)
-        self._columns = np.zeros((len(tables), width), dtype=np.int64)
-        self._noise_std = np.zeros((len(tables), width))
-        for i, table in enumerate(tables):
-            self._columns[i, : len(table)] = list(table)
-            self._noise_std[i, : len(table)] = list(table.values())
-        self._normals = NormalStreams(generators, [len(t) for t in tables])
-        self._delays = [
-            (i, CHANNEL_INDEX[column], delay * rate_hz)
-            for i, s in enumerate(scenarios)
-            for column, delay in s.aircraft.sensors.delay_s.items()
-            if delay > 0.0 and column in SIMULATED
-        ]
-        self._past: dict[tuple[int, int], NDArray[np.float64]] = {}
+        noise, chance = random_streams(generators), random_streams(generators)
+        self._rate_hz = float(rate_hz)
+        self._samples = 0
+        columns = [_columns(s) for s in scenarios]
+        turned_on = [_turn_on(s, g) for s, g in zip(scenarios, generators, strict=True)]
+        self._table = _table(scenarios, columns, turned_on, self._rate_hz)
+        n, width = self._table.entries.shape[:2]
+        self._state = SensorState(
+            noise=noise,
+            chance=chance,
+            memory=np.zeros((n, width, len(MEMORY))),
+            ring=np.zeros(_ring_length(self._table.entries)),
+            missing=np.zeros((n, 1 + width), dtype=np.bool_),
+        )
 
     def read(self, values: NDArray[np.float64]) -> None:
-        """True columns, shape (vehicles, samples, channels), become what the sensors report, in place."""
-        for vehicle, column, delay in self._delays:
-            self._delay(values[vehicle, :, column], vehicle, column, delay)
-        _add_noise(values, self._normals.take(values.shape[1]), self._columns, self._noise_std)
+        """True columns, shape (vehicles, samples, channels), become what the sensors report, in place.
 
-    def _delay(self, signal: NDArray[np.float64], vehicle: int, column: int, delay: float) -> None:
-        """One column, ``delay`` in samples."""
-        whole = int(delay)
-        share = delay - whole
-        length = whole + 1
-        past = self._past.get((vehicle, column))
-        if past is None:
-            past = np.full(length, signal[0] if signal.size else np.nan)
-        record = np.concatenate([past, signal])
-        self._past[vehicle, column] = record[signal.size :].copy()
-        newer, older = record[length - whole :][: signal.size], record[length - whole - 1 :][: signal.size]
-        signal[:] = (1.0 - share) * newer + share * older
+        Consecutive calls are consecutive pieces of the flight.
+        """
+        read_sensors(values, self._samples, self._rate_hz, self._table, self._state)
+        self._samples += values.shape[1]
+
+
+def _columns(scenario: Scenario) -> list[str]:
+    """Columns that are not simply true, in the order of the flight table."""
+    stated, errors = scenario.aircraft.sensors, scenario.sensor_errors
+    named: set[str] = {c for c, _, _ in _faults(scenario.effects)}
+    named.update(stated.second_order)
+    tables: list[Mapping[str, float]] = [
+        stated.delay_s, stated.lag_s, stated.resolution, stated.rate_hz, stated.noise_std if scenario.noise else {},
+        errors.bias, errors.bias_std, errors.scale, errors.vane_upwash, errors.column_dropout_fraction,
+    ]  # fmt: skip
+    for table in tables:
+        named.update(c for c, value in table.items() if value != 0.0)
+    return [c for c in READINGS if c in named]
+
+
+def _faults(effects: Iterable[Effect]) -> list[tuple[str, Effect, tuple[float, float, float]]]:
+    """Column, effect and (bias, scale, delay in s) at severity 1."""
+    found = []
+    for effect in effects:
+        for fault in effect.sensor_faults():
+            if fault.column not in READINGS:
+                raise ValueError(
+                    f"{effect.name} acts on the sensor of {fault.column!r}, which is not simulated; "
+                    f"give one of {', '.join(READINGS)}"
+                )
+            found.append((fault.column, effect, (fault.bias, fault.scale, fault.delay_s)))
+    return found
+
+
+def _turn_on(scenario: Scenario, generator: np.random.Generator) -> dict[str, float]:
+    """Turn-on biases; a number for every column of ``READINGS``, so that none depends on which others have one."""
+    std = scenario.sensor_errors.bias_std
+    if not std:
+        return {}
+    drawn = dict(zip(READINGS, generator.standard_normal(len(READINGS)).tolist(), strict=True))
+    return {column: std[column] * drawn[column] for column in std}
+
+
+def _lag(scenario: Scenario, column: str) -> _Lag:
+    stated = scenario.aircraft.sensors
+    second = stated.second_order.get(column)
+    if second is None:
+        return stated.lag_s.get(column, 0.0), 0.0, 0.0
+    frequency = 2.0 * math.pi * second.natural_frequency_hz
+    return stated.lag_s.get(column, 0.0), frequency, second.damping_ratio
+
+
+def _table(
+    scenarios: Sequence[Scenario],
+    columns: Sequence[list[str]],
+    turned_on: Sequence[dict[str, float]],
+    rate_hz: float,
+) -> SensorTable:
+    n, width = len(scenarios), max((len(c) for c in columns), default=0)
+    fault_rows = [_fault_rows(s, c, rate_hz) for s, c in zip(scenarios, columns, strict=True)]
+    entries, dropout = np.zeros((n, width, len(ENTRY))), np.zeros((n, 1 + width, 3))
+    faults = np.full((n, max((len(f) for f in fault_rows), default=0), len(FAULT)), -1.0)
+    lags: dict[_Lag, int] = {}
+    for i, (scenario, names) in enumerate(zip(scenarios, columns, strict=True)):
+        faults[i, : len(fault_rows[i])] = fault_rows[i]
+        dropout[i, : 1 + len(names)] = _dropout_rows(scenario, names, rate_hz)
+        for j, name in enumerate(names):
+            entry = _entry(scenario, name, rate_hz)
+            lag = _lag(scenario, name)
+            entry["lag"] = -1 if lag == _NO_LAG else lags.setdefault(lag, len(lags))
+            entry["bias"] += turned_on[i].get(name, 0.0)
+            entries[i, j] = [entry.get(number, 0.0) for number in ENTRY]
+    _lay_rings(entries, faults)
+    filters = [np.column_stack(lag_filter(*lag, 1.0 / rate_hz)) for lag in lags]
+    return SensorTable(
+        entry_count=np.array([len(c) for c in columns], dtype=np.int64),
+        entries=entries,
+        faults=faults,
+        dropout=dropout,
+        lags=np.array(filters).reshape(-1, LAG_STATES, LAG_STATES + 2),
+    )
+
+
+def _entry(scenario: Scenario, column: str, rate_hz: float) -> dict[str, float]:
+    """Numbers of ``ENTRY``, zero where not named."""
+    stated, errors = scenario.aircraft.sensors, scenario.sensor_errors
+    own_hz = stated.rate_hz.get(column, rate_hz)
+    return {
+        "column": CHANNEL_INDEX[column],
+        "angle": column in _ANGLES,
+        "output": column in stated.second_order,
+        "delay": stated.delay_s.get(column, 0.0) * rate_hz,
+        "gain": (1.0 + errors.scale.get(column, 0.0)) * (1.0 + errors.vane_upwash.get(column, 0.0)),
+        "bias": errors.bias.get(column, 0.0),
+        "noise_std": stated.noise_std.get(column, 0.0) if scenario.noise else 0.0,
+        "resolution": stated.resolution.get(column, 0.0),
+        "rate_hz": own_hz if own_hz < rate_hz else 0.0,
+        "held": errors.slow_columns == "held",
+    }
+
+
+def _fault_rows(scenario: Scenario, columns: list[str], rate_hz: float) -> NDArray[np.float64]:
+    """Shape (faults, FAULT)."""
+    rows = [
+        (columns.index(column), bias, scale, delay_s * rate_hz, effect.size, effect.onset_s, effect.ramp_s)
+        for column, effect, (bias, scale, delay_s) in _faults(scenario.effects)
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, len(FAULT))
+
+
+def _dropout_rows(scenario: Scenario, columns: list[str], rate_hz: float) -> NDArray[np.float64]:
+    """Fraction f, chance to begin and chance to end at a sample, of whole samples and of each column; (1 + columns, 3).
+
+    Dropouts of m samples on average end with 1/m; f = begin / (begin + end). Losses independent of one another last
+    1/(1 - f) samples on average, and none are made shorter.
+    """
+    errors = scenario.sensor_errors
+    fraction = np.array(
+        [errors.dropout_fraction, *(errors.column_dropout_fraction.get(c, 0.0) for c in columns)]
+    )
+    end = 1.0 / np.maximum(errors.dropout_length_s * rate_hz, 1.0 / (1.0 - fraction))
+    return np.stack([fraction, end * fraction / (1.0 - fraction), end], axis=1)
+
+
+def _lay_rings(entries: NDArray[np.float64], faults: NDArray[np.float64]) -> None:
+    """Mark faulty and delayed entries and give each delayed one its piece of the ring.
+
+    A piece is as long as the longest delay that the entry's faults can grow to.
+    """
+    longest = entries[:, :, ENTRY.index("delay")].copy()
+    vehicles, rows = np.nonzero(faults[:, :, 0] >= 0.0)
+    acting = faults[vehicles, rows]
+    entry = acting[:, 0].astype(np.int64)
+    np.add.at(longest, (vehicles, entry), np.maximum(acting[:, 3] * acting[:, 4], 0.0))
+    entries[vehicles, entry, ENTRY.index("faulty")] = 1.0
+    delayed = longest > 0.0
+    lengths = np.where(delayed, 2.0 ** np.ceil(np.log2(np.floor(longest) + 2.0)), 0.0)
+    entries[:, :, ENTRY.index("delayed")] = delayed
+    entries[:, :, ENTRY.index("ring_mask")] = np.where(delayed, lengths - 1.0, 0.0)
+    entries[:, :, ENTRY.index("ring_start")] = (np.cumsum(lengths) - lengths.ravel()).reshape(lengths.shape)
+
+
+def _ring_length(entries: NDArray[np.float64]) -> int:
+    mask, delayed = entries[:, :, ENTRY.index("ring_mask")], entries[:, :, ENTRY.index("delayed")]
+    return int(np.sum((mask + 1.0) * delayed))

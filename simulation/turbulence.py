@@ -1,186 +1,372 @@
-"""Dryden turbulence of MIL-F-8785C (sections 3.7.2 and 3.7.3), as exact discrete filters.
+"""Turbulence as exact discrete filters of white noise, in Dryden's and von Karman's form.
 
-The gust field is frozen and crossed at the scenario's airspeed, so every filter is linear with constant coefficients;
-over a step its state is x' = Phi x + G n, n white, Phi and G G^T exact (matrix exponential, Van Loan's integral).
-The altitude is taken as height above ground, the ground as at sea level. Filters, with T = L / V:
+Crossed at one airspeed, a frozen gust field (``turbulence_spectra``, where its spectra stand) is white noise through a
+linear filter with constant coefficients. p_g has one time constant; q_g and r_g are the gradients of w_g and v_g along
+the path, smoothed over the span. Signs: the air at a place x ahead of the centre of gravity has w_g + x w_g'/V, the
+aircraft's own motion there is w - q x, so a gradient acts as a pitch rate of the air -w_g'/V; likewise +v_g'/V in yaw.
 
-- u_g: first order, T_u;
-- v_g, w_g: sigma sqrt(T) (1 + sqrt(3) T s) / (1 + T s)^2;
-- p_g: first order, time constant 4 b / (pi V), variance sigma_w^2 0.8 pi^2 / (8 b L_w) (pi L_w / (4 b))^(1/3);
-- q_g, r_g: the gradient of w_g and v_g along the flight path, smoothed over 4 b / (pi V) and 3 b / (pi V).
-
-Signs of q_g and r_g follow from the frozen field: the air at a place x ahead of the centre of gravity has
-w_g + x w_g'/V, the aircraft's own motion there is w - q x, so a gradient acts as a pitch rate of the air -w_g'/V;
-likewise +v_g'/V in yaw.
+Von Karman's roots are no filter. They are met by rational functions with real poles, least largest error of the
+logarithm (``_FIT_U``, ``_FIT_W``): within 2.4 % (u) and 1.7 % (v, w) of the spectrum up to T w = 10^4, T = L / V.
 """
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm, solve_continuous_lyapunov
+from scipy.linalg import expm, solve_discrete_lyapunov
 
-__all__ = ["Turbulence", "TurbulenceFilter", "gust_scales", "step_gust", "turbulence_filter"]
+from wingwatch.simulation.turbulence_spectra import (
+    LEVELS,
+    MODELS,
+    GustScales,
+    Turbulence,
+    TurbulenceModel,
+    gust_scales,
+    gust_spectra,
+    roll_gust_density,
+    span_lags_s,
+)
 
-Turbulence = Literal["none", "light", "moderate", "severe"]
-LEVELS: tuple[str, ...] = get_args(Turbulence)
+__all__ = [
+    "LEVELS",
+    "MODELS",
+    "NORMALS",
+    "ROW",
+    "STATES",
+    "GustScales",
+    "Turbulence",
+    "TurbulenceFilter",
+    "TurbulenceModel",
+    "gust_scales",
+    "gust_spectra",
+    "gust_step",
+    "step_gust",
+    "turbulence_filter",
+]
 
-_FOOT_M = 0.3048
-_KNOT_M_S = 1852.0 / 3600.0
-_WIND_AT_20_FT_KNOTS = {"light": 15.0, "moderate": 30.0, "severe": 45.0}
-"""Section 3.7.3.4."""
+Matrix = NDArray[np.float64]
 
-_FIGURE_7_ALTITUDE_FT = (1750.0, 3750.0, 7500.0, 15000.0, 25000.0, 35000.0, 45000.0, 55000.0, 65000.0)
-_FIGURE_7_RMS_FT_S = {
-    "light": (6.9, 7.4, 6.7, 4.6, 2.7, 0.4, 0.0, 0.0, 0.0),
-    "moderate": (9.6, 10.6, 10.1, 8.0, 6.6, 5.0, 4.2, 2.7, 0.0),
-    "severe": (17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1, 12.1, 7.9),
-}
-"""Figure 7 of MIL-F-8785C, read at the probabilities of exceedance 1e-2, 1e-3 and 1e-5 that belong to the three levels
-(the values as JSBSim tabulates them)."""
+_FIT_U = (
+    0.981415,
+    (0.233821, 0.0263889, 0.00295606, 0.000323907),
+    (1.15158, 0.162955, 0.0183235, 0.0020518, 0.000219523),
+)
+"""g, z, p of 1 / (1 + (a x)^2)^(5/6) = g prod(1 + (z x)^2) / prod(1 + (p x)^2), x = T w; a fit of our own."""
+_FIT_W = (
+    0.987486,
+    (3.20121, 0.133571, 0.017299, 0.00224145, 0.000282348),
+    (2.65833, 0.770359, 0.0949749, 0.0123066, 0.00159381, 0.000195173),
+)
+"""The same of (1 + 8/3 (a x)^2) / (1 + (a x)^2)^(11/6)."""
 
-_LOW_FT, _MEDIUM_FT, _MEDIUM_SCALE_FT = 1000.0, 2000.0, 1750.0
-
-STATES = 8
-"""u; v (two) and its lag; w (two) and its lag; p."""
-_V, _W, _P = slice(1, 4), slice(4, 7), 7
-
-
-@dataclass(frozen=True, slots=True)
-class GustScales:
-    """Root mean squares (m/s) and scale lengths (m) along u, v and w."""
-
-    sigma_u_m_s: float
-    sigma_w_m_s: float
-    length_u_m: float
-    length_w_m: float
+_ALONG, _ACROSS = 5, 6
+"""States of a gust along the flight path, and of one across it without its lag."""
+_V, _W = _ALONG, _ALONG + _ACROSS + 1
+_P = _W + _ACROSS + 1
+STATES = _P + 1
+"""u; v and its lag; w and its lag; p. Dryden's form leaves some of them at nothing."""
+_DOUBLINGS = 60
+"""No process here remembers for 2^60 steps."""
+_ROUNDING = 1e-15
+NORMALS = 6
+"""Random numbers a step: one each for u and p, two each for (v, r) and (w, q)."""
 
 
 @dataclass(frozen=True, slots=True)
 class TurbulenceFilter:
-    """Discrete filter of one vehicle.
+    """Discrete filter of one vehicle: x' = Phi x + G n, n standard normal, the air's motion C x.
+
+    The air's motion has exactly the autocovariances of the continuous filter at every lag, and so its law. The state is
+    what the air's motion until now tells of the continuous state (its Kalman filter), so a step needs as few random
+    numbers as it makes new outputs.
 
     Attributes:
-        transition: Phi, shape (8, 8).
-        input_gain: G, shape (8, 8); G G^T is the covariance that a step adds.
-        output: state to (u, v, w, p, q, r) of the air, shape (6, 8).
-        stationary: a square root of the stationary covariance, shape (8, 8).
+        transition: Phi, shape (STATES, STATES).
+        input_gain: G, shape (STATES, NORMALS).
+        output: C, state to (u, v, w, p, q, r) of the air, shape (6, STATES).
+        stationary: a square root of the stationary covariance, shape (STATES, STATES).
+        row: what ``gust_step`` reads of it, shape (ROW,).
     """
 
-    transition: NDArray[np.float64]
-    input_gain: NDArray[np.float64]
-    output: NDArray[np.float64]
-    stationary: NDArray[np.float64]
+    transition: Matrix
+    input_gain: Matrix
+    output: Matrix
+    stationary: Matrix
+    row: Matrix
 
 
-def _low_altitude(level: str, height_ft: float) -> tuple[float, float, float, float]:
-    """(sigma_u, sigma_w, L_u, L_w) in ft and ft/s, section 3.7.3.4; below 10 ft as at 10 ft."""
-    h = max(height_ft, 10.0)
-    sigma_w = 0.1 * _WIND_AT_20_FT_KNOTS[level] * _KNOT_M_S / _FOOT_M
-    shape = 0.177 + 0.000823 * h
-    return sigma_w / shape**0.4, sigma_w, h / shape**1.2, h
+def _modes(fit: tuple[float, tuple[float, ...], tuple[float, ...]]) -> tuple[Matrix, Matrix]:
+    """Time constants and gains of sqrt(g) prod(1 + z s) / prod(1 + p s) = sum of gain_i / (1 + p_i s)."""
+    g, z, p = fit[0], np.array(fit[1]), np.array(fit[2])
+    others = [np.prod(1.0 - np.delete(p, i) / p[i]) for i in range(p.size)]
+    gains = [math.sqrt(g) * np.prod(1.0 - z / p[i]) / others[i] for i in range(p.size)]
+    return p, np.array(gains)
 
 
-def gust_scales(level: Turbulence, height_m: float) -> GustScales:
-    """Intensities and scale lengths at a height above ground.
+def _chain(model: str, across: bool, time_s: float) -> tuple[Matrix, Matrix]:
+    """A and B of a gust of variance 1 that is the sum of its states, driven by white noise of intensity 1."""
+    size = _ACROSS if across else _ALONG
+    a, b = -np.eye(size), np.zeros(size)
+    drive = math.sqrt((1.0 if across else 2.0) / time_s)
+    if model == "von-karman":
+        constants, gains = _modes(_FIT_W if across else _FIT_U)
+        a[np.diag_indices(size)] = -1.0 / (constants * time_s)
+        return a, drive * gains / constants
+    a /= time_s
+    if not across:
+        b[0] = drive
+        return a, b
+    # (1 + sqrt(3) T s) / (1 + T s)^2 = sqrt(3) / (1 + T s) + (1 - sqrt(3)) / (1 + T s)^2: states 1 and 0
+    a[0, 1] = (1.0 - math.sqrt(3.0)) / math.sqrt(3.0) / time_s
+    b[1] = math.sqrt(3.0) * drive
+    return a, b
 
-    Below 1000 ft the low-altitude model, above 2000 ft figure 7 with L = 1750 ft, linear in between.
 
-    Raises:
-        ValueError: a level that is not known.
+def _sampled(a: Matrix, b: Matrix, dt_s: float) -> tuple[Matrix, Matrix]:
+    """Phi and the covariance that a step adds, by the matrix exponential (Van Loan, IEEE Trans. Automatic Control 23,
+    1978, 395) of a step short beside every time constant, then doubled: sums of covariances only, nothing cancels."""
+    n = a.shape[0]
+    doublings = max(0, math.ceil(math.log2(dt_s * float(np.abs(a).max()))))
+    short = dt_s / 2**doublings
+    grown = np.asarray(expm(short * np.block([[-a, b @ b.T], [np.zeros_like(a), a.T]])), dtype=np.float64)
+    transition = grown[n:, n:].T
+    added = transition @ grown[:n, n:]
+    for _ in range(doublings):
+        added = added + transition @ added @ transition.T
+        transition = transition @ transition
+    return transition, _symmetric(added)
+
+
+def _steady_error(transition: Matrix, seen: Matrix, added: Matrix, noise: Matrix) -> Matrix:
+    """Covariance of what a steady Kalman filter has still to learn, by doubling (Chu, Fan, Lin and Wang, Int. J.
+    Control 77, 2004, 767): the covariance after 2^k steps from a known state, until it grows no more."""
+    a, g, h = transition.T, _symmetric(seen.T @ np.linalg.solve(noise, seen)), added
+    unit = np.eye(len(a))
+    for _ in range(_DOUBLINGS):
+        inverse = np.linalg.inv(unit + g @ h)
+        grown = h + _symmetric(a.T @ h @ inverse @ a)
+        g = g + _symmetric(a @ inverse @ g @ a.T)
+        a = a @ inverse @ a
+        still = bool(np.abs(grown - h).max() <= _ROUNDING * np.abs(grown).max())
+        h = grown
+        if still:
+            break
+    return h
+
+
+def _discrete(a: Matrix, b: Matrix, c: Matrix, dt_s: float) -> tuple[Matrix, Matrix, Matrix]:
+    """Phi, G and stationary covariance of the innovations form of x' = A x + B n, y = C x, sampled every ``dt_s``.
+
+    y_(k+1) = C Phi x_k + C w_k measures x_k without error of its own but with noise R = C Q C^T that is correlated with
+    w_k: the steady Kalman filter (Anderson and Moore, Optimal Filtering, sections 5.5 and 9.2).
     """
-    if level not in LEVELS:
-        raise ValueError(f"turbulence is {level!r}; give one of {', '.join(LEVELS)}")
-    if level == "none":
-        return GustScales(0.0, 0.0, _MEDIUM_SCALE_FT * _FOOT_M, _MEDIUM_SCALE_FT * _FOOT_M)
-    h = height_m / _FOOT_M
-    low = np.array(_low_altitude(level, min(h, _LOW_FT)))
-    sigma = float(np.interp(max(h, _MEDIUM_FT), _FIGURE_7_ALTITUDE_FT, _FIGURE_7_RMS_FT_S[level]))
-    high = np.array([sigma, sigma, _MEDIUM_SCALE_FT, _MEDIUM_SCALE_FT])
-    share = min(1.0, max(0.0, (h - _LOW_FT) / (_MEDIUM_FT - _LOW_FT)))
-    su, sw, lu, lw = ((1.0 - share) * low + share * high) * _FOOT_M
-    return GustScales(float(su), float(sw), float(lu), float(lw))
+    transition, added = _sampled(a, b, dt_s)
+    with_output = added @ c.T
+    noise = _symmetric(c @ with_output)
+    seen = c @ transition
+    known = np.linalg.solve(noise, with_output.T).T
+    left = _nearest(added - known @ with_output.T)
+    missed = _steady_error(transition - known @ seen, seen, left, noise)
+    surprise = _symmetric(seen @ missed @ seen.T + noise)
+    gain = np.linalg.solve(surprise, (transition @ missed @ seen.T + with_output).T).T
+    drive = gain @ np.linalg.cholesky(surprise)
+    return transition, drive, np.asarray(solve_discrete_lyapunov(transition, drive @ drive.T))
 
 
-def _transverse(sigma: float, time_s: float, lag_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A and B of x1' = x2/T, x2' = (-x1 - 2 x2)/T + n/T, lag' = (gust - lag)/lag_s.
+@lru_cache(maxsize=512)
+def _across(model: str, time_s: float, lag_s: float, dt_s: float) -> tuple[Matrix, Matrix, Matrix]:
+    """A gust across the path of variance 1, and its lag, both observed; solved without Dryden's empty states."""
+    chain, drive = _chain(model, True, time_s)
+    used = _ACROSS if model == "von-karman" else 2
+    a, b, c = np.zeros((used + 1, used + 1)), np.zeros((used + 1, 1)), np.zeros((2, used + 1))
+    a[:used, :used], b[:used, 0] = chain[:used, :used], drive[:used]
+    a[used, :used], a[used, used] = 1.0 / lag_s, -1.0 / lag_s
+    c[0, :used], c[1] = 1.0, lag_s * a[used]
+    keep = [*range(used), _ACROSS]
+    parts = _discrete(a, b, c, dt_s)
+    size = _ACROSS + 1
+    transition, gain, spread = np.zeros((size, size)), np.zeros((size, 2)), np.zeros((size, size))
+    transition[np.ix_(keep, keep)], gain[keep], spread[np.ix_(keep, keep)] = parts
+    return transition, gain, spread
 
-    The gust is sigma sqrt(T) (x1 + sqrt(3) x2).
-    """
-    c = sigma * math.sqrt(time_s) * np.array([1.0, math.sqrt(3.0)])
-    a = np.zeros((3, 3))
-    a[0, 1] = 1.0 / time_s
-    a[1, :2] = -1.0 / time_s, -2.0 / time_s
-    a[2] = *(c / lag_s), -1.0 / lag_s
-    return a, np.array([[0.0], [1.0 / time_s], [0.0]])
+
+@lru_cache(maxsize=512)
+def _along(model: str, time_s: float, dt_s: float) -> tuple[Matrix, Matrix, Matrix]:
+    """A gust along the path of variance 1."""
+    chain, drive = _chain(model, False, time_s)
+    used = _ALONG if model == "von-karman" else 1
+    parts = _discrete(chain[:used, :used], drive[:used, None], np.ones((1, used)), dt_s)
+    transition, gain, spread = np.zeros((_ALONG, _ALONG)), np.zeros((_ALONG, 1)), np.zeros((_ALONG, _ALONG))
+    transition[:used, :used], gain[:used], spread[:used, :used] = parts
+    return transition, gain, spread
 
 
 def turbulence_filter(
-    level: Turbulence, height_m: float, airspeed_true_m_s: float, span_m: float, dt_s: float
+    level: Turbulence,
+    height_m: float,
+    airspeed_true_m_s: float,
+    span_m: float,
+    dt_s: float,
+    model: TurbulenceModel = "dryden",
 ) -> TurbulenceFilter:
-    """The filter for steps of ``dt_s`` at an airspeed, a height above ground and a wing span."""
-    g, v = gust_scales(level, height_m), airspeed_true_m_s
-    time_u, time_w = g.length_u_m / v, g.length_w_m / v
-    lag_p = lag_q = 4.0 * span_m / (math.pi * v)
-    lag_r = 3.0 * span_m / (math.pi * v)
-    variance_p = g.sigma_w_m_s**2 * 0.8 * math.pi**2 / (8.0 * span_m * g.length_w_m)
-    variance_p *= (math.pi * g.length_w_m / (4.0 * span_m)) ** (1.0 / 3.0)
-    across, down = _transverse(g.sigma_u_m_s, time_u, lag_r), _transverse(g.sigma_w_m_s, time_w, lag_q)
-    drive_u, drive_p = g.sigma_u_m_s * math.sqrt(2.0 / time_u), math.sqrt(2.0 * variance_p / lag_p)
-    a = _blocks(np.array([[-1.0 / time_u]]), across[0], down[0], np.array([[-1.0 / lag_p]]))
-    b = _blocks(np.array([[drive_u]]), across[1], down[1], np.array([[drive_p]]))
-    c = np.zeros((6, STATES))
-    c[0, 0] = 1.0
-    c[1, _V] = *(across[0][2, :2] * lag_r), 0.0
-    c[2, _W] = *(down[0][2, :2] * lag_q), 0.0
-    c[3, _P] = 1.0
-    c[4, _W] = -down[0][2] / v
-    c[5, _V] = across[0][2] / v
-    noise = b @ b.T
-    grown = np.asarray(expm(dt_s * np.block([[-a, noise], [np.zeros_like(a), a.T]])), dtype=np.float64)
-    transition = grown[STATES:, STATES:].T
-    added = transition @ grown[:STATES, STATES:]
-    return TurbulenceFilter(
-        transition, _root(added), c, _root(np.asarray(solve_continuous_lyapunov(a, -noise), dtype=np.float64))
+    """The filter for steps of ``dt_s`` at a height above ground, an airspeed and a wing span.
+
+    Raises:
+        ValueError: a level or a model that is not known.
+    """
+    g, v = gust_scales(level, height_m, model), airspeed_true_m_s
+    lag_q, lag_r = span_lags_s(v, span_m)
+    decay = math.exp(-dt_s / lag_q)
+    roll = g.sigma_w_m_s**2 * roll_gust_density(g.length_w_m, v, span_m) * math.pi / (2.0 * lag_q)
+    blocks = (
+        (0, 0, g.sigma_u_m_s, _along(model, g.length_u_m / v, dt_s)),
+        (_V, 1, g.sigma_u_m_s, _across(model, g.length_u_m / v, lag_r, dt_s)),
+        (_W, 3, g.sigma_w_m_s, _across(model, g.length_w_m / v, lag_q, dt_s)),
+        (
+            _P,
+            5,
+            math.sqrt(roll),
+            (np.array([[decay]]), np.array([[math.sqrt(1.0 - decay * decay)]]), np.eye(1)),
+        ),
     )
+    transition, gain, spread = (
+        np.zeros((STATES, STATES)),
+        np.zeros((STATES, NORMALS)),
+        np.zeros((STATES, STATES)),
+    )
+    for first, normal, sigma, (phi, drive, covariance) in blocks:
+        here = slice(first, first + phi.shape[0])
+        transition[here, here] = phi
+        gain[here, normal : normal + drive.shape[1]] = sigma * drive
+        spread[here, here] = sigma**2 * covariance
+    c = np.zeros((6, STATES))
+    c[0, :_ALONG] = c[1, _V : _V + _ACROSS] = c[2, _W : _W + _ACROSS] = c[3, _P] = 1.0
+    c[4, _W : _W + _ACROSS], c[4, _W + _ACROSS] = -1.0 / (lag_q * v), 1.0 / (lag_q * v)
+    c[5, _V : _V + _ACROSS], c[5, _V + _ACROSS] = 1.0 / (lag_r * v), -1.0 / (lag_r * v)
+    return TurbulenceFilter(transition, gain, c, _root(spread), _row(transition, gain, c))
 
 
-def _blocks(*blocks: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(block_diag(*blocks), dtype=np.float64)
+def _symmetric(matrix: Matrix) -> Matrix:
+    return 0.5 * (matrix + matrix.T)
 
 
-def _root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Symmetric square root of a covariance that rounding may have left indefinite by its last digits."""
-    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+def _nearest(covariance: Matrix) -> Matrix:
+    """A covariance that rounding may have left indefinite by its last digits."""
+    values, vectors = np.linalg.eigh(_symmetric(covariance))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
+def _root(covariance: Matrix) -> Matrix:
+    """Symmetric square root of a covariance."""
+    values, vectors = np.linalg.eigh(_symmetric(covariance))
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T)
+
+
+def _row(transition: Matrix, gain: Matrix, output: Matrix) -> Matrix:
+    """What ``gust_step`` reads: a gust along the path, two across, roll."""
+    parts: list[Matrix] = [np.diagonal(transition)[:_ALONG], gain[:_ALONG, 0]]
+    for first, normal, rate in ((_V, 1, output[5, _V]), (_W, 3, output[4, _W])):
+        lag = first + _ACROSS
+        block = slice(first, lag)
+        parts += [
+            np.diagonal(transition)[block],
+            gain[block, normal],
+            gain[block, normal + 1],
+            transition[lag, block],
+        ]
+        parts.append(np.array([transition[lag, lag], *gain[lag, normal : normal + 2]]))
+        parts.append(np.array([transition[first, first + 1], rate]))
+    parts.append(np.array([transition[_P, _P], gain[_P, 5]]))
+    return np.concatenate(parts)
+
+
+_ACROSS_NUMBERS = 4 * _ACROSS + 5
+_V_NUMBERS = 2 * _ALONG
+_W_NUMBERS = _V_NUMBERS + _ACROSS_NUMBERS
+_P_NUMBERS = _W_NUMBERS + _ACROSS_NUMBERS
+ROW = _P_NUMBERS + 2
+"""Numbers in ``TurbulenceFilter.row``."""
+
+
+@njit(cache=True, error_model="numpy")
+def _step_across(f, a, x, b, n0, n1):  # type: ignore[no-untyped-def]
+    """A gust across the path and its lag, numbers ``f[a:]``, states ``x[b:]``; returns the gust and its angular rate.
+
+    Written out, and without slices: each view of an array costs two atomic counts, together four times this step.
+    """
+    x0, x1, x2, x3, x4, x5 = x[b], x[b + 1], x[b + 2], x[b + 3], x[b + 4], x[b + 5]
+    smooth = (
+        f[a + 18] * x0
+        + f[a + 19] * x1
+        + (f[a + 20] * x2 + f[a + 21] * x3)
+        + (f[a + 22] * x4 + f[a + 23] * x5)
+    )
+    smooth += f[a + 24] * x[b + 6] + (f[a + 25] * n0 + f[a + 26] * n1)
+    x0 = f[a] * x0 + f[a + 27] * x1 + (f[a + 6] * n0 + f[a + 12] * n1)
+    x1 = f[a + 1] * x1 + (f[a + 7] * n0 + f[a + 13] * n1)
+    x2 = f[a + 2] * x2 + (f[a + 8] * n0 + f[a + 14] * n1)
+    x3 = f[a + 3] * x3 + (f[a + 9] * n0 + f[a + 15] * n1)
+    x4 = f[a + 4] * x4 + (f[a + 10] * n0 + f[a + 16] * n1)
+    x5 = f[a + 5] * x5 + (f[a + 11] * n0 + f[a + 17] * n1)
+    x[b], x[b + 1], x[b + 2], x[b + 3], x[b + 4], x[b + 5], x[b + 6] = x0, x1, x2, x3, x4, x5, smooth
+    gust = (x0 + x1) + (x2 + x3) + (x4 + x5)
+    return gust, f[a + 28] * (gust - smooth)
+
+
+@njit(cache=True, error_model="numpy")
+def gust_step(row, state, normals, after):  # type: ignore[no-untyped-def]
+    """One step of a ``TurbulenceFilter``: ``state`` (STATES,) advances by ``normals`` (NORMALS,), ``after`` (6,) is the
+    air's motion at the end of the step; ``row`` (ROW,) is the filter's.
+    """
+    n0 = normals[0]
+    for i in range(_ALONG):
+        state[i] = row[i] * state[i] + row[_ALONG + i] * n0
+    after[0] = (state[0] + state[1]) + (state[2] + state[3]) + state[4]
+    after[1], after[5] = _step_across(row, _V_NUMBERS, state, _V, normals[1], normals[2])
+    after[2], after[4] = _step_across(row, _W_NUMBERS, state, _W, normals[3], normals[4])
+    after[3] = row[_P_NUMBERS] * state[_P] + row[_P_NUMBERS + 1] * normals[5]
+    state[_P] = after[3]
+
+
+@njit(cache=True, error_model="numpy")
+def _step_across_dense(transition, input_gain, state, first, normal, normals):  # type: ignore[no-untyped-def]
+    """One gust across the path and its lag; returns both."""
+    n0, n1 = normals[normal], normals[normal + 1]
+    lag = first + _ACROSS
+    smooth = (
+        transition[lag, lag] * state[lag] + input_gain[lag, normal] * n0 + input_gain[lag, normal + 1] * n1
+    )
+    link = transition[first, first + 1] * state[first + 1]
+    gust = 0.0
+    for i in range(first, first + _ACROSS):
+        smooth += transition[lag, i] * state[i]
+        x = (
+            transition[i, i] * state[i]
+            + input_gain[i, normal] * n0
+            + input_gain[i, normal + 1] * n1
+            + (link if i == first else 0.0)
+        )
+        state[i] = x
+        gust += x
+    state[lag] = smooth
+    return gust, smooth
 
 
 @njit(cache=True, error_model="numpy")
 def step_gust(transition, input_gain, output, state, normals, after):  # type: ignore[no-untyped-def]
-    """One step of the filter: ``state`` (8,) advances, ``after`` (6,) is the air's motion at the end of the step.
-
-    The matrices are block-diagonal (1, 3, 3, 1) and are read as such.
-    """
-    first = 0
-    for size in (1, 3, 3, 1):
-        x0 = state[first]
-        x1, x2 = (state[first + 1], state[first + 2]) if size == 3 else (0.0, 0.0)
-        for i in range(first, first + size):
-            total = transition[i, first] * x0 + input_gain[i, first] * normals[first]
-            if size == 3:
-                total += transition[i, first + 1] * x1 + transition[i, first + 2] * x2
-                total += (
-                    input_gain[i, first + 1] * normals[first + 1]
-                    + input_gain[i, first + 2] * normals[first + 2]
-                )
-            state[i] = total
-        first += size
-    after[0] = state[0]
-    after[1] = output[1, 1] * state[1] + output[1, 2] * state[2]
-    after[2] = output[2, 4] * state[4] + output[2, 5] * state[5]
-    after[3] = state[7]
-    after[4] = output[4, 4] * state[4] + output[4, 5] * state[5] + output[4, 6] * state[6]
-    after[5] = output[5, 1] * state[1] + output[5, 2] * state[2] + output[5, 3] * state[3]
+    """One step of the filter, as ``gust_step``, from its matrices."""
+    gust = 0.0
+    for i in range(_ALONG):
+        x = transition[i, i] * state[i] + input_gain[i, 0] * normals[0]
+        state[i] = x
+        gust += x
+    after[0] = gust
+    side, side_lag = _step_across_dense(transition, input_gain, state, _V, 1, normals)
+    down, down_lag = _step_across_dense(transition, input_gain, state, _W, 3, normals)
+    state[_P] = transition[_P, _P] * state[_P] + input_gain[_P, 5] * normals[5]
+    after[1], after[2], after[3] = side, down, state[_P]
+    after[4] = output[4, _W + _ACROSS] * (down_lag - down)
+    after[5] = -output[5, _V + _ACROSS] * (side - side_lag)

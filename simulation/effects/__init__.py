@@ -1,22 +1,70 @@
 """What can befall a simulated aircraft: one file an effect, named as in the vocabulary of causes."""
 
+from wingwatch.simulation.effects.actuator_backlash import ActuatorBacklash
+from wingwatch.simulation.effects.actuator_lag import ActuatorLag
+from wingwatch.simulation.effects.actuator_rate_limit import ActuatorRateLimit
 from wingwatch.simulation.effects.aileron_effectiveness import AileronEffectiveness
-from wingwatch.simulation.effects.effect import Effect, coefficients_under, factor_row
+from wingwatch.simulation.effects.airspeed_error import AirspeedError
+from wingwatch.simulation.effects.cg_shift import CgShift
+from wingwatch.simulation.effects.derivative import DerivativeChange
+from wingwatch.simulation.effects.downwash_lag import DownwashLag
+from wingwatch.simulation.effects.effect import Effect, Parameters, SensorFault, parameters_under
 from wingwatch.simulation.effects.elevator_effectiveness import ElevatorEffectiveness
 from wingwatch.simulation.effects.icing import Icing
-from wingwatch.simulation.effects.parsing import EffectSyntaxError, parse_effect
+from wingwatch.simulation.effects.incidence_nonlinearity import IncidenceNonlinearity
+from wingwatch.simulation.effects.mass_inertia import MassInertia
+from wingwatch.simulation.effects.parsing import EffectSyntaxError, effect_text, parse_effect
+from wingwatch.simulation.effects.pitch_damping import PitchDamping
 from wingwatch.simulation.effects.registry import EFFECTS
+from wingwatch.simulation.effects.roll_yaw_coupling import RollYawCoupling
 from wingwatch.simulation.effects.rudder_effectiveness import RudderEffectiveness
+from wingwatch.simulation.effects.sensed import SENSED
+from wingwatch.simulation.effects.sensor_bias import SensorBias
+from wingwatch.simulation.effects.sensor_delay import SensorDelay
+from wingwatch.simulation.effects.sensor_position import SensorPosition
+from wingwatch.simulation.effects.sensor_scale import SensorScale
+from wingwatch.simulation.effects.surface_offset import SurfaceOffset
+from wingwatch.simulation.effects.surface_stuck import SurfaceStuck
+from wingwatch.simulation.effects.thrust_effect import ThrustEffect
+from wingwatch.simulation.effects.thrust_loss import ThrustLoss
+from wingwatch.simulation.effects.turbulence import TurbulenceOnset
+from wingwatch.simulation.effects.vane_upwash import VaneUpwash
+from wingwatch.simulation.effects.wing_damage import WingDamage
 
 __all__ = [
+    "ActuatorBacklash",
+    "ActuatorLag",
+    "ActuatorRateLimit",
     "AileronEffectiveness",
+    "AirspeedError",
+    "CgShift",
+    "DerivativeChange",
+    "DownwashLag",
     "EFFECTS",
     "Effect",
     "EffectSyntaxError",
     "ElevatorEffectiveness",
     "Icing",
+    "IncidenceNonlinearity",
+    "MassInertia",
+    "Parameters",
+    "PitchDamping",
+    "RollYawCoupling",
     "RudderEffectiveness",
-    "coefficients_under",
-    "factor_row",
+    "SENSED",
+    "SensorBias",
+    "SensorDelay",
+    "SensorFault",
+    "SensorPosition",
+    "SensorScale",
+    "SurfaceOffset",
+    "SurfaceStuck",
+    "ThrustEffect",
+    "ThrustLoss",
+    "TurbulenceOnset",
+    "VaneUpwash",
+    "WingDamage",
+    "effect_text",
+    "parameters_under",
     "parse_effect",
 ]

@@ -3,11 +3,10 @@
 The usual form in the fault literature: control derivatives times 1 - lambda (such as Machines 2023, 11(2), 211).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from wingwatch.simulation.effects.effect import Effect
+from wingwatch.simulation.effects.effect import Effect, Parameters
 
 __all__ = ["ElevatorEffectiveness"]
 
@@ -20,6 +19,6 @@ class ElevatorEffectiveness(Effect):
     size_max: ClassVar[float] = 1.0
     size_meaning: ClassVar[str] = "the fraction lost"
 
-    def factors(self) -> Mapping[str, float]:
-        """-1 on each of the surface's coefficients."""
-        return {"CL_elevator": -1.0, "CD_elevator": -1.0, "Cm_elevator": -1.0}
+    def apply(self, parameters: Parameters, severity: float) -> None:
+        """Each of the surface's coefficients times 1 - severity."""
+        parameters.scale({"CL_elevator": -1.0, "CD_elevator": -1.0, "Cm_elevator": -1.0}, severity)

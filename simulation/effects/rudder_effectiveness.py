@@ -3,11 +3,10 @@
 The usual form in the fault literature: control derivatives times 1 - lambda (such as Machines 2023, 11(2), 211).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from wingwatch.simulation.effects.effect import Effect
+from wingwatch.simulation.effects.effect import Effect, Parameters
 
 __all__ = ["RudderEffectiveness"]
 
@@ -20,6 +19,8 @@ class RudderEffectiveness(Effect):
     size_max: ClassVar[float] = 1.0
     size_meaning: ClassVar[str] = "the fraction lost"
 
-    def factors(self) -> Mapping[str, float]:
-        """-1 on each of the surface's coefficients."""
-        return {"CD_rudder": -1.0, "CY_rudder": -1.0, "Cl_rudder": -1.0, "Cn_rudder": -1.0}
+    def apply(self, parameters: Parameters, severity: float) -> None:
+        """Each of the surface's coefficients times 1 - severity."""
+        parameters.scale(
+            {"CD_rudder": -1.0, "CY_rudder": -1.0, "Cl_rudder": -1.0, "Cn_rudder": -1.0}, severity
+        )

@@ -15,6 +15,7 @@ from wingwatch.aircraft import (
     SHORT_PERIOD,
     Aircraft,
     AircraftDataError,
+    ElectricPropulsion,
     FlightCondition,
     ModeStructure,
     TrimError,
@@ -26,35 +27,35 @@ from wingwatch.aircraft import (
     unsteady_inertia,
 )
 from wingwatch.simulation import linearise, trim
-from wingwatch.simulation.dynamics import (
-    _aerodynamics,
-    air_density,
-    derivatives,
-    euler_angles,
-    quaternion,
-    runge_kutta_step,
-    thrust_n,
+from wingwatch.simulation.aerodynamics import arc_tangent, load
+from wingwatch.simulation.atmosphere import CELL_M, air_density, expand_density
+from wingwatch.simulation.dynamics import euler_angles, fly_held, quaternion, thrust_n
+from wingwatch.simulation.layout import (
+    AREA,
+    COEFFICIENTS,
+    ELECTRIC,
+    INERTIA_X,
+    INERTIA_XY,
+    INERTIA_XZ,
+    INERTIA_Y,
+    INERTIA_YZ,
+    INERTIA_Z,
+    MASS,
+    STATE,
+    parameter_row,
 )
-from wingwatch.simulation.layout import AREA, COEFFICIENTS, ELECTRIC, STATE, coefficient_row, vehicle_row
+from wingwatch.simulation.prepared import GRAVITY, working_row
 
-STILL = np.zeros(3)
-NO_GUST = np.zeros((2, 6))
 AEROSONDE = load_aircraft("aerosonde")
 ULTRASTICK = load_aircraft("ultrastick25e")
 
 Array = NDArray[np.float64]
 
 
-def fly_open_loop(
-    state: Array, surfaces: Array, throttle: float, vehicle: Array, coefficients: Array, dt: float, steps: int
-) -> Array:
+def fly_open_loop(state: Array, surfaces: Array, throttle: float, row: Array, dt: float, steps: int) -> Array:
     """State after steps with everything held."""
     state = state.copy()
-    air, load, rates, work = np.empty(6), np.empty(8), np.empty(13), np.empty((5, 13))
-    held = np.tile(surfaces, (3, 1))
-    for _ in range(steps):
-        derivatives(state, surfaces, throttle, STILL, NO_GUST[0], vehicle, coefficients, air, load, rates)
-        runge_kutta_step(state, rates, dt, held, throttle, STILL, NO_GUST, vehicle, coefficients, work)
+    fly_held(working_row(row), state, surfaces, throttle, dt, steps)
     return state
 
 
@@ -68,46 +69,63 @@ def rotation(state: Array) -> Array:
     ])  # fmt: skip
 
 
-def test_a_body_in_vacuum_keeps_energy_and_angular_momentum_and_falls_on_a_parabola() -> None:
-    vehicle, coefficients = vehicle_row(AEROSONDE), coefficient_row(AEROSONDE)
-    vehicle[AREA] = vehicle[ELECTRIC] = 0.0
-    mass, ix, iy, iz, ixz = vehicle[:5]
-    inertia = np.array([[ix, 0.0, -ixz], [0.0, iy, 0.0], [-ixz, 0.0, iz]])
+def tumbling() -> tuple[Array, Array, Array]:
+    """An asymmetric body without forces (no air, no thrust, no weight), its inertia tensor and its state."""
+    row = parameter_row(AEROSONDE)
+    row[AREA] = row[ELECTRIC] = 0.0
+    row[INERTIA_XY], row[INERTIA_YZ] = 0.11, -0.07
+    ix, iy, iz = row[INERTIA_X], row[INERTIA_Y], row[INERTIA_Z]
+    xy, xz, yz = row[INERTIA_XY], row[INERTIA_XZ], row[INERTIA_YZ]
+    inertia = np.array([[ix, -xy, -xz], [-xy, iy, -yz], [-xz, -yz, iz]])
+    assert np.linalg.eigvalsh(inertia).min() > 0.0
     start = np.zeros(len(STATE))
     start[2] = -1000.0
     start[3:6] = 20.0, 3.0, -5.0
     start[6:10] = quaternion(0.4, -0.3, 1.1)
     start[10:13] = 0.9, 1.3, -0.7
+    body = working_row(row)
+    body[GRAVITY] = 0.0
+    return body, inertia, start
 
-    def momentum(s: Array) -> Array:
-        return np.asarray(rotation(s) @ inertia @ s[10:13])
 
-    def energy(s: Array) -> float:
-        return float(
-            0.5 * s[10:13] @ inertia @ s[10:13] + 0.5 * mass * s[3:6] @ s[3:6] - mass * GRAVITY_M_S2 * s[2]
-        )
-
-    seconds, dt = 60.0, 0.005
-    end = fly_open_loop(start, np.zeros(3), 0.0, vehicle, coefficients, dt, round(seconds / dt))
-    spin = float(np.linalg.norm(start[10:13]))
-    # a step of the method errs by at most (spin dt)^5 / 120 relative, in both the rates and the attitude
-    drift = 2.0 * (spin * dt) ** 4 / 120.0 * spin * seconds
-    assert np.abs(momentum(end) - momentum(start)).max() < drift * np.linalg.norm(momentum(start))
-    assert abs(energy(end) - energy(start)) < drift * abs(energy(start))
-    earth = rotation(start) @ start[3:6]
-    fallen = np.array([0.0, 0.0, -1000.0]) + earth * seconds
-    fallen[2] += 0.5 * GRAVITY_M_S2 * seconds**2
-    assert np.abs(end[:3] - fallen).max() < drift * np.abs(fallen).max() * spin * seconds
+def test_a_body_without_forces_keeps_energy_and_angular_momentum_for_ten_minutes() -> None:
+    body, inertia, start = tumbling()
+    end, seconds, dt = start.copy(), 600.0, 0.0015
+    fly_held(body, end, np.zeros(3), 0.0, dt, round(seconds / dt))
+    momentum = [rotation(s) @ inertia @ s[10:13] for s in (start, end)]
+    spin_energy = [0.5 * s[10:13] @ inertia @ s[10:13] for s in (start, end)]
+    drift = [0.5 * body[MASS] * s[3:6] @ s[3:6] for s in (start, end)]
+    assert np.linalg.norm(momentum[1] - momentum[0]) < 1e-9 * np.linalg.norm(momentum[0])
+    assert spin_energy[1] == pytest.approx(spin_energy[0], rel=1e-9)
+    assert drift[1] == pytest.approx(drift[0], rel=1e-9)
+    velocity = [rotation(s) @ s[3:6] for s in (start, end)]
+    assert np.linalg.norm(velocity[1] - velocity[0]) < 1e-9 * np.linalg.norm(velocity[0])
+    flown = velocity[0] * seconds
+    assert np.linalg.norm(end[:3] - start[:3] - flown) < 1e-9 * np.linalg.norm(flown)
     assert np.linalg.norm(end[6:10]) == pytest.approx(1.0, abs=1e-15)
 
 
+def test_a_body_that_falls_in_vacuum_follows_a_parabola() -> None:
+    body, _, start = tumbling()
+    body[GRAVITY] = GRAVITY_M_S2
+    end, seconds, dt = start.copy(), 60.0, 0.0025
+    fly_held(body, end, np.zeros(3), 0.0, dt, round(seconds / dt))
+    earth = rotation(start) @ start[3:6]
+    fallen = start[:3] + earth * seconds
+    fallen[2] += 0.5 * GRAVITY_M_S2 * seconds**2
+    # a step of the method errs by at most (spin dt)^5 / 120 relative, in both the rates and the attitude
+    spin = float(np.linalg.norm(start[10:13]))
+    drift = 2.0 * (spin * dt) ** 4 / 120.0 * spin * seconds
+    assert np.abs(end[:3] - fallen).max() < drift * np.abs(fallen).max()
+
+
 def test_the_integration_converges_with_the_fourth_order() -> None:
-    vehicle, coefficients = vehicle_row(AEROSONDE), coefficient_row(AEROSONDE)
+    row = parameter_row(AEROSONDE)
     point = trim(AEROSONDE, FlightCondition(25.0, 1000.0))
     moved = point.surfaces_rad + np.array([0.03, 0.02, -0.03])
 
     def after_two_seconds(dt: float) -> Array:
-        return fly_open_loop(point.state, moved, point.throttle, vehicle, coefficients, dt, round(2.0 / dt))
+        return fly_open_loop(point.state, moved, point.throttle, row, dt, round(2.0 / dt))
 
     exact = after_two_seconds(0.00125)
     errors = [float(np.abs(after_two_seconds(dt) - exact)[3:].max()) for dt in (0.02, 0.01)]
@@ -139,15 +157,7 @@ def test_forces_are_those_the_aircraft_file_means(
     wind = airspeed * np.array([
         math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta),
     ])  # fmt: skip
-    out = np.empty(8)
-    _aerodynamics(
-        vehicle_row(aircraft),
-        coefficient_row(aircraft),
-        np.array([*wind, *rates]),
-        density,
-        np.array(surfaces),
-        out,
-    )
+    out = np.array(load(working_row(parameter_row(aircraft)), *wind, *rates, density, *surfaces, 0.0))  # type: ignore[call-arg]
     hat = (rates[0] * half_span, rates[1] * half_chord, rates[2] * half_span)
     expected = body_coefficients(
         c, aspect_ratio(geometry.span_m, geometry.wing_area_m2), alpha, beta, hat, surfaces
@@ -169,7 +179,24 @@ def test_forces_are_those_the_aircraft_file_means(
 def test_coefficients_stand_in_the_order_of_the_file() -> None:
     coefficients = AEROSONDE.coefficients
     assert coefficients is not None
-    assert dict(zip(COEFFICIENTS, coefficient_row(AEROSONDE), strict=True)) == dict(coefficients.items())
+    assert dict(zip(COEFFICIENTS, parameter_row(AEROSONDE), strict=False)) == dict(coefficients.items())
+
+
+@pytest.mark.parametrize("altitude_m", [-500.0, 0.0, 1000.0, 10995.0, 11005.0, 19000.0])
+def test_the_density_near_an_altitude_is_that_of_the_atmosphere(altitude_m: float) -> None:
+    for within in (-0.5 * CELL_M, 0.3 * CELL_M, 0.5 * CELL_M - 1e-6):
+        middle = CELL_M * math.floor(altitude_m / CELL_M) + 0.5 * CELL_M
+        centre, a, b, c = expand_density(middle + within)
+        assert centre == middle
+        d = middle + within - centre
+        # the terms left out, as the function states them
+        assert a + d * (b + d * c) == pytest.approx(air_density(middle + within), rel=1e-10)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
+def test_the_fast_arc_tangent_is_the_arc_tangent(y: float, x: float) -> None:
+    assert arc_tangent(y, x) == pytest.approx(math.atan2(y, x), rel=4e-16, abs=1e-300)
 
 
 @pytest.mark.parametrize("altitude_m", [-500.0, 0.0, 1000.0, 10999.0, 11001.0, 19000.0])
@@ -179,7 +206,7 @@ def test_density_is_the_standard_atmosphere(altitude_m: float) -> None:
 
 def test_electric_thrust_balances_motor_and_propeller_torque() -> None:
     p = AEROSONDE.propulsion
-    assert p is not None
+    assert isinstance(p, ElectricPropulsion)
     airspeed, density, throttle = 25.0, 1.1116, 0.8
     c0, c1, c2 = p.torque_coefficients
     low, high = 0.0, 2000.0
@@ -193,7 +220,7 @@ def test_electric_thrust_balances_motor_and_propeller_torque() -> None:
         low, high = (omega, high) if motor > propeller else (low, omega)
     t0, t1, t2 = p.thrust_coefficients
     wanted = density * p.propeller_diameter_m**4 * n**2 * (t0 + t1 * j + t2 * j**2)
-    assert thrust_n(vehicle_row(AEROSONDE), throttle, airspeed, density) == pytest.approx(wanted, rel=1e-9)
+    assert thrust_n(parameter_row(AEROSONDE), throttle, airspeed, density) == pytest.approx(wanted, rel=1e-9)
 
 
 @pytest.mark.parametrize("airspeed", [20.0, 25.0, 30.0, 32.0])
@@ -205,7 +232,7 @@ def test_level_trim_agrees_with_the_aircraft_package(airspeed: float) -> None:
     assert point.residual < 1e-8
     assert point.angle_of_attack_rad == pytest.approx(paper.angle_of_attack_rad, abs=1e-9)
     assert point.elevator_rad == pytest.approx(paper.elevator_rad, abs=1e-9)
-    thrust = thrust_n(vehicle_row(AEROSONDE), point.throttle, airspeed, condition.air_density_kg_m3)
+    thrust = thrust_n(parameter_row(AEROSONDE), point.throttle, airspeed, condition.air_density_kg_m3)
     assert thrust == pytest.approx(paper.thrust_n, rel=1e-8)
 
 
@@ -213,8 +240,8 @@ def test_a_climbing_turn_stays_what_it_was_trimmed_for() -> None:
     condition = FlightCondition(25.0, 1000.0)
     climb, bank = 0.03, 0.5
     point = trim(AEROSONDE, condition, climb_rad=climb, bank_rad=bank)
-    vehicle, coefficients = vehicle_row(AEROSONDE), coefficient_row(AEROSONDE)
-    end = fly_open_loop(point.state, point.surfaces_rad, point.throttle, vehicle, coefficients, 0.005, 400)
+    row = parameter_row(AEROSONDE)
+    end = fly_open_loop(point.state, point.surfaces_rad, point.throttle, row, 0.005, 400)
     roll, pitch, heading = euler_angles(end)
     # density falls by about 1e-4 per metre and the climb is 1.5 m: 1.5e-4 of each quantity
     assert roll == pytest.approx(bank, abs=1.5e-4)

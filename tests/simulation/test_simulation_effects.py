@@ -1,29 +1,22 @@
-"""Effects: published factors arrive in the equations of motion; text is parsed or refused in one sentence."""
+"""Icing and lost effectiveness: published factors arrive in the equations of motion; how effects grow and combine."""
 
 import numpy as np
 import pytest
 
-from wingwatch.aircraft import (
-    ICING_FACTORS,
-    LATERAL,
-    SHORT_PERIOD,
-    FlightCondition,
-    load_aircraft,
-)
+from wingwatch.aircraft import ICING_FACTORS, LATERAL, SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.simulation import (
-    EFFECTS,
     AileronEffectiveness,
+    CgShift,
     Effect,
-    EffectSyntaxError,
     ElevatorEffectiveness,
     Icing,
     RudderEffectiveness,
+    SurfaceStuck,
     linearise,
-    parse_effect,
     trim,
 )
-from wingwatch.simulation.effects import coefficients_under
-from wingwatch.simulation.layout import COEFFICIENTS
+from wingwatch.simulation.effects import parameters_under
+from wingwatch.simulation.layout import COEFFICIENTS, INDEX, PARAMETERS
 
 AEROSONDE = load_aircraft("aerosonde")
 CONDITION = FlightCondition(25.0, 1000.0)
@@ -34,6 +27,12 @@ PUBLISHED_PERCENT = {
     "Cn_beta": -20.0, "Cn_r": -6.0, "Cn_rudder": -8.0, "CL_zero": 0.0, "Cm_zero": 0.0, "Cl_r": 0.0, "Cn_p": 0.0,
 }  # fmt: skip
 """Change at the reference severity 0.0675, ice everywhere, as printed (to a tenth of a percent)."""
+
+
+def under(*effects: Effect, time_s: float = 0.0) -> dict[str, float]:
+    return dict(
+        zip(PARAMETERS, parameters_under(AEROSONDE, CONDITION, effects, time_s).tolist(), strict=True)
+    )
 
 
 def pitching_moment(effects: tuple[Effect, ...], index: str) -> float:
@@ -76,19 +75,45 @@ def test_icing_changes_the_flown_rolling_and_yawing_moments_by_the_published_per
 
 
 def test_icing_changes_each_coefficient_by_the_published_percentage() -> None:
-    clean = dict(zip(COEFFICIENTS, coefficients_under(AEROSONDE, (), 0.0), strict=True))
-    iced = dict(zip(COEFFICIENTS, coefficients_under(AEROSONDE, (Icing(0.0675),), 0.0), strict=True))
+    clean, iced = under(), under(Icing(0.0675))
     for name, percent in PUBLISHED_PERCENT.items():
         assert 100.0 * (iced[name] / clean[name] - 1.0) == pytest.approx(percent, abs=0.06), name
 
 
-@pytest.mark.parametrize("kind", ["all", "wing", "tail"])
-def test_every_published_factor_but_those_of_drag_due_to_lift_is_used(kind: str) -> None:
-    factors = Icing(0.1, kind=kind).factors()  # type: ignore[arg-type]
-    published = ICING_FACTORS[kind]  # type: ignore[index]
-    assert len(factors) == len(published) - 2  # CXalpha and CXalpha2
-    assert sorted(factors.values()) == sorted(v for k, v in published.items() if not k.startswith("CXalpha"))
-    assert set(factors) <= set(COEFFICIENTS)
+@pytest.mark.parametrize("where", ["all", "wing", "tail"])
+def test_every_published_factor_but_those_of_drag_due_to_lift_is_used(where: str) -> None:
+    effect = Icing(0.1, target=where)
+    ones = parameters_under(AEROSONDE, CONDITION, (effect,), 0.0, clean=np.ones(len(PARAMETERS)))
+    factors = (ones - 1.0) / 0.1
+    published = ICING_FACTORS[where]  # type: ignore[index]
+    used = [k for name, k in published.items() if not name.startswith("CXalpha")]
+    assert np.sort(factors[factors != 0.0]) == pytest.approx(sorted(k for k in used if k != 0.0))
+    assert set(np.flatnonzero(factors)) <= {INDEX[name] for name in COEFFICIENTS}
+
+
+@pytest.mark.parametrize(
+    ("target", "wing", "tail", "left_less_right"),
+    [
+        ("nonlinear", 0.2, 0.2, 0.0),
+        ("nonlinear_wing", 0.2, 0.0, 0.0),
+        ("nonlinear_tail", 0.0, 0.2, 0.0),
+        ("left", 0.1, 0.0, 0.2),
+        ("right", 0.1, 0.0, -0.2),
+    ],
+)
+def test_non_linear_icing_is_handed_to_the_flight_as_severities(
+    target: str, wing: float, tail: float, left_less_right: float
+) -> None:
+    clean, iced = under(), under(Icing(0.2, target=target))
+    severities = {"ice_wing": wing, "ice_tail": tail, "ice_left_less_right": left_less_right}
+    assert {name: iced[name] for name in severities} == severities
+    assert all(iced[name] == clean[name] for name in PARAMETERS if name not in severities)
+
+
+def test_ice_on_both_wings_is_ice_on_the_left_and_ice_on_the_right() -> None:
+    assert under(Icing(0.2, target="left"), Icing(0.2, target="right")) == under(
+        Icing(0.2, target="nonlinear_wing")
+    )
 
 
 @pytest.mark.parametrize(
@@ -116,66 +141,32 @@ def test_a_surface_loses_its_fraction_and_nothing_else_changes(
 
 def test_severity_grows_linearly_from_the_onset() -> None:
     effect = Icing(0.2, 10.0, 4.0)
-    assert [effect.severity(t) for t in (0.0, 9.99, 10.0, 11.0, 14.0, 100.0)] == [
-        0.0,
-        0.0,
-        0.0,
-        0.05,
-        0.2,
-        0.2,
-    ]
+    severities = [effect.severity(t) for t in (0.0, 9.99, 10.0, 11.0, 14.0, 100.0)]
+    assert severities == [0.0, 0.0, 0.0, 0.05, 0.2, 0.2]
+    assert [effect.acts(t) for t in (9.99, 10.0, 10.01)] == [False, False, True]
     assert [ElevatorEffectiveness(0.5, 3.0).severity(t) for t in (2.99, 3.0)] == [0.0, 0.5]
+    assert [CgShift(-0.04, 1.0, 2.0).severity(t) for t in (1.0, 2.0, 3.0)] == [0.0, -0.02, -0.04]
 
 
-def test_effects_multiply() -> None:
-    both = coefficients_under(AEROSONDE, (Icing(0.1), ElevatorEffectiveness(0.5)), 0.0)
-    iced = coefficients_under(AEROSONDE, (Icing(0.1),), 0.0)
-    index = COEFFICIENTS.index("Cm_elevator")
-    assert both[index] == 0.5 * iced[index]
+def test_a_surface_may_stick_at_nothing_and_does_so_at_once() -> None:
+    effect = SurfaceStuck(0.0, 3.0, target="aileron")
+    assert [effect.acts(t) for t in (2.99, 3.0, 9.0)] == [False, True, True]
+    assert [under(effect, time_s=t)["aileron_stuck"] for t in (2.99, 3.0)] == [0.0, 1.0]
+    with pytest.raises(ValueError, match=r"has ramp 5\.0 s, but is there at once"):
+        SurfaceStuck(0.0, 3.0, 5.0, "aileron")
 
 
-@pytest.mark.parametrize(
-    ("text", "effect"),
-    [
-        ("icing:0.15@60+30", Icing(0.15, 60.0, 30.0)),
-        ("elevator_effectiveness:0.5@90", ElevatorEffectiveness(0.5, 90.0)),
-        (" rudder_effectiveness:1@0+0 ", RudderEffectiveness(1.0)),
-        ("aileron_effectiveness:0.25@1e1", AileronEffectiveness(0.25, 10.0)),
-    ],
-)
-def test_effects_are_read_from_text(text: str, effect: Effect) -> None:
-    assert parse_effect(text) == effect
+def test_effects_act_together() -> None:
+    both = under(Icing(0.1), ElevatorEffectiveness(0.5), CgShift(0.01), CgShift(0.02))
+    assert both["Cm_elevator"] == 0.5 * under(Icing(0.1))["Cm_elevator"]
+    assert both["cg_x_m"] == -0.03
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("frost:0.1@3", r"'frost' cannot be simulated; known are icing, elevator_effectiveness"),
-        ("", r"'' cannot be simulated"),
-        ("icing", r"has no size; write NAME:SIZE@START"),
-        ("icing:0.1", r"has no start; write NAME:SIZE@START"),
-        ("icing:lots@3", r"size 'lots' is not a number"),
-        ("icing:0.1@", r"start '' is not a number"),
-        ("icing:0.1@3+", r"ramp '' is not a number"),
-        ("icing:0.5@3", r"size 0.5; give the severity eta, 0 to 0.4"),
-        ("icing:nan@3", r"size nan"),
-        ("elevator_effectiveness:-0.1@3", r"size -0.1; give the fraction lost, 0 to 1"),
-        ("icing:0.1@-3", r"start -3.0 s"),
-        ("icing:0.1@3+inf", r"ramp inf s"),
-    ],
-)
-def test_text_that_is_no_effect_is_refused_in_one_sentence(text: str, says: str) -> None:
-    with pytest.raises(EffectSyntaxError, match=says) as caught:
-        parse_effect(text)
-    assert "\n" not in str(caught.value)
-    assert repr(text) in str(caught.value)
-
-
-def test_names_are_those_of_the_causes() -> None:
-    assert set(EFFECTS) == {
-        "icing",
-        "elevator_effectiveness",
-        "aileron_effectiveness",
-        "rudder_effectiveness",
-    }
-    assert all(name == effect.name for name, effect in EFFECTS.items())
+def test_each_grows_by_its_own_clock() -> None:
+    effects = (Icing(0.2, 10.0, 10.0), CgShift(0.02, 15.0))
+    at = {t: under(*effects, time_s=t) for t in (5.0, 12.0, 15.0, 30.0)}
+    assert [row["cg_x_m"] for row in at.values()] == [0.0, 0.0, -0.02, -0.02]
+    drag = [row["CD_min"] / at[5.0]["CD_min"] - 1.0 for row in at.values()]
+    assert drag == pytest.approx(
+        [0.2 * share * ICING_FACTORS["all"]["CX0"] for share in (0.0, 0.2, 0.5, 1.0)]
+    )

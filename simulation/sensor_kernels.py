@@ -1,0 +1,276 @@
+"""What sensors do to the columns of a flight, compiled; ``sensors`` fills the tables and says in what order.
+
+Stages take whole arrays and indices: a slice for each of them costs more than the work on a short piece of a flight.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wingwatch.simulation.random_numbers import fill_normals, uniform
+
+__all__ = ["ENTRY", "FAULT", "LAG_STATES", "MEMORY", "SensorState", "SensorTable", "read_sensors"]
+
+_BLOCK = 256
+"""Samples that pass through one column's stages together; they and their noise stay in the processor's cache."""
+LAG_STATES = 3
+_TURN = 2.0 * math.pi
+_ON_TIME = 1e-6
+"""Share of a reading's period by which rounding may make a reading late."""
+
+ENTRY: tuple[str, ...] = (
+    "column", "angle", "lag", "output", "delayed", "delay", "ring_start", "ring_mask", "gain", "bias", "noise_std",
+    "resolution", "rate_hz", "held", "faulty",
+)  # fmt: skip
+"""Numbers of an entry: a column of the flight table that is not simply true.
+
+- ``angle``: 1 for a column that leaps by a turn;
+- ``lag``: row of the lag table, -1 for none; ``output``: which of its states is read;
+- ``delay`` in samples; ``ring_*``: where its piece of the ring is, and its length (a power of two) less 1;
+- ``rate_hz``: 0 for an entry that keeps pace with the table; ``held``: 1 for one that repeats its last reading.
+"""
+(
+    COLUMN, ANGLE, LAG, OUTPUT, DELAYED, DELAY, RING_START, RING_MASK, GAIN, BIAS, NOISE_STD,
+    RESOLUTION, RATE, HELD, FAULTY,
+) = range(len(ENTRY))  # fmt: skip
+
+FAULT: tuple[str, ...] = ("entry", "bias", "scale", "delay_samples", "size", "onset_s", "ramp_s")
+"""Numbers of a fault; entry -1 in padding."""
+
+MEMORY: tuple[str, ...] = ("z", "x", "x_rate", "last", "turns", "reading")
+"""What an entry remembers: its lag's states, its last input and the turns in it, its last reading."""
+LAST, TURNS, READING = 3, 4, 5
+
+
+class SensorTable(NamedTuple):
+    """What does not change in a flight."""
+
+    entry_count: NDArray[np.int64]
+    """(vehicles,): entries of each; those behind are padding."""
+    entries: NDArray[np.float64]
+    """(vehicles, entries, ENTRY)."""
+    faults: NDArray[np.float64]
+    """(vehicles, faults, FAULT)."""
+    dropout: NDArray[np.float64]
+    """(vehicles, 1 + entries, 3): fraction, chance to begin and to end at a sample; the first is of whole samples."""
+    lags: NDArray[np.float64]
+    """(lags, 3, 5): Phi, gain of the input one sample ago, gain of the input now."""
+
+
+class SensorState(NamedTuple):
+    """What changes."""
+
+    noise: NDArray[np.uint64]
+    """(vehicles, 4): stream."""
+    chance: NDArray[np.uint64]
+    """(vehicles, 4): the dropouts' stream."""
+    memory: NDArray[np.float64]
+    """(vehicles, entries, MEMORY)."""
+    ring: NDArray[np.float64]
+    """Latest inputs of the delayed entries, one piece each."""
+    missing: NDArray[np.bool_]
+    """(vehicles, 1 + entries)."""
+
+
+@njit(cache=True, error_model="numpy")
+def _wrapped(angle):  # type: ignore[no-untyped-def]
+    """To [-pi, pi], untouched where it is there."""
+    if -math.pi <= angle <= math.pi:
+        return angle
+    return angle - _TURN * np.rint(angle / _TURN)
+
+
+@njit(cache=True, error_model="numpy")
+def _follow(x, n, sample, entries, lags, memory, i, j):  # type: ignore[no-untyped-def]
+    """The lag: z' = Phi z + older u + newer u', exact for an input that is linear between samples."""
+    row, output = int(entries[i, j, LAG]), int(entries[i, j, OUTPUT])
+    angle = entries[i, j, ANGLE] > 0.0
+    last, turns = memory[i, j, LAST], memory[i, j, TURNS]
+    for k in range(n):
+        new = x[k]
+        if sample + k == 0:
+            memory[i, j, 0], memory[i, j, 1], memory[i, j, 2], last = new, new, 0.0, new
+            continue
+        if angle:
+            new += _TURN * turns
+            leap = np.rint((new - last) / _TURN)
+            new, turns = new - _TURN * leap, turns - leap
+        z0, z1, z2 = memory[i, j, 0], memory[i, j, 1], memory[i, j, 2]
+        for m in range(LAG_STATES):
+            total = lags[row, m, 0] * z0 + lags[row, m, 1] * z1 + lags[row, m, 2] * z2
+            memory[i, j, m] = total + lags[row, m, 3] * last + lags[row, m, 4] * new
+        last = new
+        x[k] = _wrapped(memory[i, j, output]) if angle else memory[i, j, output]
+    memory[i, j, LAST], memory[i, j, TURNS] = last, turns
+
+
+@njit(cache=True, error_model="numpy")
+def _severities(faults, i, j, sample, rate_hz, n, work):  # type: ignore[no-untyped-def]
+    """Faults of one entry onto its gain, bias and delay (rows of ``work``); severity as in ``Effect.severity``."""
+    for f in range(faults.shape[1]):
+        if faults[i, f, 0] != j:
+            continue
+        size, onset, ramp = faults[i, f, 4], faults[i, f, 5], faults[i, f, 6]
+        for k in range(n):
+            since = (sample + k) / rate_hz - onset
+            if since < 0.0:
+                continue
+            severity = size if since >= ramp else size * since / ramp
+            work[1, k] += severity * faults[i, f, 1]
+            work[0, k] *= 1.0 + severity * faults[i, f, 2]
+            work[2, k] = max(work[2, k] + severity * faults[i, f, 3], 0.0)
+
+
+@njit(cache=True, error_model="numpy")
+def _delay(x, n, delay, sample, angle, ring, start, mask):  # type: ignore[no-untyped-def]
+    """Each sample as it was ``delay[2]`` samples ago, linear in between; before the flight as at its start."""
+    if sample == 0 and n > 0:
+        for k in range(mask + 1):
+            ring[start + k] = x[0]
+    for k in range(n):
+        now = sample + k
+        ring[start + (now & mask)] = x[k]
+        whole = int(delay[2, k])
+        value = ring[start + ((now - whole) & mask)]
+        change = ring[start + ((now - whole - 1) & mask)] - value
+        if angle:
+            change = _wrapped(change)
+        value += (delay[2, k] - whole) * change
+        x[k] = _wrapped(value) if angle else value
+
+
+@njit(cache=True, error_model="numpy")
+def _renew(x, n, sample, rate_hz, own_hz, held, reading):  # type: ignore[no-untyped-def]
+    """A slow column: a reading at the first sample at or after each of its own instants 0, 1/own_hz, 2/own_hz ..."""
+    for k in range(n):
+        now = sample + k
+        due = math.floor(now * own_hz / rate_hz + _ON_TIME)
+        if now == 0 or due > math.floor((now - 1) * own_hz / rate_hz + _ON_TIME):
+            reading = x[k]
+        elif held:
+            x[k] = reading
+        else:
+            x[k] = np.nan
+    return reading
+
+
+@njit(cache=True, error_model="numpy")
+def _late_and_faulty(x, n, sample, rate_hz, entries, faults, ring, i, j, work):  # type: ignore[no-untyped-def]
+    """Delay, gain and bias of one entry that is delayed or has faults."""
+    for k in range(n):
+        work[0, k], work[1, k], work[2, k] = entries[i, j, GAIN], entries[i, j, BIAS], entries[i, j, DELAY]
+    if entries[i, j, FAULTY] > 0.0:
+        _severities(faults, i, j, sample, rate_hz, n, work)
+    if entries[i, j, DELAYED] > 0.0:
+        start, mask = int(entries[i, j, RING_START]), int(entries[i, j, RING_MASK])
+        _delay(x, n, work, sample, entries[i, j, ANGLE] > 0.0, ring, start, mask)
+    for k in range(n):
+        x[k] = work[0, k] * x[k] + work[1, k]
+
+
+@njit(cache=True, error_model="numpy")
+def _read_block(  # type: ignore[no-untyped-def]
+    values, i, first, n, sample, rate_hz, count, normals, noisy, entries, faults, lags, memory, ring, x, work
+):
+    """``n`` samples of a vehicle through every stage but dropouts; ``normals`` has ``noisy`` numbers a sample."""
+    place = 0
+    for j in range(count):
+        column = int(entries[i, j, COLUMN])
+        for k in range(n):
+            x[k] = values[i, first + k, column]
+        if entries[i, j, LAG] >= 0.0:
+            _follow(x, n, sample, entries, lags, memory, i, j)
+        gain, bias, noise_std = entries[i, j, GAIN], entries[i, j, BIAS], entries[i, j, NOISE_STD]
+        if entries[i, j, FAULTY] > 0.0 or entries[i, j, DELAYED] > 0.0:
+            _late_and_faulty(x, n, sample, rate_hz, entries, faults, ring, i, j, work)
+        elif gain != 1.0 or bias != 0.0:
+            for k in range(n):
+                x[k] = gain * x[k] + bias
+        if noise_std > 0.0:
+            for k in range(n):
+                x[k] += noise_std * normals[place + k * noisy]
+            place += 1
+        if entries[i, j, RESOLUTION] > 0.0:
+            resolution = entries[i, j, RESOLUTION]
+            for k in range(n):
+                x[k] = resolution * np.rint(x[k] / resolution)
+        if entries[i, j, ANGLE] > 0.0:
+            for k in range(n):
+                x[k] = _wrapped(x[k])
+        if entries[i, j, RATE] > 0.0:
+            memory[i, j, READING] = _renew(
+                x, n, sample, rate_hz, entries[i, j, RATE], entries[i, j, HELD] > 0.0, memory[i, j, READING]
+            )
+        for k in range(n):
+            values[i, first + k, column] = x[k]
+
+
+@njit(cache=True, error_model="numpy")
+def _drop(values, i, first, n, sample, count, table, state):  # type: ignore[no-untyped-def]
+    """Two-state Markov dropouts of whole samples (first) and of single columns, one number each a sample."""
+    dropout, missing, entries, stream = table.dropout, state.missing, table.entries, state.chance[i]
+    for k in range(first, first + n):
+        for j in range(1 + count):
+            if dropout[i, j, 0] == 0.0:
+                continue
+            drawn = uniform(stream)
+            if sample + k - first == 0:
+                missing[i, j] = drawn < dropout[i, j, 0]
+            elif missing[i, j]:
+                missing[i, j] = drawn >= dropout[i, j, 2]
+            else:
+                missing[i, j] = drawn < dropout[i, j, 1]
+            if not missing[i, j]:
+                continue
+            if j == 0:
+                for c in range(1, values.shape[2]):
+                    values[i, k, c] = np.nan
+            else:
+                values[i, k, int(entries[i, j - 1, COLUMN])] = np.nan
+
+
+@njit(cache=True, error_model="numpy")
+def read_sensors(values, first_sample, rate_hz, table, state):  # type: ignore[no-untyped-def]
+    """True columns (vehicles, samples, channels) become readings in place; the state advances by as many samples.
+
+    Args:
+        values: column 0 is the time.
+        first_sample: number of the first row since the start of the flight.
+        rate_hz: samples a second.
+        table: ``SensorTable``.
+        state: ``SensorState``.
+    """
+    entries, faults, lags, memory, ring = table.entries, table.faults, table.lags, state.memory, state.ring
+    length = min(_BLOCK, values.shape[1])
+    normals, x, work = np.empty(length * entries.shape[1]), np.empty(length), np.empty((3, length))
+    for i in range(values.shape[0]):
+        count, noisy, dropping = table.entry_count[i], 0, table.dropout[i, 0, 0] > 0.0
+        for j in range(count):
+            noisy += entries[i, j, NOISE_STD] > 0.0
+            dropping |= table.dropout[i, 1 + j, 0] > 0.0
+        for first in range(0, values.shape[1], _BLOCK):
+            n, sample = min(_BLOCK, values.shape[1] - first), first_sample + first
+            fill_normals(state.noise[i], normals[: n * noisy])
+            _read_block(
+                values,
+                i,
+                first,
+                n,
+                sample,
+                rate_hz,
+                count,
+                normals,
+                noisy,
+                entries,
+                faults,
+                lags,
+                memory,
+                ring,
+                x,
+                work,
+            )
+            if dropping:
+                _drop(values, i, first, n, sample, count, table, state)
