@@ -1,10 +1,40 @@
 """Estimators: derivatives with covariance and standing, online, for batches of vehicles."""
 
+from wingwatch.estimators.differentiation import (
+    differentiate_local,
+    differentiate_spline,
+    differentiate_wiener,
+)
 from wingwatch.estimators.ekf import EkfConfig, EkfEstimator, EkfState
+from wingwatch.estimators.equation_error import EquationErrorConfig, equation_error
 from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
+from wingwatch.estimators.excitation import (
+    INPUT_KINDS,
+    InputDesign,
+    SurfaceTarget,
+    design_input,
+    surface_targets,
+)
+from wingwatch.estimators.excitation_limits import input_notes
+from wingwatch.estimators.excitation_promise import (
+    ModeResponse,
+    Promise,
+    SensedPlant,
+    promise,
+    sensed_plant,
+)
+from wingwatch.estimators.fit import ChannelFit, Fit, channel_fit, correlated_pairs
 from wingwatch.estimators.fourier import FourierConfig, FourierEstimator, FourierState
+from wingwatch.estimators.frequency_equation_error import (
+    FrequencyEquationErrorConfig,
+    frequency_equation_error,
+)
+from wingwatch.estimators.manoeuvre import Manoeuvre, ManoeuvreConfig, concatenated, manoeuvres
+from wingwatch.estimators.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.reference import offsets, referred_scale
+from wingwatch.estimators.rough_air import ROUGH_SHARE, gather_motion
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState
+from wingwatch.estimators.smoothing import Smoothed, smooth_local, smooth_spline, smooth_wiener
 
 __all__ = [
     "Estimate",
@@ -20,6 +50,40 @@ __all__ = [
     "SignalLayout",
     "SignalState",
     "Signals",
+    "ROUGH_SHARE",
+    "gather_motion",
     "offsets",
     "referred_scale",
+    "Manoeuvre",
+    "ManoeuvreConfig",
+    "manoeuvres",
+    "concatenated",
+    "EquationErrorConfig",
+    "equation_error",
+    "FrequencyEquationErrorConfig",
+    "frequency_equation_error",
+    "OutputErrorConfig",
+    "output_error",
+    "Fit",
+    "ChannelFit",
+    "channel_fit",
+    "correlated_pairs",
+    "Smoothed",
+    "smooth_local",
+    "smooth_wiener",
+    "smooth_spline",
+    "differentiate_local",
+    "differentiate_wiener",
+    "differentiate_spline",
+    "INPUT_KINDS",
+    "InputDesign",
+    "SurfaceTarget",
+    "design_input",
+    "surface_targets",
+    "SensedPlant",
+    "sensed_plant",
+    "Promise",
+    "ModeResponse",
+    "promise",
+    "input_notes",
 ]

@@ -13,16 +13,22 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.ekf_kernel import (
+    SETTLE_S,
     WARM_UP,
-    adapt_noise,
+    air_decay,
+    learn_after,
+    learn_before,
     solve_all,
     step_inputs,
-    trim_drift,
+    track_condition,
     update_all,
 )
 from wingwatch.estimators.ekf_model import measure, transition
+from wingwatch.estimators.ekf_noise import NOISE_TAIL, process_noise, trim_drift
 from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.levels import LEVELS
 from wingwatch.estimators.reference import offsets, referred_scale, standing
+from wingwatch.estimators.rough_air import unrest_variance
 from wingwatch.estimators.signals import MAX_GAP_S, SignalLayout
 
 __all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
@@ -47,6 +53,9 @@ class EkfConfig:
         held: for each input, whether it is held between samples.
         use_accelerometer: whether the accelerometer is a measurement.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
+        noise_std: of the measured states as the aircraft file states it, 0 where it says nothing; believed as far as
+            the record allows.
+        span_m: of the wing, over which gusts are smoothed; 0 for a filter that knows only calm air.
     """
 
     structure: ModeStructure
@@ -61,6 +70,8 @@ class EkfConfig:
     held: tuple[bool, ...] = ()
     use_accelerometer: bool = True
     imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    noise_std: tuple[float, ...] = ()
+    span_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.held:
@@ -72,8 +83,9 @@ class EkfState:
     """Everything the filter remembers, one row a vehicle.
 
     Attributes:
-        z: augmented state (states, derivatives, constants); cov: its covariance.
-        noise: variances of the measured states, the accelerometer, and the states' process noise a step.
+        z: augmented state (states, the air's unrest, derivatives, constants); cov: its covariance.
+        noise: variances, laid out in ``ekf_noise``; lags: last differences of each state, their mean square and
+            covariance; levels: smoothers of the vane's velocity; slow: sums of corrections.
         rows: (2, columns) last signal row and the one before.
         roughness: squared second differences during warm-up.
         condition: dynamic pressure ratio, airspeed, density, altitude, angle of attack of the last sample.
@@ -87,6 +99,9 @@ class EkfState:
     z: Array
     cov: Array
     noise: Array
+    lags: Array
+    levels: Array
+    slow: Array
     rows: Array
     roughness: Array
     condition: Array
@@ -120,7 +135,19 @@ class EkfEstimator:
             if self._roll:
                 self._lever[1] = z
         self._exponents = np.array([1.0] * ns + [2.0] * self.layout.inputs)
-        self._corner = 2.0 * np.pi * config.trim_corner_hz
+        stated = config.noise_std or (0.0,) * ns
+        self._settings = np.array([config.adapt_s, 2.0 * np.pi * config.trim_corner_hz, *np.square(stated)])
+        # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
+        lengths = [4.0, 4.0 if self._longitudinal else 3.0]
+        self._gust_m = (
+            np.array(lengths if config.span_m > 0.0 else [], dtype=np.float64) * config.span_m / np.pi
+        )
+        self._direction = np.zeros(ns)
+        self._direction[1] = 1.0
+        if self._roll:
+            by_roll_rate = config.prior_value.reshape(ns, -1)[:, 1]
+            if by_roll_rate[1] != 0.0:
+                self._direction = by_roll_rate / by_roll_rate[1]
         self._held = np.array(config.held)
         self._reference = np.array(config.reference)
         constant = np.full(ns, 10.0)
@@ -128,18 +155,40 @@ class EkfEstimator:
         self._prior_value = np.concatenate([config.prior_value, np.zeros(ns)])
         self._prior_std = np.concatenate([config.prior_std, constant])
 
+    def unrest_of(self, state: EkfState, vehicle: int) -> Array:
+        """Variance of each state that the air's unrest alone causes within ten seconds, shape (ns,).
+
+        Zeros for a filter that knows only calm air, NaN before there is a condition.
+        """
+        _, airspeed, density, _, alpha = state.condition[vehicle]
+        if not self._gust_m.size or not np.isfinite(airspeed):
+            return np.full(self.layout.states, 0.0 if not self._gust_m.size else np.nan)
+        c, ns = self.config, self.layout.states
+        scale = referred_scale(c.structure, airspeed, density, c.reference)
+        kinematic = offsets(c.structure, airspeed, alpha)[:ns]
+        return np.asarray(
+            unrest_variance(
+                state.z[vehicle], state.noise[vehicle], scale, kinematic, self._gust_m, self._direction, airspeed,
+                self._longitudinal, ns, self.layout.inputs,
+            )
+        )  # fmt: skip
+
     def init(self, vehicles: int) -> EkfState:
         """State before the first sample."""
         n, ns, k = vehicles, self.layout.states, self.config.prior_value.size
-        z = np.concatenate([np.zeros(ns), self._prior_value])
+        nx = ns + self._gust_m.size
+        z = np.concatenate([np.zeros(nx), self._prior_value])
         cov = np.zeros((z.size, z.size))
-        cov[ns:, ns:] = np.diag(self._prior_std**2)
+        cov[nx:, nx:] = np.diag(self._prior_std**2)
         return EkfState(
             z=np.tile(z, (n, 1)),
             cov=np.tile(cov, (n, 1, 1)),
-            noise=np.full((n, 2 * ns + 1), 1e-8),
+            noise=np.full((n, ns + 3 + NOISE_TAIL), 1e-8),
+            lags=np.zeros((n, ns, 4)),
+            levels=np.zeros((n, 4, LEVELS)),
+            slow=np.zeros((n, 2)),
             rows=np.full((n, 2, self.layout.columns), np.nan),
-            roughness=np.zeros((n, ns + 1)),
+            roughness=np.zeros((n, 1)),
             condition=np.full((n, 5), np.nan),
             clock=np.full(n, np.nan),
             informed_s=np.full((n, k), -np.inf),
@@ -159,8 +208,9 @@ class EkfEstimator:
             return
         update_all(
             np.ascontiguousarray(signals), self._held, self._lever, self._exponents, self._reference,
-            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner,
-            state.z, state.cov, state.noise, state.rows, state.roughness, state.condition, state.counts,
+            self._longitudinal, self._roll, self.config.use_accelerometer, self._settings, self._gust_m,
+            self._direction, state.z, state.cov, state.noise, state.lags, state.levels, state.slow, state.rows,
+            state.roughness, state.condition, state.counts,
         )  # fmt: skip
 
     def solve(self, state: EkfState) -> None:
@@ -173,11 +223,12 @@ class EkfEstimator:
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
-        c, ns, k = self.config, self.layout.states, self.config.prior_value.size
+        c, k = self.config, self.config.prior_value.size
+        first = self.layout.states + self._gust_m.size
         _, airspeed, density, altitude, alpha = state.condition[vehicle]
         scale = referred_scale(c.structure, airspeed, density, c.reference)
-        value = state.z[vehicle, ns : ns + k] * scale + offsets(c.structure, airspeed, alpha)
-        covariance = state.cov[vehicle, ns : ns + k, ns : ns + k] * np.outer(scale, scale)
+        value = state.z[vehicle, first : first + k] * scale + offsets(c.structure, airspeed, alpha)
+        covariance = state.cov[vehicle, first : first + k, first : first + k] * np.outer(scale, scale)
         return standing(
             self.name, c.structure, float(state.rows[vehicle, 0, 0]), value, covariance, state.informed_s[vehicle],
             c.stale_s, 3.0 * c.prior_std * scale, bool(state.counts[vehicle, 0] > WARM_UP),
@@ -193,67 +244,75 @@ class EkfEstimator:
 
     def _update_filterpy(self, state: EkfState, i: int, signals: Array) -> None:
         """The same recursion with filterpy's filter doing prediction and correction."""
-        ns, nu = self.layout.states, self.layout.inputs
         kinematic = self.layout.kinematic
-        nz = state.z.shape[1]
         for new in signals:
             if not np.isfinite(new[: kinematic + 5]).all():
                 continue
             old, older = state.rows[i, 0].copy(), state.rows[i, 1].copy()
             dt = new[0] - old[0]
-            if not 0.0 < dt <= MAX_GAP_S or state.counts[i, 0] < WARM_UP:
+            both_vanes = new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
+            carried = bool(self.config.use_accelerometer and both_vanes)
+            count = state.counts[i, 0] + 1
+            filtering = count > WARM_UP and not (carried and count * dt < SETTLE_S) and np.isfinite(older[0])
+            if not 0.0 < dt <= MAX_GAP_S or not filtering:
                 self._compiled_one(state, i, new)
                 continue
-            state.counts[i, 0] += 1
-            carried = (
-                self.config.use_accelerometer and new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
-            )
-            over, at_end, scale, forward, kappa, rest = step_inputs(
-                new,
-                old,
-                older,
-                self._held,
-                self._reference,
-                self._exponents,
-                self._longitudinal,
-                self._roll,
-                carried,
-                ns,
-                nu,
-            )
-            after, top = transition(state.z[i], dt, scale, forward, over, kappa, rest, carried, ns, nu)
-            drift = trim_drift(state.noise[i], dt, self._corner, carried, ns)
-            process = np.concatenate([state.noise[i, ns + 1 :], np.zeros(nz - 2 * ns), drift])
-            measured = np.ones(ns + 1, dtype=bool)
-            measured[0] = new[kinematic + 6] == 1.0
-            measured[ns] = self.config.use_accelerometer
-            before = after.copy()
-            kalman = _Filter(after, state.cov[i], top, np.diag(process), int(measured.sum()))
-            kalman.predict()
-            expected, jacobian = measure(after, scale, at_end, kappa, self._lever, ns, nu)
-            reading = new[1 : 2 + ns]
-            predicted = np.diagonal(kalman.P)[:ns].copy()
-            kalman.R = np.diag(state.noise[i, : ns + 1][measured])
-            kalman.update(reading[measured], lambda _: jacobian[measured], lambda _: expected[measured])  # noqa: B023
-            state.z[i], state.cov[i] = kalman.x, 0.5 * (kalman.P + kalman.P.T)
-            residual = reading - expected - jacobian @ (state.z[i] - before)
-            explained = np.einsum("jc,cd,jd->j", jacobian, state.cov[i], jacobian)
-            rate = max(dt / self.config.adapt_s, 1.0 / (state.counts[i, 0] + 50.0))
-            shrunk = predicted - np.diagonal(state.cov[i])[:ns]
-            correction = state.z[i, :ns] - before[:ns]
-            adapt_noise(state.noise[i], residual, explained, correction, shrunk, measured, rate, ns)
+            state.counts[i, 0] = count
+            self._filter_one(state, i, new, old, older, dt, carried)
             state.rows[i, 1] = old
             state.rows[i, 0] = new
-            state.condition[i] = new[kinematic + 1 : kinematic + 6]
+            track_condition(state.condition[i], new, kinematic, dt)
+
+    def _filter_one(
+        self, state: EkfState, i: int, new: Array, old: Array, older: Array, dt: float, carried: bool
+    ) -> None:
+        """``ekf_kernel._step`` by filterpy."""
+        ns, nu, kinematic = self.layout.states, self.layout.inputs, self.layout.kinematic
+        gusts, noise = self._gust_m.size, state.noise[i]
+        rate = learn_before(
+            noise, state.lags[i], state.levels[i], self._settings[2:], new, old, older, dt, self._settings[0],
+            state.counts[i, 0], kinematic, carried, ns,
+        )  # fmt: skip
+        over, at_end, scale, forward, kappa, rest = step_inputs(
+            new, old, older, self._held, self._reference, self._exponents, self._longitudinal, self._roll, carried,
+            ns, nu,
+        )  # fmt: skip
+        speed = max(new[kinematic + 2], 1.0)
+        decay = air_decay(self._gust_m, speed, dt)
+        after, top = transition(
+            state.z[i], dt, scale, forward, over, kappa, rest, decay, self._direction, carried, ns, nu, gusts
+        )
+        process = np.zeros((after.size, after.size))
+        nx = ns + gusts
+        process[:nx, :nx] = process_noise(noise, top, dt, speed, decay, self._longitudinal, ns, gusts)
+        process[-ns:, -ns:] = np.diag(trim_drift(noise, dt, self._settings[1], carried, ns))
+        measured = np.ones(ns + 1, dtype=bool)
+        measured[0] = new[kinematic + 6] == 1.0
+        measured[ns] = self.config.use_accelerometer
+        kalman = _Filter(after, state.cov[i], top, process, int(measured.sum()))
+        kalman.predict()
+        expected, jacobian = measure(after, scale, at_end, kappa, self._lever, self._direction, ns, nu, gusts)
+        reading = new[1 : 2 + ns]
+        spread = np.diagonal(kalman.P)[: ns + gusts].copy()
+        swing = expected[ns] - after[-ns] * kappa
+        variance = noise[: ns + 1].copy()
+        variance[ns] += noise[-NOISE_TAIL] * swing**2
+        kalman.R = np.diag(variance[measured])
+        kalman.update(reading[measured], lambda _: jacobian[measured], lambda _: expected[measured])
+        state.z[i], state.cov[i] = kalman.x, 0.5 * (kalman.P + kalman.P.T)
+        learn_after(
+            noise, state.slow[i], state.z[i], state.cov[i], after, spread, jacobian[ns], reading[ns] - expected[ns],
+            swing, decay, rate, carried, self.config.use_accelerometer, ns, gusts,
+        )  # fmt: skip
 
     def _compiled_one(self, state: EkfState, i: int, new: Array) -> None:
         """Start, restart and warm-up are no filtering and are shared with the compiled engine."""
         one = slice(i, i + 1)
         update_all(
             np.ascontiguousarray(new)[None, None], self._held, self._lever, self._exponents, self._reference,
-            self._longitudinal, self._roll, self.config.use_accelerometer, self.config.adapt_s, self._corner,
-            state.z[one], state.cov[one], state.noise[one], state.rows[one], state.roughness[one], state.condition[one],
-            state.counts[one],
+            self._longitudinal, self._roll, self.config.use_accelerometer, self._settings, self._gust_m,
+            self._direction, state.z[one], state.cov[one], state.noise[one], state.lags[one], state.levels[one],
+            state.slow[one], state.rows[one], state.roughness[one], state.condition[one], state.counts[one],
         )  # fmt: skip
 
 

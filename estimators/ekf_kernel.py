@@ -1,42 +1,125 @@
 """Compiled extended Kalman filter: predict, correct, adapt and forget, for a batch of vehicles.
 
-Derivation in ``docs/estimators.md``.
+Derivation in ``docs/estimators.md``. Nothing here allocates per sample: what a step needs lies in ``Scratch``.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf_model import measure, transition
+from wingwatch.estimators.ekf_covariance import correct, forget, predict
+from wingwatch.estimators.ekf_model import accelerometer, transition_into
+from wingwatch.estimators.ekf_noise import (
+    LEAST,
+    NOISE_TAIL,
+    adapt_accelerometer,
+    adapt_unrest,
+    process_noise_into,
+    sensor_noise,
+    trim_drift_into,
+)
+from wingwatch.estimators.hot import hot, sizes
+from wingwatch.estimators.levels import advance_level, start_level
 from wingwatch.estimators.signals import MAX_GAP_S
 
-__all__ = ["WARM_UP", "adapt_noise", "solve_all", "step_inputs", "trim_drift", "update_all", "warm_up"]
+__all__ = [
+    "SETTLE_S",
+    "WARM_UP",
+    "air_decay",
+    "learn_after",
+    "learn_before",
+    "solve_all",
+    "step_inputs",
+    "update_all",
+]
 
-PROCESS_PACE = 0.2
-"""Process noise adapts this much slower than measurement noise, so that the two are told apart."""
+Array = NDArray[np.float64]
 
 WARM_UP = 10
 """Samples that only set the states and the first noise levels."""
+
+CONDITION_S = 5.0
+"""Time over which the angle of attack is averaged that estimates are reported at."""
+
+SETTLE_S = 5.0
+"""Time in which only noise levels are learned where gusts have to be told from the vane's own noise."""
+
+
+class Scratch(NamedTuple):
+    """Where a step works; one for all vehicles. Names as in the functions that use them."""
+
+    over: Array
+    at_end: Array
+    scale: Array
+    forward: Array
+    decay: Array
+    after: Array
+    jacobian: Array
+    a: Array
+    aerodynamic: Array
+    a2: Array
+    a3: Array
+    series: Array
+    b: Array
+    lasting: Array
+    process: Array
+    uw: Array
+    drift: Array
+    top: Array
+    row: Array
+    variance: Array
+    excess: Array
+    measured: NDArray[np.bool_]
+    gains: Array
+    pushes: Array
+    spread: Array
+
+
+@njit(cache=True)
+def _scratch(ns, nu, gusts):  # type: ignore[no-untyped-def]
+    nx, k = ns + gusts, ns * (ns + nu)
+    nz, readings = nx + k + ns, (ns + 2) // 2 * 2
+    return Scratch(
+        np.empty(nu), np.empty(nu), np.empty(k), np.empty(ns), np.empty(gusts), np.empty(nz), np.empty((nx, nz)),
+        np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)),
+        np.empty(ns), np.empty(2), np.empty((nx, nx)), np.empty((2, nx)), np.empty(ns), np.empty((nx, nz)),
+        np.empty(nz), np.empty(ns + 1), np.empty(ns + 1), np.empty(ns + 1, dtype=np.bool_),
+        np.zeros((readings, nz)), np.zeros(readings), np.empty(nx),
+    )  # fmt: skip
 
 
 @njit(cache=True)
 def step_inputs(new, old, older, held, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu):  # type: ignore[no-untyped-def]
     """What a step needs besides the state: inputs over it, inputs at its end, scale, forward, kappa, rest."""
+    over, at_end, scale, forward = np.empty(nu), np.empty(nu), np.empty(ns * (ns + nu)), np.empty(ns)
+    kappa, rest = _step_inputs_into(
+        new, old, older, held, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu, over, at_end, scale,
+        forward,
+    )  # fmt: skip
+    return over, at_end, scale, forward, kappa, rest
+
+
+@hot
+def _step_inputs_into(  # type: ignore[no-untyped-def]
+    new, old, older, held, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu, over, at_end, scale,
+    forward,
+):  # fmt: skip
     kinematic = 2 + ns + nu
-    over, at_end = np.empty(nu), np.empty(nu)
     for j in range(nu):
         c = 2 + ns + j
         at_end[j] = new[c]
         over[j] = old[c] if held[j] or old[c] == older[c] else 0.5 * (old[c] + new[c])
     kappa, speed, density = new[kinematic + 1], new[kinematic + 2], new[kinematic + 3]
     pressure = density * speed / (reference[0] * reference[1])
-    scale = np.empty(ns * (ns + nu))
     for k in range(ns):
         for c in range(ns + nu):
             scale[k * (ns + nu) + c] = pressure if exponents[c] == 1.0 else kappa
     alpha = new[kinematic + 5]
     if not np.isfinite(alpha):
         alpha = 0.0
-    forward = np.zeros(ns)
+    forward[:] = 0.0
     forward[ns - 1] = speed * np.cos(alpha) * (1.0 if longitudinal else -1.0)
     if roll:
         forward[1] = speed * np.sin(alpha)
@@ -45,219 +128,295 @@ def step_inputs(new, old, older, held, reference, exponents, longitudinal, roll,
         rest += 0.5 * (old[1 + ns] + new[1 + ns])
     for j in range(1, ns):
         rest -= forward[j] * 0.5 * (old[1 + j] + new[1 + j])
-    return over, at_end, scale, forward, kappa, rest
+    return kappa, rest
 
 
 @njit(cache=True)
-def adapt_noise(noise, residual, explained, correction, shrunk, measured, rate, ns):  # type: ignore[no-untyped-def]
-    """Measurement variances from the residual after correction, process variances from the corrections.
+def air_decay(gust_m, speed, dt):  # type: ignore[no-untyped-def]
+    """How much of the air's unrest outlasts a step, by the lengths that the span smooths it over (m)."""
+    return np.exp(-dt * max(speed, 1.0) / gust_m)
 
-    After correction E[r r'] = R - H P H', so R is the mean of r^2 + H P H'. A consistent filter corrects a state by as
-    much as its variance shrinks, E[(K nu)^2] = P- - P+; what is corrected beyond that is process noise not yet
-    in Q. Exponential means with weight ``rate``.
+
+@hot
+def learn_before(noise, lags, level, stated, new, old, older, dt, adapt_s, known, kinematic, carried, ns):  # type: ignore[no-untyped-def]
+    """Noise levels that need no filter: the sensors', and the gust that the vane sees against inertial motion.
+
+    ``known`` is the number of samples that the means rest on; returns the weight of a sample in them.
     """
-    for j in range(ns + 1):
-        if measured[j]:
-            noise[j] += rate * (residual[j] * residual[j] + explained[j] - noise[j])
-            noise[j] = max(noise[j], 1e-8 if j in (0, ns) else 1e-10)
-    for k in range(ns):
-        noise[ns + 1 + k] += PROCESS_PACE * rate * (correction[k] * correction[k] - shrunk[k])
-        noise[ns + 1 + k] = max(noise[ns + 1 + k], 1e-12)
+    rate = max(dt / adapt_s, 1.0 / (known + 1.0))
+    motion = 0.0
+    if carried:
+        force = 1 + ns
+        motion = 0.5 * dt * (new[force] + new[kinematic] + old[force] + old[kinematic])
+    sensor_noise(noise, lags, stated, new, old, older, motion, rate, carried, ns)
+    if carried:
+        index = advance_level(level, new[1], motion, dt, adapt_s)
+        gain = level[0, index]
+        noise[ns + 1] = gain * gain / (1.0 - gain) * noise[0]
+    return rate
 
 
 @njit(cache=True)
-def trim_drift(noise, dt, corner, carried, ns):  # type: ignore[no-untyped-def]
-    """Variance that a step adds to the trim constants: below ``corner`` (rad/s) they follow the data.
+def learn_after(  # type: ignore[no-untyped-def]
+    noise,
+    slow,
+    z,
+    cov,
+    before,
+    spread,
+    row,
+    excess,
+    swing,
+    decay,
+    rate,
+    carried,
+    use_accelerometer,
+    ns,
+    gusts,
+):
+    """Noise levels that the filter's own corrections tell: the accelerometer's equation and the unrest.
 
-    A random walk of density s is seen through white noise of density R dt above the frequency where s / w^2
-    equals it (a constant measured at once, by the accelerometer) or s / w^4 (one measured through an integration).
+    Args:
+        noise, slow: levels and slow sums, advanced.
+        z, cov: after correction; before: z before it; spread: the variances before it, (nx,).
+        row, excess: the accelerometer's Jacobian, and reading less expectation.
     """
-    drift = np.empty(ns)
-    for k in range(ns):
-        if k == 0 and carried:
-            drift[k] = noise[ns] * (corner * dt) ** 2
-        else:
-            drift[k] = noise[k] * dt * dt * corner**4
-    return drift
+    residual = excess - row @ (z - before)
+    explained = row @ (cov @ row)
+    _learn_from_corrections(
+        noise, slow, z, cov, before, spread, residual, explained, swing, decay, rate, carried, use_accelerometer, ns,
+        gusts,
+    )  # fmt: skip
 
 
-@njit(cache=True)
-def _predict(z, cov, noise, after, jacobian, drift, ns):  # type: ignore[no-untyped-def]
-    nz = z.size
-    top = jacobian @ cov
-    for k in range(ns):
-        for m in range(ns):
-            total = 0.0
-            for c in range(nz):
-                total += top[k, c] * jacobian[m, c]
-            cov[k, m] = total
-        for c in range(ns, nz):
-            cov[k, c] = top[k, c]
-            cov[c, k] = top[k, c]
-    for c in range(nz - ns, nz):
-        cov[c, c] += drift[c - nz + ns]
-    for k in range(ns):
-        cov[k, k] += noise[ns + 1 + k]
-        for m in range(k):
-            mean = 0.5 * (cov[k, m] + cov[m, k])
-            cov[k, m] = mean
-            cov[m, k] = mean
-    z[:] = after
+@hot
+def _learn_from_corrections(  # type: ignore[no-untyped-def]
+    noise,
+    slow,
+    z,
+    cov,
+    before,
+    spread,
+    residual,
+    explained,
+    swing,
+    decay,
+    rate,
+    carried,
+    use_accelerometer,
+    ns,
+    gusts,
+):
+    """``learn_after`` where the accelerometer's residual and its variance due to the state are known."""
+    if use_accelerometer:
+        adapt_accelerometer(noise, residual * residual + explained, swing, rate, ns)
+    if not carried:
+        noise[ns + 1], slow[0] = adapt_unrest(
+            noise[ns + 1], slow[0], z[0] - before[0], spread[0], cov[0, 0], 1.0, rate
+        )
+        noise[ns + 1] = max(noise[ns + 1], 1e-4 * LEAST)
+    if gusts > 0:
+        noise[ns + 2], slow[1] = adapt_unrest(
+            noise[ns + 2], slow[1], z[ns] - before[ns], spread[ns], cov[ns, ns], decay[0], rate
+        )
+        noise[ns + 2] = max(noise[ns + 2], LEAST)
 
 
-@njit(cache=True)
-def _correct(z, cov, noise, expected, jacobian, reading, measured, ns):  # type: ignore[no-untyped-def]
-    """All measurements of one instant, one after the other; equal to the joint update for independent noise."""
-    nz = z.size
-    before = z.copy()
-    gain = np.empty(nz)
-    for j in range(ns + 1):
-        if not measured[j]:
-            continue
-        row = jacobian[j]
-        spread = noise[j]
-        innovation = reading[j] - expected[j]
-        for c in range(nz):
-            gain[c] = 0.0
-            if j < ns:
-                gain[c] = cov[c, j]
-            else:
-                for d in range(nz):
-                    gain[c] += cov[c, d] * row[d]
-            innovation -= row[c] * (z[c] - before[c])
-        if j < ns:
-            spread += gain[j]
-        else:
-            for c in range(nz):
-                spread += row[c] * gain[c]
-        for c in range(nz):
-            z[c] += gain[c] * innovation / spread
-        for c in range(nz):
-            for d in range(c + 1):
-                cov[c, d] -= gain[c] * gain[d] / spread
-                cov[d, c] = cov[c, d]
-
-
-@njit(cache=True)
-def _after_correction(z, cov, jacobian, expected, before, reading, ns):  # type: ignore[no-untyped-def]
-    """Residual of each measurement after correction and its variance due to the state."""
-    residual, explained = np.zeros(ns + 1), np.zeros(ns + 1)
-    for j in range(ns + 1):
-        residual[j] = reading[j] - expected[j]
+@hot
+def _restart(z, cov, noise, new, ns, nx):  # type: ignore[no-untyped-def]
+    """States as measured and calm air; the derivatives keep what is known of them."""
+    for k in range(nx):
+        z[k] = new[1 + k] if k < ns else 0.0
         for c in range(z.size):
-            if jacobian[j, c] == 0.0:
-                continue
-            residual[j] -= jacobian[j, c] * (z[c] - before[c])
-            for d in range(z.size):
-                explained[j] += jacobian[j, c] * cov[c, d] * jacobian[j, d]
-    return residual, explained
-
-
-@njit(cache=True)
-def _forget(z, cov, prior_value, prior_information, keep, ns):  # type: ignore[no-untyped-def]
-    """Stabilised forgetting: what is known of the parameters is mixed with the prior, keep : 1 - keep.
-
-    Information keep P^-1 + (1 - keep) P0^-1, so a quiet flight returns to the prior instead of drifting and
-    nothing can grow. The states keep their regression on the parameters.
-    """
-    nz = z.size
-    p = nz - ns
-    parameters = np.ascontiguousarray(cov[ns:, ns:])
-    cross = np.ascontiguousarray(cov[:ns, ns:])
-    information = np.linalg.inv(parameters)
-    regression = cross @ information
-    conditional = cov[:ns, :ns] - regression @ np.ascontiguousarray(cross.T)
-    vector = keep * (information @ z[ns:]) + (1.0 - keep) * (prior_information * prior_value)
-    information *= keep
-    for a in range(p):
-        information[a, a] += (1.0 - keep) * prior_information[a]
-    mixed = np.linalg.inv(information)
-    mixed = 0.5 * (mixed + mixed.T)
-    value = mixed @ vector
-    z[:ns] += regression @ (value - z[ns:])
-    z[ns:] = value
-    cov[ns:, ns:] = mixed
-    cross = regression @ mixed
-    cov[:ns, ns:] = cross
-    cov[ns:, :ns] = cross.T
-    states = conditional + cross @ np.ascontiguousarray(regression.T)
-    cov[:ns, :ns] = 0.5 * (states + states.T)
-
-
-@njit(cache=True)
-def warm_up(z, cov, new, noise, count, roughness, ns):  # type: ignore[no-untyped-def]
-    """Warm-up: states as measured, first variances from second differences (their variance is 6 D)."""
-    z[:ns] = new[1 : 1 + ns]
-    for k in range(ns):
-        cov[k, :] = 0.0
-        cov[:, k] = 0.0
-    for j in range(ns + 1):
-        least = 1e-8 if j in (0, ns) else 1e-10
-        noise[j] = max(roughness[j] / (6.0 * max(count - 2.0, 1.0)), least)
+            cov[k, c] = 0.0
+            cov[c, k] = 0.0
     for k in range(ns):
         cov[k, k] = noise[k]
-        noise[ns + 1 + k] = 1e-4 * noise[k]
+
+
+@hot
+def _first_levels(noise, lags, roughness, count, dt, carried, ns):  # type: ignore[no-untyped-def]
+    """Levels that the filter starts from: all of the accelerometer's roughness is noise, the air is as restless as the
+    first rate's second differences say."""
+    noise[ns] = max(roughness / (6.0 * max(count - 2.0, 1.0)), LEAST)
+    if not carried:
+        noise[ns + 1] = 1e-4 * noise[0]
+    restless = max(lags[1, 2] - 6.0 * noise[1], 0.01 * noise[1])
+    noise[ns + 2] = restless / (dt * dt)
+
+
+@hot
+def track_condition(condition, new, kinematic, dt):  # type: ignore[no-untyped-def]
+    """Where the estimate is reported: as measured now, but the angle of attack is that of the last seconds' mean."""
+    alpha, fresh = condition[4], new[kinematic + 5]
+    for j in range(4):
+        condition[j] = new[kinematic + 1 + j]
+    condition[4] = fresh
+    if np.isfinite(alpha) and np.isfinite(fresh) and 0.0 < dt <= MAX_GAP_S:
+        condition[4] = alpha + (1.0 - np.exp(-dt / CONDITION_S)) * (fresh - alpha)
+
+
+@hot
+def _step(  # type: ignore[no-untyped-def]
+    z, cov, noise, lags, level, slow, new, old, older, dt, known, settings, held, lever, exponents, reference, gust_m,
+    direction, longitudinal, roll, use_accelerometer, carried, s, ns, nu, gusts,
+):  # fmt: skip
+    """One sample of one vehicle: predict, correct, learn the noise; ``s`` is scratch."""
+    kinematic, nx = 2 + ns + nu, ns + gusts
+    nz = nx + ns * (ns + nu) + ns
+    rate = learn_before(
+        noise, lags, level, settings[2:], new, old, older, dt, settings[0], known, kinematic, carried, ns
+    )
+    kappa, rest = _step_inputs_into(
+        new, old, older, held, reference, exponents, longitudinal, roll, carried, ns, nu, s.over, s.at_end, s.scale,
+        s.forward,
+    )  # fmt: skip
+    speed = max(new[kinematic + 2], 1.0)
+    for g in range(gusts):
+        s.decay[g] = np.exp(-dt * speed / gust_m[g])
+    transition_into(
+        z, dt, s.scale, s.forward, s.over, kappa, rest, s.decay, direction, carried, ns, nu, gusts, s.a, s.aerodynamic,
+        s.a2, s.a3, s.series, s.b, s.lasting, s.after, s.jacobian,
+    )  # fmt: skip
+    trim_drift_into(noise, dt, settings[1], carried, ns, s.drift)
+    process_noise_into(noise, s.jacobian, dt, speed, s.decay, longitudinal, ns, gusts, s.uw, s.process)
+    predict(cov, s.process, s.jacobian, s.drift, s.top, ns, nx, nz)
+    for c in range(nz):
+        z[c] = s.after[c]
+    for a in range(nx):
+        s.spread[a] = cov[a, a]
+    expected = accelerometer(z, s.scale, s.at_end, kappa, lever, direction, ns, nu, gusts, s.row)
+    swing = expected - z[nz - ns] * kappa
+    for j in range(ns + 1):
+        s.excess[j] = new[1 + j] - (z[j] if j < ns else expected)
+        s.variance[j] = noise[j]
+        s.measured[j] = True
+    s.variance[ns] += noise[noise.size - NOISE_TAIL] * swing * swing
+    s.measured[0] = new[kinematic + 6] == 1.0
+    s.measured[ns] = use_accelerometer
+    residual, explained = correct(z, cov, s.variance, s.excess, s.row, s.measured, ns, nz, s.gains, s.pushes)
+    _learn_from_corrections(
+        noise, slow, z, cov, s.after, s.spread, residual, explained, swing, s.decay, rate, carried, use_accelerometer,
+        ns, gusts,
+    )  # fmt: skip
+
+
+@hot
+def _complete(row, columns):  # type: ignore[no-untyped-def]
+    finite = True
+    for j in range(columns):
+        finite = finite and np.isfinite(row[j])
+    return finite
+
+
+@hot
+def _warm_up(  # type: ignore[no-untyped-def]
+    z,
+    cov,
+    noise,
+    lags,
+    level,
+    roughness,
+    new,
+    old,
+    older,
+    dt,
+    count,
+    settings,
+    kinematic,
+    carried,
+    settled,
+    ns,
+    nx,
+):
+    """A sample that only sets the states and the first noise levels."""
+    if np.isfinite(older[0]) and not settled:
+        learn_before(
+            noise,
+            lags,
+            level,
+            settings[2:],
+            new,
+            old,
+            older,
+            dt,
+            settings[0],
+            count - 2.0,
+            kinematic,
+            carried,
+            ns,
+        )
+        bend = new[1 + ns] - 2.0 * old[1 + ns] + older[1 + ns]
+        roughness[0] += bend * bend
+        _first_levels(noise, lags, roughness[0], count, dt, carried, ns)
+    _restart(z, cov, noise, new, ns, nx)
+
+
+@hot
+def _update(  # type: ignore[no-untyped-def]
+    signals, held, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m, direction,
+    z, cov, noise, lags, level, slow, old, older, roughness, condition, counts, s, ns, nu, gusts,
+):  # fmt: skip
+    """Run all samples of one vehicle; ``old`` and ``older`` are its last two rows."""
+    nx = ns + gusts
+    kinematic = 2 + ns + nu
+    for k in range(signals.shape[0]):
+        new = signals[k]
+        if not _complete(new, kinematic + 5):
+            continue
+        dt = new[0] - old[0]
+        if not (0.0 < dt <= MAX_GAP_S):
+            _restart(z, cov, noise, new, ns, nx)
+            start_level(level, new[1])
+            older[:] = np.nan
+        else:
+            counts[0] += 1
+            carried = use_accelerometer and new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
+            settled = counts[0] > WARM_UP and not (carried and counts[0] * dt < SETTLE_S)
+            if settled and np.isfinite(older[0]):
+                _step(
+                    z, cov, noise, lags, level, slow, new, old, older, dt, counts[0], settings, held, lever, exponents,
+                    reference, gust_m, direction, longitudinal, roll, use_accelerometer, carried, s, ns, nu, gusts,
+                )  # fmt: skip
+            else:
+                _warm_up(
+                    z, cov, noise, lags, level, roughness, new, old, older, dt, counts[0], settings, kinematic, carried,
+                    settled, ns, nx,
+                )  # fmt: skip
+            for c in range(new.size):
+                older[c] = old[c]
+        for c in range(new.size):
+            old[c] = new[c]
+        track_condition(condition, new, kinematic, dt)
 
 
 @njit(cache=True)
-def update_all(  # type: ignore[no-untyped-def]
-    signals, held, lever, exponents, reference, longitudinal, roll, use_accelerometer, adapt_s, corner,
-    z, cov, noise, rows, roughness, condition, counts,
+def _update_all(  # type: ignore[no-untyped-def]
+    known_sizes, signals, held, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m,
+    direction, z, cov, noise, lags, levels, slow, rows, roughness, condition, counts,
 ):  # fmt: skip
-    """Run all samples of all vehicles; arrays lead with the vehicle axis and are advanced in place."""
-    ns, nu = lever.size, held.size
-    kinematic = 2 + ns + nu
-    measured = np.ones(ns + 1, dtype=np.bool_)
+    ns, nu, gusts = len(known_sizes[0]), len(known_sizes[1]), len(known_sizes[2])
+    scratch = _scratch(ns, nu, gusts)
     for i in range(signals.shape[0]):
-        for k in range(signals.shape[1]):
-            new = signals[i, k]
-            complete = True
-            for j in range(kinematic + 5):
-                complete = complete and np.isfinite(new[j])
-            if not complete:
-                continue
-            old, older = rows[i, 0], rows[i, 1]
-            dt = new[0] - old[0]
-            if not (0.0 < dt <= MAX_GAP_S):
-                z[i, :ns] = new[1 : 1 + ns]
-                for s in range(ns):
-                    cov[i, s, :] = 0.0
-                    cov[i, :, s] = 0.0
-                    cov[i, s, s] = noise[i, s]
-                rows[i, 1] = np.nan
-                rows[i, 0] = new
-                condition[i] = new[kinematic + 1 : kinematic + 6]
-                continue
-            counts[i, 0] += 1
-            if counts[i, 0] <= WARM_UP:
-                if np.isfinite(older[0]):
-                    for j in range(ns + 1):
-                        bend = new[1 + j] - 2.0 * old[1 + j] + older[1 + j]
-                        roughness[i, j] += bend * bend
-                warm_up(z[i], cov[i], new, noise[i], counts[i, 0], roughness[i], ns)
-            else:
-                carried = use_accelerometer and new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
-                over, at_end, scale, forward, kappa, rest = step_inputs(
-                    new, old, older, held, reference, exponents, longitudinal, roll, carried, ns, nu
-                )
-                after, jacobian = transition(z[i], dt, scale, forward, over, kappa, rest, carried, ns, nu)
-                drift = trim_drift(noise[i], dt, corner, carried, ns)
-                _predict(z[i], cov[i], noise[i], after, jacobian, drift, ns)
-                expected, row = measure(z[i], scale, at_end, kappa, lever, ns, nu)
-                measured[0] = new[kinematic + 6] == 1.0
-                measured[ns] = use_accelerometer
-                reading = new[1 : 2 + ns]
-                before = z[i].copy()
-                shrunk = np.diag(cov[i, :ns, :ns]).copy()
-                _correct(z[i], cov[i], noise[i], expected, row, reading, measured, ns)
-                residual, explained = _after_correction(z[i], cov[i], row, expected, before, reading, ns)
-                correction = z[i, :ns] - before[:ns]
-                shrunk -= np.diag(cov[i, :ns, :ns])
-                rate = max(dt / adapt_s, 1.0 / (counts[i, 0] + 50.0))
-                adapt_noise(noise[i], residual, explained, correction, shrunk, measured, rate, ns)
-            rows[i, 1] = old
-            rows[i, 0] = new
-            condition[i] = new[kinematic + 1 : kinematic + 6]
+        _update(
+            signals[i], held, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m,
+            direction, z[i], cov[i], noise[i], lags[i], levels[i], slow[i], rows[i, 0], rows[i, 1], roughness[i],
+            condition[i], counts[i], scratch, ns, nu, gusts,
+        )  # fmt: skip
+
+
+def update_all(signals: Array, held: NDArray[np.bool_], lever: Array, *others: object) -> None:
+    """Run all samples of all vehicles; arrays lead with the vehicle axis and are advanced in place.
+
+    Args:
+        signals: shape (vehicles, samples, columns).
+        held, lever: whether an input is held between samples, (nu,); the accelerometer's place by state, (ns,).
+        others: exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m, direction of
+            ``EkfEstimator``, then the arrays of its state from z to counts but for those that only solutions use.
+    """
+    gust_m = others[6]
+    assert isinstance(gust_m, np.ndarray)
+    _update_all(sizes(lever.size, held.size, gust_m.size), signals, held, lever, *others)
 
 
 @njit(cache=True)
@@ -284,7 +443,7 @@ def solve_all(  # type: ignore[no-untyped-def]
         elapsed = now - clock[i]
         clock[i] = now
         if 0.0 < elapsed < stale_s and now - np.max(informed[i]) < stale_s:
-            _forget(z[i], cov[i], prior_value, prior_information, np.exp(-elapsed / memory_s), ns)
+            forget(z[i], cov[i], prior_value, prior_information, np.exp(-elapsed / memory_s), ns)
         parameters = np.ascontiguousarray(cov[i, ns : ns + k, ns : ns + k])
         information[i] = np.linalg.inv(parameters)
         vector[i] = information[i] @ z[i, ns : ns + k]

@@ -303,12 +303,15 @@ def _block_step(  # type: ignore[no-untyped-def]
         noise[2 * ns + 1 + j] = min(settings[7 + j], rough)
     n_theta = theta.size
     weight = 1.0 / (prior_std * prior_std)
+    suspected = np.ones(ns)
     for _ in range(iterations):
         m, n_noise, score, nuisance, follow, driven = block_equations(
             omega, bank, decay, rows[0], rows[1], theta, scale, noise, power, forward, lever, by_accelerometer, ns, nu
         )  # fmt: skip
+        for j in range(ns):
+            suspected[j] = max(1.0, roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)) / noise[j])
         mc, kept, score, driven, evidence, evidence_score, gust = reduce_information(
-            m, n_noise, score, driven, max(settings[3], noise_edge(ns + nu, omega.size * share))
+            m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, omega.size * share))
         )
         gain = 2.0 * share
         add_vector = gain * (score + mc @ theta)

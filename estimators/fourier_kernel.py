@@ -330,23 +330,23 @@ def noise_update(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
-    """Share of "signal" that pure noise can show: what its level may be short of the truth, times chance.
+    """Share of "signal" that pure noise of a known level can show by chance.
 
-    The level is never believed below ``LOWEST_NOISE`` of the roughness, which is that of white noise.
     Of ``regressors`` channels of white noise over ``bins`` independent bins the largest eigenvalue tends to
     (1 + sqrt(regressors / bins))^2 times the true power (Marchenko and Pastur 1967).
     """
     if bins <= 0.0:
         return 1.0
-    return 1.0 - LOWEST_NOISE / (1.0 + np.sqrt(regressors / bins)) ** 2
+    return 1.0 - 1.0 / (1.0 + np.sqrt(regressors / bins)) ** 2
 
 
 @njit(cache=True)
-def reduce_information(m, n_noise, score, driven, smallest):  # type: ignore[no-untyped-def]
+def reduce_information(m, n_noise, suspected, score, driven, smallest):  # type: ignore[no-untyped-def]
     """Keep the directions in which the regressors' power is signal, not noise.
 
     The sensitivity of the estimating equation is M - N. In coordinates that whiten M its eigenvalues are
-    the signal's share of the power (at most 1); directions below ``smallest`` carry no information.
+    the signal's share of the power (at most 1). A direction is kept if its share is at least ``smallest`` even were
+    each state's noise ``suspected`` (ns,) times what is believed: all of the state's roughness.
 
     Returns:
         sensitivity (p, p), M, score and driven part restricted to the kept directions, and for the monitor the
@@ -369,6 +369,17 @@ def reduce_information(m, n_noise, score, driven, smallest):  # type: ignore[no-
     half = np.linalg.solve(lower, inner)
     inner = np.linalg.solve(lower, np.ascontiguousarray(half.T))
     share, vectors = np.linalg.eigh(0.5 * (inner + inner.T))
+    ns = suspected.size
+    columns = p // ns
+    worst = np.zeros((p, p))
+    for k in range(ns):
+        for m_row in range(ns):
+            for j in range(columns):
+                a, b = k * columns + j, m_row * columns + j
+                level = suspected[j] if j < ns else 1.0
+                worst[a, b] = level * n_noise[a, b] / (size[a] * size[b])
+    half = np.linalg.solve(lower, worst)
+    worst = np.linalg.solve(lower, np.ascontiguousarray(half.T))
     root = lower @ np.ascontiguousarray(vectors)
     turned = np.ascontiguousarray(vectors.T)
     z = turned @ np.linalg.solve(lower, score / size)
@@ -381,7 +392,8 @@ def reduce_information(m, n_noise, score, driven, smallest):  # type: ignore[no-
     driven_kept = np.zeros(p)
     evidence_bias = np.zeros(p)
     for v in range(p):
-        if share[v] < smallest:
+        direction = np.ascontiguousarray(vectors[:, v])
+        if min(share[v], 1.0 - direction @ worst @ direction) < smallest:
             continue
         rho = min(share[v], 1.0)
         for a in range(p):

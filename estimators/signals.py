@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
+from wingwatch.estimators.levels import LEVELS, advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
 
 __all__ = ["CONDITION_COLUMNS", "SignalConfig", "SignalLayout", "Signals", "SignalState"]
@@ -37,6 +38,7 @@ _AIRSPEED = CHANNEL_INDEX["airspeed_true_m_s"]
 _P = CHANNEL_INDEX["roll_rate_rad_s"]
 _Q = CHANNEL_INDEX["pitch_rate_rad_s"]
 _R = CHANNEL_INDEX["yaw_rate_rad_s"]
+_AX = CHANNEL_INDEX["specific_force_x_m_s2"]
 _AY = CHANNEL_INDEX["specific_force_y_m_s2"]
 _AZ = CHANNEL_INDEX["specific_force_z_m_s2"]
 _ROLL = CHANNEL_INDEX["roll_rad"]
@@ -89,7 +91,8 @@ class SignalConfig:
     Attributes:
         structure: which mode.
         vane_position_m: (x, y, z) of the vane from the c.g., body axes.
-        airspeed_filter_s: time constant of the airspeed that scales dynamic pressure.
+        airspeed_memory_s: time over which is learned how much the airspeed that scales dynamic pressure may be
+            smoothed: still air much, rough air little.
         reconstruction_s: leak of the reconstructed velocity where no vane is there (thesis 7.2 integrates
             without leak; sensor biases then drift without bound).
         reference_airspeed_m_s: airspeed to which referred derivatives are scaled.
@@ -98,7 +101,7 @@ class SignalConfig:
 
     structure: ModeStructure
     vane_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    airspeed_filter_s: float = 0.5
+    airspeed_memory_s: float = 10.0
     reconstruction_s: float = 20.0
     reference_airspeed_m_s: float = 25.0
     reference_density_kg_m3: float = 1.225
@@ -111,10 +114,16 @@ class SignalConfig:
 
 @dataclass(slots=True)
 class SignalState:
-    """Recursive part, one row a vehicle: last time, filtered airspeed, reconstructed velocity, last rate of it, and
-    whether a vane was ever seen (a vane that falls silent is not replaced in silence)."""
+    """Recursive part, one row a vehicle.
+
+    Attributes:
+        memory: last time, acceleration along the path, reconstructed velocity, last rate of it, and whether a vane was
+            ever seen (a vane that falls silent is not replaced in silence), shape (5,).
+        airspeed: smoothers of the airspeed, shape (4, LEVELS).
+    """
 
     memory: NDArray[np.float64]
+    airspeed: NDArray[np.float64]
 
 
 class Signals:
@@ -131,7 +140,8 @@ class Signals:
 
     def init(self, vehicles: int) -> SignalState:
         """State before the first sample."""
-        return SignalState(np.tile(np.array([np.nan, np.nan, 0.0, 0.0, 0.0]), (vehicles, 1)))
+        memory = np.tile(np.array([np.nan, 0.0, 0.0, 0.0, 0.0]), (vehicles, 1))
+        return SignalState(memory, np.zeros((vehicles, 4, LEVELS)))
 
     def update(self, state: SignalState, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signals of a batch.
@@ -150,8 +160,8 @@ class Signals:
         reference = c.reference_density_kg_m3 * c.reference_airspeed_m_s**2
         x_vane, _, z_vane = c.vane_position_m
         _signals(
-            np.ascontiguousarray(values), state.memory, self._lateral, self._rates, self._inputs, x_vane, z_vane,
-            c.airspeed_filter_s, c.reconstruction_s, reference, out,
+            np.ascontiguousarray(values), state.memory, state.airspeed, self._lateral, self._rates, self._inputs,
+            x_vane, z_vane, c.airspeed_memory_s, c.reconstruction_s, reference, out,
         )  # fmt: skip
         return out
 
@@ -190,26 +200,45 @@ def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-u
 
 
 @njit(cache=True)
+def _along_path(row):  # type: ignore[no-untyped-def]
+    """Rate of the inertial speed along the path without sideslip: specific force and gravity along it."""
+    alpha = row[_ALPHA] if np.isfinite(row[_ALPHA]) else 0.0
+    cos, sin = np.cos(alpha), np.sin(alpha)
+    cos_pitch = np.cos(row[_PITCH])
+    gravity = GRAVITY_M_S2 * (cos_pitch * np.cos(row[_ROLL]) * sin - np.sin(row[_PITCH]) * cos)
+    rate = row[_AX] * cos + row[_AZ] * sin + gravity
+    return rate if np.isfinite(rate) else 0.0
+
+
+@njit(cache=True)
 def _signals(  # type: ignore[no-untyped-def]
-    values, memory, lateral, rates, inputs, x_vane, z_vane, filter_s, leak_s, reference, out
+    values, memory, smoothers, lateral, rates, inputs, x_vane, z_vane, memory_s, leak_s, reference, out
 ):
     """One pass over vehicles and samples; see the module's layout."""
     force = _AY if lateral else _AZ
     ns, nu = 1 + rates.size, inputs.size
     for i in range(values.shape[0]):
-        last, speed, velocity, rate, seen = memory[i]
+        last, along, velocity, rate, seen = memory[i]
+        speed = np.nan
         for k in range(values.shape[1]):
             row = values[i, k]
             dt = row[_TIME] - last
             velocity_measured, kinematic = _velocity_and_kinematics(row, lateral, x_vane, z_vane)
             rate_now = row[force] + kinematic
+            along_now = _along_path(row)
             if not (0.0 < dt <= MAX_GAP_S):
+                start_level(smoothers[i], row[_AIRSPEED])
                 speed, velocity = row[_AIRSPEED], 0.0
             else:
-                speed += (1.0 - np.exp(-dt / filter_s)) * (row[_AIRSPEED] - speed)
+                speed = row[_AIRSPEED]
+                if not np.isfinite(smoothers[i, 1, 0]):
+                    start_level(smoothers[i], speed)
+                elif np.isfinite(speed):
+                    motion = 0.5 * dt * (along + along_now)
+                    speed = smoothers[i, 1, advance_level(smoothers[i], speed, motion, dt, memory_s)]
                 decay = np.exp(-dt / leak_s)
                 velocity = decay * velocity + 0.5 * dt * (rate + rate_now)
-            last, rate = row[_TIME], rate_now
+            last, rate, along = row[_TIME], rate_now, along_now
             o = out[i, k]
             o[0] = row[_TIME]
             measured = np.isfinite(velocity_measured)
@@ -232,7 +261,7 @@ def _signals(  # type: ignore[no-untyped-def]
             o[c + 6] = 1.0 if measured else 0.0
         memory[i, 0], memory[i, 1], memory[i, 2], memory[i, 3], memory[i, 4] = (
             last,
-            speed,
+            along,
             velocity,
             rate,
             seen,

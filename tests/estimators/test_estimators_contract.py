@@ -76,7 +76,7 @@ def test_clean_plant_is_recovered(make: Maker, plant: Plant) -> None:
     assert estimate.outcome is Outcome.CONVERGED
 
 
-@at_rest
+@compiled
 @every_plant
 def test_short_data_say_nothing(make: Maker, plant: Plant) -> None:
     runner = make(plant)

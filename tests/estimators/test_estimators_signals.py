@@ -84,13 +84,28 @@ def test_a_gap_starts_the_reconstruction_anew() -> None:
     assert out[50, 1] == 0.0
 
 
-def test_airspeed_is_filtered() -> None:
-    """A step passes by 1 - exp(-t / tau)."""
-    samples = block(100)
-    samples.column("airspeed_true_m_s")[1:] = 30.0
-    out = rows(SHORT_PERIOD, samples, airspeed_filter_s=0.5)
+def test_airspeed_noise_is_smoothed_away_in_still_air() -> None:
+    """After 20 s a fifth of a metre per second is left as less than a tenth of that."""
+    samples = block(1500)
+    samples.column("airspeed_true_m_s")[:] += 0.2 * np.random.default_rng(6).standard_normal(1500)
+    out = rows(SHORT_PERIOD, samples)
+    assert np.std(out[1000:, 7]) < 0.02
+
+
+def test_airspeed_follows_what_the_accelerometer_says_without_lag() -> None:
+    """Along the path 0.5 m/s2 for 20 s: the smoothed airspeed stays within a tenth of the true one."""
+    alpha, pitch, bank, az = 0.05, 0.1, 0.3, -9.0
+    gravity = G * (math.cos(pitch) * math.cos(bank) * math.sin(alpha) - math.sin(pitch) * math.cos(alpha))
+    steady = -(az * math.sin(alpha) + gravity) / math.cos(alpha)
+    samples = block(1500, specific_force_x_m_s2=steady)
     time = samples.time_s
-    np.testing.assert_allclose(out[:, 7], 25.0 + 5.0 * (1.0 - np.exp(-time / 0.5)), rtol=1e-12)
+    speed = 25.0 + 0.5 * np.clip(time - 10.0, 0.0, None)
+    samples.column("airspeed_true_m_s")[:] = speed + 0.2 * np.random.default_rng(7).standard_normal(1500)
+    before = rows(SHORT_PERIOD, samples)
+    samples.column("specific_force_x_m_s2")[time >= 10.0] += 0.5 / math.cos(alpha)
+    after = rows(SHORT_PERIOD, samples)
+    assert np.abs(after[600:, 7] - speed[600:]).max() < 0.1
+    assert np.abs(before[600:, 7] - speed[600:]).max() > 0.1, "the accelerometer must matter here"
 
 
 @pytest.mark.parametrize("shape", [(10, 30), (1, 10, 7)])

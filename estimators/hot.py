@@ -1,0 +1,29 @@
+"""How kernels on the path of every sample are compiled: they cannot allocate, and they count no references.
+
+numba counts the references to every array that is passed on or sliced, by atomic increments; on arrays of a dozen
+numbers that costs several times what is done with the numbers. Without its memory manager nothing is counted and
+nothing can be allocated: a kernel that tries is refused by the compiler. All memory is handed in by the caller.
+
+Loops over two or three states are as cheap as they look only where the compiler knows how many: sizes are
+handed in once, as the lengths of tuples (``sizes``), and kernels are inlined into the function that receives them.
+"""
+
+from typing import Any
+
+from numba import njit
+
+__all__ = ["hot", "sizes"]
+
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "forceinline": True,
+    "_nrt": False,
+    "fastmath": {"contract", "reassoc"},
+}
+hot: Any = njit(**_OPTIONS)
+"""Decorator of such a kernel. A product may be fused into its sum, a sum taken in another order; NaN stays NaN."""
+
+
+def sizes(*counts: int) -> tuple[tuple[int, ...], ...]:
+    """Tuples of the given lengths: to numba a tuple's length is part of its type, so it compiles for these sizes."""
+    return tuple((0,) * count for count in counts)

@@ -1,0 +1,218 @@
+"""Manoeuvres: stretches of a flight without gaps, as the estimators that work on files read them.
+
+Derivatives are common to all manoeuvres of a call, whether of one flight or of several; trim, drift, biases and
+initial states belong to each. A long flight is cut into windows, for its trim changes on the way.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.estimators.signals import MAX_GAP_S, SignalLayout
+
+__all__ = ["Manoeuvre", "ManoeuvreConfig", "concatenated", "manoeuvres"]
+
+Array = NDArray[np.float64]
+
+_COLUMNS = ("states", "accelerometer", "inputs", "known", "rest", "stability", "control", "pressure")
+
+_JITTER = 1e-3
+"""Share of a step by which stamps may stray and still count as evenly spaced."""
+
+
+@dataclass(frozen=True, slots=True)
+class ManoeuvreConfig:
+    """How signal rows are cut into manoeuvres, and what all of them share.
+
+    Attributes:
+        structure: which mode.
+        reference: (airspeed_true_m_s, air_density_kg_m3) to which derivatives are referred.
+        held: for each input, whether it is held between samples (a command) or moves on a line (a position).
+        imu_position_m: (x, y, z) of the accelerometer from the c.g., body axes.
+        window_s: longest manoeuvre; longer stretches are cut into equal parts.
+        shortest_s: stretches below this are left out.
+        use_accelerometer: whether force equations may rest on the accelerometer.
+        lever_m: an accelerometer reads its equation's force less lever times state derivatives (7.1, 7.3),
+            (equations, states).
+    """
+
+    structure: ModeStructure
+    reference: tuple[float, float]
+    held: tuple[bool, ...] = ()
+    imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    window_s: float = 12.0
+    shortest_s: float = 2.0
+    use_accelerometer: bool = True
+    lever_m: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        s = self.structure
+        if not self.held:
+            object.__setattr__(self, "held", (False,) * len(s.inputs))
+        if len(self.held) != len(s.inputs):
+            raise ValueError(f"held has {len(self.held)} entries; {s.name} has {len(s.inputs)} inputs")
+        if not 0.0 < self.shortest_s <= self.window_s:
+            raise ValueError(
+                f"shortest_s is {self.shortest_s}, window_s {self.window_s}; give 0 < shortest_s <= window_s"
+            )
+        x, y, z = self.imu_position_m
+        arms = {"x": {"q": -z, "r": y}, "y": {"p": z, "r": -x}, "z": {"p": -y, "q": x}}
+        lever = [[arms.get(row, {}).get(state, 0.0) for state in s.states] for row in s.equations]
+        object.__setattr__(self, "lever_m", np.array(lever))
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """One stretch of n samples of dx/dt = (known + aerodynamics) x + ..., in the order of the structure.
+
+    Attributes:
+        config: shared by all manoeuvres of a call.
+        time_s: (n,), increasing.
+        states: measured, (n, states).
+        accelerometer: of each equation, m/s2, (n, equations); NaN where there is none, as for moments.
+        inputs: (n, inputs), rad.
+        known: kinematic part of A, (n, states, states): U in the column of q, and so on.
+        rest: part of dx/dt that is known from measurement, gravity above all, (n, states).
+        stability, control: factor from referred to present derivatives, (n,) each.
+        pressure: dynamic pressure over that of the reference, (n,).
+        measured: (states,), whether each state was measured (a reconstructed velocity is not).
+        condition: mean airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad.
+    """
+
+    config: ManoeuvreConfig
+    time_s: Array
+    states: Array
+    accelerometer: Array
+    inputs: Array
+    known: Array
+    rest: Array
+    stability: Array
+    control: Array
+    pressure: Array
+    measured: NDArray[np.bool_]
+    condition: tuple[float, float, float, float]
+
+    def __len__(self) -> int:
+        return int(self.time_s.size)
+
+    @property
+    def dt(self) -> float:
+        """Mean step, s."""
+        return float(self.time_s[-1] - self.time_s[0]) / (len(self) - 1)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last stamp."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
+    def forces(self) -> NDArray[np.bool_]:
+        """Which equations can rest on an accelerometer, (equations,)."""
+        whole = np.isfinite(self.accelerometer).all(axis=0)
+        return np.asarray(whole & self.config.use_accelerometer)
+
+    @property
+    def regressors(self) -> Array:
+        """Columns that the referred derivatives multiply, (n, states + inputs): scaled states, then inputs."""
+        return np.column_stack([self.states * self.stability[:, None], self.inputs * self.control[:, None]])
+
+    @property
+    def regressor_scale(self) -> Array:
+        """Mean factor of each column of ``regressors``, (states + inputs,)."""
+        means = float(self.stability.mean()), float(self.control.mean())
+        return np.repeat(means, [self.states.shape[1], self.inputs.shape[1]])
+
+    @property
+    def held_steps(self) -> NDArray[np.bool_]:
+        """Whether each input is held over each step, (n - 1, inputs): commands, and positions that stood still."""
+        steps = np.tile(np.array(self.config.held), (len(self) - 1, 1))
+        steps[1:] |= self.inputs[1:-1] == self.inputs[:-2]
+        return steps
+
+    def even(self) -> "Manoeuvre":
+        """The manoeuvre on evenly spaced stamps: itself where they are even already, else interpolated on a line."""
+        n, t = len(self), self.time_s
+        grid = np.linspace(t[0], t[-1], n)
+        if np.abs(t - grid).max() <= _JITTER * self.dt:
+            return self
+        flat = {
+            name: _on_grid(grid, t, getattr(self, name).reshape(n, -1)).reshape(getattr(self, name).shape)
+            for name in _COLUMNS
+        }
+        return Manoeuvre(self.config, grid, measured=self.measured, condition=self.condition, **flat)
+
+
+def _on_grid(grid: Array, time_s: Array, columns: Array) -> Array:
+    return np.column_stack([np.interp(grid, time_s, c) for c in columns.T])
+
+
+def manoeuvres(config: ManoeuvreConfig, signals: Array) -> tuple[Manoeuvre, ...]:
+    """Cut signal rows of one flight into manoeuvres.
+
+    Args:
+        config: what they share.
+        signals: shape (samples, columns) as ``Signals`` lays them out; rows that are not finite are left out.
+
+    Returns:
+        none where the flight has no stretch of ``shortest_s``.
+
+    Raises:
+        ValueError: another shape.
+    """
+    layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
+    if signals.ndim != 2 or signals.shape[1] != layout.columns:
+        raise ValueError(f"signals have shape (samples, {layout.columns}), got {signals.shape}")
+    needed = np.ones(layout.columns, dtype=bool)
+    needed[[layout.accelerometer, layout.kinematic + 5]] = False
+    rows = signals[np.isfinite(signals[:, needed]).all(axis=1)]
+    step = np.diff(rows[:, 0])
+    seen = rows[:, layout.kinematic + 6]
+    cuts = np.flatnonzero((step <= 0.0) | (step > MAX_GAP_S) | (np.diff(seen) != 0.0)) + 1
+    parts: list[Manoeuvre] = []
+    for stretch in np.split(rows, cuts):
+        if len(stretch) < 2:
+            continue
+        count = int(np.ceil((stretch[-1, 0] - stretch[0, 0]) / config.window_s - 1e-9))
+        edges = np.linspace(0, len(stretch), max(count, 1) + 1).astype(int)
+        for a, b in pairwise(edges):
+            part = stretch[a:b]
+            if len(part) > 8 and part[-1, 0] - part[0, 0] >= config.shortest_s - 1e-9:
+                parts.append(_manoeuvre(config, layout, part))
+    return tuple(parts)
+
+
+def concatenated(config: ManoeuvreConfig, flights: Sequence[Array]) -> tuple[Manoeuvre, ...]:
+    """Manoeuvres of several flights, each a signal array (samples, columns): common derivatives, own trims."""
+    return tuple(m for flight in flights for m in manoeuvres(config, flight))
+
+
+def _manoeuvre(config: ManoeuvreConfig, layout: SignalLayout, rows: Array) -> Manoeuvre:
+    """One stretch; the kinematic term is split into what multiplies the states and the rest."""
+    ns, c = layout.states, layout.kinematic
+    pressure, airspeed, density, altitude, alpha = rows[:, c + 1 : c + 6].T
+    angle = np.where(np.isfinite(alpha), alpha, 0.0)
+    states = rows[:, 1 : 1 + ns].copy()
+    known = np.zeros((len(rows), ns, ns))
+    turn = {"z_q": 1.0, "y_r": -1.0}
+    for column, state in enumerate(config.structure.states):
+        symbol = f"{config.structure.equations[0]}_{state}"
+        known[:, 0, column] = turn.get(symbol, 0.0) * airspeed * np.cos(angle)
+        if symbol == "y_p":
+            known[:, 0, column] = airspeed * np.sin(angle)
+    rest = np.zeros((len(rows), ns))
+    rest[:, 0] = rows[:, c] - np.einsum("nj,nj->n", known[:, 0], states)
+    accelerometer = np.full((len(rows), len(config.structure.equations)), np.nan)
+    accelerometer[:, 0] = rows[:, layout.accelerometer]
+    measured = np.ones(ns, dtype=bool)
+    measured[0] = bool((rows[:, c + 6] == 1.0).all())
+    mean_alpha = float(np.mean(alpha)) if np.isfinite(alpha).all() else float("nan")
+    return Manoeuvre(
+        config, rows[:, 0].copy(), states, accelerometer,
+        rows[:, layout.first_input : c].copy(), known, rest,
+        density * airspeed / (config.reference[0] * config.reference[1]), pressure.copy(), pressure.copy(), measured,
+        (float(np.mean(airspeed)), float(np.mean(altitude)), float(np.mean(density)), mean_alpha),
+    )  # fmt: skip
