@@ -41,7 +41,7 @@ class EstimatorModes(_message.Message):
     def __init__(self, modes: _Optional[_Mapping[str, ModeEstimate]] = ...) -> None: ...
 
 class ModeEstimate(_message.Message):
-    __slots__ = ("outcome", "derivatives", "natural_frequency_rad_s", "damping_ratio", "reason", "basis")
+    __slots__ = ("outcome", "derivatives", "natural_frequency_rad_s", "damping_ratio", "reason", "basis", "natural_frequency_rad_s_standard_error", "damping_ratio_standard_error")
     class DerivativesEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -55,13 +55,17 @@ class ModeEstimate(_message.Message):
     DAMPING_RATIO_FIELD_NUMBER: _ClassVar[int]
     REASON_FIELD_NUMBER: _ClassVar[int]
     BASIS_FIELD_NUMBER: _ClassVar[int]
+    NATURAL_FREQUENCY_RAD_S_STANDARD_ERROR_FIELD_NUMBER: _ClassVar[int]
+    DAMPING_RATIO_STANDARD_ERROR_FIELD_NUMBER: _ClassVar[int]
     outcome: str
     derivatives: _containers.MessageMap[str, DerivativeEstimate]
     natural_frequency_rad_s: float
     damping_ratio: float
     reason: str
     basis: str
-    def __init__(self, outcome: _Optional[str] = ..., derivatives: _Optional[_Mapping[str, DerivativeEstimate]] = ..., natural_frequency_rad_s: _Optional[float] = ..., damping_ratio: _Optional[float] = ..., reason: _Optional[str] = ..., basis: _Optional[str] = ...) -> None: ...
+    natural_frequency_rad_s_standard_error: float
+    damping_ratio_standard_error: float
+    def __init__(self, outcome: _Optional[str] = ..., derivatives: _Optional[_Mapping[str, DerivativeEstimate]] = ..., natural_frequency_rad_s: _Optional[float] = ..., damping_ratio: _Optional[float] = ..., reason: _Optional[str] = ..., basis: _Optional[str] = ..., natural_frequency_rad_s_standard_error: _Optional[float] = ..., damping_ratio_standard_error: _Optional[float] = ...) -> None: ...
 
 class DerivativeEstimate(_message.Message):
     __slots__ = ("value", "standard_error", "unit", "outcome", "expected", "expected_standard_error")

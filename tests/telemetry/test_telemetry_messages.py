@@ -276,7 +276,9 @@ DERIVATIVES = {
                     }
                 },
                 "natural_frequency_rad_s": 9.0,
+                "natural_frequency_rad_s_standard_error": 0.3,
                 "damping_ratio": 0.5,
+                "damping_ratio_standard_error": 0.02,
                 "reason": "",
                 "basis": "a-priori",
             }
