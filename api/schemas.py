@@ -184,7 +184,9 @@ class ModeEstimate(_OpenAnswer):
     outcome: str
     derivatives: dict[str, DerivativeValue]
     natural_frequency_rad_s: float | None = None
+    natural_frequency_rad_s_standard_error: float | None = None
     damping_ratio: float | None = None
+    damping_ratio_standard_error: float | None = None
 
 
 class DerivativesDocument(_OpenAnswer):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, FlightCondition, ModeStructure
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
 from wingwatch.estimators import (
+    ROUGH_SHARE,
     BlockEvidence,
     EkfConfig,
     EkfEstimator,
@@ -25,6 +26,7 @@ from wingwatch.estimators import (
     SignalConfig,
     Signals,
     SignalState,
+    gather_motion,
     offsets,
 )
 from wingwatch.telemetry import SampleBlock, missing_for
@@ -38,6 +40,10 @@ STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, DUTCH_ROLL, LATER
 SOLUTION_INTERVAL_S = 0.5
 """Thesis 9.2: least squares at 2 Hz."""
 
+MOTION_S = 10.0
+"""Time over which the motion is measured that the air's part is compared with: a block."""
+
+_RATE_COLUMN = {"p": "roll_rate_rad_s", "q": "pitch_rate_rad_s", "r": "yaw_rate_rad_s"}
 _INPUT_COLUMN = {"eta": "elevator_rad", "xi": "aileron_rad", "zeta": "rudder_rad"}
 
 
@@ -50,6 +56,8 @@ class ModeSolution:
     ekf: Estimate
     block: BlockEvidence
     gained: tuple[Array, Array] | None
+    rough: bool = False
+    """Whether the air moves the aircraft so much that the Fourier form's moment derivatives cannot be trusted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +85,8 @@ class ChainState:
     signals: dict[str, SignalState]
     fourier: dict[str, FourierState]
     ekf: dict[str, EkfState]
+    motion: dict[str, Array]
+    """Running moments of the measured states, laid out as ``estimators.gather_motion`` has them, by structure."""
     blocks: dict[str, int] = field(default_factory=dict)
     next_solution_s: float = float("nan")
     last_s: float = float("nan")
@@ -146,6 +156,7 @@ class Chain:
             {m.structure.name: m.signals.init(1) for m in self._modes},
             {m.structure.name: m.fourier.init(1) for m in self._modes},
             {m.structure.name: m.ekf.init(1) for m in self._modes},
+            {m.structure.name: np.full((3, len(m.structure.states)), np.nan) for m in self._modes},
         )
 
     def advance(self, state: ChainState, block: SampleBlock) -> Iterator[Solution]:
@@ -178,6 +189,7 @@ class Chain:
             signals = m.signals.update(state.signals[name], values[None])
             m.fourier.update(state.fourier[name], signals)
             m.ekf.update(state.ekf[name], signals)
+            gather_motion(state.motion[name], signals[0], MOTION_S)
 
     def _solve(self, state: ChainState, time_s: float) -> Solution:
         modes = {}
@@ -198,8 +210,29 @@ class Chain:
         name = mode.structure.name
         fourier = mode.fourier.estimate(state.fourier[name])
         ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier)
+        mean, square, _ = state.motion[name]
+        share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
+        rough = bool((share[1:] > ROUGH_SHARE).any())
+        if rough:
+            fourier = _in_rough_air(fourier, float(np.max(share[1:])))
         evidence = mode.fourier.evidence(state.fourier[name])
-        return ModeSolution(mode.structure, fourier, ekf, evidence, gained)
+        return ModeSolution(mode.structure, fourier, ekf, evidence, gained, rough)
+
+
+def _in_rough_air(fourier: Estimate, share: float) -> Estimate:
+    """The Fourier form's estimate where the air drives the rates: its moment derivatives have no standing."""
+    if fourier.outcome is Outcome.NOT_OBSERVABLE:
+        return fourier
+    force = len(fourier.structure.regressors)
+    outcomes = tuple(
+        o if k < force or o is Outcome.NOT_OBSERVABLE else Outcome.REJECTED
+        for k, o in enumerate(fourier.outcomes)
+    )
+    percent = 100.0 * min(share, 1.0)
+    reason = (
+        f"rough air makes {percent:.0f} % of the rotation: the Kalman filter alone gives moment derivatives"
+    )
+    return replace(fourier, outcomes=outcomes, reason=reason)
 
 
 def _gated(ekf: Estimate, fourier: Estimate) -> Estimate:
@@ -248,5 +281,14 @@ def _mode(
         imu_position_m=imu,
         input_noise_std=noise,
     )
-    ekf = EkfConfig(structure, value, natural, reference, held=held, imu_position_m=imu)
+    ekf = EkfConfig(
+        structure,
+        value,
+        natural,
+        reference,
+        held=held,
+        imu_position_m=imu,
+        noise_std=(0.0, *(aircraft.noise_std(_RATE_COLUMN[s]) or 0.0 for s in structure.states[1:])),
+        span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
+    )
     return _Mode(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf))

@@ -86,6 +86,7 @@ class ModeBlock:
         expected, expected_covariance: the expectation.
         ekf: the filter's estimate at the block's end; ekf_stands: whether it has standing.
         ekf_information, ekf_vector: what the filter learned from this block alone.
+        rough: the air biases the evidence, alike before and after a change: it tells changes, not right from wrong.
     """
 
     information: Array
@@ -97,6 +98,7 @@ class ModeBlock:
     ekf_information: Array
     ekf_vector: Array
     ekf_stands: bool
+    rough: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +150,7 @@ class JudgeState:
         identified: the expectation rests on flights of the type and may accuse as it stands.
         founded: so it does, or enough flights of its own are in the reference: the first block may be judged.
         contradictions: structures whose a-priori expectation does not fit, with the derivatives at fault.
+        rough: structures whose evidence has been gathered in rough air, by which no expectation is judged.
     """
 
     references: dict[str, Reference]
@@ -156,6 +159,7 @@ class JudgeState:
     founded: bool = False
     contradictions: dict[str, tuple[str, ...]] = field(default_factory=dict)
     informative: int = 0
+    rough: set[str] = field(default_factory=set)
 
 
 class Judge:
@@ -198,9 +202,8 @@ class Judge:
         value, _ = c.from_concise(ekf.value, ekf.covariance, now)
         gained = mode.gained or (np.zeros_like(information), np.zeros_like(vector))
         stands = ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
-        return ModeBlock(
-            information, vector, bias, expected, covariance, value, *c.of_evidence(*gained, condition), stands
-        )
+        learned = c.of_evidence(*gained, condition)
+        return ModeBlock(information, vector, bias, expected, covariance, value, *learned, stands, mode.rough)
 
     def consider(self, state: JudgeState, block: BlockView, alarmed_onset_s: float | None) -> Verdict | None:
         """Take in a block; returns what the test says, or None while there is nothing to compare with.
@@ -209,6 +212,7 @@ class Judge:
             alarmed_onset_s: onset of the alert in force: later blocks never join the reference.
         """
         state.blocks.append(block)
+        state.rough.update(name for name, mode in block.modes.items() if mode.rough)
         if block.informative:
             state.informative += 1
         verdict = self._verdict(state)
@@ -237,7 +241,7 @@ class Judge:
         if state.identified or not calm:
             return
         for name, coordinates in self.coordinates.items():
-            if name in state.contradictions:
+            if name in state.contradictions or name in state.rough:
                 continue
             information, vector = self._before(state, name, max(0, len(state.blocks) - 2))
             modes = [b.modes[name] for b in state.blocks if name in b.modes]

@@ -14,8 +14,7 @@ from wingwatch.aircraft import (
     Aircraft,
     FlightCondition,
     ModeStructure,
-    natural_frequency_and_damping,
-    state_matrix,
+    mode_quantities,
 )
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import Estimate, Outcome
@@ -231,7 +230,7 @@ class VehicleMonitor:
         estimators: dict[str, dict[str, Any]] = {"fourier": {}, "ekf": {}}
         for name, mode in solution.modes.items():
             for estimate in (mode.fourier, mode.ekf):
-                estimators[estimate.estimator][name] = self._mode_object(estimate)
+                estimators[estimate.estimator][name] = self.mode_object(estimate)
         return {
             "time_s": self.last_sample_time_s,
             "basis": self.basis,
@@ -249,7 +248,8 @@ class VehicleMonitor:
         found = self.expectation(estimate.structure, condition)
         return None if isinstance(found, OutOfEnvelope) else found
 
-    def _mode_object(self, estimate: Estimate) -> dict[str, Any]:
+    def mode_object(self, estimate: Estimate) -> dict[str, Any]:
+        """The contract's object of one mode by one estimator, beside what is expected at its condition."""
         expected = self._expected_now(estimate)
         symbols = estimate.structure.derivatives
         error = estimate.standard_error
@@ -265,15 +265,20 @@ class VehicleMonitor:
                 row["expected"] = float(expected.value[k])
                 row["expected_standard_error"] = float(expected.standard_error[k])
             rows[symbol] = row
-        matrix = state_matrix(estimate.structure, dict(zip(symbols, estimate.value.tolist(), strict=True)))
-        frequency, damping = natural_frequency_and_damping(estimate.structure, matrix)
+        values = dict(zip(symbols, estimate.value.tolist(), strict=True))
+        quantities = mode_quantities(estimate.structure, values, estimate.covariance)
+        shown = {q.name: (q.value, q.standard_error) for q in reversed(quantities)}
+        frequency = shown.get("natural_frequency_rad_s", (np.nan, np.nan))
+        damping = shown.get("damping_ratio", (np.nan, np.nan))
         return {
             "outcome": str(estimate.outcome),
             "reason": estimate.reason,
             "condition": dict(zip(_CONDITION, estimate.condition, strict=True)),
             "derivatives": rows,
-            "natural_frequency_rad_s": frequency,
-            "damping_ratio": damping,
+            "natural_frequency_rad_s": frequency[0],
+            "natural_frequency_rad_s_standard_error": frequency[1],
+            "damping_ratio": damping[0],
+            "damping_ratio_standard_error": damping[1],
         }
 
     def worst(self) -> WorstDerivative | None:

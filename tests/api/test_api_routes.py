@@ -25,6 +25,7 @@ ESTIMATORS: dict[str, Any] = {
             },
             "natural_frequency_rad_s": 10.4,
             "damping_ratio": 0.62,
+            "damping_ratio_standard_error": 0.03,
             "reason": "",
         }
     },
@@ -164,7 +165,7 @@ def test_derivatives_pass_through_unchanged_and_unknown_ones_are_null(client: ht
     assert mode["derivatives"]["m_q"] == ESTIMATORS["fourier"]["short_period"]["derivatives"]["m_q"]
     assert mode["derivatives"]["m_w"]["value"] is None
     assert mode["derivatives"]["m_w"]["standard_error"] is None
-    assert mode["damping_ratio"] == 0.62
+    assert (mode["damping_ratio"], mode["damping_ratio_standard_error"]) == (0.62, 0.03)
     only = get(client, "/v1/vehicles/aero-1/derivatives?estimator=ekf")
     assert list(only["estimators"]) == ["ekf"]
 

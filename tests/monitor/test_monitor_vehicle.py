@@ -6,7 +6,7 @@ from itertools import count
 import numpy as np
 import pytest
 
-from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
+from wingwatch.aircraft import SHORT_PERIOD, Aircraft, FlightCondition, load_aircraft, mode_quantities
 from wingwatch.monitor import AlertView, VehicleMonitor, VehicleState, surface_kinds
 from wingwatch.simulation import (
     AileronEffectiveness,
@@ -112,6 +112,29 @@ def test_missing_channels_are_named_not_guessed() -> None:
     found = monitor.derivatives()
     assert "rudder_rad" in found["not_estimated"]["lateral"]
     assert set(found["estimators"]["fourier"]) == {"short_period"}
+
+
+def test_frequency_and_damping_are_shown_with_standard_errors() -> None:
+    block = _flight(seconds=40.0)
+    monitor = _monitor(block)
+    monitor.feed(block)
+    for modes in monitor.derivatives()["estimators"].values():
+        shown = modes["short_period"]
+        values = {symbol: row["value"] for symbol, row in shown["derivatives"].items()}
+        errors = np.array([row["standard_error"] for row in shown["derivatives"].values()])
+        size = np.abs(list(values.values()))
+        for key in ("natural_frequency_rad_s", "damping_ratio"):
+            error = shown[f"{key}_standard_error"]
+            # not more than all derivatives' errors at once, each in its worst direction
+            worst = sum(
+                q.standard_error
+                for k in range(len(size))
+                for q in mode_quantities(
+                    SHORT_PERIOD, values, np.diag((errors * (np.arange(len(size)) == k)) ** 2)
+                )
+                if q.name == key
+            )
+            assert 0.0 < error <= worst * (1.0 + 1e-9)
 
 
 def test_what_is_outside_the_envelope_is_said() -> None:
