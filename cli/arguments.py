@@ -9,12 +9,18 @@ from typing import NoReturn
 __all__ = ["build_parser"]
 
 DEMO_DATA = Path("data") / "demo"
+_INPUT_KINDS = (
+    "impulse", "step", "doublet", "3211", "3211-modified", "1123", "211", "sweep", "logarithmic-sweep", "multisine",
+    "weighted-multisine",
+)  # fmt: skip
 
 _EXAMPLES = """\
 examples:
   wingwatch demo
+  wingwatch simulate --aircraft aerosonde --effect icing:0.15@60+30 --seconds 150 --out flight.csv
   wingwatch estimate flight.csv --aircraft aerosonde --history estimates.csv
   wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml --json
+  wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
 
@@ -45,8 +51,10 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_demo(commands)
     _add_serve(commands)
     _add_publish(commands)
+    _add_simulate(commands)
     _add_estimate(commands)
     _add_monitor(commands)
+    _add_design_input(commands)
     return parser
 
 
@@ -68,6 +76,10 @@ def _command(commands: "_Commands[_Parser]", name: str, does: str, example: str)
 
 def _add_flight(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", metavar="FLIGHT", type=Path, help="CSV, Parquet or MATLAB file")
+    _add_aircraft_and_map(parser)
+
+
+def _add_aircraft_and_map(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file"
     )
@@ -78,13 +90,28 @@ def _add_estimate(commands: "_Commands[_Parser]") -> None:
     parser = _command(
         commands,
         "estimate",
-        "derivatives of a recorded flight, with standard errors, by the code that runs live",
+        "derivatives of a recorded flight, or of several together, with standard errors",
         "wingwatch estimate flight.mat --aircraft ultrastick25e --map thor75.toml --json",
     )
-    _add_flight(parser)
-    parser.add_argument("--estimator", choices=("fourier", "ekf"), help="only this one (default: both)")
     parser.add_argument(
-        "--history", type=Path, metavar="OUT", help="write every estimate over time to OUT (.csv or .parquet)"
+        "flights",
+        metavar="FLIGHT",
+        type=Path,
+        nargs="+",
+        help="CSV, Parquet or MATLAB file; several are one after another, with common derivatives",
+    )
+    _add_aircraft_and_map(parser)
+    parser.add_argument(
+        "--estimator",
+        choices=("fourier", "ekf", "equation-error", "frequency-equation-error", "output-error"),
+        help="only this one: fourier and ekf by the code that runs live, the others from the whole flight at once, "
+        "with statistics of the fit (default: fourier and ekf)",
+    )
+    parser.add_argument(
+        "--history",
+        type=Path,
+        metavar="OUT",
+        help="write every estimate of fourier and ekf over time to OUT (.csv or .parquet)",
     )
 
 
@@ -132,6 +159,96 @@ def _add_publish(commands: "_Commands[_Parser]") -> None:
         default=1.0,
         metavar="1.0|max",
         help="speed relative to the time stamps, or max: as fast as it is taken, nothing lost (default: 1.0)",
+    )
+
+
+_SIMULATE_EXAMPLES = """\
+wingwatch simulate --aircraft aerosonde --out healthy.parquet
+  wingwatch simulate --aircraft aerosonde --seconds 150 --effect icing:0.15@60+30 --out iced.csv --truth iced.json
+  wingwatch simulate --aircraft ultrastick25e --seconds 600 --manoeuvre patrol --turbulence light --wind 5@270 \\
+      --effect sensor_bias[pitch_rate_rad_s]:0.01@120 --effect thrust_loss:0.2@300 --seed 7 --out patrol.parquet"""
+
+
+def _add_simulate(commands: "_Commands[_Parser]") -> None:
+    parser = _command(
+        commands,
+        "simulate",
+        "a flight with known truth: manoeuvres, turbulence, wind, and effects that befall the aircraft",
+        _SIMULATE_EXAMPLES,
+    )
+    add = parser.add_argument
+    add("--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file")
+    add("--out", required=True, type=Path, metavar="FLIGHT", help="flight table to write (.csv or .parquet)")
+    add("--truth", type=Path, metavar="FILE", help="write the truth to FILE (JSON)")
+    add("--seconds", type=float, default=60.0, help="length of the flight (default: %(default)g)")
+    add("--rate", type=float, default=50.0, metavar="HZ", help="samples a second (default: %(default)g)")
+    add("--airspeed", type=float, metavar="M_S", help="true airspeed (default: the aircraft's cruise)")
+    add("--altitude", type=float, metavar="M", help="altitude (default: the aircraft's cruise)")
+    add(
+        "--manoeuvre",
+        action="append",
+        choices=("doublet", "3211", "multisine", "patrol", "none"),
+        help="excitation of elevator, aileron and rudder over and over; patrol: a circuit with turns, climbs and "
+        "speed changes in place of straight flight; may be repeated, as for doublets on a patrol (default: doublet)",
+    )
+    add("--turbulence", choices=("none", "light", "moderate", "severe"), default="none", help="MIL-F-8785C")
+    add("--turbulence-model", choices=("dryden", "von-karman"), default="dryden", help="form of its spectra")
+    add(
+        "--wind",
+        type=_wind,
+        default=(0.0, 0.0),
+        metavar="SPEED@FROM_DEG",
+        help="steady wind in m/s and the direction it comes from, 5@270 from the west (default: none)",
+    )
+    add(
+        "--effect",
+        action="append",
+        default=[],
+        metavar="NAME[TARGET]:SIZE@START[+RAMP]",
+        help="what befalls the aircraft, times in s; may be repeated (an unknown name is answered with all names)",
+    )
+    add("--seed", type=int, default=0, help="of turbulence and noise (default: %(default)s)")
+    add("--noiseless", action="store_true", help="sensors without noise")
+
+
+_DESIGN_EXAMPLES = """\
+wingwatch design-input --aircraft aerosonde --mode short_period --kind doublet
+  wingwatch design-input --aircraft aerosonde --mode short_period --mode lateral --kind multisine --out input.csv \\
+      --plot input.png
+  wingwatch design-input --aircraft aerosonde --mode dutch_roll --compare"""
+
+
+def _add_design_input(commands: "_Commands[_Parser]") -> None:
+    parser = _command(
+        commands,
+        "design-input",
+        "an excitation for a mode, its spectrum, and the standard errors that it promises for this aircraft",
+        _DESIGN_EXAMPLES,
+    )
+    add = parser.add_argument
+    add("--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file")
+    add(
+        "--mode",
+        action="append",
+        required=True,
+        choices=("short_period", "dutch_roll", "lateral"),
+        help="what to excite; short_period may stand beside one of the others",
+    )
+    add("--kind", choices=_INPUT_KINDS, help="shape of the input")
+    add("--compare", action="store_true", help="all kinds side by side, in place of one")
+    add("--amplitude", type=float, default=2.0, metavar="DEG", help="of every surface (default: %(default)g)")
+    add("--airspeed", type=float, metavar="M_S", help="true airspeed (default: the aircraft's cruise)")
+    add("--altitude", type=float, metavar="M", help="altitude (default: the aircraft's cruise)")
+    add(
+        "--length",
+        type=float,
+        metavar="S",
+        help="of the record (default: a cycle of the band's lowest frequency)",
+    )
+    add("--rate", type=float, default=50.0, metavar="HZ", help="samples a second (default: %(default)g)")
+    add("--out", type=Path, metavar="FILE.csv", help="write the deflections from trim over time")
+    add(
+        "--plot", type=Path, metavar="FILE.png", help="draw input, spectrum and response (.png, .pdf or .svg)"
     )
 
 
@@ -200,3 +317,17 @@ def _rate(text: str) -> float | None:
     if not (math.isfinite(rate) and rate > 0.0):
         raise argparse.ArgumentTypeError(f"{text!r} is no speed: give a number above 0, or max")
     return rate
+
+
+def _wind(text: str) -> tuple[float, float]:
+    """Speed in m/s and the direction it comes from in rad."""
+    speed, at, origin = text.partition("@")
+    try:
+        values = float(speed), math.radians(float(origin))
+    except ValueError:
+        values = math.nan, math.nan
+    if not (at and all(map(math.isfinite, values)) and values[0] >= 0.0):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no wind: write SPEED@FROM_DEG, m/s from 0 and degrees, such as 5@270"
+        )
+    return values

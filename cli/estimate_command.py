@@ -1,7 +1,7 @@
-"""`wingwatch estimate`: derivatives of a recorded flight."""
+"""`wingwatch estimate`: derivatives of a recorded flight, or of several together."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite, nan
 from typing import Any
 
@@ -9,17 +9,33 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.cli.estimate_history import HistoryWriter
-from wingwatch.cli.flight_watch import Watched, load, watch
+from wingwatch.cli.faults import CommandError
+from wingwatch.cli.flight_watch import Watched, watch
+from wingwatch.cli.joined_flights import joined
+from wingwatch.cli.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.monitor import VehicleMonitor
+from wingwatch.telemetry import FlightTable, load_flight
 
 __all__ = ["run"]
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
+    whole = arguments.estimator in OFFLINE_ESTIMATORS
+    if whole and arguments.history is not None:
+        raise CommandError(
+            f"--history {arguments.history}: {arguments.estimator} solves the whole flight at once and has no history; "
+            "leave it out, or take fourier or ekf"
+        )
     history = None if arguments.history is None else HistoryWriter(arguments.history, arguments.estimator)
-    flight, aircraft = load(arguments.flight, arguments.map, arguments.aircraft)
+    aircraft = load_aircraft(arguments.aircraft)
+    flight = joined([load_flight(path, arguments.map) for path in arguments.flights])
+    if whole:
+        _run_offline(arguments, flight, aircraft)
+        return 0
     watched = watch(flight, aircraft, Progress(), listener=history)
     if history is not None:
         history.close()
@@ -27,8 +43,26 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(result)
     else:
-        _show(page(), result, watched)
+        structures = [s.name for s in watched.monitor.chain.structures]
+        _show(page(), result, watched.monitor, watched.flight.source, watched.cleaning_text, structures)
     return 0
+
+
+def _run_offline(arguments: argparse.Namespace, flight: FlightTable, aircraft: Aircraft) -> None:
+    """By an estimator that takes the flight whole."""
+    solved = estimate_offline(flight, aircraft, arguments.estimator, Progress())
+    counted = Watched(solved.monitor, flight, ())
+    result = {
+        "time_s": solved.last_s,
+        "basis": solved.monitor.basis,
+        "estimators": {arguments.estimator: solved.document()},
+        "not_estimated": dict(solved.absent),
+        "cleaning": counted.cleaning,
+    }
+    if arguments.json:
+        write_json(result)
+        return
+    _show(page(), result, solved.monitor, flight.source, counted.cleaning_text, list(solved.modes))
 
 
 def _result(watched: Watched, estimator: str | None) -> dict[str, Any]:
@@ -39,16 +73,25 @@ def _result(watched: Watched, estimator: str | None) -> dict[str, Any]:
     return result
 
 
-def _show(console: Console, result: Mapping[str, Any], watched: Watched) -> None:
-    console.print(f"[bold]{escape(watched.flight.source)}[/]  aircraft {watched.monitor.aircraft.name}")
-    console.print(escape(watched.cleaning_text), style="dim")
-    for structure in watched.monitor.chain.structures:
-        console.print(_table(structure.name, result["estimators"]))
+def _show(
+    console: Console,
+    result: Mapping[str, Any],
+    monitor: VehicleMonitor,
+    source: str,
+    cleaning_text: str,
+    structures: Sequence[str],
+) -> None:
+    console.print(f"[bold]{escape(source)}[/]  aircraft {monitor.aircraft.name}")
+    console.print(escape(cleaning_text), style="dim")
+    for structure in structures:
+        console.print(_table(structure, result["estimators"]))
         for name, modes in result["estimators"].items():
-            console.print(f"  {name}: {escape(_mode_line(modes[structure.name]))}", style="dim")
+            console.print(f"  {name}: {escape(_mode_line(modes[structure]))}", style="dim")
+            if "fit" in modes[structure]:
+                console.print(f"  {escape(_fit_line(modes[structure]['fit']))}", style="dim")
     for name, why in result["not_estimated"].items():
         console.print(f"{name} is not estimated: {escape(why)}")
-    console.print(escape(watched.monitor.basis_text))
+    console.print(escape(monitor.basis_text))
 
 
 def _table(structure: str, estimators: Mapping[str, Any]) -> Table:
@@ -85,7 +128,28 @@ def _mode_line(mode: Mapping[str, Any]) -> str:
         parts.append(mode["reason"])
     if isfinite(mode["natural_frequency_rad_s"] or nan):
         parts.append(
-            f"natural frequency {mode['natural_frequency_rad_s']:.3g} rad/s, "
-            f"damping ratio {mode['damping_ratio']:.3g}"
+            f"natural frequency {_with_error(mode, 'natural_frequency_rad_s')} rad/s, "
+            f"damping ratio {_with_error(mode, 'damping_ratio')}"
         )
+    return "; ".join(parts)
+
+
+def _with_error(mode: Mapping[str, Any], key: str) -> str:
+    """A figure of a mode with its standard error, where it has one."""
+    error = mode[f"{key}_standard_error"]
+    known = error is not None and isfinite(error)
+    return f"{mode[key]:.3g} ± {error:.2g}" if known else f"{mode[key]:.3g}"
+
+
+def _fit_line(fit: Mapping[str, Any]) -> str:
+    """How well the model fits, and which derivatives the data hardly tell apart."""
+    parts = [
+        f"{name}: R2 {100.0 * c['r_squared']:.1f} %, Theil {c['tic']:.2f}"
+        for name, c in fit["channels"].items()
+    ]
+    if fit["correlated_pairs"]:
+        pairs = (" and ".join(p["derivatives"]) for p in fit["correlated_pairs"])
+        parts.append(f"hardly told apart: {', '.join(pairs)}")
+    if fit["residuals_coloured"]:
+        parts.append("standard errors for coloured residuals")
     return "; ".join(parts)

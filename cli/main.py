@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    module = import_module(f"wingwatch.cli.{arguments.command}_command")
+    module = import_module(f"wingwatch.cli.{arguments.command.replace('-', '_')}_command")
     code: int = module.run(arguments)
     return code
 

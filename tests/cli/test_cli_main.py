@@ -13,13 +13,13 @@ from wingwatch.cli import estimate_command
 from wingwatch.cli.main import main
 
 HELP_WITHIN_S = 0.3
-COMMANDS = ("demo", "serve", "publish", "estimate", "monitor")
+COMMANDS = ("demo", "serve", "publish", "simulate", "estimate", "monitor", "design-input")
 
 
 def test_help_names_every_command_with_examples(capsys: pytest.CaptureFixture[str]) -> None:
     ran = run(capsys, ["--help"])
     assert ran.code == 0
-    assert all(f"\n    {command} " in ran.out for command in COMMANDS)
+    assert all(re.search(rf"\n    {command}\s", ran.out) for command in COMMANDS)
     assert all(f"wingwatch {command}" in ran.out for command in COMMANDS)
 
 

@@ -40,6 +40,7 @@ def test_estimate_gives_the_contracts_object(capsys: pytest.CaptureFixture[str],
         for name, mode in modes.items():
             assert list(mode["derivatives"]) == list(STRUCTURES[name].derivatives)
             assert {"outcome", "natural_frequency_rad_s", "damping_ratio"} <= set(mode)
+            assert {"natural_frequency_rad_s_standard_error", "damping_ratio_standard_error"} <= set(mode)
             for row in mode["derivatives"].values():
                 assert {"value", "standard_error", "unit", "outcome", "expected"} <= set(row)
     assert result["time_s"] == demo_block("healthy", HEALTHY_S).time_s[-1]

@@ -9,7 +9,7 @@ from wingwatch.cli.faults import CommandError
 from wingwatch.cli.hangar import Hangar
 from wingwatch.cli.settings import DATABASE_VARIABLE, ServeSettings, serve_settings
 
-LIBRARY = ("aerosonde", "jetstream31", "ultrastick25e")
+LIBRARY = ("aerosonde", "aerosonde-a", "jetstream31", "twinotter", "ultrastick25e")
 
 
 def settings(*flags: str, **environment: str) -> ServeSettings:
