@@ -180,7 +180,11 @@ def _evaluate(problem: _Problem, parameters: Array) -> _Point:
         sensitivities.append(sensitivity)
     counts = np.sum([u.sum(axis=0) for u in problem.used], axis=0)
     noise = np.maximum(squares / np.maximum(counts, 1), problem.floor)
-    cost = 0.5 * float(counts @ np.log(noise) + np.sum(squares / noise)) if np.isfinite(squares).all() else float("inf")
+    cost = (
+        0.5 * float(counts @ np.log(noise) + np.sum(squares / noise))
+        if np.isfinite(squares).all()
+        else float("inf")
+    )
     return _Point(parameters, outputs, residuals, sensitivities, noise, cost)
 
 

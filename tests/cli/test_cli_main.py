@@ -55,7 +55,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
         ([], "COMMAND"),
         (["diagnose"], "'diagnose'"),
         (["estimate", "f.csv"], "--aircraft"),
-        (["estimate", "f.csv", "--aircraft", "aerosonde", "--estimator", "output-error"], "'output-error'"),
+        (["estimate", "f.csv", "--aircraft", "aerosonde", "--estimator", "output"], "'output'"),
         (["estimate", "f.csv", "--aircraft", "aerosonde", "--colour"], "--colour"),
         (["publish", "f.csv", "--aircraft", "aerosonde", "--vehicle", "a", "--rate", "fast"], "'fast'"),
         (["publish", "f.csv", "--aircraft", "aerosonde", "--vehicle", "a", "--rate", "0"], "'0'"),

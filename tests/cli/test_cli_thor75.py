@@ -29,12 +29,15 @@ def test_estimate_says_every_mode_with_its_standing(capsys: pytest.CaptureFixtur
     result = run(capsys, ["estimate", *ARGUMENTS, "--json"]).json
     assert result["cleaning"]["accepted"] == 14_850
     assert result["not_estimated"] == {}
+    rows = {name: modes["short_period"]["derivatives"] for name, modes in result["estimators"].items()}
+    # The air over the field is rough: the Fourier form keeps its force equation and gives up its moment equation.
+    assert rows["fourier"]["z_w"]["outcome"] in ("converged", "settling")
+    assert rows["fourier"]["m_eta"]["outcome"] == "rejected"
+    assert rows["ekf"]["m_eta"]["outcome"] in ("converged", "settling")
+    # A stable aircraft whose elevator works: signs that no error of the baseline excuses.
     for estimator in ("fourier", "ekf"):
-        rows = result["estimators"][estimator]["short_period"]["derivatives"]
-        assert rows["m_eta"]["outcome"] in ("converged", "settling")
-        # A stable aircraft whose elevator works: signs that no error of the baseline excuses.
         for symbol in ("z_w", "m_w", "m_eta"):
-            assert rows[symbol]["value"] < 0.0
+            assert rows[estimator][symbol]["value"] < 0.0
 
 
 def test_monitor_calls_nothing_damage_and_says_what_it_rests_on(capsys: pytest.CaptureFixture[str]) -> None:
