@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
-from wingwatch.estimators.fourier_kernel import advance_bank, noise_edge, reduce_information
+from wingwatch.estimators.fourier_bank import advance_bank
+from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
 
 LAYOUT = SignalLayout(2, 1)
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0

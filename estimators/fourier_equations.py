@@ -1,70 +1,12 @@
-"""Compiled kernels of the recursive Fourier estimator: the bank, the normal equations of one block, their solution.
+"""Normal equations of one block of the recursive Fourier estimator, compiled, and the noise that its residual shows.
 
-Derivation in ``docs/estimators.md``; symbols as there. Arrays lead with the vehicle axis; nothing here
-allocates per sample.
+Derivation and symbols: ``docs/estimators.md`` sections 3 to 7.
 """
 
 import numpy as np
 from numba import njit
 
-__all__ = ["advance_bank", "block_equations", "noise_edge", "noise_update", "reduce_information"]
-
-LOWEST_NOISE = 0.5
-"""A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
-
-
-@njit(cache=True)
-def _coefficients(omega, dt, exponential, linear_old, linear_new, held):  # type: ignore[no-untyped-def]
-    """One-pole coefficients of a step: exact for a signal linear between samples, and for a held one."""
-    for f in range(omega.size):
-        s = 1j * omega[f]
-        z = s * dt
-        e = np.exp(z)
-        whole = (e - 1.0) / s
-        new = (e - 1.0 - z) / (s * s * dt)
-        exponential[f], linear_new[f], linear_old[f], held[f] = e, new, whole - new, whole
-
-
-@njit(cache=True)
-def advance_bank(  # type: ignore[no-untyped-def]
-    omega, bank, decay, step, coefficients, old, new, before, hold_always, elapsed, ns, nu, force
-):
-    """Advance the bank of one vehicle by one sample.
-
-    Channels of ``bank`` (frequencies, channels): states, force, inputs, constant, dynamic pressure, ramp.
-    An input is held between samples if its channel is a command, or where a position repeats exactly
-    (a step of a held signal); else it is linear like the states.
-
-    Args:
-        decay: exp(j omega T) of the block so far, shape (frequencies,), advanced in place.
-        step: shape (1,), time step that ``coefficients`` (4, frequencies) were made for.
-        old, new: signal rows at the two ends of the step; before: the row before ``old`` (inputs only).
-        elapsed: time since the block began, at ``old``.
-    """
-    dt = new[0] - old[0]
-    e, c0, c1, h = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
-    if abs(dt - step[0]) > 1e-6 * dt:
-        _coefficients(omega, dt, e, c0, c1, h)
-        step[0] = dt
-    ratio = 2 + ns + nu + 1
-    first = ns + 1
-    for f in range(omega.size):
-        row = bank[f]
-        ef, of, nf, hf = e[f], c0[f], c1[f], h[f]
-        for j in range(ns):
-            row[j] = ef * row[j] + of * old[1 + j] + nf * new[1 + j]
-        row[ns] = ef * row[ns] + of * old[force] + nf * new[force]
-        for j in range(nu):
-            a, b = old[2 + ns + j], new[2 + ns + j]
-            if hold_always[j] or a == before[2 + ns + j]:
-                row[first + j] = ef * row[first + j] + hf * a
-            else:
-                row[first + j] = ef * row[first + j] + of * a + nf * b
-        c = first + nu
-        row[c] = ef * row[c] + hf
-        row[c + 1] = ef * row[c + 1] + of * (old[ratio] - 1.0) + nf * (new[ratio] - 1.0)
-        row[c + 2] = ef * row[c + 2] + of * elapsed + nf * (elapsed + dt)
-        decay[f] *= ef
+__all__ = ["block_equations", "noise_update"]
 
 
 @njit(cache=True)
@@ -326,85 +268,3 @@ def noise_update(  # type: ignore[no-untyped-def]
         else:
             total[j] = noise[j]
     return total
-
-
-@njit(cache=True)
-def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
-    """Share of "signal" that pure noise of a known level can show by chance.
-
-    Of ``regressors`` channels of white noise over ``bins`` independent bins the largest eigenvalue tends to
-    (1 + sqrt(regressors / bins))^2 times the true power (Marchenko and Pastur 1967).
-    """
-    if bins <= 0.0:
-        return 1.0
-    return 1.0 - 1.0 / (1.0 + np.sqrt(regressors / bins)) ** 2
-
-
-@njit(cache=True)
-def reduce_information(m, n_noise, suspected, score, driven, smallest):  # type: ignore[no-untyped-def]
-    """Keep the directions in which the regressors' power is signal, not noise.
-
-    The sensitivity of the estimating equation is M - N. In coordinates that whiten M its eigenvalues are
-    the signal's share of the power (at most 1). A direction is kept if its share is at least ``smallest`` even were
-    each state's noise ``suspected`` (ns,) times what is believed: all of the state's roughness.
-
-    Returns:
-        sensitivity (p, p), M, score and driven part restricted to the kept directions, and for the monitor the
-        evidence: information (p, p), its score (p,) and the information times the bias that gusts cause (p,).
-    """
-    p = m.shape[0]
-    size = np.empty(p)
-    for a in range(p):
-        size[a] = np.sqrt(m[a, a]) if m[a, a] > 0.0 else 1.0
-    scaled = np.empty((p, p))
-    for a in range(p):
-        for b in range(p):
-            scaled[a, b] = m[a, b] / (size[a] * size[b])
-        scaled[a, a] += 1e-9
-    lower = np.ascontiguousarray(np.linalg.cholesky(scaled))
-    inner = np.empty((p, p))
-    for a in range(p):
-        for b in range(p):
-            inner[a, b] = (m[a, b] - n_noise[a, b]) / (size[a] * size[b])
-    half = np.linalg.solve(lower, inner)
-    inner = np.linalg.solve(lower, np.ascontiguousarray(half.T))
-    share, vectors = np.linalg.eigh(0.5 * (inner + inner.T))
-    ns = suspected.size
-    columns = p // ns
-    worst = np.zeros((p, p))
-    for k in range(ns):
-        for m_row in range(ns):
-            for j in range(columns):
-                a, b = k * columns + j, m_row * columns + j
-                level = suspected[j] if j < ns else 1.0
-                worst[a, b] = level * n_noise[a, b] / (size[a] * size[b])
-    half = np.linalg.solve(lower, worst)
-    worst = np.linalg.solve(lower, np.ascontiguousarray(half.T))
-    root = lower @ np.ascontiguousarray(vectors)
-    turned = np.ascontiguousarray(vectors.T)
-    z = turned @ np.linalg.solve(lower, score / size)
-    gust = turned @ np.linalg.solve(lower, driven / size)
-    sensitivity = np.zeros((p, p))
-    kept = np.zeros((p, p))
-    evidence = np.zeros((p, p))
-    score_kept = np.zeros(p)
-    evidence_score = np.zeros(p)
-    driven_kept = np.zeros(p)
-    evidence_bias = np.zeros(p)
-    for v in range(p):
-        direction = np.ascontiguousarray(vectors[:, v])
-        if min(share[v], 1.0 - direction @ worst @ direction) < smallest:
-            continue
-        rho = min(share[v], 1.0)
-        for a in range(p):
-            ra = root[a, v] * size[a]
-            score_kept[a] += ra * z[v]
-            evidence_score[a] += ra * rho * z[v]
-            driven_kept[a] += ra * gust[v]
-            evidence_bias[a] += ra * rho * gust[v]
-            for b in range(p):
-                outer = ra * root[b, v] * size[b]
-                sensitivity[a, b] += rho * outer
-                kept[a, b] += outer
-                evidence[a, b] += rho * rho * outer
-    return sensitivity, kept, score_kept, driven_kept, evidence, evidence_score, evidence_bias

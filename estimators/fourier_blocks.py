@@ -1,0 +1,291 @@
+"""Blocks of the recursive Fourier estimator, compiled: filled, solved while they run, closed, added to what is known.
+
+Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. Arrays lead with the vehicle axis.
+"""
+
+import numpy as np
+from numba import njit
+
+from wingwatch.estimators.fourier_bank import advance_bank
+from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
+from wingwatch.estimators.fourier_equations import block_equations, noise_update
+from wingwatch.estimators.signals import MAX_GAP_S
+
+__all__ = ["solve_all", "update_all"]
+
+LOWEST_NOISE = 0.5
+"""A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
+
+
+@njit(cache=True)
+def _noise_start(roughness, noise, ns):  # type: ignore[no-untyped-def]
+    """First variances from second differences, whose variance is 6 D for white noise."""
+    floor = np.full(ns + 1, 1e-10)
+    floor[0] = floor[ns] = 1e-8
+    for j in range(ns + 1):
+        noise[j] = max(roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)), floor[j])
+    for k in range(ns):
+        noise[ns + 1 + k] = noise[k]
+
+
+@njit(cache=True)
+def _floor_noise(noise, ns):  # type: ignore[no-untyped-def]
+    """Below any sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s."""
+    for j in range(2 * ns + 1):
+        least = 1e-8 if j in (0, ns, ns + 1) else 1e-10
+        noise[j] = max(noise[j], least)
+
+
+@njit(cache=True)
+def _present(sums, settings, exponents, longitudinal, roll, ns):  # type: ignore[no-untyped-def]
+    """Scale from referred to present derivatives, and the kinematic part per state, at the block's mean condition."""
+    airspeed, density, alpha = sums[0] / sums[4], sums[1] / sums[4], sums[3] / sums[4]
+    pressure = density * airspeed / (settings[5] * settings[4])
+    columns = exponents.size
+    scale = np.empty(ns * columns)
+    for k in range(ns):
+        for c in range(columns):
+            scale[k * columns + c] = pressure if exponents[c] == 1.0 else pressure * airspeed / settings[4]
+    forward = np.zeros(ns)
+    forward[ns - 1] = airspeed * np.cos(alpha) * (1.0 if longitudinal else -1.0)
+    if roll:
+        forward[1] = airspeed * np.sin(alpha)
+    return scale, forward
+
+
+@njit(cache=True)
+def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):  # type: ignore[no-untyped-def]
+    """Noise variances from this block's residual and from earlier blocks, by the time each rests on."""
+    known = noise_known[-1]
+    for j in range(2 * ns + 1):
+        noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
+    noise[ns + 1 if by_accelerometer else ns] = 0.0
+    for j in range(ns + 1):
+        noise[j] = max(noise[j], LOWEST_NOISE * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
+    _floor_noise(noise, ns)
+
+
+@njit(cache=True)
+def _block_step(  # type: ignore[no-untyped-def]
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank, decay, rows, sums, theta, noise,
+    noise_known, roughness, sensitivity, information, vector, past_driven, prior_value, prior_std, iterations,
+):  # fmt: skip
+    """Solve with the running block: theta and noise in place; returns what the block adds."""
+    ns = theta.size // exponents.size
+    nu = exponents.size - ns
+    span = rows[1, 0] - rows[0, 0]
+    count = sums[4]
+    dt = span / max(count - 1.0, 1.0)
+    power = span * dt
+    scale, forward = _present(sums, settings, exponents, longitudinal, roll, ns)
+    share = min(1.0, span / settings[0])
+    for j in range(nu):
+        rough = sums[6 + j] / (6.0 * max(sums[5], 1.0))
+        noise[2 * ns + 1 + j] = min(settings[7 + j], rough)
+    n_theta = theta.size
+    weight = 1.0 / (prior_std * prior_std)
+    suspected = np.ones(ns)
+    for _ in range(iterations):
+        m, n_noise, score, nuisance, follow, driven = block_equations(
+            omega, bank, decay, rows[0], rows[1], theta, scale, noise, power, forward, lever, by_accelerometer, ns, nu
+        )  # fmt: skip
+        for j in range(ns):
+            suspected[j] = max(1.0, roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)) / noise[j])
+        mc, kept, score, driven, evidence, evidence_score, gust = reduce_information(
+            m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, omega.size * share))
+        )
+        gain = 2.0 * share
+        add_vector = gain * (score + mc @ theta)
+        total = sensitivity + gain * mc
+        for a in range(n_theta):
+            total[a, a] += weight[a]
+        inverse = np.linalg.inv(total)
+        evidence_vector = gain * (evidence @ theta + evidence_score)
+        moved = inverse @ (vector + add_vector + weight * prior_value)
+        nuisance += (follow @ (moved - theta)).reshape(ns, 3)
+        theta[:] = moved
+        fresh = noise_update(
+            omega, bank, decay, rows[0], rows[1], theta, scale, nuisance, noise, power, forward, lever,
+            by_accelerometer, ns, nu,
+        )  # fmt: skip
+        _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns)
+    spread = information + gain * kept
+    for a in range(n_theta):
+        spread[a, a] += weight[a]
+    bias = inverse @ (past_driven + gain * driven)
+    covariance = inverse @ spread @ inverse + np.outer(bias, bias)
+    return (
+        gain * mc, gain * kept, add_vector, gain * driven, covariance, gain * evidence, evidence_vector, gain * gust,
+        m, fresh,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _mark(informed, kept_diagonal, power_diagonal, time, gain):  # type: ignore[no-untyped-def]
+    for a in range(informed.size):
+        if power_diagonal[a] > 0.0 and kept_diagonal[a] > 0.5 * gain * power_diagonal[a]:
+            informed[a] = time
+
+
+@njit(cache=True)
+def _condition(sums, condition):  # type: ignore[no-untyped-def]
+    for j in range(4):
+        condition[j] = sums[j] / sums[4]
+    condition[1], condition[2] = sums[2] / sums[4], sums[1] / sums[4]
+
+
+@njit(cache=True)
+def _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std):  # type: ignore[no-untyped-def]
+    """Theta and its covariance from all closed blocks."""
+    ridge = np.diag(1.0 / (prior_std * prior_std))
+    inverse = np.linalg.inv(sensitivity[i] + ridge)
+    theta[i] = inverse @ (vector[i] + ridge @ prior_value)
+    bias = inverse @ driven[i]
+    covariance[i] = inverse @ (information[i] + ridge) @ inverse + np.outer(bias, bias)
+
+
+@njit(cache=True)
+def _close(i, common, arrays):  # type: ignore[no-untyped-def]
+    """End the block of vehicle i: solved on its own, from what is known, its information joins what is known."""
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
+    (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
+     covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+     counts) = arrays  # fmt: skip
+    if counts[i, 0] == 0:
+        _noise_start(roughness[i], noise[i], lever.size)
+    _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std)
+    nothing = np.zeros_like(sensitivity[i])
+    anchor, own = theta[i].copy(), theta[i].copy()
+    level = noise_known[i, :-1].copy() if noise_known[i, -1] > 0.0 else noise[i].copy()
+    _, _, _, _, _, _, _, _, _, fresh = _block_step(
+        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i], sums[i],
+        own, level, noise_known[i], roughness[i], nothing, nothing, nothing[0], nothing[0], anchor, prior_std / 3.0, 1,
+    )  # fmt: skip
+    own[:] = anchor
+    mc, kept, add, gust, _, evidence, evidence_v, evidence_b, m, _ = _block_step(
+        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i], sums[i],
+        own, level, noise_known[i], roughness[i], nothing, nothing, nothing[0], nothing[0], anchor, prior_std / 3.0, 1,
+    )  # fmt: skip
+    share = min(1.0, (rows[i, 1, 0] - rows[i, 0, 0]) / settings[0])
+    _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * share)
+    evidence_matrix[i] = evidence
+    evidence_vector[i] = evidence_v
+    evidence_bias[i] = evidence_b
+    evidence_span[i, 0], evidence_span[i, 1] = rows[i, 0, 0], rows[i, 1, 0]
+    _condition(sums[i], condition[i])
+    evidence_span[i, 2:] = condition[i]
+    quiet = rows[i, 1, 0] - np.max(informed[i]) > settings[6]
+    keep = 1.0 if quiet else np.exp(-(rows[i, 1, 0] - rows[i, 0, 0]) / settings[2])
+    sensitivity[i] = keep * sensitivity[i] + mc
+    information[i] = keep * information[i] + kept
+    vector[i] = keep * vector[i] + add
+    driven[i] = keep * driven[i] + gust
+    known = noise_known[i, -1]
+    for j in range(noise.shape[1]):
+        noise_known[i, j] = (known * noise_known[i, j] + share * fresh[j]) / (known + share)
+    noise_known[i, -1] = np.exp(-settings[0] / settings[2]) * (known + share)
+    noise[i, : 2 * lever.size + 1] = noise_known[i, : 2 * lever.size + 1]
+    _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std)
+    counts[i, 0] += 1
+    counts[i, 1] += 1
+
+
+@njit(cache=True)
+def update_all(  # type: ignore[no-untyped-def]
+    signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
+    bank, decay, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
+    vector, driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+    counts,
+):  # fmt: skip
+    """Take in samples (vehicles, samples, columns), all in place; arguments as ``FourierEstimator`` lays them out."""
+    ns = lever.size
+    nu = held.size
+    kinematic = 2 + ns + nu
+    force = 1 + ns if by_accelerometer else kinematic
+    common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
+    arrays = (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector,
+              driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+              counts)  # fmt: skip
+    for i in range(signals.shape[0]):
+        for k in range(signals.shape[1]):
+            new = signals[i, k]
+            complete = True
+            for j in range(kinematic + 5):
+                complete = complete and np.isfinite(new[j])
+            if not complete:
+                continue
+            dt = new[0] - rows[i, 1, 0]
+            if not (0.0 < dt <= MAX_GAP_S):
+                if rows[i, 1, 0] - rows[i, 0, 0] >= settings[1]:
+                    _close(i, common, arrays)
+                rows[i, 0], rows[i, 1], rows[i, 2] = new, new, new
+                rows[i, 2, 1:] = np.nan
+                _restart(i, bank, decay, sums, roughness)
+                _gather(sums[i], new, kinematic)
+                continue
+            advance_bank(
+                omega, bank[i], decay[i], step[i], coefficients[i], rows[i, 1], new, rows[i, 2], held,
+                rows[i, 1, 0] - rows[i, 0, 0], ns, nu, force,
+            )  # fmt: skip
+            if np.isfinite(rows[i, 2, 1]):
+                for j in range(ns + 1):
+                    bend = new[1 + j] - 2.0 * rows[i, 1, 1 + j] + rows[i, 2, 1 + j]
+                    roughness[i, j] += bend * bend
+                roughness[i, ns + 1] += 1.0
+                for j in range(nu):
+                    bend = new[2 + ns + j] - 2.0 * rows[i, 1, 2 + ns + j] + rows[i, 2, 2 + ns + j]
+                    sums[i, 6 + j] += bend * bend
+                sums[i, 5] += 1.0
+            rows[i, 2] = rows[i, 1]
+            rows[i, 1] = new
+            _gather(sums[i], new, kinematic)
+            if new[0] - rows[i, 0, 0] >= settings[0] - 0.5 * dt:
+                _close(i, common, arrays)
+                rows[i, 0] = new
+                _restart(i, bank, decay, sums, roughness)
+                _gather(sums[i], new, kinematic)
+
+
+@njit(cache=True)
+def _restart(i, bank, decay, sums, roughness):  # type: ignore[no-untyped-def]
+    bank[i] = 0.0
+    decay[i] = 1.0
+    sums[i] = 0.0
+    roughness[i] = 0.0
+
+
+@njit(cache=True)
+def _gather(sums, row, kinematic):  # type: ignore[no-untyped-def]
+    alpha = row[kinematic + 5]
+    sums[0] += row[kinematic + 2]
+    sums[1] += row[kinematic + 3]
+    sums[2] += row[kinematic + 4]
+    sums[3] += alpha if np.isfinite(alpha) else 0.0
+    sums[4] += 1.0
+
+
+@njit(cache=True)
+def solve_all(  # type: ignore[no-untyped-def]
+    omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
+    bank, decay, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
+    vector, driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+    counts,
+):  # fmt: skip
+    """Solve with every vehicle's running block; the same arguments, in place."""
+    for i in range(theta.shape[0]):
+        span = rows[i, 1, 0] - rows[i, 0, 0]
+        if not (span >= settings[1] - 1e-9):
+            continue
+        iterations = 1
+        if counts[i, 0] == 0:
+            _noise_start(roughness[i], noise[i], lever.size)
+            iterations = 3
+        _, kept, _, _, cov, _, _, _, m, _ = _block_step(
+            omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i],
+            sums[i], theta[i], noise[i], noise_known[i], roughness[i], sensitivity[i], information[i], vector[i],
+            driven[i], prior_value, prior_std, iterations,
+        )  # fmt: skip
+        covariance[i] = cov
+        _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * min(1.0, span / settings[0]))
+        _condition(sums[i], condition[i])
+        counts[i, 0] += 1
