@@ -9,6 +9,7 @@ errors: 1 where errors tell the truth.
 import argparse
 import math
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -124,13 +125,18 @@ def path(flights: int) -> None:
     for level in levels:
         gust = gust_scales(level, 1000.0).sigma_w_m_s if level != "none" else 0.0
         config = PathConfig(noise_std=AIRCRAFT.sensors.noise_std, gust_std_m_s=(gust, gust, gust))
-        paths = [reconstruct_path(block, config) for block in flown(flights, 120.0, level, errors=ERRORS)]
+        blocks = flown(flights, 120.0, level, errors=ERRORS)
+        reconstruct_path(SampleBlock(blocks[0].values[:100]), config)  # compiles
+        start = time.process_time()
+        paths = [reconstruct_path(block, config) for block in blocks]
+        spent = time.process_time() - start
         table(
             f"flight-path reconstruction, patrol with doublets of 120 s, turbulence {level}",
             [p.parameters for p in paths],
             injected,
         )
         print(f"  hardly told apart: {sorted({pair for p in paths for pair in p.confounded})}")
+        print(f"  CPU time {spent / (2.0 * flights):.2f} s a minute of flight")
 
 
 def gusts(flights: int) -> None:

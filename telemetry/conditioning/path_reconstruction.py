@@ -19,7 +19,7 @@ from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
 from wingwatch.telemetry.conditioning.parameter import Parameter
-from wingwatch.telemetry.conditioning.path_model import ERRORS, MOTION, READINGS, PathModel
+from wingwatch.telemetry.conditioning.path_model import ERRORS, MOTION, READINGS, PathModel, smoothed
 from wingwatch.telemetry.conditioning.positions import at_centre
 from wingwatch.telemetry.conditioning.stretches import MAX_GAP_S
 from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
@@ -162,12 +162,13 @@ def reconstruct_path(block: SampleBlock, config: PathConfig | None = None) -> Re
 
 @dataclass(frozen=True, slots=True)
 class _Pass:
-    """What a pass leaves at every sample: state, covariance, prediction and its Jacobian; and how well it fitted."""
+    """What a pass leaves at every sample, the step's Jacobian and noise (of the motion) among it; and how well it fitted."""
 
     state: Array
     covariance: Array
     predicted: Array
     jacobian: Array
+    process: Array
     squared: Array
     expected: Array
 
@@ -214,31 +215,27 @@ class _Run:
         kalman.P = np.diag(np.concatenate([self.motion_power, self.prior**2]))
         state, predicted = np.empty((n, width)), np.empty((n, width))
         covariance, jacobian = np.empty((n, width, width)), np.zeros((n, width, width))
+        process = np.zeros((n, MOTION, MOTION))
         squared, expected = np.zeros(len(READINGS)), np.zeros(len(READINGS))
         for k in range(n):
             if k > 0:
                 self._predict(kalman, k, None if about is None else about[k - 1])
             predicted[k], jacobian[k] = kalman.x, kalman.F
+            if k > 0:
+                process[k] = kalman.Q[:MOTION, :MOTION]
             there = np.isfinite(self.readings[k])
             if there.any():
                 point = kalman.x.copy() if about is None else about[k]
                 self._correct(kalman, point, self.readings[k], there, squared, expected)
             state[k], covariance[k] = kalman.x, kalman.P
-        return _Pass(state, covariance, predicted, jacobian, squared, expected)
+        return _Pass(state, covariance, predicted, jacobian, process, squared, expected)
 
     def backward(self, done: _Pass) -> Array:
         """States by the whole flight, shape (samples, states) (Rauch, Tung and Striebel 1965)."""
-        smooth = done.state.copy()
         active = np.flatnonzero(np.concatenate([self.motion_power, self.prior]) > 0.0)
-        grid = np.ix_(active, active)
-        for k in range(len(smooth) - 2, -1, -1):
-            carried = done.jacobian[k + 1][grid] @ done.covariance[k][grid]
-            ahead = carried @ done.jacobian[k + 1][grid].T + self._process(done.jacobian[k + 1], k + 1)[grid]
-            size = np.sqrt(np.diagonal(ahead))
-            correction = (smooth[k + 1] - done.predicted[k + 1])[active] / size
-            smooth[k, active] += carried.T @ (
-                np.linalg.solve(ahead / np.outer(size, size), correction) / size
-            )
+        smooth: Array = smoothed(
+            done.state, done.predicted, done.covariance, done.jacobian, done.process, active
+        )
         return smooth
 
     def _motion(self, k: int) -> Array:
@@ -253,16 +250,12 @@ class _Run:
         return dt if 0.0 < dt <= MAX_GAP_S else None
 
     def _process(self, jacobian: Array, k: int) -> Array:
-        """What a step adds to the covariance: the inputs' noise as the errors' columns carry it, and gusts."""
-        power = np.zeros_like(jacobian)
+        """What a step adds to the covariance; over a gap the motion is as unknown as at the start."""
         dt = self._step_s(k)
-        if dt is None:
-            power[range(MOTION), range(MOTION)] = self.motion_power
-            return power
-        by_input = jacobian[:MOTION, MOTION : MOTION + 6]
-        power[:MOTION, :MOTION] = (by_input * self.input_power) @ by_input.T
-        for j in range(3):
-            power[7 + j, 7 + j] += self.gust[j] ** 2 * -math.expm1(-2.0 * dt / self.model.gust_time_s[j])
+        if dt is not None:
+            return self.model.process(jacobian, self.input_power, self.gust, dt)
+        power = np.zeros_like(jacobian)
+        power[range(MOTION), range(MOTION)] = self.motion_power
         return power
 
     def _predict(self, kalman: _Filter, k: int, about: Array | None) -> None:
@@ -286,14 +279,13 @@ class _Run:
         squared: Array,
         expected: Array,
     ) -> None:
-        jacobian = self.model.readings_jacobian(point)[there]
-        said = np.real(self.model.readings(point))[there] + jacobian @ (kalman.x - point)
-        innovation = reading[there] - said
-        spread = np.einsum("ij,jk,ik->i", jacobian, kalman.P, jacobian) + self.power[there]
-        squared[there] += innovation**2 / spread
-        expected[there] += 1.0
+        at_point, whole = self.model.readings_jacobian(point)
+        jacobian = whole[there]
+        said = at_point[there] + jacobian @ (kalman.x - point)
         kalman.R = np.diag(self.power[there])
         kalman.update(reading[there], lambda _: jacobian, lambda _: said)
+        squared[there] += kalman.y**2 / np.diagonal(kalman.S)
+        expected[there] += 1.0
 
 
 def _noise(stated: Mapping[str, float], name: str, values: Array) -> float:
