@@ -162,7 +162,7 @@ def reconstruct_path(block: SampleBlock, config: PathConfig | None = None) -> Re
 
 @dataclass(frozen=True, slots=True)
 class _Pass:
-    """What a pass leaves at every sample, the step's Jacobian and noise (of the motion) among it; and how well it fitted."""
+    """What a pass leaves at every sample, with the Jacobian and noise of the step to it; and how well it fitted."""
 
     state: Array
     covariance: Array
