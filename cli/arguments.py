@@ -20,6 +20,7 @@ examples:
   wingwatch simulate --aircraft aerosonde --effect icing:0.15@60+30 --seconds 150 --out flight.csv
   wingwatch estimate flight.csv --aircraft aerosonde --history estimates.csv
   wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml --json
+  wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet
   wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
@@ -54,6 +55,7 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_simulate(commands)
     _add_estimate(commands)
     _add_monitor(commands)
+    _add_condition(commands)
     _add_design_input(commands)
     return parser
 
@@ -134,6 +136,28 @@ def _add_monitor(commands: "_Commands[_Parser]") -> None:
     )
     parser.add_argument(
         "--vehicle", default="offline", help="whose earlier flights in DB (default: %(default)s)"
+    )
+
+
+def _add_condition(commands: "_Commands[_Parser]") -> None:
+    parser = _command(
+        commands,
+        "condition",
+        "what a recorded flight says of its sensors, air and trims: delays, biases, scale errors, turbulence",
+        "wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet",
+    )
+    _add_flight(parser)
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FLIGHT",
+        help="write the table without these errors (.csv or .parquet); delays that the aircraft file states stay in",
+    )
+    parser.add_argument(
+        "--second-imu",
+        type=Path,
+        metavar="MAP",
+        help="channel map of the same file whose specific forces are a second triad's: tells the centre of gravity",
     )
 
 

@@ -35,6 +35,12 @@ from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.rough_air import ROUGH_SHARE, gather_motion
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState
 from wingwatch.estimators.smoothing import Smoothed, smooth_local, smooth_spline, smooth_wiener
+from wingwatch.estimators.static_derivatives import (
+    StaticDerivatives,
+    neutral_point,
+    static_derivatives,
+    static_margin,
+)
 
 __all__ = [
     "Estimate",
@@ -86,4 +92,8 @@ __all__ = [
     "ModeResponse",
     "promise",
     "input_notes",
+    "StaticDerivatives",
+    "static_derivatives",
+    "static_margin",
+    "neutral_point",
 ]

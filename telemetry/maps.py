@@ -15,7 +15,7 @@ from wingwatch.telemetry.expressions import ExpressionError, evaluate, evaluate_
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS
 from wingwatch.telemetry.units import SERVO_UNITS, UNITS, allowed_units
 
-__all__ = ["ChannelEntry", "ChannelMap", "MapError", "RowSelection", "load_map", "parse_map"]
+__all__ = ["ChannelEntry", "ChannelMap", "MapError", "RowSelection", "load_map", "parse_map", "undelayed"]
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -209,7 +209,7 @@ def apply_map(channel_map: ChannelMap, table: Mapping[str, NDArray[np.float64]])
     for name, entry in channel_map.channels.items():
         if entry.delay_s != 0.0:
             held = _is_command(name, entry)
-            columns[name] = _undelayed(time_s, columns[name], entry.delay_s, channel_map.max_gap_s, held)
+            columns[name] = undelayed(time_s, columns[name], entry.delay_s, channel_map.max_gap_s, held)
     return MappedColumns(columns, _rows(channel_map.rows, time_s, table))
 
 
@@ -251,7 +251,7 @@ def _rows(
     return keep
 
 
-def _undelayed(
+def undelayed(
     time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float, max_gap_s: float, held: bool
 ) -> NDArray[np.float64]:
     """Values the source shows ``delay_s`` later: states interpolated, commands held, NaN in gaps and at ends.

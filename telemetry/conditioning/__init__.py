@@ -5,6 +5,7 @@ and the centre of gravity. All of it works on whole tables, after the flight.
 """
 
 from wingwatch.telemetry.conditioning.centre_of_gravity import centre_of_gravity, centre_shift, imu_separation
+from wingwatch.telemetry.conditioning.correction import without_errors
 from wingwatch.telemetry.conditioning.delays import DelayConfig, align, estimate_delays, estimate_servo_delay
 from wingwatch.telemetry.conditioning.parameter import Parameter
 from wingwatch.telemetry.conditioning.path_reconstruction import (
@@ -41,6 +42,7 @@ __all__ = [
     "PathConfig",
     "ReconstructedPath",
     "reconstruct_path",
+    "without_errors",
     "centre_of_gravity",
     "centre_shift",
     "imu_separation",

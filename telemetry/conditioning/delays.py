@@ -27,7 +27,7 @@ from wingwatch.telemetry.conditioning.positions import at_centre
 from wingwatch.telemetry.conditioning.sensor_noise import detrended
 from wingwatch.telemetry.conditioning.spectra import Bins, make_bins, smoothed_power, wiener_gain
 from wingwatch.telemetry.conditioning.stretches import MAX_GAP_S, even_stretch
-from wingwatch.telemetry.maps import _undelayed
+from wingwatch.telemetry.maps import undelayed
 from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
 
 __all__ = ["DelayConfig", "align", "estimate_delays", "estimate_servo_delay"]
@@ -117,7 +117,7 @@ def align(block: SampleBlock, delays_s: Mapping[str, float], max_gap_s: float = 
             column[present] = np.unwrap(column[present])
         held = name.endswith("_command_rad")
         moved = np.full(column.shape, np.nan)
-        moved[present] = _undelayed(block.time_s[present], column[present], delay_s, max_gap_s, held)
+        moved[present] = undelayed(block.time_s[present], column[present], delay_s, max_gap_s, held)
         if name in _LEAPING:
             moved = np.arctan2(np.sin(moved), np.cos(moved))
         values[:, CHANNEL_INDEX[name]] = moved
