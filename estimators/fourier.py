@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
+from wingwatch.estimators.fourier_bank import bank_channels
 from wingwatch.estimators.fourier_blocks import solve_all, update_all
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
@@ -83,8 +84,8 @@ class FourierState:
     """Everything the estimator remembers, one row a vehicle (shapes after the leading vehicle axis).
 
     Attributes:
-        bank: (frequencies, channels) transforms of the block; decay: (frequencies,) its phase.
-        coefficients, step: one-pole coefficients (4, frequencies) and the time step they are for.
+        bank: (channels, 2, frequencies) transforms of the block, real and imaginary part.
+        coefficients, step: one-pole coefficients (8, frequencies) and the time step they are for.
         rows: (3, columns) signal rows at the block's start, the last and the one before.
         sums: airspeed, density, altitude, angle of attack over the block, count; squared second differences of the
             inputs and their count.
@@ -99,9 +100,8 @@ class FourierState:
         counts: solutions so far, blocks closed.
     """
 
-    bank: NDArray[np.complex128]
-    decay: NDArray[np.complex128]
-    coefficients: NDArray[np.complex128]
+    bank: Array
+    coefficients: Array
     step: Array
     rows: Array
     sums: Array
@@ -140,9 +140,8 @@ class FourierEstimator:
         noise = np.ones((n, 2 * ns + 1 + nu))
         noise[:, 2 * ns + 1 :] = 0.0
         return FourierState(
-            bank=np.zeros((n, nf, ns + nu + 4), dtype=np.complex128),
-            decay=np.ones((n, nf), dtype=np.complex128),
-            coefficients=np.zeros((n, 4, nf), dtype=np.complex128),
+            bank=np.zeros((n, bank_channels(ns, nu), 2, nf)),
+            coefficients=np.zeros((n, 8, nf)),
             step=np.full((n, 1), -1.0),
             rows=np.full((n, 3, self.layout.columns), np.nan),
             sums=np.zeros((n, 6 + nu)),
@@ -221,7 +220,7 @@ class FourierEstimator:
         roll = self.layout.states == 3
         return (
             c.omega_rad_s, np.array(c.held), lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
-            c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.decay, s.coefficients, s.step, s.rows,
+            c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
             s.driven, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
             s.evidence_span, s.condition, s.counts,

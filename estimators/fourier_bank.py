@@ -1,63 +1,109 @@
 """The bank of one-pole filters of the recursive Fourier estimator, compiled; exact between samples.
 
-Derivation and symbols: ``docs/estimators.md`` section 2. Nothing here allocates.
+Derivation and symbols: ``docs/estimators.md`` section 2. Nothing here allocates per sample. Real and imaginary parts
+lie apart and frequencies side by side, so that the processor takes several of them at once.
 """
 
 import numpy as np
 from numba import njit
 
-__all__ = ["advance_bank"]
+__all__ = ["advance_bank", "bank_channels", "block_transforms"]
 
 
 @njit(cache=True)
-def _coefficients(omega, dt, exponential, linear_old, linear_new, held):  # type: ignore[no-untyped-def]
-    """One-pole coefficients of a step: exact for a signal linear between samples, and for a held one."""
+def bank_channels(ns, nu):  # type: ignore[no-untyped-def]
+    """Channels that are filtered: states, force, inputs, dynamic pressure."""
+    return ns + nu + 2
+
+
+@njit(cache=True)
+def _coefficients(omega, dt, out):  # type: ignore[no-untyped-def]
+    """One-pole coefficients of a step: exact for a signal linear between samples, and for a held one.
+
+    Rows of ``out`` (8, frequencies), real and imaginary parts: exponential; share of the old sample and of the new
+    one; share of a held one.
+    """
     for f in range(omega.size):
         s = 1j * omega[f]
         z = s * dt
         e = np.exp(z)
         whole = (e - 1.0) / s
         new = (e - 1.0 - z) / (s * s * dt)
-        exponential[f], linear_new[f], linear_old[f], held[f] = e, new, whole - new, whole
+        old = whole - new
+        out[0, f], out[1, f] = e.real, e.imag
+        out[2, f], out[3, f] = old.real, old.imag
+        out[4, f], out[5, f] = new.real, new.imag
+        out[6, f], out[7, f] = whole.real, whole.imag
+
+
+@njit(cache=True, inline="always")
+def _linear(real, imag, c, old, new):  # type: ignore[no-untyped-def]
+    """One channel at all frequencies, linear from ``old`` to ``new``."""
+    e_real, e_imag, a_real, a_imag, b_real, b_imag = c[0], c[1], c[2], c[3], c[4], c[5]
+    for f in range(real.size):
+        x, y = real[f], imag[f]
+        real[f] = e_real[f] * x - e_imag[f] * y + a_real[f] * old + b_real[f] * new
+        imag[f] = e_real[f] * y + e_imag[f] * x + a_imag[f] * old + b_imag[f] * new
+
+
+@njit(cache=True, inline="always")
+def _held(real, imag, c, value):  # type: ignore[no-untyped-def]
+    """One channel at all frequencies, at ``value`` throughout."""
+    e_real, e_imag, h_real, h_imag = c[0], c[1], c[6], c[7]
+    for f in range(real.size):
+        x, y = real[f], imag[f]
+        real[f] = e_real[f] * x - e_imag[f] * y + h_real[f] * value
+        imag[f] = e_real[f] * y + e_imag[f] * x + h_imag[f] * value
 
 
 @njit(cache=True)
 def advance_bank(  # type: ignore[no-untyped-def]
-    omega, bank, decay, step, coefficients, old, new, before, hold_always, elapsed, ns, nu, force
+    omega, bank, step, coefficients, old, new, before, hold_always, ns, nu, force
 ):
     """Advance the bank of one vehicle by one sample.
 
-    Channels of ``bank`` (frequencies, channels): states, force, inputs, constant, dynamic pressure, ramp.
+    Rows of ``bank`` (channels, 2, frequencies): states, force, inputs, dynamic pressure; real and imaginary part.
     An input is held between samples if its channel is a command, or where a position repeats exactly
     (a step of a held signal); else it is linear like the states.
 
     Args:
-        decay: exp(j omega T) of the block so far, shape (frequencies,), advanced in place.
-        step: shape (1,), time step that ``coefficients`` (4, frequencies) were made for.
+        step: shape (1,), time step that ``coefficients`` (8, frequencies) were made for.
         old, new: signal rows at the two ends of the step; before: the row before ``old`` (inputs only).
-        elapsed: time since the block began, at ``old``.
     """
     dt = new[0] - old[0]
-    e, c0, c1, h = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
     if abs(dt - step[0]) > 1e-6 * dt:
-        _coefficients(omega, dt, e, c0, c1, h)
+        _coefficients(omega, dt, coefficients)
         step[0] = dt
+    for j in range(ns):
+        _linear(bank[j, 0], bank[j, 1], coefficients, old[1 + j], new[1 + j])
+    _linear(bank[ns, 0], bank[ns, 1], coefficients, old[force], new[force])
+    for j in range(nu):
+        a, b = old[2 + ns + j], new[2 + ns + j]
+        row = bank[ns + 1 + j]
+        if hold_always[j] or a == before[2 + ns + j]:
+            _held(row[0], row[1], coefficients, a)
+        else:
+            _linear(row[0], row[1], coefficients, a, b)
     ratio = 2 + ns + nu + 1
-    first = ns + 1
+    _linear(bank[ns + 1 + nu, 0], bank[ns + 1 + nu, 1], coefficients, old[ratio] - 1.0, new[ratio] - 1.0)
+
+
+@njit(cache=True)
+def block_transforms(omega, bank, span, ns, nu):  # type: ignore[no-untyped-def]
+    """Transforms of a block of ``span`` seconds, (frequencies, channels), and the phase exp(j omega span).
+
+    Channels: states, force, inputs, constant, dynamic pressure, ramp. Those of the constant and of the ramp need no
+    samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2.
+    """
+    out = np.empty((omega.size, ns + nu + 4), dtype=np.complex128)
+    phase = np.empty(omega.size, dtype=np.complex128)
+    constant = ns + 1 + nu
     for f in range(omega.size):
-        row = bank[f]
-        ef, of, nf, hf = e[f], c0[f], c1[f], h[f]
-        for j in range(ns):
-            row[j] = ef * row[j] + of * old[1 + j] + nf * new[1 + j]
-        row[ns] = ef * row[ns] + of * old[force] + nf * new[force]
-        for j in range(nu):
-            a, b = old[2 + ns + j], new[2 + ns + j]
-            if hold_always[j] or a == before[2 + ns + j]:
-                row[first + j] = ef * row[first + j] + hf * a
-            else:
-                row[first + j] = ef * row[first + j] + of * a + nf * b
-        c = first + nu
-        row[c] = ef * row[c] + hf
-        row[c + 1] = ef * row[c + 1] + of * (old[ratio] - 1.0) + nf * (new[ratio] - 1.0)
-        row[c + 2] = ef * row[c + 2] + of * elapsed + nf * (elapsed + dt)
-        decay[f] *= ef
+        s = 1j * omega[f]
+        phase[f] = np.exp(s * span)
+        for j in range(constant):
+            out[f, j] = complex(bank[j, 0, f], bank[j, 1, f])
+        out[f, constant] = (phase[f] - 1.0) / s
+        out[f, constant + 1] = complex(bank[constant, 0, f], bank[constant, 1, f])
+        out[f, constant + 2] = (phase[f] - 1.0 - s * span) / (s * s)
+    return out, phase

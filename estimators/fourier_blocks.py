@@ -6,7 +6,7 @@ Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. Arrays lead with
 import numpy as np
 from numba import njit
 
-from wingwatch.estimators.fourier_bank import advance_bank
+from wingwatch.estimators.fourier_bank import advance_bank, block_transforms
 from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
 from wingwatch.estimators.fourier_equations import block_equations, noise_update
 from wingwatch.estimators.signals import MAX_GAP_S
@@ -67,13 +67,14 @@ def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):
 
 @njit(cache=True)
 def _block_step(  # type: ignore[no-untyped-def]
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank, decay, rows, sums, theta, noise,
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank, rows, sums, theta, noise,
     noise_known, roughness, sensitivity, information, vector, past_driven, prior_value, prior_std, iterations,
 ):  # fmt: skip
     """Solve with the running block: theta and noise in place; returns what the block adds."""
     ns = theta.size // exponents.size
     nu = exponents.size - ns
     span = rows[1, 0] - rows[0, 0]
+    transforms, phase = block_transforms(omega, bank, span, ns, nu)
     count = sums[4]
     dt = span / max(count - 1.0, 1.0)
     power = span * dt
@@ -86,13 +87,14 @@ def _block_step(  # type: ignore[no-untyped-def]
     weight = 1.0 / (prior_std * prior_std)
     suspected = np.ones(ns)
     for _ in range(iterations):
-        m, n_noise, score, nuisance, follow, driven = block_equations(
-            omega, bank, decay, rows[0], rows[1], theta, scale, noise, power, forward, lever, by_accelerometer, ns, nu
+        m, n_noise, score, nuisance, follow, driven, bins = block_equations(
+            omega, transforms, phase, rows[0], rows[1], theta, scale, noise, power, forward, lever, by_accelerometer,
+            ns, nu,
         )  # fmt: skip
         for j in range(ns):
             suspected[j] = max(1.0, roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)) / noise[j])
         mc, kept, score, driven, evidence, evidence_score, gust = reduce_information(
-            m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, omega.size * share))
+            m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, bins * share))
         )
         gain = 2.0 * share
         add_vector = gain * (score + mc @ theta)
@@ -105,7 +107,7 @@ def _block_step(  # type: ignore[no-untyped-def]
         nuisance += (follow @ (moved - theta)).reshape(ns, 3)
         theta[:] = moved
         fresh = noise_update(
-            omega, bank, decay, rows[0], rows[1], theta, scale, nuisance, noise, power, forward, lever,
+            omega, transforms, phase, rows[0], rows[1], theta, scale, nuisance, noise, power, forward, lever,
             by_accelerometer, ns, nu,
         )  # fmt: skip
         _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns)
@@ -148,7 +150,7 @@ def _combine(i, theta, covariance, sensitivity, information, vector, driven, pri
 def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     """End the block of vehicle i: solved on its own, from what is known, its information joins what is known."""
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
-    (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
+    (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
      covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
      counts) = arrays  # fmt: skip
     if counts[i, 0] == 0:
@@ -158,12 +160,12 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     anchor, own = theta[i].copy(), theta[i].copy()
     level = noise_known[i, :-1].copy() if noise_known[i, -1] > 0.0 else noise[i].copy()
     _, _, _, _, _, _, _, _, _, fresh = _block_step(
-        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i], sums[i],
+        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i], sums[i],
         own, level, noise_known[i], roughness[i], nothing, nothing, nothing[0], nothing[0], anchor, prior_std / 3.0, 1,
     )  # fmt: skip
     own[:] = anchor
     mc, kept, add, gust, _, evidence, evidence_v, evidence_b, m, _ = _block_step(
-        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i], sums[i],
+        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i], sums[i],
         own, level, noise_known[i], roughness[i], nothing, nothing, nothing[0], nothing[0], anchor, prior_std / 3.0, 1,
     )  # fmt: skip
     share = min(1.0, (rows[i, 1, 0] - rows[i, 0, 0]) / settings[0])
@@ -193,7 +195,7 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def update_all(  # type: ignore[no-untyped-def]
     signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
-    bank, decay, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
+    bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
     counts,
 ):  # fmt: skip
@@ -203,7 +205,7 @@ def update_all(  # type: ignore[no-untyped-def]
     kinematic = 2 + ns + nu
     force = 1 + ns if by_accelerometer else kinematic
     common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
-    arrays = (bank, decay, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector,
+    arrays = (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector,
               driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
               counts)  # fmt: skip
     for i in range(signals.shape[0]):
@@ -220,12 +222,11 @@ def update_all(  # type: ignore[no-untyped-def]
                     _close(i, common, arrays)
                 rows[i, 0], rows[i, 1], rows[i, 2] = new, new, new
                 rows[i, 2, 1:] = np.nan
-                _restart(i, bank, decay, sums, roughness)
+                _restart(i, bank, sums, roughness)
                 _gather(sums[i], new, kinematic)
                 continue
             advance_bank(
-                omega, bank[i], decay[i], step[i], coefficients[i], rows[i, 1], new, rows[i, 2], held,
-                rows[i, 1, 0] - rows[i, 0, 0], ns, nu, force,
+                omega, bank[i], step[i], coefficients[i], rows[i, 1], new, rows[i, 2], held, ns, nu, force
             )  # fmt: skip
             if np.isfinite(rows[i, 2, 1]):
                 for j in range(ns + 1):
@@ -242,14 +243,13 @@ def update_all(  # type: ignore[no-untyped-def]
             if new[0] - rows[i, 0, 0] >= settings[0] - 0.5 * dt:
                 _close(i, common, arrays)
                 rows[i, 0] = new
-                _restart(i, bank, decay, sums, roughness)
+                _restart(i, bank, sums, roughness)
                 _gather(sums[i], new, kinematic)
 
 
 @njit(cache=True)
-def _restart(i, bank, decay, sums, roughness):  # type: ignore[no-untyped-def]
+def _restart(i, bank, sums, roughness):  # type: ignore[no-untyped-def]
     bank[i] = 0.0
-    decay[i] = 1.0
     sums[i] = 0.0
     roughness[i] = 0.0
 
@@ -267,7 +267,7 @@ def _gather(sums, row, kinematic):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def solve_all(  # type: ignore[no-untyped-def]
     omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
-    bank, decay, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
+    bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
     counts,
 ):  # fmt: skip
@@ -281,7 +281,7 @@ def solve_all(  # type: ignore[no-untyped-def]
             _noise_start(roughness[i], noise[i], lever.size)
             iterations = 3
         _, kept, _, _, cov, _, _, _, m, _ = _block_step(
-            omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], decay[i], rows[i],
+            omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i],
             sums[i], theta[i], noise[i], noise_known[i], roughness[i], sensitivity[i], information[i], vector[i],
             driven[i], prior_value, prior_std, iterations,
         )  # fmt: skip

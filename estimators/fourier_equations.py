@@ -8,6 +8,9 @@ from numba import njit
 
 __all__ = ["block_equations", "noise_update"]
 
+NOTHING = 1e-20
+"""Power of a trim column, relative to that of a ramp of one a second, below which it is rounding."""
+
 
 @njit(cache=True)
 def _weight(covariance, out):  # type: ignore[no-untyped-def]
@@ -108,7 +111,8 @@ def block_equations(  # type: ignore[no-untyped-def]
         M (p, p), N (p, p) its part due to noise in the regressors, score (p,) = b - g - M theta, the nuisance
         values (ns, 3) that belong to theta and how they follow it (3 ns, p), and the part of the score that is
         expected because the equations' own noise (gusts) drives the states, (p,); all in referred derivatives
-        (``scale`` applied).
+        (``scale`` applied). Last, how many equally weighted bins would be worth as many degrees of freedom as the
+        weights leave (of the equation that they leave fewest, Satterthwaite 1946).
     """
     nc, nd = ns + nu + 3, ns + nu
     full = ns * nc
@@ -117,6 +121,7 @@ def block_equations(  # type: ignore[no-untyped-def]
     n_noise = np.zeros((ns * nd, ns * nd))
     g = np.zeros(ns * nd)
     driven = np.zeros(ns * nd)
+    weights = np.zeros((2, ns))
     regressors = np.zeros(nc, dtype=np.complex128)
     response = np.zeros(ns, dtype=np.complex128)
     transfer = np.zeros((ns, ns + 1 + nu), dtype=np.complex128)
@@ -127,6 +132,8 @@ def block_equations(  # type: ignore[no-untyped-def]
              ns, nu, regressors, response, transfer, weight)  # fmt: skip
         _driven(f, omega, theta, scale, forward, ns, nu, response_to)
         for k in range(ns):
+            weights[0, k] += weight[k, k].real
+            weights[1, k] += weight[k, k].real ** 2
             wy = 0.0 + 0.0j
             for m in range(ns):
                 wy += weight[k, m] * response[m]
@@ -151,13 +158,19 @@ def block_equations(  # type: ignore[no-untyped-def]
                 for m in range(ns):
                     crossed += weight[k, m] * noise[ns + 1 + m] * np.conj(response_to[j, m])
                 driven[k * nd + j] += power * crossed.real
-    m, n_noise, score, nuisance, follow = _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc)
-    return m, n_noise, score, nuisance, follow, driven * scale
+    m, n_noise, score, nuisance, follow = _eliminate(
+        m_full, b_full, n_noise, g, theta, scale, end[0] - start[0], ns, nc
+    )
+    bins = np.min(weights[0] ** 2 / weights[1])
+    return m, n_noise, score, nuisance, follow, driven * scale, bins
 
 
 @njit(cache=True)
-def _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc):  # type: ignore[no-untyped-def]
-    """Schur complement on the nuisance columns; result in referred derivatives."""
+def _eliminate(m_full, b_full, n_noise, g, theta, scale, span, ns, nc):  # type: ignore[no-untyped-def]
+    """Schur complement on the nuisance columns; result in referred derivatives.
+
+    Over a whole number of periods a constant has no transform: what rounding leaves of it is no column.
+    """
     nd = nc - 3
     p, q = ns * nd, ns * 3
     wanted = np.empty(p, dtype=np.int64)
@@ -180,7 +193,8 @@ def _eliminate(m_full, b_full, n_noise, g, theta, scale, ns, nc):  # type: ignor
             m[a, b] = m_full[wanted[a], wanted[b]]
     size = np.empty(q)
     for a in range(q):
-        size[a] = np.sqrt(mcc[a, a]) if mcc[a, a] > 0.0 else 1.0
+        ramp = mcc[a - a % 3 + 2, a - a % 3 + 2] / (span * span)
+        size[a] = np.sqrt(mcc[a, a]) if mcc[a, a] > NOTHING * ramp else np.inf
     for a in range(q):
         for b in range(q):
             mcc[a, b] /= size[a] * size[b]
