@@ -109,6 +109,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Vector = tuple[float, float, float]
 SensorTable = Annotated[dict[str, Annotated[float, Field(ge=0.0)]], AfterValidator(_sensor_columns)]
+DelayTable = Annotated[dict[str, Annotated[float, Field(ge=0.0, le=10.0)]], AfterValidator(_sensor_columns)]
 PositiveSensorTable = Annotated[dict[str, Positive], AfterValidator(_sensor_columns)]
 PositiveLimits = Annotated[tuple[Positive, Positive], AfterValidator(_ascending)]
 Limits = Annotated[tuple[float, float], AfterValidator(_ascending)]
@@ -166,7 +167,7 @@ class Sensors(_Table):
     imu_position_m: Vector = (0.0, 0.0, 0.0)
     vane_position_m: Vector = (0.0, 0.0, 0.0)
     noise_std: SensorTable = Field(default_factory=dict)
-    delay_s: SensorTable = Field(default_factory=dict)
+    delay_s: DelayTable = Field(default_factory=dict)
     lag_s: SensorTable = Field(default_factory=dict)
     second_order: Annotated[dict[str, SecondOrderLag], AfterValidator(_sensor_columns)] = Field(
         default_factory=dict

@@ -81,7 +81,7 @@ def estimate_offline(
         new_id=lambda: f"alert-{next(numbers)}",
     )
     absent = dict(monitor.chain.absent)
-    clean = monitor.cleaner.clean(flight.block).block
+    clean = monitor.prepared(flight.block)
     modes: dict[str, tuple[Estimate, Fit]] = {}
     for structure in progress.track(list(monitor.chain.structures), "estimating"):
         parts = _parts(flight, aircraft, structure, clean)

@@ -23,7 +23,7 @@ from wingwatch.monitor.chain import Chain, ModeSolution, Solution, nominal_condi
 from wingwatch.monitor.comparison import Coordinates
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
-from wingwatch.telemetry import Cleaner, SampleBlock, derivations
+from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 
 __all__ = ["Report", "VehicleMonitor", "surface_kinds"]
 
@@ -89,6 +89,8 @@ class VehicleMonitor:
         self.aircraft, self.fleet, self.vehicle = aircraft, fleet, vehicle
         self.configuration = configuration
         self.cleaner = Cleaner()
+        delays = aligned_delays(aircraft.sensors.delay_s, kinds)
+        self._aligner = Aligner(delays, [name for name, kind in kinds.items() if kind == "command"])
         self.chain = Chain(aircraft, present, kinds, configuration, envelopes)
         self._chain_state = self.chain.init()
         self._compared = _compared(self.chain.structures)
@@ -117,7 +119,7 @@ class VehicleMonitor:
 
     def feed(self, block: SampleBlock) -> Report:
         """Take in samples as they came (completed, not cleaned)."""
-        clean = self.cleaner.clean(block).block
+        clean = self.prepared(block)
         solutions: list[Solution] = []
         alerts: list[AlertView] = []
         for solution in self.chain.advance(self._chain_state, clean):
@@ -128,6 +130,13 @@ class VehicleMonitor:
                 alerts.append(changed)
             self._update_state(solution)
         return Report(solutions, alerts)
+
+    def prepared(self, block: SampleBlock) -> SampleBlock:
+        """Samples as the chain takes them: cleaned, and without the delays that the aircraft file states.
+
+        They come late by the largest of these: what belongs to an instant has to have been seen.
+        """
+        return self._aligner.feed(self.cleaner.clean(block).block)
 
     def _founded_by_file(self, nominal: FlightCondition | None) -> bool:
         """Whether every compared structure's expectation rests on flights of the type, not on numbers alone."""

@@ -1,5 +1,6 @@
 """Telemetry: the sample, how it arrives, and what is done before an estimator may see it."""
 
+from wingwatch.telemetry.alignment import Aligner, aligned_delays
 from wingwatch.telemetry.cleaning import Cleaner, CleanerConfig, CleanerState, CleaningReport, CleanResult
 from wingwatch.telemetry.completion import complete, derivations
 from wingwatch.telemetry.flight import (
@@ -64,6 +65,8 @@ __all__ = [
     "load_flight",
     "missing_for",
     "write_flight",
+    "Aligner",
+    "aligned_delays",
     "CleanResult",
     "Cleaner",
     "CleanerConfig",
