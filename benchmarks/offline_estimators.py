@@ -55,6 +55,9 @@ ESTIMATORS: Mapping[str, Solve] = {
     "output error, Gauss-Newton": lambda parts: output_error(parts, OutputErrorConfig("gauss-newton")),
 }
 
+SCORED = tuple(ESTIMATORS)[:3]
+"""Of these the noisy records are scored: both ways of climbing meet at the same maximum (a test says so)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Score:
@@ -130,13 +133,14 @@ def _print_plant(plant: Plant, seeds: int, ratios: Sequence[float]) -> None:
             f"\n{plant.structure.name}: signal-to-noise {ratio:g}, trim offsets left in, {seeds} seeds\n{'':40}{names}"
         )
         _line("Cramer-Rao bound", bound, "10.4f")
-        for name, solve in ESTIMATORS.items():
-            found = score(plant, solve, seeds, ratio)
-            print(f"  {name}")
+        for name in SCORED:
+            found = score(plant, ESTIMATORS[name], seeds, ratio)
+            print(f"  {name}", flush=True)
             _line("  rms error / bound", found.rms / bound)
             _line("  bias / bound", found.bias / bound)
             _line("  mean stated error / scatter", found.stated / found.scatter)
             _line("  truth in 95 % interval, %", 100.0 * found.covered, "10.1f")
+            print(f"    intervals for coloured residuals in {100.0 * found.coloured:.0f} % of the records")
 
 
 def main() -> None:
