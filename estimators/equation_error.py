@@ -262,10 +262,8 @@ def _expected(
     answer = model.residual(theta * part.regressor_scale)
     spectrum = np.einsum("bim,m,bjm,b->ijb", answer.conj(), variance, answer, power, optimize=True)
     spectrum /= len(part) - 1
-    turn = np.exp(np.outer(s, part.dt * np.arange(count)))
-    first = (len(part) - count) // 2
-    waves = np.sin(np.outer(part.dt * np.arange(first, first + count), s.imag))
-    power *= 1.0 - np.sum((trims.T @ waves) ** 2, axis=0) / np.sum(waves**2, axis=0)
+    order = np.flatnonzero(heard) + 1
+    power *= _kept_share(order, len(part), trims)
     common = np.einsum("bml,l,m->bml", model.heard.conj(), variance, part.regressor_scale)
     products = np.einsum("bml,bjl->bjm", common, answer, optimize=True)
     crossed = np.einsum("bjm,bik,b->imjk", products, products, power**2, optimize=True).real
@@ -276,7 +274,34 @@ def _expected(
     total = np.einsum("iib->b", spectrum).real
     freedom = float(total.sum() ** 2 / max(np.sum(total**2), 1e-300))
     share = count / (len(part) - 1)
-    return _Noise((spectrum @ turn).real, crossed * share, right.real * share, left.real * share, freedom)
+    return _Noise(
+        _by_lag(spectrum, order, len(part))[..., :count],
+        crossed * share,
+        right.real * share,
+        left.real * share,
+        freedom,
+    )
+
+
+def _by_lag(spectrum: NDArray[np.complex128], order: NDArray[np.int64], samples: int) -> Array:
+    """Real part of the sum over k of spectrum_k exp(j pi k lag / (samples - 1)), (..., samples), by the fast
+    transform; ``order`` holds the k of the last axis."""
+    whole = np.zeros((*spectrum.shape[:-1], 2 * (samples - 1)), dtype=np.complex128)
+    whole[..., order] = spectrum
+    return np.asarray(np.fft.ifft(whole, norm="forward")[..., :samples].real)
+
+
+def _kept_share(order: NDArray[np.int64], samples: int, trims: Array) -> Array:
+    """Share of the sine waves sin(pi k i / (samples - 1)) that is left without ``trims``, over the middle samples,
+    (orders,)."""
+    count = trims.shape[0]
+    first = (samples - count) // 2
+    padded = np.zeros((trims.shape[1], 2 * (samples - 1)))
+    padded[:, first : first + count] = trims.T
+    found = np.fft.ifft(padded, norm="forward")[:, order].imag
+    twice = np.exp(2j * np.pi * order / (samples - 1))
+    squares = 0.5 * (count - (twice**first * (1.0 - twice**count) / (1.0 - twice)).real)
+    return np.asarray(1.0 - np.sum(found**2, axis=0) / squares)
 
 
 def _normal(smooth: Sequence[_Smooth], theta: Array, correct: bool) -> tuple[Array, Array, Array]:
