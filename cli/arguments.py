@@ -14,6 +14,11 @@ _INPUT_KINDS = (
     "weighted-multisine",
 )  # fmt: skip
 
+_STRUCTURES = (
+    "short_period", "short_period_alpha", "phugoid", "longitudinal", "longitudinal_throttle", "dutch_roll",
+    "dutch_roll_beta", "roll", "spiral", "lateral", "lateral_full",
+)  # fmt: skip
+
 _EXAMPLES = """\
 examples:
   wingwatch demo
@@ -108,6 +113,21 @@ def _add_estimate(commands: "_Commands[_Parser]") -> None:
         choices=("fourier", "ekf", "equation-error", "frequency-equation-error", "output-error"),
         help="only this one: fourier and ekf by the code that runs live, the others from the whole flight at once, "
         "with statistics of the fit (default: fourier and ekf)",
+    )
+    parser.add_argument(
+        "--structure",
+        action="append",
+        choices=_STRUCTURES,
+        default=[],
+        metavar="NAME",
+        help=f"of an estimator of the whole flight: {', '.join(_STRUCTURES)}; may be repeated "
+        "(default: short_period, dutch_roll, lateral)",
+    )
+    parser.add_argument(
+        "--form",
+        choices=("accelerometer", "differentiated", "reconstructed"),
+        help="force equations of an estimator of the whole flight: by accelerometers, the vanes differentiated, or "
+        "velocities reconstructed without vanes (default: accelerometer)",
     )
     parser.add_argument(
         "--history",

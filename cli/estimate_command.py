@@ -30,6 +30,11 @@ def run(arguments: argparse.Namespace) -> int:
             f"--history {arguments.history}: {arguments.estimator} solves the whole flight at once and has no history; "
             "leave it out, or take fourier or ekf"
         )
+    if not whole and (arguments.structure or arguments.form):
+        option = "--structure" if arguments.structure else "--form"
+        raise CommandError(
+            f"{option} is for estimators of the whole flight; add --estimator {' or '.join(OFFLINE_ESTIMATORS)}"
+        )
     history = None if arguments.history is None else HistoryWriter(arguments.history, arguments.estimator)
     aircraft = load_aircraft(arguments.aircraft)
     flight = joined([load_flight(path, arguments.map) for path in arguments.flights])
@@ -50,12 +55,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _run_offline(arguments: argparse.Namespace, flight: FlightTable, aircraft: Aircraft) -> None:
     """By an estimator that takes the flight whole."""
-    solved = estimate_offline(flight, aircraft, arguments.estimator, Progress())
+    solved = estimate_offline(
+        flight, aircraft, arguments.estimator, Progress(),
+        structures=arguments.structure, form=arguments.form or "accelerometer",
+    )  # fmt: skip
     counted = Watched(solved.monitor, flight, ())
     result = {
         "time_s": solved.last_s,
         "basis": solved.monitor.basis,
-        "estimators": {arguments.estimator: solved.document()},
+        "estimators": {arguments.estimator: dict(solved.modes)},
         "not_estimated": dict(solved.absent),
         "cleaning": counted.cleaning,
     }
@@ -102,13 +110,18 @@ def _table(structure: str, estimators: Mapping[str, Any]) -> Table:
     for name in estimators:
         table.add_column(name, justify="right")
         table.add_column("outcome")
-    table.add_column("expected", justify="right")
     modes = [modes[structure]["derivatives"] for modes in estimators.values()]
+    whole = all("interval_95" in row for rows in modes for row in rows.values())
+    if whole:
+        table.add_column("95 % interval", justify="right")
+    table.add_column("expected", justify="right")
     for symbol, first in modes[0].items():
         cells = [symbol, first["unit"]]
         for rows in modes:
             row = rows[symbol]
             cells += [_number(row["value"], row["standard_error"]), row["outcome"].replace("_", " ")]
+        if whole:
+            cells.append(_interval(first["interval_95"]))
         # What is expected hangs on the condition, which both estimators share to within a sample or two.
         cells.append(_number(first.get("expected"), first.get("expected_standard_error")))
         table.add_row(*cells)
@@ -121,6 +134,10 @@ def _number(value: float | None, error: float | None) -> str:
     return f"{value:.4g} ± {error:.2g}"
 
 
+def _interval(ends: Sequence[float]) -> str:
+    return f"{ends[0]:.4g} to {ends[1]:.4g}" if all(isfinite(e) for e in ends) else "-"
+
+
 def _mode_line(mode: Mapping[str, Any]) -> str:
     """Outcome, frequency and damping of one mode by one estimator."""
     parts = [mode["outcome"].replace("_", " ")]
@@ -131,6 +148,11 @@ def _mode_line(mode: Mapping[str, Any]) -> str:
             f"natural frequency {_with_error(mode, 'natural_frequency_rad_s')} rad/s, "
             f"damping ratio {_with_error(mode, 'damping_ratio')}"
         )
+    parts += [
+        f"{q['mode'].replace('_', ' ')} time constant {_quantity(q)} s"
+        for q in mode.get("modes", ())
+        if "time_constant" in q["quantity"] and isfinite(q["value"])
+    ]
     return "; ".join(parts)
 
 
@@ -141,14 +163,23 @@ def _with_error(mode: Mapping[str, Any], key: str) -> str:
     return f"{mode[key]:.3g} ± {error:.2g}" if known else f"{mode[key]:.3g}"
 
 
+def _quantity(quantity: Mapping[str, Any]) -> str:
+    value, error = quantity["value"], quantity["standard_error"]
+    return f"{value:.3g} ± {error:.2g}" if isfinite(error) else f"{value:.3g}"
+
+
 def _fit_line(fit: Mapping[str, Any]) -> str:
-    """How well the model fits, and which derivatives the data hardly tell apart."""
+    """How well the model fits, and which derivatives the data hardly tell apart; Theil's coefficient with its shares
+    of bias, variance and covariance (5.39 to 5.43)."""
     parts = [
-        f"{name}: R2 {100.0 * c['r_squared']:.1f} %, Theil {c['tic']:.2f}"
+        f"{name}: R2 {100.0 * c['r_squared']:.1f} %, Theil {c['tic']:.3f} "
+        f"({100.0 * c['bias']:.0f}, {100.0 * c['variance']:.0f}, {100.0 * c['covariance']:.0f} %)"
         for name, c in fit["channels"].items()
     ]
     if fit["correlated_pairs"]:
-        pairs = (" and ".join(p["derivatives"]) for p in fit["correlated_pairs"])
+        pairs = (
+            f"{' and '.join(p['derivatives'])} ({p['correlation']:+.2f})" for p in fit["correlated_pairs"]
+        )
         parts.append(f"hardly told apart: {', '.join(pairs)}")
     if fit["residuals_coloured"]:
         parts.append("standard errors for coloured residuals")

@@ -1,5 +1,6 @@
 """Estimates of a whole flight at once: equation error, in time or in frequency, and output error."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -7,25 +8,37 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import Aircraft, ModeStructure
-from wingwatch.baselines import OutOfEnvelope
+from wingwatch.aircraft import (
+    MODEL_DERIVATIVES,
+    MODEL_STRUCTURES,
+    STRUCTURES,
+    Aircraft,
+    AircraftDataError,
+    FlightCondition,
+    ModeStructure,
+    mode_quantities,
+)
+from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import OFFLINE
 from wingwatch.cli.progress import Progress
 from wingwatch.estimators import (
+    EquationErrorConfig,
     Estimate,
     Fit,
+    FlightForm,
+    Form,
     FrequencyEquationErrorConfig,
     Manoeuvre,
-    ManoeuvreConfig,
-    SignalConfig,
-    Signals,
     correlated_pairs,
     equation_error,
+    flight_manoeuvres,
     frequency_equation_error,
-    manoeuvres,
+    in_form,
+    missing_channels,
     offsets,
     output_error,
+    solved_as,
 )
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.monitor.chain import nominal_condition
@@ -35,7 +48,10 @@ __all__ = ["OFFLINE_ESTIMATORS", "OfflineEstimates", "estimate_offline"]
 
 OFFLINE_ESTIMATORS = ("equation-error", "frequency-equation-error", "output-error")
 
-_INPUT_COLUMN = {"eta": "elevator_rad", "xi": "aileron_rad", "zeta": "rudder_rad"}
+_SURFACES = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
+
+_CYCLES, _SHORTEST_WINDOW_S = 1.2, 12.0
+"""Length of a manoeuvre: cycles of the band's lowest frequency, and at least so many seconds."""
 
 Solve = Callable[[Sequence[Manoeuvre]], tuple[Estimate, Fit]]
 
@@ -45,52 +61,55 @@ class OfflineEstimates:
     """What one estimator made of a flight.
 
     Attributes:
-        monitor: not fed; knows what is expected and how samples were cleaned.
+        monitor: not fed; knows how samples were cleaned.
         flight: the flight.
-        modes: estimate and fit by structure.
+        modes: the contract's object of each structure, with modes and the statistics of its fit.
         absent: why a structure is not estimated.
         last_s: stamp of the last sample used.
     """
 
     monitor: VehicleMonitor
     flight: FlightTable
-    modes: Mapping[str, tuple[Estimate, Fit]]
+    modes: Mapping[str, dict[str, Any]]
     absent: Mapping[str, str]
     last_s: float
 
-    def document(self) -> dict[str, Any]:
-        """The contract's objects of all modes, with the statistics of the fits."""
-        return {name: _mode(self.monitor, *mode) for name, mode in self.modes.items()}
-
 
 def estimate_offline(
-    flight: FlightTable, aircraft: Aircraft, estimator: str, progress: Progress
+    flight: FlightTable,
+    aircraft: Aircraft,
+    estimator: str,
+    progress: Progress,
+    *,
+    structures: Sequence[str] = (),
+    form: Form = "accelerometer",
 ) -> OfflineEstimates:
-    """Every mode of a flight by one of ``OFFLINE_ESTIMATORS``.
+    """Structures of a flight by one of ``OFFLINE_ESTIMATORS``.
+
+    Args:
+        structures: names in ``MODEL_STRUCTURES``; those that are watched live where empty.
+        form: of the force equations, see ``FlightForm``.
 
     Raises:
-        CommandError: no mode can be estimated.
+        CommandError: no structure can be estimated.
     """
     numbers = iter(range(1, 1 + len(flight.block)))
     monitor = VehicleMonitor(
-        aircraft,
-        "default",
-        OFFLINE,
-        flight.block.present,
-        flight.kinds,
+        aircraft, "default", OFFLINE, flight.block.present, flight.kinds,
         new_id=lambda: f"alert-{next(numbers)}",
-    )
-    absent = dict(monitor.chain.absent)
+    )  # fmt: skip
     clean = monitor.prepared(flight.block)
-    modes: dict[str, tuple[Estimate, Fit]] = {}
-    for structure in progress.track(list(monitor.chain.structures), "estimating"):
-        parts = _parts(flight, aircraft, structure, clean)
-        if not parts:
-            absent[structure.name] = "there are not two seconds of whole samples in a row"
+    chosen = [MODEL_STRUCTURES[name] for name in structures or STRUCTURES]
+    modes: dict[str, dict[str, Any]] = {}
+    absent: dict[str, str] = {}
+    for structure in progress.track(chosen, "estimating"):
+        missing = missing_channels(structure, flight.block.present, form)
+        if missing:
+            absent[structure.name] = f"missing {', '.join(missing)}"
             continue
         try:
-            modes[structure.name] = _solver(estimator, aircraft, monitor, structure)(parts)
-        except ValueError as error:
+            modes[structure.name] = _estimated(flight, aircraft, estimator, structure, form, clean)
+        except (ValueError, AircraftDataError) as error:
             absent[structure.name] = str(error)
     if not modes:
         reasons = "; ".join(f"{name}: {why}" for name, why in absent.items())
@@ -98,54 +117,133 @@ def estimate_offline(
     return OfflineEstimates(monitor, flight, modes, absent, float(clean.time_s[-1]))
 
 
-def _parts(
-    flight: FlightTable, aircraft: Aircraft, structure: ModeStructure, clean: SampleBlock
-) -> tuple[Manoeuvre, ...]:
+def _estimated(
+    flight: FlightTable,
+    aircraft: Aircraft,
+    estimator: str,
+    structure: ModeStructure,
+    form: Form,
+    clean: SampleBlock,
+) -> dict[str, Any]:
+    """One structure's object; ValueError says why there is none."""
     nominal = nominal_condition(aircraft)
-    assert nominal is not None  # without one the chain has no structures
-    reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3)
-    sensors = aircraft.sensors
-    signals = Signals(
-        SignalConfig(
-            structure,
-            sensors.vane_position_m,
-            reference_airspeed_m_s=reference[0],
-            reference_density_kg_m3=reference[1],
-        )
+    if nominal is None:
+        raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]")
+    solved = solved_as(structure)
+    band_hz = aircraft.band_hz(solved)
+    parts = flight_manoeuvres(structure, _form(flight, aircraft, nominal, form, band_hz), [clean])
+    if not parts:
+        raise ValueError("there are not two seconds of whole samples in a row")
+    natural = _natural(apriori_envelope(aircraft, solved), nominal)
+    estimate, fit = in_form(*_solver(estimator, solved, band_hz, natural)(parts), structure)
+    return _mode(aircraft, apriori_envelope(aircraft, structure), estimate, fit)
+
+
+def _form(
+    flight: FlightTable,
+    aircraft: Aircraft,
+    nominal: FlightCondition,
+    form: Form,
+    band_hz: tuple[float, float],
+) -> FlightForm:
+    commanded = {u for u, name in _SURFACES.items() if flight.kinds.get(f"{name}_rad") == "command"}
+    servos = {u: getattr(aircraft.actuators, name) for u, name in _SURFACES.items()}
+    return FlightForm(
+        (nominal.airspeed_true_m_s, nominal.air_density_kg_m3),
+        frozenset(commanded),
+        aircraft.sensors.imu_position_m,
+        aircraft.sensors.vane_position_m,
+        {u: 2.0 * math.pi * servo.bandwidth_hz for u, servo in servos.items() if servo is not None},
+        form,
+        max(_SHORTEST_WINDOW_S, _CYCLES / band_hz[0]),
     )
-    held = tuple(flight.kinds.get(_INPUT_COLUMN[u], "position") == "command" for u in structure.inputs)
-    config = ManoeuvreConfig(structure, reference, held, sensors.imu_position_m)
-    return manoeuvres(config, signals.update(signals.init(1), clean.values[None])[0])
 
 
-def _solver(estimator: str, aircraft: Aircraft, monitor: VehicleMonitor, structure: ModeStructure) -> Solve:
-    natural = _natural(aircraft, monitor, structure)
-    if estimator == "equation-error":
-        return lambda parts: equation_error(parts, natural=natural)
+def _solver(
+    estimator: str,
+    structure: ModeStructure,
+    band_hz: tuple[float, float],
+    natural: NDArray[np.float64] | None,
+) -> Solve:
     if estimator == "output-error":
         return lambda parts: output_error(parts, natural=natural)
-    config = FrequencyEquationErrorConfig(aircraft.band_hz(structure))
+    if estimator == "equation-error":
+        # phugoid and spiral leave the fast motion out, so it must not be in the data either
+        cutoff_hz = band_hz[1] if {"theta", "phi"} & set(structure.equations) else None
+        settings = EquationErrorConfig(cutoff_hz=cutoff_hz)
+        return lambda parts: equation_error(parts, settings, natural=natural)
+    config = FrequencyEquationErrorConfig(band_hz)
     return lambda parts: frequency_equation_error(parts, config, natural=natural)
 
 
-def _natural(
-    aircraft: Aircraft, monitor: VehicleMonitor, structure: ModeStructure
-) -> NDArray[np.float64] | None:
+def _natural(envelope: Envelope, nominal: FlightCondition) -> NDArray[np.float64] | None:
     """Natural size of each derivative as the live chain takes it from what is expected at cruise."""
-    nominal = nominal_condition(aircraft)
-    found = None if nominal is None else monitor.chain.envelopes[structure.name].lookup(nominal)
-    if nominal is None or found is None or isinstance(found, OutOfEnvelope):
+    found = envelope.lookup(nominal)
+    if isinstance(found, OutOfEnvelope):
         return None
-    own = found.value - offsets(structure, nominal.airspeed_true_m_s, nominal.angle_of_attack_rad)
+    own = found.value - offsets(envelope.structure, nominal.airspeed_true_m_s, nominal.angle_of_attack_rad)
     return np.asarray(np.maximum(np.abs(own), 2.0 * found.standard_error))
 
 
-def _mode(monitor: VehicleMonitor, estimate: Estimate, fit: Fit) -> dict[str, Any]:
+def _expected(envelope: Envelope, estimate: Estimate) -> tuple[FlightCondition | None, Expectation | None]:
+    airspeed, altitude, density, alpha = estimate.condition
+    if not (math.isfinite(airspeed) and airspeed > 0.0 and math.isfinite(density)):
+        return None, None
+    angle = alpha if math.isfinite(alpha) else 0.0
+    condition = FlightCondition(airspeed, altitude, density, angle_of_attack_rad=angle)
+    found = envelope.lookup(condition)
+    return condition, None if isinstance(found, OutOfEnvelope) else found
+
+
+def _mode(aircraft: Aircraft, envelope: Envelope, estimate: Estimate, fit: Fit) -> dict[str, Any]:
     symbols = estimate.structure.derivatives
-    document = monitor.mode_object(estimate)
-    for symbol, interval in zip(symbols, fit.interval.tolist(), strict=True):
-        document["derivatives"][symbol]["interval_95"] = interval
-    document["fit"] = {
+    condition, expected = _expected(envelope, estimate)
+    rows: dict[str, dict[str, Any]] = {}
+    for k, symbol in enumerate(symbols):
+        rows[symbol] = {
+            "value": float(estimate.value[k]),
+            "standard_error": float(estimate.standard_error[k]),
+            "interval_95": fit.interval[k].tolist(),
+            "unit": MODEL_DERIVATIVES[symbol].unit,
+            "outcome": str(estimate.outcomes[k]),
+        }
+        if expected is not None:
+            rows[symbol]["expected"] = float(expected.value[k])
+            rows[symbol]["expected_standard_error"] = float(expected.standard_error[k])
+    values = dict(zip(symbols, estimate.value.tolist(), strict=True))
+    quantities = mode_quantities(estimate.structure, values, estimate.covariance, condition, aircraft)
+    first = {q.name: (q.value, q.standard_error) for q in reversed(quantities)}
+    frequency = first.get("natural_frequency_rad_s", (math.nan, math.nan))
+    damping = first.get("damping_ratio", (math.nan, math.nan))
+    return {
+        "outcome": str(estimate.outcome),
+        "reason": estimate.reason,
+        "condition": dict(
+            zip(
+                ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad"),
+                estimate.condition,
+                strict=True,
+            )
+        ),
+        "derivatives": rows,
+        "natural_frequency_rad_s": frequency[0],
+        "natural_frequency_rad_s_standard_error": frequency[1],
+        "damping_ratio": damping[0],
+        "damping_ratio_standard_error": damping[1],
+        "modes": [
+            {"mode": q.mode, "quantity": q.name, "value": q.value, "standard_error": q.standard_error,
+             "unit": q.unit}
+            for q in quantities
+        ],
+        "fit": _fit(symbols, estimate, fit),
+    }  # fmt: skip
+
+
+def _fit(symbols: Sequence[str], estimate: Estimate, fit: Fit) -> dict[str, Any]:
+    def errors(covariance: NDArray[np.float64]) -> dict[str, float]:
+        return dict(zip(symbols, np.sqrt(np.diagonal(covariance)).tolist(), strict=True))
+
+    return {
         "channels": {
             c.name: {
                 "r_squared": c.r_squared,
@@ -166,12 +264,8 @@ def _mode(monitor: VehicleMonitor, estimate: Estimate, fit: Fit) -> dict[str, An
             {"derivatives": [a, b], "correlation": value}
             for a, b, value in correlated_pairs(estimate.structure, fit.correlation)
         ],
-        "standard_error_white": dict(
-            zip(symbols, np.sqrt(np.diagonal(fit.covariance_white)).tolist(), strict=True)
-        ),
-        "standard_error_coloured": dict(
-            zip(symbols, np.sqrt(np.diagonal(fit.covariance_coloured)).tolist(), strict=True)
-        ),
+        "standard_error_white": errors(fit.covariance_white),
+        "standard_error_coloured": errors(fit.covariance_coloured),
         "residuals_coloured": fit.coloured,
         "noise_std": dict(fit.noise_std),
         "samples": fit.samples,
@@ -180,4 +274,3 @@ def _mode(monitor: VehicleMonitor, estimate: Estimate, fit: Fit) -> dict[str, An
         "iterations": fit.iterations,
         "converged": fit.converged,
     }
-    return document

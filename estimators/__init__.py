@@ -24,6 +24,15 @@ from wingwatch.estimators.excitation_promise import (
     sensed_plant,
 )
 from wingwatch.estimators.fit import ChannelFit, Fit, channel_fit, correlated_pairs
+from wingwatch.estimators.flight_manoeuvres import (
+    FORMS,
+    FlightForm,
+    Form,
+    flight_manoeuvres,
+    in_form,
+    missing_channels,
+    solved_as,
+)
 from wingwatch.estimators.fourier import FourierConfig, FourierEstimator, FourierState
 from wingwatch.estimators.frequency_equation_error import (
     FrequencyEquationErrorConfig,
@@ -64,6 +73,13 @@ __all__ = [
     "ManoeuvreConfig",
     "manoeuvres",
     "concatenated",
+    "FORMS",
+    "Form",
+    "FlightForm",
+    "flight_manoeuvres",
+    "missing_channels",
+    "solved_as",
+    "in_form",
     "EquationErrorConfig",
     "equation_error",
     "FrequencyEquationErrorConfig",

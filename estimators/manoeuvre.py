@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.signals import MAX_GAP_S, SignalLayout
 
-__all__ = ["Manoeuvre", "ManoeuvreConfig", "concatenated", "manoeuvres"]
+__all__ = [
+    "FlightColumns",
+    "Manoeuvre",
+    "ManoeuvreConfig",
+    "concatenated",
+    "cut",
+    "manoeuvres",
+    "signal_columns",
+]
 
 Array = NDArray[np.float64]
 
@@ -150,11 +158,37 @@ def _on_grid(grid: Array, time_s: Array, columns: Array) -> Array:
     return np.column_stack([np.interp(grid, time_s, c) for c in columns.T])
 
 
+@dataclass(frozen=True, slots=True)
+class FlightColumns:
+    """A whole flight as the columns of its manoeuvres, (n, ...) each as in ``Manoeuvre``.
+
+    Attributes:
+        measured: (n, states), whether a state was measured in that sample.
+        condition: (n, 4): airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad.
+    """
+
+    time_s: Array
+    states: Array
+    accelerometer: Array
+    inputs: Array
+    known: Array
+    rest: Array
+    stability: Array
+    control: Array
+    pressure: Array
+    measured: NDArray[np.bool_]
+    condition: Array
+
+    def rows(self, which: slice | NDArray[np.bool_]) -> "FlightColumns":
+        """Some of the samples."""
+        return FlightColumns(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+
 def manoeuvres(config: ManoeuvreConfig, signals: Array) -> tuple[Manoeuvre, ...]:
     """Cut signal rows of one flight into manoeuvres.
 
     Args:
-        config: what they share.
+        config: what they share; its structure one of those that ``Signals`` knows.
         signals: shape (samples, columns) as ``Signals`` lays them out; rows that are not finite are left out.
 
     Returns:
@@ -166,23 +200,49 @@ def manoeuvres(config: ManoeuvreConfig, signals: Array) -> tuple[Manoeuvre, ...]
     layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
     if signals.ndim != 2 or signals.shape[1] != layout.columns:
         raise ValueError(f"signals have shape (samples, {layout.columns}), got {signals.shape}")
-    needed = np.ones(layout.columns, dtype=bool)
-    needed[[layout.accelerometer, layout.kinematic + 5]] = False
-    rows = signals[np.isfinite(signals[:, needed]).all(axis=1)]
-    step = np.diff(rows[:, 0])
-    seen = rows[:, layout.kinematic + 6]
-    cuts = np.flatnonzero((step <= 0.0) | (step > MAX_GAP_S) | (np.diff(seen) != 0.0)) + 1
+    return cut(config, signal_columns(config.structure, config.reference, signals))
+
+
+def cut(config: ManoeuvreConfig, flight: FlightColumns) -> tuple[Manoeuvre, ...]:
+    """Cut a flight at gaps, where a state begins or ends to be measured, and into windows.
+
+    Samples without all states, inputs and conditions are left out; none comes back where no stretch has
+    ``shortest_s``. Where forward velocity is a state, what airspeed does to the forces is in its column: the scales are
+    then those of each manoeuvre's mean, and its trim does not follow the dynamic pressure.
+    """
+    needed = np.column_stack(
+        [flight.time_s, flight.states, flight.inputs, flight.rest, flight.stability, flight.control,
+         flight.pressure, flight.condition[:, :3]]
+    )  # fmt: skip
+    finite = np.isfinite(needed).all(axis=1) & np.isfinite(flight.known).all(axis=(1, 2))
+    whole = flight.rows(np.asarray(finite))
+    step = np.diff(whole.time_s)
+    changed = (np.diff(whole.measured, axis=0)).any(axis=1)
+    cuts = [0, *(np.flatnonzero((step <= 0.0) | (step > MAX_GAP_S) | changed) + 1), whole.time_s.size]
     parts: list[Manoeuvre] = []
-    for stretch in np.split(rows, cuts):
-        if len(stretch) < 2:
+    for start, end in pairwise(cuts):
+        if end - start < 2:
             continue
-        count = int(np.ceil((stretch[-1, 0] - stretch[0, 0]) / config.window_s - 1e-9))
-        edges = np.linspace(0, len(stretch), max(count, 1) + 1).astype(int)
+        count = int(np.ceil((whole.time_s[end - 1] - whole.time_s[start]) / config.window_s - 1e-9))
+        edges = np.linspace(start, end, max(count, 1) + 1).astype(int)
         for a, b in pairwise(edges):
-            part = stretch[a:b]
-            if len(part) > 8 and part[-1, 0] - part[0, 0] >= config.shortest_s - 1e-9:
-                parts.append(_manoeuvre(config, layout, part))
+            duration = whole.time_s[b - 1] - whole.time_s[a]
+            if b - a > 8 and duration >= config.shortest_s - 1e-9:
+                parts.append(_manoeuvre(config, whole.rows(slice(a, b))))
     return tuple(parts)
+
+
+def _manoeuvre(config: ManoeuvreConfig, rows: FlightColumns) -> Manoeuvre:
+    columns = {name: getattr(rows, name).copy() for name in _COLUMNS}
+    if "u" in config.structure.states:
+        for name in ("stability", "control"):
+            columns[name][:] = columns[name].mean()
+        columns["pressure"][:] = 1.0
+    airspeed, altitude, density, alpha = rows.condition.mean(axis=0).tolist()
+    return Manoeuvre(
+        config, rows.time_s.copy(), **columns, measured=np.asarray(rows.measured.all(axis=0)),
+        condition=(airspeed, altitude, density, alpha),
+    )  # fmt: skip
 
 
 def concatenated(config: ManoeuvreConfig, flights: Sequence[Array]) -> tuple[Manoeuvre, ...]:
@@ -190,29 +250,28 @@ def concatenated(config: ManoeuvreConfig, flights: Sequence[Array]) -> tuple[Man
     return tuple(m for flight in flights for m in manoeuvres(config, flight))
 
 
-def _manoeuvre(config: ManoeuvreConfig, layout: SignalLayout, rows: Array) -> Manoeuvre:
-    """One stretch; the kinematic term is split into what multiplies the states and the rest."""
+def signal_columns(structure: ModeStructure, reference: tuple[float, float], rows: Array) -> FlightColumns:
+    """Signal rows as columns; the kinematic term is split into what multiplies the states and the rest."""
+    layout = SignalLayout(len(structure.states), len(structure.inputs))
     ns, c = layout.states, layout.kinematic
     pressure, airspeed, density, altitude, alpha = rows[:, c + 1 : c + 6].T
     angle = np.where(np.isfinite(alpha), alpha, 0.0)
-    states = rows[:, 1 : 1 + ns].copy()
+    states = rows[:, 1 : 1 + ns]
     known = np.zeros((len(rows), ns, ns))
     turn = {"z_q": 1.0, "y_r": -1.0}
-    for column, state in enumerate(config.structure.states):
-        symbol = f"{config.structure.equations[0]}_{state}"
+    for column, state in enumerate(structure.states):
+        symbol = f"{structure.equations[0]}_{state}"
         known[:, 0, column] = turn.get(symbol, 0.0) * airspeed * np.cos(angle)
         if symbol == "y_p":
             known[:, 0, column] = airspeed * np.sin(angle)
     rest = np.zeros((len(rows), ns))
     rest[:, 0] = rows[:, c] - np.einsum("nj,nj->n", known[:, 0], states)
-    accelerometer = np.full((len(rows), len(config.structure.equations)), np.nan)
+    accelerometer = np.full((len(rows), len(structure.equations)), np.nan)
     accelerometer[:, 0] = rows[:, layout.accelerometer]
-    measured = np.ones(ns, dtype=bool)
-    measured[0] = bool((rows[:, c + 6] == 1.0).all())
-    mean_alpha = float(np.mean(alpha)) if np.isfinite(alpha).all() else float("nan")
-    return Manoeuvre(
-        config, rows[:, 0].copy(), states, accelerometer,
-        rows[:, layout.first_input : c].copy(), known, rest,
-        density * airspeed / (config.reference[0] * config.reference[1]), pressure.copy(), pressure.copy(), measured,
-        (float(np.mean(airspeed)), float(np.mean(altitude)), float(np.mean(density)), mean_alpha),
+    measured = np.ones((len(rows), ns), dtype=bool)
+    measured[:, 0] = rows[:, c + 6] == 1.0
+    return FlightColumns(
+        rows[:, 0], states, accelerometer, rows[:, layout.first_input : c], known, rest,
+        density * airspeed / (reference[0] * reference[1]), pressure, pressure, measured,
+        np.column_stack([airspeed, altitude, density, alpha]),
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 Aerodynamic stability derivatives grow with rho V and control derivatives with rho V^2 (thesis table B.3), so an
 estimate made at one airspeed is carried to another by a ratio, without any geometry. Referred means: as it would be
-at the reference airspeed and density. The kinematic parts (forward speed in z_q and y_r, W in y_p) are offsets.
+at the reference airspeed and density. The kinematic parts (forward speed in z_q and y_r, W in y_p and x_q) are offsets.
 """
 
 import numpy as np
@@ -22,11 +22,18 @@ def referred_scale(
     air_density_kg_m3: float,
     reference: tuple[float, float],
 ) -> Array:
-    """Factor from referred to present aerodynamic derivatives, shape (k,)."""
-    pressure = air_density_kg_m3 * airspeed_true_m_s / (reference[0] * reference[1])
-    row = [pressure] * len(structure.states) + [pressure * airspeed_true_m_s / reference[0]] * len(
-        structure.inputs
-    )
+    """Factor from referred to present aerodynamic derivatives, shape (k,).
+
+    Columns of velocities and rates grow with rho V, those of angles and inputs with rho V^2. Phugoid and spiral are
+    gravity and the full motion's quotients, of which neither law holds: theirs are not carried over, the factor is 1.
+    """
+    if any(row in ("theta", "phi") for row in structure.equations):
+        return np.ones(len(structure.derivatives))
+    by_velocity = air_density_kg_m3 * airspeed_true_m_s / (reference[0] * reference[1])
+    by_angle = by_velocity * airspeed_true_m_s / reference[0]
+    row = [
+        by_angle if c in ("alpha", "beta", *structure.inputs) else by_velocity for c in structure.regressors
+    ]
     return np.array(row * len(structure.equations))
 
 
@@ -34,7 +41,7 @@ def offsets(structure: ModeStructure, airspeed_true_m_s: float, angle_of_attack_
     """Kinematic part of each concise derivative (thesis table B.4), shape (k,)."""
     alpha = angle_of_attack_rad if np.isfinite(angle_of_attack_rad) else 0.0
     forward, down = airspeed_true_m_s * np.cos(alpha), airspeed_true_m_s * np.sin(alpha)
-    kinematic = {"z_q": forward, "y_r": -forward, "y_p": down}
+    kinematic = {"z_q": forward, "y_r": -forward, "y_p": down, "x_q": -down}
     return np.array([kinematic.get(symbol, 0.0) for symbol in structure.derivatives])
 
 
@@ -103,5 +110,5 @@ def _together(
 
 
 def _surfaces(structure: ModeStructure) -> list[str]:
-    words = {"eta": "the elevator", "xi": "the ailerons", "zeta": "the rudder"}
+    words = {"eta": "the elevator", "xi": "the ailerons", "zeta": "the rudder", "tau": "the throttle"}
     return [words[u] for u in structure.inputs]

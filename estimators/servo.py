@@ -1,0 +1,71 @@
+"""Where a surface is between two samples, when its servo follows commands that are held from sample to sample.
+
+Estimators let a position move on a line between samples. A first-order servo of bandwidth b that is told c from sample
+k on moves as x = c + (x_k - c) exp(-b t): most of the way is made early in the step, and its mean is
+
+    x_k + s (x_(k+1) - x_k),   s = 1 / (1 - exp(-b dt)) - 1 / (b dt),
+
+where the line has s = 1/2. So the surface is (s - 1/2) dt ahead of the line: 1.6 ms for 8 Hz at 50 Hz, which makes roll
+damping at 20 1/s three per cent too large. Samples that fall anywhere in the commands' frame have no such lead on
+average; therefore it is taken only where the record shows that the commands are held from its samples on.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ahead", "lead_steps", "moves_as_told"]
+
+Array = NDArray[np.float64]
+
+_EARLY = 0.1
+"""Share of a step by which commands may act before or after their samples and still count as held from them on."""
+
+_SURE = 3.0
+"""Standard errors of that share that must lie within ``_EARLY`` of it."""
+
+_FEWEST = 50
+"""Samples from which on that is judged."""
+
+
+def lead_steps(bandwidth_rad_s: float, dt: float) -> float:
+    """s - 1/2: how far the servo's mean is ahead of the line's, in steps; between 0 (slow servo) and 1/2 (at once)."""
+    h = bandwidth_rad_s * dt
+    return h / 12.0 if h < 1e-3 else -1.0 / math.expm1(-h) - 1.0 / h - 0.5
+
+
+def moves_as_told(position: Array, command: Array, time_s: Array, bandwidth_rad_s: float) -> bool:
+    """Whether a record of positions is that of a servo whose commands are held from each sample to the next.
+
+    With e = exp(-b dt), x_(k+1) - e x_k = (1 - e) (c_k + f (c_(k+1) - c_k) - g (c_k - c_(k-1))), where f and g are 0 if
+    commands change with the samples; f grows as they change before theirs, g as they change after. Both are fitted.
+
+    Args:
+        position, command: rad, (n,).
+        time_s: (n,), increasing.
+        bandwidth_rad_s: of the servo.
+    """
+    if time_s.size < _FEWEST:
+        return False
+    dt = float(np.median(np.diff(time_s)))
+    stays = math.exp(-bandwidth_rad_s * dt)
+    left = (position[1:] - stays * position[:-1])[1:] - (1.0 - stays) * command[1:-1]
+    change = (1.0 - stays) * np.diff(command)
+    told = np.column_stack([np.ones(left.size), change[1:], -change[:-1]])
+    even = np.abs(np.diff(time_s) - dt) < 0.01 * dt
+    fair = np.isfinite(left) & np.isfinite(told).all(axis=1) & even[1:] & even[:-1]
+    told, left = told[fair], left[fair]
+    power = told.T @ told
+    if np.count_nonzero(fair) < _FEWEST or np.linalg.matrix_rank(power) < told.shape[1]:
+        return False
+    share = np.linalg.solve(power, told.T @ left)
+    error = np.sqrt(np.mean((left - told @ share) ** 2) * np.diagonal(np.linalg.inv(power)))
+    return bool((np.abs(share) + _SURE * error)[1:].max() < _EARLY)
+
+
+def ahead(position: Array, time_s: Array, bandwidth_rad_s: float) -> Array:
+    """Positions whose line has the servo's mean over every step but for second order: x + (s - 1/2) dt x'."""
+    dt = float(np.median(np.diff(time_s)))
+    slope = np.gradient(position, time_s)
+    return np.asarray(position + lead_steps(bandwidth_rad_s, dt) * dt * slope)
