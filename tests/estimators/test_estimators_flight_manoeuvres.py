@@ -145,7 +145,7 @@ def test_reduced_motions_are_found_where_they_are_all_there_is(
     states = np.zeros((n, len(a)))
     for k in range(1, n):
         states[k] = grown[:-1, :-1] @ states[k - 1] + grown[:-1, -1] * surface[k - 1]
-    columns = {name: np.zeros(n) for name in REQUIRED_CHANNELS}
+    columns: dict[str, Array] = {name: np.zeros(n) for name in REQUIRED_CHANNELS}
     columns |= {
         "time_s": dt * np.arange(n),
         "airspeed_true_m_s": np.full(n, 25.0),
