@@ -195,27 +195,37 @@ def _reduced(
 
 
 def in_form(estimate: Estimate, fit: Fit, structure: ModeStructure) -> tuple[Estimate, Fit]:
-    """An estimate of ``solved_as(structure)`` as one of ``structure``; both as they are where the two are one.
+    """An estimate from manoeuvres of ``solved_as(structure)`` as concise derivatives of ``structure``.
 
-    z_alpha = V / cos(alpha) z_w, y_beta = V y_v at the estimate's condition (``form_scale``), errors alike.
+    Manoeuvres of the short period have trims that follow V^2, so their slopes are those at constant airspeed. Concise
+    ones are those at constant u: with V^2 = u^2 + w^2 and the level trim's a_z = -g cos(alpha),
+
+        z_w = z_w' cos^2(alpha) - 2 g sin(alpha) cos(alpha) / V,   m_w = m_w' cos^2(alpha),
+
+    1.2 % of the Aerosonde's z_w at 25 m/s; left as they are without angle of attack. Then z_alpha = V / cos(alpha) z_w
+    and y_beta = V y_v at the estimate's condition (``form_scale``), errors alike.
     """
     source = estimate.structure
-    if source == structure:
-        return estimate, fit
     airspeed, altitude, density, alpha = estimate.condition
-    condition = FlightCondition(
-        airspeed, altitude, density, angle_of_attack_rad=alpha if np.isfinite(alpha) else 0.0
-    )
-    scale = form_scale(source, structure, condition)
-    spread = np.outer(scale, scale)
+    known = bool(np.isfinite(alpha))
+    scale, offset = np.ones(estimate.value.size), np.zeros(estimate.value.size)
+    if source == SHORT_PERIOD and known:
+        by_w = [d.endswith("_w") for d in source.derivatives]
+        scale[by_w] = np.cos(alpha) ** 2
+        offset[source.derivatives.index("z_w")] = -GRAVITY_M_S2 * np.sin(2.0 * alpha) / airspeed
     reason = estimate.reason
-    for old, new in zip(source.derivatives, structure.derivatives, strict=True):
-        reason = reason.replace(old, new)
+    if source != structure:
+        condition = FlightCondition(airspeed, altitude, density, angle_of_attack_rad=alpha if known else 0.0)
+        by_angle = form_scale(source, structure, condition)
+        scale, offset = scale * by_angle, offset * by_angle
+        for old, new in zip(source.derivatives, structure.derivatives, strict=True):
+            reason = reason.replace(old, new)
+    spread = np.outer(scale, scale)
     changed = replace(
-        estimate, structure=structure, value=estimate.value * scale, covariance=estimate.covariance * spread,
-        reason=reason,
+        estimate, structure=structure, value=estimate.value * scale + offset,
+        covariance=estimate.covariance * spread, reason=reason,
     )  # fmt: skip
     return changed, replace(
-        fit, interval=fit.interval * scale[:, None], covariance_white=fit.covariance_white * spread,
-        covariance_coloured=fit.covariance_coloured * spread,
+        fit, interval=fit.interval * scale[:, None] + offset[:, None],
+        covariance_white=fit.covariance_white * spread, covariance_coloured=fit.covariance_coloured * spread,
     )  # fmt: skip

@@ -5,9 +5,12 @@ accelerometer). Unknown are the derivatives, common to all manoeuvres, and of ea
 state and accelerometer bias. The noise variances are those of the residuals (5.17), renewed after every step of
 Gauss-Newton or Levenberg-Marquardt on the concentrated likelihood sum of N/2 ln R.
 
-There is no process noise: in turbulence use the equation error (force by accelerometer) or the filter.
+Noise of measured inputs drives the model as well. What it is expected to add to the gradient is taken out of it
+(``_driven``), and what it makes of the residuals is in the covariance for coloured residuals of all channels together.
+There is no other process noise: in turbulence use the equation error (force by accelerometer) or the filter.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -21,12 +24,14 @@ from wingwatch.estimators.manoeuvre import Manoeuvre
 from wingwatch.estimators.output_kernel import respond
 from wingwatch.estimators.regression import (
     common_forces,
+    corrected_step,
     finished,
     left_over,
     noise_names,
     plain_start,
     sensor_noise,
     shared_config,
+    signal_share,
 )
 
 __all__ = ["OutputErrorConfig", "output_error"]
@@ -37,6 +42,12 @@ NAME = "output-error"
 
 _ROUNDING = 1e-5
 """Residuals below this share of a channel's own spread weigh no more: without noise one channel would outweigh all."""
+
+_CORRECTIONS = 8
+"""Most steps towards the gradient that the inputs' noise makes."""
+
+_MEMORY_S = 6.0
+"""Time after which the response to one sample's noise counts no more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +72,8 @@ class OutputErrorConfig:
 
 @dataclass(slots=True)
 class _Problem:
-    """Data of all manoeuvres, where each one's own parameters stand, and the least noise variance of each channel."""
+    """Data of all manoeuvres, where each one's own parameters stand, the least noise variance of each channel, and the
+    noise variance of each input."""
 
     parts: Sequence[Manoeuvre]
     readings: list[Array]
@@ -71,6 +83,7 @@ class _Problem:
     common: int
     own: int
     floor: Array
+    input_noise: Array
 
     @property
     def size(self) -> int:
@@ -119,6 +132,7 @@ def output_error(
     problem = _problem(parts, settings)
     first = plain_start(parts) if start is None else np.asarray(start, dtype=np.float64)
     point, iterations, settled = _climb(problem, _initial(problem, first), settings)
+    point = _without_input_noise(problem, point, settings.tolerance)
     return _report(problem, point, iterations, settled, settings, natural)
 
 
@@ -137,7 +151,10 @@ def _problem(parts: Sequence[Manoeuvre], settings: OutputErrorConfig) -> _Proble
     own = ne * (2 if settings.drift else 1) + ns + forces.size
     power = np.mean([r.var(axis=0) for r in readings], axis=0)
     floor = np.maximum(_ROUNDING**2 * power, 1e-300)
-    return _Problem(parts, readings, used, settings.drift, forces, len(structure.derivatives), own, floor)
+    input_noise = sensor_noise(parts, common_forces(parts))[ns + ne :]
+    return _Problem(
+        parts, readings, used, settings.drift, forces, len(structure.derivatives), own, floor, input_noise
+    )
 
 
 def _initial(problem: _Problem, theta: Array) -> Array:
@@ -237,6 +254,53 @@ def _climb(problem: _Problem, parameters: Array, settings: OutputErrorConfig) ->
     return point, settings.iterations, False
 
 
+def _without_input_noise(problem: _Problem, point: _Point, tolerance: float) -> _Point:
+    """From the maximum of the likelihood to where the gradient is what the inputs' noise makes of it."""
+    if not problem.input_noise.any():
+        return point
+    for _ in range(_CORRECTIONS):
+        matrix, vector = _normal(problem, point)
+        noise, gradient = _driven(problem, point)
+        solution = corrected_step(matrix, noise, vector + gradient, signal_share(1, math.inf))
+        trial = _evaluate(problem, point.parameters + solution.step)
+        if not math.isfinite(trial.cost):
+            return point
+        point = trial
+        if float(solution.step @ matrix @ solution.step) <= tolerance**2:
+            return point
+    return point
+
+
+def _driven(problem: _Problem, point: _Point) -> tuple[Array, Array]:
+    """What white noise of the inputs adds to the information, and takes from the gradient, in the mean.
+
+    With G(l) the outputs l steps after a unit noise of one sample, residuals have -sum G n in them and sensitivities
+    sum dG/dp n, so the gradient has -sum over inputs of var (N - l) dG/dp' R^-1 G, and the information likewise.
+    """
+    size, weight = problem.size, 1.0 / point.noise
+    matrix, vector = np.zeros((size, size)), np.zeros(size)
+    c, ns = problem.common, problem.parts[0].states.shape[1]
+    for part, used in zip(problem.parts, problem.used, strict=True):
+        steps = min(len(part), math.ceil(_MEMORY_S / part.dt))
+        heard = weight * used.any(axis=0)
+        for j in np.flatnonzero(problem.input_noise):
+            out, sensitivity = np.empty((steps, weight.size)), np.empty((steps, weight.size, c + problem.own))
+            inputs = np.zeros((steps, problem.input_noise.size))
+            inputs[1, j] = 1.0
+            respond(
+                np.ascontiguousarray(point.parameters[:c]), np.zeros(problem.own), problem.drift, problem.forces,
+                part.config.lever_m, part.dt * np.arange(steps), inputs, part.held_steps[:steps] & False,
+                np.tile(part.known.mean(axis=0), (steps, 1, 1)), np.zeros((steps, ns)),
+                np.full(steps, part.stability.mean()), np.full(steps, part.control.mean()), np.zeros(steps), out,
+                sensitivity,
+            )  # fmt: skip
+            often = problem.input_noise[j] * (len(part) - np.arange(steps))
+            slopes = sensitivity[:, :, :c]
+            vector[:c] += np.einsum("l,lcp,c,lc->p", often, slopes, heard, out, optimize=True)
+            matrix[:c, :c] += np.einsum("l,lcp,c,lcq->pq", often, slopes, heard, slopes, optimize=True)
+    return matrix, vector
+
+
 def _solve(matrix: Array, vector: Array) -> Array:
     """Least-norm solution: directions that the data do not see stay where they are."""
     return np.asarray(np.linalg.lstsq(matrix, vector, rcond=1e-13)[0])
@@ -255,6 +319,12 @@ def _report(
     inverse = np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-13, hermitian=True) / np.outer(
         scale, scale
     )
+    hidden = _unseen(matrix / np.outer(scale, scale), problem.common)
+    if problem.input_noise.any():
+        solution = corrected_step(
+            matrix, _driven(problem, point)[0], np.zeros(problem.size), signal_share(1, math.inf)
+        )
+        inverse, hidden = solution.inverse, hidden | solution.hidden[: problem.common]
     counts = np.sum([u.sum(axis=0) for u in problem.used], axis=0)
     taken = _freedom_taken(problem, point, inverse)
     left = np.maximum(counts - taken, 1.0)
@@ -276,7 +346,7 @@ def _report(
         NAME, problem.parts, point.parameters[:k], white[:k, :k], coloured[:k, :k], chosen, channels, noise,
         samples=sum(len(p) for p in problem.parts), parameters=problem.size, iterations=iterations,
         converged=settled, freedom=float(counts.sum() - problem.size), natural=natural,
-        hidden=_unseen(matrix / np.outer(scale, scale), k),
+        hidden=hidden,
         left_over=[d for d in doubts if d is not None],
     )  # fmt: skip
 
@@ -308,18 +378,24 @@ def _rescaled(problem: _Problem, point: _Point, inverse: Array, growth: Array) -
 
 
 def _coloured(problem: _Problem, point: _Point, inverse: Array, growth: Array) -> Array:
-    """Covariance for residuals of the autocorrelation that they have (5.53 with sensitivities as regressors)."""
+    """Covariance for residuals of the correlations that they have, of every channel with itself and with every other
+    one: (5.53) with sensitivities as regressors."""
     middle = np.zeros_like(inverse)
     lags = max(min(len(p) for p in problem.parts) // 2, 1)
-    for c in range(point.noise.size):
-        own = autocovariance([r[:, c] for r in point.residuals], lags=lags) * growth[c]
-        own *= sum(r.shape[0] for r in point.residuals) / max(
-            sum(int(u[:, c].sum()) for u in problem.used), 1
-        )
-        for m in range(len(problem.parts)):
-            index = _indices(problem, m)
-            s = point.sensitivities[m][:, c] / point.noise[c]
-            middle[np.ix_(index, index)] += coloured_sum(s, s, own)
+    total = sum(r.shape[0] for r in point.residuals)
+    seen = np.maximum(np.sum([u.sum(axis=0) for u in problem.used], axis=0), 1)
+    size = np.sqrt(growth * total / seen)
+    channels = range(point.noise.size)
+    rows = [[r[:, c] for r in point.residuals] for c in channels]
+    for c in channels:
+        for d in range(c, point.noise.size):
+            both = [autocovariance(rows[c], rows[d], lags), autocovariance(rows[d], rows[c], lags)]
+            covariance = np.stack(both) * size[c] * size[d]
+            for m in range(len(problem.parts)):
+                index = np.ix_(_indices(problem, m), _indices(problem, m))
+                s = point.sensitivities[m] / point.noise[:, None]
+                part = coloured_sum(s[:, c], s[:, d], covariance)
+                middle[index] += part if c == d else part + part.T
     return np.asarray(inverse @ middle @ inverse)
 
 

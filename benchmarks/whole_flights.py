@@ -1,0 +1,145 @@
+"""Estimators of whole flights beside the two online ones, in simulated flight with the autopilot closed.
+
+Doublets of each surface every 20 s; truth is the linearisation at the condition that an estimate is reported at. Each
+line: mean error in percent of the truth, in brackets the rms of error over stated standard error; then the share of
+all truths, of all flights, inside the stated 95 % interval.
+
+Run: python benchmarks/whole_flights.py [--flights N] [--seconds S] [--turbulence none light]
+"""
+
+import argparse
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import (
+    LATERAL,
+    SHORT_PERIOD,
+    FlightCondition,
+    ModeStructure,
+    linearised_derivatives,
+    load_aircraft,
+    trimmed,
+)
+from wingwatch.estimators import (
+    Estimate,
+    Fit,
+    FlightForm,
+    FrequencyEquationErrorConfig,
+    Manoeuvre,
+    equation_error,
+    flight_manoeuvres,
+    frequency_equation_error,
+    in_form,
+    offsets,
+    output_error,
+)
+from wingwatch.monitor import VehicleMonitor
+from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, doublet_schedule
+from wingwatch.telemetry import SampleBlock, complete
+
+Array = NDArray[np.float64]
+
+AIRCRAFT = load_aircraft("aerosonde")
+CRUISE = FlightCondition(25.0, 1000.0)
+FIRST_SEED = 7000
+LEVELS: tuple[Turbulence, ...] = ("none", "light", "moderate")
+
+SERVOS = {
+    "eta": AIRCRAFT.actuators.elevator,
+    "xi": AIRCRAFT.actuators.aileron,
+    "zeta": AIRCRAFT.actuators.rudder,
+}
+FORM = FlightForm(
+    (CRUISE.airspeed_true_m_s, CRUISE.air_density_kg_m3),
+    servo_rad_s={u: 2.0 * math.pi * servo.bandwidth_hz for u, servo in SERVOS.items() if servo is not None},
+)
+
+
+def by_frequency(parts: Sequence[Manoeuvre]) -> tuple[Estimate, Fit]:
+    """Equation error in the band that the aircraft file states."""
+    return frequency_equation_error(
+        parts, FrequencyEquationErrorConfig(AIRCRAFT.band_hz(parts[0].config.structure))
+    )
+
+
+SOLVE: dict[str, Callable[[Sequence[Manoeuvre]], tuple[Estimate, Fit]]] = {
+    "equation error, time": equation_error,
+    "equation error, frequency": by_frequency,
+    "output error": output_error,
+}
+
+Found = dict[tuple[str, str], list[tuple[Array, Array, Array]]]
+
+
+def truth_of(e: Estimate) -> Array:
+    """Linearisation at the airspeed and density of an estimate; W in y_p is that of its own angle of attack."""
+    airspeed, altitude, density, alpha = e.condition
+    at = trimmed(AIRCRAFT, FlightCondition(airspeed, altitude, density))
+    table = linearised_derivatives(AIRCRAFT, at, e.structure)
+    concise = np.array([table[d] for d in e.structure.derivatives])
+    kinematic = offsets(e.structure, airspeed, alpha) - offsets(e.structure, airspeed, at.angle_of_attack_rad)
+    return np.asarray(concise + kinematic)
+
+
+def fly(turbulence: Turbulence, seed: int, seconds: float) -> SampleBlock:
+    """One flight, doublets of 2 degrees."""
+    doublets = doublet_schedule(AIRCRAFT, CRUISE, np.deg2rad(2.0))
+    scenario = Scenario(AIRCRAFT, manoeuvres=(doublets,), turbulence=turbulence, seed=seed)
+    return complete(SampleBlock(FleetSimulation([scenario]).step(round(50 * seconds))[0]))
+
+
+def add(found: Found, block: SampleBlock, structure: ModeStructure) -> None:
+    """Every estimator of one structure on one flight."""
+    monitor = VehicleMonitor(AIRCRAFT, "default", "uav", block.present, {}, new_id=lambda: "alert")
+    mode = list(monitor.feed(block).solutions)[-1].modes[structure.name]
+    for estimate in (mode.fourier, mode.ekf):
+        reach = 1.959964 * estimate.standard_error
+        ends = np.column_stack([estimate.value - reach, estimate.value + reach])
+        found.setdefault((structure.name, estimate.estimator), []).append(_row(estimate, ends))
+    parts = flight_manoeuvres(structure, FORM, [block])
+    for name, solve in SOLVE.items():
+        estimate, fit = in_form(*solve(parts), structure)
+        found.setdefault((structure.name, name), []).append(_row(estimate, fit.interval))
+
+
+def _row(estimate: Estimate, interval: Array) -> tuple[Array, Array, Array]:
+    """Relative error in percent, error over standard error, and whether the interval holds the truth."""
+    truth = truth_of(estimate)
+    error = estimate.value - truth
+    inside = (interval[:, 0] <= truth) & (truth <= interval[:, 1])
+    return 100.0 * error / np.abs(truth), error / estimate.standard_error, inside.astype(np.float64)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Estimators of whole flights in simulated flight.")
+    parser.add_argument("--flights", type=int, default=6)
+    parser.add_argument("--seconds", type=float, default=200.0)
+    parser.add_argument("--turbulence", nargs="+", choices=LEVELS, default=["none", "light"])
+    given = parser.parse_args()
+    print(f"{given.flights} flights of {given.seconds:g} s, doublets every 20 s, autopilot closed")
+    for level in given.turbulence:
+        found: Found = {}
+        for flight in range(given.flights):
+            block = fly(level, FIRST_SEED + flight, given.seconds)
+            for structure in (SHORT_PERIOD, LATERAL):
+                add(found, block, structure)
+        for (name, estimator), rows in found.items():
+            _print(level, name, estimator, np.array(rows))
+
+
+def _print(level: str, name: str, estimator: str, rows: Array) -> None:
+    symbols = (SHORT_PERIOD if name == SHORT_PERIOD.name else LATERAL).derivatives
+    mean, rms = rows[:, 0].mean(axis=0), np.sqrt(np.mean(rows[:, 1] ** 2, axis=0))
+    inside = 100.0 * float(rows[:, 2].mean())
+    cells = [f"{d} {m:+.1f} ({r:.1f})" for d, m, r in zip(symbols, mean, rms, strict=True)]
+    print(
+        f"{level:9}{name:13}{estimator:26}{inside:4.0f} % of {rows[:, 2].size}  | {'  '.join(cells)}",
+        flush=True,
+    )
+
+
+if __name__ == "__main__":
+    main()
