@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from wingwatch.baselines.apriori import apriori_envelope
+from wingwatch.baselines.cells import Cell, CellMemory, aged, cell_of, joined
 from wingwatch.baselines.expectation import (
     DECLARED,
     MEASURED,
@@ -46,6 +47,11 @@ __all__ = [
     "concise",
     "empirical",
     "Reference",
+    "Cell",
+    "CellMemory",
+    "aged",
+    "cell_of",
+    "joined",
     "open_database",
     "Database",
     "DatabaseError",

@@ -14,6 +14,7 @@ from typing import Any
 from sqlalchemy import Engine, delete, insert, select, update
 from sqlalchemy.orm import Session
 
+from wingwatch.baselines.cells import Cell, CellMemory
 from wingwatch.baselines.connection import (
     DatabaseError,
     check_answers,
@@ -34,7 +35,7 @@ from wingwatch.baselines.records import (
     ReferenceRecord,
 )
 from wingwatch.baselines.reference import Reference
-from wingwatch.baselines.tables import AlertRow, EstimateRow, ExpectationRow, ReferenceRow
+from wingwatch.baselines.tables import AlertRow, CellRow, EstimateRow, ExpectationRow, ReferenceRow
 
 __all__ = ["Database", "DatabaseError", "open_database"]
 
@@ -43,6 +44,9 @@ MAX_PAGE = 1000
 
 MAX_REFERENCE_HISTORY = 1000
 """Most saved versions of one reference; the oldest go first."""
+
+MAX_CELLS = 64
+"""Most cells of the envelope that are remembered of one structure of a vehicle."""
 
 _PRUNE_SHARE = 10
 """Estimates are pruned each time a vehicle has added a tenth of its retention."""
@@ -200,6 +204,41 @@ class Database:
         query = select(ReferenceRow).where(*_same_reference(key)).order_by(ReferenceRow.id)
         with self._read() as session:
             return tuple(_reference(row) for row in session.scalars(query))
+
+    def save_cell(self, key: ReferenceKey, cell: Cell, memory: Reference, updated_at_s: float) -> None:
+        """Store what a cell of the envelope taught, in place of what was stored of it.
+
+        A vehicle keeps ``MAX_CELLS`` of a structure; those longest not flown go first.
+        """
+        with self._write() as session:
+            one_writer(session.connection())
+            of_key = tuple(getattr(CellRow, f.name) == getattr(key, f.name) for f in fields(key))
+            at = (CellRow.airspeed_cell == cell.airspeed, CellRow.altitude_cell == cell.altitude)
+            values = {**memory.to_dict(), "updated_at_s": updated_at_s}
+            row = session.scalar(select(CellRow).where(*of_key, *at))
+            if row is None:
+                place = {"airspeed_cell": cell.airspeed, "altitude_cell": cell.altitude}
+                session.add(CellRow(**asdict(key), **place, **values))
+            else:
+                session.execute(update(CellRow).where(CellRow.id == row.id).values(values))
+            session.flush()
+            newest = (CellRow.updated_at_s.desc(), CellRow.id.desc())
+            spare = select(CellRow.id).where(*of_key).order_by(*newest).offset(MAX_CELLS)
+            gone = session.scalars(spare).all()
+            session.execute(delete(CellRow).where(CellRow.id.in_(gone)))
+
+    def load_cells(self, key: ReferenceKey, now_at_s: float) -> dict[Cell, CellMemory]:
+        """What every cell of a vehicle's structure taught, with its age at ``now_at_s``."""
+        query = select(CellRow).where(
+            *(getattr(CellRow, f.name) == getattr(key, f.name) for f in fields(key))
+        )
+        with self._read() as session:
+            return {
+                Cell(row.airspeed_cell, row.altitude_cell): CellMemory(
+                    _taught(row), max(0.0, now_at_s - row.updated_at_s)
+                )
+                for row in session.scalars(query)
+            }
 
     def insert_alert(self, alert: AlertRecord) -> None:
         """Store a new alert."""
@@ -378,8 +417,12 @@ def _expectation(row: ExpectationRow) -> ExpectationRecord:
 
 def _reference(row: ReferenceRow) -> ReferenceRecord:
     key = ReferenceKey(**{f.name: getattr(row, f.name) for f in fields(ReferenceKey)})
+    return ReferenceRecord(key, _taught(row), row.updated_at_s)
+
+
+def _taught(row: ReferenceRow | CellRow) -> Reference:
     names = ("information", "vector", "blocks", "seconds")
-    return ReferenceRecord(key, Reference.from_dict({n: getattr(row, n) for n in names}), row.updated_at_s)
+    return Reference.from_dict({n: getattr(row, n) for n in names})
 
 
 def _alert(row: AlertRow) -> AlertRecord:

@@ -15,11 +15,12 @@ from sqlalchemy import (
     String,
     Text,
     TypeDecorator,
+    UniqueConstraint,
     text,
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["AlertRow", "Base", "EstimateRow", "ExpectationRow", "ReferenceRow"]
+__all__ = ["AlertRow", "Base", "CellRow", "EstimateRow", "ExpectationRow", "ReferenceRow"]
 
 _NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
@@ -145,6 +146,39 @@ class ReferenceRow(Base):
 
     __table_args__ = (
         Index("ix_reference_key", "fleet", "vehicle", "aircraft", "configuration", "structure", "id"),
+    )
+
+
+class CellRow(Base):
+    """What a vehicle's blocks in one cell of the envelope taught; one row a cell, replaced as it grows."""
+
+    __tablename__ = "cell_memory"
+
+    id: Mapped[int] = mapped_column(_Key, primary_key=True, autoincrement=True)
+    fleet: Mapped[str] = mapped_column(String(63))
+    vehicle: Mapped[str] = mapped_column(String(63))
+    aircraft: Mapped[str] = mapped_column(String(200))
+    configuration: Mapped[str] = mapped_column(String(100))
+    structure: Mapped[str] = mapped_column(String(50))
+    airspeed_cell: Mapped[int] = mapped_column(Integer)
+    altitude_cell: Mapped[int] = mapped_column(Integer)
+    information: Mapped[list[list[float]]] = mapped_column(Numbers)
+    vector: Mapped[list[float]] = mapped_column(Numbers)
+    blocks: Mapped[int] = mapped_column(Integer)
+    seconds: Mapped[float] = mapped_column(Double)
+    updated_at_s: Mapped[float] = mapped_column(Double)
+
+    __table_args__ = (
+        UniqueConstraint(
+            "fleet",
+            "vehicle",
+            "aircraft",
+            "configuration",
+            "structure",
+            "airspeed_cell",
+            "altitude_cell",
+            name="uq_cell_memory",
+        ),
     )
 
 

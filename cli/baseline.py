@@ -5,10 +5,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from wingwatch.aircraft import STRUCTURES, Aircraft, Provenance
-from wingwatch.baselines import DECLARED, MEASURED, Database, Envelope, Reference, ReferenceKey, open_database
+from wingwatch.baselines import (
+    DECLARED,
+    MEASURED,
+    Cell,
+    CellMemory,
+    Database,
+    Envelope,
+    Reference,
+    ReferenceKey,
+    open_database,
+)
 from wingwatch.cli.faults import CommandError
 
-__all__ = ["Baseline", "read_baseline", "stored_envelopes", "stored_references"]
+__all__ = ["Baseline", "read_baseline", "stored_cells", "stored_envelopes", "stored_references"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,3 +75,14 @@ def stored_references(
     keys = {name: ReferenceKey(fleet, vehicle, aircraft, configuration, name) for name in STRUCTURES}
     found = {name: database.load_reference(key) for name, key in keys.items()}
     return {name: reference for name, reference in found.items() if reference is not None}
+
+
+def stored_cells(
+    database: Database, fleet: str, vehicle: str, aircraft: str, configuration: str, now_at_s: float
+) -> dict[tuple[str, Cell], CellMemory]:
+    """What a vehicle's earlier flights remember of cells of the envelope, by structure and cell."""
+    found: dict[tuple[str, Cell], CellMemory] = {}
+    for name in STRUCTURES:
+        key = ReferenceKey(fleet, vehicle, aircraft, configuration, name)
+        found.update(((name, cell), m) for cell, m in database.load_cells(key, now_at_s).items())
+    return found

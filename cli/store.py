@@ -1,7 +1,7 @@
 """The fleet's memory in the database, written behind the live path's back.
 
-Reading happens at once; writing is left to one thread. What is newer replaces what waits: of an alert and of a
-reference only the latest version counts, so those two can wait for a database that is locked as long as it takes.
+Reading happens at once; writing is left to one thread. What is newer replaces what waits: of an alert, a reference
+and a cell only the latest version counts, so these can wait for a database that is locked as long as it takes.
 Every queue is bounded; what finds no room is dropped and counted, and estimates also when the database refuses them.
 """
 
@@ -14,6 +14,8 @@ from typing import Self
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import (
     AlertRecord,
+    Cell,
+    CellMemory,
     Database,
     DatabaseError,
     Envelope,
@@ -22,8 +24,8 @@ from wingwatch.baselines import (
     Reference,
     ReferenceKey,
 )
-from wingwatch.cli.baseline import stored_envelopes, stored_references
-from wingwatch.monitor import AlertState, AlertView, EvidenceView
+from wingwatch.cli.baseline import stored_cells, stored_envelopes, stored_references
+from wingwatch.monitor import AlertState, AlertView, CellPlace, EvidenceView
 
 __all__ = ["DatabaseStore", "alert_record", "alert_view"]
 
@@ -48,6 +50,7 @@ class DatabaseStore:
         self._created_s: dict[str, float] = {}
         self._alerts: dict[str, AlertView] = {}
         self._references: dict[ReferenceKey, Reference] = {}
+        self._cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float]] = {}
         self._estimates: list[EstimateRecord] = []
         self._lock = threading.Lock()
         self._news = threading.Event()
@@ -109,6 +112,36 @@ class DatabaseStore:
                 self._references[key] = reference
         self._news.set()
 
+    def cells(
+        self, fleet: str, vehicle: str, aircraft: str, configuration: str
+    ) -> Mapping[CellPlace, CellMemory]:
+        """What cells of the envelope taught, with their age; what waits to be written included."""
+        now_s = self._wall_clock()
+        found = stored_cells(self._database, fleet, vehicle, aircraft, configuration, now_s)
+        with self._lock:
+            for (key, cell), (reference, learned_s) in self._cells.items():
+                if (key.fleet, key.vehicle, key.aircraft, key.configuration) == (
+                    fleet, vehicle, aircraft, configuration
+                ):  # fmt: skip
+                    found[key.structure, cell] = CellMemory(reference, max(0.0, now_s - learned_s))
+        return found
+
+    def save_cells(
+        self,
+        fleet: str,
+        vehicle: str,
+        aircraft: str,
+        configuration: str,
+        cells: Mapping[CellPlace, Reference],
+    ) -> None:
+        """Keep what cells of the envelope taught."""
+        learned_s = self._wall_clock()
+        with self._lock:
+            for (structure, cell), reference in cells.items():
+                key = ReferenceKey(fleet, vehicle, aircraft, configuration, structure)
+                self._cells[key, cell] = (reference, learned_s)
+        self._news.set()
+
     def save_alert(self, alert: AlertView) -> None:
         """Keep an alert; one with the same id is replaced."""
         with self._lock:
@@ -142,6 +175,7 @@ class DatabaseStore:
         with self._lock:
             alerts, self._alerts = self._alerts, {}
             references, self._references = self._references, {}
+            cells, self._cells = self._cells, {}
             estimates, self._estimates = self._estimates, []
         try:
             while alerts:
@@ -151,9 +185,13 @@ class DatabaseStore:
                 key, reference = next(iter(references.items()))
                 self._database.save_reference(key, reference, self._wall_clock())
                 references.pop(key)
+            while cells:
+                place, (memory, learned_s) = next(iter(cells.items()))
+                self._database.save_cell(*place, memory, learned_s)
+                cells.pop(place)
             self._database.append_estimates(estimates)
         except Exception as error:  # whatever a database raises must not end this thread
-            self._took_not(error, alerts, references, len(estimates))
+            self._took_not(error, alerts, references, cells, len(estimates))
             return False
         self.problem = None
         return True
@@ -163,6 +201,7 @@ class DatabaseStore:
         error: Exception,
         alerts: dict[str, AlertView],
         references: dict[ReferenceKey, Reference],
+        cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float]],
         estimates: int,
     ) -> None:
         """Put back what must not be lost, unless something newer waits there by now."""
@@ -172,6 +211,7 @@ class DatabaseStore:
                 self._alerts.pop(next(iter(self._alerts)))
                 self.dropped_alerts += 1
             self._references = {**references, **self._references}
+            self._cells = {**cells, **self._cells}
             self.dropped_estimates += estimates
         sentence = str(error) if isinstance(error, DatabaseError) else f"{type(error).__name__}: {error}"
         if sentence != self.problem:

@@ -176,6 +176,18 @@ class FourierEstimator:
         """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz)."""
         solve_all(*self._arguments(state))
 
+    def resume(self, state: FourierState, information: Array, vector: Array, vehicle: int = 0) -> None:
+        """Put a memory in the place of what closed blocks said; the running block stays.
+
+        Args:
+            information, vector: a quadratic log-likelihood of the referred derivatives, (k, k) and (k,), the blocks
+                closed so far included where they are to count.
+        """
+        state.sensitivity[vehicle] = information
+        state.information[vehicle] = information
+        state.vector[vehicle] = vector
+        state.driven[vehicle] = 0.0
+
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
         c = self.config

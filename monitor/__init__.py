@@ -1,6 +1,7 @@
 """Monitor: findings, causes, alerts and the live loop."""
 
 from wingwatch.monitor.causes import CAUSES, Cause
+from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import Chain, Solution
 from wingwatch.monitor.fleet import FleetMonitor, FleetSettings, Outputs, Store
 from wingwatch.monitor.judge import JudgeConfig
@@ -21,6 +22,8 @@ __all__ = [
     "VehicleMonitor",
     "Report",
     "surface_kinds",
+    "CellBook",
+    "CellPlace",
     "Chain",
     "Solution",
     "CAUSES",

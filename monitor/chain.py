@@ -181,6 +181,12 @@ class Chain:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
         return Solution(state.last_s, {m.structure.name: self._read(state, m, None) for m in self._modes})
 
+    def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
+        """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
+        for m in self._modes:
+            if m.structure.name == structure:
+                m.fourier.resume(state.fourier[structure], information, vector)
+
     def _take(self, state: ChainState, values: Array) -> None:
         if not len(values):
             return

@@ -73,6 +73,18 @@ class Coordinates:
         slope, shift = scale / referred, (offset - kinematic) / referred
         return information * np.outer(slope, slope), slope * (vector - information @ shift)
 
+    def to_evidence(
+        self, information: Array, vector: Array, condition: FlightCondition
+    ) -> tuple[Array, Array]:
+        """Inverse of ``of_evidence``: information (k, k) and vector (k,) about referred derivatives."""
+        scale, offset = self.to_concise(condition)
+        speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
+        referred = referred_scale(self.structure, speed, density, self.reference)
+        kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
+        slope, shift = scale / referred, (offset - kinematic) / referred
+        known = information / np.outer(slope, slope)
+        return known, vector / slope + known @ shift
+
 
 @dataclass(frozen=True, slots=True)
 class Change:

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import Envelope, EstimateRecord, Reference
+from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
+from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
@@ -64,6 +65,23 @@ class Store(Protocol):
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
     ) -> None:
         """Keep what the vehicle's flights taught."""
+        ...
+
+    def cells(
+        self, fleet: str, vehicle: str, aircraft: str, configuration: str
+    ) -> Mapping[CellPlace, CellMemory]:
+        """What cells of the envelope taught, with their age."""
+        ...
+
+    def save_cells(
+        self,
+        fleet: str,
+        vehicle: str,
+        aircraft: str,
+        configuration: str,
+        cells: Mapping[CellPlace, Reference],
+    ) -> None:
+        """Keep what cells taught; each takes the place of what was kept of it."""
         ...
 
     def save_alert(self, alert: AlertView) -> None:
@@ -235,16 +253,18 @@ class FleetMonitor:
         store = self._store
         learned: Mapping[str, Reference] | None = None
         kept: Mapping[str, Envelope] | None = None
+        cells: Mapping[CellPlace, CellMemory] | None = None
         if store is not None:
             configuration = announced.configuration
             learned = self._guarded(lambda: store.references(fleet, vehicle, aircraft.name, configuration))
             kept = self._guarded(lambda: store.envelopes(aircraft, configuration))
+            cells = self._guarded(lambda: store.cells(fleet, vehicle, aircraft.name, configuration))
         # What the message carries counts, not what its few samples happen to hold: a vane may start late.
         present = [*message.given, *derivations(message.given)]
         monitor = VehicleMonitor(
             aircraft, fleet, vehicle, present, surface_kinds(message.given),
-            configuration=announced.configuration, references=learned, envelopes=kept, new_id=self._new_id,
-            config=self._settings.judge,
+            configuration=announced.configuration, references=learned, envelopes=kept, cells=cells,
+            new_id=self._new_id, config=self._settings.judge,
         )  # fmt: skip
         known.saved_blocks = _blocks(monitor)
         return monitor
@@ -303,10 +323,13 @@ class FleetMonitor:
             rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]
         if rows:
             self._guarded(lambda: store.append_estimates(rows))
+        name, configuration = monitor.aircraft.name, monitor.configuration
+        cells = monitor.cells.take_changed()
+        if cells:
+            self._guarded(lambda: store.save_cells(fleet, vehicle, name, configuration, cells))
         learned = _blocks(monitor)
         if learned > known.saved_blocks:
             known.saved_blocks = learned
-            name, configuration = monitor.aircraft.name, monitor.configuration
             self._guarded(
                 lambda: store.save_references(fleet, vehicle, name, configuration, monitor.references)
             )

@@ -16,12 +16,13 @@ from wingwatch.aircraft import (
     ModeStructure,
     mode_quantities,
 )
-from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, Reference
+from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
+from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import Chain, ModeSolution, Solution, nominal_condition
-from wingwatch.monitor.comparison import Coordinates
-from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig
+from wingwatch.monitor.comparison import Coordinates, natural_size
+from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 
@@ -69,6 +70,7 @@ class VehicleMonitor:
         kinds: of the surfaces (see ``surface_kinds``).
         references: what earlier flights of this vehicle taught, by structure.
         envelopes: expectations that take the place of the aircraft file's, by structure.
+        cells: what earlier flights remember of cells of the envelope.
         new_id: makes alert ids.
     """
 
@@ -83,6 +85,7 @@ class VehicleMonitor:
         configuration: str = "clean",
         references: Mapping[str, Reference] | None = None,
         envelopes: Mapping[str, Envelope] | None = None,
+        cells: Mapping[CellPlace, CellMemory] | None = None,
         new_id: Callable[[], str],
         config: JudgeConfig | None = None,
     ) -> None:
@@ -97,6 +100,7 @@ class VehicleMonitor:
         nominal = nominal_condition(aircraft)
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
         self.judge = Judge({s.name: Coordinates(s, aircraft, reference) for s in self._compared}, config)
+        self.cells = CellBook(self.judge.coordinates, cells)
         self._judge_state = self.judge.init(references or {}, self._founded_by_file(nominal))
         self.book = AlertBook(fleet, vehicle, new_id)
         self._memory = _Memory()
@@ -163,6 +167,7 @@ class VehicleMonitor:
                 continue
             self._memory.outside = ""
             modes[mode.structure.name] = self.judge.mode_block(mode, expectation, condition)
+            self._remember(mode, modes[mode.structure.name], condition)
         if condition is None or not modes:
             return None
         block = BlockView(fresh[0].block.end_s, condition, modes)
@@ -170,6 +175,16 @@ class VehicleMonitor:
         return self.book.follow(
             self.judge, self._judge_state, verdict, condition, solution.time_s, self.basis or "a-priori"
         )
+
+    def _remember(self, mode: ModeSolution, seen: ModeBlock, condition: FlightCondition) -> None:
+        """The block joins the memory of its cell; in another cell than before, its memory is resumed."""
+        name = mode.structure.name
+        memory = self.cells.block(
+            name, mode.block, condition, natural_size(seen.expected, seen.expected_covariance),
+            trusted=self.book.active is None and not mode.rough,
+        )  # fmt: skip
+        if memory is not None:
+            self.chain.resume(self._chain_state, name, *memory)
 
     def _update_state(self, solution: Solution) -> None:
         m = self._memory
@@ -215,6 +230,8 @@ class VehicleMonitor:
         }[self.basis]
         for name, symbols in self._judge_state.contradictions.items():
             words += f"; the a-priori {name} does not fit this aircraft ({', '.join(symbols) or 'jointly'})"
+        if self.cells.text:
+            words += f"; {self.cells.text}"
         return words + "."
 
     def expectation(

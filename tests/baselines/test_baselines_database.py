@@ -18,6 +18,7 @@ from sqlalchemy import create_engine, make_url, text
 from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, Provenance
 from wingwatch.baselines import (
     AlertRecord,
+    Cell,
     Database,
     DatabaseError,
     EstimateRecord,
@@ -374,3 +375,30 @@ def test_stored_numbers_are_plain_json(database: Database, url: str) -> None:
         raise AssertionError(f"{constant} is not JSON")
 
     assert json.loads(stored, parse_constant=refuse)[0]["z"] == "NaN"
+
+
+def test_what_a_cell_taught_comes_back_bit_for_bit_with_its_age(database: Database) -> None:
+    key = ReferenceKey("default", "uav1", "aerosonde", "clean", "short_period")
+    first = Reference.empty(2).add(np.array([[2.0, 0.1], [0.1, 1.0 / 3.0]]), np.array([0.1, math.pi]), 10.0)
+    more = first.add(np.eye(2), np.ones(2), 10.0)
+    database.save_cell(key, Cell(23, 1), first, 1000.0)
+    database.save_cell(key, Cell(24, -1), more, 1500.0)
+    database.save_cell(key, Cell(23, 1), more, 2000.0)
+    found = database.load_cells(key, 2600.0)
+    assert {cell: memory.age_s for cell, memory in found.items()} == {
+        Cell(23, 1): 600.0,
+        Cell(24, -1): 1100.0,
+    }
+    assert found[Cell(23, 1)].reference.to_dict() == more.to_dict()
+    assert database.load_cells(replace(key, vehicle="uav2"), 2600.0) == {}
+    assert database.load_cells(key, 0.0)[Cell(23, 1)].age_s == 0.0  # a clock that was put back
+
+
+def test_a_vehicle_keeps_a_bounded_number_of_cells(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database_module, "MAX_CELLS", 3)
+    key = ReferenceKey("default", "uav1", "aerosonde", "clean", "short_period")
+    for k in range(5):
+        database.save_cell(key, Cell(k, 0), Reference.empty(2), float(k))
+    assert sorted(database.load_cells(key, 10.0)) == [Cell(2, 0), Cell(3, 0), Cell(4, 0)]

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.baselines import Envelope, EstimateRecord, Reference
+from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
 from wingwatch.monitor import (
     AlertAction,
     AlertState,
     AlertView,
+    CellPlace,
     FleetMonitor,
     FleetSettings,
     JudgeConfig,
@@ -68,6 +69,7 @@ class FakeStore:
     learned: list[tuple[str, int]] = field(default_factory=list)
     alerts_kept: list[AlertView] = field(default_factory=list)
     rows: list[EstimateRecord] = field(default_factory=list)
+    cells_kept: dict[CellPlace, Reference] = field(default_factory=dict)
 
     def _fail(self) -> None:
         if self.broken:
@@ -89,6 +91,23 @@ class FakeStore:
     ) -> None:
         self._fail()
         self.learned.append((aircraft, max(r.blocks for r in references.values())))
+
+    def cells(
+        self, fleet: str, vehicle: str, aircraft: str, configuration: str
+    ) -> Mapping[CellPlace, CellMemory]:
+        self._fail()
+        return {}
+
+    def save_cells(
+        self,
+        fleet: str,
+        vehicle: str,
+        aircraft: str,
+        configuration: str,
+        cells: Mapping[CellPlace, Reference],
+    ) -> None:
+        self._fail()
+        self.cells_kept.update(cells)
 
     def save_alert(self, alert: AlertView) -> None:
         self._fail()

@@ -1,0 +1,191 @@
+"""Fourier memory by cell of the envelope: kept while a vehicle flies there, resumed when it comes back.
+
+What a cell remembers are the vehicle's own blocks. It is where an estimate starts from, never evidence: the
+monitor's test sees fresh blocks alone, and a fresh block that contradicts what a cell remembers has that dropped.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from wingwatch.aircraft import FlightCondition
+from wingwatch.baselines import Cell, CellMemory, Reference, aged, cell_of, joined
+from wingwatch.estimators import BlockEvidence
+from wingwatch.monitor.comparison import Coordinates, change_since
+
+__all__ = ["CellBook", "CellPlace"]
+
+Array = NDArray[np.float64]
+
+CellPlace = tuple[str, Cell]
+"""A structure's name and a cell."""
+
+CONTRADICTION = 1e-4
+"""Probability below which a fresh block contradicts what its cell remembers; the monitor's own for expectations."""
+
+MAX_CELLS = 64
+"""Cells in memory of one structure."""
+
+
+@dataclass(slots=True)
+class _Account:
+    """What a cell taught, and when on the vehicle's clock; before this flight, how old it was at its start."""
+
+    reference: Reference
+    at_s: float | None
+    age_s: float
+
+
+@dataclass(slots=True)
+class _Visit:
+    """The stay in a cell: what was resumed there, what was carried in from the cell before, has a block informed."""
+
+    cell: Cell
+    resumed: Reference | None
+    carried: Reference | None
+    informed: bool = False
+
+
+class CellBook:
+    """The cells of one vehicle and configuration.
+
+    Args:
+        coordinates: of the structures that are remembered.
+        kept: what earlier flights left, with its age.
+    """
+
+    def __init__(
+        self, coordinates: Mapping[str, Coordinates], kept: Mapping[CellPlace, CellMemory] | None = None
+    ) -> None:
+        self._coordinates = coordinates
+        self._accounts = {
+            place: _Account(memory.reference, None, memory.age_s)
+            for place, memory in (kept or {}).items()
+            if place[0] in coordinates and memory.reference.vector.size == _size(coordinates[place[0]])
+        }
+        self._visits: dict[str, _Visit] = {}
+        self._changed: set[CellPlace] = set()
+
+    def take_changed(self) -> dict[CellPlace, Reference]:
+        """What has been learned since the last call."""
+        changed, self._changed = self._changed, set()
+        return {place: self._accounts[place].reference for place in changed if place in self._accounts}
+
+    @property
+    def text(self) -> str:
+        """What the present estimates have resumed, empty if nothing."""
+        words = []
+        for name, visit in self._visits.items():
+            if visit.resumed is not None:
+                seconds = visit.resumed.seconds
+                words.append(f"{name} resumed from {seconds:.0f} s of own flight at {visit.cell.text}")
+        return "; ".join(words)
+
+    def block(
+        self,
+        name: str,
+        block: BlockEvidence,
+        condition: FlightCondition,
+        natural: Array,
+        *,
+        trusted: bool,
+    ) -> tuple[Array, Array] | None:
+        """Take in a closed block.
+
+        Args:
+            name: its structure.
+            block: the Fourier form's evidence.
+            condition: mean over the block.
+            natural: natural size of each derivative in the structure's coordinates, (k,).
+            trusted: False while an alert stands or the air is rough: then nothing is learned nor resumed.
+
+        Returns:
+            information (k, k) and vector (k,) of referred derivatives to take the place of the estimator's sums, when a
+            cell is resumed or what was resumed is dropped; else None.
+        """
+        c = self._coordinates[name]
+        present = self._visits.get(name)
+        try:
+            cell = cell_of(
+                condition.airspeed_true_m_s, condition.altitude_m, present.cell if present else None
+            )
+        except ValueError:
+            return None
+        parts = (block.information, block.vector, block.bias)
+        if not trusted or not all(np.isfinite(part).all() for part in parts) or not (natural > 0.0).all():
+            return None
+        information, vector = _without_bias(block)
+        fresh = c.of_evidence(information, vector, condition)
+        visit, rebuilt = present, False
+        if visit is None or cell != visit.cell:
+            visit = self._enter(name, cell, block.end_s, natural)
+            rebuilt = visit.resumed is not None
+        informs = float(np.trace(information)) > 0.0
+        if informs:
+            account = self._accounts.get((name, cell))
+            known = aged(CellMemory(account.reference, 0.0), natural) if account is not None else None
+            if known is not None and _contradicts(known, fresh, natural):
+                rebuilt = visit.resumed is not None and not visit.informed
+                visit.resumed = None
+                self._accounts.pop((name, cell))
+            visit.informed = True
+            self._learn((name, cell), fresh, block)
+        if not rebuilt:
+            return None
+        total, pull = (part.copy() for part in fresh)
+        for part in (visit.resumed, visit.carried):
+            if part is not None:
+                total, pull = total + part.information, pull + part.vector
+        return c.to_evidence(total, pull, condition)
+
+    def _enter(self, name: str, cell: Cell, now_s: float, natural: Array) -> _Visit:
+        """A new visit. Cells hold different blocks, so what is resumed and what is carried in are independent."""
+        before, account = self._visits.get(name), self._accounts.get((name, cell))
+        resumed = carried = None
+        if account is not None:
+            away = account.age_s if account.at_s is None else now_s - account.at_s
+            resumed = aged(CellMemory(account.reference, max(0.0, away)), natural)
+            self._accounts[name, cell] = _Account(resumed, now_s, 0.0)
+            left = self._accounts.get((name, before.cell)) if before is not None else None
+            if left is not None:
+                carried = aged(CellMemory(left.reference, 0.0), natural)
+        visit = _Visit(cell, resumed, carried)
+        self._visits[name] = visit
+        return visit
+
+    def _learn(self, place: CellPlace, fresh: tuple[Array, Array], block: BlockEvidence) -> None:
+        account = self._accounts.pop(place, None)
+        seconds = block.end_s - block.start_s
+        known = account.reference if account is not None else Reference.empty(block.vector.size)
+        learned = joined(known, *fresh, seconds)
+        self._accounts[place] = _Account(learned, block.end_s, 0.0)
+        self._changed.add(place)
+        own = [p for p in self._accounts if p[0] == place[0]]
+        for oldest in own[: max(0, len(own) - MAX_CELLS)]:
+            self._accounts.pop(oldest)
+
+
+def _size(coordinates: Coordinates) -> int:
+    return len(coordinates.structure.derivatives)
+
+
+def _without_bias(block: BlockEvidence) -> tuple[Array, Array]:
+    """The evidence with the bias that gusts may have caused as one more error: (J^-1 + b b')^-1, from J b."""
+    pushed = block.bias
+    bias = np.linalg.pinv(block.information, rcond=1e-9, hermitian=True) @ pushed
+    grown = 1.0 + float(bias @ pushed)
+    information = block.information - np.outer(pushed, pushed) / grown
+    return information, block.vector - pushed * float(bias @ block.vector) / grown
+
+
+def _contradicts(resumed: Reference, fresh: tuple[Array, Array], natural: Array) -> bool:
+    """Whether a block and what was resumed cannot both be of this aircraft."""
+    covariance = np.asarray(np.linalg.inv(resumed.information + np.diag((3.0 * natural) ** -2.0)))
+    mean = np.asarray(covariance @ resumed.vector, dtype=np.float64)
+    change = change_since(mean, covariance, *fresh, np.zeros_like(covariance), natural)
+    freedom = float(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
+    distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
+    return bool(freedom and chi2.sf(distance, freedom) < CONTRADICTION)
