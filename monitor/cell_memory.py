@@ -26,6 +26,9 @@ CellPlace = tuple[str, Cell]
 CONTRADICTION = 1e-4
 """Probability below which a fresh block contradicts what its cell remembers; the monitor's own for expectations."""
 
+TRIAL_BLOCKS = 6
+"""Informative blocks after which a new memory takes the place of a contradicted one; an alert comes within three."""
+
 MAX_CELLS = 64
 """Cells in memory of one structure."""
 
@@ -37,6 +40,8 @@ class _Account:
     reference: Reference
     at_s: float | None
     age_s: float
+    trial: bool = False
+    """In the place of a memory that was contradicted: kept for other flights only when it has lasted."""
 
 
 @dataclass(slots=True)
@@ -91,7 +96,8 @@ class CellBook:
         condition: FlightCondition,
         natural: Array,
         *,
-        trusted: bool,
+        alarmed: bool = False,
+        rough: bool = False,
     ) -> tuple[Array, Array] | None:
         """Take in a closed block.
 
@@ -100,7 +106,8 @@ class CellBook:
             block: the Fourier form's evidence.
             condition: mean over the block.
             natural: natural size of each derivative in the structure's coordinates, (k,).
-            trusted: False while an alert stands or the air is rough: then nothing is learned nor resumed.
+            alarmed: an alert stands: nothing is learned or resumed.
+            rough: the air biases the block: nothing is learned from it, and it contradicts nothing.
 
         Returns:
             information (k, k) and vector (k,) of referred derivatives to take the place of the estimator's sums, when a
@@ -114,8 +121,11 @@ class CellBook:
             )
         except ValueError:
             return None
+        if alarmed:
+            self._end_trials(name)
+            return None
         parts = (block.information, block.vector, block.bias)
-        if not trusted or not all(np.isfinite(part).all() for part in parts) or not (natural > 0.0).all():
+        if not all(np.isfinite(part).all() for part in parts) or not (natural > 0.0).all():
             return None
         information, vector = _without_bias(block)
         fresh = c.of_evidence(information, vector, condition)
@@ -123,14 +133,14 @@ class CellBook:
         if visit is None or cell != visit.cell:
             visit = self._enter(name, cell, block.end_s, natural)
             rebuilt = visit.resumed is not None
-        informs = float(np.trace(information)) > 0.0
+        informs = float(np.trace(information)) > 0.0 and not rough
         if informs:
             account = self._accounts.get((name, cell))
             known = aged(CellMemory(account.reference, 0.0), natural) if account is not None else None
             if known is not None and _contradicts(known, fresh, natural):
                 rebuilt = visit.resumed is not None and not visit.informed
                 visit.resumed = None
-                self._accounts.pop((name, cell))
+                self._accounts[name, cell] = _Account(Reference.empty(natural.size), None, 0.0, trial=True)
             visit.informed = True
             self._learn((name, cell), fresh, block)
         if not rebuilt:
@@ -145,10 +155,10 @@ class CellBook:
         """A new visit. Cells hold different blocks, so what is resumed and what is carried in are independent."""
         before, account = self._visits.get(name), self._accounts.get((name, cell))
         resumed = carried = None
-        if account is not None:
+        if account is not None and account.reference.blocks:
             away = account.age_s if account.at_s is None else now_s - account.at_s
             resumed = aged(CellMemory(account.reference, max(0.0, away)), natural)
-            self._accounts[name, cell] = _Account(resumed, now_s, 0.0)
+            self._accounts[name, cell] = _Account(resumed, now_s, 0.0, account.trial)
             left = self._accounts.get((name, before.cell)) if before is not None else None
             if left is not None:
                 carried = aged(CellMemory(left.reference, 0.0), natural)
@@ -156,13 +166,18 @@ class CellBook:
         self._visits[name] = visit
         return visit
 
+    def _end_trials(self, name: str) -> None:
+        """What contradicted a memory was a fault: it is not what this aircraft is like."""
+        for place in [p for p, account in self._accounts.items() if p[0] == name and account.trial]:
+            self._accounts.pop(place)
+
     def _learn(self, place: CellPlace, fresh: tuple[Array, Array], block: BlockEvidence) -> None:
-        account = self._accounts.pop(place, None)
-        seconds = block.end_s - block.start_s
-        known = account.reference if account is not None else Reference.empty(block.vector.size)
-        learned = joined(known, *fresh, seconds)
-        self._accounts[place] = _Account(learned, block.end_s, 0.0)
-        self._changed.add(place)
+        account = self._accounts.pop(place, None) or _Account(Reference.empty(block.vector.size), None, 0.0)
+        learned = joined(account.reference, *fresh, block.end_s - block.start_s)
+        trial = account.trial and learned.blocks < TRIAL_BLOCKS
+        self._accounts[place] = _Account(learned, block.end_s, 0.0, trial)
+        if not trial:
+            self._changed.add(place)
         own = [p for p in self._accounts if p[0] == place[0]]
         for oldest in own[: max(0, len(own) - MAX_CELLS)]:
             self._accounts.pop(oldest)

@@ -181,7 +181,7 @@ class VehicleMonitor:
         name = mode.structure.name
         memory = self.cells.block(
             name, mode.block, condition, natural_size(seen.expected, seen.expected_covariance),
-            trusted=self.book.active is None and not mode.rough,
+            alarmed=self.book.active is not None, rough=mode.rough,
         )  # fmt: skip
         if memory is not None:
             self.chain.resume(self._chain_state, name, *memory)
