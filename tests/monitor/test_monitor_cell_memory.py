@@ -132,7 +132,7 @@ def test_what_is_not_finite_or_of_another_size_is_passed_over() -> None:
 
 
 def test_a_second_flight_starts_from_what_the_first_one_learned() -> None:
-    """Fifteen seconds into the second flight its errors are smaller than without memory, and it says what it rests on."""
+    """Fifteen seconds into the second flight its errors are smaller than without memory, and it says why."""
     doublets = (doublet_schedule(AEROSONDE, SLOW, np.deg2rad(2.0)),)
 
     def monitor(samples: SampleBlock, cells: dict[CellPlace, CellMemory]) -> VehicleMonitor:
