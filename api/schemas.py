@@ -183,6 +183,10 @@ class ModeEstimate(_OpenAnswer):
 
     outcome: str
     derivatives: dict[str, DerivativeValue]
+    confounded: list[list[str]] = Field(
+        default_factory=list,
+        description="sets of derivatives that cannot be told apart: only combinations are known",
+    )
     natural_frequency_rad_s: float | None = None
     natural_frequency_rad_s_standard_error: float | None = None
     damping_ratio: float | None = None

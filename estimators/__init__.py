@@ -1,5 +1,6 @@
 """Estimators: derivatives with covariance and standing, online, for batches of vehicles."""
 
+from wingwatch.estimators.confounding import told_apart_text
 from wingwatch.estimators.differentiation import (
     differentiate_local,
     differentiate_spline,
@@ -53,6 +54,7 @@ from wingwatch.estimators.static_derivatives import (
 
 __all__ = [
     "Estimate",
+    "told_apart_text",
     "Outcome",
     "BlockEvidence",
     "FourierConfig",

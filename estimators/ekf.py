@@ -232,7 +232,7 @@ class EkfEstimator:
         return standing(
             self.name, c.structure, float(state.rows[vehicle, 0, 0]), value, covariance, state.informed_s[vehicle],
             c.stale_s, 3.0 * c.prior_std * scale, bool(state.counts[vehicle, 0] > WARM_UP),
-            np.array([airspeed, altitude, density, alpha]),
+            np.array([airspeed, altitude, density, alpha]), prior_ratio=1.0,
         )  # fmt: skip
 
     def take_gained(self, state: EkfState, vehicle: int = 0) -> tuple[Array, Array]:

@@ -35,6 +35,8 @@ class Estimate:
         reason: one clause for the operator when the outcome is not ``converged``, else empty.
         condition: mean (airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad) over
             the samples that the estimate rests on.
+        confounded: sets of derivatives of which only combinations are known, because what they multiply moved
+            together; those of them that are not known to within their natural size are ``not_observable``.
     """
 
     estimator: str
@@ -46,6 +48,7 @@ class Estimate:
     outcome: Outcome
     reason: str
     condition: tuple[float, float, float, float]
+    confounded: tuple[tuple[str, ...], ...] = ()
 
     @property
     def standard_error(self) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.estimators.confounding import confounded_sets, told_apart_text
 from wingwatch.estimators.estimate import Estimate, Outcome
 
 __all__ = ["offsets", "referred_scale", "standing"]
@@ -56,29 +57,35 @@ def standing(
     prior_std: Array,
     solved: bool,
     condition: Array,
+    prior_ratio: float = 3.0,
 ) -> Estimate:
     """An Estimate with its outcomes.
 
     A derivative is converged when its standard error is below a quarter of its size or of its natural size (a third
     of the wide prior); it is settling while data arrive; it is not observable when its regressor has carried
-    nothing but noise for ``stale_s``, or the data have said less than its natural size.
+    nothing but noise for ``stale_s``, or the data have said less than its natural size, or it cannot be told from
+    others (``confounding``). ``prior_ratio`` is the prior that the covariance holds, in natural sizes.
     """
     error = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     natural = prior_std / 3.0
+    confounded, sets = confounded_sets(structure, covariance, natural, prior_ratio)
     outcomes = []
     for k in range(value.size):
         if not np.isfinite(value[k]) or not np.isfinite(error[k]):
             outcomes.append(Outcome.REJECTED if solved else Outcome.NOT_OBSERVABLE)
-        elif not solved or time_s - informed_s[k] > stale_s or error[k] > natural[k]:
+        elif not solved or time_s - informed_s[k] > stale_s or error[k] > natural[k] or confounded[k]:
             outcomes.append(Outcome.NOT_OBSERVABLE)
         elif error[k] <= 0.25 * max(abs(value[k]), natural[k]):
             outcomes.append(Outcome.CONVERGED)
         else:
             outcomes.append(Outcome.SETTLING)
     outcome, reason = _together(structure, outcomes, informed_s, time_s, stale_s, solved)
+    if sets and outcome is not Outcome.REJECTED:
+        reason = "; ".join(part for part in (told_apart_text(structure, sets), reason) if part)
     return Estimate(
         estimator, structure, time_s, value, covariance, tuple(outcomes), outcome, reason,
         (float(condition[0]), float(condition[1]), float(condition[2]), float(condition[3])),
+        sets,
     )  # fmt: skip
 
 

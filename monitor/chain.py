@@ -28,6 +28,7 @@ from wingwatch.estimators import (
     SignalState,
     gather_motion,
     offsets,
+    told_apart_text,
 )
 from wingwatch.telemetry import SampleBlock, missing_for
 
@@ -253,8 +254,19 @@ def _gated(ekf: Estimate, fourier: Estimate) -> Estimate:
     outcomes = tuple(
         Outcome.NOT_OBSERVABLE if h else own for h, own in zip(hidden, ekf.outcomes, strict=True)
     )
+    confounded = tuple(dict.fromkeys((*ekf.confounded, *fourier.confounded)))
     if fourier.outcome is Outcome.NOT_OBSERVABLE and ekf.outcome is not Outcome.REJECTED:
-        return replace(ekf, outcomes=outcomes, outcome=Outcome.NOT_OBSERVABLE, reason=fourier.reason)
+        return replace(
+            ekf,
+            outcomes=outcomes,
+            outcome=Outcome.NOT_OBSERVABLE,
+            reason=fourier.reason,
+            confounded=confounded,
+        )
+    if confounded != ekf.confounded:
+        apart = told_apart_text(ekf.structure, confounded)
+        reason = f"{apart}; {ekf.reason}" if ekf.reason and not ekf.confounded else apart
+        return replace(ekf, outcomes=outcomes, reason=reason, confounded=confounded)
     return replace(ekf, outcomes=outcomes)
 
 

@@ -299,6 +299,7 @@ class VehicleMonitor:
         return {
             "outcome": str(estimate.outcome),
             "reason": estimate.reason,
+            "confounded": [list(names) for names in estimate.confounded],
             "condition": dict(zip(_CONDITION, estimate.condition, strict=True)),
             "derivatives": rows,
             "natural_frequency_rad_s": frequency[0],
