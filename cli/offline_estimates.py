@@ -241,7 +241,7 @@ def _mode(aircraft: Aircraft, envelope: Envelope, estimate: Estimate, fit: Fit) 
 
 def _fit(symbols: Sequence[str], estimate: Estimate, fit: Fit) -> dict[str, Any]:
     def errors(covariance: NDArray[np.float64]) -> dict[str, float]:
-        return dict(zip(symbols, np.sqrt(np.diagonal(covariance)).tolist(), strict=True))
+        return dict(zip(symbols, np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist(), strict=True))
 
     return {
         "channels": {

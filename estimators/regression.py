@@ -334,6 +334,8 @@ def finished(
     airspeed, _, density, alpha = condition
     scale = referred_scale(structure, airspeed, density, config.reference)
     value = referred * scale + offsets(structure, airspeed, alpha)
+    if (np.diagonal(coloured) <= 0.0).any():  # rounding, where the data determine next to nothing
+        coloured = white
     plain, wide = white * np.outer(scale, scale), coloured * np.outer(scale, scale)
     covariance = wide if use_coloured else plain
     size = np.abs(value) if natural is None else np.asarray(natural, dtype=np.float64)

@@ -146,11 +146,9 @@ def test_reduced_motions_are_found_where_they_are_all_there_is(
     for k in range(1, n):
         states[k] = grown[:-1, :-1] @ states[k - 1] + grown[:-1, -1] * surface[k - 1]
     columns: dict[str, Array] = {name: np.zeros(n) for name in REQUIRED_CHANNELS}
-    columns |= {
-        "time_s": dt * np.arange(n),
-        "airspeed_true_m_s": np.full(n, 25.0),
-        "altitude_m": np.full(n, 1e3),
-    }
+    columns["time_s"] = np.linspace(0.0, (n - 1) * dt, n)
+    columns["airspeed_true_m_s"] += 25.0
+    columns["altitude_m"] += 1000.0
     for symbol, values in zip(structure.states, states.T, strict=True):
         columns[channels[symbol]] = columns[channels[symbol]] + values
     columns[channels[structure.inputs[0]]] = surface
