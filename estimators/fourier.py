@@ -6,7 +6,7 @@ jointly with the noise in the regressors accounted for, and the noise variances 
 The derivation, with what each step gains, is in ``docs/estimators.md``.
 
 A block is the rectangular window of ``block_s``; when it ends, its information is added to what is known, which
-is forgotten with ``memory_s`` unless all has been quiet for ``stale_s``.
+fades with ``memory_s`` where new data replace it.
 """
 
 from dataclasses import dataclass, field
@@ -38,7 +38,7 @@ class FourierConfig:
         prior_std: shape (k,), so wide that it only keeps the solution finite where the data say nothing.
         reference: (airspeed_true_m_s, air_density_kg_m3) to which derivatives are referred.
         block_s: length of a block; bins are spaced by its inverse.
-        memory_s: time constant of forgetting while something is excited; long quiet forgets nothing.
+        memory_s: time constant of forgetting where new data come; what they do not replace is kept.
         first_solution_s: time of data before the first solution (thesis 9.2: 2 s).
         stale_s: without excitation for this long a derivative is not observable.
         held: for each input, whether it is held between samples (a command) rather than linear (a position).
@@ -93,6 +93,7 @@ class FourierState:
         theta, noise: current referred derivatives (k,) and noise variances.
         noise_known: (variances..., weight) gathered from closed blocks.
         sensitivity, information, vector, driven: what closed blocks said, (k, k), (k, k), (k,), (k,).
+        reserve: the part of these four, side by side (k, 2 k + 2), that has faded and that nothing new has replaced.
         covariance: of theta, (k, k).
         informed_s: last time each derivative's regressor carried signal, (k,).
         evidence_matrix, evidence_vector, evidence_bias, evidence_span: of the last closed block, for the monitor.
@@ -113,6 +114,7 @@ class FourierState:
     information: Array
     vector: Array
     driven: Array
+    reserve: Array
     covariance: Array
     informed_s: Array
     evidence_matrix: Array
@@ -153,6 +155,7 @@ class FourierEstimator:
             information=np.zeros((n, k, k)),
             vector=np.zeros((n, k)),
             driven=np.zeros((n, k)),
+            reserve=np.zeros((n, k, 2 * k + 2)),
             covariance=np.tile(np.diag(c.prior_std**2), (n, 1, 1)),
             informed_s=np.full((n, k), -np.inf),
             evidence_matrix=np.zeros((n, k, k)),
@@ -187,6 +190,7 @@ class FourierEstimator:
         state.information[vehicle] = information
         state.vector[vehicle] = vector
         state.driven[vehicle] = 0.0
+        state.reserve[vehicle] = 0.0
 
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
@@ -234,6 +238,6 @@ class FourierEstimator:
             c.omega_rad_s, np.array(c.held), lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
             c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
-            s.driven, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
+            s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
             s.evidence_span, s.condition, s.counts,
         )  # fmt: skip

@@ -6,12 +6,16 @@ Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. Arrays lead with
 import numpy as np
 from numba import njit
 
+from wingwatch.estimators.forgetting import replaced
 from wingwatch.estimators.fourier_bank import advance_bank, block_transforms
 from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
 from wingwatch.estimators.fourier_equations import block_equations, noise_update
 from wingwatch.estimators.signals import MAX_GAP_S
 
 __all__ = ["solve_all", "update_all"]
+
+RESERVE_THAT_COUNTS = 0.01
+"""Share of a derivative's information in reserve, from which on the running block is asked what it replaces."""
 
 LOWEST_NOISE = 0.5
 """A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
@@ -147,11 +151,47 @@ def _combine(i, theta, covariance, sensitivity, information, vector, driven, pri
 
 
 @njit(cache=True)
+def _fade(share, sensitivity, information, vector, driven, reserve):  # type: ignore[no-untyped-def]
+    """What the clock makes fade goes into reserve; what is known in all stays as it is."""
+    k = vector.size
+    for a in range(k):
+        for b in range(k):
+            reserve[a, b] += share * (sensitivity[a, b] - reserve[a, b])
+            reserve[a, k + b] += share * (information[a, b] - reserve[a, k + b])
+        reserve[a, 2 * k] += share * (vector[a] - reserve[a, 2 * k])
+        reserve[a, 2 * k + 1] += share * (driven[a] - reserve[a, 2 * k + 1])
+
+
+@njit(cache=True)
+def _replace(share, gained, prior_std, sensitivity, information, vector, driven, reserve):  # type: ignore[no-untyped-def]
+    """Of the reserve goes what a block that brings ``gained`` replaces."""
+    k = vector.size
+    counts = False
+    for a in range(k):
+        counts = counts or reserve[a, a] > RESERVE_THAT_COUNTS * sensitivity[a, a]
+    if not counts or np.trace(gained) <= 0.0:
+        return
+    ridge = np.diag(1.0 / (prior_std * prior_std))
+    old, spread = np.ascontiguousarray(reserve[:, :k]), np.ascontiguousarray(reserve[:, k : 2 * k])
+    score, gust = np.ascontiguousarray(reserve[:, 2 * k]), np.ascontiguousarray(reserve[:, 2 * k + 1])
+    left = replaced(old, sensitivity + gained + ridge, gained, share)
+    turned = np.ascontiguousarray(left.T)
+    new, spread_left = left @ old @ turned, left @ spread @ turned
+    score_left, gust_left = left @ score, left @ gust
+    sensitivity += new - old
+    information += spread_left - spread
+    vector += score_left - score
+    driven += gust_left - gust
+    reserve[:, :k], reserve[:, k : 2 * k] = new, spread_left
+    reserve[:, 2 * k], reserve[:, 2 * k + 1] = score_left, gust_left
+
+
+@njit(cache=True)
 def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     """End the block of vehicle i: solved on its own, from what is known, its information joins what is known."""
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
     (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
-     covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
+     reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
      counts) = arrays  # fmt: skip
     if counts[i, 0] == 0:
         _noise_start(roughness[i], noise[i], lever.size)
@@ -178,10 +218,13 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
     evidence_span[i, 2:] = condition[i]
     quiet = rows[i, 1, 0] - np.max(informed[i]) > settings[6]
     keep = 1.0 if quiet else np.exp(-(rows[i, 1, 0] - rows[i, 0, 0]) / settings[2])
-    sensitivity[i] = keep * sensitivity[i] + mc
-    information[i] = keep * information[i] + kept
-    vector[i] = keep * vector[i] + add
-    driven[i] = keep * driven[i] + gust
+    _fade(1.0 - keep, sensitivity[i], information[i], vector[i], driven[i], reserve[i])
+    lost = 1.0 - np.exp(-(rows[i, 1, 0] - rows[i, 0, 0]) / settings[2])
+    _replace(lost, mc, prior_std, sensitivity[i], information[i], vector[i], driven[i], reserve[i])
+    sensitivity[i] += mc
+    information[i] += kept
+    vector[i] += add
+    driven[i] += gust
     known = noise_known[i, -1]
     for j in range(noise.shape[1]):
         noise_known[i, j] = (known * noise_known[i, j] + share * fresh[j]) / (known + share)
@@ -196,8 +239,8 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
 def update_all(  # type: ignore[no-untyped-def]
     signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
-    vector, driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
-    counts,
+    vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
+    condition, counts,
 ):  # fmt: skip
     """Take in samples (vehicles, samples, columns), all in place; arguments as ``FourierEstimator`` lays them out."""
     ns = lever.size
@@ -206,8 +249,8 @@ def update_all(  # type: ignore[no-untyped-def]
     force = 1 + ns if by_accelerometer else kinematic
     common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
     arrays = (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector,
-              driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
-              counts)  # fmt: skip
+              driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
+              condition, counts)  # fmt: skip
     for i in range(signals.shape[0]):
         for k in range(signals.shape[1]):
             new = signals[i, k]
@@ -268,8 +311,8 @@ def _gather(sums, row, kinematic):  # type: ignore[no-untyped-def]
 def solve_all(  # type: ignore[no-untyped-def]
     omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
-    vector, driven, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
-    counts,
+    vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
+    condition, counts,
 ):  # fmt: skip
     """Solve with every vehicle's running block; the same arguments, in place."""
     for i in range(theta.shape[0]):
@@ -280,12 +323,14 @@ def solve_all(  # type: ignore[no-untyped-def]
         if counts[i, 0] == 0:
             _noise_start(roughness[i], noise[i], lever.size)
             iterations = 3
-        _, kept, _, _, cov, _, _, _, m, _ = _block_step(
+        mc, kept, _, _, cov, _, _, _, m, _ = _block_step(
             omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i],
             sums[i], theta[i], noise[i], noise_known[i], roughness[i], sensitivity[i], information[i], vector[i],
             driven[i], prior_value, prior_std, iterations,
         )  # fmt: skip
         covariance[i] = cov
+        share = 1.0 - np.exp(-span / settings[2])
+        _replace(share, mc, prior_std, sensitivity[i], information[i], vector[i], driven[i], reserve[i])
         _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * min(1.0, span / settings[0]))
         _condition(sums[i], condition[i])
         counts[i, 0] += 1
