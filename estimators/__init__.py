@@ -43,6 +43,7 @@ from wingwatch.estimators.manoeuvre import Manoeuvre, ManoeuvreConfig, concatena
 from wingwatch.estimators.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.rough_air import ROUGH_SHARE, gather_motion
+from wingwatch.estimators.roughness import ROUGHNESS, follow_roughness, is_gusty
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState
 from wingwatch.estimators.smoothing import Smoothed, smooth_local, smooth_spline, smooth_wiener
 from wingwatch.estimators.static_derivatives import (
@@ -69,6 +70,9 @@ __all__ = [
     "Signals",
     "ROUGH_SHARE",
     "gather_motion",
+    "ROUGHNESS",
+    "follow_roughness",
+    "is_gusty",
     "offsets",
     "referred_scale",
     "Manoeuvre",

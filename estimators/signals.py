@@ -13,6 +13,12 @@ aerodynamic derivatives never have the forward speed inside; it is added again w
 Column layout of the result (shape (vehicles, samples, columns)): time, states, accelerometer, inputs, then
 kinematic term, dynamic pressure ratio rho V^2 / (rho V^2 at the reference), filtered airspeed, air density,
 altitude, angle of attack, and 1 where the velocity was measured by a vane or 0 where it was reconstructed.
+
+Without a vane (thesis 7.2) the rates above are integrated. Errors of sensors would then grow without bound, so the
+integral leaks: what comes out is not w but w behind a high-pass filter, T s / (T s + 1). ``Signals.high_passed`` lets
+the other columns pass the same filter, so that linear equations hold between them as between the originals, but for
+their constants. The angle of attack is then that of level flight. What is reconstructed is the aircraft's own
+motion: it sees no gust.
 """
 
 from dataclasses import dataclass, field
@@ -120,10 +126,13 @@ class SignalState:
         memory: last time, acceleration along the path, reconstructed velocity, last rate of it, and whether a vane was
             ever seen (a vane that falls silent is not replaced in silence), shape (5,).
         airspeed: smoothers of the airspeed, shape (4, LEVELS).
+        passed: last readings of the columns that go with a reconstructed velocity, and what of them has passed its
+            filter, shape (2, columns).
     """
 
     memory: NDArray[np.float64]
     airspeed: NDArray[np.float64]
+    passed: NDArray[np.float64]
 
 
 class Signals:
@@ -141,7 +150,8 @@ class Signals:
     def init(self, vehicles: int) -> SignalState:
         """State before the first sample."""
         memory = np.tile(np.array([np.nan, 0.0, 0.0, 0.0, 0.0]), (vehicles, 1))
-        return SignalState(memory, np.zeros((vehicles, 4, LEVELS)))
+        passed = np.full((vehicles, 2, self.config.layout.columns), np.nan)
+        return SignalState(memory, np.zeros((vehicles, 4, LEVELS)), passed)
 
     def update(self, state: SignalState, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signals of a batch.
@@ -163,6 +173,20 @@ class Signals:
             np.ascontiguousarray(values), state.memory, state.airspeed, self._lateral, self._rates, self._inputs,
             x_vane, z_vane, c.airspeed_memory_s, c.reconstruction_s, reference, out,
         )  # fmt: skip
+        return out
+
+    def high_passed(self, state: SignalState, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signals whose rates, accelerometer, inputs and kinematic term went the way of a reconstructed velocity.
+
+        Args:
+            state: advanced in place.
+            signals: of ``update``, the next in time.
+
+        Returns:
+            the same shape; rows whose velocity a vane measured are as they were.
+        """
+        out = signals.copy()
+        _high_passed(signals, state.passed, self.config.layout.kinematic, self.config.reconstruction_s, out)
         return out
 
 
@@ -191,12 +215,35 @@ def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-u
     forward = airspeed * (np.cos(alpha) if np.isfinite(alpha) else 1.0)
     cos_pitch = np.cos(row[_PITCH])
     if lateral:
-        across = w if np.isfinite(w) else airspeed * np.sin(row[_PITCH])
+        across = w if np.isfinite(w) else airspeed * np.sin(_level_alpha(row))
         kinematic = -forward * row[_R] + row[_P] * across + GRAVITY_M_S2 * cos_pitch * np.sin(row[_ROLL])
         return v, kinematic
     side = v if np.isfinite(v) else 0.0
     kinematic = forward * row[_Q] - row[_P] * side + GRAVITY_M_S2 * cos_pitch * np.cos(row[_ROLL])
     return w, kinematic
+
+
+@njit(cache=True)
+def _level_alpha(row):  # type: ignore[no-untyped-def]
+    """Angle of attack of level flight without sideslip at this attitude; banks beyond 45 degrees count as 45."""
+    return np.arctan(np.tan(row[_PITCH]) / max(np.cos(row[_ROLL]), 0.7))
+
+
+@njit(cache=True)
+def _high_passed(signals, passed, kinematic, leak_s, out):  # type: ignore[no-untyped-def]
+    """See ``Signals.high_passed``."""
+    for i in range(signals.shape[0]):
+        for k in range(signals.shape[1]):
+            row = signals[i, k]
+            if row[kinematic + 6] == 1.0 or not np.isfinite(row[: kinematic + 1]).all():
+                continue
+            dt = row[0] - passed[i, 0, 0]
+            fresh = not (0.0 < dt <= MAX_GAP_S)
+            decay = np.exp(-dt / leak_s)
+            for j in range(2, kinematic + 1):
+                passed[i, 1, j] = 0.0 if fresh else decay * passed[i, 1, j] + row[j] - passed[i, 0, j]
+                out[i, k, j] = passed[i, 1, j]
+            passed[i, 0] = row
 
 
 @njit(cache=True)
@@ -259,6 +306,8 @@ def _signals(  # type: ignore[no-untyped-def]
             o[c + 4] = row[_ALTITUDE]
             o[c + 5] = row[_ALPHA]
             o[c + 6] = 1.0 if measured else 0.0
+            if seen == 0.0 and not np.isfinite(row[_ALPHA]):
+                o[c + 5] = _level_alpha(row)
         memory[i, 0], memory[i, 1], memory[i, 2], memory[i, 3], memory[i, 4] = (
             last,
             along,

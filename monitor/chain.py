@@ -14,6 +14,7 @@ from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, Flig
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
 from wingwatch.estimators import (
     ROUGH_SHARE,
+    ROUGHNESS,
     BlockEvidence,
     EkfConfig,
     EkfEstimator,
@@ -26,7 +27,9 @@ from wingwatch.estimators import (
     SignalConfig,
     Signals,
     SignalState,
+    follow_roughness,
     gather_motion,
+    is_gusty,
     offsets,
     told_apart_text,
 )
@@ -44,6 +47,16 @@ SOLUTION_INTERVAL_S = 0.5
 MOTION_S = 10.0
 """Time over which the motion is measured that the air's part is compared with: a block."""
 
+ROUGH_MEMORY_S = 80.0
+"""Twice the estimators' memory: after it they have forgotten six sevenths of what gusts taught them unseen."""
+
+ROUGHNESS_SAMPLES = 250.0
+"""Time constant, 5 s at 50 Hz: an autopilot's or doublet's jerk passes, gusts stay."""
+
+NO_VANE = "reconstructed, no vane"
+
+_VANE = {"w": "angle_of_attack_rad", "v": "sideslip_rad"}
+_FORCE_COLUMN = {"w": "specific_force_z_m_s2", "v": "specific_force_y_m_s2"}
 _RATE_COLUMN = {"p": "roll_rate_rad_s", "q": "pitch_rate_rad_s", "r": "yaw_rate_rad_s"}
 _INPUT_COLUMN = {"eta": "elevator_rad", "xi": "aileron_rad", "zeta": "rudder_rad"}
 
@@ -59,6 +72,8 @@ class ModeSolution:
     gained: tuple[Array, Array] | None
     rough: bool = False
     """Whether the air moves the aircraft so much that the Fourier form's moment derivatives cannot be trusted."""
+    reconstructed: bool = False
+    """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has standing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +92,8 @@ class _Mode:
     signals: Signals
     fourier: FourierEstimator
     ekf: EkfEstimator
+    vane: bool
+    force_noise_variance: float
 
 
 @dataclass(slots=True)
@@ -86,9 +103,12 @@ class ChainState:
     signals: dict[str, SignalState]
     fourier: dict[str, FourierState]
     ekf: dict[str, EkfState]
+    roughness: dict[str, Array]
     motion: dict[str, Array]
     """Running moments of the measured states, laid out as ``estimators.gather_motion`` has them, by structure."""
     blocks: dict[str, int] = field(default_factory=dict)
+    rough_s: dict[str, float] = field(default_factory=dict)
+    """When the air was last rough, by structure without a vane."""
     next_solution_s: float = float("nan")
     last_s: float = float("nan")
 
@@ -137,12 +157,18 @@ class Chain:
                 self.absent[structure.name] = prior
                 continue
             self.envelopes[structure.name] = envelope
-            self._modes.append(_mode(aircraft, structure, prior, kinds))
+            vane = _VANE[structure.states[0]] in present
+            self._modes.append(_mode(aircraft, structure, prior, kinds, vane))
 
     @property
     def structures(self) -> tuple[ModeStructure, ...]:
         """Structures that are estimated."""
         return tuple(m.structure for m in self._modes)
+
+    @property
+    def seen(self) -> tuple[ModeStructure, ...]:
+        """Those whose velocity a vane measures: evidence from a reconstructed one called healthy aircraft changed."""
+        return tuple(m.structure for m in self._modes if m.vane)
 
     def _prior(self, envelope: Envelope) -> Expectation | str:
         nominal = nominal_condition(self.aircraft)
@@ -157,6 +183,7 @@ class Chain:
             {m.structure.name: m.signals.init(1) for m in self._modes},
             {m.structure.name: m.fourier.init(1) for m in self._modes},
             {m.structure.name: m.ekf.init(1) for m in self._modes},
+            {m.structure.name: np.zeros(ROUGHNESS) for m in self._modes},
             {m.structure.name: np.full((3, len(m.structure.states)), np.nan) for m in self._modes},
         )
 
@@ -194,9 +221,13 @@ class Chain:
         for m in self._modes:
             name = m.structure.name
             signals = m.signals.update(state.signals[name], values[None])
-            m.fourier.update(state.fourier[name], signals)
+            whole = signals if m.vane else m.signals.high_passed(state.signals[name], signals)
+            m.fourier.update(state.fourier[name], whole)
             m.ekf.update(state.ekf[name], signals)
             gather_motion(state.motion[name], signals[0], MOTION_S)
+            if not m.vane:
+                forces = np.ascontiguousarray(signals[0, :, m.signals.config.layout.accelerometer])
+                follow_roughness(state.roughness[name], forces, ROUGHNESS_SAMPLES)
 
     def _solve(self, state: ChainState, time_s: float) -> Solution:
         modes = {}
@@ -212,18 +243,49 @@ class Chain:
             modes[name] = self._read(state, m, gained)
         return Solution(time_s, modes)
 
-    @staticmethod
-    def _read(state: ChainState, mode: _Mode, gained: tuple[Array, Array] | None) -> ModeSolution:
+    def _gusty(self, state: ChainState) -> bool:
+        """Whether an accelerometer feels gusts: a fault is unrest too, but not rough from sample to sample."""
+        return any(is_gusty(state.roughness[m.structure.name], m.force_noise_variance) for m in self._modes)
+
+    def _read(self, state: ChainState, mode: _Mode, gained: tuple[Array, Array] | None) -> ModeSolution:
         name = mode.structure.name
         fourier = mode.fourier.estimate(state.fourier[name])
         ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier)
         mean, square, _ = state.motion[name]
         share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
         rough = bool((share[1:] > ROUGH_SHARE).any())
-        if rough:
+        if not mode.vane:
+            rough = _lately(state, name, rough and self._gusty(state))
+            fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
+        elif rough:
             fourier = _in_rough_air(fourier, float(np.max(share[1:])))
         evidence = mode.fourier.evidence(state.fourier[name])
-        return ModeSolution(mode.structure, fourier, ekf, evidence, gained, rough)
+        return ModeSolution(mode.structure, fourier, ekf, evidence, gained, rough, not mode.vane)
+
+
+def _lately(state: ChainState, name: str, rough: bool) -> bool:
+    """Whether the air is rough, or was within the time in which the estimators forget what it taught them."""
+    if rough:
+        state.rough_s[name] = state.last_s
+    return 0.0 <= state.last_s - state.rough_s.get(name, -np.inf) < ROUGH_MEMORY_S
+
+
+def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
+    """An estimate from a reconstructed velocity, with the standing that is left to it.
+
+    The reconstruction integrates accelerometer and gyro: its noise goes together with theirs and grows towards low
+    frequencies. The filter has that in its model, for it carries the velocity itself; the Fourier form takes a state's
+    noise as white and its own, so its standard errors do not hold. Gusts are in neither.
+    """
+    if estimate.outcome is Outcome.NOT_OBSERVABLE:
+        return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}")
+    if not rough and estimate.estimator != "fourier":
+        return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}" if estimate.reason else NO_VANE)
+    why = "rough air is not seen without a vane and passes for the aircraft's own"
+    if not rough:
+        why = "its errors leave out that the velocity's noise goes with the rates': the Kalman filter alone counts"
+    outcomes = tuple(o if o is Outcome.NOT_OBSERVABLE else Outcome.REJECTED for o in estimate.outcomes)
+    return replace(estimate, outcomes=outcomes, outcome=Outcome.REJECTED, reason=f"{NO_VANE}; {why}")
 
 
 def _in_rough_air(fourier: Estimate, share: float) -> Estimate:
@@ -271,7 +333,7 @@ def _gated(ekf: Estimate, fourier: Estimate) -> Estimate:
 
 
 def _mode(
-    aircraft: Aircraft, structure: ModeStructure, prior: Expectation, kinds: Mapping[str, str]
+    aircraft: Aircraft, structure: ModeStructure, prior: Expectation, kinds: Mapping[str, str], vane: bool
 ) -> _Mode:
     """Both estimators of a structure, started from the a-priori expectation and free to leave it."""
     condition = prior.condition
@@ -281,13 +343,17 @@ def _mode(
     natural = np.maximum(np.abs(value), 2.0 * error)
     held = tuple(kinds.get(_INPUT_COLUMN[u], "position") == "command" for u in structure.inputs)
     sensors = aircraft.sensors
-    imu, vane = sensors.imu_position_m, sensors.vane_position_m
+    imu = sensors.imu_position_m
     noise = tuple(
         0.0 if still else aircraft.noise_std(_INPUT_COLUMN[u]) or 0.0
         for u, still in zip(structure.inputs, held, strict=True)
     )
+    force = aircraft.noise_std(_FORCE_COLUMN[structure.states[0]]) or 0.0
     signals = SignalConfig(
-        structure, vane, reference_airspeed_m_s=reference[0], reference_density_kg_m3=reference[1]
+        structure,
+        sensors.vane_position_m,
+        reference_airspeed_m_s=reference[0],
+        reference_density_kg_m3=reference[1],
     )
     fourier = FourierConfig(
         structure,
@@ -309,4 +375,4 @@ def _mode(
         noise_std=(0.0, *(aircraft.noise_std(_RATE_COLUMN[s]) or 0.0 for s in structure.states[1:])),
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
     )
-    return _Mode(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf))
+    return _Mode(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)

@@ -20,7 +20,7 @@ from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope
 from wingwatch.estimators import Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
-from wingwatch.monitor.chain import Chain, ModeSolution, Solution, nominal_condition
+from wingwatch.monitor.chain import NO_VANE, Chain, ModeSolution, Solution, nominal_condition
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
@@ -96,7 +96,7 @@ class VehicleMonitor:
         self._aligner = Aligner(delays, [name for name, kind in kinds.items() if kind == "command"])
         self.chain = Chain(aircraft, present, kinds, configuration, envelopes)
         self._chain_state = self.chain.init()
-        self._compared = _compared(self.chain.structures)
+        self._compared = _compared(self.chain.seen)
         nominal = nominal_condition(aircraft)
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
         self.judge = Judge({s.name: Coordinates(s, aircraft, reference) for s in self._compared}, config)
@@ -221,7 +221,9 @@ class VehicleMonitor:
     def basis_text(self) -> str:
         """The basis as a sentence, with what contradicts it."""
         if self.basis is None:
-            return "Nothing to compare with: " + "; ".join(f"{k}: {v}" for k, v in self.chain.absent.items())
+            blind = {s.name: f"{NO_VANE}: shown, not compared" for s in self.chain.structures}
+            why = {**blind, **self.chain.absent}
+            return "Nothing to compare with: " + "; ".join(f"{k}: {v}" for k, v in why.items())
         seconds = max(r.seconds for r in self._judge_state.references.values())
         words = {
             "a-priori": "Compared with a-priori numbers and with this flight's own earlier blocks",

@@ -47,8 +47,6 @@ REQUIRED_CHANNELS: tuple[str, ...] = (
 """Channels without which a sample is of no use to any mode (contract "flight table")."""
 
 _MODE_CHANNELS: Mapping[str, tuple[str, ...]] = {
-    "w": ("angle_of_attack_rad",),
-    "v": ("sideslip_rad",),
     "eta": ("elevator_rad",),
     "xi": ("aileron_rad",),
     "zeta": ("rudder_rad",),

@@ -171,15 +171,30 @@ def test_monitor_compares_with_the_databases_expectations_where_it_has_some(
 def test_what_is_missing_for_one_mode_leaves_the_others(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
+    path = tmp_path / "no_rudder.csv"
+    write_flight(without(demo_block("healthy", 20.0), "rudder_rad", "rudder_command_rad"), path)
+    result = run(capsys, ["estimate", path, "--aircraft", "aerosonde", "--json"]).json
+    assert set(result["estimators"]["fourier"]) == {SHORT_PERIOD.name}
+    assert result["not_estimated"] == dict.fromkeys(("dutch_roll", "lateral"), "missing rudder_rad")
+    assert (
+        "dutch_roll is not estimated: missing rudder_rad"
+        in run(capsys, ["estimate", path, "--aircraft", "aerosonde"]).out
+    )
+
+
+def test_without_a_vane_modes_are_estimated_and_say_so(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     path = tmp_path / "no_vane.csv"
     write_flight(without(demo_block("healthy", 20.0), "sideslip_rad"), path)
     result = run(capsys, ["estimate", path, "--aircraft", "aerosonde", "--json"]).json
-    assert set(result["estimators"]["fourier"]) == {SHORT_PERIOD.name}
-    assert result["not_estimated"] == dict.fromkeys(("dutch_roll", "lateral"), "missing sideslip_rad")
-    assert (
-        "dutch_roll is not estimated: missing sideslip_rad"
-        in run(capsys, ["estimate", path, "--aircraft", "aerosonde"]).out
-    )
+    assert result["not_estimated"] == {}
+    for modes in result["estimators"].values():
+        assert modes["lateral"]["reason"].startswith("reconstructed, no vane")
+        assert not modes[SHORT_PERIOD.name]["reason"].startswith("reconstructed")
+    outcomes = {row["outcome"] for row in result["estimators"]["fourier"]["lateral"]["derivatives"].values()}
+    assert outcomes <= {"rejected", "not_observable"}
+    assert "reconstructed, no vane" in run(capsys, ["estimate", path, "--aircraft", "aerosonde"]).out
 
 
 def test_samples_that_cannot_be_used_are_counted_in_the_result(

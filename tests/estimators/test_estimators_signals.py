@@ -66,6 +66,45 @@ def test_without_a_vane_the_velocity_is_integrated() -> None:
     assert (out[:, 11] == 0.0).all()
 
 
+def test_without_a_vane_the_angle_of_attack_is_that_of_level_flight() -> None:
+    """Level and without sideslip, sin(climb) = 0: tan(alpha) = tan(pitch) / cos(roll)."""
+    row = rows(SHORT_PERIOD, block(angle_of_attack_rad=math.nan))[0]
+    assert row[10] == pytest.approx(math.atan(math.tan(0.1) / math.cos(0.3)), rel=1e-12)
+
+
+def test_what_goes_with_a_reconstructed_velocity_passes_its_filter() -> None:
+    """A velocity whose rate is 3 q' - 2 eta' is 3 q - 2 eta behind the filter, whatever the leak, cuts and trim."""
+    rng = np.random.default_rng(8)
+    samples = block(
+        1000, angle_of_attack_rad=math.nan, sideslip_rad=math.nan, roll_rate_rad_s=0.0, pitch_rad=0.0
+    )
+    samples.column("pitch_rate_rad_s")[:] = 0.2 + 0.01 * rng.standard_normal(1000).cumsum()
+    samples.column("elevator_rad")[:] = -0.1 + 0.01 * rng.standard_normal(1000).cumsum()
+    combined = 3.0 * samples.column("pitch_rate_rad_s") - 2.0 * samples.column("elevator_rad")
+    kinematic = 25.0 * samples.column("pitch_rate_rad_s") + G * math.cos(0.3)
+    # the trapezoid's sum of these rates is the combination itself
+    rate = np.zeros(1000)
+    for k in range(1, 1000):
+        rate[k] = 2.0 * (combined[k] - combined[k - 1]) / 0.02 - rate[k - 1]
+    samples.column("specific_force_z_m_s2")[:] = rate - kinematic
+    config = SignalConfig(SHORT_PERIOD, reconstruction_s=5.0)
+    signals = Signals(config)
+    state, whole = signals.init(1), []
+    for piece in np.split(samples.values, [1, 7, 400]):
+        raw = signals.update(state, piece[None])
+        whole.append(signals.high_passed(state, raw)[0])
+    out = np.concatenate(whole)
+    np.testing.assert_allclose(out[:, 1], 3.0 * out[:, 2] - 2.0 * out[:, 4], atol=1e-9)
+    assert np.ptp(out[:, 1]) > 0.5
+
+
+def test_with_a_vane_nothing_is_filtered() -> None:
+    signals = Signals(SignalConfig(SHORT_PERIOD))
+    state = signals.init(1)
+    raw = signals.update(state, block(50).values[None])
+    np.testing.assert_array_equal(signals.high_passed(state, raw), raw)
+
+
 def test_a_vane_that_falls_silent_is_not_replaced() -> None:
     samples = block(100)
     samples.column("angle_of_attack_rad")[40:60] = np.nan
