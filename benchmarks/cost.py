@@ -186,7 +186,7 @@ def _bare_loop(m: Mode, rows: Array) -> float:
     state = EkfEstimator(replace(m.ekf.config, span_m=0.0)).init(1)
     ns, nu, nz = m.ekf.layout.states, m.ekf.layout.inputs, state.z.shape[1]
     longitudinal = m.structure.equations[0] == "z"
-    held, lever = np.zeros(nu, dtype=np.bool_), np.zeros(ns)
+    servo_s, lever = np.full(nu, np.inf), np.zeros(ns)
     reference = np.array(m.ekf.config.reference)
     exponents = np.array([1.0] * ns + [2.0] * nu)
     decay = np.zeros(0)
@@ -197,13 +197,23 @@ def _bare_loop(m: Mode, rows: Array) -> float:
     kalman.Q, kalman.R = 1e-8 * np.eye(nz), 1e-4 * np.eye(ns + 1)
     start = time.process_time()
     for k in range(2, len(rows)):
-        over, at_end, scale, forward, kappa, rest = step_inputs(
-            rows[k], rows[k - 1], rows[k - 2], held, reference, exponents, longitudinal, ns == 3, True, ns, nu
+        over, bend, at_end, scale, forward, kappa, rest = step_inputs(
+            rows[k],
+            rows[k - 1],
+            rows[k - 2],
+            servo_s,
+            reference,
+            exponents,
+            longitudinal,
+            ns == 3,
+            True,
+            ns,
+            nu,
         )
         dt = rows[k, 0] - rows[k - 1, 0]
         after, top = transition(
-            kalman.x, dt, scale, forward, over, kappa, rest, decay, direction, True, ns, nu, 0
-        )
+            kalman.x, dt, scale, forward, over, bend[0], kappa, rest, decay, direction, True, ns, nu, 0
+        )  # fmt: skip
         kalman.x, kalman.F[:ns] = after, top
         kalman.predict()
         expected, jacobian = measure(kalman.x, scale, at_end, kappa, lever, direction, ns, nu, 0)

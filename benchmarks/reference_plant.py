@@ -4,7 +4,9 @@ The plants are the two-degree-of-freedom short period and Dutch roll with the li
 thesis (Jameson 2013, 25 m/s, 1000 m), flown with its 2-degree doublets, 50 Hz, 12 s. Only velocity, rate and surface
 are measured; the estimators are told no noise level and start 30 % off.
 
-Run: python benchmarks/reference_plant.py [--seeds N]
+Run: python benchmarks/reference_plant.py [--seeds N] [--signal-to-noise 5 3 10 30]
+
+The first of the levels is shown in full; a table then has every level's share of truths in the stated 95 % interval.
 """
 
 import argparse
@@ -31,6 +33,7 @@ SAMPLES = round(RATE_HZ * DURATION_S)
 AMPLITUDE_RAD = math.radians(2.0)
 CONDITION = FlightCondition(25.0, 1000.0)
 SIGNAL_TO_NOISE = 5.0
+LEVELS = (SIGNAL_TO_NOISE, 3.0, 10.0, 30.0)
 VELOCITY_OFFSET_M_S, RATE_OFFSET_RAD_S, SURFACE_OFFSET_RAD = 1.3, 0.05, 0.05
 START_AT = 0.7
 SOLVE_EVERY = 25
@@ -171,9 +174,9 @@ def clean_errors(plant: Plant) -> dict[str, Array]:
     }
 
 
-def noise_std(plant: Plant) -> Array:
+def noise_std(plant: Plant, ratio: float = SIGNAL_TO_NOISE) -> Array:
     """Noise of the two measured states at the stated ratio of standard deviations."""
-    return np.asarray(clean_states(plant).std(axis=0) / SIGNAL_TO_NOISE)
+    return np.asarray(clean_states(plant).std(axis=0) / ratio)
 
 
 def _outputs(plant: Plant, parameters: Array) -> Array:
@@ -224,9 +227,9 @@ def cramer_rao(plant: Plant, std: Array) -> Array:
     return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(information))[:6]))
 
 
-def noisy_scores(plant: Plant, seeds: int) -> dict[str, Score]:
+def noisy_scores(plant: Plant, seeds: int, ratio: float = SIGNAL_TO_NOISE) -> dict[str, Score]:
     """Each estimator's score over seeds 0 to ``seeds`` - 1, trim offsets left in the data."""
-    clean, std = clean_states(plant), noise_std(plant)
+    clean, std = clean_states(plant), noise_std(plant, ratio)
     offset = np.array([VELOCITY_OFFSET_M_S, RATE_OFFSET_RAD_S])
     noise = np.stack([np.random.default_rng(s).standard_normal(clean.shape) for s in range(seeds)])
     rows = signals(plant, clean + offset + std * noise, doublet(plant) + SURFACE_OFFSET_RAD)
@@ -257,14 +260,12 @@ def _print_clean(plant: Plant) -> None:
         _line(name, error)
 
 
-def _print_noisy(plant: Plant, seeds: int) -> None:
-    bound = cramer_rao(plant, noise_std(plant))
-    print(
-        f"\n{plant.structure.name}: signal-to-noise {SIGNAL_TO_NOISE:g}, trim offsets left in, {seeds} seeds"
-    )
+def _print_noisy(plant: Plant, seeds: int, ratio: float, scores: dict[str, Score]) -> None:
+    bound = cramer_rao(plant, noise_std(plant, ratio))
+    print(f"\n{plant.structure.name}: signal-to-noise {ratio:g}, trim offsets left in, {seeds} seeds")
     print(" " * 36 + "".join(f"{s:>10}" for s in plant.structure.derivatives))
     _line("Cramer-Rao bound", bound, "10.4f")
-    for name, score in noisy_scores(plant, seeds).items():
+    for name, score in scores.items():
         print(f"  {name}")
         _line("  standard deviation", score.std, "10.4f")
         _line("  bias", score.bias, "10.4f")
@@ -277,16 +278,39 @@ def _print_noisy(plant: Plant, seeds: int) -> None:
     _line("bound / prior's width (filter)", bound / np.abs(np.array(plant.truth)))
 
 
+def _print_coverage(scores: dict[tuple[str, float], dict[str, Score]], levels: list[float]) -> None:
+    print("\ntruth in the stated 95 % interval, %; rms error / Cramer-Rao bound; by signal-to-noise")
+    for plant in PLANTS:
+        symbols = plant.structure.derivatives
+        print(f"{plant.structure.name:36}" + "".join(f"{s:>11}" for s in symbols) + "       all")
+        for name in ("fourier", "ekf"):
+            for ratio in sorted(levels):
+                score = scores[plant.structure.name, ratio][name]
+                over = score.rms / cramer_rao(plant, noise_std(plant, ratio))
+                cells = [f"{100.0 * c:6.1f} {o:4.2f}" for c, o in zip(score.covered, over, strict=True)]
+                print(
+                    f"  {name:8} {ratio:>4g}{'':21}"
+                    + "".join(f"{c}" for c in cells)
+                    + f"{100.0 * score.covered.mean():10.1f}"
+                )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Both estimators on the reference plants.")
     parser.add_argument("--seeds", type=int, default=200, help="noisy records a plant, at least 2")
-    seeds = parser.parse_args().seeds
+    parser.add_argument("--signal-to-noise", type=float, nargs="+", default=list(LEVELS))
+    chosen = parser.parse_args()
+    seeds, levels = chosen.seeds, chosen.signal_to_noise
     if seeds < 2:
         parser.error(f"--seeds is {seeds}; give at least 2")
+    if min(levels) <= 0.0:
+        parser.error(f"--signal-to-noise is {min(levels):g}; give ratios above 0")
     for plant in PLANTS:
         _print_clean(plant)
+    scores = {(p.structure.name, ratio): noisy_scores(p, seeds, ratio) for p in PLANTS for ratio in levels}
     for plant in PLANTS:
-        _print_noisy(plant, seeds)
+        _print_noisy(plant, seeds, levels[0], scores[plant.structure.name, levels[0]])
+    _print_coverage(scores, levels)
     print(
         f"\nWith {seeds} seeds a standard deviation is known to {100.0 / math.sqrt(2.0 * seeds):.0f} % (one sigma), "
         f"a share of 95 % to {100.0 * math.sqrt(0.95 * 0.05 / seeds):.1f} points."

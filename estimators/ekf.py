@@ -12,19 +12,21 @@ from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.estimators.ekf_covariance import correct
+from wingwatch.estimators.ekf_inputs import echo_after, echo_before, input_noise, track_inputs
 from wingwatch.estimators.ekf_kernel import (
     SETTLE_S,
     WARM_UP,
     air_decay,
     learn_after,
     learn_before,
-    solve_all,
     step_inputs,
     track_condition,
     update_all,
 )
 from wingwatch.estimators.ekf_model import measure, transition
 from wingwatch.estimators.ekf_noise import NOISE_TAIL, process_noise, trim_drift
+from wingwatch.estimators.ekf_solve import solve_all
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.levels import LEVELS
 from wingwatch.estimators.reference import offsets, referred_scale, standing
@@ -51,10 +53,13 @@ class EkfConfig:
         trim_corner_hz: slower changes than this belong to the trim, not to the derivatives.
         stale_s: without excitation for this long a derivative is not observable.
         held: for each input, whether it is held between samples.
+        servo_s: for each input that is not, time constant of the servo that moves it, its command held between
+            samples; 0 where that is not known, and it is taken to move evenly.
         use_accelerometer: whether the accelerometer is a measurement.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
         noise_std: of the measured states as the aircraft file states it, 0 where it says nothing; believed as far as
             the record allows.
+        input_noise_std: of the measured inputs, as the aircraft file states it.
         span_m: of the wing, over which gusts are smoothed; 0 for a filter that knows only calm air.
     """
 
@@ -68,9 +73,11 @@ class EkfConfig:
     trim_corner_hz: float = 0.1
     stale_s: float = 30.0
     held: tuple[bool, ...] = ()
+    servo_s: tuple[float, ...] = ()
     use_accelerometer: bool = True
     imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     noise_std: tuple[float, ...] = ()
+    input_noise_std: tuple[float, ...] = ()
     span_m: float = 0.0
 
     def __post_init__(self) -> None:
@@ -93,7 +100,10 @@ class EkfState:
         informed_s: last time each derivative's variance shrank through data, (k,); variance: its last value.
         information, vector: of the derivatives after the last solution, (k, k) and (k,).
         gained_matrix, gained_vector: information gained from data since they were last read.
-        counts: samples, solutions.
+        moments: of each input since the last solution: number of readings, their sum and sum of squares from the first
+            of them, that first one, (nu, 4); moved_s: last time each moved beyond its noise, (nu,).
+        echo: of a reading error of each input (``ekf_inputs.echo_before``), (nu, nx + 2 ns, ns).
+        counts: samples, solutions, age of the echo.
     """
 
     z: Array
@@ -112,6 +122,9 @@ class EkfState:
     vector: Array
     gained_matrix: Array
     gained_vector: Array
+    moments: Array
+    moved_s: Array
+    echo: Array
     counts: NDArray[np.int64]
 
 
@@ -148,7 +161,9 @@ class EkfEstimator:
             by_roll_rate = config.prior_value.reshape(ns, -1)[:, 1]
             if by_roll_rate[1] != 0.0:
                 self._direction = by_roll_rate / by_roll_rate[1]
-        self._held = np.array(config.held)
+        servo = np.array(config.servo_s or (0.0,) * self.layout.inputs)
+        self._servo_s = np.where(config.held, 0.0, np.where(servo > 0.0, servo, np.inf))
+        self._input_variance = np.square(config.input_noise_std or (0.0,) * self.layout.inputs)
         self._reference = np.array(config.reference)
         constant = np.full(ns, 10.0)
         constant[0] = 30.0
@@ -197,7 +212,10 @@ class EkfEstimator:
             vector=np.tile(self.config.prior_value / self.config.prior_std**2, (n, 1)),
             gained_matrix=np.zeros((n, k, k)),
             gained_vector=np.zeros((n, k)),
-            counts=np.zeros((n, 2), dtype=np.int64),
+            moments=np.zeros((n, self.layout.inputs, 4)),
+            moved_s=np.full((n, self.layout.inputs), -np.inf),
+            echo=np.zeros((n, self.layout.inputs, nx + 2 * ns, ns)),
+            counts=np.zeros((n, 3), dtype=np.int64),
         )
 
     def update(self, state: EkfState, signals: Array) -> None:
@@ -207,18 +225,19 @@ class EkfEstimator:
                 self._update_filterpy(state, vehicle, signals[vehicle])
             return
         update_all(
-            np.ascontiguousarray(signals), self._held, self._lever, self._exponents, self._reference,
-            self._longitudinal, self._roll, self.config.use_accelerometer, self._settings, self._gust_m,
-            self._direction, state.z, state.cov, state.noise, state.lags, state.levels, state.slow, state.rows,
-            state.roughness, state.condition, state.counts,
+            np.ascontiguousarray(signals), self._servo_s, self._input_variance, self._lever, self._exponents,
+            self._reference, self._longitudinal, self._roll, self.config.use_accelerometer, self._settings,
+            self._gust_m, self._direction, state.z, state.cov, state.noise, state.lags, state.levels, state.slow,
+            state.rows, state.roughness, state.condition, state.moments, state.echo, state.counts,
         )  # fmt: skip
 
     def solve(self, state: EkfState) -> None:
         """Note what was learned, then forget with ``memory_s``, unless all is quiet."""
         solve_all(
-            self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, state.z, state.cov,
-            state.rows, state.clock, state.informed_s, state.variance, state.information, state.vector,
-            state.gained_matrix, state.gained_vector, state.counts,
+            self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, self._input_variance,
+            state.z, state.cov, state.rows, state.clock, state.informed_s, state.variance, state.information,
+            state.vector, state.gained_matrix, state.gained_vector, state.moments, state.moved_s, state.echo,
+            state.counts,
         )  # fmt: skip
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
@@ -228,12 +247,29 @@ class EkfEstimator:
         _, airspeed, density, altitude, alpha = state.condition[vehicle]
         scale = referred_scale(c.structure, airspeed, density, c.reference)
         value = state.z[vehicle, first : first + k] * scale + offsets(c.structure, airspeed, alpha)
+        if c.structure.states[0] == "w":
+            value += self._by_airspeed(state, vehicle, value)
         covariance = state.cov[vehicle, first : first + k, first : first + k] * np.outer(scale, scale)
         return standing(
             self.name, c.structure, float(state.rows[vehicle, 0, 0]), value, covariance, state.informed_s[vehicle],
             c.stale_s, 3.0 * c.prior_std * scale, bool(state.counts[vehicle, 0] > WARM_UP),
             np.array([airspeed, altitude, density, alpha]), prior_ratio=1.0,
         )  # fmt: skip
+
+    def _by_airspeed(self, state: EkfState, vehicle: int, value: Array) -> Array:
+        """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha).
+
+        The filter's forces go with rho V (states) and rho V^2 (inputs and constants), V measured; a concise derivative
+        by w holds their slope by V too, for z_w -2 g sin(alpha) / V and a little more.
+        """
+        ns, nu = self.layout.states, self.layout.inputs
+        _, airspeed, _, _, alpha = state.condition[vehicle]
+        row, by_w = state.rows[vehicle, 0], np.zeros((ns, ns + nu))
+        if np.isfinite(alpha) and airspeed > 1.0:
+            table, kappa = value.reshape(ns, ns + nu), row[self.layout.kinematic + 1]
+            still = state.z[vehicle, -ns:] * kappa + table[:, ns:] @ row[self.layout.first_input :][:nu]
+            by_w[:, 0] = np.sin(alpha) * (2.0 * still / airspeed + table[:, 0] * np.sin(alpha))
+        return by_w.ravel()
 
     def take_gained(self, state: EkfState, vehicle: int = 0) -> tuple[Array, Array]:
         """Information (k, k) and vector (k,) gained from data since the last call; the account starts anew."""
@@ -262,6 +298,7 @@ class EkfEstimator:
             state.rows[i, 1] = old
             state.rows[i, 0] = new
             track_condition(state.condition[i], new, kinematic, dt)
+            track_inputs(state.moments[i], new, 2 + self.layout.states, self.layout.inputs)
 
     def _filter_one(
         self, state: EkfState, i: int, new: Array, old: Array, older: Array, dt: float, carried: bool
@@ -273,46 +310,76 @@ class EkfEstimator:
             noise, state.lags[i], state.levels[i], self._settings[2:], new, old, older, dt, self._settings[0],
             state.counts[i, 0], kinematic, carried, ns,
         )  # fmt: skip
-        over, at_end, scale, forward, kappa, rest = step_inputs(
-            new, old, older, self._held, self._reference, self._exponents, self._longitudinal, self._roll, carried,
+        over, bend, at_end, scale, forward, kappa, rest = step_inputs(
+            new, old, older, self._servo_s, self._reference, self._exponents, self._longitudinal, self._roll, carried,
             ns, nu,
         )  # fmt: skip
         speed = max(new[kinematic + 2], 1.0)
         decay = air_decay(self._gust_m, speed, dt)
         after, top = transition(
-            state.z[i], dt, scale, forward, over, kappa, rest, decay, self._direction, carried, ns, nu, gusts
-        )
+            state.z[i], dt, scale, forward, over, bend[0], kappa, rest, decay, self._direction, carried, ns, nu, gusts
+        )  # fmt: skip
         process = np.zeros((after.size, after.size))
         nx = ns + gusts
         process[:nx, :nx] = process_noise(noise, top, dt, speed, decay, self._longitudinal, ns, gusts)
+        expected, jacobian = measure(after, scale, at_end, kappa, self._lever, self._direction, ns, nu, gusts)
+        heard = input_noise(top, jacobian[ns], after, self._input_variance, ns, nu, gusts, process[:nx, :nx])
         process[-ns:, -ns:] = np.diag(trim_drift(noise, dt, self._settings[1], carried, ns))
         measured = np.ones(ns + 1, dtype=bool)
         measured[0] = new[kinematic + 6] == 1.0
         measured[ns] = self.config.use_accelerometer
         kalman = _Filter(after, state.cov[i], top, process, int(measured.sum()))
         kalman.predict()
-        expected, jacobian = measure(after, scale, at_end, kappa, self._lever, self._direction, ns, nu, gusts)
         reading = new[1 : 2 + ns]
         spread = np.diagonal(kalman.P)[: ns + gusts].copy()
         swing = expected[ns] - after[-ns] * kappa
         variance = noise[: ns + 1].copy()
-        variance[ns] += noise[-NOISE_TAIL] * swing**2
+        variance[ns] += noise[-NOISE_TAIL] * swing**2 + heard
+        self._follow_echo(state, i, top, bend[1], kalman.P, jacobian[ns], variance, measured)
         kalman.R = np.diag(variance[measured])
         kalman.update(reading[measured], lambda _: jacobian[measured], lambda _: expected[measured])
         state.z[i], state.cov[i] = kalman.x, 0.5 * (kalman.P + kalman.P.T)
         learn_after(
             noise, state.slow[i], state.z[i], state.cov[i], after, spread, jacobian[ns], reading[ns] - expected[ns],
-            swing, decay, rate, carried, self.config.use_accelerometer, ns, gusts,
+            swing, heard, decay, rate, carried, self.config.use_accelerometer, ns, gusts,
         )  # fmt: skip
+
+    def _follow_echo(
+        self, state: EkfState, i: int, top: Array, mean: Array, predicted: Array, row: Array, variance: Array,
+        measured: NDArray[np.bool_],
+    ) -> None:  # fmt: skip
+        """The echo needs the gains of measurements taken one by one; they come from copies of state and covariance."""
+        ns, nu, gusts = self.layout.states, self.layout.inputs, self._gust_m.size
+        work, noise = np.empty(ns + gusts), self._input_variance
+        gains, few = np.zeros(((ns + 2) // 2 * 2, row.size)), np.zeros((2, (ns + 2) // 2 * 2))
+        cov = 0.5 * (predicted + predicted.T)
+        correct(
+            np.zeros(row.size),
+            cov,
+            variance,
+            np.zeros(ns + 1),
+            row,
+            measured,
+            ns,
+            row.size,
+            gains,
+            few[0],
+            few[1],
+        )
+        echo_before(state.echo[i], state.counts[i, 2], top, mean, noise, ns, nu, gusts, work)
+        state.counts[i, 2] = echo_after(
+            state.echo[i], state.counts[i, 2], row, measured, gains, few[1], noise, ns, nu, gusts, work
+        )
 
     def _compiled_one(self, state: EkfState, i: int, new: Array) -> None:
         """Start, restart and warm-up are no filtering and are shared with the compiled engine."""
         one = slice(i, i + 1)
         update_all(
-            np.ascontiguousarray(new)[None, None], self._held, self._lever, self._exponents, self._reference,
-            self._longitudinal, self._roll, self.config.use_accelerometer, self._settings, self._gust_m,
-            self._direction, state.z[one], state.cov[one], state.noise[one], state.lags[one], state.levels[one],
-            state.slow[one], state.rows[one], state.roughness[one], state.condition[one], state.counts[one],
+            np.ascontiguousarray(new)[None, None], self._servo_s, self._input_variance, self._lever, self._exponents,
+            self._reference, self._longitudinal, self._roll, self.config.use_accelerometer, self._settings,
+            self._gust_m, self._direction, state.z[one], state.cov[one], state.noise[one], state.lags[one],
+            state.levels[one], state.slow[one], state.rows[one], state.roughness[one], state.condition[one],
+            state.moments[one], state.echo[one], state.counts[one],
         )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from numba import njit
 
 from wingwatch.estimators.hot import hot
 
-__all__ = ["correct", "forget", "predict"]
+__all__ = ["correct", "forget", "keep_marginal", "predict"]
 
 
 @hot
@@ -42,7 +42,7 @@ def predict(cov, process, jacobian, drift, top, ns, nx, nz):  # type: ignore[no-
 
 
 @hot
-def correct(z, cov, variance, excess, row, measured, ns, nz, gains, pushes):  # type: ignore[no-untyped-def]
+def correct(z, cov, variance, excess, row, measured, ns, nz, gains, pushes, roots):  # type: ignore[no-untyped-def]
     """All measurements of one instant, one after the other; equal to the joint update for independent noise.
 
     The gains are found first, each from the covariance that those before it leave; the covariance follows in one pass.
@@ -53,7 +53,8 @@ def correct(z, cov, variance, excess, row, measured, ns, nz, gains, pushes):  # 
         excess: readings less what is expected, (ns + 1,).
         row: the accelerometer's Jacobian, (nz,).
         measured: which of them are there, (ns + 1,).
-        gains, pushes: scratch (m, nz) and (m,), m an even number of at least ns + 1; rows past ns are zero.
+        gains, pushes, roots: scratch (m, nz), (m,), (m,), m an even number of at least ns + 1; rows past ns are zero.
+            In the end ``gains`` are the gains times ``1 / roots``, the inverse standard deviations of the innovations.
 
     Returns:
         the accelerometer's residual after correction, and its variance due to the state, H P H'.
@@ -62,7 +63,7 @@ def correct(z, cov, variance, excess, row, measured, ns, nz, gains, pushes):  # 
     for j in range(ns + 1):
         for c in range(nz):
             gains[j, c] = 0.0
-        pushes[j] = 0.0
+        pushes[j] = roots[j] = 0.0
         if not measured[j]:
             continue
         innovation = excess[j]
@@ -80,6 +81,7 @@ def correct(z, cov, variance, excess, row, measured, ns, nz, gains, pushes):  # 
         for c in range(nz):
             gains[j, c] *= root
         pushes[j] = innovation * root
+        roots[j] = root
         for c in range(nz):
             z[c] += gains[j, c] * pushes[j]
     for j in range(0, ns + 1, 2):
@@ -116,8 +118,11 @@ def _seen(gains, i, row, j, ns, nz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def forget(z, cov, prior_value, prior_information, keep, ns):  # type: ignore[no-untyped-def]
+def forget(z, cov, prior_value, prior_information, keep, less, ns):  # type: ignore[no-untyped-def]
     """Stabilised forgetting: what is known of the parameters is mixed with the prior, keep : 1 - keep.
+
+    Before that ``less`` (k, k), information on the derivatives that was none, is taken out: of J and h = J theta
+    only J becomes smaller.
 
     Information keep P^-1 + (1 - keep) P0^-1, so a quiet flight returns to the prior instead of drifting and
     nothing can grow. The states keep their regression on the parameters.
@@ -130,6 +135,9 @@ def forget(z, cov, prior_value, prior_information, keep, ns):  # type: ignore[no
     regression = cross @ information
     conditional = cov[:ns, :ns] - regression @ np.ascontiguousarray(cross.T)
     vector = keep * (information @ z[ns:]) + (1.0 - keep) * (prior_information * prior_value)
+    for a in range(less.shape[0]):
+        for b in range(less.shape[0]):
+            information[a, b] -= less[a, b]
     information *= keep
     for a in range(p):
         information[a, a] += (1.0 - keep) * prior_information[a]
@@ -144,3 +152,30 @@ def forget(z, cov, prior_value, prior_information, keep, ns):  # type: ignore[no
     cov[ns:, :ns] = cross.T
     states = conditional + cross @ np.ascontiguousarray(regression.T)
     cov[:ns, :ns] = 0.5 * (states + states.T)
+
+
+@njit(cache=True)
+def keep_marginal(z, cov, value, covariance, chosen, first):  # type: ignore[no-untyped-def]
+    """Takes back what was learned of some parameters; what the others are, given these, stays.
+
+    Args:
+        z, cov: changed in place.
+        value, covariance: of all derivatives as they were, (k,) and (k, k).
+        chosen: which of the derivatives to put back, indices.
+        first: where the derivatives begin in ``z``.
+    """
+    nz, m = z.size, chosen.size
+    now, before, shift = np.empty((m, m)), np.empty((m, m)), np.empty(m)
+    cross = np.empty((nz, m))
+    for a in range(m):
+        shift[a] = value[chosen[a]] - z[first + chosen[a]]
+        cross[:, a] = cov[:, first + chosen[a]]
+        for b in range(m):
+            now[a, b] = cov[first + chosen[a], first + chosen[b]]
+            before[a, b] = covariance[chosen[a], chosen[b]]
+    regression = cross @ np.linalg.inv(now)
+    z += regression @ shift
+    cov += regression @ (before - now) @ np.ascontiguousarray(regression.T)
+    for a in range(nz):
+        for b in range(a):
+            cov[a, b] = cov[b, a] = 0.5 * (cov[a, b] + cov[b, a])

@@ -9,7 +9,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf_covariance import correct, forget, predict
+from wingwatch.estimators.ekf_covariance import correct, predict
+from wingwatch.estimators.ekf_inputs import (
+    course,
+    echo_after,
+    echo_before,
+    heard_by,
+    input_noise_into,
+    track_inputs,
+)
 from wingwatch.estimators.ekf_model import accelerometer, transition_into
 from wingwatch.estimators.ekf_noise import (
     LEAST,
@@ -30,7 +38,6 @@ __all__ = [
     "air_decay",
     "learn_after",
     "learn_before",
-    "solve_all",
     "step_inputs",
     "update_all",
 ]
@@ -51,6 +58,7 @@ class Scratch(NamedTuple):
     """Where a step works; one for all vehicles. Names as in the functions that use them."""
 
     over: Array
+    bend: Array
     at_end: Array
     scale: Array
     forward: Array
@@ -74,6 +82,7 @@ class Scratch(NamedTuple):
     measured: NDArray[np.bool_]
     gains: Array
     pushes: Array
+    roots: Array
     spread: Array
 
 
@@ -82,35 +91,41 @@ def _scratch(ns, nu, gusts):  # type: ignore[no-untyped-def]
     nx, k = ns + gusts, ns * (ns + nu)
     nz, readings = nx + k + ns, (ns + 2) // 2 * 2
     return Scratch(
-        np.empty(nu), np.empty(nu), np.empty(k), np.empty(ns), np.empty(gusts), np.empty(nz), np.empty((nx, nz)),
-        np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)),
-        np.empty(ns), np.empty(2), np.empty((nx, nx)), np.empty((2, nx)), np.empty(ns), np.empty((nx, nz)),
+        np.empty(nu), np.empty((2, nu)), np.empty(nu), np.empty(k), np.empty(ns), np.empty(gusts), np.empty(nz),
+        np.empty((nx, nz)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)),
+        np.empty((ns, ns)),
+        np.empty((2, ns)), np.empty(2), np.empty((nx, nx)), np.empty((2, nx)), np.empty(ns), np.empty((nx, nz)),
         np.empty(nz), np.empty(ns + 1), np.empty(ns + 1), np.empty(ns + 1, dtype=np.bool_),
-        np.zeros((readings, nz)), np.zeros(readings), np.empty(nx),
+        np.zeros((readings, nz)), np.zeros(readings), np.zeros(readings), np.empty(nx),
     )  # fmt: skip
 
 
 @njit(cache=True)
-def step_inputs(new, old, older, held, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu):  # type: ignore[no-untyped-def]
-    """What a step needs besides the state: inputs over it, inputs at its end, scale, forward, kappa, rest."""
-    over, at_end, scale, forward = np.empty(nu), np.empty(nu), np.empty(ns * (ns + nu)), np.empty(ns)
+def step_inputs(new, old, older, servo_s, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu):  # type: ignore[no-untyped-def]
+    """What a step needs besides the state: see ``_step_inputs_into``."""
+    over, bend, at_end = np.empty(nu), np.empty((2, nu)), np.empty(nu)
+    scale, forward = np.empty(ns * (ns + nu)), np.empty(ns)
     kappa, rest = _step_inputs_into(
-        new, old, older, held, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu, over, at_end, scale,
-        forward,
+        new, old, older, servo_s, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu, over, bend,
+        at_end, scale, forward,
     )  # fmt: skip
-    return over, at_end, scale, forward, kappa, rest
+    return over, bend, at_end, scale, forward, kappa, rest
 
 
 @hot
 def _step_inputs_into(  # type: ignore[no-untyped-def]
-    new, old, older, held, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu, over, at_end, scale,
-    forward,
+    new, old, older, servo_s, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu, over, bend, at_end,
+    scale, forward,
 ):  # fmt: skip
-    kinematic = 2 + ns + nu
+    """Into ``over`` the inputs' mean over the step, into ``bend`` (2, nu) how early they come and the newer reading's
+    share in the mean (``ekf_inputs.course``), then inputs at the end, scale and forward; returns kappa and rest."""
+    kinematic, dt = 2 + ns + nu, new[0] - old[0]
     for j in range(nu):
         c = 2 + ns + j
         at_end[j] = new[c]
-        over[j] = old[c] if held[j] or old[c] == older[c] else 0.5 * (old[c] + new[c])
+        mean, early = course(dt, servo_s[j], old[c] == older[c])
+        over[j] = old[c] + mean * (new[c] - old[c])
+        bend[0, j], bend[1, j] = early * (new[c] - old[c]), mean
     kappa, speed, density = new[kinematic + 1], new[kinematic + 2], new[kinematic + 3]
     pressure = density * speed / (reference[0] * reference[1])
     for k in range(ns):
@@ -167,6 +182,7 @@ def learn_after(  # type: ignore[no-untyped-def]
     row,
     excess,
     swing,
+    heard,
     decay,
     rate,
     carried,
@@ -179,13 +195,14 @@ def learn_after(  # type: ignore[no-untyped-def]
     Args:
         noise, slow: levels and slow sums, advanced.
         z, cov: after correction; before: z before it; spread: the variances before it, (nx,).
+        heard: variance that the inputs' reading errors add to the accelerometer's equation.
         row, excess: the accelerometer's Jacobian, and reading less expectation.
     """
     residual = excess - row @ (z - before)
     explained = row @ (cov @ row)
     _learn_from_corrections(
-        noise, slow, z, cov, before, spread, residual, explained, swing, decay, rate, carried, use_accelerometer, ns,
-        gusts,
+        noise, slow, z, cov, before, spread, residual, explained, swing, heard, decay, rate, carried, use_accelerometer,
+        ns, gusts,
     )  # fmt: skip
 
 
@@ -200,6 +217,7 @@ def _learn_from_corrections(  # type: ignore[no-untyped-def]
     residual,
     explained,
     swing,
+    heard,
     decay,
     rate,
     carried,
@@ -209,7 +227,7 @@ def _learn_from_corrections(  # type: ignore[no-untyped-def]
 ):
     """``learn_after`` where the accelerometer's residual and its variance due to the state are known."""
     if use_accelerometer:
-        adapt_accelerometer(noise, residual * residual + explained, swing, rate, ns)
+        adapt_accelerometer(noise, residual * residual + explained, swing, heard, rate, ns)
     if not carried:
         noise[ns + 1], slow[0] = adapt_unrest(
             noise[ns + 1], slow[0], z[0] - before[0], spread[0], cov[0, 0], 1.0, rate
@@ -258,28 +276,30 @@ def track_condition(condition, new, kinematic, dt):  # type: ignore[no-untyped-d
 
 @hot
 def _step(  # type: ignore[no-untyped-def]
-    z, cov, noise, lags, level, slow, new, old, older, dt, known, settings, held, lever, exponents, reference, gust_m,
-    direction, longitudinal, roll, use_accelerometer, carried, s, ns, nu, gusts,
+    z, cov, noise, lags, level, slow, new, old, older, dt, echo, counts, settings, servo_s, input_variance,
+    lever, exponents, reference, gust_m, direction, longitudinal, roll, use_accelerometer, carried, s, ns, nu, gusts,
 ):  # fmt: skip
     """One sample of one vehicle: predict, correct, learn the noise; ``s`` is scratch."""
     kinematic, nx = 2 + ns + nu, ns + gusts
     nz = nx + ns * (ns + nu) + ns
     rate = learn_before(
-        noise, lags, level, settings[2:], new, old, older, dt, settings[0], known, kinematic, carried, ns
+        noise, lags, level, settings[2:], new, old, older, dt, settings[0], counts[0], kinematic, carried, ns
     )
     kappa, rest = _step_inputs_into(
-        new, old, older, held, reference, exponents, longitudinal, roll, carried, ns, nu, s.over, s.at_end, s.scale,
-        s.forward,
+        new, old, older, servo_s, reference, exponents, longitudinal, roll, carried, ns, nu, s.over, s.bend, s.at_end,
+        s.scale, s.forward,
     )  # fmt: skip
     speed = max(new[kinematic + 2], 1.0)
     for g in range(gusts):
         s.decay[g] = np.exp(-dt * speed / gust_m[g])
     transition_into(
-        z, dt, s.scale, s.forward, s.over, kappa, rest, s.decay, direction, carried, ns, nu, gusts, s.a, s.aerodynamic,
-        s.a2, s.a3, s.series, s.b, s.lasting, s.after, s.jacobian,
+        z, dt, s.scale, s.forward, s.over, s.bend[0], kappa, rest, s.decay, direction, carried, ns, nu, gusts, s.a,
+        s.aerodynamic, s.a2, s.a3, s.series, s.b, s.lasting, s.after, s.jacobian,
     )  # fmt: skip
     trim_drift_into(noise, dt, settings[1], carried, ns, s.drift)
     process_noise_into(noise, s.jacobian, dt, speed, s.decay, longitudinal, ns, gusts, s.uw, s.process)
+    input_noise_into(s.jacobian, z, input_variance, ns, nu, gusts, s.spread, s.process)
+    echo_before(echo, counts[2], s.jacobian, s.bend[1], input_variance, ns, nu, gusts, s.spread)
     predict(cov, s.process, s.jacobian, s.drift, s.top, ns, nx, nz)
     for c in range(nz):
         z[c] = s.after[c]
@@ -287,17 +307,25 @@ def _step(  # type: ignore[no-untyped-def]
         s.spread[a] = cov[a, a]
     expected = accelerometer(z, s.scale, s.at_end, kappa, lever, direction, ns, nu, gusts, s.row)
     swing = expected - z[nz - ns] * kappa
+    heard = 0.0
+    for j in range(nu):
+        heard += heard_by(s.row, z, input_variance, j, ns, nu) ** 2
     for j in range(ns + 1):
         s.excess[j] = new[1 + j] - (z[j] if j < ns else expected)
         s.variance[j] = noise[j]
         s.measured[j] = True
-    s.variance[ns] += noise[noise.size - NOISE_TAIL] * swing * swing
+    s.variance[ns] += noise[noise.size - NOISE_TAIL] * swing * swing + heard
     s.measured[0] = new[kinematic + 6] == 1.0
     s.measured[ns] = use_accelerometer
-    residual, explained = correct(z, cov, s.variance, s.excess, s.row, s.measured, ns, nz, s.gains, s.pushes)
+    residual, explained = correct(
+        z, cov, s.variance, s.excess, s.row, s.measured, ns, nz, s.gains, s.pushes, s.roots
+    )
+    counts[2] = echo_after(
+        echo, counts[2], s.row, s.measured, s.gains, s.roots, input_variance, ns, nu, gusts, s.uw[0]
+    )
     _learn_from_corrections(
-        noise, slow, z, cov, s.after, s.spread, residual, explained, swing, s.decay, rate, carried, use_accelerometer,
-        ns, gusts,
+        noise, slow, z, cov, s.after, s.spread, residual, explained, swing, heard, s.decay, rate, carried,
+        use_accelerometer, ns, gusts,
     )  # fmt: skip
 
 
@@ -354,8 +382,9 @@ def _warm_up(  # type: ignore[no-untyped-def]
 
 @hot
 def _update(  # type: ignore[no-untyped-def]
-    signals, held, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m, direction,
-    z, cov, noise, lags, level, slow, old, older, roughness, condition, counts, s, ns, nu, gusts,
+    signals, servo_s, input_variance, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings,
+    gust_m, direction, z, cov, noise, lags, level, slow, old, older, roughness, condition, moments, echo, counts, s,
+    ns, nu, gusts,
 ):  # fmt: skip
     """Run all samples of one vehicle; ``old`` and ``older`` are its last two rows."""
     nx = ns + gusts
@@ -368,6 +397,7 @@ def _update(  # type: ignore[no-untyped-def]
         if not (0.0 < dt <= MAX_GAP_S):
             _restart(z, cov, noise, new, ns, nx)
             start_level(level, new[1])
+            counts[2] = 0
             older[:] = np.nan
         else:
             counts[0] += 1
@@ -375,8 +405,9 @@ def _update(  # type: ignore[no-untyped-def]
             settled = counts[0] > WARM_UP and not (carried and counts[0] * dt < SETTLE_S)
             if settled and np.isfinite(older[0]):
                 _step(
-                    z, cov, noise, lags, level, slow, new, old, older, dt, counts[0], settings, held, lever, exponents,
-                    reference, gust_m, direction, longitudinal, roll, use_accelerometer, carried, s, ns, nu, gusts,
+                    z, cov, noise, lags, level, slow, new, old, older, dt, echo, counts, settings, servo_s,
+                    input_variance, lever, exponents, reference, gust_m, direction, longitudinal, roll,
+                    use_accelerometer, carried, s, ns, nu, gusts,
                 )  # fmt: skip
             else:
                 _warm_up(
@@ -388,64 +419,37 @@ def _update(  # type: ignore[no-untyped-def]
         for c in range(new.size):
             old[c] = new[c]
         track_condition(condition, new, kinematic, dt)
+        track_inputs(moments, new, 2 + ns, nu)
 
 
 @njit(cache=True)
 def _update_all(  # type: ignore[no-untyped-def]
-    known_sizes, signals, held, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m,
-    direction, z, cov, noise, lags, levels, slow, rows, roughness, condition, counts,
+    known_sizes, signals, servo_s, input_variance, lever, exponents, reference, longitudinal, roll, use_accelerometer,
+    settings, gust_m, direction, z, cov, noise, lags, levels, slow, rows, roughness, condition, moments, echo,
+    counts,
 ):  # fmt: skip
     ns, nu, gusts = len(known_sizes[0]), len(known_sizes[1]), len(known_sizes[2])
     scratch = _scratch(ns, nu, gusts)
     for i in range(signals.shape[0]):
         _update(
-            signals[i], held, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m,
-            direction, z[i], cov[i], noise[i], lags[i], levels[i], slow[i], rows[i, 0], rows[i, 1], roughness[i],
-            condition[i], counts[i], scratch, ns, nu, gusts,
+            signals[i], servo_s, input_variance, lever, exponents, reference, longitudinal, roll, use_accelerometer,
+            settings, gust_m, direction, z[i], cov[i], noise[i], lags[i], levels[i], slow[i], rows[i, 0], rows[i, 1],
+            roughness[i], condition[i], moments[i], echo[i], counts[i], scratch, ns, nu, gusts,
         )  # fmt: skip
 
 
-def update_all(signals: Array, held: NDArray[np.bool_], lever: Array, *others: object) -> None:
+def update_all(signals: Array, servo_s: Array, input_variance: Array, lever: Array, *others: object) -> None:
     """Run all samples of all vehicles; arrays lead with the vehicle axis and are advanced in place.
 
     Args:
         signals: shape (vehicles, samples, columns).
-        held, lever: whether an input is held between samples, (nu,); the accelerometer's place by state, (ns,).
+        servo_s, input_variance: time constant of what moves an input (``_course``), variance of its reading, (nu,).
+        lever: the accelerometer's place by state, (ns,).
         others: exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m, direction of
             ``EkfEstimator``, then the arrays of its state from z to counts but for those that only solutions use.
     """
     gust_m = others[6]
     assert isinstance(gust_m, np.ndarray)
-    _update_all(sizes(lever.size, held.size, gust_m.size), signals, held, lever, *others)
-
-
-@njit(cache=True)
-def solve_all(  # type: ignore[no-untyped-def]
-    memory_s, stale_s, prior_value, prior_std, z, cov, rows, clock, informed, variance, information, vector,
-    gained_matrix, gained_vector, counts,
-):  # fmt: skip
-    """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten."""
-    k = informed.shape[1]
-    ns = z.shape[1] - prior_value.size
-    prior_information = 1.0 / (prior_std * prior_std)
-    for i in range(z.shape[0]):
-        if counts[i, 0] <= WARM_UP:
-            continue
-        now = rows[i, 0, 0]
-        parameters = np.ascontiguousarray(cov[i, ns : ns + k, ns : ns + k])
-        fresh = np.linalg.inv(parameters)
-        gained = fresh - information[i]
-        gained_matrix[i] += gained
-        gained_vector[i] += fresh @ z[i, ns : ns + k] - vector[i]
-        for a in range(k):
-            if parameters[a, a] < 0.98 * variance[i, a]:
-                informed[i, a] = now
-        elapsed = now - clock[i]
-        clock[i] = now
-        if 0.0 < elapsed < stale_s and now - np.max(informed[i]) < stale_s:
-            forget(z[i], cov[i], prior_value, prior_information, np.exp(-elapsed / memory_s), ns)
-        parameters = np.ascontiguousarray(cov[i, ns : ns + k, ns : ns + k])
-        information[i] = np.linalg.inv(parameters)
-        vector[i] = information[i] @ z[i, ns : ns + k]
-        variance[i] = np.diag(parameters)
-        counts[i, 1] += 1
+    _update_all(
+        sizes(lever.size, servo_s.size, gust_m.size), signals, servo_s, input_variance, lever, *others
+    )

@@ -25,12 +25,12 @@ __all__ = ["accelerometer", "measure", "transition", "transition_into"]
 
 
 @hot
-def _rates(z, scale, forward, u, kappa, rest, lasting, direction, first, ns, nu, gusts, a, b):  # type: ignore[no-untyped-def]
-    """A (with forward speed) and the part of dx/dt that does not depend on x; aerodynamics from row ``first`` on."""
+def _rates(z, scale, u, bend, kappa, rest, lasting, direction, first, ns, nu, gusts, a, b, bent):  # type: ignore[no-untyped-def]
+    """A and the part of dx/dt that does not depend on x; aerodynamics from row ``first`` on. ``bent``: B bend."""
     nd, nx = ns + nu, ns + gusts
     turning = z[ns + 1] * lasting[1] if gusts > 0 else 0.0
     for k in range(ns):
-        b[k] = 0.0
+        b[k] = bent[k] = 0.0
         for j in range(ns):
             a[k, j] = 0.0
     for k in range(first, ns):
@@ -39,7 +39,9 @@ def _rates(z, scale, forward, u, kappa, rest, lasting, direction, first, ns, nu,
             a[k, j] = z[nx + k * nd + j] * scale[k * nd + j]
         total -= a[k, ns - 1] * turning
         for j in range(nu):
-            total += z[nx + k * nd + ns + j] * scale[k * nd + ns + j] * u[j]
+            control = z[nx + k * nd + ns + j] * scale[k * nd + ns + j]
+            total += control * u[j]
+            bent[k] += control * bend[j]
         if gusts > 0:
             total += direction[k] * z[ns] * lasting[0]
         b[k] = total
@@ -69,7 +71,7 @@ def _series(a, ns, a2, a3, out):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def transition(  # type: ignore[no-untyped-def]
-    z, dt, scale, forward, u, kappa, rest, decay, direction, by_accelerometer, ns, nu, gusts
+    z, dt, scale, forward, u, bend, kappa, rest, decay, direction, by_accelerometer, ns, nu, gusts
 ):
     """One step.
 
@@ -78,7 +80,8 @@ def transition(  # type: ignore[no-untyped-def]
         dt: step in s.
         scale: referred to present derivatives, shape (k,).
         forward: kinematic part of the first equation per state, m/s.
-        u: inputs over the step, shape (nu,).
+        u: mean of the inputs over the step, shape (nu,).
+        bend: how much earlier than even their course over the step is: the mean of (1/2 - t/dt) u, shape (nu,).
         kappa: dynamic pressure over that of the reference.
         rest: acceleration of the first state not due to the states: gravity, products and, where
             ``by_accelerometer``, the measured specific force, m/s2.
@@ -95,40 +98,41 @@ def transition(  # type: ignore[no-untyped-def]
     after, jacobian = np.empty(z.size), np.empty((ns + gusts, z.size))
     squares = np.empty((5, ns, ns))
     transition_into(
-        z, dt, scale, forward, u, kappa, rest, decay, direction, by_accelerometer, ns, nu, gusts,
-        squares[0], squares[1], squares[2], squares[3], squares[4], np.empty(ns), np.empty(2), after, jacobian,
+        z, dt, scale, forward, u, bend, kappa, rest, decay, direction, by_accelerometer, ns, nu, gusts,
+        squares[0], squares[1], squares[2], squares[3], squares[4], np.empty((2, ns)), np.empty(2), after, jacobian,
     )  # fmt: skip
     return after, jacobian
 
 
 @hot
 def transition_into(  # type: ignore[no-untyped-def]
-    z, dt, scale, forward, u, kappa, rest, decay, direction, by_accelerometer, ns, nu, gusts, a, aerodynamic, a2, a3,
-    series, b, lasting, after, jacobian,
+    z, dt, scale, forward, u, bend, kappa, rest, decay, direction, by_accelerometer, ns, nu, gusts, a, aerodynamic,
+    a2, a3, series, b, lasting, after, jacobian,
 ):  # fmt: skip
     """``transition`` into ``after`` and ``jacobian``, without allocating.
 
-    Scratch: ``a, aerodynamic, a2, a3, series`` (ns, ns), ``b`` (ns,), ``lasting`` (2,).
+    Scratch: ``a, aerodynamic, a2, a3, series`` (ns, ns), ``b`` (2, ns), ``lasting`` (2,).
     """
     nd, nx = ns + nu, ns + gusts
     first = 1 if by_accelerometer else 0
     for g in range(gusts):
         lasting[g] = 0.5 * (1.0 + decay[g])
-    _rates(z, scale, forward, u, kappa, rest, lasting, direction, first, ns, nu, gusts, a, b)
+    rate, bent = b[0], b[1]
+    _rates(z, scale, u, bend, kappa, rest, lasting, direction, first, ns, nu, gusts, a, rate, bent)
     for k in range(ns):
         for j in range(ns):
             aerodynamic[k, j] = a[k, j] * dt
             a[k, j] = aerodynamic[k, j] + (forward[j] * dt if k == 0 else 0.0)
     _series(a, ns, a2, a3, series)
     for k in range(ns):
-        b[k] *= dt
+        rate[k] *= dt
         for j in range(ns):
-            b[k] += a[k, j] * z[j]
+            rate[k] += a[k, j] * (z[j] + dt * bent[j])
     for c in range(nx + ns * nd + ns):
         after[c] = z[c]
     for k in range(ns):
         for j in range(ns):
-            after[k] += series[k, j] * b[j]
+            after[k] += series[k, j] * rate[j]
     for g in range(gusts):
         after[ns + g] *= decay[g]
     jacobian[:] = 0.0
@@ -140,8 +144,9 @@ def transition_into(  # type: ignore[no-untyped-def]
         for j in range(nd):
             factor = u[j - ns] if j >= ns else 0.5 * (z[j] + after[j]) - (turning if j == ns - 1 else 0.0)
             factor *= dt * scale[k * nd + j]
+            early = bend[j - ns] * dt * scale[k * nd + j] if j >= ns else 0.0
             for row in range(ns):
-                jacobian[row, nx + k * nd + j] = series[row, k] * factor
+                jacobian[row, nx + k * nd + j] = series[row, k] * factor + a2[row, k] * early
         for row in range(ns):
             jacobian[row, nx + ns * nd + k] = dt * series[row, k] * kappa
 

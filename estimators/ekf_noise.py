@@ -70,14 +70,16 @@ def sensor_noise(noise, lags, stated, new, old, older, motion, rate, carried, ns
 
 
 @hot
-def adapt_accelerometer(noise, squared, swing, rate, ns):  # type: ignore[no-untyped-def]
+def adapt_accelerometer(noise, squared, swing, heard, rate, ns):  # type: ignore[no-untyped-def]
     """Variance of the accelerometer's equation: R + share swing^2, both by steps of Fisher's scoring.
+
+    ``heard``: what the reading errors of the inputs add, known.
 
     ``squared`` is the square of the residual after correction plus its variance due to the state: E[r r'] = R - H P H'.
     """
     tail = noise.size - NOISE_TAIL
     power = swing * swing
-    total = noise[ns] + noise[tail] * power
+    total = noise[ns] + noise[tail] * power + heard
     excess = (squared - total) / (total * total)
     noise[tail + 1] += rate * (1.0 / (total * total) - noise[tail + 1])
     noise[tail + 2] += rate * (power * power / (total * total) - noise[tail + 2])

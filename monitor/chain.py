@@ -59,6 +59,7 @@ _VANE = {"w": "angle_of_attack_rad", "v": "sideslip_rad"}
 _FORCE_COLUMN = {"w": "specific_force_z_m_s2", "v": "specific_force_y_m_s2"}
 _RATE_COLUMN = {"p": "roll_rate_rad_s", "q": "pitch_rate_rad_s", "r": "yaw_rate_rad_s"}
 _INPUT_COLUMN = {"eta": "elevator_rad", "xi": "aileron_rad", "zeta": "rudder_rad"}
+_SURFACE = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,8 +372,16 @@ def _mode(
         natural,
         reference,
         held=held,
+        servo_s=tuple(_servo_s(aircraft, u) for u in structure.inputs),
         imu_position_m=imu,
         noise_std=(0.0, *(aircraft.noise_std(_RATE_COLUMN[s]) or 0.0 for s in structure.states[1:])),
+        input_noise_std=noise,
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
     )
     return _Mode(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)
+
+
+def _servo_s(aircraft: Aircraft, symbol: str) -> float:
+    """Time constant of a surface's servo, 0 where the aircraft file says nothing of it."""
+    servo = getattr(aircraft.actuators, _SURFACE[symbol])
+    return 1.0 / (2.0 * np.pi * servo.bandwidth_hz) if servo else 0.0

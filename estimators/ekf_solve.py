@@ -1,0 +1,108 @@
+"""What a solution does to the filter: it notes what was learned, and forgets; compiled."""
+
+import numpy as np
+from numba import njit
+
+from wingwatch.estimators.ekf_covariance import forget, keep_marginal
+from wingwatch.estimators.ekf_inputs import pretended
+from wingwatch.estimators.ekf_kernel import WARM_UP
+
+__all__ = ["solve_all"]
+
+MOVED_SHARE = 2.0
+"""An input has moved if its variance within half a second is over this many times that of its reading."""
+
+MOVED_S = 1.75
+"""Time that a motion of an input is given to die out."""
+
+PRETENDED_SHARE = 0.5
+"""Share of all that is known of an input's derivatives beyond which a half second of its noise is not corrected for."""
+
+
+@njit(cache=True)
+def _resting(moments, moved, variance, now):  # type: ignore[no-untyped-def]
+    """Which inputs have not moved beyond their own noise for ``MOVED_S``."""
+    resting = np.zeros(variance.size, dtype=np.bool_)
+    for j in range(variance.size):
+        count = moments[j, 0]
+        if count > 1.0:
+            spread = (moments[j, 2] - moments[j, 1] * moments[j, 1] / count) / (count - 1.0)
+            if spread > MOVED_SHARE * variance[j]:
+                moved[j] = now
+        resting[j] = variance[j] > 0.0 and not now - moved[j] < MOVED_S
+    return resting
+
+
+@njit(cache=True)
+def _controls(resting, ns, nu):  # type: ignore[no-untyped-def]
+    """Indices of the derivatives that belong to resting inputs."""
+    chosen = np.zeros(ns * (ns + nu), dtype=np.bool_)
+    for a in range(ns):
+        for j in range(nu):
+            chosen[a * (ns + nu) + ns + j] = resting[j]
+    return np.flatnonzero(chosen)
+
+
+@njit(cache=True)
+def _without_noise(  # type: ignore[no-untyped-def]
+    z, cov, moments, moved, echo, variance, information, vector, now, solved, first, ns, less
+):
+    """Takes back what resting inputs taught; what noise pretended of the others goes into ``less`` (k, k).
+
+    An input whose noise pretends half as much as is known altogether is treated as one at rest.
+    """
+    nu = variance.size
+    resting = _resting(moments, moved, variance, now)
+    pretended(echo, moments, variance, resting, ns, less)
+    for j in range(nu):
+        share = 0.0
+        for a in range(ns):
+            for b in range(ns):
+                c, d = a * (ns + nu) + ns + j, b * (ns + nu) + ns + j
+                share += less[c, d] * cov[first + c, first + d]
+        if share > PRETENDED_SHARE:
+            resting[j] = True
+    pretended(echo, moments, variance, resting, ns, less)
+    moments[:] = 0.0
+    if resting.any() and solved:
+        before = np.linalg.inv(information)
+        keep_marginal(z, cov, before @ vector, before, _controls(resting, ns, nu), first)
+
+
+@njit(cache=True)
+def solve_all(  # type: ignore[no-untyped-def]
+    memory_s, stale_s, prior_value, prior_std, input_variance, z, cov, rows, clock, informed, variance, information,
+    vector, gained_matrix, gained_vector, moments, moved, echo, counts,
+):  # fmt: skip
+    """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten."""
+    k = informed.shape[1]
+    first, ns = z.shape[1] - prior_value.size, prior_value.size - k
+    prior_information = 1.0 / (prior_std * prior_std)
+    less = np.zeros((k, k))
+    for i in range(z.shape[0]):
+        now = rows[i, 0, 0]
+        if counts[i, 0] <= WARM_UP:
+            moments[i] = 0.0
+            continue
+        _without_noise(
+            z[i], cov[i], moments[i], moved[i], echo[i], input_variance, information[i], vector[i], now,
+            counts[i, 1] > 0, first, ns, less,
+        )  # fmt: skip
+        parameters = np.ascontiguousarray(cov[i, first : first + k, first : first + k])
+        fresh = np.linalg.inv(parameters)
+        gained_matrix[i] += fresh - less - information[i]
+        gained_vector[i] += fresh @ z[i, first : first + k] - vector[i]
+        for a in range(k):
+            if parameters[a, a] < 0.98 * variance[i, a]:
+                informed[i, a] = now
+        elapsed = now - clock[i]
+        clock[i] = now
+        forgets = 0.0 < elapsed < stale_s and now - np.max(informed[i]) < stale_s
+        if forgets or less.any():
+            keep = np.exp(-elapsed / memory_s) if forgets else 1.0
+            forget(z[i], cov[i], prior_value, prior_information, keep, less, first)
+        parameters = np.ascontiguousarray(cov[i, first : first + k, first : first + k])
+        information[i] = np.linalg.inv(parameters)
+        vector[i] = information[i] @ z[i, first : first + k]
+        variance[i] = np.diag(parameters)
+        counts[i, 1] += 1

@@ -1,0 +1,117 @@
+"""Inputs between their readings, and the errors of these readings, in the Kalman filter."""
+
+from typing import Literal
+
+import numpy as np
+import pytest
+from estimator_plants import PITCH, RATE_HZ, REFERENCE, SOLVE_EVERY, Array, doublets, make_signals
+from scipy.integrate import quad
+from scipy.linalg import expm
+
+from wingwatch.estimators import EkfConfig, EkfEstimator
+from wingwatch.estimators.ekf_inputs import course
+from wingwatch.estimators.ekf_model import transition
+
+DT = 1.0 / RATE_HZ
+SURFACE, KINEMATIC = 4, 5
+
+
+@pytest.mark.parametrize("servo_s", [0.005, 0.02, 0.1, 1.0])
+def test_course_of_a_servo_whose_command_is_held(servo_s: float) -> None:
+    def risen(s: float) -> float:
+        return float((1.0 - np.exp(-s * DT / servo_s)) / (1.0 - np.exp(-DT / servo_s)))
+
+    mean, early = course(DT, servo_s, False)
+    assert mean == pytest.approx(quad(risen, 0.0, 1.0)[0], rel=1e-9)
+    assert early == pytest.approx(quad(lambda s: (0.5 - s) * risen(s), 0.0, 1.0)[0], rel=1e-6)
+
+
+def test_course_where_no_servo_is_known() -> None:
+    assert course(DT, np.inf, False) == (0.5, -1.0 / 12.0)
+    assert course(DT, np.inf, True) == (0.0, 0.0), "a surface that was at rest is held to the step's end"
+    assert course(DT, 0.0, False) == (0.0, 0.0)
+
+
+def test_a_step_under_an_input_that_moves_evenly_is_exact() -> None:
+    """Beside the exponential of the system extended by the input and its rate; the series leaves (A dt)^5 / 120."""
+    a = PITCH.aerodynamic.reshape(2, 3)
+    whole = np.zeros((4, 4))
+    whole[:2, :3] = a
+    whole[0, 1] += 25.0
+    whole[2, 3] = 1.0
+    start, old, new = np.array([0.4, -0.2]), 0.01, 0.06
+    exact = (expm(DT * whole) @ np.concatenate([start, [old, (new - old) / DT]]))[:2]
+    z = np.concatenate([start, PITCH.aerodynamic, [0.0, 0.0]])
+    mean, early = course(DT, np.inf, False)
+    after, _ = transition(
+        z, DT, np.ones(6), np.array([0.0, 25.0]), np.array([old + mean * (new - old)]),
+        np.array([early * (new - old)]), 1.0, 0.0, np.zeros(0), np.array([0.0, 1.0]), False, 2, 1, 0,
+    )  # fmt: skip
+    np.testing.assert_allclose(after[:2], exact, rtol=0.0, atol=2e-6)
+
+
+def filter_of(told_std: float, engine: Literal["compiled", "filterpy"] = "compiled") -> EkfEstimator:
+    """A filter that starts 20 % off and is told what the surface's readings are worth."""
+    value = PITCH.aerodynamic
+    return EkfEstimator(
+        EkfConfig(
+            PITCH.structure, 0.8 * value, np.abs(value), REFERENCE, held=(True,), memory_s=1e9,
+            input_noise_std=(told_std,), engine=engine,
+        )
+    )  # fmt: skip
+
+
+def readings(surface_std: float, vehicles: int, inputs: Array) -> Array:
+    """Signals with noisy readings of the surface, and little noise in all else, (vehicles, samples, columns)."""
+    clean = make_signals(PITCH, inputs)
+    rng = np.random.default_rng(11)
+    batch = np.tile(clean, (vehicles, 1, 1))
+    batch[:, :, SURFACE] += surface_std * rng.standard_normal(batch.shape[:2])
+    std = 0.01 * clean[:, 1:4].std(axis=0) + np.array([1e-3, 1e-4, 1e-3])
+    noise = std * rng.standard_normal((*batch.shape[:2], 3))
+    batch[:, :, 1:4] += noise
+    batch[:, :, KINEMATIC] += 25.0 * noise[:, :, 1]
+    return batch
+
+
+def last(estimator: EkfEstimator, batch: Array) -> tuple[Array, Array]:
+    """Values and standard errors of the derivatives at the end, one row a vehicle."""
+    state = estimator.init(batch.shape[0])
+    for start in range(0, batch.shape[1], SOLVE_EVERY):
+        estimator.update(state, batch[:, start : start + SOLVE_EVERY])
+        estimator.solve(state)
+    found = [estimator.estimate(state, i) for i in range(batch.shape[0])]
+    return np.array([e.value for e in found]), np.array([e.standard_error for e in found])
+
+
+def test_reading_errors_of_a_surface_are_in_the_standard_errors() -> None:
+    """A fifth of the doublets' rms is noise: a filter that is not told is sure of wrong values.
+
+    What is left where it is told, 1 to 2 % of m_eta, is the errors' part in w and q (docs/estimators.md, section 12).
+    """
+    inputs = doublets(PITCH, 60.0, every_s=2.0)
+    noise_std = 0.2 * float(inputs.std())
+    batch = readings(noise_std, 12, inputs)
+    told, silent = (last(filter_of(std), batch) for std in (noise_std, 0.0))
+    rms = [
+        np.sqrt(np.mean(np.square((value - PITCH.truth) / error), axis=0)) for value, error in (told, silent)
+    ]
+    assert (rms[0][3:] < rms[1][3:] / 3.0).all(), rms
+    assert abs(told[0][:, 5].mean() / PITCH.truth[5] - 1.0) < 0.02
+
+
+def test_a_surface_at_rest_teaches_nothing_of_itself() -> None:
+    """Its derivatives keep their prior to rounding of inverses, however its readings flicker."""
+    batch = readings(1e-3, 4, np.zeros(round(30.0 * RATE_HZ)))
+    value, error = last(filter_of(1e-3), batch)
+    controls, prior = [2, 5], PITCH.aerodynamic
+    np.testing.assert_allclose(value[:, controls], np.tile(0.8 * prior[controls], (4, 1)), rtol=1e-4)
+    np.testing.assert_allclose(error[:, controls], np.tile(np.abs(prior[controls]), (4, 1)), rtol=1e-4)
+
+
+def test_both_engines_treat_reading_errors_alike() -> None:
+    batch = readings(2e-3, 1, doublets(PITCH, 12.0, every_s=2.0))
+    value, error = last(filter_of(2e-3), batch)
+    by_filterpy, error_by_filterpy = last(filter_of(2e-3, "filterpy"), batch)
+    np.testing.assert_allclose(value, by_filterpy, rtol=1e-9)
+    np.testing.assert_allclose(error, error_by_filterpy, rtol=1e-9)
