@@ -18,6 +18,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
 from wingwatch.estimators.fourier_bank import bank_channels
 from wingwatch.estimators.fourier_blocks import solve_all, update_all
+from wingwatch.estimators.fourier_change import MARKS
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
@@ -99,6 +100,8 @@ class FourierState:
         evidence_matrix, evidence_vector, evidence_bias, evidence_span: of the last closed block, for the monitor.
         condition: airspeed, altitude, density, angle of attack that theta is reported at.
         counts: solutions so far, blocks closed.
+        mark_bank, mark_rows, mark_sums, mark_known: copies of the running block and of what it says, at the last
+            seconds' marks (``fourier_change``).
     """
 
     bank: Array
@@ -123,6 +126,10 @@ class FourierState:
     evidence_span: Array
     condition: Array
     counts: NDArray[np.int64]
+    mark_bank: Array
+    mark_rows: Array
+    mark_sums: Array
+    mark_known: Array
 
 
 class FourierEstimator:
@@ -164,6 +171,10 @@ class FourierEstimator:
             evidence_span=np.full((n, 6), np.nan),
             condition=np.full((n, 4), np.nan),
             counts=np.zeros((n, 2), dtype=np.int64),
+            mark_bank=np.zeros((n, MARKS, bank_channels(ns, nu), 2, nf)),
+            mark_rows=np.full((n, MARKS, self.layout.columns), np.nan),
+            mark_sums=np.zeros((n, MARKS, 6 + nu + ns + 2)),
+            mark_known=np.zeros((n, MARKS, k, 2 * k + 2)),
         )
 
     def update(self, state: FourierState, signals: Array) -> None:
@@ -239,5 +250,5 @@ class FourierEstimator:
             c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
             s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
-            s.evidence_span, s.condition, s.counts,
+            s.evidence_span, s.condition, s.counts, s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known,
         )  # fmt: skip

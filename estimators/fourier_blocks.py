@@ -6,8 +6,10 @@ Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. Arrays lead with
 import numpy as np
 from numba import njit
 
+from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD, change_of, changed_derivatives, free_memory
 from wingwatch.estimators.forgetting import replaced
 from wingwatch.estimators.fourier_bank import advance_bank, block_transforms
+from wingwatch.estimators.fourier_change import MARKS, place_mark, since_mark
 from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
 from wingwatch.estimators.fourier_equations import block_equations, noise_update
 from wingwatch.estimators.signals import MAX_GAP_S
@@ -141,13 +143,21 @@ def _condition(sums, condition):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _remembered(sensitivity, information, vector, driven, prior_value, prior_std):  # type: ignore[no-untyped-def]
+    """Mean and covariance of what is remembered."""
+    ridge = np.diag(1.0 / (prior_std * prior_std))
+    inverse = np.linalg.inv(sensitivity + ridge)
+    bias = inverse @ driven
+    covariance = inverse @ (information + ridge) @ inverse + np.outer(bias, bias)
+    return inverse @ (vector + ridge @ prior_value), covariance
+
+
+@njit(cache=True)
 def _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std):  # type: ignore[no-untyped-def]
     """Theta and its covariance from all closed blocks."""
-    ridge = np.diag(1.0 / (prior_std * prior_std))
-    inverse = np.linalg.inv(sensitivity[i] + ridge)
-    theta[i] = inverse @ (vector[i] + ridge @ prior_value)
-    bias = inverse @ driven[i]
-    covariance[i] = inverse @ (information[i] + ridge) @ inverse + np.outer(bias, bias)
+    theta[i], covariance[i] = _remembered(
+        sensitivity[i], information[i], vector[i], driven[i], prior_value, prior_std
+    )
 
 
 @njit(cache=True)
@@ -240,7 +250,7 @@ def update_all(  # type: ignore[no-untyped-def]
     signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts,
+    condition, counts, mark_bank, mark_rows, mark_sums, mark_known,
 ):  # fmt: skip
     """Take in samples (vehicles, samples, columns), all in place; arguments as ``FourierEstimator`` lays them out."""
     ns = lever.size
@@ -266,6 +276,7 @@ def update_all(  # type: ignore[no-untyped-def]
                 rows[i, 0], rows[i, 1], rows[i, 2] = new, new, new
                 rows[i, 2, 1:] = np.nan
                 _restart(i, bank, sums, roughness)
+                mark_rows[i] = np.nan
                 _gather(sums[i], new, kinematic)
                 continue
             advance_bank(
@@ -312,25 +323,121 @@ def solve_all(  # type: ignore[no-untyped-def]
     omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts,
+    condition, counts, mark_bank, mark_rows, mark_sums, mark_known,
 ):  # fmt: skip
     """Solve with every vehicle's running block; the same arguments, in place."""
+    common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
+    arrays = (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector,
+              driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
+              condition, counts)  # fmt: skip
+    marks = (mark_bank, mark_rows, mark_sums, mark_known)
     for i in range(theta.shape[0]):
-        span = rows[i, 1, 0] - rows[i, 0, 0]
-        if not (span >= settings[1] - 1e-9):
+        if not (rows[i, 1, 0] - rows[i, 0, 0] >= settings[1] - 1e-9):
             continue
-        iterations = 1
-        if counts[i, 0] == 0:
-            _noise_start(roughness[i], noise[i], lever.size)
-            iterations = 3
-        mc, kept, _, _, cov, _, _, _, m, _ = _block_step(
-            omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i],
-            sums[i], theta[i], noise[i], noise_known[i], roughness[i], sensitivity[i], information[i], vector[i],
-            driven[i], prior_value, prior_std, iterations,
-        )  # fmt: skip
-        covariance[i] = cov
-        share = 1.0 - np.exp(-span / settings[2])
-        _replace(share, mc, prior_std, sensitivity[i], information[i], vector[i], driven[i], reserve[i])
-        _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * min(1.0, span / settings[0]))
+        evidence, evidence_v = _solve(i, common, arrays, marks)
+        if counts[i, 1] > 0 and _follow_change(i, common, arrays, marks, evidence, evidence_v, held.size):
+            _solve(i, common, arrays, marks)
         _condition(sums[i], condition[i])
         counts[i, 0] += 1
+
+
+@njit(cache=True)
+def _solve(i, common, arrays, marks):  # type: ignore[no-untyped-def]
+    """Solve with the running block of vehicle i; returns what the block alone says, as ``BlockEvidence`` has it."""
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
+    (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
+     reserve, covariance, informed, _, _, _, _, _, counts) = arrays  # fmt: skip
+    mark_bank, mark_rows, mark_sums, mark_known = marks
+    iterations = 1
+    if counts[i, 0] == 0:
+        _noise_start(roughness[i], noise[i], lever.size)
+        iterations = 3
+    mc, kept, add, gust, cov, evidence, evidence_v, _, m, _ = _block_step(
+        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i],
+        sums[i], theta[i], noise[i], noise_known[i], roughness[i], sensitivity[i], information[i], vector[i],
+        driven[i], prior_value, prior_std, iterations,
+    )  # fmt: skip
+    covariance[i] = cov
+    span = rows[i, 1, 0] - rows[i, 0, 0]
+    share = 1.0 - np.exp(-span / settings[2])
+    _replace(share, mc, prior_std, sensitivity[i], information[i], vector[i], driven[i], reserve[i])
+    _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * min(1.0, span / settings[0]))
+    place_mark(
+        bank[i], rows[i], sums[i], roughness[i], mc, kept, add, gust, mark_bank[i], mark_rows[i],
+        mark_sums[i], mark_known[i],
+    )  # fmt: skip
+    return evidence, evidence_v
+
+
+@njit(cache=True)
+def _follow_change(i, common, arrays, marks, evidence, evidence_v, inputs):  # type: ignore[no-untyped-def]
+    """Where a derivative has changed, end the block at the change and set the memory of it free; returns whether.
+
+    The running block against the closed ones is what a solution knows anyway; only where it speaks for a change at all
+    are the windows since the marks held against all that was before them.
+    """
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
+    (bank, rows, sums, roughness, _, _, noise_known, sensitivity, information, vector, driven,
+     reserve, _, _, _, _, _, _, _, _) = arrays  # fmt: skip
+    mark_bank, mark_rows, mark_sums, mark_known = marks
+    k, size = prior_std.size, prior_std / 3.0
+    changed, trial = np.zeros(k, dtype=np.bool_), np.zeros(k, dtype=np.bool_)
+    mean, spread = _remembered(sensitivity[i], information[i], vector[i], driven[i], prior_value, prior_std)
+    weight, pull = change_of(evidence, evidence_v, mean, spread)
+    best, cut = CHANGE_LOG_THRESHOLD, -2
+    whole = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, trial)
+    if not whole > 0.0:
+        return False
+    if trial.any():
+        best, cut = whole, -1
+        changed[:] = trial
+    nothing = np.zeros((k, k))
+    for m in range(MARKS):
+        if not (rows[i, 0, 0] <= mark_rows[i, m, 0] < rows[i, 1, 0] - 0.5):
+            continue
+        known = mark_known[i, m]
+        mean, spread = _remembered(
+            sensitivity[i] + known[:, :k], information[i] + known[:, k : 2 * k], vector[i] + known[:, 2 * k],
+            driven[i] + known[:, 2 * k + 1], prior_value, prior_std,
+        )  # fmt: skip
+        part, ends, part_sums, part_roughness = since_mark(
+            omega, bank[i], rows[i], sums[i], roughness[i], mark_bank[i, m], mark_rows[i, m], mark_sums[i, m]
+        )
+        _gather(part_sums, ends[0], 2 + lever.size + inputs)
+        level = noise_known[i, :-1].copy()
+        _, _, _, _, _, window, window_v, _, _, _ = _block_step(
+            omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, part, ends, part_sums,
+            mean.copy(), level, noise_known[i], part_roughness, nothing, nothing, nothing[0], nothing[0], mean, size, 1,
+        )  # fmt: skip
+        weight, pull = change_of(window, window_v, mean, spread)
+        value = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, trial)
+        if trial.any() and value > best:
+            best, cut = value, m
+            changed[:] = trial
+    if cut == -2:
+        return False
+    if cut >= 0:
+        _cut(i, common, arrays, marks, cut, inputs)
+    free_memory(sensitivity[i], information[i], vector[i], driven[i], size, changed)
+    # All that is left is as good as new: nothing of it waits to be replaced.
+    reserve[i] = 0.0
+    return True
+
+
+@njit(cache=True)
+def _cut(i, common, arrays, marks, m, inputs):  # type: ignore[no-untyped-def]
+    """End the running block of vehicle i at mark m; what came after it is the running block."""
+    bank, rows, sums, roughness = arrays[:4]
+    mark_bank, mark_rows, mark_sums, _ = marks
+    part, ends, part_sums, part_roughness = since_mark(
+        common[0], bank[i], rows[i], sums[i], roughness[i], mark_bank[i, m], mark_rows[i, m], mark_sums[i, m]
+    )
+    _gather(part_sums, ends[0], 2 + common[1].size + inputs)
+    if mark_rows[i, m, 0] - rows[i, 0, 0] >= common[4][1]:
+        bank[i] = mark_bank[i, m]
+        rows[i, 1] = mark_rows[i, m]
+        sums[i] = mark_sums[i, m, : sums.shape[1]]
+        roughness[i] = mark_sums[i, m, sums.shape[1] :]
+        _close(i, common, arrays)
+    bank[i], rows[i], sums[i], roughness[i] = part, ends, part_sums, part_roughness
+    mark_rows[i] = np.nan

@@ -1,0 +1,121 @@
+"""A derivative that changes is followed, what is known of the others stays, and chance sets little free."""
+
+import numpy as np
+import pytest
+from convergence import Course
+from estimator_plants import PITCH, Array, doublets, fourier, make_signals
+from reference_plant import PLANTS
+from tracking import CHANGED, follow_step, stepped_truth
+
+from wingwatch.estimators import FourierState
+from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD, change_of, changed_derivatives, free_memory
+from wingwatch.estimators.fourier_change import since_mark
+
+SIZE = np.array([4.0, 25.0, 2.0, 4.0, 6.0, 32.0])
+
+
+def some_information(rng: np.random.Generator, precision: float) -> Array:
+    """A full-rank information matrix about six derivatives of natural size ``SIZE``."""
+    root = rng.standard_normal((6, 12)) * precision / SIZE[:, None]
+    return np.asarray(root @ root.T)
+
+
+def window_of(truth: Array, information: Array, rng: np.random.Generator) -> Array:
+    """Vector of a window that saw ``truth`` with its own noise."""
+    return np.asarray(information @ truth + np.linalg.cholesky(information) @ rng.standard_normal(6))
+
+
+def test_the_change_and_no_other_is_found() -> None:
+    rng = np.random.default_rng(1)
+    for k in range(6):
+        memory, window = some_information(rng, 60.0), some_information(rng, 30.0)
+        truth = rng.standard_normal(6) * SIZE
+        mean = truth + np.linalg.cholesky(np.linalg.inv(memory)) @ rng.standard_normal(6)
+        moved = truth + 0.4 * SIZE * (np.arange(6) == k)
+        weight, pull = change_of(window, window_of(moved, window, rng), mean, np.linalg.inv(memory))
+        changed = np.zeros(6, dtype=np.bool_)
+        assert (
+            changed_derivatives(weight, pull, SIZE, CHANGE_LOG_THRESHOLD, 0.0, changed) > CHANGE_LOG_THRESHOLD
+        )
+        assert changed.tolist() == [j == k for j in range(6)]
+
+
+def test_chance_passes_a_threshold_no_more_often_than_its_inverse() -> None:
+    """Markov's inequality on the mean Bayes factor, at a threshold of twenty and 4000 windows without a change."""
+    rng, passed = np.random.default_rng(2), 0
+    changed = np.zeros(6, dtype=np.bool_)
+    for _ in range(4000):
+        memory, window = some_information(rng, 10.0), some_information(rng, rng.choice([0.1, 1.0, 10.0]))
+        mean = np.linalg.cholesky(np.linalg.inv(memory)) @ rng.standard_normal(6)
+        weight, pull = change_of(window, window_of(np.zeros(6), window, rng), mean, np.linalg.inv(memory))
+        passed += changed_derivatives(weight, pull, SIZE, np.log(20.0), 0.0, changed) > np.log(20.0)
+    assert passed <= 4000 / 20
+
+
+def test_a_window_that_saw_nothing_frees_nothing() -> None:
+    changed = np.ones(6, dtype=np.bool_)
+    weight, pull = change_of(np.zeros((6, 6)), np.zeros(6), SIZE.copy(), np.diag(SIZE**2))
+    assert changed_derivatives(weight, pull, SIZE, CHANGE_LOG_THRESHOLD, 0.0, changed) == pytest.approx(0.0)
+    assert not changed.any()
+
+
+def test_freed_memory_has_the_covariance_of_one_that_may_have_changed() -> None:
+    rng = np.random.default_rng(3)
+    sensitivity, information = some_information(rng, 10.0), some_information(rng, 10.0)
+    vector, driven = rng.standard_normal(6), rng.standard_normal(6)
+    inverse = np.linalg.inv(sensitivity)
+    before, mean = inverse @ information @ inverse, inverse @ vector
+    changed = np.array([False, True, False, False, False, True])
+    free_memory(sensitivity, information, vector, driven, SIZE, changed)
+    after = np.linalg.inv(sensitivity)
+    np.testing.assert_allclose(
+        after @ information @ after, before + np.diag(SIZE**2 * changed), rtol=1e-8, atol=1e-9
+    )
+    np.testing.assert_allclose(after @ vector, mean, rtol=1e-8)
+
+
+def test_a_block_cut_at_a_mark_is_one_that_began_there() -> None:
+    runner = fourier(PITCH)
+    rows = make_signals(PITCH, doublets(PITCH, 9.0))[None]
+    state, later = runner.init(1), runner.init(1)
+    assert isinstance(state, FourierState)
+    assert isinstance(later, FourierState)
+    runner.update(state, rows[:, :201])
+    bank, row = state.bank[0].copy(), state.rows[0, 1].copy()
+    sums = np.concatenate([state.sums[0], state.roughness[0]])
+    runner.update(state, rows[:, 201:400])
+    part, ends, _, _ = since_mark(
+        runner.estimator.config.omega_rad_s,  # type: ignore[union-attr]
+        state.bank[0], state.rows[0], state.sums[0], state.roughness[0], bank, row, sums,
+    )  # fmt: skip
+    runner.update(later, rows[:, 200:400])
+    np.testing.assert_allclose(part, later.bank[0], rtol=0.0, atol=1e-9 * np.abs(later.bank).max())
+    np.testing.assert_array_equal(ends[:2], later.rows[0, :2])
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["short_period", "dutch_roll"])
+def courses(request: pytest.FixtureRequest) -> tuple[int, dict[str, Course]]:
+    return request.param, follow_step(PLANTS[request.param], 2, stepped=True)
+
+
+def test_a_step_is_followed_within_three_seconds(courses: tuple[int, dict[str, Course]]) -> None:
+    """20 % of the surface's moment at signal-to-noise 5; the others stay within four of their stated errors."""
+    number, found = courses
+    course, truth = found["fourier"], stepped_truth(PLANTS[number])
+    late = course.since_s >= 3.0
+    error = course.value[late] - truth
+    assert (np.abs(error[..., CHANGED] / truth[CHANGED]) <= 0.05).all()
+    others = np.arange(6) != CHANGED
+    scores = np.abs(course.value - truth) / course.standard_error
+    assert (scores[..., others] < 4.0).all(), scores.max(axis=(0, 1))
+
+
+def test_a_change_is_found_the_same_however_the_record_is_cut() -> None:
+    rows = make_signals(PITCH, doublets(PITCH, 26.0, 2.0))
+    weaker = make_signals(PITCH, 0.6 * doublets(PITCH, 26.0, 2.0))
+    rows[800:, 1:4] = weaker[800:, 1:4]
+    rows[800:, 5] = weaker[800:, 5]
+    runner = fourier(PITCH)
+    whole, pieces = runner.run(rows[None]), runner.run(rows[None], chunks=(7, 1, 3))
+    np.testing.assert_array_equal(runner.estimate(whole).value, runner.estimate(pieces).value)
+    assert abs(runner.estimate(whole).value[5] / (0.6 * PITCH.truth[5]) - 1.0) < 0.05
