@@ -185,3 +185,13 @@ def test_evidence_is_worth_what_it_claims(plant: Plant) -> None:
     ratio = np.sum(chi) / np.sum(freedom)
     chance = 4.0 * np.sqrt(2.0 / np.sum(freedom))
     assert abs(ratio - 1.0) < 0.2 + chance, ratio
+
+
+def test_regressors_that_depend_on_each_other_to_the_last_digit_are_taken() -> None:
+    """A record without noise gives an M that rounding makes indefinite; nothing is raised and nothing is made of it."""
+    part = np.random.default_rng(3).standard_normal((4, 2))
+    root = np.hstack((part, part @ np.array([[1.0, 2.0], [0.5, -1.0]])))
+    m = root.T @ root - 1e-7 * np.eye(4)
+    sensitivity, *_ = reduce_information(m, np.zeros((4, 4)), np.ones(2), np.ones(4), np.zeros(4), 0.5)
+    assert np.isfinite(sensitivity).all()
+    np.testing.assert_allclose(sensitivity, m, atol=1e-6)
