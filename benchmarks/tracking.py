@@ -81,7 +81,32 @@ def follow_step(plant: Plant, seeds: int, stepped: bool) -> dict[str, Course]:
     """Both estimators' courses from the step on, by name."""
     surface = doublets(plant, DURATION_S, 6.0, EVERY_S)
     rows = noisy_rows(plant, step_states(plant, surface, stepped), surface, seeds)
-    return {e.name: follow(e, rows, STEP_S, every=SOLVE_EVERY) for e in estimators(plant)}
+    found = {e.name: follow(e, rows, STEP_S, every=SOLVE_EVERY) for e in estimators(plant)}
+    return {**found, "ekf, told by fourier as in the live chain": follow_told(plant, rows)}
+
+
+def follow_told(plant: Plant, rows: Array) -> Course:
+    """The filter's course from the step on where the Fourier form tells it which derivatives have changed."""
+    fourier, ekf = estimators(plant)
+    sums, state = fourier.init(len(rows)), ekf.init(len(rows))
+    since, read = [], []
+    for k in range(0, rows.shape[1], SOLVE_EVERY):
+        piece = rows[:, k : k + SOLVE_EVERY]
+        fourier.update(sums, piece)
+        fourier.solve(sums)
+        ekf.update(state, piece)
+        ekf.solve(state)
+        for i in range(len(rows)):
+            ekf.release(state, fourier.changed(sums, i), i)
+        if piece[0, -1, 0] > rows[0, 0, 0] + STEP_S:
+            since.append(float(piece[0, -1, 0] - rows[0, 0, 0]) - STEP_S)
+            read.append([ekf.estimate(state, i) for i in range(len(rows))])
+    return Course(
+        np.array(since),
+        np.array([[e.value for e in now] for now in read]),
+        np.array([[e.standard_error for e in now] for now in read]),
+        np.array([[[o is Outcome.CONVERGED for o in e.outcomes] for e in now] for now in read]),
+    )
 
 
 def quiet_flight(

@@ -240,6 +240,25 @@ class EkfEstimator:
             state.counts,
         )  # fmt: skip
 
+    def release(self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0) -> None:
+        """Set free what is known of derivatives that have changed: P becomes P + s^2 e e', s the natural size.
+
+        What is lost so is no information gained: the account of ``take_gained`` does not see it.
+
+        Args:
+            state: in place.
+            changed: which derivatives, shape (k,).
+            vehicle: row of the state.
+        """
+        c, k = self.config, self.config.prior_value.size
+        first = self.layout.states + self._gust_m.size
+        rows = first + np.flatnonzero(changed)
+        state.cov[vehicle, rows, rows] += c.prior_std[changed] ** 2
+        parameters = state.cov[vehicle, first : first + k, first : first + k]
+        state.information[vehicle] = np.linalg.inv(parameters)
+        state.vector[vehicle] = state.information[vehicle] @ state.z[vehicle, first : first + k]
+        state.variance[vehicle] = np.diagonal(parameters)
+
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
         c, k = self.config, self.config.prior_value.size

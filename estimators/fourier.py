@@ -102,6 +102,7 @@ class FourierState:
         counts: solutions so far, blocks closed.
         mark_bank, mark_rows, mark_sums, mark_known: copies of the running block and of what it says, at the last
             seconds' marks (``fourier_change``).
+        changed_s: last time the memory of each derivative was set free because it contradicted the data, (k,).
     """
 
     bank: Array
@@ -130,6 +131,7 @@ class FourierState:
     mark_rows: Array
     mark_sums: Array
     mark_known: Array
+    changed_s: Array
 
 
 class FourierEstimator:
@@ -175,6 +177,7 @@ class FourierEstimator:
             mark_rows=np.full((n, MARKS, self.layout.columns), np.nan),
             mark_sums=np.zeros((n, MARKS, 6 + nu + ns + 2)),
             mark_known=np.zeros((n, MARKS, k, 2 * k + 2)),
+            changed_s=np.full((n, k), -np.inf),
         )
 
     def update(self, state: FourierState, signals: Array) -> None:
@@ -202,6 +205,10 @@ class FourierEstimator:
         state.vector[vehicle] = vector
         state.driven[vehicle] = 0.0
         state.reserve[vehicle] = 0.0
+
+    def changed(self, state: FourierState, vehicle: int = 0) -> NDArray[np.bool_]:
+        """Which derivatives the last solution found to have changed, shape (k,): their memory is free since then."""
+        return np.asarray(state.changed_s[vehicle] == state.rows[vehicle, 1, 0])
 
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
@@ -251,4 +258,5 @@ class FourierEstimator:
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
             s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
             s.evidence_span, s.condition, s.counts, s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known,
+            s.changed_s,
         )  # fmt: skip

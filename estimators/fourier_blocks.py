@@ -250,7 +250,7 @@ def update_all(  # type: ignore[no-untyped-def]
     signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, mark_bank, mark_rows, mark_sums, mark_known,
+    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s,
 ):  # fmt: skip
     """Take in samples (vehicles, samples, columns), all in place; arguments as ``FourierEstimator`` lays them out."""
     ns = lever.size
@@ -323,7 +323,7 @@ def solve_all(  # type: ignore[no-untyped-def]
     omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, mark_bank, mark_rows, mark_sums, mark_known,
+    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s,
 ):  # fmt: skip
     """Solve with every vehicle's running block; the same arguments, in place."""
     common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
@@ -335,7 +335,9 @@ def solve_all(  # type: ignore[no-untyped-def]
         if not (rows[i, 1, 0] - rows[i, 0, 0] >= settings[1] - 1e-9):
             continue
         evidence, evidence_v = _solve(i, common, arrays, marks)
-        if counts[i, 1] > 0 and _follow_change(i, common, arrays, marks, evidence, evidence_v, held.size):
+        if counts[i, 1] > 0 and _follow_change(
+            i, common, arrays, marks, evidence, evidence_v, held.size, changed_s
+        ):
             _solve(i, common, arrays, marks)
         _condition(sums[i], condition[i])
         counts[i, 0] += 1
@@ -370,7 +372,7 @@ def _solve(i, common, arrays, marks):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _follow_change(i, common, arrays, marks, evidence, evidence_v, inputs):  # type: ignore[no-untyped-def]
+def _follow_change(i, common, arrays, marks, evidence, evidence_v, inputs, changed_s):  # type: ignore[no-untyped-def]
     """Where a derivative has changed, end the block at the change and set the memory of it free; returns whether.
 
     The running block against the closed ones is what a solution knows anyway; only where it speaks for a change at all
@@ -419,6 +421,9 @@ def _follow_change(i, common, arrays, marks, evidence, evidence_v, inputs):  # t
     if cut >= 0:
         _cut(i, common, arrays, marks, cut, inputs)
     free_memory(sensitivity[i], information[i], vector[i], driven[i], size, changed)
+    for a in range(k):
+        if changed[a]:
+            changed_s[i, a] = rows[i, 1, 0]
     # All that is left is as good as new: nothing of it waits to be replaced.
     reserve[i] = 0.0
     return True

@@ -242,6 +242,11 @@ class Chain:
                 state.blocks[name] = closed
                 gained = m.ekf.take_gained(state.ekf[name])
             modes[name] = self._read(state, m, gained)
+            changed = m.fourier.changed(state.fourier[name])
+            # The filter cannot tell a change from the noise of its surfaces; it is told, where the Fourier form can be
+            # trusted.
+            if changed.any() and m.vane and not modes[name].rough:
+                m.ekf.release(state.ekf[name], changed)
         return Solution(time_s, modes)
 
     def _gusty(self, state: ChainState) -> bool:
