@@ -41,6 +41,7 @@ Form = Literal["accelerometer", "differentiated", "reconstructed"]
 FORMS: tuple[Form, ...] = ("accelerometer", "differentiated", "reconstructed")
 
 _VANES = ("angle_of_attack_rad", "sideslip_rad")
+_VANE = {"w": _VANES[0], "v": _VANES[1]}
 _INPUT_CHANNEL = {"eta": "elevator_rad", "xi": "aileron_rad", "zeta": "rudder_rad", "tau": "throttle"}
 _STATE_CHANNEL = {"p": "roll_rate_rad_s", "theta": "pitch_rad", "phi": "roll_rad"}
 _SIGNALS = {SHORT_PERIOD: SHORT_PERIOD, DUTCH_ROLL: DUTCH_ROLL, LATERAL: LATERAL, LATERAL_FULL: LATERAL}
@@ -79,9 +80,10 @@ def missing_channels(
 ) -> tuple[str, ...]:
     """Channels that a structure needs in a form and a flight does not have, in the order of the flight table."""
     solved = solved_as(structure)
-    given = {*present, *_VANES} if form == "reconstructed" else set(present)
-    needed = {_INPUT_CHANNEL[u] for u in solved.inputs} | set(missing_for(solved, given))
-    return tuple(name for name in CHANNEL_INDEX if name in needed and name not in given)
+    needed = {_INPUT_CHANNEL[u] for u in solved.inputs} | set(missing_for(solved, present))
+    if form != "reconstructed":
+        needed |= {_VANE[s] for s in solved.states if s in _VANE}
+    return tuple(name for name in CHANNEL_INDEX if name in needed and name not in present)
 
 
 def flight_manoeuvres(

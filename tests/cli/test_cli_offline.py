@@ -250,14 +250,15 @@ def test_a_flight_that_cannot_be_used_is_told_in_one_sentence(
     rateless = tmp_path / "rateless.csv"
     write_flight(without(block, "pitch_rate_rad_s"), rateless)
     modeless = tmp_path / "modeless.csv"
-    write_flight(without(block, "angle_of_attack_rad", "sideslip_rad"), modeless)
+    surfaces = [f"{s}_{kind}" for s in ("elevator", "aileron", "rudder") for kind in ("rad", "command_rad")]
+    write_flight(without(block, *surfaces), modeless)
     cases = {
         tmp_path / "absent.csv": "absent.csv",
         truncated: "cut.parquet",
         empty: "empty",
         text: "notes.txt",
         rateless: "pitch_rate_rad_s",
-        modeless: "angle_of_attack_rad",
+        modeless: "elevator_rad",
     }
     for path, words in cases.items():
         for command in ("estimate", "monitor"):
