@@ -110,6 +110,14 @@ def test_a_step_is_followed_within_three_seconds(courses: tuple[int, dict[str, C
     assert (scores[..., others] < 4.0).all(), scores.max(axis=(0, 1))
 
 
+def test_the_filter_that_is_told_follows_too(courses: tuple[int, dict[str, Course]]) -> None:
+    """Found within three seconds and told; the next doublet, two seconds on, teaches the filter the new value."""
+    number, found = courses
+    course = next(c for name, c in found.items() if name.startswith("ekf, told"))
+    error = course.value[..., CHANGED] / stepped_truth(PLANTS[number])[CHANGED] - 1.0
+    assert (np.abs(error[course.since_s >= 5.0]) <= 0.05).all()
+
+
 def test_a_change_is_found_the_same_however_the_record_is_cut() -> None:
     rows = make_signals(PITCH, doublets(PITCH, 26.0, 2.0))
     weaker = make_signals(PITCH, 0.6 * doublets(PITCH, 26.0, 2.0))
