@@ -103,6 +103,7 @@ class FourierState:
         mark_bank, mark_rows, mark_sums, mark_known: copies of the running block and of what it says, at the last
             seconds' marks (``fourier_change``).
         changed_s: last time the memory of each derivative was set free because it contradicted the data, (k,).
+        follows: whether changes are looked for; not where the caller knows that the model leaves out what acts.
     """
 
     bank: Array
@@ -132,6 +133,7 @@ class FourierState:
     mark_sums: Array
     mark_known: Array
     changed_s: Array
+    follows: NDArray[np.bool_]
 
 
 class FourierEstimator:
@@ -178,6 +180,7 @@ class FourierEstimator:
             mark_sums=np.zeros((n, MARKS, 6 + nu + ns + 2)),
             mark_known=np.zeros((n, MARKS, k, 2 * k + 2)),
             changed_s=np.full((n, k), -np.inf),
+            follows=np.ones(n, dtype=np.bool_),
         )
 
     def update(self, state: FourierState, signals: Array) -> None:
@@ -258,5 +261,5 @@ class FourierEstimator:
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
             s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
             s.evidence_span, s.condition, s.counts, s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known,
-            s.changed_s,
+            s.changed_s, s.follows,
         )  # fmt: skip

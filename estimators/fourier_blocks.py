@@ -250,7 +250,7 @@ def update_all(  # type: ignore[no-untyped-def]
     signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s,
+    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows,
 ):  # fmt: skip
     """Take in samples (vehicles, samples, columns), all in place; arguments as ``FourierEstimator`` lays them out."""
     ns = lever.size
@@ -323,7 +323,7 @@ def solve_all(  # type: ignore[no-untyped-def]
     omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s,
+    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows,
 ):  # fmt: skip
     """Solve with every vehicle's running block; the same arguments, in place."""
     common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
@@ -335,8 +335,10 @@ def solve_all(  # type: ignore[no-untyped-def]
         if not (rows[i, 1, 0] - rows[i, 0, 0] >= settings[1] - 1e-9):
             continue
         evidence, evidence_v = _solve(i, common, arrays, marks)
-        if counts[i, 1] > 0 and _follow_change(
-            i, common, arrays, marks, evidence, evidence_v, held.size, changed_s
+        if (
+            follows[i]
+            and counts[i, 1] > 0
+            and _follow_change(i, common, arrays, marks, evidence, evidence_v, held.size, changed_s)
         ):
             _solve(i, common, arrays, marks)
         _condition(sums[i], condition[i])

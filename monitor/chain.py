@@ -242,10 +242,12 @@ class Chain:
                 state.blocks[name] = closed
                 gained = m.ekf.take_gained(state.ekf[name])
             modes[name] = self._read(state, m, gained)
+            # Rough air contradicts what is remembered, too; without a vane all may. Else the filter, which cannot
+            # tell a change from the noise of its surfaces, is told.
+            trusted = m.vane and not modes[name].rough
+            state.fourier[name].follows[:] = trusted
             changed = m.fourier.changed(state.fourier[name])
-            # The filter cannot tell a change from the noise of its surfaces; it is told, where the Fourier form can be
-            # trusted.
-            if changed.any() and m.vane and not modes[name].rough:
+            if changed.any() and trusted:
                 m.ekf.release(state.ekf[name], changed)
         return Solution(time_s, modes)
 
