@@ -18,6 +18,7 @@ python:
 
 run: python   ## set up, then the service and a simulated fleet on 127.0.0.1:8000 (ARGS="--port 8010" and so on)
 	@$(SETUP)
+	@$(BIN)/python tools/compile_kernels.py
 	@$(BIN)/wingwatch demo $(ARGS)
 
 test: python  ## set up, then every check and test
@@ -27,6 +28,7 @@ test: python  ## set up, then every check and test
 	$(BIN)/mypy -p wingwatch
 	$(BIN)/mypy tests benchmarks tools
 	$(BIN)/lint-imports
+	@$(BIN)/python tools/compile_kernels.py
 	$(BIN)/pytest -n 2
 
 # Pins stay where they can; `make constraints UPGRADE=--upgrade` takes the newest of everything.
