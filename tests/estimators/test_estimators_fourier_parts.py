@@ -11,6 +11,10 @@ from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
 from wingwatch.estimators.fourier_bank import advance_bank, bank_channels, block_transforms
 from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
 
+chance_passes = pytest.mark.xfail(
+    strict=True,
+    reason="three of the Dutch roll's 240 blocks take chance for evidence: the edge leaves out its own scatter",
+)
 LAYOUT = SignalLayout(2, 1)
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 
@@ -147,9 +151,15 @@ def test_what_all_of_the_roughness_could_explain_is_not_kept() -> None:
     np.testing.assert_allclose(np.diag(suspected), [0.0, 1.0, 1.0], atol=1e-7)
 
 
-@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+@pytest.mark.parametrize(
+    "plant",
+    [
+        pytest.param(plant, id=name, marks=() if name == "short_period" else chance_passes)
+        for name, plant in PLANTS.items()
+    ],
+)
 def test_quiet_blocks_are_no_evidence(plant: Plant) -> None:
-    """But for chance: of 240 blocks four at most, which at one in 250 (docs/estimators.md) leaves one run in 300."""
+    """Sensor noise alone: none of 240 blocks."""
     runner = fourier(plant)
     state = runner.init(40)
     quiet = quiet_batch(plant, 60.2, 40, seed=100)
@@ -159,7 +169,7 @@ def test_quiet_blocks_are_no_evidence(plant: Plant) -> None:
         assert isinstance(state, FourierState)
         evidence += int((state.evidence_matrix != 0.0).any(axis=(1, 2)).sum())
     assert (state.counts[:, 1] == 6).all()
-    assert evidence <= 4
+    assert evidence == 0
 
 
 @pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
