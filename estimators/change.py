@@ -16,8 +16,8 @@ Derivation: ``docs/estimators.md`` section 14, after the change-point tests of W
 
 import math
 
-import numpy as np
-from numba import njit
+from wingwatch.estimators.hot import lean
+from wingwatch.estimators.symmetric import product, solve_general
 
 __all__ = ["CHANGE_LOG_THRESHOLD", "MODEL_WANDER", "change_of", "changed_derivatives", "free_memory"]
 
@@ -32,36 +32,60 @@ two of its own standard deviations to the bad, stays below the threshold however
 has to exceed the threshold, log(1/w) and log(6)."""
 
 
-@njit(cache=True)
-def change_of(window, vector, mean, covariance):  # type: ignore[no-untyped-def]
-    """K (k, k) and pull (k,) of a window (information (k, k), vector (k,)) against a memory (mean, covariance)."""
+@lean
+def change_of(window, vector, mean, covariance, inner, both, weight, pull):  # type: ignore[no-untyped-def]
+    """K (k, k) and pull (k,) of a window (information (k, k), vector (k,)) against a memory (mean, covariance).
+
+    Args:
+        inner, both: room, (k, k) and (k, k + 1).
+        weight, pull: become K and pull.
+    """
     k = mean.size
-    inner = np.eye(k) + window @ covariance
-    both = np.empty((k, k + 1))
-    both[:, :k] = window
-    both[:, k] = vector - window @ mean
-    solved = np.linalg.solve(inner, both)
-    weight = np.ascontiguousarray(solved[:, :k])
-    return 0.5 * (weight + weight.T), np.ascontiguousarray(solved[:, k])
-
-
-@njit(cache=True)
-def _likeliest(weight, pull, size, least):  # type: ignore[no-untyped-def]
-    """Log of the mean Bayes factor of a change in one derivative, and the derivative that it is likeliest in."""
-    k = pull.size
-    logs = np.zeros(k)
+    product(window, covariance, inner)
     for a in range(k):
-        variance = size[a] * size[a]
-        if variance * weight[a, a] < least:
-            continue
-        grown = 1.0 + variance * max(weight[a, a], 0.0)
-        logs[a] = -0.5 * np.log(grown) + 0.5 * variance * pull[a] * pull[a] / grown
-    best = int(np.argmax(logs))
-    return logs[best] + np.log(np.mean(np.exp(logs - logs[best]))), best
+        inner[a, a] += 1.0
+        both[a, k] = vector[a]
+        for b in range(k):
+            both[a, b] = window[a, b]
+            both[a, k] -= window[a, b] * mean[b]
+    solve_general(inner, both, k)
+    for a in range(k):
+        pull[a] = both[a, k]
+        for b in range(k):
+            weight[a, b] = 0.5 * (both[a, b] + both[b, a])
 
 
-@njit(cache=True)
-def changed_derivatives(weight, pull, size, threshold, least, changed):  # type: ignore[no-untyped-def]
+@lean
+def _likeliest(weight, pull, size, least):  # type: ignore[no-untyped-def]
+    """Log of the mean Bayes factor of a change in one derivative, and the derivative that it is likeliest in.
+
+    Args:
+        weight: K in its first k columns, (k, k) or wider.
+    """
+    k = size.size
+    first, best = 0.0, 0
+    for a in range(k):
+        value = _log_factor(weight[a, a], pull[a], size[a], least)
+        if a == 0 or value > first:
+            first, best = value, a
+    total = 0.0
+    for a in range(k):
+        total += math.exp(_log_factor(weight[a, a], pull[a], size[a], least) - first)
+    return first + math.log(total / k), best
+
+
+@lean
+def _log_factor(weight, pull, size, least):  # type: ignore[no-untyped-def]
+    """log B of one derivative; zero where the window does not see it."""
+    variance = size * size
+    if variance * weight < least:
+        return 0.0
+    grown = 1.0 + variance * max(weight, 0.0)
+    return -0.5 * math.log(grown) + 0.5 * variance * pull * pull / grown
+
+
+@lean
+def changed_derivatives(weight, pull, size, threshold, least, inner, both, line, changed):  # type: ignore[no-untyped-def]
     """Which derivatives have changed, one after another.
 
     Args:
@@ -69,37 +93,46 @@ def changed_derivatives(weight, pull, size, threshold, least, changed):  # type:
         size: natural size s of each derivative's change, (k,).
         threshold: log of what the mean Bayes factor has to pass.
         least: a derivative is not asked where s^2 K_kk is less: the window does not see it that well.
+        inner, both, line: room, (k, k), (k, k + 1) and (k,).
         changed: set to whether each derivative has changed, (k,) of bool.
 
     Returns:
         log of the mean Bayes factor of the first test.
     """
+    k = size.size
     changed[:] = False
     first, _ = _likeliest(weight, pull, size, least)
     if not first > threshold:
         return first
-    wander = np.square(MODEL_WANDER * size)
-    for turn in range(pull.size):
-        inner = np.eye(pull.size) + weight * wander
-        both = np.empty((pull.size, pull.size + 1))
-        both[:, : pull.size] = weight
-        both[:, pull.size] = pull
-        solved = np.linalg.solve(inner, both)
-        value, best = _likeliest(solved, np.ascontiguousarray(solved[:, pull.size]), size, least)
+    for turn in range(k):
+        for a in range(k):
+            for b in range(k):
+                inner[a, b] = weight[a, b] * (MODEL_WANDER * size[b]) ** 2
+                both[a, b] = weight[a, b]
+            inner[a, a] += 1.0
+            both[a, k] = pull[a]
+        solve_general(inner, both, k)
+        for a in range(k):
+            line[a] = both[a, k]
+        value, best = _likeliest(both, line, size, least)
         if turn == 0:
             first = value
         if not value > threshold or changed[best]:
             break
         changed[best] = True
-        column = weight[:, best].copy()
-        share = 1.0 / (1.0 / (size[best] * size[best]) + max(column[best], 0.0))
-        pull -= column * (share * pull[best])
-        weight -= share * np.outer(column, column)
+        for a in range(k):
+            line[a] = weight[a, best]
+        share = 1.0 / (1.0 / (size[best] * size[best]) + max(line[best], 0.0))
+        moved = share * pull[best]
+        for a in range(k):
+            pull[a] -= line[a] * moved
+            for b in range(k):
+                weight[a, b] -= share * line[a] * line[b]
     return first
 
 
-@njit(cache=True)
-def free_memory(sensitivity, information, vector, driven, size, changed):  # type: ignore[no-untyped-def]
+@lean
+def free_memory(sensitivity, information, vector, driven, size, changed, line, other):  # type: ignore[no-untyped-def]
     """Set the memory of the changed derivatives free: its covariance P becomes P + s^2 e e' for each of them.
 
     The memory is an estimating equation A theta = v with P = A^-1 C A^-1. By Sherman and Morrison A becomes T A, v
@@ -110,19 +143,28 @@ def free_memory(sensitivity, information, vector, driven, size, changed):  # typ
         vector, driven: v, and the part of it that the model expects of gusts, (k,), in place.
         size: natural size s of each derivative's change, (k,).
         changed: which derivatives, (k,) of bool.
+        line, other: room, (k,) each.
     """
     k = vector.size
     for a in range(k):
         if not changed[a]:
             continue
-        column = sensitivity[:, a].copy()
         precision = 1.0 / (size[a] * size[a])
-        share = 1.0 / (precision + column[a])
-        step = np.eye(k)
-        step[:, a] -= share * column
-        information[:, :] = step @ information @ np.ascontiguousarray(
-            step.T
-        ) + share * share * precision * np.outer(column, column)
-        sensitivity -= share * np.outer(column, column)
-        vector -= column * (share * vector[a])
-        driven -= column * (share * driven[a])
+        for b in range(k):
+            line[b] = sensitivity[b, a]
+        share = 1.0 / (precision + line[a])
+        for b in range(k):
+            other[b] = information[a, b]
+        for b in range(k):
+            for c in range(k):
+                information[b, c] -= share * line[b] * other[c]
+        for b in range(k):
+            other[b] = information[b, a]
+        for b in range(k):
+            for c in range(k):
+                information[b, c] += share * line[c] * (share * precision * line[b] - other[b])
+                sensitivity[b, c] -= share * line[b] * line[c]
+        told, drive = share * vector[a], share * driven[a]
+        for b in range(k):
+            vector[b] -= line[b] * told
+            driven[b] -= line[b] * drive

@@ -3,10 +3,12 @@
 Derivation: ``docs/estimators.md`` section 9.
 """
 
-import numpy as np
-from numba import njit
+import math
 
-__all__ = ["replaced"]
+from wingwatch.estimators.hot import lean
+from wingwatch.estimators.symmetric import congruence, eigen, product, solve_general
+
+__all__ = ["FORGETTING_LINES", "FORGETTING_SQUARES", "replaced"]
 
 SMALLEST = 1e-14
 """Least eigenvalue of what is known beside its largest, unit diagonal: less is rounding."""
@@ -18,9 +20,38 @@ EXCITED = 0.1
 """Share of the information that would keep the balance with forgetting, from which on a direction counts as excited: a
 third of the amplitude that taught what is known."""
 
+FORGETTING_SQUARES, FORGETTING_LINES = 6, 4
+"""Matrices (k, k) and vectors (k,) of room that ``replaced`` needs."""
 
-@njit(cache=True)
-def replaced(reserve, known, gained, share):  # type: ignore[no-untyped-def]
+
+@lean
+def _carried(turned, other, inner, rest, out):  # type: ignore[no-untyped-def]
+    """What is carried over: one for the first ``other`` directions, of the rest what they predict, F_.C F_CC^-1.
+
+    Args:
+        turned: F in coordinates in which the first ``other`` directions stay, (k, k).
+        inner, rest: room for (other, other) and (other, k).
+        out: (k, k).
+    """
+    k = turned.shape[0]
+    out[:, :] = 0.0
+    for a in range(other):
+        for b in range(other):
+            inner[a, b] = turned[a, b]
+        inner[a, a] += SLIGHT
+        for b in range(k):
+            rest[a, b] = turned[a, b]
+    solve_general(inner, rest, other)
+    for a in range(k):
+        for b in range(other):
+            out[a, b] = rest[b, a]
+    for a in range(other):
+        for b in range(other):
+            out[a, b] = 1.0 if a == b else 0.0
+
+
+@lean
+def replaced(reserve, known, gained, share, squares, lines, out):  # type: ignore[no-untyped-def]
     """What is left of a reserve of old information when new data have come.
 
     In coordinates that make ``known`` the unit matrix and ``gained`` diagonal, w_i of new information falls to a
@@ -34,33 +65,62 @@ def replaced(reserve, known, gained, share):  # type: ignore[no-untyped-def]
         known: all information, the new and the prior included, (k, k), positive definite.
         gained: the new data's part of it, (k, k). Where anything is not finite nothing goes.
         share: what the clock makes fade in the time that ``gained`` took, 0 to 1.
+        squares, lines: room, (FORGETTING_SQUARES, k, k) and (FORGETTING_LINES, k).
+        out: becomes Q (k, k): F becomes Q F Q', a score b that goes with it Q b.
 
     Returns:
-        Q (k, k): F becomes Q F Q', a score b that goes with it Q b.
+        how many directions stay; where it is k, Q is one.
     """
     k = known.shape[0]
-    if not (np.isfinite(known).all() and np.isfinite(gained).all() and np.isfinite(reserve).all()):
-        return np.eye(k)
-    size = np.sqrt(np.maximum(np.diag(known), 1e-300))
-    unit = np.outer(size, size)
-    power, axes = np.linalg.eigh(known / unit)
-    length = np.sqrt(np.maximum(power, SMALLEST * power[k - 1]))
-    towards = np.ascontiguousarray(axes.T)
-    whitened = towards @ (gained / unit) @ axes / np.outer(length, length)
-    new, directions = np.linalg.eigh(0.5 * (whitened + whitened.T))
-    root = axes @ (length.reshape(k, 1) * directions)
-    back = np.ascontiguousarray(directions.T) @ (towards / length.reshape(k, 1))
+    axes, whitened, half, directions, root, back = (
+        squares[0], squares[1], squares[2], squares[3], squares[4], squares[5],
+    )  # fmt: skip
+    size, power, off, room = lines[0], lines[1], lines[2], lines[3]
+    finite = True
+    for a in range(k):
+        for b in range(k):
+            finite = finite and math.isfinite(known[a, b] + gained[a, b] + reserve[a, b])
+            out[a, b] = 1.0 if a == b else 0.0
+    if not finite:
+        return k
+    for a in range(k):
+        size[a] = math.sqrt(max(known[a, a], 1e-300))
+    for a in range(k):
+        for b in range(k):
+            axes[a, b] = known[a, b] / (size[a] * size[b])
+            directions[a, b] = gained[a, b] / (size[a] * size[b])
+    eigen(axes, power, off, room)
+    least = SMALLEST * power[k - 1]
+    for v in range(k):
+        length = math.sqrt(max(power[v], least))
+        for a in range(k):
+            # Rows: axes over their lengths whiten; axes times their lengths, as columns, lead back.
+            root[a, v] = axes[v, a] * length
+            back[v, a] = axes[v, a] / length
+    congruence(back, directions, half, whitened)
+    for a in range(k):
+        for b in range(k):
+            directions[a, b] = 0.5 * (whitened[a, b] + whitened[b, a])
+    eigen(directions, power, off, room)
     other = 0
-    while other < k and new[other] < EXCITED * share:
+    while other < k and power[other] < EXCITED * share:
         other += 1
-    turned = back @ (reserve / unit) @ np.ascontiguousarray(back.T)
-    carried = np.zeros((k, k))
-    if other > 0:
-        inner = np.ascontiguousarray(turned[:other, :other]) + SLIGHT * np.eye(other)
-        carried[:, :other] = np.ascontiguousarray(
-            np.linalg.solve(inner, np.ascontiguousarray(turned[:other])).T
-        )
-        for a in range(other):
-            for b in range(other):
-                carried[a, b] = 1.0 if a == b else 0.0
-    return (root @ carried @ back) * np.outer(size, 1.0 / size)
+    if other == k:
+        return k
+    product(directions, back, half)
+    for a in range(k):
+        for b in range(k):
+            axes[a, b] = reserve[a, b] / (size[a] * size[b])
+    congruence(half, axes, back, whitened)
+    _carried(whitened, other, axes, back, out)
+    product(out, half, whitened)
+    for a in range(k):
+        for v in range(k):
+            back[a, v] = 0.0
+            for b in range(k):
+                back[a, v] += root[a, b] * directions[v, b]
+    product(back, whitened, out)
+    for a in range(k):
+        for b in range(k):
+            out[a, b] *= size[a] / size[b]
+    return other

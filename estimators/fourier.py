@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
 from wingwatch.estimators.fourier_bank import bank_channels
-from wingwatch.estimators.fourier_blocks import solve_all, update_all
+from wingwatch.estimators.fourier_blocks import advance
 from wingwatch.estimators.fourier_change import MARKS
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
@@ -190,11 +190,11 @@ class FourierEstimator:
             state: advanced in place.
             signals: shape (vehicles, samples, columns) from ``Signals``; rows with a missing value are passed over.
         """
-        update_all(np.ascontiguousarray(signals), *self._arguments(state))
+        advance(np.ascontiguousarray(signals), False, *self._arguments(state))
 
     def solve(self, state: FourierState) -> None:
         """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz)."""
-        solve_all(*self._arguments(state))
+        advance(np.empty((len(state.theta), 0, self.layout.columns)), True, *self._arguments(state))
 
     def resume(self, state: FourierState, information: Array, vector: Array, vehicle: int = 0) -> None:
         """Put a memory in the place of what closed blocks said; the running block stays.

@@ -4,8 +4,12 @@ Derivation and symbols: ``docs/estimators.md`` section 2. Nothing here allocates
 lie apart and frequencies side by side, so that the processor takes several of them at once.
 """
 
+import math
+
 import numpy as np
 from numba import njit
+
+from wingwatch.estimators.hot import hot, lean
 
 __all__ = ["advance_bank", "bank_channels", "block_transforms"]
 
@@ -16,7 +20,7 @@ def bank_channels(ns, nu):  # type: ignore[no-untyped-def]
     return ns + nu + 2
 
 
-@njit(cache=True)
+@lean
 def _coefficients(omega, dt, out):  # type: ignore[no-untyped-def]
     """One-pole coefficients of a step: exact for a signal linear between samples, and for a held one.
 
@@ -36,7 +40,7 @@ def _coefficients(omega, dt, out):  # type: ignore[no-untyped-def]
         out[6, f], out[7, f] = whole.real, whole.imag
 
 
-@njit(cache=True, inline="always")
+@hot
 def _linear(real, imag, c, old, new):  # type: ignore[no-untyped-def]
     """One channel at all frequencies, linear from ``old`` to ``new``."""
     e_real, e_imag, a_real, a_imag, b_real, b_imag = c[0], c[1], c[2], c[3], c[4], c[5]
@@ -46,7 +50,7 @@ def _linear(real, imag, c, old, new):  # type: ignore[no-untyped-def]
         imag[f] = e_real[f] * y + e_imag[f] * x + a_imag[f] * old + b_imag[f] * new
 
 
-@njit(cache=True, inline="always")
+@hot
 def _held(real, imag, c, value):  # type: ignore[no-untyped-def]
     """One channel at all frequencies, at ``value`` throughout."""
     e_real, e_imag, h_real, h_imag = c[0], c[1], c[6], c[7]
@@ -56,7 +60,7 @@ def _held(real, imag, c, value):  # type: ignore[no-untyped-def]
         imag[f] = e_real[f] * y + e_imag[f] * x + h_imag[f] * value
 
 
-@njit(cache=True)
+@lean
 def advance_bank(  # type: ignore[no-untyped-def]
     omega, bank, step, coefficients, old, new, before, hold_always, ns, nu, force
 ):
@@ -88,22 +92,23 @@ def advance_bank(  # type: ignore[no-untyped-def]
     _linear(bank[ns + 1 + nu, 0], bank[ns + 1 + nu, 1], coefficients, old[ratio] - 1.0, new[ratio] - 1.0)
 
 
-@njit(cache=True)
-def block_transforms(omega, bank, span, ns, nu):  # type: ignore[no-untyped-def]
-    """Transforms of a block of ``span`` seconds, (frequencies, channels), and the phase exp(j omega span).
+@lean
+def block_transforms(omega, bank, span, ns, nu, out, phase):  # type: ignore[no-untyped-def]
+    """Transforms of a block of ``span`` seconds into ``out`` (ns + nu + 4, 2, frequencies).
 
     Channels: states, force, inputs, constant, dynamic pressure, ramp. Those of the constant and of the ramp need no
-    samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2.
+    samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase`` becomes exp(j omega span), (2, frequencies).
     """
-    out = np.empty((omega.size, ns + nu + 4), dtype=np.complex128)
-    phase = np.empty(omega.size, dtype=np.complex128)
     constant = ns + 1 + nu
+    for j in range(constant + 1):
+        row = j if j < constant else j + 1
+        for part in range(2):
+            for f in range(omega.size):
+                out[row, part, f] = bank[j, part, f]
     for f in range(omega.size):
-        s = 1j * omega[f]
-        phase[f] = np.exp(s * span)
-        for j in range(constant):
-            out[f, j] = complex(bank[j, 0, f], bank[j, 1, f])
-        out[f, constant] = (phase[f] - 1.0) / s
-        out[f, constant + 1] = complex(bank[constant, 0, f], bank[constant, 1, f])
-        out[f, constant + 2] = (phase[f] - 1.0 - s * span) / (s * s)
-    return out, phase
+        angle = omega[f] * span
+        cos, sin = math.cos(angle), math.sin(angle)
+        phase[0, f], phase[1, f] = cos, sin
+        out[constant, 0, f], out[constant, 1, f] = sin / omega[f], (1.0 - cos) / omega[f]
+        out[constant + 2, 0, f] = (1.0 - cos) / (omega[f] * omega[f])
+        out[constant + 2, 1, f] = (angle - sin) / (omega[f] * omega[f])

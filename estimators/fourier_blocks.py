@@ -1,168 +1,68 @@
 """Blocks of the recursive Fourier estimator, compiled: filled, solved while they run, closed, added to what is known.
 
-Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. Arrays lead with the vehicle axis.
+Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. ``advance`` takes arrays that lead with the vehicle axis;
+all else works on one vehicle, whose arrays are handed on as ``_vehicle`` groups them, in room that is made once.
 """
+
+import math
 
 import numpy as np
 from numba import njit
 
 from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD, change_of, changed_derivatives, free_memory
-from wingwatch.estimators.forgetting import replaced
-from wingwatch.estimators.fourier_bank import advance_bank, block_transforms
-from wingwatch.estimators.fourier_change import MARKS, place_mark, since_mark
-from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
-from wingwatch.estimators.fourier_equations import block_equations, noise_update
+from wingwatch.estimators.forgetting import FORGETTING_LINES, FORGETTING_SQUARES, replaced
+from wingwatch.estimators.fourier_bank import advance_bank
+from wingwatch.estimators.fourier_change import MARKS, copied, copied_bank, copied_rows, place_mark, since_mark
+from wingwatch.estimators.fourier_solution import (
+    ALONE,
+    LEARN,
+    MOVE,
+    remembered,
+    solution_room,
+    solve_block,
+    start_noise,
+)
+from wingwatch.estimators.hot import lean
 from wingwatch.estimators.signals import MAX_GAP_S
+from wingwatch.estimators.symmetric import congruence
 
-__all__ = ["solve_all", "update_all"]
+__all__ = ["advance"]
 
 RESERVE_THAT_COUNTS = 0.01
 """Share of a derivative's information in reserve, from which on the running block is asked what it replaces."""
 
-LOWEST_NOISE = 0.5
-"""A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
-
 
 @njit(cache=True)
-def _noise_start(roughness, noise, ns):  # type: ignore[no-untyped-def]
-    """First variances from second differences, whose variance is 6 D for white noise."""
-    floor = np.full(ns + 1, 1e-10)
-    floor[0] = floor[ns] = 1e-8
-    for j in range(ns + 1):
-        noise[j] = max(roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)), floor[j])
-    for k in range(ns):
-        noise[ns + 1 + k] = noise[k]
+def _block_room(ns, nu, nf, columns):  # type: ignore[no-untyped-def]
+    """Room of everything that is done with a block: of solutions, of forgetting and changes, of a part of a block."""
+    p = ns * (ns + nu)
+    solving, told = solution_room(ns, nu, nf)
+    squares, lines = np.empty((FORGETTING_SQUARES + 5, p, p)), np.empty((FORGETTING_LINES + 6, p))
+    nothing = (np.zeros((1, p, p)), np.zeros((1, p)))
+    part = (np.empty((ns + nu + 2, 2, nf)), np.empty((3, columns)), np.empty(6 + nu), np.empty(ns + 2))
+    flags = np.zeros((2, p), dtype=np.bool_)
+    return solving, told, (squares, lines, np.empty((p, p + 1)), flags, np.empty(2 * ns + 1 + nu)), nothing, part
 
 
-@njit(cache=True)
-def _floor_noise(noise, ns):  # type: ignore[no-untyped-def]
-    """Below any sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s."""
-    for j in range(2 * ns + 1):
-        least = 1e-8 if j in (0, ns, ns + 1) else 1e-10
-        noise[j] = max(noise[j], least)
-
-
-@njit(cache=True)
-def _present(sums, settings, exponents, longitudinal, roll, ns):  # type: ignore[no-untyped-def]
-    """Scale from referred to present derivatives, and the kinematic part per state, at the block's mean condition."""
-    airspeed, density, alpha = sums[0] / sums[4], sums[1] / sums[4], sums[3] / sums[4]
-    pressure = density * airspeed / (settings[5] * settings[4])
-    columns = exponents.size
-    scale = np.empty(ns * columns)
-    for k in range(ns):
-        for c in range(columns):
-            scale[k * columns + c] = pressure if exponents[c] == 1.0 else pressure * airspeed / settings[4]
-    forward = np.zeros(ns)
-    forward[ns - 1] = airspeed * np.cos(alpha) * (1.0 if longitudinal else -1.0)
-    if roll:
-        forward[1] = airspeed * np.sin(alpha)
-    return scale, forward
-
-
-@njit(cache=True)
-def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):  # type: ignore[no-untyped-def]
-    """Noise variances from this block's residual and from earlier blocks, by the time each rests on."""
-    known = noise_known[-1]
-    for j in range(2 * ns + 1):
-        noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
-    noise[ns + 1 if by_accelerometer else ns] = 0.0
-    for j in range(ns + 1):
-        noise[j] = max(noise[j], LOWEST_NOISE * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
-    _floor_noise(noise, ns)
-
-
-@njit(cache=True)
-def _block_step(  # type: ignore[no-untyped-def]
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank, rows, sums, theta, noise,
-    noise_known, roughness, sensitivity, information, vector, past_driven, prior_value, prior_std, iterations,
-):  # fmt: skip
-    """Solve with the running block: theta and noise in place; returns what the block adds."""
-    ns = theta.size // exponents.size
-    nu = exponents.size - ns
-    span = rows[1, 0] - rows[0, 0]
-    transforms, phase = block_transforms(omega, bank, span, ns, nu)
-    count = sums[4]
-    dt = span / max(count - 1.0, 1.0)
-    power = span * dt
-    scale, forward = _present(sums, settings, exponents, longitudinal, roll, ns)
-    share = min(1.0, span / settings[0])
-    for j in range(nu):
-        rough = sums[6 + j] / (6.0 * max(sums[5], 1.0))
-        noise[2 * ns + 1 + j] = min(settings[7 + j], rough)
-    n_theta = theta.size
-    weight = 1.0 / (prior_std * prior_std)
-    suspected = np.ones(ns)
-    for _ in range(iterations):
-        m, n_noise, score, nuisance, follow, driven, bins = block_equations(
-            omega, transforms, phase, rows[0], rows[1], theta, scale, noise, power, forward, lever, by_accelerometer,
-            ns, nu,
-        )  # fmt: skip
-        for j in range(ns):
-            suspected[j] = max(1.0, roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)) / noise[j])
-        mc, kept, score, driven, evidence, evidence_score, gust = reduce_information(
-            m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, bins * share))
-        )
-        gain = 2.0 * share
-        add_vector = gain * (score + mc @ theta)
-        total = sensitivity + gain * mc
-        for a in range(n_theta):
-            total[a, a] += weight[a]
-        inverse = np.linalg.inv(total)
-        evidence_vector = gain * (evidence @ theta + evidence_score)
-        moved = inverse @ (vector + add_vector + weight * prior_value)
-        nuisance += (follow @ (moved - theta)).reshape(ns, 3)
-        theta[:] = moved
-        fresh = noise_update(
-            omega, transforms, phase, rows[0], rows[1], theta, scale, nuisance, noise, power, forward, lever,
-            by_accelerometer, ns, nu,
-        )  # fmt: skip
-        _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns)
-    spread = information + gain * kept
-    for a in range(n_theta):
-        spread[a, a] += weight[a]
-    bias = inverse @ (past_driven + gain * driven)
-    covariance = inverse @ spread @ inverse + np.outer(bias, bias)
-    return (
-        gain * mc, gain * kept, add_vector, gain * driven, covariance, gain * evidence, evidence_vector, gain * gust,
-        m, fresh,
-    )  # fmt: skip
-
-
-@njit(cache=True)
-def _mark(informed, kept_diagonal, power_diagonal, time, gain):  # type: ignore[no-untyped-def]
+@lean
+def _mark(informed, kept, power, time, gain):  # type: ignore[no-untyped-def]
+    """Note the time at which the regressors' power was mostly signal; ``kept`` is ``gain`` times the kept power."""
     for a in range(informed.size):
-        if power_diagonal[a] > 0.0 and kept_diagonal[a] > 0.5 * gain * power_diagonal[a]:
+        if power[a, a] > 0.0 and kept[a, a] > 0.5 * gain * power[a, a]:
             informed[a] = time
 
 
-@njit(cache=True)
+@lean
 def _condition(sums, condition):  # type: ignore[no-untyped-def]
-    for j in range(4):
-        condition[j] = sums[j] / sums[4]
-    condition[1], condition[2] = sums[2] / sums[4], sums[1] / sums[4]
+    """Mean airspeed, altitude, density, angle of attack."""
+    condition[0], condition[1] = sums[0] / sums[4], sums[2] / sums[4]
+    condition[2], condition[3] = sums[1] / sums[4], sums[3] / sums[4]
 
 
-@njit(cache=True)
-def _remembered(sensitivity, information, vector, driven, prior_value, prior_std):  # type: ignore[no-untyped-def]
-    """Mean and covariance of what is remembered."""
-    ridge = np.diag(1.0 / (prior_std * prior_std))
-    inverse = np.linalg.inv(sensitivity + ridge)
-    bias = inverse @ driven
-    covariance = inverse @ (information + ridge) @ inverse + np.outer(bias, bias)
-    return inverse @ (vector + ridge @ prior_value), covariance
-
-
-@njit(cache=True)
-def _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std):  # type: ignore[no-untyped-def]
-    """Theta and its covariance from all closed blocks."""
-    theta[i], covariance[i] = _remembered(
-        sensitivity[i], information[i], vector[i], driven[i], prior_value, prior_std
-    )
-
-
-@njit(cache=True)
-def _fade(share, sensitivity, information, vector, driven, reserve):  # type: ignore[no-untyped-def]
+@lean
+def _fade(share, memory, reserve):  # type: ignore[no-untyped-def]
     """What the clock makes fade goes into reserve; what is known in all stays as it is."""
+    sensitivity, information, vector, driven = memory
     k = vector.size
     for a in range(k):
         for b in range(k):
@@ -172,279 +72,352 @@ def _fade(share, sensitivity, information, vector, driven, reserve):  # type: ig
         reserve[a, 2 * k + 1] += share * (driven[a] - reserve[a, 2 * k + 1])
 
 
-@njit(cache=True)
-def _replace(share, gained, prior_std, sensitivity, information, vector, driven, reserve):  # type: ignore[no-untyped-def]
+@lean
+def _replace(share, gained, prior_std, memory, reserve, room):  # type: ignore[no-untyped-def]
     """Of the reserve goes what a block that brings ``gained`` replaces."""
+    squares, lines = room[0], room[1]
+    sensitivity, information, vector, driven = memory
     k = vector.size
-    counts = False
+    counts, trace = False, 0.0
     for a in range(k):
         counts = counts or reserve[a, a] > RESERVE_THAT_COUNTS * sensitivity[a, a]
-    if not counts or np.trace(gained) <= 0.0:
+        trace += gained[a, a]
+    if not counts or trace <= 0.0:
         return
-    ridge = np.diag(1.0 / (prior_std * prior_std))
-    old, spread = np.ascontiguousarray(reserve[:, :k]), np.ascontiguousarray(reserve[:, k : 2 * k])
-    score, gust = np.ascontiguousarray(reserve[:, 2 * k]), np.ascontiguousarray(reserve[:, 2 * k + 1])
-    left = replaced(old, sensitivity + gained + ridge, gained, share)
-    turned = np.ascontiguousarray(left.T)
-    new, spread_left = left @ old @ turned, left @ spread @ turned
-    score_left, gust_left = left @ score, left @ gust
-    sensitivity += new - old
-    information += spread_left - spread
-    vector += score_left - score
-    driven += gust_left - gust
-    reserve[:, :k], reserve[:, k : 2 * k] = new, spread_left
-    reserve[:, 2 * k], reserve[:, 2 * k + 1] = score_left, gust_left
+    left, old, known, new = squares[0], squares[1], squares[2], squares[3]
+    score, gust = lines[0], lines[1]
+    for a in range(k):
+        for b in range(k):
+            old[a, b] = reserve[a, b]
+            known[a, b] = sensitivity[a, b] + gained[a, b]
+        known[a, a] += 1.0 / (prior_std[a] * prior_std[a])
+    if replaced(old, known, gained, share, squares[5:], lines[6:], left) == k:
+        return
+    congruence(left, old, known, new)
+    for a in range(k):
+        score[a] = gust[a] = 0.0
+        for b in range(k):
+            score[a] += left[a, b] * reserve[b, 2 * k]
+            gust[a] += left[a, b] * reserve[b, 2 * k + 1]
+            sensitivity[a, b] += new[a, b] - old[a, b]
+    for a in range(k):
+        vector[a] += score[a] - reserve[a, 2 * k]
+        driven[a] += gust[a] - reserve[a, 2 * k + 1]
+        reserve[a, 2 * k], reserve[a, 2 * k + 1] = score[a], gust[a]
+        for b in range(k):
+            old[a, b] = reserve[a, k + b]
+            reserve[a, b] = new[a, b]
+    congruence(left, old, known, new)
+    for a in range(k):
+        for b in range(k):
+            information[a, b] += new[a, b] - old[a, b]
+            reserve[a, k + b] = new[a, b]
 
 
-@njit(cache=True)
-def _close(i, common, arrays):  # type: ignore[no-untyped-def]
-    """End the block of vehicle i: solved on its own, from what is known, its information joins what is known."""
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
-    (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
-     reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition,
-     counts) = arrays  # fmt: skip
-    if counts[i, 0] == 0:
-        _noise_start(roughness[i], noise[i], lever.size)
-    _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std)
-    nothing = np.zeros_like(sensitivity[i])
-    anchor, own = theta[i].copy(), theta[i].copy()
-    level = noise_known[i, :-1].copy() if noise_known[i, -1] > 0.0 else noise[i].copy()
-    _, _, _, _, _, _, _, _, _, fresh = _block_step(
-        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i], sums[i],
-        own, level, noise_known[i], roughness[i], nothing, nothing, nothing[0], nothing[0], anchor, prior_std / 3.0, 1,
-    )  # fmt: skip
-    own[:] = anchor
-    mc, kept, add, gust, _, evidence, evidence_v, evidence_b, m, _ = _block_step(
-        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i], sums[i],
-        own, level, noise_known[i], roughness[i], nothing, nothing, nothing[0], nothing[0], anchor, prior_std / 3.0, 1,
-    )  # fmt: skip
-    share = min(1.0, (rows[i, 1, 0] - rows[i, 0, 0]) / settings[0])
-    _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * share)
-    evidence_matrix[i] = evidence
-    evidence_vector[i] = evidence_v
-    evidence_bias[i] = evidence_b
-    evidence_span[i, 0], evidence_span[i, 1] = rows[i, 0, 0], rows[i, 1, 0]
-    _condition(sums[i], condition[i])
-    evidence_span[i, 2:] = condition[i]
-    quiet = rows[i, 1, 0] - np.max(informed[i]) > settings[6]
-    keep = 1.0 if quiet else np.exp(-(rows[i, 1, 0] - rows[i, 0, 0]) / settings[2])
-    _fade(1.0 - keep, sensitivity[i], information[i], vector[i], driven[i], reserve[i])
-    lost = 1.0 - np.exp(-(rows[i, 1, 0] - rows[i, 0, 0]) / settings[2])
-    _replace(lost, mc, prior_std, sensitivity[i], information[i], vector[i], driven[i], reserve[i])
-    sensitivity[i] += mc
-    information[i] += kept
-    vector[i] += add
-    driven[i] += gust
-    known = noise_known[i, -1]
-    for j in range(noise.shape[1]):
-        noise_known[i, j] = (known * noise_known[i, j] + share * fresh[j]) / (known + share)
-    noise_known[i, -1] = np.exp(-settings[0] / settings[2]) * (known + share)
-    noise[i, : 2 * lever.size + 1] = noise_known[i, : 2 * lever.size + 1]
-    _combine(i, theta, covariance, sensitivity, information, vector, driven, prior_value, prior_std)
-    counts[i, 0] += 1
-    counts[i, 1] += 1
+@lean
+def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
+    """End the block: solved on its own, from what is known, its information joins what is known."""
+    block, known, memory, closed, _ = vehicle
+    rows, sums, roughness = block[1], block[2], block[3]
+    theta, noise, noise_known, reserve, covariance, informed = known
+    evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts = closed
+    solving, told, own_room, nothing, _ = room
+    squares, lines, level = own_room[0], own_room[1], own_room[4]
+    settings, k = model[4], theta.size
+    if counts[0] == 0:
+        start_noise(roughness, noise, model[1].size)
+    remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
+    anchor, own, error = lines[1], lines[2], lines[3]
+    for a in range(k):
+        anchor[a] = own[a] = theta[a]
+        error[a] = prior[1][a] / 3.0
+    for j in range(level.size):
+        level[j] = noise_known[j] if noise_known[-1] > 0.0 else noise[j]
+    alone = (nothing[0][0], nothing[0][0], nothing[1][0], nothing[1][0])
+    solve_block(model, block, own, level, noise_known, alone, (anchor, error), 1, LEARN, solving, told)
+    solve_block(model, block, anchor, level, noise_known, alone, (anchor, error), 1, ALONE, solving, told)
+    matrices, vectors, fresh = told
+    span = rows[1, 0] - rows[0, 0]
+    share = min(1.0, span / settings[0])
+    _mark(informed, matrices[1], matrices[4], rows[1, 0], 2.0 * share)
+    copied_rows(matrices[2], evidence_matrix)
+    copied(vectors[2], evidence_vector)
+    copied(vectors[3], evidence_bias)
+    _condition(sums, condition)
+    evidence_span[0], evidence_span[1] = rows[0, 0], rows[1, 0]
+    last = informed[0]
+    for a in range(1, k):
+        last = max(last, informed[a])
+    for j in range(4):
+        evidence_span[2 + j] = condition[j]
+    lost = 1.0 - math.exp(-span / settings[2])
+    _fade(0.0 if rows[1, 0] - last > settings[6] else lost, memory, reserve)
+    _replace(lost, matrices[0], prior[1], memory, reserve, own_room)
+    for a in range(k):
+        memory[2][a] += vectors[0, a]
+        memory[3][a] += vectors[1, a]
+        for b in range(k):
+            memory[0][a, b] += matrices[0, a, b]
+            memory[1][a, b] += matrices[1, a, b]
+    weight = noise_known[-1]
+    for j in range(noise.size):
+        noise_known[j] = (weight * noise_known[j] + share * fresh[j]) / (weight + share)
+    noise_known[-1] = math.exp(-settings[0] / settings[2]) * (weight + share)
+    for j in range(2 * model[1].size + 1):
+        noise[j] = noise_known[j]
+    remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
+    counts[0] += 1
+    counts[1] += 1
 
 
-@njit(cache=True)
-def update_all(  # type: ignore[no-untyped-def]
-    signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
-    bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
-    vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows,
-):  # fmt: skip
-    """Take in samples (vehicles, samples, columns), all in place; arguments as ``FourierEstimator`` lays them out."""
-    ns = lever.size
-    nu = held.size
-    kinematic = 2 + ns + nu
-    force = 1 + ns if by_accelerometer else kinematic
-    common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
-    arrays = (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector,
-              driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-              condition, counts)  # fmt: skip
-    for i in range(signals.shape[0]):
-        for k in range(signals.shape[1]):
-            new = signals[i, k]
-            complete = True
-            for j in range(kinematic + 5):
-                complete = complete and np.isfinite(new[j])
-            if not complete:
-                continue
-            dt = new[0] - rows[i, 1, 0]
-            if not (0.0 < dt <= MAX_GAP_S):
-                if rows[i, 1, 0] - rows[i, 0, 0] >= settings[1]:
-                    _close(i, common, arrays)
-                rows[i, 0], rows[i, 1], rows[i, 2] = new, new, new
-                rows[i, 2, 1:] = np.nan
-                _restart(i, bank, sums, roughness)
-                mark_rows[i] = np.nan
-                _gather(sums[i], new, kinematic)
-                continue
-            advance_bank(
-                omega, bank[i], step[i], coefficients[i], rows[i, 1], new, rows[i, 2], held, ns, nu, force
-            )  # fmt: skip
-            if np.isfinite(rows[i, 2, 1]):
-                for j in range(ns + 1):
-                    bend = new[1 + j] - 2.0 * rows[i, 1, 1 + j] + rows[i, 2, 1 + j]
-                    roughness[i, j] += bend * bend
-                roughness[i, ns + 1] += 1.0
-                for j in range(nu):
-                    bend = new[2 + ns + j] - 2.0 * rows[i, 1, 2 + ns + j] + rows[i, 2, 2 + ns + j]
-                    sums[i, 6 + j] += bend * bend
-                sums[i, 5] += 1.0
-            rows[i, 2] = rows[i, 1]
-            rows[i, 1] = new
-            _gather(sums[i], new, kinematic)
-            if new[0] - rows[i, 0, 0] >= settings[0] - 0.5 * dt:
-                _close(i, common, arrays)
-                rows[i, 0] = new
-                _restart(i, bank, sums, roughness)
-                _gather(sums[i], new, kinematic)
-
-
-@njit(cache=True)
-def _restart(i, bank, sums, roughness):  # type: ignore[no-untyped-def]
-    bank[i] = 0.0
-    sums[i] = 0.0
-    roughness[i] = 0.0
-
-
-@njit(cache=True)
+@lean
 def _gather(sums, row, kinematic):  # type: ignore[no-untyped-def]
+    """Add a row to the sums of the flight condition."""
     alpha = row[kinematic + 5]
     sums[0] += row[kinematic + 2]
     sums[1] += row[kinematic + 3]
     sums[2] += row[kinematic + 4]
-    sums[3] += alpha if np.isfinite(alpha) else 0.0
+    sums[3] += alpha if math.isfinite(alpha) else 0.0
     sums[4] += 1.0
 
 
-@njit(cache=True)
-def solve_all(  # type: ignore[no-untyped-def]
-    omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
-    bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
-    vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows,
-):  # fmt: skip
-    """Solve with every vehicle's running block; the same arguments, in place."""
-    common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
-    arrays = (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector,
-              driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-              condition, counts)  # fmt: skip
-    marks = (mark_bank, mark_rows, mark_sums, mark_known)
-    for i in range(theta.shape[0]):
-        if not (rows[i, 1, 0] - rows[i, 0, 0] >= settings[1] - 1e-9):
-            continue
-        evidence, evidence_v = _solve(i, common, arrays, marks)
-        if (
-            follows[i]
-            and counts[i, 1] > 0
-            and _follow_change(i, common, arrays, marks, evidence, evidence_v, held.size, changed_s)
-        ):
-            _solve(i, common, arrays, marks)
-        _condition(sums[i], condition[i])
-        counts[i, 0] += 1
+@lean
+def _restart(block, row, kinematic):  # type: ignore[no-untyped-def]
+    """Begin a block at a row."""
+    bank, rows, sums, roughness = block
+    bank[:, :, :] = 0.0
+    sums[:] = 0.0
+    roughness[:] = 0.0
+    copied(row, rows[0])
+    _gather(sums, row, kinematic)
 
 
-@njit(cache=True)
-def _solve(i, common, arrays, marks):  # type: ignore[no-untyped-def]
-    """Solve with the running block of vehicle i; returns what the block alone says, as ``BlockEvidence`` has it."""
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
-    (bank, rows, sums, roughness, theta, noise, noise_known, sensitivity, information, vector, driven,
-     reserve, covariance, informed, _, _, _, _, _, counts) = arrays  # fmt: skip
-    mark_bank, mark_rows, mark_sums, mark_known = marks
+@lean
+def _bends(block, new, ns, nu):  # type: ignore[no-untyped-def]
+    """Add squared second differences: of states and accelerometer, of inputs."""
+    _, rows, sums, roughness = block
+    for j in range(ns + 1):
+        bend = new[1 + j] - 2.0 * rows[1, 1 + j] + rows[2, 1 + j]
+        roughness[j] += bend * bend
+    roughness[ns + 1] += 1.0
+    for j in range(nu):
+        bend = new[2 + ns + j] - 2.0 * rows[1, 2 + ns + j] + rows[2, 2 + ns + j]
+        sums[6 + j] += bend * bend
+    sums[5] += 1.0
+
+
+@lean
+def _take(model, prior, vehicle, filters, held, new, room):  # type: ignore[no-untyped-def]
+    """Take in one row of signals."""
+    omega, lever, by_accelerometer, exponents, settings, _, _ = model
+    block, _, _, _, marks = vehicle
+    bank, rows, sums, _ = block
+    coefficients, step = filters
+    ns, nu = lever.size, exponents.size - lever.size
+    kinematic = 2 + ns + nu
+    for j in range(kinematic + 5):
+        if not math.isfinite(new[j]):
+            return
+    dt = new[0] - rows[1, 0]
+    if not (0.0 < dt <= MAX_GAP_S):
+        if rows[1, 0] - rows[0, 0] >= settings[1]:
+            _close(model, prior, vehicle, room)
+        copied(new, rows[1])
+        rows[2, 0] = new[0]
+        rows[2, 1:] = np.nan
+        marks[1][:, :] = np.nan
+        _restart(block, new, kinematic)
+        return
+    force = 1 + ns if by_accelerometer else kinematic
+    advance_bank(omega, bank, step, coefficients, rows[1], new, rows[2], held, ns, nu, force)
+    if math.isfinite(rows[2, 1]):
+        _bends(block, new, ns, nu)
+    copied(rows[1], rows[2])
+    copied(new, rows[1])
+    _gather(sums, new, kinematic)
+    if new[0] - rows[0, 0] >= settings[0] - 0.5 * dt:
+        _close(model, prior, vehicle, room)
+        _restart(block, new, kinematic)
+
+
+@lean
+def _solve(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
+    """Solve with the running block; ``told`` becomes what the block alone says."""
+    block, known, memory, closed, marks = vehicle
+    rows, roughness = block[1], block[3]
+    theta, noise, noise_known, reserve, covariance, informed = known
+    solving, told, own_room, _, _ = room
+    settings = model[4]
     iterations = 1
-    if counts[i, 0] == 0:
-        _noise_start(roughness[i], noise[i], lever.size)
+    if closed[5][0] == 0:
+        start_noise(roughness, noise, model[1].size)
         iterations = 3
-    mc, kept, add, gust, cov, evidence, evidence_v, _, m, _ = _block_step(
-        omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, bank[i], rows[i],
-        sums[i], theta[i], noise[i], noise_known[i], roughness[i], sensitivity[i], information[i], vector[i],
-        driven[i], prior_value, prior_std, iterations,
-    )  # fmt: skip
-    covariance[i] = cov
-    span = rows[i, 1, 0] - rows[i, 0, 0]
-    share = 1.0 - np.exp(-span / settings[2])
-    _replace(share, mc, prior_std, sensitivity[i], information[i], vector[i], driven[i], reserve[i])
-    _mark(informed[i], np.diag(kept), np.diag(m), rows[i, 1, 0], 2.0 * min(1.0, span / settings[0]))
+    solve_block(model, block, theta, noise, noise_known, memory, prior, iterations, MOVE, solving, told)
+    matrices, vectors, _ = told
+    copied_rows(matrices[3], covariance)
+    span = rows[1, 0] - rows[0, 0]
+    share = 1.0 - math.exp(-span / settings[2])
+    _replace(share, matrices[0], prior[1], memory, reserve, own_room)
+    _mark(informed, matrices[1], matrices[4], rows[1, 0], 2.0 * min(1.0, span / settings[0]))
     place_mark(
-        bank[i], rows[i], sums[i], roughness[i], mc, kept, add, gust, mark_bank[i], mark_rows[i],
-        mark_sums[i], mark_known[i],
+        block[0], rows, block[2], roughness, (matrices[0], matrices[1]), (vectors[0], vectors[1]),
+        marks[0], marks[1], marks[2], marks[3],
     )  # fmt: skip
-    return evidence, evidence_v
 
 
-@njit(cache=True)
-def _follow_change(i, common, arrays, marks, evidence, evidence_v, inputs, changed_s):  # type: ignore[no-untyped-def]
+@lean
+def _window(model, prior, vehicle, room, m):  # type: ignore[no-untyped-def]
+    """What the block since mark m says alone, against all that was known before it: K, pull into the room."""
+    block, known, memory, _, marks = vehicle
+    noise_known = known[2]
+    solving, told, own_room, nothing, part = room
+    squares, lines, both, _, level = own_room
+    mean, size, spread = lines[1], lines[3], squares[4]
+    before, k = marks[3][m], mean.size
+    for a in range(k):
+        lines[4][a] = memory[2][a] + before[a, 2 * k]
+        lines[5][a] = memory[3][a] + before[a, 2 * k + 1]
+        for b in range(k):
+            squares[0][a, b] = memory[0][a, b] + before[a, b]
+            squares[1][a, b] = memory[1][a, b] + before[a, k + b]
+    earlier = (squares[0], squares[1], lines[4], lines[5])
+    remembered(earlier, nothing, prior, solving[3], lines[0], mean, spread)
+    _cut_out(model, block, marks, m, part)
+    for j in range(level.size):
+        level[j] = noise_known[j]
+    alone = (nothing[0][0], nothing[0][0], nothing[1][0], nothing[1][0])
+    solve_block(model, part, mean, level, noise_known, alone, (mean, size), 1, ALONE, solving, told)
+    change_of(told[0][2], told[1][2], mean, spread, squares[0], both, squares[2], lines[2])
+
+
+@lean
+def _cut_out(model, block, marks, m, part):  # type: ignore[no-untyped-def]
+    """The running block since mark m as a block of its own, the row at the mark in its sums."""
+    since_mark(
+        model[0], block[0], block[1], block[2], block[3], marks[0][m], marks[1][m], marks[2][m],
+        part[0], part[1], part[2], part[3],
+    )  # fmt: skip
+    _gather(part[2], part[1][0], 2 + model[3].size)
+
+
+@lean
+def _follow_change(model, prior, vehicle, changed_s, room):  # type: ignore[no-untyped-def]
     """Where a derivative has changed, end the block at the change and set the memory of it free; returns whether.
 
     The running block against the closed ones is what a solution knows anyway; only where it speaks for a change at all
     are the windows since the marks held against all that was before them.
     """
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std = common
-    (bank, rows, sums, roughness, _, _, noise_known, sensitivity, information, vector, driven,
-     reserve, _, _, _, _, _, _, _, _) = arrays  # fmt: skip
-    mark_bank, mark_rows, mark_sums, mark_known = marks
-    k, size = prior_std.size, prior_std / 3.0
-    changed, trial = np.zeros(k, dtype=np.bool_), np.zeros(k, dtype=np.bool_)
-    mean, spread = _remembered(sensitivity[i], information[i], vector[i], driven[i], prior_value, prior_std)
-    weight, pull = change_of(evidence, evidence_v, mean, spread)
-    best, cut = CHANGE_LOG_THRESHOLD, -2
-    whole = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, trial)
+    block, known, memory, _, marks = vehicle
+    rows, reserve = block[1], known[3]
+    solving, told, own_room, nothing, _ = room
+    squares, lines, both, flags, _ = own_room
+    weight, spread, inner = squares[2], squares[4], squares[0]
+    line, mean, pull, size = lines[0], lines[1], lines[2], lines[3]
+    changed, trial = flags[0], flags[1]
+    k = mean.size
+    said = 0.0
+    for a in range(k):
+        size[a] = prior[1][a] / 3.0
+        said += told[0][2, a, a]
+    if said == 0.0:
+        return False
+    remembered(memory, nothing, prior, solving[3], line, mean, spread)
+    change_of(told[0][2], told[1][2], mean, spread, inner, both, weight, pull)
+    whole = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, inner, both, line, trial)
     if not whole > 0.0:
         return False
+    best, cut = CHANGE_LOG_THRESHOLD, -2
     if trial.any():
         best, cut = whole, -1
-        changed[:] = trial
-    nothing = np.zeros((k, k))
+        copied(trial, changed)
     for m in range(MARKS):
-        if not (rows[i, 0, 0] <= mark_rows[i, m, 0] < rows[i, 1, 0] - 0.5):
+        if not (rows[0, 0] <= marks[1][m, 0] < rows[1, 0] - 0.5):
             continue
-        known = mark_known[i, m]
-        mean, spread = _remembered(
-            sensitivity[i] + known[:, :k], information[i] + known[:, k : 2 * k], vector[i] + known[:, 2 * k],
-            driven[i] + known[:, 2 * k + 1], prior_value, prior_std,
-        )  # fmt: skip
-        part, ends, part_sums, part_roughness = since_mark(
-            omega, bank[i], rows[i], sums[i], roughness[i], mark_bank[i, m], mark_rows[i, m], mark_sums[i, m]
-        )
-        _gather(part_sums, ends[0], 2 + lever.size + inputs)
-        level = noise_known[i, :-1].copy()
-        _, _, _, _, _, window, window_v, _, _, _ = _block_step(
-            omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, part, ends, part_sums,
-            mean.copy(), level, noise_known[i], part_roughness, nothing, nothing, nothing[0], nothing[0], mean, size, 1,
-        )  # fmt: skip
-        weight, pull = change_of(window, window_v, mean, spread)
-        value = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, trial)
+        _window(model, prior, vehicle, room, m)
+        value = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, inner, both, line, trial)
         if trial.any() and value > best:
             best, cut = value, m
-            changed[:] = trial
+            copied(trial, changed)
     if cut == -2:
         return False
     if cut >= 0:
-        _cut(i, common, arrays, marks, cut, inputs)
-    free_memory(sensitivity[i], information[i], vector[i], driven[i], size, changed)
+        _cut(model, prior, vehicle, room, cut)
+    free_memory(memory[0], memory[1], memory[2], memory[3], size, changed, lines[4], lines[5])
     for a in range(k):
         if changed[a]:
-            changed_s[i, a] = rows[i, 1, 0]
+            changed_s[a] = rows[1, 0]
     # All that is left is as good as new: nothing of it waits to be replaced.
-    reserve[i] = 0.0
+    reserve[:, :] = 0.0
     return True
 
 
-@njit(cache=True)
-def _cut(i, common, arrays, marks, m, inputs):  # type: ignore[no-untyped-def]
-    """End the running block of vehicle i at mark m; what came after it is the running block."""
-    bank, rows, sums, roughness = arrays[:4]
+@lean
+def _cut(model, prior, vehicle, room, m):  # type: ignore[no-untyped-def]
+    """End the running block at mark m; what came after it is the running block."""
+    block, _, _, _, marks = vehicle
+    bank, rows, sums, roughness = block
     mark_bank, mark_rows, mark_sums, _ = marks
-    part, ends, part_sums, part_roughness = since_mark(
-        common[0], bank[i], rows[i], sums[i], roughness[i], mark_bank[i, m], mark_rows[i, m], mark_sums[i, m]
+    part = room[4]
+    _cut_out(model, block, marks, m, part)
+    if mark_rows[m, 0] - rows[0, 0] >= model[4][1]:
+        copied_bank(mark_bank[m], bank)
+        copied(mark_rows[m], rows[1])
+        for a in range(sums.size):
+            sums[a] = mark_sums[m, a]
+        for a in range(roughness.size):
+            roughness[a] = mark_sums[m, sums.size + a]
+        _close(model, prior, vehicle, room)
+    copied_bank(part[0], bank)
+    copied_rows(part[1], rows)
+    copied(part[2], sums)
+    copied(part[3], roughness)
+    mark_rows[:, :] = np.nan
+
+
+@lean
+def _advance(signals, solves, model, prior, held, states, changed_s, follows, room):  # type: ignore[no-untyped-def]
+    """``advance`` with its arguments grouped."""
+    block, filters, known, memory, closed, marks = states
+    settings = model[4]
+    for i in range(follows.size):
+        vehicle = (
+            (block[0][i], block[1][i], block[2][i], block[3][i]),
+            (known[0][i], known[1][i], known[2][i], known[3][i], known[4][i], known[5][i]),
+            (memory[0][i], memory[1][i], memory[2][i], memory[3][i]),
+            (closed[0][i], closed[1][i], closed[2][i], closed[3][i], closed[4][i], closed[5][i]),
+            (marks[0][i], marks[1][i], marks[2][i], marks[3][i]),
+        )
+        rows, counts = vehicle[0][1], vehicle[3][5]
+        for k in range(signals.shape[1]):
+            _take(model, prior, vehicle, (filters[0][i], filters[1][i]), held, signals[i, k], room)
+        if not solves or not (rows[1, 0] - rows[0, 0] >= settings[1] - 1e-9):
+            continue
+        _solve(model, prior, vehicle, room)
+        if follows[i] and counts[1] > 0 and _follow_change(model, prior, vehicle, changed_s[i], room):
+            _solve(model, prior, vehicle, room)
+        _condition(vehicle[0][2], vehicle[3][4])
+        counts[0] += 1
+
+
+@njit(cache=True)
+def advance(  # type: ignore[no-untyped-def]
+    signals, solves, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal,
+    roll, bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
+    vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
+    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows,
+):  # fmt: skip
+    """Take in samples (vehicles, samples, columns), and solve with every vehicle's running block if ``solves``.
+
+    All in place; arguments as ``FourierEstimator`` lays them out.
+    """
+    room = _block_room(lever.size, held.size, omega.size, rows.shape[2])
+    states = (
+        (bank, rows, sums, roughness),
+        (coefficients, step),
+        (theta, noise, noise_known, reserve, covariance, informed),
+        (sensitivity, information, vector, driven),
+        (evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts),
+        (mark_bank, mark_rows, mark_sums, mark_known),
     )
-    _gather(part_sums, ends[0], 2 + common[1].size + inputs)
-    if mark_rows[i, m, 0] - rows[i, 0, 0] >= common[4][1]:
-        bank[i] = mark_bank[i, m]
-        rows[i, 1] = mark_rows[i, m]
-        sums[i] = mark_sums[i, m, : sums.shape[1]]
-        roughness[i] = mark_sums[i, m, sums.shape[1] :]
-        _close(i, common, arrays)
-    bank[i], rows[i], sums[i], roughness[i] = part, ends, part_sums, part_roughness
-    mark_rows[i] = np.nan
+    model = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll)
+    _advance(signals, solves, model, (prior_value, prior_std), held, states, changed_s, follows, room)

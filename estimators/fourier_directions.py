@@ -3,16 +3,21 @@
 Derivation and symbols: ``docs/estimators.md`` section 5.
 """
 
-import numpy as np
-from numba import njit
+import math
 
-__all__ = ["noise_edge", "reduce_information"]
+from wingwatch.estimators.hot import lean
+from wingwatch.estimators.symmetric import backward, cholesky, eigen, forward
+
+__all__ = ["DIRECTION_LINES", "DIRECTION_SQUARES", "noise_edge", "reduce_information"]
 
 PIVOT = 1e-9
 """Least share of a regressor's power that is its own, not that of the regressors before it."""
 
+DIRECTION_SQUARES, DIRECTION_LINES = 3, 5
+"""Matrices (p, p) and vectors (p,) of room that ``reduce_information`` needs."""
 
-@njit(cache=True)
+
+@lean
 def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
     """Share of "signal" that pure noise of a known level can show by chance.
 
@@ -21,95 +26,123 @@ def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
     """
     if bins <= 0.0:
         return 1.0
-    return 1.0 - 1.0 / (1.0 + np.sqrt(regressors / bins)) ** 2
+    return 1.0 - 1.0 / (1.0 + math.sqrt(regressors / bins)) ** 2
 
 
-@njit(cache=True)
-def _root(matrix):  # type: ignore[no-untyped-def]
-    """Lower Cholesky root of a matrix of unit diagonal that is positive semidefinite but for rounding.
-
-    Records without noise make regressors dependent to the last digits: no pivot is believed below ``PIVOT``.
-    """
+@lean
+def _all_below(matrix, bound, root):  # type: ignore[no-untyped-def]
+    """Whether all eigenvalues of a symmetric matrix are below ``bound``: the root of bound - matrix exists."""
     n = matrix.shape[0]
-    root = np.zeros((n, n))
+    for a in range(n):
+        if not matrix[a, a] < bound:
+            return False
+    for a in range(n):
+        for b in range(a + 1):
+            root[a, b] = -matrix[a, b]
+        root[a, a] += bound
+    return cholesky(root, 0.0, root)
+
+
+@lean
+def _whiten(lower, matrix):  # type: ignore[no-untyped-def]
+    """L^-1 matrix L^-T of a symmetric matrix, in place."""
+    n = matrix.shape[0]
+    forward(lower, matrix)
     for a in range(n):
         for b in range(a):
-            total = matrix[a, b]
-            for c in range(b):
-                total -= root[a, c] * root[b, c]
-            root[a, b] = total / root[b, b]
-        pivot = matrix[a, a]
-        for c in range(a):
-            pivot -= root[a, c] * root[a, c]
-        root[a, a] = np.sqrt(max(pivot, PIVOT))
-    return root
+            matrix[a, b], matrix[b, a] = matrix[b, a], matrix[a, b]
+    forward(lower, matrix)
+    for a in range(n):
+        for b in range(a):
+            matrix[a, b] = matrix[b, a] = 0.5 * (matrix[a, b] + matrix[b, a])
 
 
-@njit(cache=True)
-def reduce_information(m, n_noise, suspected, score, driven, smallest):  # type: ignore[no-untyped-def]
+@lean
+def _suspected_share(n_noise, suspected, size, direction, v):  # type: ignore[no-untyped-def]
+    """Share of noise in a direction, column v of ``direction``, were each state's noise ``suspected`` times as large."""
+    ns = suspected.size
+    columns = n_noise.shape[0] // ns
+    total = 0.0
+    for j in range(columns):
+        level = suspected[j] if j < ns else 1.0
+        for k in range(ns):
+            a = k * columns + j
+            for m in range(ns):
+                b = m * columns + j
+                total += level * n_noise[a, b] * direction[a, v] / size[a] * direction[b, v] / size[b]
+    return total
+
+
+@lean
+def _add_direction(ray, share, power, drive, vectors, matrices):  # type: ignore[no-untyped-def]
+    """Add the information of one direction, its ray (p,) in derivatives, to the sums of ``reduce_information``."""
+    score_kept, driven_kept, evidence_score, evidence_bias = vectors
+    sensitivity, kept, evidence = matrices
+    for a in range(ray.size):
+        score_kept[a] += ray[a] * power
+        evidence_score[a] += ray[a] * share * power
+        driven_kept[a] += ray[a] * drive
+        evidence_bias[a] += ray[a] * share * drive
+        for b in range(ray.size):
+            outer = ray[a] * ray[b]
+            sensitivity[a, b] += share * outer
+            kept[a, b] += outer
+            evidence[a, b] += share * share * outer
+
+
+@lean
+def reduce_information(  # type: ignore[no-untyped-def]
+    m, n_noise, suspected, score, driven, smallest, squares, lines, vectors, matrices
+):
     """Keep the directions in which the regressors' power is signal, not noise.
 
     The sensitivity of the estimating equation is M - N. In coordinates that whiten M its eigenvalues are
     the signal's share of the power (at most 1). A direction is kept if its share is at least ``smallest`` even were
-    each state's noise ``suspected`` (ns,) times what is believed: all of the state's roughness.
+    each state's noise ``suspected`` (ns,) times what is believed: all of the state's roughness. Records without noise
+    make regressors dependent to the last digits: no pivot of M is believed below ``PIVOT``.
 
-    Returns:
-        sensitivity (p, p), M, score and driven part restricted to the kept directions, and for the monitor the
-        evidence: information (p, p), its score (p,) and the information times the bias that gusts cause (p,).
+    Args:
+        m, n_noise, score, driven: of the block, (p, p), (p, p), (p,), (p,).
+        squares, lines: room, (DIRECTION_SQUARES, p, p) and (DIRECTION_LINES, p).
+        vectors: become score and driven part restricted to the kept directions, and for the monitor the evidence's
+            score and the information times the bias that gusts cause, (p,) each.
+        matrices: become sensitivity, M restricted to the kept directions, and the evidence's information, (p, p) each.
     """
     p = m.shape[0]
-    size = np.empty(p)
+    lower, turned, other = squares[0], squares[1], squares[2]
+    size, share, off, room, ray = lines[0], lines[1], lines[2], lines[3], lines[4]
+    for vector in vectors:
+        vector[:] = 0.0
+    for matrix in matrices:
+        matrix[:, :] = 0.0
     for a in range(p):
-        size[a] = np.sqrt(m[a, a]) if m[a, a] > 0.0 else 1.0
-    scaled = np.empty((p, p))
-    for a in range(p):
-        for b in range(p):
-            scaled[a, b] = m[a, b] / (size[a] * size[b])
-        scaled[a, a] += 1e-9
-    lower = _root(scaled)
-    inner = np.empty((p, p))
+        size[a] = math.sqrt(m[a, a]) if m[a, a] > 0.0 else 1.0
     for a in range(p):
         for b in range(p):
-            inner[a, b] = (m[a, b] - n_noise[a, b]) / (size[a] * size[b])
-    half = np.linalg.solve(lower, inner)
-    inner = np.linalg.solve(lower, np.ascontiguousarray(half.T))
-    share, vectors = np.linalg.eigh(0.5 * (inner + inner.T))
-    ns = suspected.size
-    columns = p // ns
-    worst = np.zeros((p, p))
-    for k in range(ns):
-        for m_row in range(ns):
-            for j in range(columns):
-                a, b = k * columns + j, m_row * columns + j
-                level = suspected[j] if j < ns else 1.0
-                worst[a, b] = level * n_noise[a, b] / (size[a] * size[b])
-    half = np.linalg.solve(lower, worst)
-    worst = np.linalg.solve(lower, np.ascontiguousarray(half.T))
-    root = lower @ np.ascontiguousarray(vectors)
-    turned = np.ascontiguousarray(vectors.T)
-    z = turned @ np.linalg.solve(lower, score / size)
-    gust = turned @ np.linalg.solve(lower, driven / size)
-    sensitivity = np.zeros((p, p))
-    kept = np.zeros((p, p))
-    evidence = np.zeros((p, p))
-    score_kept = np.zeros(p)
-    evidence_score = np.zeros(p)
-    driven_kept = np.zeros(p)
-    evidence_bias = np.zeros(p)
+            other[a, b] = m[a, b] / (size[a] * size[b])
+            turned[a, b] = (m[a, b] - n_noise[a, b]) / (size[a] * size[b])
+        other[a, a] += 1e-9
+    cholesky(other, PIVOT, lower)
+    _whiten(lower, turned)
+    if _all_below(turned, smallest, other):
+        return
+    eigen(turned, share, off, room)
+    for a in range(p):
+        for v in range(p):
+            other[a, v] = turned[v, a]
+    backward(lower, other)
     for v in range(p):
-        direction = np.ascontiguousarray(vectors[:, v])
-        if min(share[v], 1.0 - direction @ worst @ direction) < smallest:
+        if not share[v] >= smallest:
             continue
-        rho = min(share[v], 1.0)
+        if not 1.0 - _suspected_share(n_noise, suspected, size, other, v) >= smallest:
+            continue
+        # With d the direction, d' L^-1 is a column of L^-T d: what the score and the gusts say along it.
+        power = drive = 0.0
         for a in range(p):
-            ra = root[a, v] * size[a]
-            score_kept[a] += ra * z[v]
-            evidence_score[a] += ra * rho * z[v]
-            driven_kept[a] += ra * gust[v]
-            evidence_bias[a] += ra * rho * gust[v]
-            for b in range(p):
-                outer = ra * root[b, v] * size[b]
-                sensitivity[a, b] += rho * outer
-                kept[a, b] += outer
-                evidence[a, b] += rho * rho * outer
-    return sensitivity, kept, score_kept, driven_kept, evidence, evidence_score, evidence_bias
+            power += other[a, v] * score[a] / size[a]
+            drive += other[a, v] * driven[a] / size[a]
+            total = 0.0
+            for b in range(a + 1):
+                total += lower[a, b] * turned[v, b]
+            ray[a] = total * size[a]
+        _add_direction(ray, min(share[v], 1.0), power, drive, vectors, matrices)

@@ -1,284 +1,452 @@
 """Normal equations of one block of the recursive Fourier estimator, compiled, and the noise that its residual shows.
 
-Derivation and symbols: ``docs/estimators.md`` sections 3 to 7.
+Derivation and symbols: ``docs/estimators.md`` sections 3 to 7. Real and imaginary parts lie apart and frequencies side by
+side, (..., 2, frequencies), so that the processor takes several bins at once. The noise transfer is a line in s,
+L = L0 + s L1, so what it makes of white noise is a polynomial, and of the weights only a few sums over the bins are
+needed. All memory is the caller's.
 """
 
 import numpy as np
-from numba import njit
 
-__all__ = ["block_equations", "noise_update"]
+from wingwatch.estimators.hot import lean
+from wingwatch.estimators.symmetric import backward, cholesky, forward
+
+__all__ = ["bin_weights", "block_equations", "eliminate", "noise_update", "nuisance_of", "responses"]
 
 NOTHING = 1e-20
 """Power of a trim column, relative to that of a ramp of one a second, below which it is rounding."""
 
-
-@njit(cache=True)
-def _weight(covariance, out):  # type: ignore[no-untyped-def]
-    """Inverse of a small Hermitian matrix into ``out`` (2 x 2 by hand, else general)."""
-    if covariance.shape[0] == 2:
-        a, d, b = covariance[0, 0].real, covariance[1, 1].real, covariance[0, 1]
-        determinant = a * d - (b.real * b.real + b.imag * b.imag)
-        out[0, 0] = d / determinant
-        out[1, 1] = a / determinant
-        out[0, 1] = -b / determinant
-        out[1, 0] = -np.conj(b) / determinant
-    else:
-        out[:] = np.linalg.inv(covariance)
+RIDGE = 1e-10
+"""Added to the nuisance columns' power, each of unit power, before they are eliminated."""
 
 
-@njit(cache=True)
-def _bin(  # type: ignore[no-untyped-def]
-    f, omega, bank, decay, start, end, theta, scale, noise, power, forward, lever, by_accelerometer, ns, nu,
-    regressors, response, transfer, weight,
-):  # fmt: skip
-    """Regressors, response, noise transfer L and weight of one frequency.
+@lean
+def _level(noise, j, ns):  # type: ignore[no-untyped-def]
+    """Noise variance of the measured channel j (states, accelerometer, inputs) in the vector of all variances."""
+    return noise[j] if j <= ns else noise[ns + j]
 
-    The equation error of row k is sum_j L[k, j] n_j plus the equation's own noise, n the noise of the measured
-    states, of the accelerometer and of the inputs. Differentiation adds the noise of both end points (2 D, flat).
-    """
-    s = 1j * omega[f]
-    nc = ns + nu + 3
-    for j in range(ns):
-        regressors[j] = bank[f, j]
-    for j in range(nc - ns):
-        regressors[ns + j] = bank[f, ns + 1 + j]
-    transfer[:] = 0.0
+
+@lean
+def _transfer(theta, scale, forward_speed, lever, by_accelerometer, ns, nu, transfer):  # type: ignore[no-untyped-def]
+    """L0 and L1 into ``transfer`` (2, ns, ns + 1 + nu): the residual is (L0 + s L1) n, n states, accelerometer, inputs."""
+    nd = ns + nu
+    transfer[:, :, :] = 0.0
     for k in range(ns):
-        for j in range(ns + nu):
-            column = j if j < ns else j + 1
-            transfer[k, column] = -theta[k * (ns + nu) + j] * scale[k * (ns + nu) + j]
+        for j in range(nd):
+            transfer[0, k, j if j < ns else j + 1] = -theta[k * nd + j] * scale[k * nd + j]
         if k > 0 or not by_accelerometer:
-            transfer[k, k] += s
-            response[k] = s * bank[f, k] + end[1 + k] - decay[f] * start[1 + k]
+            transfer[1, k, k] = 1.0
     if by_accelerometer:
-        response[0] = bank[f, ns]
-        transfer[0, ns] = 1.0
+        transfer[0, 0, ns] = 1.0
         for j in range(1, ns):
-            if lever[j] != 0.0:
-                response[0] += lever[j] * (s * bank[f, j] + end[1 + j] - decay[f] * start[1 + j])
-                transfer[0, j] += lever[j] * s
+            transfer[1, 0, j] += lever[j]
     else:
-        response[0] -= bank[f, ns]
         for j in range(1, ns):
-            transfer[0, j] -= forward[j]
-    covariance = np.zeros((ns, ns), dtype=np.complex128)
+            transfer[0, 0, j] -= forward_speed[j]
+
+
+@lean
+def _invert_2(weights):  # type: ignore[no-untyped-def]
+    """Inverse of Hermitian 2 x 2 matrices in place, (2, 2, 2, frequencies), from their upper triangles."""
+    for f in range(weights.shape[3]):
+        a, d = weights[0, 0, 0, f], weights[1, 1, 0, f]
+        x, y = weights[0, 1, 0, f], weights[0, 1, 1, f]
+        share = 1.0 / (a * d - (x * x + y * y))
+        weights[0, 0, 0, f] = d * share
+        weights[1, 1, 0, f] = a * share
+        weights[0, 1, 0, f] = weights[1, 0, 0, f] = -x * share
+        weights[0, 1, 1, f] = -y * share
+        weights[1, 0, 1, f] = y * share
+
+
+@lean
+def _invert_3(weights):  # type: ignore[no-untyped-def]
+    """The same for 3 x 3, by cofactors."""
+    for f in range(weights.shape[3]):
+        a, b, c = weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f]
+        xr, xi = weights[0, 1, 0, f], weights[0, 1, 1, f]
+        yr, yi = weights[0, 2, 0, f], weights[0, 2, 1, f]
+        zr, zi = weights[1, 2, 0, f], weights[1, 2, 1, f]
+        aa = b * c - (zr * zr + zi * zi)
+        bb = a * c - (yr * yr + yi * yi)
+        cc = a * b - (xr * xr + xi * xi)
+        pr, pi = yr * zr + yi * zi - xr * c, yi * zr - yr * zi - xi * c
+        qr, qi = xr * zr - xi * zi - yr * b, xr * zi + xi * zr - yi * b
+        ur, ui = yr * xr + yi * xi - a * zr, yi * xr - yr * xi - a * zi
+        share = 1.0 / (a * aa + xr * pr + xi * pi + yr * qr + yi * qi)
+        weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f] = aa * share, bb * share, cc * share
+        weights[0, 1, 0, f] = weights[1, 0, 0, f] = pr * share
+        weights[0, 2, 0, f] = weights[2, 0, 0, f] = qr * share
+        weights[1, 2, 0, f] = weights[2, 1, 0, f] = ur * share
+        weights[0, 1, 1, f], weights[1, 0, 1, f] = pi * share, -pi * share
+        weights[0, 2, 1, f], weights[2, 0, 1, f] = qi * share, -qi * share
+        weights[1, 2, 1, f], weights[2, 1, 1, f] = ui * share, -ui * share
+
+
+@lean
+def bin_weights(  # type: ignore[no-untyped-def]
+    omega, theta, scale, noise, power, forward_speed, lever, by_accelerometer, ns, nu, transfer, weights, moments
+):
+    """The noise transfer, and the weight of every bin, W = Sigma^-1.
+
+    The equation error of row k is sum_j L[k, j] n_j plus the equation's own noise, n the noise of the measured states,
+    of the accelerometer and of the inputs. Differentiation adds the noise of both end points (2 D, flat).
+
+    Args:
+        transfer: becomes L0 and L1, (2, ns, ns + 1 + nu).
+        weights: becomes W, (ns, ns, 2, frequencies), its real and imaginary part.
+        moments: becomes the sums over bins of Re W, of omega Im W and of omega^2 Re W, (3, ns, ns).
+    """
+    _transfer(theta, scale, forward_speed, lever, by_accelerometer, ns, nu, transfer)
+    for k in range(ns):
+        for m in range(k, ns):
+            flat = turning = rising = 0.0
+            for j in range(ns + 1 + nu):
+                level = power * _level(noise, j, ns)
+                flat += level * transfer[0, k, j] * transfer[0, m, j]
+                turning += level * (transfer[1, k, j] * transfer[0, m, j] - transfer[0, k, j] * transfer[1, m, j])
+                rising += level * transfer[1, k, j] * transfer[1, m, j]
+            if k == m:
+                flat += power * noise[ns + 1 + k]
+                if k > 0 or not by_accelerometer:
+                    flat += 2.0 * noise[k]
+            real, imaginary = weights[k, m, 0], weights[k, m, 1]
+            for f in range(omega.size):
+                real[f] = flat + omega[f] * omega[f] * rising
+                imaginary[f] = omega[f] * turning
+    if ns == 2:
+        _invert_2(weights)
+    else:
+        _invert_3(weights)
     for k in range(ns):
         for m in range(ns):
-            total = 0.0 + 0.0j
-            for j in range(ns + 1):
-                total += transfer[k, j] * noise[j] * np.conj(transfer[m, j])
-            for j in range(ns + 1, ns + 1 + nu):
-                total += transfer[k, j] * noise[ns + j] * np.conj(transfer[m, j])
-            covariance[k, m] = power * total
-        covariance[k, k] += power * noise[ns + 1 + k]
-        if k > 0 or not by_accelerometer:
-            covariance[k, k] += 2.0 * noise[k]
-    _weight(covariance, weight)
+            real, imaginary = weights[k, m, 0], weights[k, m, 1]
+            flat = turning = rising = 0.0
+            for f in range(omega.size):
+                flat += real[f]
+                turning += omega[f] * imaginary[f]
+                rising += omega[f] * omega[f] * real[f]
+            moments[0, k, m], moments[1, k, m], moments[2, k, m] = flat, turning, rising
 
 
-@njit(cache=True)
-def _driven(f, omega, theta, scale, forward, ns, nu, out):  # type: ignore[no-untyped-def]
-    """(j omega I - A)^-1: how the states answer to the equations' own noise, which so enters the regressors."""
-    matrix = np.zeros((ns, ns), dtype=np.complex128)
+@lean
+def responses(omega, bank, phase, start, end, lever, by_accelerometer, ns, response):  # type: ignore[no-untyped-def]
+    """What each equation has on its left side, (ns, 2, frequencies): exact transforms of rates, or the accelerometer.
+
+    Args:
+        bank: (channels, 2, frequencies) as ``block_transforms`` gives it; phase: exp(j omega span), (2, frequencies).
+    """
+    for k in range(ns):
+        real, imaginary = response[k, 0], response[k, 1]
+        x, y = bank[k, 0], bank[k, 1]
+        for f in range(omega.size):
+            real[f] = end[1 + k] - phase[0, f] * start[1 + k] - omega[f] * y[f]
+            imaginary[f] = omega[f] * x[f] - phase[1, f] * start[1 + k]
+    for part in range(2):
+        force, first = bank[ns, part], response[0, part]
+        if by_accelerometer:
+            for f in range(omega.size):
+                first[f] = force[f]
+            for j in range(1, ns):
+                rate, arm = response[j, part], lever[j]
+                for f in range(omega.size):
+                    first[f] += arm * rate[f]
+        else:
+            for f in range(omega.size):
+                first[f] -= force[f]
+
+
+@lean
+def _normal_matrix(bank, weights, ns, nc, product, m_full):  # type: ignore[no-untyped-def]
+    """M of all columns, the wanted ones of every equation first, then the three nuisance ones of every equation."""
+    nf = bank.shape[2]
+    nd = nc - 3
+    for c in range(nc):
+        x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
+        for d in range(c, nc):
+            u, v = bank[d if d < ns else d + 1, 0], bank[d if d < ns else d + 1, 1]
+            real, imaginary = product[0], product[1]
+            for f in range(nf):
+                real[f] = x[f] * u[f] + y[f] * v[f]
+                imaginary[f] = x[f] * v[f] - y[f] * u[f]
+            for k in range(ns):
+                kc = k * nd + c if c < nd else ns * nd + 3 * k + c - nd
+                kd = k * nd + d if d < nd else ns * nd + 3 * k + d - nd
+                for m in range(k, ns):
+                    mc = m * nd + c if c < nd else ns * nd + 3 * m + c - nd
+                    md = m * nd + d if d < nd else ns * nd + 3 * m + d - nd
+                    w_real, w_imaginary = weights[k, m, 0], weights[k, m, 1]
+                    even = odd = 0.0
+                    for f in range(nf):
+                        even += real[f] * w_real[f]
+                    if k < m:
+                        for f in range(nf):
+                            odd += imaginary[f] * w_imaginary[f]
+                    m_full[kc, md] = m_full[md, kc] = even - odd
+                    m_full[kd, mc] = m_full[mc, kd] = even + odd
+
+
+@lean
+def _right_side(bank, weights, response, ns, nc, product, b_full):  # type: ignore[no-untyped-def]
+    """b = sum Re(R' W y), ordered as ``_normal_matrix``."""
+    nf = bank.shape[2]
+    nd = nc - 3
+    for k in range(ns):
+        product[:, :] = 0.0
+        _add_weighted(weights[k], response, product)
+        real, imaginary = product[0], product[1]
+        for c in range(nc):
+            x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
+            total = 0.0
+            for f in range(nf):
+                total += x[f] * real[f] + y[f] * imaginary[f]
+            b_full[k * nd + c if c < nd else ns * nd + 3 * k + c - nd] = total
+
+
+@lean
+def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
+    """out += sum over m of weights[m] values[m], all complex: (ns, 2, frequencies) twice, (2, frequencies)."""
+    real, imaginary = out[0], out[1]
+    for m in range(values.shape[0]):
+        a, b, x, y = weights[m, 0], weights[m, 1], values[m, 0], values[m, 1]
+        for f in range(real.size):
+            real[f] += a[f] * x[f] - b[f] * y[f]
+            imaginary[f] += a[f] * y[f] + b[f] * x[f]
+
+
+@lean
+def _driven(  # type: ignore[no-untyped-def]
+    omega, theta, scale, forward_speed, noise, power, weights, ns, nu, product, matrix, driven
+):
+    """E[R' W e]: the equations' own noise drives the states through S^-1 = (s - A)^-1 and so enters the regressors.
+
+    adj(s - A) is a polynomial: s - tr A + A for two states, s^2 + s (A - tr A) + adj A for three, so S^-1 needs no
+    inverse but that of the characteristic polynomial.
+    """
+    nd = ns + nu
+    trace = 0.0
     for k in range(ns):
         for j in range(ns):
-            matrix[k, j] = -theta[k * (ns + nu) + j] * scale[k * (ns + nu) + j]
-        matrix[k, k] += 1j * omega[f]
-    for j in range(ns):
-        matrix[0, j] -= forward[j]
+            matrix[k, j] = theta[k * nd + j] * scale[k * nd + j]
+            if k == 0:
+                matrix[k, j] += forward_speed[j]
+        trace += matrix[k, k]
+    real, imaginary = product[0], product[1]
     if ns == 2:
-        _inverse_2(matrix, out)
+        last = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+        for f in range(omega.size):
+            x, y = last - omega[f] * omega[f], -trace * omega[f]
+            size = 1.0 / (x * x + y * y)
+            real[f], imaginary[f] = x * size, y * size
     else:
-        out[:] = np.linalg.inv(matrix)
+        middle, last = 0.0, 0.0
+        for k in range(3):
+            a, b = (k + 1) % 3, (k + 2) % 3
+            middle += matrix[a, a] * matrix[b, b] - matrix[a, b] * matrix[b, a]
+            last += matrix[0, k] * (matrix[1, a] * matrix[2, b] - matrix[1, b] * matrix[2, a])
+        for f in range(omega.size):
+            square = omega[f] * omega[f]
+            x, y = trace * square - last, omega[f] * (middle - square)
+            size = 1.0 / (x * x + y * y)
+            real[f], imaginary[f] = x * size, y * size
+    for k in range(ns):
+        for m in range(ns):
+            a, b = weights[k, m, 0], weights[k, m, 1]
+            flat = turning = rising = 0.0
+            for f in range(omega.size):
+                # W / conj(characteristic polynomial); the conjugate of 1 / polynomial is (real, imaginary) here.
+                x, y = a[f] * real[f] - b[f] * imaginary[f], a[f] * imaginary[f] + b[f] * real[f]
+                flat += x
+                turning += omega[f] * y
+                rising += omega[f] * omega[f] * x
+            level = power * noise[ns + 1 + m]
+            for j in range(ns):
+                shifted = matrix[j, m] - (trace if j == m else 0.0)
+                if ns == 2:
+                    part = shifted * flat + (turning if j == m else 0.0)
+                else:
+                    part = _adjugate(matrix, j, m) * flat + shifted * turning - (rising if j == m else 0.0)
+                driven[k * nd + j] += level * part * scale[k * nd + j]
 
 
-@njit(cache=True)
-def _inverse_2(matrix, out):  # type: ignore[no-untyped-def]
-    determinant = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
-    out[0, 0] = matrix[1, 1] / determinant
-    out[1, 1] = matrix[0, 0] / determinant
-    out[0, 1] = -matrix[0, 1] / determinant
-    out[1, 0] = -matrix[1, 0] / determinant
+@lean
+def _adjugate(matrix, j, m):  # type: ignore[no-untyped-def]
+    """Element (j, m) of the adjugate of a 3 x 3 matrix."""
+    a, b, c, d = (m + 1) % 3, (m + 2) % 3, (j + 1) % 3, (j + 2) % 3
+    return matrix[a, c] * matrix[b, d] - matrix[a, d] * matrix[b, c]
 
 
-@njit(cache=True)
+@lean
 def block_equations(  # type: ignore[no-untyped-def]
-    omega, bank, decay, start, end, theta, scale, noise, power, forward, lever, by_accelerometer, ns, nu
-):
-    """Normal equations of one block at ``theta``, with the nuisance columns eliminated.
+    omega, bank, response, theta, scale, noise, power, forward_speed, ns, nu, transfer, weights, moments, room,
+    m_full, b_full, n_noise, g, driven,
+):  # fmt: skip
+    """Normal equations of one block at ``theta``, with the nuisance columns still in them.
+
+    Args:
+        omega ... nu: the block; bank as ``block_transforms`` gives it, response of ``responses``.
+        transfer, weights, moments: of ``bin_weights``.
+        room: (2, frequencies) and (ns, ns).
+        m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), (ns (nd + 3),) squared, the derivatives' columns first;
+            in present derivatives.
+        n_noise, g, driven: become N (p, p), what of M is due to noise in the regressors, the same of b (p,), and the part
+            of the score that is expected because the equations' own noise (gusts) drives the states, (p,); ``n_noise``
+            and ``driven`` in referred derivatives (``scale`` applied), g in present ones.
 
     Returns:
-        M (p, p), N (p, p) its part due to noise in the regressors, score (p,) = b - g - M theta, the nuisance
-        values (ns, 3) that belong to theta and how they follow it (3 ns, p), and the part of the score that is
-        expected because the equations' own noise (gusts) drives the states, (p,); all in referred derivatives
-        (``scale`` applied). Last, how many equally weighted bins would be worth as many degrees of freedom as the
-        weights leave (of the equation that they leave fewest, Satterthwaite 1946).
+        how many equally weighted bins would be worth as many degrees of freedom as the weights leave (of the equation that
+        they leave fewest, Satterthwaite 1946).
     """
-    nc, nd = ns + nu + 3, ns + nu
-    full = ns * nc
-    m_full = np.zeros((full, full))
-    b_full = np.zeros(full)
-    n_noise = np.zeros((ns * nd, ns * nd))
-    g = np.zeros(ns * nd)
-    driven = np.zeros(ns * nd)
-    weights = np.zeros((2, ns))
-    regressors = np.zeros(nc, dtype=np.complex128)
-    response = np.zeros(ns, dtype=np.complex128)
-    transfer = np.zeros((ns, ns + 1 + nu), dtype=np.complex128)
-    weight = np.zeros((ns, ns), dtype=np.complex128)
-    response_to = np.zeros((ns, ns), dtype=np.complex128)
-    for f in range(omega.size):
-        _bin(f, omega, bank, decay, start, end, theta, scale, noise, power, forward, lever, by_accelerometer,
-             ns, nu, regressors, response, transfer, weight)  # fmt: skip
-        _driven(f, omega, theta, scale, forward, ns, nu, response_to)
-        for k in range(ns):
-            weights[0, k] += weight[k, k].real
-            weights[1, k] += weight[k, k].real ** 2
-            wy = 0.0 + 0.0j
+    nd = ns + nu
+    product, matrix = room
+    _normal_matrix(bank, weights, ns, nd + 3, product, m_full)
+    _right_side(bank, weights, response, ns, nd + 3, product, b_full)
+    n_noise[:, :] = 0.0
+    g[:] = 0.0
+    driven[:] = 0.0
+    for k in range(ns):
+        for j in range(nd):
+            column = j if j < ns else j + 1
+            level = power * _level(noise, column, ns)
             for m in range(ns):
-                wy += weight[k, m] * response[m]
-                w = weight[k, m]
-                for c in range(nc):
-                    left = np.conj(regressors[c]) * w
-                    for d in range(nc):
-                        m_full[k * nc + c, m * nc + d] += (left * regressors[d]).real
-                for j in range(nd):
-                    level = noise[j] if j < ns else noise[ns + j + 1]
-                    n_noise[k * nd + j, m * nd + j] += w.real * power * level
-            for c in range(nc):
-                b_full[k * nc + c] += (np.conj(regressors[c]) * wy).real
-            for j in range(nd):
-                crossed = 0.0 + 0.0j
-                for m in range(ns):
-                    crossed += weight[k, m] * transfer[m, j if j < ns else j + 1]
-                level = noise[j] if j < ns else noise[ns + j + 1]
-                g[k * nd + j] += power * level * crossed.real
-            for j in range(ns):
-                crossed = 0.0 + 0.0j
-                for m in range(ns):
-                    crossed += weight[k, m] * noise[ns + 1 + m] * np.conj(response_to[j, m])
-                driven[k * nd + j] += power * crossed.real
-    m, n_noise, score, nuisance, follow = _eliminate(
-        m_full, b_full, n_noise, g, theta, scale, end[0] - start[0], ns, nc
-    )
-    bins = np.min(weights[0] ** 2 / weights[1])
-    return m, n_noise, score, nuisance, follow, driven * scale, bins
+                a, b = k * nd + j, m * nd + j
+                n_noise[a, b] = moments[0, k, m] * level * scale[a] * scale[b]
+                g[a] += level * (
+                    moments[0, k, m] * transfer[0, m, column] - moments[1, k, m] * transfer[1, m, column]
+                )
+    _driven(omega, theta, scale, forward_speed, noise, power, weights, ns, nu, product, matrix, driven)
+    bins = np.inf
+    for k in range(ns):
+        total = 0.0
+        weight = weights[k, k, 0]
+        for f in range(omega.size):
+            total += weight[f] * weight[f]
+        bins = min(bins, moments[0, k, k] ** 2 / total)
+    return bins
 
 
-@njit(cache=True)
-def _eliminate(m_full, b_full, n_noise, g, theta, scale, span, ns, nc):  # type: ignore[no-untyped-def]
-    """Schur complement on the nuisance columns; result in referred derivatives.
+@lean
+def eliminate(m_full, b_full, g, theta, scale, span, p, root, size, crossed, rest, m, score):  # type: ignore[no-untyped-def]
+    """Schur complement on the nuisance columns, the last q of ``m_full``.
 
     Over a whole number of periods a constant has no transform: what rounding leaves of it is no column.
+
+    Args:
+        p: how many columns are wanted.
+        root (q, q), size (q,): become the root of the nuisance columns' power, of unit diagonal, and their sizes.
+        crossed (q, p): becomes root^-1 of their products with the wanted columns.
+        rest (q, 1): becomes root^-1 of what they have to explain.
+        m (p, p), score (p,): become M and b - g - M theta, in referred derivatives.
     """
-    nd = nc - 3
-    p, q = ns * nd, ns * 3
-    wanted = np.empty(p, dtype=np.int64)
-    other = np.empty(q, dtype=np.int64)
-    for k in range(ns):
-        for c in range(nd):
-            wanted[k * nd + c] = k * nc + c
-        for c in range(3):
-            other[k * 3 + c] = k * nc + nd + c
-    mcc = np.empty((q, q))
-    mpc = np.empty((p, q))
-    m = np.empty((p, p))
+    q = size.size
     for a in range(q):
-        for b in range(q):
-            mcc[a, b] = m_full[other[a], other[b]]
-    for a in range(p):
-        for b in range(q):
-            mpc[a, b] = m_full[wanted[a], other[b]]
+        ramp = m_full[p + a - a % 3 + 2, p + a - a % 3 + 2] / (span * span)
+        own = m_full[p + a, p + a]
+        size[a] = np.sqrt(own) if own > NOTHING * ramp else np.inf
+    for a in range(q):
+        share = 1.0 / size[a]
+        for b in range(a + 1):
+            root[a, b] = m_full[p + a, p + b] * share / size[b]
+        root[a, a] += RIDGE
+        total = b_full[p + a]
         for b in range(p):
-            m[a, b] = m_full[wanted[a], wanted[b]]
-    size = np.empty(q)
-    for a in range(q):
-        ramp = mcc[a - a % 3 + 2, a - a % 3 + 2] / (span * span)
-        size[a] = np.sqrt(mcc[a, a]) if mcc[a, a] > NOTHING * ramp else np.inf
-    for a in range(q):
-        for b in range(q):
-            mcc[a, b] /= size[a] * size[b]
-        mcc[a, a] += 1e-10
-        mpc[:, a] /= size[a]
-    rest = b_full[other] / size - mpc.T @ (theta * scale)
-    solved = np.linalg.solve(mcc, np.concatenate((mpc.T, rest.reshape(q, 1)), axis=1))
-    nuisance = solved[:, p]
-    score = b_full[wanted] - g - m @ (theta * scale) - mpc @ nuisance
-    m = m - mpc @ np.ascontiguousarray(solved[:, :p])
+            total -= m_full[p + a, b] * theta[b] * scale[b]
+            crossed[a, b] = m_full[p + a, b] * share
+        rest[a, 0] = total * share
+    cholesky(root, 1e-3 * RIDGE, root)
+    forward(root, crossed)
+    forward(root, rest)
     for a in range(p):
-        score[a] *= scale[a]
+        total = b_full[a] - g[a]
+        for b in range(p):
+            total -= m_full[a, b] * theta[b] * scale[b]
+            m[a, b] = m_full[a, b]
+        for b in range(q):
+            total -= crossed[b, a] * rest[b, 0]
+            factor = crossed[b, a]
+            for c in range(p):
+                m[a, c] -= factor * crossed[b, c]
+        score[a] = total * scale[a]
         for b in range(p):
             m[a, b] *= scale[a] * scale[b]
-            n_noise[a, b] *= scale[a] * scale[b]
-    follow = np.empty((q, p))
-    for a in range(q):
-        for b in range(p):
-            follow[a, b] = -solved[a, b] / size[a] * scale[b]
-    return m, n_noise, score, (nuisance / size).reshape(ns, 3), follow
 
 
-@njit(cache=True)
+@lean
+def nuisance_of(root, size, crossed, rest, change, scale, nuisance):  # type: ignore[no-untyped-def]
+    """Nuisance values (q, 1) that belong to derivatives that differ by ``change`` (p,) from those of ``eliminate``."""
+    for a in range(size.size):
+        total = rest[a, 0]
+        for b in range(change.size):
+            total -= crossed[a, b] * scale[b] * change[b]
+        nuisance[a, 0] = total
+    backward(root, nuisance)
+    for a in range(size.size):
+        nuisance[a, 0] /= size[a]
+
+
+@lean
 def noise_update(  # type: ignore[no-untyped-def]
-    omega,
-    bank,
-    decay,
-    start,
-    end,
-    theta,
-    scale,
-    nuisance,
-    noise,
-    power,
-    forward,
-    lever,
-    by_accelerometer,
-    ns,
-    nu,
+    omega, bank, response, theta, scale, nuisance, noise, power, ns, nu, transfer, weights, moments, room, total
 ):
     """One fixed-point step to the likeliest noise variances, from the residual of one block.
 
     A component's power expected from the residual over the share of it that the residual determines (the fixed
     point of expectation-maximisation, reached in far fewer steps). Components: measured states, accelerometer,
-    then the equations' own noise. Returns the new variances, at most ten times larger or smaller.
+    then the equations' own noise.
+
+    Args:
+        response: of the block, becomes the residual.
+        transfer, weights, moments: of ``bin_weights`` at ``theta``.
+        room: (ns, 2, frequencies) and (2, frequencies).
+        total: becomes the new variances, at most ten times larger or smaller.
     """
-    nc, nd = ns + nu + 3, ns + nu
-    regressors = np.zeros(nc, dtype=np.complex128)
-    response = np.zeros(ns, dtype=np.complex128)
-    transfer = np.zeros((ns, ns + 1 + nu), dtype=np.complex128)
-    weight = np.zeros((ns, ns), dtype=np.complex128)
-    total = np.zeros(noise.size)
-    determined = np.zeros(noise.size)
-    freedom = omega.size / max(omega.size - 0.5 * nc, 0.25 * omega.size)
-    whitened = np.zeros(ns, dtype=np.complex128)
-    for f in range(omega.size):
-        _bin(f, omega, bank, decay, start, end, theta, scale, noise, power, forward, lever, by_accelerometer,
-             ns, nu, regressors, response, transfer, weight)  # fmt: skip
-        for k in range(ns):
-            for c in range(nd):
-                response[k] -= theta[k * nd + c] * scale[k * nd + c] * regressors[c]
-            for c in range(3):
-                response[k] -= nuisance[k, c] * regressors[nd + c]
-        for k in range(ns):
-            whitened[k] = 0.0
-            for m in range(ns):
-                whitened[k] += weight[k, m] * response[m]
-        for j in range(ns + 1):
-            part = 0.0 + 0.0j
-            spread = 0.0
-            for k in range(ns):
-                part += np.conj(transfer[k, j]) * whitened[k]
-                for m in range(ns):
-                    spread += (np.conj(transfer[k, j]) * weight[k, m] * transfer[m, j]).real
-            estimate = noise[j] * part
-            total[j] += freedom * power * (estimate.real**2 + estimate.imag**2)
-            determined[j] += power * noise[j] * spread
-        for k in range(ns):
-            estimate = noise[ns + 1 + k] * whitened[k]
-            total[ns + 1 + k] += freedom * power * (estimate.real**2 + estimate.imag**2)
-            determined[ns + 1 + k] += power * noise[ns + 1 + k] * weight[k, k].real
+    nd = ns + nu
+    nc, nf = nd + 3, omega.size
+    freedom = nf / max(nf - 0.5 * nc, 0.25 * nf) * power
+    whitened, product = room
+    for k in range(ns):
+        real, imaginary = response[k, 0], response[k, 1]
+        for c in range(nc):
+            factor = theta[k * nd + c] * scale[k * nd + c] if c < nd else nuisance[3 * k + c - nd, 0]
+            x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
+            for f in range(nf):
+                real[f] -= factor * x[f]
+                imaginary[f] -= factor * y[f]
+    for k in range(ns):
+        whitened[k] = 0.0
+        _add_weighted(weights[k], response, whitened[k])
     for j in range(noise.size):
-        if determined[j] > 1e-12:
-            total[j] = min(max(total[j] / determined[j], 0.1 * noise[j]), 10.0 * noise[j])
+        total[j] = noise[j]
+    for j in range(2 * ns + 1):
+        own = j - ns - 1
+        found, spread = 0.0, 0.0
+        if own >= 0:
+            real, imaginary = whitened[own, 0], whitened[own, 1]
+            spread = moments[0, own, own]
         else:
-            total[j] = noise[j]
-    return total
+            real, imaginary = product[0], product[1]
+            spread = _part_of(omega, transfer, whitened, moments, j, ns, product)
+        for f in range(nf):
+            found += real[f] * real[f] + imaginary[f] * imaginary[f]
+        found *= freedom * noise[j] * noise[j]
+        spread *= power * noise[j]
+        if spread > 1e-12:
+            total[j] = min(max(found / spread, 0.1 * noise[j]), 10.0 * noise[j])
+
+
+@lean
+def _part_of(omega, transfer, whitened, moments, j, ns, product):  # type: ignore[no-untyped-def]
+    """L_j' r of a measured channel j into ``product`` (2, frequencies); returns sum Re(L_j' W L_j)."""
+    real, imaginary = product[0], product[1]
+    product[:, :] = 0.0
+    spread = 0.0
+    for k in range(ns):
+        a, b = transfer[0, k, j], transfer[1, k, j]
+        x, y = whitened[k, 0], whitened[k, 1]
+        for f in range(omega.size):
+            real[f] += a * x[f] + b * omega[f] * y[f]
+            imaginary[f] += a * y[f] - b * omega[f] * x[f]
+        for m in range(ns):
+            c, d = transfer[0, m, j], transfer[1, m, j]
+            spread += a * c * moments[0, k, m] - (a * d - b * c) * moments[1, k, m] + b * d * moments[2, k, m]
+    return spread

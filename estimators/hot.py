@@ -12,7 +12,7 @@ from typing import Any
 
 from numba import njit
 
-__all__ = ["hot", "sizes"]
+__all__ = ["hot", "lean", "sizes"]
 
 _OPTIONS: dict[str, Any] = {
     "cache": True,
@@ -22,6 +22,9 @@ _OPTIONS: dict[str, Any] = {
 }
 hot: Any = njit(**_OPTIONS)
 """Decorator of such a kernel. A product may be fused into its sum, a sum taken in another order; NaN stays NaN."""
+
+lean: Any = njit(**{**_OPTIONS, "forceinline": False, "error_model": "numpy"})
+"""The same for a kernel that is called from several places: it stays one piece of code, and a division is one."""
 
 
 def sizes(*counts: int) -> tuple[tuple[int, ...], ...]:

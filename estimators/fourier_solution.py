@@ -1,0 +1,266 @@
+"""One solution of the recursive Fourier estimator with one block: what the block says, and where it moves; compiled.
+
+Derivation and symbols: ``docs/estimators.md`` sections 3 to 8. Arrays are those of one vehicle.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from wingwatch.estimators.fourier_bank import block_transforms
+from wingwatch.estimators.fourier_directions import (
+    DIRECTION_LINES,
+    DIRECTION_SQUARES,
+    noise_edge,
+    reduce_information,
+)
+from wingwatch.estimators.fourier_equations import (
+    bin_weights,
+    block_equations,
+    eliminate,
+    noise_update,
+    nuisance_of,
+    responses,
+)
+from wingwatch.estimators.hot import lean
+from wingwatch.estimators.symmetric import congruence, invert
+
+__all__ = ["ALONE", "LEARN", "MOVE", "remembered", "solution_room", "solve_block", "start_noise"]
+
+ALONE, LEARN, MOVE = 0, 1, 2
+"""What is asked of a solution: what the block says; the noise levels too; and what is known with it."""
+
+LOWEST_NOISE = 0.5
+"""A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
+
+
+@njit(cache=True)
+def solution_room(ns, nu, nf):  # type: ignore[no-untyped-def]
+    """Room of ``solve_block`` for ns states, nu inputs and nf frequencies, and what it tells.
+
+    Told: matrices (5, p, p), what the block adds to sensitivity and information, its evidence, the covariance, and M;
+    vectors (4, p), what it adds to the score and to the driven part, its evidence's score and the gusts' part of that;
+    the noise variances that its residual shows.
+    """
+    p, q = ns * (ns + nu), 3 * ns
+    bins = (
+        np.empty((ns + nu + 4, 2, nf)),
+        np.empty((2, nf)),
+        np.empty((2, nf)),
+        np.empty((ns, 2, nf)),
+        np.empty((ns, 2, nf)),
+        np.empty((ns, ns, 2, nf)),
+    )
+    columns = (
+        np.empty((p + q, p + q)),
+        np.empty(p + q),
+        np.empty((q, p)),
+        np.empty((q, q)),
+        np.empty((2, q, 1)),
+        np.empty(q),
+    )
+    states = (np.empty((2, ns, ns + 1 + nu)), np.empty((3, ns, ns)), np.empty((ns, ns)), np.empty((2, ns)))
+    squares, lines = np.empty((4 + DIRECTION_SQUARES, p, p)), np.empty((7 + DIRECTION_LINES, p))
+    told = (np.empty((5, p, p)), np.empty((4, p)), np.empty(2 * ns + 1 + nu))
+    return (bins, columns, states, squares, lines), told
+
+
+@lean
+def start_noise(roughness, noise, ns):  # type: ignore[no-untyped-def]
+    """First variances from second differences, whose variance is 6 D for white noise."""
+    for j in range(ns + 1):
+        least = 1e-8 if j in (0, ns) else 1e-10
+        noise[j] = max(roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)), least)
+    for k in range(ns):
+        noise[ns + 1 + k] = noise[k]
+
+
+@lean
+def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed):  # type: ignore[no-untyped-def]
+    """Scale from referred to present derivatives, and the kinematic part per state, at the block's mean condition."""
+    airspeed, density, alpha = sums[0] / sums[4], sums[1] / sums[4], sums[3] / sums[4]
+    pressure = density * airspeed / (settings[5] * settings[4])
+    columns, ns = exponents.size, forward_speed.size
+    for a in range(scale.size):
+        scale[a] = pressure if exponents[a % columns] == 1.0 else pressure * airspeed / settings[4]
+    forward_speed[:] = 0.0
+    forward_speed[ns - 1] = airspeed * math.cos(alpha) * (1.0 if longitudinal else -1.0)
+    if roll:
+        forward_speed[1] = airspeed * math.sin(alpha)
+
+
+@lean
+def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):  # type: ignore[no-untyped-def]
+    """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
+
+    Below any sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s.
+    """
+    known = noise_known[-1]
+    for j in range(2 * ns + 1):
+        noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
+    noise[ns + 1 if by_accelerometer else ns] = 0.0
+    for j in range(ns + 1):
+        noise[j] = max(noise[j], LOWEST_NOISE * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
+    for j in range(2 * ns + 1):
+        noise[j] = max(noise[j], 1e-8 if j in (0, ns, ns + 1) else 1e-10)
+
+
+@lean
+def _form(model, block, theta, noise, power, share, room, told):  # type: ignore[no-untyped-def]
+    """The block's equations at ``theta``, and what of them is signal."""
+    omega, lever, by_accelerometer, exponents, settings = model[:5]
+    rows, roughness = block[1], block[3]
+    transforms, phase, product, response, _, weights = room[0]
+    m_full, b_full, crossed, root, rest, size = room[1]
+    transfer, moments, matrix, edges = room[2]
+    squares, lines = room[3], room[4]
+    matrices, vectors, _ = told
+    ns, nu = lever.size, exponents.size - lever.size
+    forward_speed, suspected = edges[0], edges[1]
+    scale, score, driven, g = lines[0], lines[1], lines[2], lines[3]
+    n_noise, m = squares[0], matrices[4]
+    bin_weights(
+        omega, theta, scale, noise, power, forward_speed, lever, by_accelerometer, ns, nu, transfer, weights, moments
+    )  # fmt: skip
+    responses(omega, transforms, phase, rows[0], rows[1], lever, by_accelerometer, ns, response)
+    bins = block_equations(
+        omega, transforms, response, theta, scale, noise, power, forward_speed, ns, nu, transfer, weights, moments,
+        (product, matrix), m_full, b_full, n_noise, g, driven,
+    )  # fmt: skip
+    eliminate(
+        m_full, b_full, g, theta, scale, rows[1, 0] - rows[0, 0], theta.size, root, size, crossed, rest[0], m, score,
+    )  # fmt: skip
+    for j in range(ns):
+        suspected[j] = max(1.0, roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)) / noise[j])
+    reduce_information(
+        m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, bins * share)),
+        squares[4:], lines[7:], (vectors[0], vectors[1], vectors[2], vectors[3]),
+        (matrices[0], matrices[1], matrices[2]),
+    )  # fmt: skip
+
+
+@lean
+def _gain(theta, gain, told):  # type: ignore[no-untyped-def]
+    """From scores at ``theta`` to those at zero, everything ``gain`` times (two real parts a bin)."""
+    sensitivity, kept, evidence = told[0][0], told[0][1], told[0][2]
+    add, driven, evidence_vector, gust = told[1][0], told[1][1], told[1][2], told[1][3]
+    for a in range(theta.size):
+        driven[a] *= gain
+        gust[a] *= gain
+        for b in range(theta.size):
+            add[a] += sensitivity[a, b] * theta[b]
+            evidence_vector[a] += evidence[a, b] * theta[b]
+            sensitivity[a, b] *= gain
+            kept[a, b] *= gain
+            evidence[a, b] *= gain
+        add[a] *= gain
+        evidence_vector[a] *= gain
+
+
+@lean
+def _moved(memory, prior, more, more_score, squares, inverse, moved):  # type: ignore[no-untyped-def]
+    """What is known with the block: the inverse of its sensitivity (p, p), and the derivatives (p,)."""
+    value, std = prior
+    total = squares[2]
+    p = moved.size
+    for a in range(p):
+        for b in range(p):
+            total[a, b] = memory[0][a, b] + more[a, b]
+        total[a, a] += 1.0 / (std[a] * std[a])
+    invert(total, inverse)
+    moved[:] = 0.0
+    for b in range(p):
+        score = memory[2][b] + more_score[b] + value[b] / (std[b] * std[b])
+        for a in range(p):
+            moved[a] += inverse[a, b] * score
+
+
+@lean
+def _covariance(sensitivity_inverse, information, more, driven, more_driven, std, squares, line, out):  # type: ignore[no-untyped-def]
+    """A^-1 C A^-1 and the gusts' bias, C the information with the prior's in it."""
+    p = std.size
+    total, half = squares[2], squares[3]
+    for a in range(p):
+        for b in range(p):
+            total[a, b] = information[a, b] + more[a, b]
+        total[a, a] += 1.0 / (std[a] * std[a])
+    congruence(sensitivity_inverse, total, half, out)
+    for a in range(p):
+        line[a] = 0.0
+        for b in range(p):
+            line[a] += sensitivity_inverse[a, b] * (driven[b] + more_driven[b])
+    for a in range(p):
+        for b in range(p):
+            out[a, b] += line[a] * line[b]
+
+
+@lean
+def solve_block(model, block, theta, noise, noise_known, memory, prior, iterations, asked, room, told):  # type: ignore[no-untyped-def]
+    """Solve with a block.
+
+    Args:
+        model: omega, lever, by_accelerometer, exponents, settings, longitudinal, roll as ``FourierEstimator`` has them.
+        block: bank, rows, sums and roughness.
+        theta, noise: at which the block is linearised; in place, unless ``asked`` is ``ALONE``.
+        noise_known: of earlier blocks.
+        memory: sensitivity, information, vector and driven part of what is known without the block.
+        prior: value and standard deviation.
+        iterations: how often.
+        asked: ``ALONE``, ``LEARN`` or ``MOVE``.
+        room, told: of ``solution_room``; told becomes what the block says.
+    """
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll = model
+    bank, rows, sums, roughness = block
+    transforms, phase, product, response, whitened, weights = room[0]
+    _, _, crossed, root, rest, size = room[1]
+    transfer, moments, _, edges = room[2]
+    squares, lines = room[3], room[4]
+    ns, nu = lever.size, exponents.size - lever.size
+    span = rows[1, 0] - rows[0, 0]
+    power = span * span / max(sums[4] - 1.0, 1.0)
+    share = min(1.0, span / settings[0])
+    scale, moved, change = lines[0], lines[4], lines[5]
+    inverse = squares[1]
+    block_transforms(omega, bank, span, ns, nu, transforms, phase)
+    _present(sums, settings, exponents, longitudinal, roll, scale, edges[0])
+    for j in range(nu):
+        noise[2 * ns + 1 + j] = min(settings[7 + j], sums[6 + j] / (6.0 * max(sums[5], 1.0)))
+    for _ in range(iterations):
+        _form(model, block, theta, noise, power, share, room, told)
+        _gain(theta, 2.0 * share, told)
+        if asked == ALONE:
+            return
+        _moved(memory, prior, told[0][0], told[1][0], squares, inverse, moved)
+        for a in range(theta.size):
+            change[a] = moved[a] - theta[a]
+            theta[a] = moved[a]
+        nuisance_of(root, size, crossed, rest[0], change, scale, rest[1])
+        bin_weights(
+            omega, theta, scale, noise, power, edges[0], lever, by_accelerometer, ns, nu, transfer, weights, moments
+        )  # fmt: skip
+        noise_update(
+            omega, transforms, response, theta, scale, rest[1], noise, power, ns, nu, transfer, weights, moments,
+            (whitened, product), told[2],
+        )  # fmt: skip
+        _believe(noise, told[2], noise_known, share, roughness, by_accelerometer, ns)
+    if asked == MOVE:
+        _covariance(
+            inverse, memory[1], told[0][1], memory[3], told[1][1], prior[1], squares, lines[6], told[0][3]
+        )  # fmt: skip
+
+
+@lean
+def remembered(memory, nothing, prior, squares, line, mean, covariance):  # type: ignore[no-untyped-def]
+    """Mean (k,) and covariance (k, k) of what is remembered.
+
+    Args:
+        memory: sensitivity, information, vector and driven part.
+        nothing: matrices (1 or more, k, k) and vectors (1 or more, k) of zeros.
+        prior: value and standard deviation.
+        squares, line: room, (4 or more, k, k) and (k,).
+    """
+    _moved(memory, prior, nothing[0][0], nothing[1][0], squares, squares[1], mean)
+    _covariance(
+        squares[1], memory[1], nothing[0][0], memory[3], nothing[1][0], prior[1], squares, line, covariance
+    )  # fmt: skip
