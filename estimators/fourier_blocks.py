@@ -9,6 +9,7 @@ from numba import njit
 from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD, change_of, changed_derivatives, free_memory
 from wingwatch.estimators.forgetting import replaced
 from wingwatch.estimators.fourier_bank import advance_bank, block_transforms
+from wingwatch.estimators.fourier_between import between_samples
 from wingwatch.estimators.fourier_change import MARKS, place_mark, since_mark
 from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
 from wingwatch.estimators.fourier_equations import block_equations, noise_update
@@ -80,7 +81,7 @@ def _block_step(  # type: ignore[no-untyped-def]
     ns = theta.size // exponents.size
     nu = exponents.size - ns
     span = rows[1, 0] - rows[0, 0]
-    transforms, phase = block_transforms(omega, bank, span, ns, nu)
+    lines, phase = block_transforms(omega, bank, span, ns, nu)
     count = sums[4]
     dt = span / max(count - 1.0, 1.0)
     power = span * dt
@@ -93,6 +94,10 @@ def _block_step(  # type: ignore[no-untyped-def]
     weight = 1.0 / (prior_std * prior_std)
     suspected = np.ones(ns)
     for _ in range(iterations):
+        transforms = between_samples(
+            omega, lines, phase, rows[0], rows[1], dt, settings[7 + nu : 7 + 2 * nu], theta, scale, forward, lever,
+            by_accelerometer, ns, nu,
+        )  # fmt: skip
         m, n_noise, score, nuisance, follow, driven, bins = block_equations(
             omega, transforms, phase, rows[0], rows[1], theta, scale, noise, power, forward, lever, by_accelerometer,
             ns, nu,
@@ -247,14 +252,14 @@ def _close(i, common, arrays):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def update_all(  # type: ignore[no-untyped-def]
-    signals, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
+    signals, omega, servo_s, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
     condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows,
 ):  # fmt: skip
     """Take in samples (vehicles, samples, columns), all in place; arguments as ``FourierEstimator`` lays them out."""
     ns = lever.size
-    nu = held.size
+    nu = servo_s.size
     kinematic = 2 + ns + nu
     force = 1 + ns if by_accelerometer else kinematic
     common = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, prior_value, prior_std)
@@ -280,7 +285,7 @@ def update_all(  # type: ignore[no-untyped-def]
                 _gather(sums[i], new, kinematic)
                 continue
             advance_bank(
-                omega, bank[i], step[i], coefficients[i], rows[i, 1], new, rows[i, 2], held, ns, nu, force
+                omega, bank[i], step[i], coefficients[i], rows[i, 1], new, rows[i, 2], servo_s, ns, nu, force
             )  # fmt: skip
             if np.isfinite(rows[i, 2, 1]):
                 for j in range(ns + 1):
@@ -320,7 +325,7 @@ def _gather(sums, row, kinematic):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def solve_all(  # type: ignore[no-untyped-def]
-    omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
+    omega, servo_s, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
     condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows,
@@ -338,7 +343,7 @@ def solve_all(  # type: ignore[no-untyped-def]
         if (
             follows[i]
             and counts[i, 1] > 0
-            and _follow_change(i, common, arrays, marks, evidence, evidence_v, held.size, changed_s)
+            and _follow_change(i, common, arrays, marks, evidence, evidence_v, servo_s.size, changed_s)
         ):
             _solve(i, common, arrays, marks)
         _condition(sums[i], condition[i])
