@@ -93,7 +93,7 @@ class FourierState:
         rows: (3, columns) signal rows at the block's start, the last and the one before.
         sums: airspeed, density, altitude, angle of attack over the block, count; squared second differences of the
             inputs and their count.
-        roughness: squared second differences of states and accelerometer over the block, and their count.
+        roughness: roots of the magnitudes of second differences of states and accelerometer over the block, and count.
         theta, noise: current referred derivatives (k,) and noise variances.
         noise_known: (variances..., weight) gathered from closed blocks.
         sensitivity, information, vector, driven: what closed blocks said, (k, k), (k, k), (k,), (k,).

@@ -23,6 +23,19 @@ RESERVE_THAT_COUNTS = 0.01
 LOWEST_NOISE = 0.5
 """A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
 
+ROOT_MEAN = 0.8221790
+"""Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
+
+
+@njit(cache=True)
+def _rough_noise(roughness, j, ns):  # type: ignore[no-untyped-def]
+    """Variance of white noise of channel ``j`` that second differences (variance 6 D) would have such roots from.
+
+    The roots of their magnitudes are summed, not their squares: what bends when a surface jumps is large, but rare.
+    """
+    root = roughness[j] / max(roughness[ns + 1], 1.0) / ROOT_MEAN
+    return root**4 / 6.0
+
 
 @njit(cache=True)
 def _noise_start(roughness, noise, ns):  # type: ignore[no-untyped-def]
@@ -30,7 +43,7 @@ def _noise_start(roughness, noise, ns):  # type: ignore[no-untyped-def]
     floor = np.full(ns + 1, 1e-10)
     floor[0] = floor[ns] = 1e-8
     for j in range(ns + 1):
-        noise[j] = max(roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)), floor[j])
+        noise[j] = max(_rough_noise(roughness, j, ns), floor[j])
     for k in range(ns):
         noise[ns + 1 + k] = noise[k]
 
@@ -68,7 +81,7 @@ def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):
         noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
     noise[ns + 1 if by_accelerometer else ns] = 0.0
     for j in range(ns + 1):
-        noise[j] = max(noise[j], LOWEST_NOISE * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
+        noise[j] = max(noise[j], LOWEST_NOISE * _rough_noise(roughness, j, ns))
     _floor_noise(noise, ns)
 
 
@@ -103,7 +116,7 @@ def _block_step(  # type: ignore[no-untyped-def]
             ns, nu,
         )  # fmt: skip
         for j in range(ns):
-            suspected[j] = max(1.0, roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)) / noise[j])
+            suspected[j] = max(1.0, _rough_noise(roughness, j, ns) / noise[j])
         mc, kept, score, driven, evidence, evidence_score, gust = reduce_information(
             m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, bins * share))
         )
@@ -290,7 +303,7 @@ def update_all(  # type: ignore[no-untyped-def]
             if np.isfinite(rows[i, 2, 1]):
                 for j in range(ns + 1):
                     bend = new[1 + j] - 2.0 * rows[i, 1, 1 + j] + rows[i, 2, 1 + j]
-                    roughness[i, j] += bend * bend
+                    roughness[i, j] += np.sqrt(abs(bend))
                 roughness[i, ns + 1] += 1.0
                 for j in range(nu):
                     bend = new[2 + ns + j] - 2.0 * rows[i, 1, 2 + ns + j] + rows[i, 2, 2 + ns + j]
