@@ -25,7 +25,8 @@ def run_bank(rows: Array, held: bool = False) -> tuple[NDArray[np.complex128], N
     step, coefficients = np.full(1, -1.0), np.zeros((8, OMEGA.size))
     before = np.full(LAYOUT.columns, np.nan)
     for k in range(1, len(rows)):
-        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, np.array([0.0 if held else np.inf]), 2, 1, 3)
+        servo_s = np.array([0.0 if held else np.inf])
+        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, servo_s, 2, 1, 3)
         before = rows[k - 1]
     transforms, decay = block_transforms(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     return transforms, decay
