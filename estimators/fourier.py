@@ -42,7 +42,9 @@ class FourierConfig:
         memory_s: time constant of forgetting where new data come; what they do not replace is kept.
         first_solution_s: time of data before the first solution (thesis 9.2: 2 s).
         stale_s: without excitation for this long a derivative is not observable.
-        held: for each input, whether it is held between samples (a command) rather than linear (a position).
+        held: for each input, whether it is held between samples (a command) rather than moving (a position).
+        servo_s: for each input that is not, time constant of the servo that moves it, its command held between
+            samples; 0 where that is not known: it then moves evenly.
         force_from_accelerometer: force equation from the accelerometer; else from the velocity's rate.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
         input_noise_std: of each measured input, rad; not more than the input's own roughness is believed.
@@ -60,6 +62,7 @@ class FourierConfig:
     first_solution_s: float = 2.0
     stale_s: float = 30.0
     held: tuple[bool, ...] = ()
+    servo_s: tuple[float, ...] = ()
     force_from_accelerometer: bool = True
     imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     input_noise_std: tuple[float, ...] = ()
@@ -90,7 +93,7 @@ class FourierState:
         rows: (3, columns) signal rows at the block's start, the last and the one before.
         sums: airspeed, density, altitude, angle of attack over the block, count; squared second differences of the
             inputs and their count.
-        roughness: squared second differences of states and accelerometer over the block, and their count.
+        roughness: roots of the magnitudes of second differences of states and accelerometer over the block, and count.
         theta, noise: current referred derivatives (k,) and noise variances.
         noise_known: (variances..., weight) gathered from closed blocks.
         sensitivity, information, vector, driven: what closed blocks said, (k, k), (k, k), (k,), (k,).
@@ -250,13 +253,15 @@ class FourierEstimator:
             if self.layout.states == 3:
                 lever[1] = z
         exponents = np.array([1.0] * self.layout.states + [2.0] * self.layout.inputs)
+        servo_s = np.array(c.servo_s or (0.0,) * self.layout.inputs)
+        servo_s = np.where(c.held, 0.0, np.where(servo_s > 0.0, servo_s, np.inf))
         settings = np.array(
             [c.block_s, c.first_solution_s, c.memory_s, c.smallest_share, *c.reference, c.stale_s,
-             *np.square(c.input_noise_std)]
+             *np.square(c.input_noise_std), *servo_s]
         )  # fmt: skip
         roll = self.layout.states == 3
         return (
-            c.omega_rad_s, np.array(c.held), lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
+            c.omega_rad_s, servo_s, lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
             c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
             s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,

@@ -16,8 +16,8 @@ __all__ = ["advance_bank", "bank_channels", "block_transforms"]
 
 @njit(cache=True)
 def bank_channels(ns, nu):  # type: ignore[no-untyped-def]
-    """Channels that are filtered: states, force, inputs, dynamic pressure."""
-    return ns + nu + 2
+    """Channels that are filtered: states, force, inputs, dynamic pressure, jumps of inputs."""
+    return ns + 2 * nu + 2
 
 
 @lean
@@ -60,19 +60,32 @@ def _held(real, imag, c, value):  # type: ignore[no-untyped-def]
         imag[f] = e_real[f] * y + e_imag[f] * x + h_imag[f] * value
 
 
+@hot
+def _jumped(real, imag, c, jump):  # type: ignore[no-untyped-def]
+    """Jumps of one channel at all frequencies, one of size ``jump`` at the new sample."""
+    if jump == 0.0 and real[0] == 0.0 and imag[0] == 0.0:
+        return
+    e_real, e_imag = c[0], c[1]
+    for f in range(real.size):
+        x, y = real[f], imag[f]
+        real[f] = e_real[f] * x - e_imag[f] * y + jump
+        imag[f] = e_real[f] * y + e_imag[f] * x
+
+
 @lean
 def advance_bank(  # type: ignore[no-untyped-def]
-    omega, bank, step, coefficients, old, new, before, hold_always, ns, nu, force
+    omega, bank, step, coefficients, old, new, before, servo_s, ns, nu, force
 ):
     """Advance the bank of one vehicle by one sample.
 
-    Rows of ``bank`` (channels, 2, frequencies): states, force, inputs, dynamic pressure; real and imaginary part.
-    An input is held between samples if its channel is a command, or where a position repeats exactly
-    (a step of a held signal); else it is linear like the states.
+    Rows of ``bank`` (channels, 2, frequencies): states, force, inputs, dynamic pressure, and the jumps of inputs that
+    are positions; real and imaginary part. An input is held between samples if its channel is a command, or where a
+    position whose servo is unknown repeats exactly (a step of a held signal); else it is linear like the states.
 
     Args:
         step: shape (1,), time step that ``coefficients`` (8, frequencies) were made for.
         old, new: signal rows at the two ends of the step; before: the row before ``old`` (inputs only).
+        servo_s: for each input the time constant of its servo, infinite where it is unknown, 0 for a command.
     """
     dt = new[0] - old[0]
     if abs(dt - step[0]) > 1e-6 * dt:
@@ -83,25 +96,29 @@ def advance_bank(  # type: ignore[no-untyped-def]
     _linear(bank[ns, 0], bank[ns, 1], coefficients, old[force], new[force])
     for j in range(nu):
         a, b = old[2 + ns + j], new[2 + ns + j]
-        row = bank[ns + 1 + j]
-        if hold_always[j] or a == before[2 + ns + j]:
+        row, jumps = bank[ns + 1 + j], bank[ns + nu + 2 + j]
+        if servo_s[j] == 0.0:
             _held(row[0], row[1], coefficients, a)
+        elif a == before[2 + ns + j] and servo_s[j] == np.inf:
+            _held(row[0], row[1], coefficients, a)
+            _jumped(jumps[0], jumps[1], coefficients, b - a)
         else:
             _linear(row[0], row[1], coefficients, a, b)
+            _jumped(jumps[0], jumps[1], coefficients, 0.0)
     ratio = 2 + ns + nu + 1
     _linear(bank[ns + 1 + nu, 0], bank[ns + 1 + nu, 1], coefficients, old[ratio] - 1.0, new[ratio] - 1.0)
 
 
 @lean
 def block_transforms(omega, bank, span, ns, nu, out, phase):  # type: ignore[no-untyped-def]
-    """Transforms of a block of ``span`` seconds into ``out`` (ns + nu + 4, 2, frequencies).
+    """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 4, 2, frequencies).
 
-    Channels: states, force, inputs, constant, dynamic pressure, ramp. Those of the constant and of the ramp need no
-    samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase`` becomes exp(j omega span), (2, frequencies).
+    Channels: states, force, inputs, constant, dynamic pressure, ramp, jumps of inputs. Those of the constant and of
+    the ramp need no samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase`` becomes e^{sT}, (2, frequencies).
     """
     constant = ns + 1 + nu
-    for j in range(constant + 1):
-        row = j if j < constant else j + 1
+    for j in range(bank.shape[0]):
+        row = j if j < constant else (j + 1 if j == constant else j + 2)
         for part in range(2):
             for f in range(omega.size):
                 out[row, part, f] = bank[j, part, f]

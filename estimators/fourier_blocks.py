@@ -1,7 +1,7 @@
 """Blocks of the recursive Fourier estimator, compiled: filled, solved while they run, closed, added to what is known.
 
-Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. ``advance`` takes arrays that lead with the vehicle axis;
-all else works on one vehicle, whose arrays are handed on as ``_vehicle`` groups them, in room that is made once.
+Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. ``advance`` takes arrays that lead with the vehicle
+axis; all else works on one vehicle, whose arrays are handed on in groups, in room that is made once.
 """
 
 import math
@@ -12,7 +12,14 @@ from numba import njit
 from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD, change_of, changed_derivatives, free_memory
 from wingwatch.estimators.forgetting import FORGETTING_LINES, FORGETTING_SQUARES, replaced
 from wingwatch.estimators.fourier_bank import advance_bank
-from wingwatch.estimators.fourier_change import MARKS, copied, copied_bank, copied_rows, place_mark, since_mark
+from wingwatch.estimators.fourier_change import (
+    MARKS,
+    copied,
+    copied_bank,
+    copied_rows,
+    place_mark,
+    since_mark,
+)
 from wingwatch.estimators.fourier_solution import (
     ALONE,
     LEARN,
@@ -39,9 +46,15 @@ def _block_room(ns, nu, nf, columns):  # type: ignore[no-untyped-def]
     solving, told = solution_room(ns, nu, nf)
     squares, lines = np.empty((FORGETTING_SQUARES + 5, p, p)), np.empty((FORGETTING_LINES + 6, p))
     nothing = (np.zeros((1, p, p)), np.zeros((1, p)))
-    part = (np.empty((ns + nu + 2, 2, nf)), np.empty((3, columns)), np.empty(6 + nu), np.empty(ns + 2))
+    part = (np.empty((ns + 2 * nu + 2, 2, nf)), np.empty((3, columns)), np.empty(6 + nu), np.empty(ns + 2))
     flags = np.zeros((2, p), dtype=np.bool_)
-    return solving, told, (squares, lines, np.empty((p, p + 1)), flags, np.empty(2 * ns + 1 + nu)), nothing, part
+    return (
+        solving,
+        told,
+        (squares, lines, np.empty((p, p + 1)), flags, np.empty(2 * ns + 1 + nu)),
+        nothing,
+        part,
+    )
 
 
 @lean
@@ -122,7 +135,7 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     theta, noise, noise_known, reserve, covariance, informed = known
     evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts = closed
     solving, told, own_room, nothing, _ = room
-    squares, lines, level = own_room[0], own_room[1], own_room[4]
+    lines, level = own_room[1], own_room[4]
     settings, k = model[4], theta.size
     if counts[0] == 0:
         start_noise(roughness, noise, model[1].size)
@@ -194,11 +207,11 @@ def _restart(block, row, kinematic):  # type: ignore[no-untyped-def]
 
 @lean
 def _bends(block, new, ns, nu):  # type: ignore[no-untyped-def]
-    """Add squared second differences: of states and accelerometer, of inputs."""
+    """Add second differences: roots of their magnitudes of states and accelerometer, squares of inputs."""
     _, rows, sums, roughness = block
     for j in range(ns + 1):
         bend = new[1 + j] - 2.0 * rows[1, 1 + j] + rows[2, 1 + j]
-        roughness[j] += bend * bend
+        roughness[j] += math.sqrt(abs(bend))
     roughness[ns + 1] += 1.0
     for j in range(nu):
         bend = new[2 + ns + j] - 2.0 * rows[1, 2 + ns + j] + rows[2, 2 + ns + j]
@@ -207,13 +220,14 @@ def _bends(block, new, ns, nu):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _take(model, prior, vehicle, filters, held, new, room):  # type: ignore[no-untyped-def]
+def _take(model, prior, vehicle, filters, new, room):  # type: ignore[no-untyped-def]
     """Take in one row of signals."""
     omega, lever, by_accelerometer, exponents, settings, _, _ = model
     block, _, _, _, marks = vehicle
     bank, rows, sums, _ = block
     coefficients, step = filters
     ns, nu = lever.size, exponents.size - lever.size
+    servo_s = settings[7 + nu : 7 + 2 * nu]
     kinematic = 2 + ns + nu
     for j in range(kinematic + 5):
         if not math.isfinite(new[j]):
@@ -229,7 +243,7 @@ def _take(model, prior, vehicle, filters, held, new, room):  # type: ignore[no-u
         _restart(block, new, kinematic)
         return
     force = 1 + ns if by_accelerometer else kinematic
-    advance_bank(omega, bank, step, coefficients, rows[1], new, rows[2], held, ns, nu, force)
+    advance_bank(omega, bank, step, coefficients, rows[1], new, rows[2], servo_s, ns, nu, force)
     if math.isfinite(rows[2, 1]):
         _bends(block, new, ns, nu)
     copied(rows[1], rows[2])
@@ -375,7 +389,7 @@ def _cut(model, prior, vehicle, room, m):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _advance(signals, solves, model, prior, held, states, changed_s, follows, room):  # type: ignore[no-untyped-def]
+def _advance(signals, solves, model, prior, states, changed_s, follows, room):  # type: ignore[no-untyped-def]
     """``advance`` with its arguments grouped."""
     block, filters, known, memory, closed, marks = states
     settings = model[4]
@@ -389,7 +403,7 @@ def _advance(signals, solves, model, prior, held, states, changed_s, follows, ro
         )
         rows, counts = vehicle[0][1], vehicle[3][5]
         for k in range(signals.shape[1]):
-            _take(model, prior, vehicle, (filters[0][i], filters[1][i]), held, signals[i, k], room)
+            _take(model, prior, vehicle, (filters[0][i], filters[1][i]), signals[i, k], room)
         if not solves or not (rows[1, 0] - rows[0, 0] >= settings[1] - 1e-9):
             continue
         _solve(model, prior, vehicle, room)
@@ -401,7 +415,7 @@ def _advance(signals, solves, model, prior, held, states, changed_s, follows, ro
 
 @njit(cache=True)
 def advance(  # type: ignore[no-untyped-def]
-    signals, solves, omega, held, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal,
+    signals, solves, omega, servo_s, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal,
     roll, bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
     condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows,
@@ -410,7 +424,7 @@ def advance(  # type: ignore[no-untyped-def]
 
     All in place; arguments as ``FourierEstimator`` lays them out.
     """
-    room = _block_room(lever.size, held.size, omega.size, rows.shape[2])
+    room = _block_room(lever.size, servo_s.size, omega.size, rows.shape[2])
     states = (
         (bank, rows, sums, roughness),
         (coefficients, step),
@@ -420,4 +434,4 @@ def advance(  # type: ignore[no-untyped-def]
         (mark_bank, mark_rows, mark_sums, mark_known),
     )
     model = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll)
-    _advance(signals, solves, model, (prior_value, prior_std), held, states, changed_s, follows, room)
+    _advance(signals, solves, model, (prior_value, prior_std), states, changed_s, follows, room)

@@ -59,7 +59,7 @@ def _whiten(lower, matrix):  # type: ignore[no-untyped-def]
 
 @lean
 def _suspected_share(n_noise, suspected, size, direction, v):  # type: ignore[no-untyped-def]
-    """Share of noise in a direction, column v of ``direction``, were each state's noise ``suspected`` times as large."""
+    """Share of noise in a direction, column v of ``direction``, each state's noise ``suspected`` times as large."""
     ns = suspected.size
     columns = n_noise.shape[0] // ns
     total = 0.0

@@ -1,13 +1,14 @@
 """Normal equations of one block of the recursive Fourier estimator, compiled, and the noise that its residual shows.
 
-Derivation and symbols: ``docs/estimators.md`` sections 3 to 7. Real and imaginary parts lie apart and frequencies side by
-side, (..., 2, frequencies), so that the processor takes several bins at once. The noise transfer is a line in s,
+Derivation and symbols: ``docs/estimators.md`` sections 3 to 7. Real and imaginary parts lie apart and frequencies side
+by side, (..., 2, frequencies), so that the processor takes several bins at once. The noise transfer is a line in s,
 L = L0 + s L1, so what it makes of white noise is a polynomial, and of the weights only a few sums over the bins are
 needed. All memory is the caller's.
 """
 
 import numpy as np
 
+from wingwatch.estimators.fourier_between import rate_of
 from wingwatch.estimators.hot import lean
 from wingwatch.estimators.symmetric import backward, cholesky, forward
 
@@ -28,7 +29,7 @@ def _level(noise, j, ns):  # type: ignore[no-untyped-def]
 
 @lean
 def _transfer(theta, scale, forward_speed, lever, by_accelerometer, ns, nu, transfer):  # type: ignore[no-untyped-def]
-    """L0 and L1 into ``transfer`` (2, ns, ns + 1 + nu): the residual is (L0 + s L1) n, n states, accelerometer, inputs."""
+    """L0 and L1 into ``transfer`` (2, ns, ns + 1 + nu): n states, accelerometer, inputs."""
     nd = ns + nu
     transfer[:, :, :] = 0.0
     for k in range(ns):
@@ -85,7 +86,19 @@ def _invert_3(weights):  # type: ignore[no-untyped-def]
 
 @lean
 def bin_weights(  # type: ignore[no-untyped-def]
-    omega, theta, scale, noise, power, forward_speed, lever, by_accelerometer, ns, nu, transfer, weights, moments
+    omega,
+    theta,
+    scale,
+    noise,
+    power,
+    forward_speed,
+    lever,
+    by_accelerometer,
+    ns,
+    nu,
+    transfer,
+    weights,
+    moments,
 ):
     """The noise transfer, and the weight of every bin, W = Sigma^-1.
 
@@ -104,7 +117,9 @@ def bin_weights(  # type: ignore[no-untyped-def]
             for j in range(ns + 1 + nu):
                 level = power * _level(noise, j, ns)
                 flat += level * transfer[0, k, j] * transfer[0, m, j]
-                turning += level * (transfer[1, k, j] * transfer[0, m, j] - transfer[0, k, j] * transfer[1, m, j])
+                turning += level * (
+                    transfer[1, k, j] * transfer[0, m, j] - transfer[0, k, j] * transfer[1, m, j]
+                )
                 rising += level * transfer[1, k, j] * transfer[1, m, j]
             if k == m:
                 flat += power * noise[ns + 1 + k]
@@ -134,14 +149,10 @@ def responses(omega, bank, phase, start, end, lever, by_accelerometer, ns, respo
     """What each equation has on its left side, (ns, 2, frequencies): exact transforms of rates, or the accelerometer.
 
     Args:
-        bank: (channels, 2, frequencies) as ``block_transforms`` gives it; phase: exp(j omega span), (2, frequencies).
+        bank: (channels, 2, frequencies) as ``between_samples`` gives it; phase: e^{s T}, (2, frequencies).
     """
     for k in range(ns):
-        real, imaginary = response[k, 0], response[k, 1]
-        x, y = bank[k, 0], bank[k, 1]
-        for f in range(omega.size):
-            real[f] = end[1 + k] - phase[0, f] * start[1 + k] - omega[f] * y[f]
-            imaginary[f] = omega[f] * x[f] - phase[1, f] * start[1 + k]
+        rate_of(omega, bank[k], phase, start[1 + k], end[1 + k], response[k])
     for part in range(2):
         force, first = bank[ns, part], response[0, part]
         if by_accelerometer:
@@ -284,18 +295,18 @@ def block_equations(  # type: ignore[no-untyped-def]
     """Normal equations of one block at ``theta``, with the nuisance columns still in them.
 
     Args:
-        omega ... nu: the block; bank as ``block_transforms`` gives it, response of ``responses``.
+        omega ... nu: the block; bank as ``between_samples`` gives it, response of ``responses``.
         transfer, weights, moments: of ``bin_weights``.
         room: (2, frequencies) and (ns, ns).
-        m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), (ns (nd + 3),) squared, the derivatives' columns first;
-            in present derivatives.
-        n_noise, g, driven: become N (p, p), what of M is due to noise in the regressors, the same of b (p,), and the part
-            of the score that is expected because the equations' own noise (gusts) drives the states, (p,); ``n_noise``
-            and ``driven`` in referred derivatives (``scale`` applied), g in present ones.
+        m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), (ns (nd + 3),) squared, the derivatives' columns
+            first; in present derivatives.
+        n_noise, g, driven: become N (p, p), what of M is due to noise in the regressors, the same of b (p,), and the
+            part of the score that is expected because the equations' own noise (gusts) drives the states, (p,);
+            ``n_noise`` and ``driven`` in referred derivatives (``scale`` applied), g in present ones.
 
     Returns:
-        how many equally weighted bins would be worth as many degrees of freedom as the weights leave (of the equation that
-        they leave fewest, Satterthwaite 1946).
+        how many equally weighted bins would be worth as many degrees of freedom as the weights leave (of the equation
+        that they leave fewest, Satterthwaite 1946).
     """
     nd = ns + nu
     product, matrix = room
@@ -386,7 +397,21 @@ def nuisance_of(root, size, crossed, rest, change, scale, nuisance):  # type: ig
 
 @lean
 def noise_update(  # type: ignore[no-untyped-def]
-    omega, bank, response, theta, scale, nuisance, noise, power, ns, nu, transfer, weights, moments, room, total
+    omega,
+    bank,
+    response,
+    theta,
+    scale,
+    nuisance,
+    noise,
+    power,
+    ns,
+    nu,
+    transfer,
+    weights,
+    moments,
+    room,
+    total,
 ):
     """One fixed-point step to the likeliest noise variances, from the residual of one block.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from wingwatch.estimators.fourier_bank import block_transforms
+from wingwatch.estimators.fourier_between import between_samples
 from wingwatch.estimators.fourier_directions import (
     DIRECTION_LINES,
     DIRECTION_SQUARES,
@@ -34,6 +35,9 @@ ALONE, LEARN, MOVE = 0, 1, 2
 LOWEST_NOISE = 0.5
 """A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
 
+ROOT_MEAN = 0.8221790
+"""Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
+
 
 @njit(cache=True)
 def solution_room(ns, nu, nf):  # type: ignore[no-untyped-def]
@@ -45,7 +49,8 @@ def solution_room(ns, nu, nf):  # type: ignore[no-untyped-def]
     """
     p, q = ns * (ns + nu), 3 * ns
     bins = (
-        np.empty((ns + nu + 4, 2, nf)),
+        np.empty((2, ns + 2 * nu + 4, 2, nf)),
+        np.empty((2, ns + nu, 2, nf)),
         np.empty((2, nf)),
         np.empty((2, nf)),
         np.empty((ns, 2, nf)),
@@ -67,11 +72,21 @@ def solution_room(ns, nu, nf):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _rough_noise(roughness, j, ns):  # type: ignore[no-untyped-def]
+    """Variance of white noise of channel ``j`` that second differences (variance 6 D) would have such roots from.
+
+    The roots of their magnitudes are summed, not their squares: what bends when a surface jumps is large, but rare.
+    """
+    root = roughness[j] / max(roughness[ns + 1], 1.0) / ROOT_MEAN
+    return root**4 / 6.0
+
+
+@lean
 def start_noise(roughness, noise, ns):  # type: ignore[no-untyped-def]
     """First variances from second differences, whose variance is 6 D for white noise."""
     for j in range(ns + 1):
         least = 1e-8 if j in (0, ns) else 1e-10
-        noise[j] = max(roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)), least)
+        noise[j] = max(_rough_noise(roughness, j, ns), least)
     for k in range(ns):
         noise[ns + 1 + k] = noise[k]
 
@@ -101,7 +116,7 @@ def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):
         noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
     noise[ns + 1 if by_accelerometer else ns] = 0.0
     for j in range(ns + 1):
-        noise[j] = max(noise[j], LOWEST_NOISE * roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)))
+        noise[j] = max(noise[j], LOWEST_NOISE * _rough_noise(roughness, j, ns))
     for j in range(2 * ns + 1):
         noise[j] = max(noise[j], 1e-8 if j in (0, ns, ns + 1) else 1e-10)
 
@@ -109,9 +124,9 @@ def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):
 @lean
 def _form(model, block, theta, noise, power, share, room, told):  # type: ignore[no-untyped-def]
     """The block's equations at ``theta``, and what of them is signal."""
-    omega, lever, by_accelerometer, exponents, settings = model[:5]
-    rows, roughness = block[1], block[3]
-    transforms, phase, product, response, _, weights = room[0]
+    omega, lever, by_accelerometer, exponents, settings, _, _ = model
+    _, rows, sums, roughness = block
+    transforms, between, phase, product, response, _, weights = room[0]
     m_full, b_full, crossed, root, rest, size = room[1]
     transfer, moments, matrix, edges = room[2]
     squares, lines = room[3], room[4]
@@ -120,19 +135,24 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
     forward_speed, suspected = edges[0], edges[1]
     scale, score, driven, g = lines[0], lines[1], lines[2], lines[3]
     n_noise, m = squares[0], matrices[4]
+    span = rows[1, 0] - rows[0, 0]
+    between_samples(
+        omega, transforms[0], phase, rows[0], rows[1], span / max(sums[4] - 1.0, 1.0), settings[7 + nu : 7 + 2 * nu],
+        theta, scale, forward_speed, lever, by_accelerometer, ns, nu, between, transforms[1],
+    )  # fmt: skip
     bin_weights(
         omega, theta, scale, noise, power, forward_speed, lever, by_accelerometer, ns, nu, transfer, weights, moments
     )  # fmt: skip
-    responses(omega, transforms, phase, rows[0], rows[1], lever, by_accelerometer, ns, response)
+    responses(omega, transforms[1], phase, rows[0], rows[1], lever, by_accelerometer, ns, response)
     bins = block_equations(
-        omega, transforms, response, theta, scale, noise, power, forward_speed, ns, nu, transfer, weights, moments,
+        omega, transforms[1], response, theta, scale, noise, power, forward_speed, ns, nu, transfer, weights, moments,
         (product, matrix), m_full, b_full, n_noise, g, driven,
     )  # fmt: skip
     eliminate(
-        m_full, b_full, g, theta, scale, rows[1, 0] - rows[0, 0], theta.size, root, size, crossed, rest[0], m, score,
+        m_full, b_full, g, theta, scale, span, theta.size, root, size, crossed, rest[0], m, score,
     )  # fmt: skip
     for j in range(ns):
-        suspected[j] = max(1.0, roughness[j] / (6.0 * max(roughness[ns + 1], 1.0)) / noise[j])
+        suspected[j] = max(1.0, _rough_noise(roughness, j, ns) / noise[j])
     reduce_information(
         m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, bins * share)),
         squares[4:], lines[7:], (vectors[0], vectors[1], vectors[2], vectors[3]),
@@ -212,7 +232,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, iteratio
     """
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll = model
     bank, rows, sums, roughness = block
-    transforms, phase, product, response, whitened, weights = room[0]
+    transforms, _, phase, product, response, whitened, weights = room[0]
     _, _, crossed, root, rest, size = room[1]
     transfer, moments, _, edges = room[2]
     squares, lines = room[3], room[4]
@@ -222,7 +242,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, iteratio
     share = min(1.0, span / settings[0])
     scale, moved, change = lines[0], lines[4], lines[5]
     inverse = squares[1]
-    block_transforms(omega, bank, span, ns, nu, transforms, phase)
+    block_transforms(omega, bank, span, ns, nu, transforms[0], phase)
     _present(sums, settings, exponents, longitudinal, roll, scale, edges[0])
     for j in range(nu):
         noise[2 * ns + 1 + j] = min(settings[7 + j], sums[6 + j] / (6.0 * max(sums[5], 1.0)))
@@ -240,7 +260,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, iteratio
             omega, theta, scale, noise, power, edges[0], lever, by_accelerometer, ns, nu, transfer, weights, moments
         )  # fmt: skip
         noise_update(
-            omega, transforms, response, theta, scale, rest[1], noise, power, ns, nu, transfer, weights, moments,
+            omega, transforms[1], response, theta, scale, rest[1], noise, power, ns, nu, transfer, weights, moments,
             (whitened, product), told[2],
         )  # fmt: skip
         _believe(noise, told[2], noise_known, share, roughness, by_accelerometer, ns)

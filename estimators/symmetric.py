@@ -1,7 +1,7 @@
 """Linear algebra of small symmetric matrices, in place and without allocation; compiled.
 
-A library's routines spend more time on being called than on a dozen rows. Here the innermost loops run along rows, which
-the processor takes several numbers at a time of. Only lower triangles of the Cholesky roots are read or written.
+A library's routines spend more time on being called than on a dozen rows. Here the innermost loops run along rows,
+which the processor takes several numbers at a time of. Only lower triangles of the Cholesky roots are read or written.
 """
 
 import math
@@ -157,7 +157,7 @@ def solve_general(matrix, rows, n):  # type: ignore[no-untyped-def]
 
 @lean
 def _tridiagonal(z, values, off):  # type: ignore[no-untyped-def]
-    """Householder's reduction of z (n, n) to tridiagonal form; z becomes the transformation, its rows the directions."""
+    """Householder's reduction of z (n, n) to tridiagonal form; z becomes the vectors of it, one a row."""
     n = z.shape[0]
     for i in range(n - 1, 0, -1):
         scale = 0.0

@@ -356,6 +356,7 @@ def _mode(
         0.0 if still else aircraft.noise_std(_INPUT_COLUMN[u]) or 0.0
         for u, still in zip(structure.inputs, held, strict=True)
     )
+    servo_s = tuple(_servo_s(aircraft, u) for u in structure.inputs)
     force = aircraft.noise_std(_FORCE_COLUMN[structure.states[0]]) or 0.0
     signals = SignalConfig(
         structure,
@@ -370,6 +371,7 @@ def _mode(
         3.0 * natural,
         reference,
         held=held,
+        servo_s=servo_s,
         imu_position_m=imu,
         input_noise_std=noise,
     )
@@ -379,7 +381,7 @@ def _mode(
         natural,
         reference,
         held=held,
-        servo_s=tuple(_servo_s(aircraft, u) for u in structure.inputs),
+        servo_s=servo_s,
         imu_position_m=imu,
         noise_std=(0.0, *(aircraft.noise_std(_RATE_COLUMN[s]) or 0.0 for s in structure.states[1:])),
         input_noise_std=noise,

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from convergence import Course
 from estimator_plants import PITCH, Array, doublets, fourier, make_signals
+from kernels import change_of, changed_derivatives, free_memory, since_mark
 from reference_plant import PLANTS
 from tracking import CHANGED, follow_step, stepped_truth
 
 from wingwatch.estimators import FourierState
-from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD, change_of, changed_derivatives, free_memory
-from wingwatch.estimators.fourier_change import since_mark
+from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD
 
 SIZE = np.array([4.0, 25.0, 2.0, 4.0, 6.0, 32.0])
 
@@ -34,9 +34,7 @@ def test_the_change_and_no_other_is_found() -> None:
         moved = truth + 0.4 * SIZE * (np.arange(6) == k)
         weight, pull = change_of(window, window_of(moved, window, rng), mean, np.linalg.inv(memory))
         changed = np.zeros(6, dtype=np.bool_)
-        assert (
-            changed_derivatives(weight, pull, SIZE, CHANGE_LOG_THRESHOLD, 0.0, changed) > CHANGE_LOG_THRESHOLD
-        )
+        assert changed_derivatives(weight, pull, SIZE, CHANGE_LOG_THRESHOLD, changed) > CHANGE_LOG_THRESHOLD
         assert changed.tolist() == [j == k for j in range(6)]
 
 
@@ -48,14 +46,14 @@ def test_chance_passes_a_threshold_no_more_often_than_its_inverse() -> None:
         memory, window = some_information(rng, 10.0), some_information(rng, rng.choice([0.1, 1.0, 10.0]))
         mean = np.linalg.cholesky(np.linalg.inv(memory)) @ rng.standard_normal(6)
         weight, pull = change_of(window, window_of(np.zeros(6), window, rng), mean, np.linalg.inv(memory))
-        passed += changed_derivatives(weight, pull, SIZE, np.log(20.0), 0.0, changed) > np.log(20.0)
+        passed += changed_derivatives(weight, pull, SIZE, np.log(20.0), changed) > np.log(20.0)
     assert passed <= 4000 / 20
 
 
 def test_a_window_that_saw_nothing_frees_nothing() -> None:
     changed = np.ones(6, dtype=np.bool_)
     weight, pull = change_of(np.zeros((6, 6)), np.zeros(6), SIZE.copy(), np.diag(SIZE**2))
-    assert changed_derivatives(weight, pull, SIZE, CHANGE_LOG_THRESHOLD, 0.0, changed) == pytest.approx(0.0)
+    assert changed_derivatives(weight, pull, SIZE, CHANGE_LOG_THRESHOLD, changed) == pytest.approx(0.0)
     assert not changed.any()
 
 
@@ -84,9 +82,9 @@ def test_a_block_cut_at_a_mark_is_one_that_began_there() -> None:
     bank, row = state.bank[0].copy(), state.rows[0, 1].copy()
     sums = np.concatenate([state.sums[0], state.roughness[0]])
     runner.update(state, rows[:, 201:400])
-    part, ends, _, _ = since_mark(
+    part, ends = since_mark(
         runner.estimator.config.omega_rad_s,  # type: ignore[union-attr]
-        state.bank[0], state.rows[0], state.sums[0], state.roughness[0], bank, row, sums,
+        state.bank[0], state.rows[0], state.sums[0], state.roughness[0], (bank, row, sums),
     )  # fmt: skip
     runner.update(later, rows[:, 200:400])
     np.testing.assert_allclose(part, later.bank[0], rtol=0.0, atol=1e-9 * np.abs(later.bank).max())

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from estimator_plants import PITCH, Array, fourier, noisy_batch, quiet_batch
+from kernels import left_by
 
 from wingwatch.estimators import FourierState
-from wingwatch.estimators.forgetting import EXCITED, replaced
+from wingwatch.estimators.forgetting import EXCITED
 
 SHARE = 0.2
 
@@ -16,7 +17,7 @@ def positive(k: int, rank: int, seed: int) -> Array:
 
 
 def left(reserve: Array, known: Array, gained: Array) -> Array:
-    q = replaced(reserve, known, gained, SHARE)
+    q = left_by(reserve, known, gained, SHARE)
     return np.asarray(q @ reserve @ q.T)
 
 
@@ -76,7 +77,7 @@ def test_units_do_not_matter() -> None:
 def test_numbers_that_are_not_finite_replace_nothing() -> None:
     broken = np.eye(3)
     broken[0, 0] = np.nan
-    np.testing.assert_array_equal(replaced(np.eye(3), np.eye(3), broken, SHARE), np.eye(3))
+    np.testing.assert_array_equal(left_by(np.eye(3), np.eye(3), broken, SHARE), np.eye(3))
 
 
 def test_quiet_flight_leaves_what_is_known_to_the_bit() -> None:

@@ -5,11 +5,12 @@ import pytest
 from estimator_plants import PLANTS, Array, Plant, fourier, noisy_batch, quiet_batch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kernels import as_complex, reduced, transforms_of
 from numpy.typing import NDArray
 
 from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
-from wingwatch.estimators.fourier_bank import advance_bank, bank_channels, block_transforms
-from wingwatch.estimators.fourier_directions import noise_edge, reduce_information
+from wingwatch.estimators.fourier_bank import advance_bank, bank_channels
+from wingwatch.estimators.fourier_directions import noise_edge
 
 chance_passes = pytest.mark.xfail(
     strict=True,
@@ -25,10 +26,11 @@ def run_bank(rows: Array, held: bool = False) -> tuple[NDArray[np.complex128], N
     step, coefficients = np.full(1, -1.0), np.zeros((8, OMEGA.size))
     before = np.full(LAYOUT.columns, np.nan)
     for k in range(1, len(rows)):
-        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, np.array([held]), 2, 1, 3)
+        servo_s = np.array([0.0 if held else np.inf])
+        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, servo_s, 2, 1, 3)
         before = rows[k - 1]
-    transforms, decay = block_transforms(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
-    return transforms, decay
+    transforms, decay = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
+    return as_complex(transforms), as_complex(decay)
 
 
 def exact(time: Array, value: Array, held: bool = False) -> NDArray[np.complex128]:
@@ -123,8 +125,8 @@ def test_the_edge_holds_back_white_noise() -> None:
 
 def test_nothing_is_kept_of_pure_noise() -> None:
     m = np.diag([4.0, 1.0, 9.0])
-    results = reduce_information(m, m.copy(), np.ones(1), np.ones(3), np.ones(3), 0.5)
-    for part in results:
+    matrices, vectors = reduced(m, m.copy(), np.ones(1), np.ones(3), np.ones(3), 0.5)
+    for part in (*matrices, *vectors):
         assert (part == 0.0).all()
 
 
@@ -133,10 +135,10 @@ def test_all_is_kept_of_pure_signal() -> None:
     root = np.random.default_rng(5).standard_normal((3, 8))
     m = root @ root.T
     score = np.array([1.0, -2.0, 0.5])
-    sensitivity, kept, score_kept, _, evidence, evidence_score, _ = reduce_information(
+    matrices, (score_kept, _, evidence_score, _) = reduced(
         m, np.zeros((3, 3)), np.ones(1), score, np.zeros(3), 0.5
     )
-    for part in (sensitivity, kept, evidence):
+    for part in matrices:
         np.testing.assert_allclose(part, m, rtol=0.0, atol=1e-7 * np.abs(m).max())  # ridge 1e-9
     np.testing.assert_allclose(score_kept, score, atol=1e-6)
     np.testing.assert_allclose(evidence_score, score, atol=1e-6)
@@ -145,9 +147,9 @@ def test_all_is_kept_of_pure_signal() -> None:
 def test_what_all_of_the_roughness_could_explain_is_not_kept() -> None:
     """A state whose power is 40 % noise as believed: kept, unless its roughness allows for twice that."""
     m, noise = np.eye(3), np.diag([0.4, 0.0, 0.0])
-    believed, _, *_ = reduce_information(m, noise, np.array([1.0]), np.ones(3), np.zeros(3), 0.5)
+    (believed, *_), _ = reduced(m, noise, np.array([1.0]), np.ones(3), np.zeros(3), 0.5)
     np.testing.assert_allclose(np.diag(believed), [0.6, 1.0, 1.0], atol=1e-7)
-    suspected, _, *_ = reduce_information(m, noise, np.array([2.0]), np.ones(3), np.zeros(3), 0.5)
+    (suspected, *_), _ = reduced(m, noise, np.array([2.0]), np.ones(3), np.zeros(3), 0.5)
     np.testing.assert_allclose(np.diag(suspected), [0.0, 1.0, 1.0], atol=1e-7)
 
 
@@ -202,6 +204,6 @@ def test_regressors_that_depend_on_each_other_to_the_last_digit_are_taken() -> N
     part = np.random.default_rng(3).standard_normal((4, 2))
     root = np.hstack((part, part @ np.array([[1.0, 2.0], [0.5, -1.0]])))
     m = root.T @ root - 1e-7 * np.eye(4)
-    sensitivity, *_ = reduce_information(m, np.zeros((4, 4)), np.ones(2), np.ones(4), np.zeros(4), 0.5)
+    (sensitivity, *_), _ = reduced(m, np.zeros((4, 4)), np.ones(2), np.ones(4), np.zeros(4), 0.5)
     assert np.isfinite(sensitivity).all()
     np.testing.assert_allclose(sensitivity, m, atol=1e-6)
