@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
 from wingwatch.estimators.fourier_bank import bank_channels
-from wingwatch.estimators.fourier_blocks import advance
+from wingwatch.estimators.fourier_blocks import advance, block_room
 from wingwatch.estimators.fourier_change import MARKS
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
@@ -147,6 +147,9 @@ class FourierEstimator:
     def __init__(self, config: FourierConfig) -> None:
         self.config = config
         self.layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
+        self._room = block_room(
+            self.layout.states, self.layout.inputs, config.omega_rad_s.size, self.layout.columns
+        )
 
     def init(self, vehicles: int) -> FourierState:
         """State before the first sample."""
@@ -261,10 +264,10 @@ class FourierEstimator:
         )  # fmt: skip
         roll = self.layout.states == 3
         return (
-            c.omega_rad_s, servo_s, lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
+            c.omega_rad_s, lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
             c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
             s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
             s.evidence_span, s.condition, s.counts, s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known,
-            s.changed_s, s.follows,
+            s.changed_s, s.follows, self._room,
         )  # fmt: skip

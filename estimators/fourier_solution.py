@@ -4,9 +4,9 @@ Derivation and symbols: ``docs/estimators.md`` sections 3 to 8. Arrays are those
 """
 
 import math
+from typing import Any
 
 import numpy as np
-from numba import njit
 
 from wingwatch.estimators.fourier_bank import block_transforms
 from wingwatch.estimators.fourier_between import between_samples
@@ -17,20 +17,35 @@ from wingwatch.estimators.fourier_directions import (
     reduce_information,
 )
 from wingwatch.estimators.fourier_equations import (
-    bin_weights,
     block_equations,
     eliminate,
     noise_update,
     nuisance_of,
     responses,
 )
+from wingwatch.estimators.fourier_weights import bin_weights
 from wingwatch.estimators.hot import lean
 from wingwatch.estimators.symmetric import congruence, invert
 
-__all__ = ["ALONE", "LEARN", "MOVE", "remembered", "solution_room", "solve_block", "start_noise"]
+__all__ = [
+    "ALONE",
+    "BEGIN",
+    "LEARN",
+    "MOVE",
+    "Room",
+    "remembered",
+    "solution_room",
+    "solve_block",
+    "start_noise",
+]
 
-ALONE, LEARN, MOVE = 0, 1, 2
-"""What is asked of a solution: what the block says; the noise levels too; and what is known with it."""
+Room = tuple[Any, ...]
+"""Arrays, and tuples of them, that kernels write to."""
+
+ALONE, LEARN, MOVE, BEGIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
+"""What is asked of a solution: what the block says; the noise levels too; and what is known with it; that three times.
+
+Not Python's integers: for each of them a kernel would be compiled anew."""
 
 LOWEST_NOISE = 0.5
 """A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
@@ -39,8 +54,7 @@ ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
 
 
-@njit(cache=True)
-def solution_room(ns, nu, nf):  # type: ignore[no-untyped-def]
+def solution_room(ns: int, nu: int, nf: int) -> tuple[Room, Room]:
     """Room of ``solve_block`` for ns states, nu inputs and nf frequencies, and what it tells.
 
     Told: matrices (5, p, p), what the block adds to sensitivity and information, its evidence, the covariance, and M;
@@ -216,7 +230,7 @@ def _covariance(sensitivity_inverse, information, more, driven, more_driven, std
 
 
 @lean
-def solve_block(model, block, theta, noise, noise_known, memory, prior, iterations, asked, room, told):  # type: ignore[no-untyped-def]
+def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, room, told):  # type: ignore[no-untyped-def]
     """Solve with a block.
 
     Args:
@@ -226,8 +240,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, iteratio
         noise_known: of earlier blocks.
         memory: sensitivity, information, vector and driven part of what is known without the block.
         prior: value and standard deviation.
-        iterations: how often.
-        asked: ``ALONE``, ``LEARN`` or ``MOVE``.
+        asked: ``ALONE``, ``LEARN``, ``MOVE`` or ``BEGIN``.
         room, told: of ``solution_room``; told becomes what the block says.
     """
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll = model
@@ -246,7 +259,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, iteratio
     _present(sums, settings, exponents, longitudinal, roll, scale, edges[0])
     for j in range(nu):
         noise[2 * ns + 1 + j] = min(settings[7 + j], sums[6 + j] / (6.0 * max(sums[5], 1.0)))
-    for _ in range(iterations):
+    for _ in range(3 if asked == BEGIN else 1):
         _form(model, block, theta, noise, power, share, room, told)
         _gain(theta, 2.0 * share, told)
         if asked == ALONE:
@@ -264,7 +277,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, iteratio
             (whitened, product), told[2],
         )  # fmt: skip
         _believe(noise, told[2], noise_known, share, roughness, by_accelerometer, ns)
-    if asked == MOVE:
+    if asked >= MOVE:
         _covariance(
             inverse, memory[1], told[0][1], memory[3], told[1][1], prior[1], squares, lines[6], told[0][3]
         )  # fmt: skip

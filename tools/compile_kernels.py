@@ -1,20 +1,48 @@
 """Compiles the numerical kernels once, for every process that follows: a short simulated flight through the live chain.
 
-numba keeps what it compiles beside the sources, so this costs minutes the first time and seconds from then on.
+numba keeps what it compiles beside the sources, so this costs minutes the first time and seconds from then on. The
+Fourier form's kernels, half of the work, are compiled by a second process meanwhile: they lie in files of their own.
 """
 
+import multiprocessing
 import sys
 import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from wingwatch.aircraft import load_aircraft
+import numpy as np
+
+from wingwatch.aircraft import LATERAL, SHORT_PERIOD, load_aircraft
+from wingwatch.estimators import EkfConfig, EkfEstimator, FourierConfig, FourierEstimator, SignalLayout
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import SampleBlock
 
 RATE_HZ, SECONDS, PIECE = 50.0, 25.0, 25
+
+
+REFERENCE = (25.0, 1.2)
+
+
+def compile_fourier() -> None:
+    """The Fourier form's kernels; they are the same for every structure."""
+    k = len(SHORT_PERIOD.derivatives)
+    estimator = FourierEstimator(FourierConfig(SHORT_PERIOD, (0.1, 1.0), np.zeros(k), np.ones(k), REFERENCE))
+    state = estimator.init(1)
+    estimator.update(state, np.zeros((1, 1, estimator.layout.columns)))
+    estimator.solve(state)
+
+
+def compile_filter() -> None:
+    """The Kalman filter's kernels, for two states and for three."""
+    for structure in (SHORT_PERIOD, LATERAL):
+        k = len(structure.derivatives)
+        estimator = EkfEstimator(EkfConfig(structure, np.zeros(k), np.ones(k), REFERENCE))
+        state = estimator.init(1)
+        layout = SignalLayout(len(structure.states), len(structure.inputs))
+        estimator.update(state, np.zeros((1, 1, layout.columns)))
+        estimator.solve(state)
 
 
 def main() -> None:
@@ -23,15 +51,19 @@ def main() -> None:
         "[set-up] numerical kernels: compiled on the first start, two to three minutes, then kept", flush=True
     )
     began = time.monotonic()
+    other = multiprocessing.get_context("spawn").Process(target=compile_fourier)
+    other.start()
     aircraft = load_aircraft("aerosonde")
     plain = Scenario(aircraft, turbulence="light", seed=1)
     schedule = doublet_schedule(aircraft, plain.condition, start_s=3.0)
     simulation = FleetSimulation(
         [Scenario(aircraft, manoeuvres=(schedule,), turbulence="light", seed=1)], RATE_HZ
     )
+    blocks = [SampleBlock(simulation.step(PIECE)[0]) for _ in range(round(SECONDS * RATE_HZ) // PIECE)]
+    compile_filter()
+    other.join()
     monitor: VehicleMonitor | None = None
-    for _ in range(round(SECONDS * RATE_HZ) // PIECE):
-        block = SampleBlock(simulation.step(PIECE)[0])
+    for block in blocks:
         if monitor is None:
             monitor = VehicleMonitor(aircraft, "set-up", "one", block.present, {}, new_id=lambda: "1")
         monitor.feed(block)
