@@ -6,12 +6,24 @@ Derivation: ``docs/estimators.md`` section 9.
 import math
 
 from wingwatch.estimators.hot import lean
-from wingwatch.estimators.symmetric import congruence, eigen, product, solve_general
+from wingwatch.estimators.symmetric import (
+    all_above,
+    all_below,
+    cholesky,
+    congruence,
+    eigen,
+    forward,
+    product,
+    solve_general,
+)
 
 __all__ = ["FORGETTING_LINES", "FORGETTING_SQUARES", "replaced"]
 
 SMALLEST = 1e-14
 """Least eigenvalue of what is known beside its largest, unit diagonal: less is rounding."""
+
+PIVOT = 1e-8
+"""Least pivot, unit diagonal, down to which what is known is whitened by its Cholesky root."""
 
 SLIGHT = 1e-9
 """Added to what is known of a direction where it is inverted, all that is known being one."""
@@ -48,6 +60,27 @@ def _carried(turned, other, inner, rest, out):  # type: ignore[no-untyped-def]
     for a in range(other):
         for b in range(other):
             out[a, b] = 1.0 if a == b else 0.0
+
+
+@lean
+def _whitener(known, power, off, room, root, back):  # type: ignore[no-untyped-def]
+    """A root of ``known``, root root' = known, and its inverse, (k, k); by eigenvectors where it is near singular."""
+    k = known.shape[0]
+    for a in range(k):
+        for b in range(k):
+            root[a, b] = 0.0
+            back[a, b] = 1.0 if a == b else 0.0
+    if cholesky(known, PIVOT, root):
+        forward(root, back)
+        return
+    eigen(known, power, off, room)
+    least = SMALLEST * power[k - 1]
+    for v in range(k):
+        length = math.sqrt(max(power[v], least))
+        for a in range(k):
+            # Rows: axes over their lengths whiten; axes times their lengths, as columns, lead back.
+            root[a, v] = known[v, a] * length
+            back[v, a] = known[v, a] / length
 
 
 @lean
@@ -89,18 +122,16 @@ def replaced(reserve, known, gained, share, squares, lines, out):  # type: ignor
         for b in range(k):
             axes[a, b] = known[a, b] / (size[a] * size[b])
             directions[a, b] = gained[a, b] / (size[a] * size[b])
-    eigen(axes, power, off, room)
-    least = SMALLEST * power[k - 1]
-    for v in range(k):
-        length = math.sqrt(max(power[v], least))
-        for a in range(k):
-            # Rows: axes over their lengths whiten; axes times their lengths, as columns, lead back.
-            root[a, v] = axes[v, a] * length
-            back[v, a] = axes[v, a] / length
+    _whitener(axes, power, off, room, root, back)
     congruence(back, directions, half, whitened)
     for a in range(k):
         for b in range(k):
             directions[a, b] = 0.5 * (whitened[a, b] + whitened[b, a])
+    if all_below(directions, EXCITED * share, half):
+        return k
+    if all_above(directions, EXCITED * share, half):
+        out[:, :] = 0.0
+        return 0
     eigen(directions, power, off, room)
     other = 0
     while other < k and power[other] < EXCITED * share:

@@ -6,14 +6,26 @@ Derivation and symbols: ``docs/estimators.md`` section 5.
 import math
 
 from wingwatch.estimators.hot import lean
-from wingwatch.estimators.symmetric import backward, cholesky, eigen, forward
+from wingwatch.estimators.symmetric import (
+    all_above,
+    all_below,
+    backward,
+    cholesky,
+    eigen,
+    forward,
+    product,
+    whiten,
+)
 
 __all__ = ["DIRECTION_LINES", "DIRECTION_SQUARES", "noise_edge", "reduce_information"]
 
 PIVOT = 1e-9
 """Least share of a regressor's power that is its own, not that of the regressors before it."""
 
-DIRECTION_SQUARES, DIRECTION_LINES = 3, 5
+RIDGE = 1e-9
+"""Added to M, every regressor of unit power."""
+
+DIRECTION_SQUARES, DIRECTION_LINES = 4, 5
 """Matrices (p, p) and vectors (p,) of room that ``reduce_information`` needs."""
 
 
@@ -27,34 +39,6 @@ def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
     if bins <= 0.0:
         return 1.0
     return 1.0 - 1.0 / (1.0 + math.sqrt(regressors / bins)) ** 2
-
-
-@lean
-def _all_below(matrix, bound, root):  # type: ignore[no-untyped-def]
-    """Whether all eigenvalues of a symmetric matrix are below ``bound``: the root of bound - matrix exists."""
-    n = matrix.shape[0]
-    for a in range(n):
-        if not matrix[a, a] < bound:
-            return False
-    for a in range(n):
-        for b in range(a + 1):
-            root[a, b] = -matrix[a, b]
-        root[a, a] += bound
-    return cholesky(root, 0.0, root)
-
-
-@lean
-def _whiten(lower, matrix):  # type: ignore[no-untyped-def]
-    """L^-1 matrix L^-T of a symmetric matrix, in place."""
-    n = matrix.shape[0]
-    forward(lower, matrix)
-    for a in range(n):
-        for b in range(a):
-            matrix[a, b], matrix[b, a] = matrix[b, a], matrix[a, b]
-    forward(lower, matrix)
-    for a in range(n):
-        for b in range(a):
-            matrix[a, b] = matrix[b, a] = 0.5 * (matrix[a, b] + matrix[b, a])
 
 
 @lean
@@ -91,8 +75,60 @@ def _add_direction(ray, share, power, drive, vectors, matrices):  # type: ignore
 
 
 @lean
+def _seen_by_all(n_noise, suspected, size, lower, smallest, whitened, root):  # type: ignore[no-untyped-def]
+    """Whether no direction is more noise than ``smallest`` leaves room for, were all of the roughness noise.
+
+    Where no state's roughness is more than is believed, the shares themselves have said so.
+    """
+    ns, p = suspected.size, size.size
+    rougher = False
+    for j in range(ns):
+        rougher = rougher or suspected[j] > 1.0
+    if not rougher:
+        return True
+    columns = p // ns
+    for a in range(p):
+        level = suspected[a % columns] if a % columns < ns else 1.0
+        for b in range(p):
+            whitened[a, b] = level * n_noise[a, b] / (size[a] * size[b])
+    whiten(lower, whitened)
+    return all_below(whitened, 1.0 - smallest, root)
+
+
+@lean
+def _keep_all(m, n_noise, score, driven, lower, size, inner, squares, columns, vectors, matrices):  # type: ignore[no-untyped-def]
+    """The sums of ``reduce_information`` where every direction is kept: no eigenvectors are needed.
+
+    With L the root of M and L (1 - N) L' = M - N in its coordinates, the evidence is H' H, H = (1 - N) L'.
+    """
+    score_kept, driven_kept, evidence_score, evidence_bias = vectors
+    sensitivity, kept, evidence = matrices
+    turned, half = squares
+    p = size.size
+    for a in range(p):
+        for b in range(p):
+            turned[a, b] = lower[b, a] * size[b] if b >= a else 0.0
+        columns[a, 0], columns[a, 1] = score[a] / size[a], driven[a] / size[a]
+    product(inner, turned, half)
+    forward(lower, columns)
+    for a in range(p):
+        score_kept[a], driven_kept[a] = score[a], driven[a]
+        for b in range(p):
+            sensitivity[a, b] = m[a, b] - n_noise[a, b]
+            kept[a, b] = m[a, b]
+            evidence_score[b] += half[a, b] * columns[a, 0]
+            evidence_bias[b] += half[a, b] * columns[a, 1]
+        kept[a, a] += RIDGE * m[a, a]
+    for c in range(p):
+        for a in range(p):
+            factor = half[c, a]
+            for b in range(p):
+                evidence[a, b] += factor * half[c, b]
+
+
+@lean
 def reduce_information(  # type: ignore[no-untyped-def]
-    m, n_noise, suspected, score, driven, smallest, squares, lines, vectors, matrices
+    m, n_noise, suspected, score, driven, smallest, squares, lines, columns, vectors, matrices
 ):
     """Keep the directions in which the regressors' power is signal, not noise.
 
@@ -103,7 +139,7 @@ def reduce_information(  # type: ignore[no-untyped-def]
 
     Args:
         m, n_noise, score, driven: of the block, (p, p), (p, p), (p,), (p,).
-        squares, lines: room, (DIRECTION_SQUARES, p, p) and (DIRECTION_LINES, p).
+        squares, lines, columns: room, (DIRECTION_SQUARES, p, p), (DIRECTION_LINES, p) and (p, 2).
         vectors: become score and driven part restricted to the kept directions, and for the monitor the evidence's
             score and the information times the bias that gusts cause, (p,) each.
         matrices: become sensitivity, M restricted to the kept directions, and the evidence's information, (p, p) each.
@@ -121,10 +157,19 @@ def reduce_information(  # type: ignore[no-untyped-def]
         for b in range(p):
             other[a, b] = m[a, b] / (size[a] * size[b])
             turned[a, b] = (m[a, b] - n_noise[a, b]) / (size[a] * size[b])
-        other[a, a] += 1e-9
-    cholesky(other, PIVOT, lower)
-    _whiten(lower, turned)
-    if _all_below(turned, smallest, other):
+        other[a, a] += RIDGE
+    sound = cholesky(other, PIVOT, lower)
+    whiten(lower, turned)
+    if all_below(turned, smallest, other):
+        return
+    if (
+        sound
+        and all_above(turned, smallest, other)
+        and _seen_by_all(n_noise, suspected, size, lower, smallest, other, squares[3])
+    ):
+        _keep_all(
+            m, n_noise, score, driven, lower, size, turned, (other, squares[3]), columns, vectors, matrices
+        )  # fmt: skip
         return
     eigen(turned, share, off, room)
     for a in range(p):

@@ -8,7 +8,7 @@ import numpy as np
 
 from wingwatch.estimators.fourier_between import rate_of
 from wingwatch.estimators.fourier_weights import channel_level
-from wingwatch.estimators.hot import lean
+from wingwatch.estimators.hot import hot, lean
 from wingwatch.estimators.symmetric import backward, cholesky, forward
 
 __all__ = ["block_equations", "eliminate", "noise_update", "nuisance_of", "responses"]
@@ -43,34 +43,66 @@ def responses(omega, bank, phase, start, end, lever, by_accelerometer, ns, respo
                 first[f] -= force[f]
 
 
+@hot
+def _sums_2(x, y, u, v, weights):  # type: ignore[no-untyped-def]
+    """Sums over bins of Re P Re W and Im P Im W, P = (x + jy)' (u + jv), pair by pair of two equations."""
+    aa, bb = weights[0, 0, 0], weights[1, 1, 0]
+    ab, ab_odd = weights[0, 1, 0], weights[0, 1, 1]
+    s_aa = s_bb = s_ab = o_ab = 0.0
+    for f in range(x.size):
+        real = x[f] * u[f] + y[f] * v[f]
+        s_aa += real * aa[f]
+        s_ab += real * ab[f]
+        o_ab += (x[f] * v[f] - y[f] * u[f]) * ab_odd[f]
+        s_bb += real * bb[f]
+    return (s_aa, s_ab, s_bb, 0.0, 0.0, 0.0), (0.0, o_ab, 0.0, 0.0, 0.0, 0.0)
+
+
+@hot
+def _sums_3(x, y, u, v, weights):  # type: ignore[no-untyped-def]
+    """The same for three equations."""
+    aa, bb, cc = weights[0, 0, 0], weights[1, 1, 0], weights[2, 2, 0]
+    ab, ac, bc = weights[0, 1, 0], weights[0, 2, 0], weights[1, 2, 0]
+    ab_odd, ac_odd, bc_odd = weights[0, 1, 1], weights[0, 2, 1], weights[1, 2, 1]
+    s_aa = s_bb = s_cc = s_ab = s_ac = s_bc = o_ab = o_ac = o_bc = 0.0
+    for f in range(x.size):
+        real = x[f] * u[f] + y[f] * v[f]
+        imaginary = x[f] * v[f] - y[f] * u[f]
+        s_aa += real * aa[f]
+        s_bb += real * bb[f]
+        s_cc += real * cc[f]
+        s_ab += real * ab[f]
+        s_ac += real * ac[f]
+        s_bc += real * bc[f]
+        o_ab += imaginary * ab_odd[f]
+        o_ac += imaginary * ac_odd[f]
+        o_bc += imaginary * bc_odd[f]
+    return (s_aa, s_ab, s_ac, s_bb, s_bc, s_cc), (0.0, o_ab, o_ac, 0.0, o_bc, 0.0)
+
+
 @lean
-def _normal_matrix(bank, weights, ns, nc, product, m_full):  # type: ignore[no-untyped-def]
+def _normal_matrix(bank, weights, ns, nc, m_full):  # type: ignore[no-untyped-def]
     """M of all columns, the wanted ones of every equation first, then the three nuisance ones of every equation."""
-    nf = bank.shape[2]
     nd = nc - 3
     for c in range(nc):
         x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
         for d in range(c, nc):
             u, v = bank[d if d < ns else d + 1, 0], bank[d if d < ns else d + 1, 1]
-            real, imaginary = product[0], product[1]
-            for f in range(nf):
-                real[f] = x[f] * u[f] + y[f] * v[f]
-                imaginary[f] = x[f] * v[f] - y[f] * u[f]
+            if ns == 2:
+                evens, odds = _sums_2(x, y, u, v, weights)
+            else:
+                evens, odds = _sums_3(x, y, u, v, weights)
+            pair = 0
             for k in range(ns):
                 kc = k * nd + c if c < nd else ns * nd + 3 * k + c - nd
                 kd = k * nd + d if d < nd else ns * nd + 3 * k + d - nd
                 for m in range(k, ns):
                     mc = m * nd + c if c < nd else ns * nd + 3 * m + c - nd
                     md = m * nd + d if d < nd else ns * nd + 3 * m + d - nd
-                    w_real, w_imaginary = weights[k, m, 0], weights[k, m, 1]
-                    even = odd = 0.0
-                    for f in range(nf):
-                        even += real[f] * w_real[f]
-                    if k < m:
-                        for f in range(nf):
-                            odd += imaginary[f] * w_imaginary[f]
+                    even, odd = evens[pair], odds[pair]
                     m_full[kc, md] = m_full[md, kc] = even - odd
                     m_full[kd, mc] = m_full[mc, kd] = even + odd
+                    pair += 1
 
 
 @lean
@@ -186,7 +218,7 @@ def block_equations(  # type: ignore[no-untyped-def]
     """
     nd = ns + nu
     product, matrix = room
-    _normal_matrix(bank, weights, ns, nd + 3, product, m_full)
+    _normal_matrix(bank, weights, ns, nd + 3, m_full)
     _right_side(bank, weights, response, ns, nd + 3, product, b_full)
     n_noise[:, :] = 0.0
     g[:] = 0.0

@@ -82,7 +82,7 @@ def solution_room(ns: int, nu: int, nf: int) -> tuple[Room, Room]:
     states = (np.empty((2, ns, ns + 1 + nu)), np.empty((3, ns, ns)), np.empty((ns, ns)), np.empty((2, ns)))
     squares, lines = np.empty((4 + DIRECTION_SQUARES, p, p)), np.empty((7 + DIRECTION_LINES, p))
     told = (np.empty((5, p, p)), np.empty((4, p)), np.empty(2 * ns + 1 + nu))
-    return (bins, columns, states, squares, lines), told
+    return (bins, columns, states, squares, lines, np.empty((p, 2))), told
 
 
 @lean
@@ -169,7 +169,7 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
         suspected[j] = max(1.0, _rough_noise(roughness, j, ns) / noise[j])
     reduce_information(
         m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, bins * share)),
-        squares[4:], lines[7:], (vectors[0], vectors[1], vectors[2], vectors[3]),
+        squares[4:], lines[7:], room[5], (vectors[0], vectors[1], vectors[2], vectors[3]),
         (matrices[0], matrices[1], matrices[2]),
     )  # fmt: skip
 

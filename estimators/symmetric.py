@@ -8,7 +8,19 @@ import math
 
 from wingwatch.estimators.hot import lean
 
-__all__ = ["cholesky", "congruence", "eigen", "forward", "backward", "invert", "product", "solve_general"]
+__all__ = [
+    "all_above",
+    "all_below",
+    "cholesky",
+    "congruence",
+    "eigen",
+    "forward",
+    "backward",
+    "invert",
+    "product",
+    "solve_general",
+    "whiten",
+]
 
 MOST_SWEEPS = 60
 """Steps after which an eigenvalue is taken as it is; three are usual."""
@@ -65,6 +77,48 @@ def backward(root, rows):  # type: ignore[no-untyped-def]
             factor = root[a, b]
             for c in range(m):
                 rows[b, c] -= factor * rows[a, c]
+
+
+@lean
+def all_below(matrix, bound, root):  # type: ignore[no-untyped-def]
+    """Whether all eigenvalues of a symmetric matrix are below ``bound``: bound - matrix has a root."""
+    n = matrix.shape[0]
+    for a in range(n):
+        if not matrix[a, a] < bound:
+            return False
+    for a in range(n):
+        for b in range(a + 1):
+            root[a, b] = -matrix[a, b]
+        root[a, a] += bound
+    return cholesky(root, 0.0, root)
+
+
+@lean
+def all_above(matrix, bound, root):  # type: ignore[no-untyped-def]
+    """Whether all eigenvalues of a symmetric matrix are above ``bound``: matrix - bound has a root."""
+    n = matrix.shape[0]
+    for a in range(n):
+        if not matrix[a, a] > bound:
+            return False
+    for a in range(n):
+        for b in range(a + 1):
+            root[a, b] = matrix[a, b]
+        root[a, a] -= bound
+    return cholesky(root, 0.0, root)
+
+
+@lean
+def whiten(root, matrix):  # type: ignore[no-untyped-def]
+    """root^-1 matrix root^-T of a symmetric matrix, in place; ``root`` as of ``cholesky``."""
+    n = matrix.shape[0]
+    forward(root, matrix)
+    for a in range(n):
+        for b in range(a):
+            matrix[a, b], matrix[b, a] = matrix[b, a], matrix[a, b]
+    forward(root, matrix)
+    for a in range(n):
+        for b in range(a):
+            matrix[a, b] = matrix[b, a] = 0.5 * (matrix[a, b] + matrix[b, a])
 
 
 @lean

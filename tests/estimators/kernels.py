@@ -21,7 +21,17 @@ def reduced(
     vectors, matrices = [np.empty(p) for _ in range(4)], [np.empty((p, p)) for _ in range(3)]
     squares, lines = np.empty((DIRECTION_SQUARES, p, p)), np.empty((DIRECTION_LINES, p))
     reduce_information(
-        m, noise, suspected, score, driven, smallest, squares, lines, tuple(vectors), tuple(matrices)
+        m,
+        noise,
+        suspected,
+        score,
+        driven,
+        smallest,
+        squares,
+        lines,
+        np.empty((p, 2)),
+        tuple(vectors),
+        tuple(matrices),
     )
     return matrices, vectors
 
