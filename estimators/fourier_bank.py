@@ -11,7 +11,10 @@ from numba import njit
 
 from wingwatch.estimators.hot import hot, lean
 
-__all__ = ["advance_bank", "bank_channels", "block_transforms"]
+__all__ = ["NUISANCE", "advance_bank", "bank_channels", "block_transforms"]
+
+NUISANCE = 5
+"""Columns that every equation has beside states and inputs: constant, dynamic pressure, ramp, errors of both ends."""
 
 
 @njit(cache=True)
@@ -111,14 +114,15 @@ def advance_bank(  # type: ignore[no-untyped-def]
 
 @lean
 def block_transforms(omega, bank, span, ns, nu, out, phase):  # type: ignore[no-untyped-def]
-    """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 4, 2, frequencies).
+    """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 1 + NUISANCE, 2, frequencies).
 
-    Channels: states, force, inputs, constant, dynamic pressure, ramp, jumps of inputs. Those of the constant and of
-    the ramp need no samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase`` becomes e^{sT}, (2, frequencies).
+    Channels: states, force, inputs, constant, dynamic pressure, ramp, what an error of the last and of the first sample
+    does to the transform of a rate, jumps of inputs. Constant and ramp need no samples: (e^{sT} - 1)/s and
+    (e^{sT} - 1 - sT)/s^2. ``phase`` becomes e^{sT}, (2, frequencies).
     """
     constant = ns + 1 + nu
     for j in range(bank.shape[0]):
-        row = j if j < constant else (j + 1 if j == constant else j + 2)
+        row = j if j < constant else (j + 1 if j == constant else j + NUISANCE - 1)
         for part in range(2):
             for f in range(omega.size):
                 out[row, part, f] = bank[j, part, f]
@@ -129,3 +133,5 @@ def block_transforms(omega, bank, span, ns, nu, out, phase):  # type: ignore[no-
         out[constant, 0, f], out[constant, 1, f] = sin / omega[f], (1.0 - cos) / omega[f]
         out[constant + 2, 0, f] = (1.0 - cos) / (omega[f] * omega[f])
         out[constant + 2, 1, f] = (angle - sin) / (omega[f] * omega[f])
+        out[constant + 3, 0, f], out[constant + 3, 1, f] = 1.0, 0.0
+        out[constant + 4, 0, f], out[constant + 4, 1, f] = cos, sin

@@ -7,6 +7,7 @@ its servo does. Both are corrections of second order in the time step, so presen
 import math
 
 from wingwatch.estimators.ekf_inputs import course
+from wingwatch.estimators.fourier_bank import NUISANCE
 from wingwatch.estimators.hot import lean
 
 __all__ = ["between_samples", "rate_of"]
@@ -87,7 +88,7 @@ def between_samples(  # type: ignore[no-untyped-def]
             rate[own] = 0.0
             continue
         rate_of(omega, lines[own + 1], phase, start[2 + own], end[2 + own], rate[own])
-        _add(-1.0, lines[nd + 4 + j], rate[own])
+        _add(-1.0, lines[nd + 1 + NUISANCE + j], rate[own])
         if servo_s[j] < math.inf:
             mean, moment = course(dt, servo_s[j], False)
             _add(dt * (mean - 0.5), rate[own], missed[own])

@@ -6,12 +6,16 @@ by side, (..., 2, frequencies), so that the processor takes several bins at once
 
 import numpy as np
 
+from wingwatch.estimators.fourier_bank import NUISANCE
 from wingwatch.estimators.fourier_between import rate_of
 from wingwatch.estimators.fourier_weights import channel_level
 from wingwatch.estimators.hot import hot, lean
 from wingwatch.estimators.symmetric import backward, cholesky, forward
 
 __all__ = ["block_equations", "eliminate", "noise_update", "nuisance_of", "responses"]
+
+NO_COLUMN = 1e20
+"""What is known beforehand of a column that an equation does not have: it is zero."""
 
 NOTHING = 1e-20
 """Power of a trim column, relative to that of a ramp of one a second, below which it is rounding."""
@@ -82,8 +86,8 @@ def _sums_3(x, y, u, v, weights):  # type: ignore[no-untyped-def]
 
 @lean
 def _normal_matrix(bank, weights, ns, nc, m_full):  # type: ignore[no-untyped-def]
-    """M of all columns, the wanted ones of every equation first, then the three nuisance ones of every equation."""
-    nd = nc - 3
+    """M of all columns, the wanted ones of every equation first, then the nuisance ones of every equation."""
+    nd = nc - NUISANCE
     for c in range(nc):
         x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
         for d in range(c, nc):
@@ -94,11 +98,11 @@ def _normal_matrix(bank, weights, ns, nc, m_full):  # type: ignore[no-untyped-de
                 evens, odds = _sums_3(x, y, u, v, weights)
             pair = 0
             for k in range(ns):
-                kc = k * nd + c if c < nd else ns * nd + 3 * k + c - nd
-                kd = k * nd + d if d < nd else ns * nd + 3 * k + d - nd
+                kc = k * nd + c if c < nd else ns * nd + NUISANCE * k + c - nd
+                kd = k * nd + d if d < nd else ns * nd + NUISANCE * k + d - nd
                 for m in range(k, ns):
-                    mc = m * nd + c if c < nd else ns * nd + 3 * m + c - nd
-                    md = m * nd + d if d < nd else ns * nd + 3 * m + d - nd
+                    mc = m * nd + c if c < nd else ns * nd + NUISANCE * m + c - nd
+                    md = m * nd + d if d < nd else ns * nd + NUISANCE * m + d - nd
                     even, odd = evens[pair], odds[pair]
                     m_full[kc, md] = m_full[md, kc] = even - odd
                     m_full[kd, mc] = m_full[mc, kd] = even + odd
@@ -109,7 +113,7 @@ def _normal_matrix(bank, weights, ns, nc, m_full):  # type: ignore[no-untyped-de
 def _right_side(bank, weights, response, ns, nc, product, b_full):  # type: ignore[no-untyped-def]
     """b = sum Re(R' W y), ordered as ``_normal_matrix``."""
     nf = bank.shape[2]
-    nd = nc - 3
+    nd = nc - NUISANCE
     for k in range(ns):
         product[:, :] = 0.0
         _add_weighted(weights[k], response, product)
@@ -119,7 +123,7 @@ def _right_side(bank, weights, response, ns, nc, product, b_full):  # type: igno
             total = 0.0
             for f in range(nf):
                 total += x[f] * real[f] + y[f] * imaginary[f]
-            b_full[k * nd + c if c < nd else ns * nd + 3 * k + c - nd] = total
+            b_full[k * nd + c if c < nd else ns * nd + NUISANCE * k + c - nd] = total
 
 
 @lean
@@ -206,8 +210,8 @@ def block_equations(  # type: ignore[no-untyped-def]
         omega ... nu: the block; bank as ``between_samples`` gives it, response of ``responses``.
         transfer, weights, moments: of ``bin_weights``.
         room: (2, frequencies) and (ns, ns).
-        m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), (ns (nd + 3),) squared, the derivatives' columns
-            first; in present derivatives.
+        m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), (ns (nd + NUISANCE),) squared, the columns of the
+            derivatives first; in present derivatives.
         n_noise, g, driven: become N (p, p), what of M is due to noise in the regressors, the same of b (p,), and the
             part of the score that is expected because the equations' own noise (gusts) drives the states, (p,);
             ``n_noise`` and ``driven`` in referred derivatives (``scale`` applied), g in present ones.
@@ -218,8 +222,11 @@ def block_equations(  # type: ignore[no-untyped-def]
     """
     nd = ns + nu
     product, matrix = room
-    _normal_matrix(bank, weights, ns, nd + 3, m_full)
-    _right_side(bank, weights, response, ns, nd + 3, product, b_full)
+    _normal_matrix(bank, weights, ns, nd + NUISANCE, m_full)
+    _right_side(bank, weights, response, ns, nd + NUISANCE, product, b_full)
+    for k in range(ns):
+        for c in range(ns * nd + NUISANCE * k + 3, ns * nd + NUISANCE * (k + 1)):
+            m_full[c, c] += 0.5 / noise[k] if transfer[1, k, k] == 1.0 else NO_COLUMN
     n_noise[:, :] = 0.0
     g[:] = 0.0
     driven[:] = 0.0
@@ -259,9 +266,10 @@ def eliminate(m_full, b_full, g, theta, scale, span, p, root, size, crossed, res
     """
     q = size.size
     for a in range(q):
-        ramp = m_full[p + a - a % 3 + 2, p + a - a % 3 + 2] / (span * span)
+        column = a % NUISANCE
+        ramp = m_full[p + a - column + 2, p + a - column + 2] / (span * span)
         own = m_full[p + a, p + a]
-        size[a] = np.sqrt(own) if own > NOTHING * ramp else np.inf
+        size[a] = np.sqrt(own) if column > 1 or own > NOTHING * ramp else np.inf
     for a in range(q):
         share = 1.0 / size[a]
         for b in range(a + 1):
@@ -334,13 +342,14 @@ def noise_update(  # type: ignore[no-untyped-def]
         total: becomes the new variances, at most ten times larger or smaller.
     """
     nd = ns + nu
-    nc, nf = nd + 3, omega.size
-    freedom = nf / max(nf - 0.5 * nc, 0.25 * nf) * power
+    nc, nf = nd + NUISANCE, omega.size
+    # What an equation fits, half a bin each: over whole periods its two ends are one column.
+    freedom = nf / max(nf - 0.5 * (nc - 1), 0.25 * nf) * power
     whitened, product = room
     for k in range(ns):
         real, imaginary = response[k, 0], response[k, 1]
         for c in range(nc):
-            factor = theta[k * nd + c] * scale[k * nd + c] if c < nd else nuisance[3 * k + c - nd, 0]
+            factor = theta[k * nd + c] * scale[k * nd + c] if c < nd else nuisance[NUISANCE * k + c - nd, 0]
             x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
             for f in range(nf):
                 real[f] -= factor * x[f]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wingwatch.estimators.fourier_bank import block_transforms
+from wingwatch.estimators.fourier_bank import NUISANCE, block_transforms
 from wingwatch.estimators.fourier_between import between_samples
 from wingwatch.estimators.fourier_directions import (
     DIRECTION_LINES,
@@ -61,9 +61,9 @@ def solution_room(ns: int, nu: int, nf: int) -> tuple[Room, Room]:
     vectors (4, p), what it adds to the score and to the driven part, its evidence's score and the gusts' part of that;
     the noise variances that its residual shows.
     """
-    p, q = ns * (ns + nu), 3 * ns
+    p, q = ns * (ns + nu), NUISANCE * ns
     bins = (
-        np.empty((2, ns + 2 * nu + 4, 2, nf)),
+        np.empty((2, ns + 2 * nu + 1 + NUISANCE, 2, nf)),
         np.empty((2, ns + nu, 2, nf)),
         np.empty((2, nf)),
         np.empty((2, nf)),

@@ -91,7 +91,8 @@ def bin_weights(  # type: ignore[no-untyped-def]
     """The noise transfer, and the weight of every bin, W = Sigma^-1.
 
     The equation error of row k is sum_j L[k, j] n_j plus the equation's own noise, n the noise of the measured states,
-    of the accelerometer and of the inputs. Differentiation adds the noise of both end points (2 D, flat).
+    of the accelerometer and of the inputs. The errors of both end points, which come with a rate, are the same numbers
+    in all bins and no noise of theirs: two columns.
 
     Args:
         transfer: becomes L0 and L1, (2, ns, ns + 1 + nu).
@@ -111,8 +112,6 @@ def bin_weights(  # type: ignore[no-untyped-def]
                 rising += level * transfer[1, k, j] * transfer[1, m, j]
             if k == m:
                 flat += power * noise[ns + 1 + k]
-                if k > 0 or not by_accelerometer:
-                    flat += 2.0 * noise[k]
             real, imaginary = weights[k, m, 0], weights[k, m, 1]
             for f in range(omega.size):
                 real[f] = flat + omega[f] * omega[f] * rising
