@@ -71,8 +71,20 @@ def _condition(sums, condition):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _outweighs(block, memory):  # type: ignore[no-untyped-def]
+    """Whether the information of a block exceeds what is remembered of any derivative."""
+    more = False
+    for a in range(block.shape[0]):
+        more = more or block[a, a] > memory[a, a]
+    return more
+
+
+@lean
 def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
-    """End the block: solved on its own, from what is known, its information joins what is known."""
+    """End the block: solved on its own, from what is known, its information joins what is known.
+
+    A block that says more of a derivative than all before it is linearised where it leads itself.
+    """
     block, known, memory, closed, _ = vehicle
     rows, sums, roughness = block[1], block[2], block[3]
     theta, noise, noise_known, reserve, covariance, informed = known
@@ -91,6 +103,10 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
         level[j] = noise_known[j] if noise_known[-1] > 0.0 else noise[j]
     alone = (nothing[0][0], nothing[0][0], nothing[1][0], nothing[1][0])
     solve_block(model, block, own, level, noise_known, alone, (anchor, error), LEARN, solving, told)
+    if _outweighs(told[0][0], memory[0]):
+        solve_block(model, block, own, level, noise_known, alone, (anchor, error), LEARN, solving, told)
+        for a in range(k):
+            anchor[a] = own[a]
     solve_block(model, block, anchor, level, noise_known, alone, (anchor, error), ALONE, solving, told)
     matrices, vectors, fresh = told
     span = rows[1, 0] - rows[0, 0]

@@ -201,13 +201,14 @@ def _adjugate(matrix, j, m):  # type: ignore[no-untyped-def]
 
 @lean
 def block_equations(  # type: ignore[no-untyped-def]
-    omega, bank, response, theta, scale, noise, power, forward_speed, ns, nu, transfer, weights, moments, room,
+    omega, bank, response, theta, scale, noise, power, share, forward_speed, ns, nu, transfer, weights, moments, room,
     m_full, b_full, n_noise, g, driven,
 ):  # fmt: skip
     """Normal equations of one block at ``theta``, with the nuisance columns still in them.
 
     Args:
-        omega ... nu: the block; bank as ``between_samples`` gives it, response of ``responses``.
+        omega ... nu: the block, ``share`` of a whole one (of its bins only as many are independent); bank as
+            ``between_samples`` gives it, response of ``responses``.
         transfer, weights, moments: of ``bin_weights``.
         room: (2, frequencies) and (ns, ns).
         m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), (ns (nd + NUISANCE),) squared, the columns of the
@@ -226,7 +227,7 @@ def block_equations(  # type: ignore[no-untyped-def]
     _right_side(bank, weights, response, ns, nd + NUISANCE, product, b_full)
     for k in range(ns):
         for c in range(ns * nd + NUISANCE * k + 3, ns * nd + NUISANCE * (k + 1)):
-            m_full[c, c] += 0.5 / noise[k] if transfer[1, k, k] == 1.0 else NO_COLUMN
+            m_full[c, c] += 0.5 / (share * noise[k]) if transfer[1, k, k] == 1.0 else NO_COLUMN
     n_noise[:, :] = 0.0
     g[:] = 0.0
     driven[:] = 0.0

@@ -159,8 +159,8 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
     )  # fmt: skip
     responses(omega, transforms[1], phase, rows[0], rows[1], lever, by_accelerometer, ns, response)
     bins = block_equations(
-        omega, transforms[1], response, theta, scale, noise, power, forward_speed, ns, nu, transfer, weights, moments,
-        (product, matrix), m_full, b_full, n_noise, g, driven,
+        omega, transforms[1], response, theta, scale, noise, power, share, forward_speed, ns, nu, transfer, weights,
+        moments, (product, matrix), m_full, b_full, n_noise, g, driven,
     )  # fmt: skip
     eliminate(
         m_full, b_full, g, theta, scale, span, theta.size, root, size, crossed, rest[0], m, score,
