@@ -12,10 +12,6 @@ from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
 from wingwatch.estimators.fourier_bank import advance_bank, bank_channels
 from wingwatch.estimators.fourier_directions import noise_edge
 
-chance_passes = pytest.mark.xfail(
-    strict=True,
-    reason="three of the Dutch roll's 240 blocks take chance for evidence: the edge leaves out its own scatter",
-)
 LAYOUT = SignalLayout(2, 1)
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 
@@ -153,13 +149,7 @@ def test_what_all_of_the_roughness_could_explain_is_not_kept() -> None:
     np.testing.assert_allclose(np.diag(suspected), [0.0, 1.0, 1.0], atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    "plant",
-    [
-        pytest.param(plant, id=name, marks=() if name == "short_period" else chance_passes)
-        for name, plant in PLANTS.items()
-    ],
-)
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
 def test_quiet_blocks_are_no_evidence(plant: Plant) -> None:
     """Sensor noise alone: none of 240 blocks."""
     runner = fourier(plant)
