@@ -17,6 +17,7 @@ from wingwatch.estimators.ekf_inputs import echo_after, echo_before, input_noise
 from wingwatch.estimators.ekf_kernel import (
     SETTLE_S,
     WARM_UP,
+    Fixed,
     air_decay,
     learn_after,
     learn_before,
@@ -26,8 +27,10 @@ from wingwatch.estimators.ekf_kernel import (
 )
 from wingwatch.estimators.ekf_model import measure, transition
 from wingwatch.estimators.ekf_noise import NOISE_TAIL, process_noise, trim_drift
+from wingwatch.estimators.ekf_relinearise import SOLUTIONS, STRETCH_ROWS, mark, relinearise_all, remember
 from wingwatch.estimators.ekf_solve import solve_all
 from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.hot import sizes
 from wingwatch.estimators.levels import LEVELS
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.rough_air import unrest_variance
@@ -104,6 +107,14 @@ class EkfState:
             of them, that first one, (nu, 4); moved_s: last time each moved beyond its noise, (nu,).
         echo: of a reading error of each input (``ekf_inputs.echo_before``), (nu, nx + 2 ns, ns).
         counts: samples, solutions, age of the echo.
+        stretch: the last signal rows, which may be run again (``ekf_relinearise``), (STRETCH_ROWS, columns); tally:
+            rows in it, rows before its second mark (0: none), solutions in it, rows that were run again so far.
+        solved: of each of these solutions the rows before it, the share of information kept, whether each input
+            rested, (SOLUTIONS, 2 + nu).
+        marks_z, marks_cov, marks_rows: z, cov and rows at the beginning of the stretch and amid it, (2, ...).
+        weighed: logarithms of the innovations' variances by which what follows each mark was weighed, (2, ns + 1).
+        about: the derivatives that what follows each mark was linearised about and their covariance; and the
+            information at the mark, (2, k, 1 + 2 k).
     """
 
     z: Array
@@ -126,6 +137,14 @@ class EkfState:
     moved_s: Array
     echo: Array
     counts: NDArray[np.int64]
+    stretch: Array
+    tally: NDArray[np.int64]
+    solved: Array
+    marks_z: Array
+    marks_cov: Array
+    marks_rows: Array
+    weighed: Array
+    about: Array
 
 
 class EkfEstimator:
@@ -169,6 +188,10 @@ class EkfEstimator:
         constant[0] = 30.0
         self._prior_value = np.concatenate([config.prior_value, np.zeros(ns)])
         self._prior_std = np.concatenate([config.prior_std, constant])
+        self._fixed = Fixed(
+            self._servo_s, self._input_variance, self._lever, self._exponents, self._reference, self._longitudinal,
+            self._roll, config.use_accelerometer, self._settings, self._gust_m, self._direction,
+        )  # fmt: skip
 
     def unrest_of(self, state: EkfState, vehicle: int) -> Array:
         """Variance of each state that the air's unrest alone causes within ten seconds, shape (ns,).
@@ -195,6 +218,7 @@ class EkfEstimator:
         z = np.concatenate([np.zeros(nx), self._prior_value])
         cov = np.zeros((z.size, z.size))
         cov[nx:, nx:] = np.diag(self._prior_std**2)
+        known = cov[nx : nx + k, nx : nx + k]
         return EkfState(
             z=np.tile(z, (n, 1)),
             cov=np.tile(cov, (n, 1, 1)),
@@ -216,10 +240,22 @@ class EkfEstimator:
             moved_s=np.full((n, self.layout.inputs), -np.inf),
             echo=np.zeros((n, self.layout.inputs, nx + 2 * ns, ns)),
             counts=np.zeros((n, 3), dtype=np.int64),
+            stretch=np.zeros((n, STRETCH_ROWS, self.layout.columns)),
+            tally=np.zeros((n, 4), dtype=np.int64),
+            solved=np.zeros((n, SOLUTIONS, 2 + self.layout.inputs)),
+            marks_z=np.tile(z, (n, 2, 1)),
+            marks_cov=np.tile(cov, (n, 2, 1, 1)),
+            marks_rows=np.full((n, 2, 2, self.layout.columns), np.nan),
+            weighed=np.full((n, 2, ns + 1), -np.inf),
+            about=np.tile(
+                np.column_stack([self.config.prior_value, known, np.diag(self.config.prior_std**-2.0)]),
+                (n, 2, 1, 1),
+            ),
         )
 
     def update(self, state: EkfState, signals: Array) -> None:
         """Take in samples: shape (vehicles, samples, columns) from ``Signals``; incomplete rows are passed over."""
+        remember(signals, self.layout.kinematic + 5, state.stretch, state.tally)
         if self.config.engine == "filterpy":
             for vehicle in range(signals.shape[0]):
                 self._update_filterpy(state, vehicle, signals[vehicle])
@@ -232,12 +268,20 @@ class EkfEstimator:
         )  # fmt: skip
 
     def solve(self, state: EkfState) -> None:
-        """Note what was learned, then forget with ``memory_s``, unless all is quiet."""
+        """Note what was learned, then forget with ``memory_s``, unless all is quiet; where it matters, the last seconds
+        are run again, linearised about what is known now."""
+        done = np.empty((len(state.z), 1 + self.layout.inputs))
         solve_all(
             self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, self._input_variance,
             state.z, state.cov, state.rows, state.clock, state.informed_s, state.variance, state.information,
             state.vector, state.gained_matrix, state.gained_vector, state.moments, state.moved_s, state.echo,
-            state.counts,
+            state.counts, done,
+        )  # fmt: skip
+        relinearise_all(
+            sizes(self.layout.states, self.layout.inputs, self._gust_m.size), self._fixed, self._prior_value,
+            self._prior_std, state.z, state.cov, state.noise, state.slow, state.rows, state.variance,
+            state.information, state.vector, state.echo, state.counts, done, state.stretch, state.tally, state.solved,
+            state.marks_z, state.marks_cov, state.marks_rows, state.weighed, state.about,
         )  # fmt: skip
 
     def release(self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0) -> None:
@@ -258,6 +302,12 @@ class EkfEstimator:
         state.information[vehicle] = np.linalg.inv(parameters)
         state.vector[vehicle] = state.information[vehicle] @ state.z[vehicle, first : first + k]
         state.variance[vehicle] = np.diagonal(parameters)
+        state.tally[vehicle, :3] = 0
+        mark(
+            0, state.z[vehicle], state.cov[vehicle], state.noise[vehicle], state.rows[vehicle], first,
+            state.marks_z[vehicle], state.marks_cov[vehicle], state.marks_rows[vehicle], state.weighed[vehicle],
+            state.about[vehicle],
+        )  # fmt: skip
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""

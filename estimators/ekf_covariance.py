@@ -9,7 +9,7 @@ from numba import njit
 
 from wingwatch.estimators.hot import hot
 
-__all__ = ["correct", "forget", "keep_marginal", "predict"]
+__all__ = ["correct", "forget", "keep_marginal", "predict", "reseat"]
 
 
 @hot
@@ -179,3 +179,26 @@ def keep_marginal(z, cov, value, covariance, chosen, first):  # type: ignore[no-
     for a in range(nz):
         for b in range(a):
             cov[a, b] = cov[b, a] = 0.5 * (cov[a, b] + cov[b, a])
+
+
+@njit(cache=True)
+def reseat(z, cov, value, covariance, first):  # type: ignore[no-untyped-def]
+    """Gives the derivatives another mean and covariance; all else, given the derivatives, stays.
+
+    Args:
+        z, cov: changed in place.
+        value, covariance: of the derivatives, (k,) and (k, k).
+        first: where they begin in ``z``.
+    """
+    last = first + value.size
+    now = np.ascontiguousarray(cov[first:last, first:last])
+    regression = np.ascontiguousarray(cov[:, first:last]) @ np.linalg.inv(now)
+    z += regression @ (value - z[first:last])
+    z[first:last] = value
+    turned = np.ascontiguousarray(regression.T)
+    cov += regression @ (covariance - now) @ turned
+    cov[:] = 0.5 * (cov + cov.T)
+    cross = regression @ covariance
+    cov[:, first:last] = cross
+    cov[first:last] = cross.T
+    cov[first:last, first:last] = covariance

@@ -28,16 +28,18 @@ from wingwatch.estimators.ekf_noise import (
     sensor_noise,
     trim_drift_into,
 )
-from wingwatch.estimators.hot import hot, sizes
-from wingwatch.estimators.levels import advance_level, start_level
+from wingwatch.estimators.hot import hot, lean, sizes
+from wingwatch.estimators.levels import LEVELS, advance_level, start_level
 from wingwatch.estimators.signals import MAX_GAP_S
 
 __all__ = [
     "SETTLE_S",
     "WARM_UP",
+    "Fixed",
     "air_decay",
     "learn_after",
     "learn_before",
+    "run_again",
     "step_inputs",
     "update_all",
 ]
@@ -52,6 +54,22 @@ CONDITION_S = 5.0
 
 SETTLE_S = 5.0
 """Time in which only noise levels are learned where gusts have to be told from the vane's own noise."""
+
+
+class Fixed(NamedTuple):
+    """What stays as it is for a filter, as ``update_all`` takes it."""
+
+    servo_s: Array
+    input_variance: Array
+    lever: Array
+    exponents: Array
+    reference: Array
+    longitudinal: bool
+    roll: bool
+    use_accelerometer: bool
+    settings: Array
+    gust_m: Array
+    direction: Array
 
 
 class Scratch(NamedTuple):
@@ -277,14 +295,32 @@ def track_condition(condition, new, kinematic, dt):  # type: ignore[no-untyped-d
 @hot
 def _step(  # type: ignore[no-untyped-def]
     z, cov, noise, lags, level, slow, new, old, older, dt, echo, counts, settings, servo_s, input_variance,
-    lever, exponents, reference, gust_m, direction, longitudinal, roll, use_accelerometer, carried, s, ns, nu, gusts,
+    lever, exponents, reference, gust_m, direction, longitudinal, roll, use_accelerometer, carried, first_time, s, ns,
+    nu, gusts,
 ):  # fmt: skip
-    """One sample of one vehicle: predict, correct, learn the noise; ``s`` is scratch."""
+    """One sample of one vehicle: predict, correct, learn the noise; ``s`` is scratch.
+
+    What needs no filter is learned only the ``first_time`` that a sample is run.
+    """
     kinematic, nx = 2 + ns + nu, ns + gusts
     nz = nx + ns * (ns + nu) + ns
-    rate = learn_before(
-        noise, lags, level, settings[2:], new, old, older, dt, settings[0], counts[0], kinematic, carried, ns
-    )
+    rate = dt / settings[0]
+    if first_time:
+        rate = learn_before(
+            noise,
+            lags,
+            level,
+            settings[2:],
+            new,
+            old,
+            older,
+            dt,
+            settings[0],
+            counts[0],
+            kinematic,
+            carried,
+            ns,
+        )
     kappa, rest = _step_inputs_into(
         new, old, older, servo_s, reference, exponents, longitudinal, roll, carried, ns, nu, s.over, s.bend, s.at_end,
         s.scale, s.forward,
@@ -380,13 +416,13 @@ def _warm_up(  # type: ignore[no-untyped-def]
     _restart(z, cov, noise, new, ns, nx)
 
 
-@hot
+@lean
 def _update(  # type: ignore[no-untyped-def]
-    signals, servo_s, input_variance, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings,
-    gust_m, direction, z, cov, noise, lags, level, slow, old, older, roughness, condition, moments, echo, counts, s,
-    ns, nu, gusts,
+    known_sizes, signals, f, z, cov, noise, lags, level, slow, old, older, roughness, condition, moments, echo, counts,
+    first_time, s,
 ):  # fmt: skip
-    """Run all samples of one vehicle; ``old`` and ``older`` are its last two rows."""
+    """Run all samples of one vehicle; ``old``, ``older`` are its last rows, ``f`` is ``Fixed``, ``s`` ``Scratch``."""
+    ns, nu, gusts = len(known_sizes[0]), len(known_sizes[1]), len(known_sizes[2])
     nx = ns + gusts
     kinematic = 2 + ns + nu
     for k in range(signals.shape[0]):
@@ -401,18 +437,18 @@ def _update(  # type: ignore[no-untyped-def]
             older[:] = np.nan
         else:
             counts[0] += 1
-            carried = use_accelerometer and new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
-            settled = counts[0] > WARM_UP and not (carried and counts[0] * dt < SETTLE_S)
+            carried = f.use_accelerometer and new[kinematic + 6] == 1.0 and old[kinematic + 6] == 1.0
+            settled = counts[0] > WARM_UP and not (first_time and carried and counts[0] * dt < SETTLE_S)
             if settled and np.isfinite(older[0]):
                 _step(
-                    z, cov, noise, lags, level, slow, new, old, older, dt, echo, counts, settings, servo_s,
-                    input_variance, lever, exponents, reference, gust_m, direction, longitudinal, roll,
-                    use_accelerometer, carried, s, ns, nu, gusts,
+                    z, cov, noise, lags, level, slow, new, old, older, dt, echo, counts, f.settings, f.servo_s,
+                    f.input_variance, f.lever, f.exponents, f.reference, f.gust_m, f.direction, f.longitudinal,
+                    f.roll, f.use_accelerometer, carried, first_time, s, ns, nu, gusts,
                 )  # fmt: skip
             else:
                 _warm_up(
-                    z, cov, noise, lags, level, roughness, new, old, older, dt, counts[0], settings, kinematic, carried,
-                    settled, ns, nx,
+                    z, cov, noise, lags, level, roughness, new, old, older, dt, counts[0], f.settings, kinematic,
+                    carried, settled, ns, nx,
                 )  # fmt: skip
             for c in range(new.size):
                 older[c] = old[c]
@@ -428,14 +464,35 @@ def _update_all(  # type: ignore[no-untyped-def]
     settings, gust_m, direction, z, cov, noise, lags, levels, slow, rows, roughness, condition, moments, echo,
     counts,
 ):  # fmt: skip
-    ns, nu, gusts = len(known_sizes[0]), len(known_sizes[1]), len(known_sizes[2])
-    scratch = _scratch(ns, nu, gusts)
+    scratch = _scratch(len(known_sizes[0]), len(known_sizes[1]), len(known_sizes[2]))
+    fixed = Fixed(
+        servo_s, input_variance, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m,
+        direction,
+    )  # fmt: skip
     for i in range(signals.shape[0]):
         _update(
-            signals[i], servo_s, input_variance, lever, exponents, reference, longitudinal, roll, use_accelerometer,
-            settings, gust_m, direction, z[i], cov[i], noise[i], lags[i], levels[i], slow[i], rows[i, 0], rows[i, 1],
-            roughness[i], condition[i], moments[i], echo[i], counts[i], scratch, ns, nu, gusts,
+            known_sizes, signals[i], fixed, z[i], cov[i], noise[i], lags[i], levels[i], slow[i], rows[i, 0], rows[i, 1],
+            roughness[i], condition[i], moments[i], echo[i], counts[i], True, scratch,
         )  # fmt: skip
+
+
+@njit(cache=True)
+def run_again(known_sizes, signals, fixed, z, cov, noise, slow, rows, moments, echo, counts):  # type: ignore[no-untyped-def]
+    """Runs samples of one vehicle that have been run before: the sensors' noise levels and the gust's are known.
+
+    The others go on being learned from where they are.
+
+    Args:
+        known_sizes: of ``hot.sizes``: states, inputs, states of the air.
+        signals: (samples, columns).
+        fixed: of the filter.
+        z, cov, noise, slow, rows, moments, echo, counts: as in ``EkfState``, of one vehicle, advanced in place.
+    """
+    ns = len(known_sizes[0])
+    _update(
+        known_sizes, signals, fixed, z, cov, noise, np.zeros((ns, 4)), np.zeros((4, LEVELS)), slow, rows[0], rows[1],
+        np.zeros(1), np.zeros(5), moments, echo, counts, False, _scratch(ns, len(known_sizes[1]), len(known_sizes[2])),
+    )  # fmt: skip
 
 
 def update_all(signals: Array, servo_s: Array, input_variance: Array, lever: Array, *others: object) -> None:

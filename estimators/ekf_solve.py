@@ -7,7 +7,7 @@ from wingwatch.estimators.ekf_covariance import forget, keep_marginal
 from wingwatch.estimators.ekf_inputs import pretended
 from wingwatch.estimators.ekf_kernel import WARM_UP
 
-__all__ = ["solve_all"]
+__all__ = ["controls_of", "solve_all"]
 
 MOVED_SHARE = 2.0
 """An input has moved if its variance within half a second is over this many times that of its reading."""
@@ -34,7 +34,7 @@ def _resting(moments, moved, variance, now):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _controls(resting, ns, nu):  # type: ignore[no-untyped-def]
+def controls_of(resting, ns, nu):  # type: ignore[no-untyped-def]
     """Indices of the derivatives that belong to resting inputs."""
     chosen = np.zeros(ns * (ns + nu), dtype=np.bool_)
     for a in range(ns):
@@ -64,17 +64,24 @@ def _without_noise(  # type: ignore[no-untyped-def]
             resting[j] = True
     pretended(echo, moments, variance, resting, ns, less)
     moments[:] = 0.0
-    if resting.any() and solved:
+    if not solved:
+        resting[:] = False
+    if resting.any():
         before = np.linalg.inv(information)
-        keep_marginal(z, cov, before @ vector, before, _controls(resting, ns, nu), first)
+        keep_marginal(z, cov, before @ vector, before, controls_of(resting, ns, nu), first)
+    return resting
 
 
 @njit(cache=True)
 def solve_all(  # type: ignore[no-untyped-def]
     memory_s, stale_s, prior_value, prior_std, input_variance, z, cov, rows, clock, informed, variance, information,
-    vector, gained_matrix, gained_vector, moments, moved, echo, counts,
+    vector, gained_matrix, gained_vector, moments, moved, echo, counts, done,
 ):  # fmt: skip
-    """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten."""
+    """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten.
+
+    What was done is left in ``done`` (vehicles, 1 + nu): what share of its information the vehicle keeps, NaN where
+    nothing was solved, and 1 for every input whose teaching was taken back.
+    """
     k = informed.shape[1]
     first, ns = z.shape[1] - prior_value.size, prior_value.size - k
     prior_information = 1.0 / (prior_std * prior_std)
@@ -83,8 +90,9 @@ def solve_all(  # type: ignore[no-untyped-def]
         now = rows[i, 0, 0]
         if counts[i, 0] <= WARM_UP:
             moments[i] = 0.0
+            done[i] = np.nan
             continue
-        _without_noise(
+        resting = _without_noise(
             z[i], cov[i], moments[i], moved[i], echo[i], input_variance, information[i], vector[i], now,
             counts[i, 1] > 0, first, ns, less,
         )  # fmt: skip
@@ -98,8 +106,9 @@ def solve_all(  # type: ignore[no-untyped-def]
         elapsed = now - clock[i]
         clock[i] = now
         forgets = 0.0 < elapsed < stale_s and now - np.max(informed[i]) < stale_s
+        keep = np.exp(-elapsed / memory_s) if forgets else 1.0
+        done[i, 0], done[i, 1:] = keep, resting
         if forgets or less.any():
-            keep = np.exp(-elapsed / memory_s) if forgets else 1.0
             forget(z[i], cov[i], prior_value, prior_information, keep, less, first)
         parameters = np.ascontiguousarray(cov[i, first : first + k, first : first + k])
         information[i] = np.linalg.inv(parameters)

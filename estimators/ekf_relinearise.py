@@ -1,0 +1,311 @@
+"""Running the last stretch again about better values; compiled.
+
+The filter linearises the products of derivatives and states about what it knows at the moment, and what it has taken in
+so it keeps. Early in an excited stretch that is little: the estimate moves with the noise, and answers to the start.
+So the last seconds of signal rows are kept, with the filter's state at their beginning and amid them (marks), and when
+it matters they are run again with the derivatives held at the present estimate theta*:
+
+- theta* has a narrow covariance e P there, so it stays where it is, and the states follow p(x | theta*) of the mark.
+  What the rows say of theta in this run, J = S^-1 - (e P)^-1 and h = S^-1 m - (e P)^-1 theta* for mean m and
+  covariance S after it, is one step of Gauss and Newton on the likelihood of the innovations (thesis 5.3): its score,
+  sensitivities that depend on the past alone times white innovations, has no mean at the truth.
+- J and h of each half second go into the information that the mark had, in the place of what was first learned, then
+  comes what the solution did there: resting inputs, information that was none, forgetting. No row counts twice.
+- At the end the derivatives get their mean and covariance so, the states keep their regression on them.
+
+It matters by how much the response bends. With J of the stretch, and theta known about the point of linearisation to
+within covariance L (now P), the first-order change of the predicted readings between the two has the square
+m = d' J d + tr J (L - P), in their noise, and the whole response r^2 = theta' J theta. Its curvature is about 1 / r
+(Bates and Watts, J. Roy. Stat. Soc. B 42, 1980), so what linearisation left out is m / (2 r) standard errors,
+at most: times the root of the share that the stretch has in all that is known. What the rows said was also weighted by
+the noise levels of the moment, which the misfit of a wrong start makes too large; it matters where the stated errors,
+which go with the root of the innovations' variances, are off by as much, the share that the stretch has.
+"""
+
+import numpy as np
+from numba import njit
+
+from wingwatch.estimators.ekf_covariance import keep_marginal, reseat
+from wingwatch.estimators.ekf_inputs import pretended
+from wingwatch.estimators.ekf_kernel import run_again
+from wingwatch.estimators.ekf_solve import controls_of
+
+__all__ = ["SOLUTIONS", "STRETCH_ROWS", "mark", "relinearise_all", "remember"]
+
+STRETCH_ROWS = 640
+"""Rows that are kept at most."""
+
+_LONG_ROWS, _LONG_S = 600, 12.0
+"""A stretch of so many rows or so much time is cut at its second mark; that is set at half of it."""
+
+SOLUTIONS = 64
+"""Solutions within a stretch that are kept at most."""
+
+_NARROW = 1e-4
+"""Variance of the derivatives in a run about a fixed point, over what is known of them: a hundredth of an error."""
+
+_SPARE_ROWS, _SPARE = 4 * STRETCH_ROWS, 0.2
+"""Rows that may be run again: a few stretches, for when much is learned in a short time, and a fifth of all."""
+
+_MATTERS = 0.1
+"""Standard errors that linearisation may be off by: a tenth makes an rms error 0.5 % larger."""
+
+
+@njit(cache=True)
+def remember(signals, complete, stretch, tally):  # type: ignore[no-untyped-def]
+    """Complete rows (the first ``complete`` columns finite) join the stretch; beyond its size they are counted."""
+    for i in range(signals.shape[0]):
+        for k in range(signals.shape[1]):
+            if np.isfinite(signals[i, k, :complete]).all():
+                if tally[i, 0] < stretch.shape[1]:
+                    stretch[i, tally[i, 0]] = signals[i, k]
+                tally[i, 0] += 1
+
+
+@njit(cache=True)
+def _weigh(noise, weighed):  # type: ignore[no-untyped-def]
+    """Logarithms of the innovations' variances that noise levels make, by state and for the accelerometer, (ns + 1,).
+
+    Of a level that wanders with Q a step, read with R, the prediction has the variance (Q + sqrt(Q^2 + 4 Q R)) / 2.
+    """
+    ns = weighed.size - 1
+    for j in range(ns + 1):
+        wander = noise[ns + 1] if j == 0 else 0.0
+        weighed[j] = np.log(noise[j] + 0.5 * (wander + np.sqrt(wander * wander + 4.0 * wander * noise[j])))
+
+
+@njit(cache=True)
+def mark(m, z, cov, noise, rows, first, marks_z, marks_cov, marks_rows, weighed, about):  # type: ignore[no-untyped-def]
+    """The present state as mark ``m`` of a vehicle (arrays as in ``EkfState``); what follows is linearised about it."""
+    k = about.shape[1]
+    marks_z[m], marks_cov[m], marks_rows[m] = z, cov, rows
+    _weigh(noise, weighed[m])
+    about[m, :, 0] = z[first : first + k]
+    about[m, :, 1 : 1 + k] = cov[first : first + k, first : first + k]
+    about[m, :, 1 + k :] = np.linalg.inv(np.ascontiguousarray(about[m, :, 1 : 1 + k]))
+
+
+@njit(cache=True)
+def _advance_marks(  # type: ignore[no-untyped-def]
+    z, cov, noise, rows, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about, first, fresh
+):
+    """Sets the second mark at half of the stretch; cuts it there when it is long, or ``fresh`` more might not fit."""
+    count, span = tally[0], abs(rows[0, 0] - stretch[0, 0])
+    full = count + fresh > stretch.shape[0] or tally[2] == solved.shape[0]
+    if tally[1] == 0 and (full or 2 * count >= _LONG_ROWS or 2.0 * span >= _LONG_S):
+        tally[1] = count
+        mark(1, z, cov, noise, rows, first, marks_z, marks_cov, marks_rows, weighed, about)
+    if not (full or count >= _LONG_ROWS or span >= _LONG_S):
+        return
+    cut, kept = tally[1], 0
+    marks_z[0], marks_cov[0], marks_rows[0] = marks_z[1], marks_cov[1], marks_rows[1]
+    weighed[0], about[0] = weighed[1], about[1]
+    for s in range(tally[2]):
+        if solved[s, 0] > cut:
+            solved[kept] = solved[s]
+            solved[kept, 0] -= cut
+            kept += 1
+    for r in range(count - cut):
+        stretch[r] = stretch[r + cut]
+    tally[0], tally[1], tally[2] = count - cut, count - cut, kept
+    if count > cut:
+        mark(1, z, cov, noise, rows, first, marks_z, marks_cov, marks_rows, weighed, about)
+
+
+@njit(cache=True)
+def _left_out(value, present, information, about, weighed, noise, kept, prior_information):  # type: ignore[no-untyped-def]
+    """What linearisation has left out of the stretch, in standard errors; see above.
+
+    Args:
+        value, present, information: of the derivatives now: mean, covariance and its inverse.
+        about, weighed: of the stretch's beginning; noise: now.
+        kept: share of the information there that forgetting since then has left.
+        prior_information: of each derivative, (k,).
+    """
+    k = value.size
+    moved = strength = share = 0.0
+    for a in range(k):
+        for b in range(k):
+            gained = information[a, b] - kept * about[a, 1 + k + b]
+            if a == b:
+                gained -= (1.0 - kept) * prior_information[a]
+            off = (value[a] - about[a, 0]) * (value[b] - about[b, 0])
+            moved += gained * (off + about[a, 1 + b] - present[a, b])
+            strength += gained * value[a] * value[b]
+            share += gained * present[a, b]
+    share = min(max(share / k, 0.0), 1.0)
+    now = np.empty_like(weighed)
+    _weigh(noise, now)
+    left_out = 0.5 * share * np.max(np.abs(now - weighed))
+    if moved > 0.0 and strength > 0.0:
+        left_out = max(left_out, 0.5 * np.sqrt(share / strength) * moved)
+    return left_out
+
+
+@njit(cache=True)
+def _is_positive(matrix):  # type: ignore[no-untyped-def]
+    """Whether a symmetric matrix is positive definite, by Cholesky's factors."""
+    n = matrix.shape[0]
+    root = np.zeros((n, n))
+    for a in range(n):
+        for b in range(a + 1):
+            left = matrix[a, b]
+            for c in range(b):
+                left -= root[a, c] * root[b, c]
+            if a == b:
+                if not 0.0 < left < np.inf:
+                    return False
+                root[a, a] = np.sqrt(left)
+            else:
+                root[a, b] = left / root[b, b]
+    return True
+
+
+@njit(cache=True)
+def _fold(  # type: ignore[no-untyped-def]
+    information,
+    vector,
+    more,
+    more_vector,
+    note,
+    moments,
+    echo,
+    input_variance,
+    prior_information,
+    prior_value,
+    ns,
+    less,
+):
+    """What one half second says joins what is known, and its solution does to that what it did."""
+    nu = input_variance.size
+    resting = note[2:] == 1.0
+    pretended(echo, moments, input_variance, resting, ns, less)
+    if resting.any():
+        before = np.linalg.inv(information)
+        mean = before @ vector
+        now = np.linalg.inv(information + more)
+        value = now @ (vector + more_vector)
+        keep_marginal(value, now, mean, before, controls_of(resting, ns, nu), 0)
+        information[:] = np.linalg.inv(now)
+        vector[:] = information @ value
+    else:
+        information += more
+        vector += more_vector
+    keep = note[1]
+    information -= less
+    information *= keep
+    vector *= keep
+    for a in range(vector.size):
+        information[a, a] += (1.0 - keep) * prior_information[a]
+        vector[a] += (1.0 - keep) * prior_information[a] * prior_value[a]
+    information[:] = 0.5 * (information + information.T)
+
+
+@njit(cache=True)
+def _run_again(  # type: ignore[no-untyped-def]
+    known_sizes, fixed, prior_value, prior_information, z, cov, noise, slow, echo, counts, stretch, tally, solved,
+    marks_z, marks_cov, marks_rows, weighed, about, first,
+):  # fmt: skip
+    """The stretch again about the present estimate: z, cov, noise, slow, echo and the marks become what it leaves.
+
+    Returns whether it did: a run that leaves no sound covariance is left out.
+    """
+    k, ns, nu = about.shape[1], len(known_sizes[0]), len(known_sizes[1])
+    star = z[first : first + k].copy()
+    narrow = _NARROW * np.ascontiguousarray(cov[first : first + k, first : first + k])
+    new_z, new_cov, last_rows, new_echo, again = (
+        marks_z[0].copy(), marks_cov[0].copy(), marks_rows[0].copy(), echo.copy(), counts.copy(),
+    )  # fmt: skip
+    middle_z, middle_cov, middle = new_z, new_cov, np.zeros((k, k))
+    information = about[0, :, 1 + k :].copy()
+    vector = information @ new_z[first : first + k]
+    reseat(new_z, new_cov, star, narrow, first)
+    seen = np.linalg.inv(narrow)
+    told = seen @ star
+    moments, less = np.zeros((nu, 4)), np.zeros((k, k))
+    begin = 0
+    for s in range(tally[2]):
+        end = int(solved[s, 0])
+        run_again(
+            known_sizes, stretch[begin:end], fixed, new_z, new_cov, noise, slow, last_rows, moments, new_echo, again
+        )  # fmt: skip
+        begin = end
+        narrowed = np.ascontiguousarray(new_cov[first : first + k, first : first + k])
+        if not _is_positive(narrowed):
+            return False
+        fresh = np.linalg.inv(narrowed)
+        now_told = fresh @ new_z[first : first + k]
+        _fold(
+            information, vector, fresh - seen, now_told - told, solved[s], moments, new_echo, fixed.input_variance,
+            prior_information, prior_value, ns, less,
+        )  # fmt: skip
+        if not _is_positive(information):
+            return False
+        moments[:] = 0.0
+        seen, told = fresh, now_told
+        if end == tally[1]:
+            middle_z, middle_cov, middle = new_z.copy(), new_cov.copy(), information.copy()
+            known = np.linalg.inv(information)
+            reseat(middle_z, middle_cov, known @ vector, known, first)
+    known = np.linalg.inv(information)
+    reseat(new_z, new_cov, known @ vector, known, first)
+    for m in range(2):
+        _weigh(noise, weighed[m])
+        about[m, :, 0], about[m, :, 1 : 1 + k] = star, cov[first : first + k, first : first + k]
+    if tally[1] > 0:
+        marks_z[1], marks_cov[1], about[1, :, 1 + k :] = middle_z, middle_cov, middle
+    z[:], cov[:], echo[:], counts[2] = new_z, new_cov, new_echo, again[2]
+    return True
+
+
+@njit(cache=True)
+def relinearise_all(  # type: ignore[no-untyped-def]
+    known_sizes, fixed, prior_value, prior_std, z, cov, noise, slow, rows, variance, information, vector, echo, counts,
+    done, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about,
+):  # fmt: skip
+    """After a solution: the stretch is run again where linearisation has left out what matters, and the marks advance.
+
+    Args:
+        known_sizes: of ``hot.sizes``: states, inputs, states of the air.
+        fixed: of the filter; prior_value, prior_std: of derivatives and constants.
+        z, ..., counts, stretch, ..., about: of ``EkfState``, all vehicles.
+        done: of ``solve_all``.
+    """
+    k, first = variance.shape[1], len(known_sizes[0]) + len(known_sizes[2])
+    prior_information = 1.0 / (prior_std[:k] * prior_std[:k])
+    for i in range(z.shape[0]):
+        count, solutions = tally[i, 0], tally[i, 2]
+        if np.isnan(done[i, 0]) or count == 0:
+            continue
+        fresh = count - (int(solved[i, solutions - 1, 0]) if solutions > 0 else 0)
+        if count > stretch.shape[1] or not np.isfinite(cov[i]).all():
+            tally[i] = 0
+            mark(
+                0, z[i], cov[i], noise[i], rows[i], first, marks_z[i], marks_cov[i], marks_rows[i], weighed[i], about[i]
+            )  # fmt: skip
+            continue
+        solved[i, solutions, 0], solved[i, solutions, 1:] = count, done[i]
+        tally[i, 2] += 1
+        kept = 1.0
+        for s in range(tally[i, 2]):
+            kept *= solved[i, s, 1]
+        value, parameters = z[i, first : first + k], cov[i, first : first + k, first : first + k]
+        if not np.isfinite(weighed[i, 0, 0]):
+            _weigh(noise[i], weighed[i, 0])
+        left_out = _left_out(
+            value, parameters, information[i], about[i, 0], weighed[i, 0], noise[i], kept, prior_information
+        )
+        if left_out > _MATTERS and _SPARE_ROWS + _SPARE * counts[i, 0] >= tally[i, 3] + count:
+            tally[i, 3] += count
+            if _run_again(
+                known_sizes, fixed, prior_value[:k], prior_information, z[i], cov[i], noise[i], slow[i], echo[i],
+                counts[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i], marks_rows[i], weighed[i],
+                about[i], first,
+            ):  # fmt: skip
+                information[i] = np.linalg.inv(np.ascontiguousarray(parameters))
+                vector[i] = information[i] @ value
+                variance[i] = np.diag(parameters)
+        _advance_marks(
+            z[i], cov[i], noise[i], rows[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i], marks_rows[i],
+            weighed[i], about[i], first, fresh,
+        )  # fmt: skip
