@@ -20,6 +20,9 @@ m = d' J d + tr J (L - P), in their noise, and the whole response r^2 = theta' J
 at most: times the root of the share that the stretch has in all that is known. What the rows said was also weighted by
 the noise levels of the moment, which the misfit of a wrong start makes too large; it matters where the stated errors,
 which go with the root of the innovations' variances, are off by as much, the share that the stretch has.
+
+A step of Gauss and Newton is a guide only where the response is straight within what is not known yet: tr J P / (2 r)
+at most a quarter. Quiet flight, where J is what noise pretends, and a derivative just set free are left alone so.
 """
 
 import numpy as np
@@ -40,6 +43,9 @@ _LONG_ROWS, _LONG_S = 600, 12.0
 
 SOLUTIONS = 64
 """Solutions within a stretch that are kept at most."""
+
+_BENT = 0.25
+"""Curvature of the response within what is not known of the derivatives, beyond which a linear step is no guide."""
 
 _NARROW = 1e-4
 """Variance of the derivatives in a run about a fixed point, over what is known of them: a hundredth of an error."""
@@ -133,13 +139,13 @@ def _left_out(value, present, information, about, weighed, noise, kept, prior_in
             moved += gained * (off + about[a, 1 + b] - present[a, b])
             strength += gained * value[a] * value[b]
             share += gained * present[a, b]
-    share = min(max(share / k, 0.0), 1.0)
+    if not (strength > 0.0 and 0.0 < share <= 2.0 * _BENT * np.sqrt(strength)):
+        return 0.0
+    share = min(share / k, 1.0)
     now = np.empty_like(weighed)
     _weigh(noise, now)
     left_out = 0.5 * share * np.max(np.abs(now - weighed))
-    if moved > 0.0 and strength > 0.0:
-        left_out = max(left_out, 0.5 * np.sqrt(share / strength) * moved)
-    return left_out
+    return max(left_out, 0.5 * np.sqrt(share / strength) * moved)
 
 
 @njit(cache=True)
