@@ -14,11 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
 from wingwatch.estimators.fourier_bank import bank_channels
 from wingwatch.estimators.fourier_blocks import advance, block_room
 from wingwatch.estimators.fourier_change import MARKS
+from wingwatch.estimators.fourier_dispersion import dispersion_of
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
@@ -103,6 +105,8 @@ class FourierState:
         evidence_matrix, evidence_vector, evidence_bias, evidence_span: of the last closed block, for the monitor.
         condition: airspeed, altitude, density, angle of attack that theta is reported at.
         counts: solutions so far, blocks closed.
+        scatter: of each equation (``fourier_dispersion``): faded chi-square of the blocks closed while changes were not
+            looked for, its degrees of freedom, and the dispersion before the last block, (equations, 3).
         mark_bank, mark_rows, mark_sums, mark_known: copies of the running block and of what it says, at the last
             seconds' marks (``fourier_change``).
         changed_s: last time the memory of each derivative was set free because it contradicted the data, (k,).
@@ -131,6 +135,7 @@ class FourierState:
     evidence_span: Array
     condition: Array
     counts: NDArray[np.int64]
+    scatter: Array
     mark_bank: Array
     mark_rows: Array
     mark_sums: Array
@@ -181,6 +186,7 @@ class FourierEstimator:
             evidence_span=np.full((n, 6), np.nan),
             condition=np.full((n, 4), np.nan),
             counts=np.zeros((n, 2), dtype=np.int64),
+            scatter=np.zeros((n, ns, 3)),
             mark_bank=np.zeros((n, MARKS, bank_channels(ns, nu), 2, nf)),
             mark_rows=np.full((n, MARKS, self.layout.columns), np.nan),
             mark_sums=np.zeros((n, MARKS, 6 + nu + ns + 2)),
@@ -225,12 +231,34 @@ class FourierEstimator:
         condition = state.condition[vehicle]
         scale = referred_scale(c.structure, condition[0], condition[2], c.reference)
         value = state.theta[vehicle] * scale + offsets(c.structure, condition[0], condition[3])
-        covariance = state.covariance[vehicle] * np.outer(scale, scale)
+        value += self._by_airspeed(value, condition[0], condition[3])
+        wider = np.repeat(
+            np.sqrt(self.dispersion_of(state, vehicle)), self.layout.states + self.layout.inputs
+        )
+        covariance = state.covariance[vehicle] * np.outer(scale * wider, scale * wider)
         time_s = float(state.rows[vehicle, 1, 0])
         return standing(
             self.name, c.structure, time_s, value, covariance, state.informed_s[vehicle], c.stale_s,
             c.prior_std * scale, bool(state.counts[vehicle, 0]), condition,
         )  # fmt: skip
+
+    def dispersion_of(self, state: FourierState, vehicle: int = 0) -> Array:
+        """How many times the variances are larger than the blocks themselves say, by equation, shape (equations,)."""
+        return np.array([dispersion_of(row) for row in state.scatter[vehicle]])
+
+    def _by_airspeed(self, value: Array, airspeed_m_s: float, alpha: float) -> Array:
+        """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha).
+
+        Forces are those at the measured airspeed: constants go with V^2, what acts by w with V. In steady flight they
+        are -g cos(alpha) together and the moments nothing, so at constant forward speed the slope by w is
+        z_w cos(alpha)^2 - 2 g sin(alpha) cos(alpha) / V, and m_w cos(alpha)^2.
+        """
+        c, ns = self.config, self.layout.states
+        more = np.zeros((ns, value.size // ns))
+        if c.structure.states[0] == "w" and np.isfinite(alpha) and airspeed_m_s > 1.0:
+            more[:, 0] = -value.reshape(more.shape)[:, 0] * np.sin(alpha) ** 2
+            more[0, 0] -= GRAVITY_M_S2 * np.sin(2.0 * alpha) / airspeed_m_s
+        return more.ravel()
 
     def evidence(self, state: FourierState, vehicle: int = 0) -> BlockEvidence:
         """What the last closed block said, for the monitor's sequential test."""
@@ -268,6 +296,6 @@ class FourierEstimator:
             c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
             s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
-            s.evidence_span, s.condition, s.counts, s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known,
+            s.evidence_span, s.condition, s.counts, s.scatter, s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known,
             s.changed_s, s.follows, self._room,
         )  # fmt: skip

@@ -19,6 +19,7 @@ from wingwatch.estimators.fourier_change import (
     place_mark,
     since_mark,
 )
+from wingwatch.estimators.fourier_dispersion import DISPERSION_LINES, disperse, gather_scatter
 from wingwatch.estimators.fourier_memory import fade, replace
 from wingwatch.estimators.fourier_solution import (
     ALONE,
@@ -47,7 +48,8 @@ def block_room(ns: int, nu: int, nf: int, columns: int) -> Room:
     """Room of ``advance``: of solutions, of forgetting and changes, zeros, a part of a block."""
     p = ns * (ns + nu)
     solving, told = solution_room(ns, nu, nf)
-    squares, lines = np.empty((FORGETTING_SQUARES + 5, p, p)), np.empty((FORGETTING_LINES + 6, p))
+    squares = np.empty((FORGETTING_SQUARES + 5, p, p))
+    lines = np.empty((max(FORGETTING_LINES, DISPERSION_LINES) + 6, p))
     flags = np.zeros((2, p), dtype=np.bool_)
     own = (squares, lines, np.empty((p, p + 1)), flags, np.empty(2 * ns + 1 + nu))
     nothing = (np.zeros((1, p, p)), np.zeros((1, p)))
@@ -88,13 +90,17 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     block, known, memory, closed, _ = vehicle
     rows, sums, roughness = block[1], block[2], block[3]
     theta, noise, noise_known, reserve, covariance, informed = known
-    evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts = closed
+    evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts, scatter, follows = (
+        closed
+    )
     solving, told, own_room, nothing, _ = room
-    lines, level = own_room[1], own_room[4]
+    squares, lines, level = own_room[0], own_room[1], own_room[4]
     settings, k = model[4], theta.size
     if counts[0] == 0:
         start_noise(roughness, noise, model[1].size)
     remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
+    steady = (memory[0], memory[1], memory[2], nothing[1][0])
+    remembered(steady, nothing, prior, solving[3], lines[0], theta, squares[4])
     anchor, own, error = lines[1], lines[2], lines[3]
     for a in range(k):
         anchor[a] = own[a] = theta[a]
@@ -112,6 +118,11 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     span = rows[1, 0] - rows[0, 0]
     share = min(1.0, span / settings[0])
     _mark(informed, matrices[1], matrices[4], rows[1, 0], 2.0 * share)
+    lost = 1.0 - math.exp(-span / settings[2])
+    gather_scatter(
+        matrices[2], vectors[2], theta, squares[4], 1.0 - lost, not follows[0], scatter, squares, lines[6:]
+    )
+    disperse(matrices[2], vectors[2], vectors[3], scatter, squares, lines[6:])
     copied_rows(matrices[2], evidence_matrix)
     copied(vectors[2], evidence_vector)
     copied(vectors[3], evidence_bias)
@@ -122,7 +133,6 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
         last = max(last, informed[a])
     for j in range(4):
         evidence_span[2 + j] = condition[j]
-    lost = 1.0 - math.exp(-span / settings[2])
     fade(0.0 if rows[1, 0] - last > settings[6] else lost, memory, reserve)
     replace(lost, matrices[0], prior[1], memory, reserve, own_room)
     for a in range(k):
@@ -357,7 +367,7 @@ def advance(  # type: ignore[no-untyped-def]
     signals, solves, omega, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
     bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows, room,
+    condition, counts, scatter, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows, room,
 ):  # fmt: skip
     """Take in samples (vehicles, samples, columns), and solve with every vehicle's running block if ``solves``.
 
@@ -378,6 +388,8 @@ def advance(  # type: ignore[no-untyped-def]
                 evidence_span[i],
                 condition[i],
                 counts[i],
+                scatter[i],
+                follows[i : i + 1],
             ),
             (mark_bank[i], mark_rows[i], mark_sums[i], mark_known[i]),
         )
