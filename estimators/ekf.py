@@ -4,7 +4,7 @@ Both engines run the same model (``ekf_model``), noise adaptation and forgetting
 prediction and correction to ``filterpy.kalman.ExtendedKalmanFilter`` and serves as the reference.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
@@ -269,7 +269,12 @@ class EkfEstimator:
 
     def solve(self, state: EkfState) -> None:
         """Note what was learned, then forget with ``memory_s``, unless all is quiet; where it matters, the last seconds
-        are run again, linearised about what is known now."""
+        are run again, linearised about what is known now. A filter whose numbers are no longer finite starts anew."""
+        lost = ~(np.isfinite(state.z).all(axis=1) & np.isfinite(state.cov).all(axis=(1, 2)))
+        if lost.any():
+            fresh = self.init(int(lost.sum()))
+            for name in (f.name for f in fields(state)):
+                getattr(state, name)[lost] = getattr(fresh, name)
         done = np.empty((len(state.z), 1 + self.layout.inputs))
         solve_all(
             self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, self._input_variance,

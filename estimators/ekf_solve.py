@@ -49,26 +49,31 @@ def _without_noise(  # type: ignore[no-untyped-def]
 ):
     """Takes back what resting inputs taught; what noise pretended of the others goes into ``less`` (k, k).
 
-    An input whose noise pretends half as much as is known altogether is treated as one at rest.
+    An input whose noise pretends half as much as is known altogether, when what others taught is taken back and what
+    theirs pretends is counted, is treated as one at rest: surfaces that move together are known by their sum alone.
     """
     nu = variance.size
     resting = _resting(moments, moved, variance, now)
-    pretended(echo, moments, variance, resting, ns, less)
-    for j in range(nu):
+    before = np.linalg.inv(information)
+    mean = before @ vector
+    more = True
+    while more:
+        if solved and resting.any():
+            keep_marginal(z, cov, mean, before, controls_of(resting, ns, nu), first)
+        pretended(echo, moments, variance, resting, ns, less)
+        more = False
         share = 0.0
-        for a in range(ns):
-            for b in range(ns):
-                c, d = a * (ns + nu) + ns + j, b * (ns + nu) + ns + j
-                share += less[c, d] * cov[first + c, first + d]
-        if share > PRETENDED_SHARE:
-            resting[j] = True
-    pretended(echo, moments, variance, resting, ns, less)
+        for j in range(nu):
+            for a in range(ns):
+                for b in range(ns):
+                    c, d = a * (ns + nu) + ns + j, b * (ns + nu) + ns + j
+                    share += less[c, d] * cov[first + c, first + d]
+            if share > PRETENDED_SHARE and not resting[j]:
+                resting[j] = more = True
+                break
     moments[:] = 0.0
     if not solved:
         resting[:] = False
-    if resting.any():
-        before = np.linalg.inv(information)
-        keep_marginal(z, cov, before @ vector, before, controls_of(resting, ns, nu), first)
     return resting
 
 

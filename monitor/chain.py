@@ -278,6 +278,11 @@ def _lately(state: ChainState, name: str, rough: bool) -> bool:
     return 0.0 <= state.last_s - state.rough_s.get(name, -np.inf) < ROUGH_MEMORY_S
 
 
+def _has_standing(estimate: Estimate) -> bool:
+    """Whether any derivative has."""
+    return any(o is not Outcome.NOT_OBSERVABLE for o in estimate.outcomes)
+
+
 def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
     """An estimate from a reconstructed velocity, with the standing that is left to it.
 
@@ -285,7 +290,7 @@ def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
     frequencies. The filter has that in its model, for it carries the velocity itself; the Fourier form takes a state's
     noise as white and its own, so its standard errors do not hold. Gusts are in neither.
     """
-    if estimate.outcome is Outcome.NOT_OBSERVABLE:
+    if not _has_standing(estimate):
         return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}")
     if not rough and estimate.estimator != "fourier":
         return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}" if estimate.reason else NO_VANE)
@@ -298,7 +303,7 @@ def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
 
 def _in_rough_air(fourier: Estimate, share: float) -> Estimate:
     """The Fourier form's estimate where the air drives the rates: its moment derivatives have no standing."""
-    if fourier.outcome is Outcome.NOT_OBSERVABLE:
+    if not _has_standing(fourier):
         return fourier
     force = len(fourier.structure.regressors)
     outcomes = tuple(
@@ -309,6 +314,8 @@ def _in_rough_air(fourier: Estimate, share: float) -> Estimate:
     reason = (
         f"rough air makes {percent:.0f} % of the rotation: the Kalman filter alone gives moment derivatives"
     )
+    if fourier.outcome is Outcome.NOT_OBSERVABLE:
+        reason = f"{reason}; {fourier.reason}"
     return replace(fourier, outcomes=outcomes, reason=reason)
 
 
