@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
+from wingwatch.estimators.fourier_air import AIR_LEVELS, air_channels
 from wingwatch.estimators.fourier_bank import bank_channels
 from wingwatch.estimators.fourier_blocks import advance, block_room
 from wingwatch.estimators.fourier_change import MARKS
@@ -52,6 +53,8 @@ class FourierConfig:
         input_noise_std: of each measured input, rad; not more than the input's own roughness is believed.
         smallest_share: share of signal in the regressors' power below which a direction counts as unseen (more
             where the bins are so few that noise alone may look like it).
+        span_m: over which the air's turning and rolling is smoothed; 0: the air is not known to do either. Needs the
+            accelerometer.
     """
 
     structure: ModeStructure
@@ -69,6 +72,7 @@ class FourierConfig:
     imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     input_noise_std: tuple[float, ...] = ()
     smallest_share: float = 0.5
+    span_m: float = 0.0
     omega_rad_s: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -91,13 +95,14 @@ class FourierState:
 
     Attributes:
         bank: (channels, 2, frequencies) transforms of the block, real and imaginary part.
+        turning: (1,) rad/s, what the rate relative to the air has more than the rate (``fourier_air``).
         coefficients, step: one-pole coefficients (8, frequencies) and the time step they are for.
         rows: (3, columns) signal rows at the block's start, the last and the one before.
         sums: airspeed, density, altitude, angle of attack over the block, count; squared second differences of the
             inputs and their count.
         roughness: roots of the magnitudes of second differences of states and accelerometer over the block, and count.
         theta, noise: current referred derivatives (k,) and noise variances.
-        noise_known: (variances..., weight) gathered from closed blocks.
+        noise_known: (variances..., weight of the air's, of all others) gathered from closed blocks.
         sensitivity, information, vector, driven: what closed blocks said, (k, k), (k, k), (k,), (k,).
         reserve: the part of these four, side by side (k, 2 k + 2), that has faded and that nothing new has replaced.
         covariance: of theta, (k, k).
@@ -116,6 +121,7 @@ class FourierState:
     bank: Array
     coefficients: Array
     step: Array
+    turning: Array
     rows: Array
     sums: Array
     roughness: Array
@@ -161,18 +167,20 @@ class FourierEstimator:
         c, n = self.config, vehicles
         ns, nu, k = self.layout.states, self.layout.inputs, len(c.structure.derivatives)
         nf = c.omega_rad_s.size
-        noise = np.ones((n, 2 * ns + 1 + nu))
+        channels = (bank_channels(ns, nu) + air_channels(ns, nu), 2, nf)
+        noise = np.ones((n, 2 * ns + 1 + nu + AIR_LEVELS))
         noise[:, 2 * ns + 1 :] = 0.0
         return FourierState(
-            bank=np.zeros((n, bank_channels(ns, nu), 2, nf)),
+            bank=np.zeros((n, *channels)),
             coefficients=np.zeros((n, 8, nf)),
             step=np.full((n, 1), -1.0),
+            turning=np.zeros((n, 1)),
             rows=np.full((n, 3, self.layout.columns), np.nan),
             sums=np.zeros((n, 6 + nu)),
             roughness=np.zeros((n, ns + 2)),
             theta=np.tile(c.prior_value, (n, 1)),
             noise=noise,
-            noise_known=np.zeros((n, 2 * ns + 2 + nu)),
+            noise_known=np.zeros((n, 2 * ns + 3 + nu + AIR_LEVELS)),
             sensitivity=np.zeros((n, k, k)),
             information=np.zeros((n, k, k)),
             vector=np.zeros((n, k)),
@@ -187,7 +195,7 @@ class FourierEstimator:
             condition=np.full((n, 4), np.nan),
             counts=np.zeros((n, 2), dtype=np.int64),
             scatter=np.zeros((n, ns, 3)),
-            mark_bank=np.zeros((n, MARKS, bank_channels(ns, nu), 2, nf)),
+            mark_bank=np.zeros((n, MARKS, *channels)),
             mark_rows=np.full((n, MARKS, self.layout.columns), np.nan),
             mark_sums=np.zeros((n, MARKS, 6 + nu + ns + 2)),
             mark_known=np.zeros((n, MARKS, k, 2 * k + 2)),
@@ -291,9 +299,13 @@ class FourierEstimator:
              *np.square(c.input_noise_std), *servo_s]
         )  # fmt: skip
         roll = self.layout.states == 3
+        # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
+        known = c.span_m if c.force_from_accelerometer else 0.0
+        smoothed = [4.0, 4.0 if c.structure.equations[0] == "z" else 3.0]
+        gusts = np.array([[0.0, 0.0], smoothed]) * known / np.pi
         return (
-            c.omega_rad_s, lever, c.force_from_accelerometer, exponents, settings, c.prior_value,
-            c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.rows,
+            c.omega_rad_s, lever, gusts, c.force_from_accelerometer, exponents, settings, c.prior_value,
+            c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.turning, s.rows,
             s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
             s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
             s.evidence_span, s.condition, s.counts, s.scatter, s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known,

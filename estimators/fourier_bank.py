@@ -11,7 +11,7 @@ from numba import njit
 
 from wingwatch.estimators.hot import hot, lean
 
-__all__ = ["NUISANCE", "advance_bank", "bank_channels", "block_transforms"]
+__all__ = ["NUISANCE", "advance_bank", "advance_linear", "bank_channels", "block_transforms"]
 
 NUISANCE = 5
 """Columns that every equation has beside states and inputs: constant, dynamic pressure, ramp, errors of both ends."""
@@ -44,7 +44,7 @@ def _coefficients(omega, dt, out):  # type: ignore[no-untyped-def]
 
 
 @hot
-def _linear(real, imag, c, old, new):  # type: ignore[no-untyped-def]
+def advance_linear(real, imag, c, old, new):  # type: ignore[no-untyped-def]
     """One channel at all frequencies, linear from ``old`` to ``new``."""
     e_real, e_imag, a_real, a_imag, b_real, b_imag = c[0], c[1], c[2], c[3], c[4], c[5]
     for f in range(real.size):
@@ -95,8 +95,8 @@ def advance_bank(  # type: ignore[no-untyped-def]
         _coefficients(omega, dt, coefficients)
         step[0] = dt
     for j in range(ns):
-        _linear(bank[j, 0], bank[j, 1], coefficients, old[1 + j], new[1 + j])
-    _linear(bank[ns, 0], bank[ns, 1], coefficients, old[force], new[force])
+        advance_linear(bank[j, 0], bank[j, 1], coefficients, old[1 + j], new[1 + j])
+    advance_linear(bank[ns, 0], bank[ns, 1], coefficients, old[force], new[force])
     for j in range(nu):
         a, b = old[2 + ns + j], new[2 + ns + j]
         row, jumps = bank[ns + 1 + j], bank[ns + nu + 2 + j]
@@ -106,19 +106,21 @@ def advance_bank(  # type: ignore[no-untyped-def]
             _held(row[0], row[1], coefficients, a)
             _jumped(jumps[0], jumps[1], coefficients, b - a)
         else:
-            _linear(row[0], row[1], coefficients, a, b)
+            advance_linear(row[0], row[1], coefficients, a, b)
             _jumped(jumps[0], jumps[1], coefficients, 0.0)
     ratio = 2 + ns + nu + 1
-    _linear(bank[ns + 1 + nu, 0], bank[ns + 1 + nu, 1], coefficients, old[ratio] - 1.0, new[ratio] - 1.0)
+    advance_linear(
+        bank[ns + 1 + nu, 0], bank[ns + 1 + nu, 1], coefficients, old[ratio] - 1.0, new[ratio] - 1.0
+    )
 
 
 @lean
 def block_transforms(omega, bank, span, ns, nu, out, phase):  # type: ignore[no-untyped-def]
-    """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 1 + NUISANCE, 2, frequencies).
+    """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 1 + NUISANCE or more, 2, frequencies).
 
     Channels: states, force, inputs, constant, dynamic pressure, ramp, what an error of the last and of the first sample
-    does to the transform of a rate, jumps of inputs. Constant and ramp need no samples: (e^{sT} - 1)/s and
-    (e^{sT} - 1 - sT)/s^2. ``phase`` becomes e^{sT}, (2, frequencies).
+    does to the transform of a rate, jumps of inputs, then what else the bank has. Constant and ramp need no samples:
+    (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase`` becomes e^{sT}, (2, frequencies).
     """
     constant = ns + 1 + nu
     for j in range(bank.shape[0]):

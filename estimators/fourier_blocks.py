@@ -10,6 +10,7 @@ import numpy as np
 
 from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD, change_of, changed_derivatives, free_memory
 from wingwatch.estimators.forgetting import FORGETTING_LINES, FORGETTING_SQUARES
+from wingwatch.estimators.fourier_air import AIR_LEVELS, advance_air, air_channels, rebase_products
 from wingwatch.estimators.fourier_bank import advance_bank
 from wingwatch.estimators.fourier_change import (
     MARKS,
@@ -51,9 +52,10 @@ def block_room(ns: int, nu: int, nf: int, columns: int) -> Room:
     squares = np.empty((FORGETTING_SQUARES + 5, p, p))
     lines = np.empty((max(FORGETTING_LINES, DISPERSION_LINES) + 6, p))
     flags = np.zeros((2, p), dtype=np.bool_)
-    own = (squares, lines, np.empty((p, p + 1)), flags, np.empty(2 * ns + 1 + nu))
+    own = (squares, lines, np.empty((p, p + 1)), flags, np.empty(2 * ns + 1 + nu + AIR_LEVELS))
     nothing = (np.zeros((1, p, p)), np.zeros((1, p)))
-    part = (np.empty((ns + 2 * nu + 2, 2, nf)), np.empty((3, columns)), np.empty(6 + nu), np.empty(ns + 2))
+    bank = np.empty((ns + 2 * nu + 2 + air_channels(ns, nu), 2, nf))
+    part = (bank, np.empty((3, columns)), np.empty(6 + nu), np.empty(ns + 2))
     return solving, told, own, nothing, part
 
 
@@ -85,7 +87,8 @@ def _outweighs(block, memory):  # type: ignore[no-untyped-def]
 def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
-    A block that says more of a derivative than all before it is linearised where it leads itself.
+    A block that says more of a derivative than all before it is linearised where it leads itself; not where the air is
+    known to roll, which leaves a second root of the score at l_p = 0. In calm air nothing is learned of the air.
     """
     block, known, memory, closed, _ = vehicle
     rows, sums, roughness = block[1], block[2], block[3]
@@ -95,7 +98,7 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     )
     solving, told, own_room, nothing, _ = room
     squares, lines, level = own_room[0], own_room[1], own_room[4]
-    settings, k = model[4], theta.size
+    settings, k, in_air = model[4], theta.size, model[7][1] > 0.0
     if counts[0] == 0:
         start_noise(roughness, noise, model[1].size)
     remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
@@ -106,10 +109,11 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
         anchor[a] = own[a] = theta[a]
         error[a] = prior[1][a] / 3.0
     for j in range(level.size):
-        level[j] = noise_known[j] if noise_known[-1] > 0.0 else noise[j]
+        weight = noise_known[-2 if j >= level.size - AIR_LEVELS else -1]
+        level[j] = noise_known[j] if weight > 0.0 else noise[j]
     alone = (nothing[0][0], nothing[0][0], nothing[1][0], nothing[1][0])
     solve_block(model, block, own, level, noise_known, alone, (anchor, error), LEARN, solving, told)
-    if _outweighs(told[0][0], memory[0]):
+    if not in_air and _outweighs(told[0][0], memory[0]):
         solve_block(model, block, own, level, noise_known, alone, (anchor, error), LEARN, solving, told)
         for a in range(k):
             anchor[a] = own[a]
@@ -141,15 +145,27 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
         for b in range(k):
             memory[0][a, b] += matrices[0, a, b]
             memory[1][a, b] += matrices[1, a, b]
-    weight = noise_known[-1]
-    for j in range(noise.size):
-        noise_known[j] = (weight * noise_known[j] + share * fresh[j]) / (weight + share)
-    noise_known[-1] = math.exp(-settings[0] / settings[2]) * (weight + share)
-    for j in range(2 * model[1].size + 1):
-        noise[j] = noise_known[j]
+    _gather_noise(
+        noise, noise_known, fresh, share, math.exp(-settings[0] / settings[2]), in_air, model[1].size
+    )
     remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
     counts[0] += 1
     counts[1] += 1
+
+
+@lean
+def _gather_noise(noise, noise_known, fresh, share, keep, in_air, ns):  # type: ignore[no-untyped-def]
+    """Add a block's noise variances to those of earlier blocks, and go on from there: the air's where it was asked."""
+    first = noise.size - AIR_LEVELS
+    for j in range(noise.size):
+        if j >= first and not in_air:
+            continue
+        weight = noise_known[-2 if j >= first else -1]
+        noise_known[j] = (weight * noise_known[j] + share * fresh[j]) / (weight + share)
+        if j <= 2 * ns or j >= first:
+            noise[j] = noise_known[j]
+    noise_known[-1] = keep * (noise_known[-1] + share)
+    noise_known[-2] = keep * (noise_known[-2] + (share if in_air else 0.0))
 
 
 @lean
@@ -180,9 +196,9 @@ def _bends(block, new, ns, nu):  # type: ignore[no-untyped-def]
 @lean
 def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
     """Take in one row of signals; returns what it does to the block."""
-    omega, lever, by_accelerometer, exponents, settings, _, _ = model
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, _, _ = model
     bank, rows, sums, _ = block
-    coefficients, step = filters
+    coefficients, step, turning, gust_m = filters
     ns, nu = lever.size, exponents.size - lever.size
     kinematic = 2 + ns + nu
     for j in range(kinematic + 5):
@@ -194,6 +210,7 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
     servo_s = settings[7 + nu : 7 + 2 * nu]
     force = 1 + ns if by_accelerometer else kinematic
     advance_bank(omega, bank, step, coefficients, rows[1], new, rows[2], servo_s, ns, nu, force)
+    advance_air(bank, coefficients, turning, rows[0], rows[1], new, exponents, gust_m, lever, longitudinal)
     if math.isfinite(rows[2, 1]):
         _bends(block, new, ns, nu)
     copied(rows[1], rows[2])
@@ -271,6 +288,7 @@ def _cut_out(model, block, marks, m, part):  # type: ignore[no-untyped-def]
         model[0], block[0], block[1], block[2], block[3], marks[0][m], marks[1][m], marks[2][m],
         part[0], part[1], part[2], part[3],
     )  # fmt: skip
+    rebase_products(part[0], block[1][0], part[1][0], model[3], model[1].size)
     _gather(part[2], part[1][0], 2 + model[3].size)
 
 
@@ -364,8 +382,8 @@ def _release(prior, vehicle, changed_s, room):  # type: ignore[no-untyped-def]
 
 @lean
 def advance(  # type: ignore[no-untyped-def]
-    signals, solves, omega, lever, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal, roll,
-    bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
+    signals, solves, omega, lever, gusts, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal,
+    roll, bank, coefficients, step, turning, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
     condition, counts, scatter, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows, room,
 ):  # fmt: skip
@@ -373,9 +391,12 @@ def advance(  # type: ignore[no-untyped-def]
 
     All in place; arguments as ``FourierEstimator`` lays them out, room of ``block_room``.
     """
-    model = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll)
     prior = (prior_value, prior_std)
     for i in range(follows.size):
+        # Air that is not rough is not looked at: the form is the cheaper one.
+        known_air = gusts[0] if follows[i] else gusts[1]
+        model = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, known_air)
+        filters = (coefficients[i], step[i], turning[i], gusts[1])
         block = (bank[i], rows[i], sums[i], roughness[i])
         vehicle = (
             block,
@@ -394,12 +415,14 @@ def advance(  # type: ignore[no-untyped-def]
             (mark_bank[i], mark_rows[i], mark_sums[i], mark_known[i]),
         )
         for k in range(signals.shape[1]):
-            what = _take(model, block, (coefficients[i], step[i]), signals[i, k])
+            what = _take(model, block, filters, signals[i, k])
             if what == GOES_ON:
                 continue
             if what == FULL or rows[i, 1, 0] - rows[i, 0, 0] >= settings[1]:
                 _close(model, prior, vehicle, room)
             _restart(model, block, signals[i, k], what == GAP, mark_rows[i])
+            if what == GAP:
+                turning[i, 0] = 0.0
         if not solves or not (rows[i, 1, 0] - rows[i, 0, 0] >= settings[1] - 1e-9):
             continue
         _solve(model, prior, vehicle, room)

@@ -12,7 +12,7 @@ from wingwatch.estimators.fourier_weights import channel_level
 from wingwatch.estimators.hot import hot, lean
 from wingwatch.estimators.symmetric import backward, cholesky, forward
 
-__all__ = ["block_equations", "eliminate", "noise_update", "nuisance_of", "responses"]
+__all__ = ["block_equations", "eliminate", "noise_update", "nuisance_of", "residual_of", "responses"]
 
 NO_COLUMN = 1e20
 """What is known beforehand of a column that an equation does not have: it is zero."""
@@ -313,6 +313,30 @@ def nuisance_of(root, size, crossed, rest, change, scale, nuisance):  # type: ig
 
 
 @lean
+def residual_of(bank, response, theta, scale, nuisance, ns, nu, weights, whitened):  # type: ignore[no-untyped-def]
+    """The residual in the place of ``response``, and W times it into ``whitened``, both (ns, 2, frequencies).
+
+    Returns:
+        bins over the degrees of freedom that the columns leave of them.
+    """
+    nd, nf = ns + nu, bank.shape[2]
+    nc = nd + NUISANCE
+    for k in range(ns):
+        real, imaginary = response[k, 0], response[k, 1]
+        for c in range(nc):
+            factor = theta[k * nd + c] * scale[k * nd + c] if c < nd else nuisance[NUISANCE * k + c - nd, 0]
+            x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
+            for f in range(nf):
+                real[f] -= factor * x[f]
+                imaginary[f] -= factor * y[f]
+    for k in range(ns):
+        whitened[k] = 0.0
+        _add_weighted(weights[k], response, whitened[k])
+    # What an equation fits, half a bin each: over whole periods its two ends are one column.
+    return nf / max(nf - 0.5 * (nc - 1), 0.25 * nf)
+
+
+@lean
 def noise_update(  # type: ignore[no-untyped-def]
     omega,
     bank,
@@ -342,22 +366,9 @@ def noise_update(  # type: ignore[no-untyped-def]
         room: (ns, 2, frequencies) and (2, frequencies).
         total: becomes the new variances, at most ten times larger or smaller.
     """
-    nd = ns + nu
-    nc, nf = nd + NUISANCE, omega.size
-    # What an equation fits, half a bin each: over whole periods its two ends are one column.
-    freedom = nf / max(nf - 0.5 * (nc - 1), 0.25 * nf) * power
+    nf = omega.size
     whitened, product = room
-    for k in range(ns):
-        real, imaginary = response[k, 0], response[k, 1]
-        for c in range(nc):
-            factor = theta[k * nd + c] * scale[k * nd + c] if c < nd else nuisance[NUISANCE * k + c - nd, 0]
-            x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
-            for f in range(nf):
-                real[f] -= factor * x[f]
-                imaginary[f] -= factor * y[f]
-    for k in range(ns):
-        whitened[k] = 0.0
-        _add_weighted(weights[k], response, whitened[k])
+    freedom = power * residual_of(bank, response, theta, scale, nuisance, ns, nu, weights, whitened)
     for j in range(noise.size):
         total[j] = noise[j]
     for j in range(2 * ns + 1):

@@ -8,6 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from wingwatch.estimators.fourier_air import (
+    AIR_COLUMNS,
+    AIR_LEVELS,
+    air_channels,
+    air_of,
+    air_regressors,
+    start_air_noise,
+)
+from wingwatch.estimators.fourier_air_equations import air_noise_update, air_products, air_weights
 from wingwatch.estimators.fourier_bank import NUISANCE, block_transforms
 from wingwatch.estimators.fourier_between import between_samples
 from wingwatch.estimators.fourier_directions import (
@@ -53,6 +62,10 @@ LOWEST_NOISE = 0.5
 ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
 
+ROUGH_CHANCE = 2.4
+"""Relative standard deviation of ``_rough_noise`` times the root of the count: that of the fourth power of the mean of
+roots, 4 sqrt(0.180), differences of white noise being correlated by sqrt(35 / 18)."""
+
 
 def solution_room(ns: int, nu: int, nf: int) -> tuple[Room, Room]:
     """Room of ``solve_block`` for ns states, nu inputs and nf frequencies, and what it tells.
@@ -63,7 +76,7 @@ def solution_room(ns: int, nu: int, nf: int) -> tuple[Room, Room]:
     """
     p, q = ns * (ns + nu), NUISANCE * ns
     bins = (
-        np.empty((2, ns + 2 * nu + 1 + NUISANCE, 2, nf)),
+        np.empty((2, ns + 2 * nu + 1 + NUISANCE + air_channels(ns, nu), 2, nf)),
         np.empty((2, ns + nu, 2, nf)),
         np.empty((2, nf)),
         np.empty((2, nf)),
@@ -79,10 +92,22 @@ def solution_room(ns: int, nu: int, nf: int) -> tuple[Room, Room]:
         np.empty((2, q, 1)),
         np.empty(q),
     )
-    states = (np.empty((2, ns, ns + 1 + nu)), np.empty((3, ns, ns)), np.empty((ns, ns)), np.empty((2, ns)))
+    states = (
+        np.empty((2, ns, ns + 1 + nu)),
+        np.empty((3, ns, ns)),
+        np.empty((ns, ns)),
+        np.empty((2, ns)),
+        np.empty(3),
+    )
     squares, lines = np.empty((4 + DIRECTION_SQUARES, p, p)), np.empty((7 + DIRECTION_LINES, p))
-    told = (np.empty((5, p, p)), np.empty((4, p)), np.empty(2 * ns + 1 + nu))
-    return (bins, columns, states, squares, lines, np.empty((p, 2))), told
+    told = (np.empty((5, p, p)), np.empty((4, p)), np.empty(2 * ns + 1 + nu + AIR_LEVELS))
+    air = (
+        np.empty((nf, ns, ns + 1 + nu + AIR_COLUMNS), dtype=np.complex128),
+        np.empty((nf, ns + 1), dtype=np.complex128),
+        np.empty((nf, AIR_COLUMNS)),
+        np.empty((ns, 2 * ns + 1), dtype=np.complex128),
+    )
+    return (bins, columns, states, squares, lines, np.empty((p, 2)), air), told
 
 
 @lean
@@ -103,6 +128,7 @@ def start_noise(roughness, noise, ns):  # type: ignore[no-untyped-def]
         noise[j] = max(_rough_noise(roughness, j, ns), least)
     for k in range(ns):
         noise[ns + 1 + k] = noise[k]
+    start_air_noise(noise)
 
 
 @lean
@@ -120,7 +146,7 @@ def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed
 
 
 @lean
-def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):  # type: ignore[no-untyped-def]
+def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, air, ns):  # type: ignore[no-untyped-def]
     """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
 
     Below any sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s.
@@ -133,16 +159,45 @@ def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, ns):
         noise[j] = max(noise[j], LOWEST_NOISE * _rough_noise(roughness, j, ns))
     for j in range(2 * ns + 1):
         noise[j] = max(noise[j], 1e-8 if j in (0, ns, ns + 1) else 1e-10)
+    if air[0] == 0.0:
+        return
+    for j in range(1, ns):
+        # A gyro's noise is white: more than that, chance allowed, is the power of air that rolls.
+        chance = 1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0))
+        noise[j] = min(noise[j], max(chance * _rough_noise(roughness, j, ns), 1e-10))
+    known = noise_known[-2]
+    for j in range(noise.size - AIR_LEVELS, noise.size):
+        noise[j] = max((known * noise_known[j] + share * fresh[j]) / (known + share), 1e-10)
+    if air[0] > 0.0:
+        noise[noise.size - 1] = 1e-10
+
+
+@lean
+def _weigh(model, theta, noise, power, room):  # type: ignore[no-untyped-def]
+    """The noise transfer and the weights of all bins at ``theta``."""
+    omega, lever, by_accelerometer, exponents = model[0], model[1], model[2], model[3]
+    transfer, moments, _, edges, air = room[2]
+    ns, nu = lever.size, exponents.size - lever.size
+    scale, weights = room[4][0], room[0][6]
+    if air[0] == 0.0:
+        bin_weights(
+            omega, theta, scale, noise, power, edges[0], lever, by_accelerometer, ns, nu, transfer, weights, moments
+        )  # fmt: skip
+    else:
+        air_weights(
+            omega, theta, scale, noise, power, edges[0], lever, air, by_accelerometer, ns, nu, room[6], transfer[1],
+            weights, moments,
+        )  # fmt: skip
 
 
 @lean
 def _form(model, block, theta, noise, power, share, room, told):  # type: ignore[no-untyped-def]
     """The block's equations at ``theta``, and what of them is signal."""
-    omega, lever, by_accelerometer, exponents, settings, _, _ = model
+    omega, lever, by_accelerometer, exponents, settings, _, _, _ = model
     _, rows, sums, roughness = block
     transforms, between, phase, product, response, _, weights = room[0]
     m_full, b_full, crossed, root, rest, size = room[1]
-    transfer, moments, matrix, edges = room[2]
+    transfer, moments, matrix, edges, air = room[2]
     squares, lines = room[3], room[4]
     matrices, vectors, _ = told
     ns, nu = lever.size, exponents.size - lever.size
@@ -154,14 +209,18 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
         omega, transforms[0], phase, rows[0], rows[1], span / max(sums[4] - 1.0, 1.0), settings[7 + nu : 7 + 2 * nu],
         theta, scale, forward_speed, lever, by_accelerometer, ns, nu, between, transforms[1],
     )  # fmt: skip
-    bin_weights(
-        omega, theta, scale, noise, power, forward_speed, lever, by_accelerometer, ns, nu, transfer, weights, moments
-    )  # fmt: skip
+    _weigh(model, theta, noise, power, room)
     responses(omega, transforms[1], phase, rows[0], rows[1], lever, by_accelerometer, ns, response)
+    if air[0] != 0.0:
+        air_regressors(omega, transforms[1], rows[0], sums, exponents, noise, air, forward_speed, lever)
     bins = block_equations(
         omega, transforms[1], response, theta, scale, noise, power, share, forward_speed, ns, nu, transfer, weights,
         moments, (product, matrix), m_full, b_full, n_noise, g, driven,
     )  # fmt: skip
+    if air[0] != 0.0:
+        air_products(
+            omega, theta, scale, noise, power, forward_speed, air, ns, nu, room[6], weights, n_noise, g, driven
+        )  # fmt: skip
     eliminate(
         m_full, b_full, g, theta, scale, span, theta.size, root, size, crossed, rest[0], m, score,
     )  # fmt: skip
@@ -234,7 +293,8 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
     """Solve with a block.
 
     Args:
-        model: omega, lever, by_accelerometer, exponents, settings, longitudinal, roll as ``FourierEstimator`` has them.
+        model: omega, lever, by_accelerometer, exponents, settings, longitudinal, roll as ``FourierEstimator`` has them,
+            and the lengths over which gusts are smoothed, zero where the air is not looked at.
         block: bank, rows, sums and roughness.
         theta, noise: at which the block is linearised; in place, unless ``asked`` is ``ALONE``.
         noise_known: of earlier blocks.
@@ -243,11 +303,11 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
         asked: ``ALONE``, ``LEARN``, ``MOVE`` or ``BEGIN``.
         room, told: of ``solution_room``; told becomes what the block says.
     """
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll = model
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, gust_m = model
     bank, rows, sums, roughness = block
     transforms, _, phase, product, response, whitened, weights = room[0]
     _, _, crossed, root, rest, size = room[1]
-    transfer, moments, _, edges = room[2]
+    transfer, moments, _, edges, air = room[2]
     squares, lines = room[3], room[4]
     ns, nu = lever.size, exponents.size - lever.size
     span = rows[1, 0] - rows[0, 0]
@@ -257,6 +317,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
     inverse = squares[1]
     block_transforms(omega, bank, span, ns, nu, transforms[0], phase)
     _present(sums, settings, exponents, longitudinal, roll, scale, edges[0])
+    air_of(gust_m, sums[0] / sums[4], longitudinal, air)
     for j in range(nu):
         noise[2 * ns + 1 + j] = min(settings[7 + j], sums[6 + j] / (6.0 * max(sums[5], 1.0)))
     for _ in range(3 if asked == BEGIN else 1):
@@ -269,14 +330,18 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
             change[a] = moved[a] - theta[a]
             theta[a] = moved[a]
         nuisance_of(root, size, crossed, rest[0], change, scale, rest[1])
-        bin_weights(
-            omega, theta, scale, noise, power, edges[0], lever, by_accelerometer, ns, nu, transfer, weights, moments
-        )  # fmt: skip
-        noise_update(
-            omega, transforms[1], response, theta, scale, rest[1], noise, power, ns, nu, transfer, weights, moments,
-            (whitened, product), told[2],
-        )  # fmt: skip
-        _believe(noise, told[2], noise_known, share, roughness, by_accelerometer, ns)
+        _weigh(model, theta, noise, power, room)
+        if air[0] == 0.0:
+            noise_update(
+                omega, transforms[1], response, theta, scale, rest[1], noise, power, ns, nu, transfer, weights, moments,
+                (whitened, product), told[2],
+            )  # fmt: skip
+        else:
+            air_noise_update(
+                omega, transforms[1], response, theta, scale, rest[1], noise, power, edges[0], lever, air, ns, nu,
+                room[6], weights, moments, whitened, told[2],
+            )  # fmt: skip
+        _believe(noise, told[2], noise_known, share, roughness, by_accelerometer, air, ns)
     if asked >= MOVE:
         _covariance(
             inverse, memory[1], told[0][1], memory[3], told[1][1], prior[1], squares, lines[6], told[0][3]

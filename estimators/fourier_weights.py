@@ -6,7 +6,7 @@ makes of white noise is a polynomial, and of the weights only a few sums over th
 
 from wingwatch.estimators.hot import lean
 
-__all__ = ["bin_weights", "channel_level"]
+__all__ = ["bin_weights", "channel_level", "invert_weights"]
 
 
 @lean
@@ -73,6 +73,15 @@ def _invert_3(weights):  # type: ignore[no-untyped-def]
 
 
 @lean
+def invert_weights(weights):  # type: ignore[no-untyped-def]
+    """Inverse of Hermitian matrices in place, (ns, ns, 2, frequencies), from their upper triangles."""
+    if weights.shape[0] == 2:
+        _invert_2(weights)
+    else:
+        _invert_3(weights)
+
+
+@lean
 def bin_weights(  # type: ignore[no-untyped-def]
     omega,
     theta,
@@ -116,10 +125,7 @@ def bin_weights(  # type: ignore[no-untyped-def]
             for f in range(omega.size):
                 real[f] = flat + omega[f] * omega[f] * rising
                 imaginary[f] = omega[f] * turning
-    if ns == 2:
-        _invert_2(weights)
-    else:
-        _invert_3(weights)
+    invert_weights(weights)
     for k in range(ns):
         for m in range(ns):
             real, imaginary = weights[k, m, 0], weights[k, m, 1]

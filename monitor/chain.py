@@ -381,6 +381,7 @@ def _mode(
         servo_s=servo_s,
         imu_position_m=imu,
         input_noise_std=noise,
+        span_m=aircraft.geometry.span_m if aircraft.geometry and vane else 0.0,
     )
     ekf = EkfConfig(
         structure,

@@ -91,7 +91,8 @@ def since_mark(
 
 def transforms_of(omega: Real, bank: Real, span: float, ns: int, nu: int) -> tuple[Array, Array]:
     """``fourier_bank.block_transforms``: (channels, 2, frequencies) and phase (2, frequencies)."""
-    out, phase = np.empty((ns + 2 * nu + 1 + fourier_bank.NUISANCE, 2, omega.size)), np.empty((2, omega.size))
+    out = np.empty((len(bank) + fourier_bank.NUISANCE - 1, 2, omega.size))
+    phase = np.empty((2, omega.size))
     fourier_bank.block_transforms(omega, bank, span, ns, nu, out, phase)
     return out, phase
 
