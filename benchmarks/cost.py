@@ -99,10 +99,11 @@ def modes(aircraft: Aircraft, vehicles: int) -> list[Mode]:
         signals = Signals(
             SignalConfig(structure, aircraft.sensors.vane_position_m, reference_airspeed_m_s=reference[0])
         )
+        span_m = aircraft.geometry.span_m if aircraft.geometry else 0.0
         fourier = FourierEstimator(
-            FourierConfig(structure, aircraft.band_hz(structure), value, 3.0 * size, reference)
+            FourierConfig(structure, aircraft.band_hz(structure), value, 3.0 * size, reference, span_m=span_m)
         )
-        ekf = EkfEstimator(EkfConfig(structure, value, size, reference))
+        ekf = EkfEstimator(EkfConfig(structure, value, size, reference, span_m=span_m))
         made.append(
             Mode(structure, signals, fourier, ekf, signals.init(vehicles), fourier.init(vehicles), ekf.init(vehicles))
         )  # fmt: skip
