@@ -1,4 +1,4 @@
-"""Running the last stretch again about better values; compiled.
+"""Running the last stretch again about better values.
 
 The filter linearises the products of derivatives and states about what it knows at the moment, and what it has taken in
 so it keeps. Early in an excited stretch that is little: the estimate moves with the noise, and answers to the start.
@@ -25,8 +25,11 @@ A step of Gauss and Newton is a guide only where the response is straight within
 at most a quarter. Quiet flight, where J is what noise pretends, and a derivative just set free are left alone so.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf_covariance import keep_marginal, reseat
 from wingwatch.estimators.ekf_inputs import pretended
@@ -34,6 +37,10 @@ from wingwatch.estimators.ekf_kernel import run_again
 from wingwatch.estimators.ekf_solve import controls_of
 
 __all__ = ["SOLUTIONS", "STRETCH_ROWS", "mark", "relinearise_all", "remember"]
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+Sizes = tuple[tuple[int, ...], ...]
 
 STRETCH_ROWS = 640
 """Rows that are kept at most."""
@@ -207,11 +214,11 @@ def _fold(  # type: ignore[no-untyped-def]
     information[:] = 0.5 * (information + information.T)
 
 
-@njit(cache=True)
-def _run_again(  # type: ignore[no-untyped-def]
-    known_sizes, fixed, prior_value, prior_information, z, cov, noise, slow, echo, counts, stretch, tally, solved,
-    marks_z, marks_cov, marks_rows, weighed, about, first,
-):  # fmt: skip
+def _run_again(
+    known_sizes: Sizes, fixed: Any, prior_value: Array, prior_information: Array, z: Array, cov: Array, noise: Array,
+    slow: Array, echo: Array, counts: Counts, stretch: Array, tally: Counts, solved: Array, marks_z: Array,
+    marks_cov: Array, marks_rows: Array, weighed: Array, about: Array, first: int,
+) -> bool:  # fmt: skip
     """The stretch again about the present estimate: z, cov, noise, slow, echo and the marks become what it leaves.
 
     Returns whether it did: a run that leaves no sound covariance is left out.
@@ -265,11 +272,64 @@ def _run_again(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def relinearise_all(  # type: ignore[no-untyped-def]
-    known_sizes, fixed, prior_value, prior_std, z, cov, noise, slow, rows, variance, information, vector, echo, counts,
-    done, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about,
+def _assess(  # type: ignore[no-untyped-def]
+    first, prior_information, z, cov, noise, rows, information, counts, done, stretch, tally, solved, marks_z,
+    marks_cov, marks_rows, weighed, about, fresh, matters,
 ):  # fmt: skip
+    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the stretch begins anew) and whether
+    it ``matters`` to run the stretch again."""
+    k = prior_information.size
+    for i in range(z.shape[0]):
+        fresh[i], matters[i] = -1, False
+        count, solutions = tally[i, 0], tally[i, 2]
+        if np.isnan(done[i, 0]) or count == 0:
+            continue
+        if count > stretch.shape[1] or not np.isfinite(cov[i]).all():
+            tally[i] = 0
+            mark(
+                0, z[i], cov[i], noise[i], rows[i], first, marks_z[i], marks_cov[i], marks_rows[i], weighed[i], about[i]
+            )  # fmt: skip
+            continue
+        fresh[i] = count - (int(solved[i, solutions - 1, 0]) if solutions > 0 else 0)
+        solved[i, solutions, 0], solved[i, solutions, 1:] = count, done[i]
+        tally[i, 2] += 1
+        kept = 1.0
+        for s in range(tally[i, 2]):
+            kept *= solved[i, s, 1]
+        if not np.isfinite(weighed[i, 0, 0]):
+            _weigh(noise[i], weighed[i, 0])
+        left_out = _left_out(
+            z[i, first : first + k], cov[i, first : first + k, first : first + k], information[i], about[i, 0],
+            weighed[i, 0], noise[i], kept, prior_information,
+        )  # fmt: skip
+        if left_out > _MATTERS and _SPARE_ROWS + _SPARE * counts[i, 0] >= tally[i, 3] + count:
+            tally[i, 3] += count
+            matters[i] = True
+
+
+@njit(cache=True)
+def _advance_all(  # type: ignore[no-untyped-def]
+    first, z, cov, noise, rows, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about, fresh
+):
+    """The marks of all vehicles whose stretch goes on."""
+    for i in range(z.shape[0]):
+        if fresh[i] >= 0:
+            _advance_marks(
+                z[i], cov[i], noise[i], rows[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i],
+                marks_rows[i], weighed[i], about[i], first, fresh[i],
+            )  # fmt: skip
+
+
+def relinearise_all(
+    known_sizes: Sizes, fixed: Any, prior_value: Array, prior_std: Array, z: Array, cov: Array, noise: Array,
+    slow: Array, rows: Array, variance: Array, information: Array, vector: Array, echo: Array, counts: Counts,
+    done: Array, stretch: Array, tally: Counts, solved: Array, marks_z: Array, marks_cov: Array, marks_rows: Array,
+    weighed: Array, about: Array,
+) -> None:  # fmt: skip
     """After a solution: the stretch is run again where linearisation has left out what matters, and the marks advance.
+
+    Few stretches are, so what is done with one is put together here from kernels: compiled as a whole for each number
+    of states it would take longer than all the filter.
 
     Args:
         known_sizes: of ``hot.sizes``: states, inputs, states of the air.
@@ -279,39 +339,34 @@ def relinearise_all(  # type: ignore[no-untyped-def]
     """
     k, first = variance.shape[1], len(known_sizes[0]) + len(known_sizes[2])
     prior_information = 1.0 / (prior_std[:k] * prior_std[:k])
-    for i in range(z.shape[0]):
-        count, solutions = tally[i, 0], tally[i, 2]
-        if np.isnan(done[i, 0]) or count == 0:
-            continue
-        fresh = count - (int(solved[i, solutions - 1, 0]) if solutions > 0 else 0)
-        if count > stretch.shape[1] or not np.isfinite(cov[i]).all():
-            tally[i] = 0
-            mark(
-                0, z[i], cov[i], noise[i], rows[i], first, marks_z[i], marks_cov[i], marks_rows[i], weighed[i], about[i]
-            )  # fmt: skip
-            continue
-        solved[i, solutions, 0], solved[i, solutions, 1:] = count, done[i]
-        tally[i, 2] += 1
-        kept = 1.0
-        for s in range(tally[i, 2]):
-            kept *= solved[i, s, 1]
-        value, parameters = z[i, first : first + k], cov[i, first : first + k, first : first + k]
-        if not np.isfinite(weighed[i, 0, 0]):
-            _weigh(noise[i], weighed[i, 0])
-        left_out = _left_out(
-            value, parameters, information[i], about[i, 0], weighed[i, 0], noise[i], kept, prior_information
-        )
-        if left_out > _MATTERS and _SPARE_ROWS + _SPARE * counts[i, 0] >= tally[i, 3] + count:
-            tally[i, 3] += count
-            if _run_again(
-                known_sizes, fixed, prior_value[:k], prior_information, z[i], cov[i], noise[i], slow[i], echo[i],
-                counts[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i], marks_rows[i], weighed[i],
-                about[i], first,
-            ):  # fmt: skip
-                information[i] = np.linalg.inv(np.ascontiguousarray(parameters))
-                vector[i] = information[i] @ value
-                variance[i] = np.diag(parameters)
-        _advance_marks(
-            z[i], cov[i], noise[i], rows[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i], marks_rows[i],
-            weighed[i], about[i], first, fresh,
-        )  # fmt: skip
+    fresh, matters = np.empty(len(z), dtype=np.int64), np.empty(len(z), dtype=np.bool_)
+    _assess(
+        first, prior_information, z, cov, noise, rows, information, counts, done, stretch, tally, solved, marks_z,
+        marks_cov, marks_rows, weighed, about, fresh, matters,
+    )  # fmt: skip
+    for i in np.flatnonzero(matters):
+        if _run_again(
+            known_sizes, fixed, prior_value[:k], prior_information, z[i], cov[i], noise[i], slow[i], echo[i],
+            counts[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i], marks_rows[i], weighed[i],
+            about[i], first,
+        ):  # fmt: skip
+            parameters = cov[i, first : first + k, first : first + k]
+            information[i] = np.linalg.inv(parameters)
+            vector[i] = information[i] @ z[i, first : first + k]
+            variance[i] = np.diag(parameters)
+    _advance_all(
+        first,
+        z,
+        cov,
+        noise,
+        rows,
+        stretch,
+        tally,
+        solved,
+        marks_z,
+        marks_cov,
+        marks_rows,
+        weighed,
+        about,
+        fresh,
+    )
