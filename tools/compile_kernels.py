@@ -48,7 +48,7 @@ def compile_filter() -> None:
 def main() -> None:
     """Fly, watch and say how long it took."""
     print(
-        "[set-up] numerical kernels: compiled on the first start, two to three minutes, then kept", flush=True
+        "[set-up] numerical kernels: compiled on the first start, two to four minutes, then kept", flush=True
     )
     began = time.monotonic()
     other = multiprocessing.get_context("spawn").Process(target=compile_fourier)
