@@ -168,6 +168,25 @@ def dense(ns: int, longitudinal: bool) -> tuple[np.ndarray, ...]:
     return theta, rng.uniform(0.5, 2.0, ns * (ns + 1)), noise, forward
 
 
+def hearing(
+    s: complex, turned: complex, forward: np.ndarray, lever: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """How regressors (states, input) and left sides hear the noise of states, accelerometer and one input."""
+    ns = forward.size
+    heard = np.zeros((ns + 1, ns + 2), dtype=complex)
+    heard[:ns, :ns], heard[ns, ns + 1] = np.eye(ns), 1.0
+    heard[ns - 1, 0] += turned * s
+    heard[ns - 1, ns] -= turned
+    for j in range(1, ns):
+        heard[ns - 1, j] -= turned * (forward[j] + lever[j] * s)
+    left = np.zeros((ns, ns + 2), dtype=complex)
+    for k in range(1, ns):
+        left[k, k] = s
+    left[0, ns] = 1.0
+    left[0, 1:ns] += lever[1:] * s
+    return heard, left
+
+
 @pytest.mark.parametrize(("ns", "longitudinal"), [(2, True), (2, False), (3, False)])
 def test_weights_and_what_noise_shares_with_the_regressors_are_those_of_whole_matrices(
     ns: int, longitudinal: bool
@@ -206,18 +225,7 @@ def test_weights_and_what_noise_shares_with_the_regressors_are_those_of_whole_ma
         deaf += sum((forward[j] ** 2 + (omega * lever[j]) ** 2) * noise[j] for j in range(1, ns))
         believed = gust / (gust + deaf)
         answer = air[0] / (1.0 + s * air[1])
-        # C: how regressors (states, input) hear states, accelerometer, input.
-        heard = np.zeros((nd, nd + 1), dtype=complex)
-        heard[:ns, :ns], heard[ns, ns + 1] = np.eye(ns), 1.0
-        heard[ns - 1, 0] += believed * answer * s
-        heard[ns - 1, ns] -= believed * answer
-        for j in range(1, ns):
-            heard[ns - 1, j] -= believed * answer * (forward[j] + lever[j] * s)
-        left = np.zeros((ns, nd + 1), dtype=complex)
-        for k in range(1, ns):
-            left[k, k] = s
-        left[0, ns] = 1.0
-        left[0, 1:ns] += lever[1:] * s
+        heard, left = hearing(s, believed * answer, forward, lever)
         transfer = left - slopes @ heard
         columns = np.zeros((ns, 2), dtype=complex)
         columns[:, 0] = -slopes[:, 1] / (1.0 + s * air[2]) if ns == 3 else 0.0
