@@ -41,6 +41,24 @@ def _add_turned(omega, factor, source, target):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _add_half_step(omega, dt, jumps, target):  # type: ignore[no-untyped-def]
+    """target += what a line from sample to sample is short of a signal that jumps at the later one.
+
+    A line that ends in a jump of one has, before the jump, t / dt that the held signal has not:
+    (e^{s dt} - 1 - s dt) / (s^2 dt).
+    """
+    real, imaginary, x, y = target[0], target[1], jumps[0], jumps[1]
+    if x[0] == 0.0 and y[0] == 0.0:
+        return
+    for f in range(omega.size):
+        angle = omega[f] * dt
+        a = -dt * (1.0 - math.cos(angle)) / (angle * angle)
+        b = -dt * (angle - math.sin(angle)) / (angle * angle)
+        real[f] += a * x[f] - b * y[f]
+        imaginary[f] += a * y[f] + b * x[f]
+
+
+@lean
 def between_samples(  # type: ignore[no-untyped-def]
     omega,
     lines,
@@ -62,7 +80,8 @@ def between_samples(  # type: ignore[no-untyped-def]
     """Transforms of a block whose states and surfaces move between samples as the aircraft does.
 
     A line from sample to sample misses -dt^2 / 12 x'' of a curve, and x'' = A x' + B u', with the u' of surfaces that
-    move, not of those that jump. A servo is ahead of the line by a share of dt.
+    move, not of those that jump. A servo is ahead of the line by a share of dt. The accelerometer hears states and
+    surfaces at once: what their lines miss its own line misses, and a jump of a held input is a ramp in it.
 
     Args:
         lines: (channels, 2, frequencies) of ``block_transforms``, the jumps of held inputs last; phase: e^{s T}.
@@ -84,12 +103,15 @@ def between_samples(  # type: ignore[no-untyped-def]
         rate_of(omega, lines[j], phase, start[1 + j], end[1 + j], rate[j])
     for j in range(nu):
         own = ns + j
-        if not servo_s[j] > 0.0:
-            rate[own] = 0.0
-            continue
         rate_of(omega, lines[own + 1], phase, start[2 + own], end[2 + own], rate[own])
-        _add(-1.0, lines[nd + 1 + NUISANCE + j], rate[own])
-        if servo_s[j] < math.inf:
+        if servo_s[j] == 0.0:
+            _add_half_step(omega, dt, rate[own], missed[own])
+            rate[own] = 0.0
+        elif servo_s[j] == math.inf:
+            jumps = lines[nd + 1 + NUISANCE + j]
+            _add_half_step(omega, dt, jumps, missed[own])
+            _add(-1.0, jumps, rate[own])
+        else:
             mean, moment = course(dt, servo_s[j], False)
             _add(dt * (mean - 0.5), rate[own], missed[own])
             _add_turned(omega, dt * dt * (moment + 1.0 / 12.0), rate[own], missed[own])
@@ -106,6 +128,7 @@ def between_samples(  # type: ignore[no-untyped-def]
             _add(forward[j], missed[j], out[ns])
         return
     for j in range(nd):
-        _add(theta[j] * scale[j], missed[j], out[ns])
-    for j in range(1, ns):
-        _add_turned(omega, -lever[j], missed[j], out[ns])
+        share = theta[j] * scale[j]
+        for k in range(1, ns):
+            share -= lever[k] * theta[k * nd + j] * scale[k * nd + j]
+        _add(share, missed[j], out[ns])

@@ -98,12 +98,13 @@ def transforms_of(omega: Real, bank: Real, span: float, ns: int, nu: int) -> tup
 
 
 def curves_of(
-    omega: Real, lines: Real, phase: Real, rows: Real, dt: float, servo_s: Real, theta: Real, forward: Real
+    omega: Real, lines: Real, phase: Real, rows: Real, dt: float, servo_s: Real, theta: Real, forward: Real,
+    lever_m: float,
 ) -> Array:  # fmt: skip
-    """``fourier_between.between_samples`` of two states and one input, the force seen by an accelerometer."""
-    out, room = np.empty(lines.shape), np.empty((2, 3, 2, omega.size))
+    """``fourier_between.between_samples`` of two states and one input, the force seen ``lever_m`` ahead of the c.g."""
+    out, room, lever = np.empty(lines.shape), np.empty((2, 3, 2, omega.size)), np.array([0.0, lever_m])
     fourier_between.between_samples(
-        omega, lines, phase, rows[0], rows[-1], dt, servo_s, theta, np.ones(6), forward, np.zeros(2), True, 2, 1,
+        omega, lines, phase, rows[0], rows[-1], dt, servo_s, theta, np.ones(6), forward, lever, True, 2, 1,
         room, out,
     )  # fmt: skip
     return out

@@ -64,15 +64,13 @@ def all_finite(state: State, vehicle: int, runner: Runner) -> bool:
 @every_estimator
 @every_plant
 def test_clean_plant_is_recovered(make: Maker, plant: Plant) -> None:
-    """Within 1 % (issue 2); the control force hardly acts: its error may move the force by 1 % of the force's peak."""
+    """Within 1 % (issue 2), by the Fourier form, exact between samples to second order in the step, within 0.02 %."""
     runner = make(plant)
     signals = make_signals(plant, doublets(plant, 22.0))
     estimate = runner.estimate(runner.run(signals[None]))
     miss = np.abs(estimate.value - plant.truth)
-    strong = np.array([d not in ("z_eta", "y_zeta") for d in plant.structure.derivatives])
-    assert (miss[strong] < 0.01 * np.abs(plant.truth[strong])).all(), 100.0 * miss / np.abs(plant.truth)
-    force, surface = signals[:, 3] - signals[0, 3], signals[:, 4]
-    assert miss[2] * np.abs(surface).max() < 0.01 * np.abs(force).max(), miss[2]
+    within = 2e-4 if isinstance(runner.estimator, FourierEstimator) else 0.01
+    assert (miss < within * np.abs(plant.truth)).all(), 100.0 * miss / np.abs(plant.truth)
     assert estimate.outcome is Outcome.CONVERGED
 
 
