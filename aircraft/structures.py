@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 __all__ = [
     "DUTCH_ROLL",
@@ -21,7 +22,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ModeStructure:
     """The linear model of one mode: ``dx/dt = A x + B u + constant``, row by row.
 
@@ -46,17 +47,17 @@ class ModeStructure:
     oscillations: tuple[str, ...] = ()
     subsidences: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def regressors(self) -> tuple[str, ...]:
         """States, then inputs: the columns of every equation."""
         return self.states + self.inputs
 
-    @property
+    @cached_property
     def derivatives(self) -> tuple[str, ...]:
         """Symbols of all derivatives, equation by equation (row-major over equation and regressor)."""
         return tuple(f"{row}_{column}" for row in self.equations for column in self.regressors)
 
-    @property
+    @cached_property
     def all_states(self) -> tuple[str, ...]:
         """States, then attitudes: the rows and columns of A."""
         return self.states + self.attitudes

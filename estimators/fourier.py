@@ -158,6 +158,7 @@ class FourierEstimator:
     def __init__(self, config: FourierConfig) -> None:
         self.config = config
         self.layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
+        self._fixed = _fixed(config, self.layout)
         self._room = block_room(
             self.layout.states, self.layout.inputs, config.omega_rad_s.size, self.layout.columns
         )
@@ -282,32 +283,36 @@ class FourierEstimator:
         )
 
     def _arguments(self, s: FourierState):  # type: ignore[no-untyped-def]
-        c = self.config
-        lever = np.zeros(self.layout.states)
-        x, _, z = c.imu_position_m
-        if c.structure.equations[0] == "z":
-            lever[1] = x
-        else:
-            lever[-1] = -x
-            if self.layout.states == 3:
-                lever[1] = z
-        exponents = np.array([1.0] * self.layout.states + [2.0] * self.layout.inputs)
-        servo_s = np.array(c.servo_s or (0.0,) * self.layout.inputs)
-        servo_s = np.where(c.held, 0.0, np.where(servo_s > 0.0, servo_s, np.inf))
-        settings = np.array(
-            [c.block_s, c.first_solution_s, c.memory_s, c.smallest_share, *c.reference, c.stale_s,
-             *np.square(c.input_noise_std), *servo_s]
-        )  # fmt: skip
-        roll = self.layout.states == 3
-        # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
-        known = c.span_m if c.force_from_accelerometer else 0.0
-        smoothed = [4.0, 4.0 if c.structure.equations[0] == "z" else 3.0]
-        gusts = np.array([[0.0, 0.0], smoothed]) * known / np.pi
         return (
-            c.omega_rad_s, lever, gusts, c.force_from_accelerometer, exponents, settings, c.prior_value,
-            c.prior_std, c.structure.equations[0] == "z", roll, s.bank, s.coefficients, s.step, s.turning, s.rows,
-            s.sums, s.roughness, s.theta, s.noise, s.noise_known, s.sensitivity, s.information, s.vector,
-            s.driven, s.reserve, s.covariance, s.informed_s, s.evidence_matrix, s.evidence_vector, s.evidence_bias,
-            s.evidence_span, s.condition, s.counts, s.scatter, s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known,
-            s.changed_s, s.follows, self._room,
+            *self._fixed, s.bank, s.coefficients, s.step, s.turning, s.rows, s.sums, s.roughness, s.theta, s.noise,
+            s.noise_known, s.sensitivity, s.information, s.vector, s.driven, s.reserve, s.covariance, s.informed_s,
+            s.evidence_matrix, s.evidence_vector, s.evidence_bias, s.evidence_span, s.condition, s.counts, s.scatter,
+            s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known, s.changed_s, s.follows, self._room,
         )  # fmt: skip
+
+
+def _fixed(c: FourierConfig, layout: SignalLayout):  # type: ignore[no-untyped-def]
+    """What the kernels take from the configuration: the first of their arguments, in their order."""
+    longitudinal, roll = c.structure.equations[0] == "z", layout.states == 3
+    lever = np.zeros(layout.states)
+    x, _, z = c.imu_position_m
+    if longitudinal:
+        lever[1] = x
+    else:
+        lever[-1] = -x
+        if roll:
+            lever[1] = z
+    exponents = np.array([1.0] * layout.states + [2.0] * layout.inputs)
+    servo_s = np.array(c.servo_s or (0.0,) * layout.inputs)
+    servo_s = np.where(c.held, 0.0, np.where(servo_s > 0.0, servo_s, np.inf))
+    settings = np.array(
+        [c.block_s, c.first_solution_s, c.memory_s, c.smallest_share, *c.reference, c.stale_s,
+         *np.square(c.input_noise_std), *servo_s]
+    )  # fmt: skip
+    # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
+    known = c.span_m if c.force_from_accelerometer else 0.0
+    gusts = np.array([[0.0, 0.0], [4.0, 4.0 if longitudinal else 3.0]]) * known / np.pi
+    return (
+        c.omega_rad_s, lever, gusts, c.force_from_accelerometer, exponents, settings, c.prior_value, c.prior_std,
+        longitudinal, roll,
+    )  # fmt: skip

@@ -3,8 +3,9 @@
 from wingwatch.monitor.causes import CAUSES, Cause
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import Chain, Solution
-from wingwatch.monitor.fleet import FleetMonitor, FleetSettings, Outputs, Store
+from wingwatch.monitor.fleet import FleetMonitor, FleetSettings
 from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.ports import Outputs, Store
 from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,

@@ -8,7 +8,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
@@ -16,6 +16,7 @@ from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
 from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.ports import Outputs, Store
 from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
@@ -48,67 +49,8 @@ STATE_ORDER = (
 """Worst first."""
 
 
-class Store(Protocol):
-    """Where a fleet's memory is kept; every method may raise and is then counted, never fatal."""
-
-    def references(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[str, Reference]:
-        """What earlier flights of the vehicle taught, by structure."""
-        ...
-
-    def envelopes(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
-        """Expectations that are kept for an aircraft, by structure; they take the place of its file's."""
-        ...
-
-    def save_references(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
-    ) -> None:
-        """Keep what the vehicle's flights taught."""
-        ...
-
-    def cells(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[CellPlace, CellMemory]:
-        """What cells of the envelope taught, with their age."""
-        ...
-
-    def save_cells(
-        self,
-        fleet: str,
-        vehicle: str,
-        aircraft: str,
-        configuration: str,
-        cells: Mapping[CellPlace, Reference],
-    ) -> None:
-        """Keep what cells taught; each takes the place of what was kept of it."""
-        ...
-
-    def save_alert(self, alert: AlertView) -> None:
-        """Keep an alert; one with the same id is replaced."""
-        ...
-
-    def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
-        """Keep estimates for history."""
-        ...
-
-    def alerts(self) -> Sequence[AlertView]:
-        """Alerts of earlier runs, newest first."""
-        ...
-
-
-class Outputs(Protocol):
-    """Where news goes; called without the fleet's lock held."""
-
-    def announce(
-        self, fleet: str, vehicle: str, stream: str, value: Mapping[str, Any] | VehicleView | AlertView
-    ) -> None:
-        """``stream`` is ``derivatives``, ``status`` or ``alerts``."""
-        ...
-
-    def ask_aircraft(self, fleet: str, vehicle: str) -> None:
-        """A vehicle sends samples but never said what aircraft it is: query it."""
-        ...
+_KEPT_TYPES = 64
+"""Aircraft types and configurations whose stated envelopes are kept: invented names cannot fill the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +126,7 @@ class FleetMonitor:
         self._alerts: dict[str, AlertView] = {}
         self._events: deque[Event] = deque(maxlen=self._settings.kept_events)
         self._event_id = 0
+        self._apriori: dict[tuple[str, str], tuple[Aircraft, Mapping[str, Envelope]]] = {}
         self.problems: dict[str, int] = {}
         if store is not None:
             self._alerts = {a.id: a for a in reversed(self._guarded(store.alerts) or ())}
@@ -261,11 +204,19 @@ class FleetMonitor:
             cells = self._guarded(lambda: store.cells(fleet, vehicle, aircraft.name, configuration))
         # What the message carries counts, not what its few samples happen to hold: a vane may start late.
         present = [*message.given, *derivations(message.given)]
+        known_type, apriori = self._apriori.get((aircraft.name, announced.configuration), (None, {}))
+        if known_type is not aircraft:
+            apriori = {}
         monitor = VehicleMonitor(
             aircraft, fleet, vehicle, present, surface_kinds(message.given),
-            configuration=announced.configuration, references=learned, envelopes=kept, cells=cells,
-            new_id=self._new_id, config=self._settings.judge,
+            configuration=announced.configuration, references=learned, envelopes={**apriori, **(kept or {})},
+            cells=cells, new_id=self._new_id, config=self._settings.judge,
         )  # fmt: skip
+        stated = {k: v for k, v in monitor.chain.envelopes.items() if k not in (kept or {})}
+        # One type's vehicles share what its file says: linearised once, not once a vehicle.
+        self._apriori[aircraft.name, announced.configuration] = aircraft, {**apriori, **stated}
+        while len(self._apriori) > _KEPT_TYPES:
+            self._apriori.pop(next(iter(self._apriori)))
         known.saved_blocks = _blocks(monitor)
         return monitor
 
@@ -281,7 +232,7 @@ class FleetMonitor:
             news.append(alert)
         if report.solutions:
             self._keep_history(fleet, vehicle, known, monitor, report)
-            value = monitor.derivatives()
+            value = monitor.derivatives(report.solutions[-1])
             news.append(value)
             self._event("derivatives", {"fleet": fleet, "vehicle": vehicle, "time_s": value["time_s"]})
         if monitor.state is not known.shown:

@@ -252,15 +252,15 @@ class VehicleMonitor:
             found.source,
         )  # fmt: skip
 
-    def derivatives(self) -> dict[str, Any]:
-        """The contract's ``estimate`` object as of the last sample, with expectations."""
-        solution = self.chain.current(self._chain_state)
+    def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
+        """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""
+        at = self.chain.current(self._chain_state) if solution is None else solution
         estimators: dict[str, dict[str, Any]] = {"fourier": {}, "ekf": {}}
-        for name, mode in solution.modes.items():
+        for name, mode in at.modes.items():
             for estimate in (mode.fourier, mode.ekf):
                 estimators[estimate.estimator][name] = self.mode_object(estimate)
         return {
-            "time_s": self.last_sample_time_s,
+            "time_s": at.time_s if np.isfinite(at.time_s) else None,
             "basis": self.basis,
             "estimators": estimators,
             "not_estimated": dict(self.chain.absent),

@@ -164,11 +164,10 @@ class FlightPublisher:
         return payload
 
     def _begin(self, must_be_heard: bool, timeout_s: float) -> None:
-        """Announces the vehicle once there is somebody to hear it; a later call only looks."""
-        heard = self._has_receiver() or (
-            (must_be_heard or not self._announced) and self.wait_for_receiver(timeout_s)
-        )
-        if must_be_heard and not heard:
+        """Announces the vehicle once somebody hears it; later looks only where it must be heard."""
+        if self._announced and not must_be_heard:
+            return
+        if not self.wait_for_receiver(timeout_s) and must_be_heard:
             raise LinkError(
                 f"nobody listens to {self._sensors_key} after {timeout_s:g} s: start the service first"
             )

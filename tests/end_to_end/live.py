@@ -22,6 +22,8 @@ from wingwatch.telemetry import (
 )
 
 PATIENCE_S = 60.0
+CLIENT = httpx.Client(timeout=10.0, headers={"Connection": "close"})
+"""One for all questions: a new one reads the machine's certificates, which costs more than the question."""
 COMPILE_S = 240.0
 """A fresh machine compiles every kernel in the first test that needs one."""
 
@@ -42,7 +44,7 @@ def service_in(folder: Path, **settings: Any) -> Iterator[tuple[Service, str]]:
 
 
 def get(service: Service, path: str) -> dict[str, Any]:
-    answer = httpx.get(f"{service.url}{path}", timeout=10.0)
+    answer = CLIENT.get(f"{service.url}{path}")
     assert answer.status_code == 200, answer.text
     value = answer.json()
     assert isinstance(value, dict)
@@ -59,7 +61,7 @@ def until(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> None
 
 def known(service: Service, vehicle: str) -> dict[str, Any] | None:
     """The vehicle as REST gives it, None while nobody has heard of it."""
-    answer = httpx.get(f"{service.url}/v1/vehicles/{vehicle}", timeout=10.0)
+    answer = CLIENT.get(f"{service.url}/v1/vehicles/{vehicle}")
     return answer.json() if answer.status_code == 200 else None
 
 
