@@ -261,10 +261,8 @@ class EkfEstimator:
                 self._update_filterpy(state, vehicle, signals[vehicle])
             return
         update_all(
-            np.ascontiguousarray(signals), self._servo_s, self._input_variance, self._lever, self._exponents,
-            self._reference, self._longitudinal, self._roll, self.config.use_accelerometer, self._settings,
-            self._gust_m, self._direction, state.z, state.cov, state.noise, state.lags, state.levels, state.slow,
-            state.rows, state.roughness, state.condition, state.moments, state.echo, state.counts,
+            np.ascontiguousarray(signals), self._fixed, state.z, state.cov, state.noise, state.lags, state.levels,
+            state.slow, state.rows, state.roughness, state.condition, state.moments, state.echo, state.counts,
         )  # fmt: skip
 
     def solve(self, state: EkfState) -> None:

@@ -460,53 +460,78 @@ def _update(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _update_all(  # type: ignore[no-untyped-def]
-    known_sizes, signals, servo_s, input_variance, lever, exponents, reference, longitudinal, roll, use_accelerometer,
-    settings, gust_m, direction, z, cov, noise, lags, levels, slow, rows, roughness, condition, moments, echo,
-    counts,
+    known_sizes, signals, ends, first_time, noted_z, noted_cov, noted_moments, noted_echo, servo_s, input_variance,
+    lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m, direction, z, cov, noise,
+    lags, levels, slow, rows, roughness, condition, moments, echo, counts,
 ):  # fmt: skip
+    """Runs the rows before each of ``ends`` in turn; notes what the filter has then, as far as there is room."""
     scratch = _scratch(len(known_sizes[0]), len(known_sizes[1]), len(known_sizes[2]))
     fixed = Fixed(
         servo_s, input_variance, lever, exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m,
         direction,
     )  # fmt: skip
     for i in range(signals.shape[0]):
-        _update(
-            known_sizes, signals[i], fixed, z[i], cov[i], noise[i], lags[i], levels[i], slow[i], rows[i, 0], rows[i, 1],
-            roughness[i], condition[i], moments[i], echo[i], counts[i], True, scratch,
-        )  # fmt: skip
+        begin = 0
+        for s in range(ends.size):
+            _update(
+                known_sizes, signals[i, begin : ends[s]], fixed, z[i], cov[i], noise[i], lags[i], levels[i], slow[i],
+                rows[i, 0], rows[i, 1], roughness[i], condition[i], moments[i], echo[i], counts[i], first_time, scratch,
+            )  # fmt: skip
+            begin = ends[s]
+            if s < noted_z.shape[0]:
+                noted_z[s], noted_cov[s], noted_moments[s], noted_echo[s] = z[i], cov[i], moments[i], echo[i]
+                moments[i] = 0.0
 
 
-@njit(cache=True)
-def run_again(known_sizes, signals, fixed, z, cov, noise, slow, rows, moments, echo, counts):  # type: ignore[no-untyped-def]
-    """Runs samples of one vehicle that have been run before: the sensors' noise levels and the gust's are known.
+def _notes(solutions: int, nz: int, echo: tuple[int, ...]) -> tuple[Array, Array, Array, Array]:
+    """Room for z, cov, moments and echo at so many solutions; ``echo`` is the shape of one vehicle's."""
+    return (
+        np.empty((solutions, nz)), np.empty((solutions, nz, nz)), np.empty((solutions, echo[0], 4)),
+        np.empty((solutions, *echo)),
+    )  # fmt: skip
+
+
+def run_again(
+    known_sizes: tuple[tuple[int, ...], ...], signals: Array, ends: NDArray[np.int64], fixed: Fixed, z: Array,
+    cov: Array, noise: Array, slow: Array, rows: Array, echo: Array, counts: NDArray[np.int64],
+) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+    """Runs rows of one vehicle that have been run before: the sensors' noise levels and the gust's are known.
 
     The others go on being learned from where they are.
 
     Args:
         known_sizes: of ``hot.sizes``: states, inputs, states of the air.
-        signals: (samples, columns).
+        signals: (rows, columns).
+        ends: rows before each solution, rising, (solutions,).
         fixed: of the filter.
-        z, cov, noise, slow, rows, moments, echo, counts: as in ``EkfState``, of one vehicle, advanced in place.
+        z, cov, noise, slow, rows, echo, counts: as in ``EkfState``, of one vehicle, advanced in place.
+
+    Returns:
+        z, cov, moments since the solution before and echo at each solution.
     """
-    ns = len(known_sizes[0])
-    _update(
-        known_sizes, signals, fixed, z, cov, noise, np.zeros((ns, 4)), np.zeros((4, LEVELS)), slow, rows[0], rows[1],
-        np.zeros(1), np.zeros(5), moments, echo, counts, False, _scratch(ns, len(known_sizes[1]), len(known_sizes[2])),
+    ns, nu = len(known_sizes[0]), len(known_sizes[1])
+    noted = _notes(ends.size, z.size, echo.shape)
+    _update_all(
+        known_sizes, signals[None], ends, False, *noted, *fixed, z[None], cov[None], noise[None], np.zeros((1, ns, 4)),
+        np.zeros((1, 4, LEVELS)), slow[None], rows[None], np.zeros((1, 1)), np.zeros((1, 5)), np.zeros((1, nu, 4)),
+        echo[None], counts[None],
     )  # fmt: skip
+    return noted
 
 
-def update_all(signals: Array, servo_s: Array, input_variance: Array, lever: Array, *others: object) -> None:
+def update_all(
+    signals: Array, fixed: Fixed, z: Array, cov: Array, noise: Array, lags: Array, levels: Array, slow: Array,
+    rows: Array, roughness: Array, condition: Array, moments: Array, echo: Array, counts: NDArray[np.int64],
+) -> None:  # fmt: skip
     """Run all samples of all vehicles; arrays lead with the vehicle axis and are advanced in place.
 
     Args:
         signals: shape (vehicles, samples, columns).
-        servo_s, input_variance: time constant of what moves an input (``_course``), variance of its reading, (nu,).
-        lever: the accelerometer's place by state, (ns,).
-        others: exponents, reference, longitudinal, roll, use_accelerometer, settings, gust_m, direction of
-            ``EkfEstimator``, then the arrays of its state from z to counts but for those that only solutions use.
+        fixed: of the filter.
+        z, ..., counts: of ``EkfState``.
     """
-    gust_m = others[6]
-    assert isinstance(gust_m, np.ndarray)
     _update_all(
-        sizes(lever.size, servo_s.size, gust_m.size), signals, servo_s, input_variance, lever, *others
-    )
+        sizes(fixed.lever.size, fixed.servo_s.size, fixed.gust_m.size), signals, np.array([signals.shape[1]]), True,
+        *_notes(0, z.shape[1], echo.shape[1:]), *fixed, z, cov, noise, lags, levels, slow, rows, roughness, condition,
+        moments, echo, counts,
+    )  # fmt: skip

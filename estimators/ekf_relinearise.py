@@ -35,6 +35,7 @@ from wingwatch.estimators.ekf_covariance import keep_marginal, reseat
 from wingwatch.estimators.ekf_inputs import pretended
 from wingwatch.estimators.ekf_kernel import run_again
 from wingwatch.estimators.ekf_solve import controls_of
+from wingwatch.estimators.symmetric import invert
 
 __all__ = ["SOLUTIONS", "STRETCH_ROWS", "mark", "relinearise_all", "remember"]
 
@@ -156,30 +157,30 @@ def _left_out(value, present, information, about, weighed, noise, kept, prior_in
 
 
 @njit(cache=True)
-def _is_positive(matrix):  # type: ignore[no-untyped-def]
-    """Whether a symmetric matrix is positive definite, by Cholesky's factors."""
+def _inverse(matrix, room, out):  # type: ignore[no-untyped-def]
+    """Inverse of a symmetric matrix into ``out``; returns whether the matrix is positive definite and finite."""
     n = matrix.shape[0]
-    root = np.zeros((n, n))
     for a in range(n):
-        for b in range(a + 1):
-            left = matrix[a, b]
-            for c in range(b):
-                left -= root[a, c] * root[b, c]
-            if a == b:
-                if not 0.0 < left < np.inf:
-                    return False
-                root[a, a] = np.sqrt(left)
-            else:
-                root[a, b] = left / root[b, b]
-    return True
+        for b in range(n):
+            room[a, b] = matrix[a, b]
+    invert(room, out)
+    sound = True
+    for a in range(n):
+        sound = sound and 0.0 < room[a, a] < np.inf
+    return sound
+
+
+@njit(cache=True)
+def _symmetric(matrix):  # type: ignore[no-untyped-def]
+    for a in range(matrix.shape[0]):
+        for b in range(a):
+            matrix[a, b] = matrix[b, a] = 0.5 * (matrix[a, b] + matrix[b, a])
 
 
 @njit(cache=True)
 def _fold(  # type: ignore[no-untyped-def]
     information,
     vector,
-    more,
-    more_vector,
     note,
     moments,
     echo,
@@ -188,30 +189,79 @@ def _fold(  # type: ignore[no-untyped-def]
     prior_value,
     ns,
     less,
+    before,
+    mean,
 ):
-    """What one half second says joins what is known, and its solution does to that what it did."""
+    """What a solution does to what is known: resting inputs (``mean`` and covariance ``before`` the half second),
+    information that was none, forgetting."""
     nu = input_variance.size
     resting = note[2:] == 1.0
     pretended(echo, moments, input_variance, resting, ns, less)
     if resting.any():
-        before = np.linalg.inv(information)
-        mean = before @ vector
-        now = np.linalg.inv(information + more)
-        value = now @ (vector + more_vector)
+        now = np.linalg.inv(information)
+        value = now @ vector
         keep_marginal(value, now, mean, before, controls_of(resting, ns, nu), 0)
         information[:] = np.linalg.inv(now)
         vector[:] = information @ value
-    else:
-        information += more
-        vector += more_vector
     keep = note[1]
-    information -= less
-    information *= keep
-    vector *= keep
     for a in range(vector.size):
+        vector[a] *= keep
+        for b in range(vector.size):
+            information[a, b] = keep * (information[a, b] - less[a, b])
         information[a, a] += (1.0 - keep) * prior_information[a]
         vector[a] += (1.0 - keep) * prior_information[a] * prior_value[a]
-    information[:] = 0.5 * (information + information.T)
+    _symmetric(information)
+
+
+@njit(cache=True)
+def _put_together(  # type: ignore[no-untyped-def]
+    star, narrow, noted_z, noted_cov, noted_moments, noted_echo, solved, cut, information, vector, middle,
+    middle_vector, input_variance, prior_information, prior_value, first, ns,
+):  # fmt: skip
+    """Half second by half second, what the run about ``star`` says joins what is known.
+
+    Args:
+        star, narrow: the fixed point and its covariance at the run's beginning.
+        noted_z, ..., noted_echo: of ``run_again``.
+        solved: what the solutions did, of ``EkfState``, as many.
+        cut: rows before the second mark.
+        information, vector: of the derivatives at the beginning, become those at the end; into ``middle``,
+            ``middle_vector`` go those at the second mark.
+        input_variance, prior_information, prior_value, first, ns: of the filter.
+
+    Returns:
+        whether all of it is sound.
+    """
+    k = star.size
+    room, seen, fresh, less, before = (
+        np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, k)),
+    )  # fmt: skip
+    _inverse(narrow, room, seen)
+    told, mean = seen @ star, np.empty(k)
+    for s in range(len(noted_z)):
+        value = noted_z[s, first : first + k]
+        if not _inverse(noted_cov[s, first : first + k, first : first + k], room, fresh):
+            return False
+        if (solved[s, 2:] == 1.0).any():
+            _inverse(information, room, before)
+            mean = before @ vector
+        for a in range(k):
+            now_told = 0.0
+            for b in range(k):
+                now_told += fresh[a, b] * value[b]
+                information[a, b] += fresh[a, b] - seen[a, b]
+                seen[a, b] = fresh[a, b]
+            vector[a] += now_told - told[a]
+            told[a] = now_told
+        _fold(
+            information, vector, solved[s], noted_moments[s], noted_echo[s], input_variance, prior_information,
+            prior_value, ns, less, before, mean,
+        )  # fmt: skip
+        if not _inverse(information, room, fresh):
+            return False
+        if int(solved[s, 0]) == cut:
+            middle[:], middle_vector[:] = information, vector
+    return True
 
 
 def _run_again(
@@ -223,50 +273,36 @@ def _run_again(
 
     Returns whether it did: a run that leaves no sound covariance is left out.
     """
-    k, ns, nu = about.shape[1], len(known_sizes[0]), len(known_sizes[1])
+    k, ns, cut = about.shape[1], len(known_sizes[0]), int(tally[1])
     star = z[first : first + k].copy()
-    narrow = _NARROW * np.ascontiguousarray(cov[first : first + k, first : first + k])
+    narrow = _NARROW * cov[first : first + k, first : first + k]
     new_z, new_cov, last_rows, new_echo, again = (
         marks_z[0].copy(), marks_cov[0].copy(), marks_rows[0].copy(), echo.copy(), counts.copy(),
     )  # fmt: skip
-    middle_z, middle_cov, middle = new_z, new_cov, np.zeros((k, k))
     information = about[0, :, 1 + k :].copy()
     vector = information @ new_z[first : first + k]
+    middle, middle_vector = np.zeros((k, k)), np.zeros(k)
     reseat(new_z, new_cov, star, narrow, first)
-    seen = np.linalg.inv(narrow)
-    told = seen @ star
-    moments, less = np.zeros((nu, 4)), np.zeros((k, k))
-    begin = 0
-    for s in range(tally[2]):
-        end = int(solved[s, 0])
-        run_again(
-            known_sizes, stretch[begin:end], fixed, new_z, new_cov, noise, slow, last_rows, moments, new_echo, again
-        )  # fmt: skip
-        begin = end
-        narrowed = np.ascontiguousarray(new_cov[first : first + k, first : first + k])
-        if not _is_positive(narrowed):
-            return False
-        fresh = np.linalg.inv(narrowed)
-        now_told = fresh @ new_z[first : first + k]
-        _fold(
-            information, vector, fresh - seen, now_told - told, solved[s], moments, new_echo, fixed.input_variance,
-            prior_information, prior_value, ns, less,
-        )  # fmt: skip
-        if not _is_positive(information):
-            return False
-        moments[:] = 0.0
-        seen, told = fresh, now_told
-        if end == tally[1]:
-            middle_z, middle_cov, middle = new_z.copy(), new_cov.copy(), information.copy()
-            known = np.linalg.inv(information)
-            reseat(middle_z, middle_cov, known @ vector, known, first)
+    notes = solved[: tally[2]]
+    ends = notes[:, 0].astype(np.int64)
+    noted = run_again(
+        known_sizes, stretch, ends, fixed, new_z, new_cov, noise, slow, last_rows, new_echo, again
+    )  # fmt: skip
+    if not _put_together(
+        star, narrow, *noted, notes, cut, information, vector, middle, middle_vector, fixed.input_variance,
+        prior_information, prior_value, first, ns,
+    ):  # fmt: skip
+        return False
     known = np.linalg.inv(information)
     reseat(new_z, new_cov, known @ vector, known, first)
     for m in range(2):
         _weigh(noise, weighed[m])
         about[m, :, 0], about[m, :, 1 : 1 + k] = star, cov[first : first + k, first : first + k]
-    if tally[1] > 0:
-        marks_z[1], marks_cov[1], about[1, :, 1 + k :] = middle_z, middle_cov, middle
+    if cut > 0:
+        at = int(np.flatnonzero(ends == cut)[0])
+        marks_z[1], marks_cov[1], about[1, :, 1 + k :] = noted[0][at], noted[1][at], middle
+        known = np.linalg.inv(middle)
+        reseat(marks_z[1], marks_cov[1], known @ middle_vector, known, first)
     z[:], cov[:], echo[:], counts[2] = new_z, new_cov, new_echo, again[2]
     return True
 
