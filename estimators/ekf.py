@@ -447,11 +447,9 @@ class EkfEstimator:
         """Start, restart and warm-up are no filtering and are shared with the compiled engine."""
         one = slice(i, i + 1)
         update_all(
-            np.ascontiguousarray(new)[None, None], self._servo_s, self._input_variance, self._lever, self._exponents,
-            self._reference, self._longitudinal, self._roll, self.config.use_accelerometer, self._settings,
-            self._gust_m, self._direction, state.z[one], state.cov[one], state.noise[one], state.lags[one],
-            state.levels[one], state.slow[one], state.rows[one], state.roughness[one], state.condition[one],
-            state.moments[one], state.echo[one], state.counts[one],
+            np.ascontiguousarray(new)[None, None], self._fixed, state.z[one], state.cov[one], state.noise[one],
+            state.lags[one], state.levels[one], state.slow[one], state.rows[one], state.roughness[one],
+            state.condition[one], state.moments[one], state.echo[one], state.counts[one],
         )  # fmt: skip
 
 
