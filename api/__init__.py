@@ -3,7 +3,13 @@
 from wingwatch.api.app import create_app
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.ports import EstimateRow, HistoryPort
-from wingwatch.api.schemas import AlertDocument, VehicleDocument, alert_document, vehicle_document
+from wingwatch.api.schemas import (
+    AlertDocument,
+    VehicleDocument,
+    air_document,
+    alert_document,
+    vehicle_document,
+)
 from wingwatch.api.server import AddressError, HttpServer, PortInUse, listen, serve
 
 __all__ = [
@@ -17,6 +23,7 @@ __all__ = [
     "EstimateRow",
     "AlertDocument",
     "VehicleDocument",
+    "air_document",
     "alert_document",
     "vehicle_document",
     "encode_json",

@@ -14,8 +14,10 @@ from wingwatch.monitor.views import (
     VehicleView,
     WorstDerivative,
 )
+from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = [
+    "AirDocument",
     "AlertDocument",
     "AlertList",
     "DerivativesDocument",
@@ -30,6 +32,7 @@ __all__ = [
     "StatusDocument",
     "VehicleDocument",
     "VehicleList",
+    "air_document",
     "alert_document",
     "status_document",
     "vehicle_document",
@@ -83,6 +86,25 @@ class WorstDocument(_Answer):
     meaning: str
 
 
+class GustDocument(_Answer):
+    """One component's gust."""
+
+    component: str = Field(description="vertical or lateral")
+    rms_m_s: float | None = Field(description="root mean square of the whole gust, by Dryden's spectrum")
+    rms_m_s_standard_error: float | None
+    in_band_rms_m_s: float | None = Field(description="the part of it at the frequencies of the modes")
+    share: float | None = Field(description="in that band: gust power over itself and what the vane sees")
+    observable: bool = Field(description="whether it stands above the sensors' noise")
+
+
+class AirDocument(_Answer):
+    """The air of the last half minute."""
+
+    fit_for_estimating: bool
+    gusts: list[GustDocument]
+    text: str
+
+
 class VehicleDocument(_Answer):
     """One vehicle as an operator sees it."""
 
@@ -101,6 +123,9 @@ class VehicleDocument(_Answer):
     active_alerts: list[str] = Field(description="ids of alerts that are not cleared, worst first")
     condition: dict[str, float | None] = Field(
         description="latest airspeed_true_m_s, altitude_m, air_density_kg_m3"
+    )
+    air: AirDocument | None = Field(
+        default=None, description="gusts of the last half minute; null without a vane and before that"
     )
 
 
@@ -263,6 +288,26 @@ def vehicle_document(view: VehicleView) -> VehicleDocument:
         counts={key: int(count) for key, count in view.counts.items()},
         active_alerts=list(view.active_alerts),
         condition={key: quantity(value) for key, value in view.condition.items()},
+        air=None if view.air is None else air_document(view.air),
+    )
+
+
+def air_document(air: AirQuality) -> AirDocument:
+    """The vehicle's ``air``."""
+    return AirDocument(
+        fit_for_estimating=air.fit_for_estimating,
+        text=air.text,
+        gusts=[
+            GustDocument(
+                component=whole.name.removesuffix(" gust"),
+                rms_m_s=quantity(whole.value if whole.observable else None),
+                rms_m_s_standard_error=quantity(whole.standard_error if whole.observable else None),
+                in_band_rms_m_s=quantity(band.value if band.observable else None),
+                share=quantity(share),
+                observable=whole.observable,
+            )
+            for whole, band, share in zip(air.sigma, air.in_band, air.share, strict=True)
+        ],
     )
 
 

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from wingwatch.api import AlertDocument, alert_document
+from wingwatch.api import AlertDocument, air_document, alert_document
 from wingwatch.cli.baseline import Baseline, read_baseline
 from wingwatch.cli.flight_watch import Watched, load, watch
 from wingwatch.cli.progress import Progress, page, write_json
@@ -45,6 +45,7 @@ def _result(watched: Watched, alerts: list[AlertDocument]) -> dict[str, Any]:
         "basis": monitor.basis,
         "basis_text": monitor.basis_text,
         "alerts": [alert.model_dump(mode="json") for alert in alerts],
+        "air": air_document(monitor.air).model_dump(mode="json") if monitor.air else None,
         "cleaning": watched.cleaning,
     }
 
@@ -58,6 +59,8 @@ def _show(console: Console, watched: Watched, alerts: list[AlertDocument]) -> No
         f"({monitor.observable_s:.0f} of {watched.duration_s:.0f} s observable)"
     )
     console.print(escape(monitor.basis_text))
+    if monitor.air is not None:
+        console.print(f"At the end {escape(monitor.air.text)}.")
     if not alerts:
         console.print("No alert.")
     for alert in alerts:

@@ -33,7 +33,9 @@ from wingwatch.estimators import (
     offsets,
     told_apart_text,
 )
+from wingwatch.monitor.air_watch import AirState, AirWatch
 from wingwatch.telemetry import SampleBlock, missing_for
+from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["Chain", "ChainState", "ModeSolution", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
 
@@ -83,6 +85,8 @@ class Solution:
 
     time_s: float
     modes: Mapping[str, ModeSolution]
+    air: AirQuality | None = None
+    """The gusts of the last half minute; None where they are not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +114,7 @@ class ChainState:
     blocks: dict[str, int] = field(default_factory=dict)
     rough_s: dict[str, float] = field(default_factory=dict)
     """When the air was last rough, by structure without a vane."""
+    air: AirState = field(default_factory=AirState)
     next_solution_s: float = float("nan")
     last_s: float = float("nan")
 
@@ -146,6 +151,7 @@ class Chain:
         given = envelopes or {}
         self.envelopes: dict[str, Envelope] = {}
         self.absent: dict[str, str] = {}
+        self._air = AirWatch(aircraft)
         self._modes: list[_Mode] = []
         for structure in STRUCTURES_WATCHED:
             missing = missing_for(structure, present)
@@ -208,7 +214,8 @@ class Chain:
 
     def current(self, state: ChainState) -> Solution:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
-        return Solution(state.last_s, {m.structure.name: self._read(state, m, None) for m in self._modes})
+        modes = {m.structure.name: self._read(state, m, None) for m in self._modes}
+        return Solution(state.last_s, modes, state.air.found)
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
         """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
@@ -219,6 +226,7 @@ class Chain:
     def _take(self, state: ChainState, values: Array) -> None:
         if not len(values):
             return
+        self._air.take(state.air, values)
         for m in self._modes:
             name = m.structure.name
             signals = m.signals.update(state.signals[name], values[None])
@@ -249,7 +257,7 @@ class Chain:
             changed = m.fourier.changed(state.fourier[name])
             if changed.any() and trusted:
                 m.ekf.release(state.ekf[name], changed)
-        return Solution(time_s, modes)
+        return Solution(time_s, modes, self._air.look(state.air, time_s))
 
     def _gusty(self, state: ChainState) -> bool:
         """Whether an accelerometer feels gusts: a fault is unrest too, but not rough from sample to sample."""

@@ -25,6 +25,7 @@ from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
+from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["Report", "VehicleMonitor", "surface_kinds"]
 
@@ -114,6 +115,11 @@ class VehicleMonitor:
     def references(self) -> Mapping[str, Reference]:
         """What this vehicle's flights have taught so far, by structure."""
         return self._judge_state.references
+
+    @property
+    def air(self) -> AirQuality | None:
+        """Gusts of the last half minute as of the last solution; None where they are not known."""
+        return None if self._memory.latest is None else self._memory.latest.air
 
     @property
     def last_sample_time_s(self) -> float | None:
@@ -374,6 +380,7 @@ class VehicleMonitor:
             last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
             worst=self.worst(), counts=dict(self.cleaner.report.counts),
             active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
+            air=self.air,
         )  # fmt: skip
 
 

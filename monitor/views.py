@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
 
+from wingwatch.telemetry.conditioning import AirQuality
+
 __all__ = [
     "AlertAction",
     "AlertState",
@@ -70,6 +72,7 @@ class VehicleView:
         counts: samples and messages accepted and rejected, by reason (``accepted``, ``duplicate``, ...).
         active_alerts: ids of the alerts that are not cleared, worst first.
         condition: latest airspeed_true_m_s, altitude_m, air_density_kg_m3 (empty before the first sample).
+        air: gusts of the last half minute; None without a vane and before there is half a minute.
     """
 
     fleet: str
@@ -86,6 +89,7 @@ class VehicleView:
     counts: Mapping[str, int]
     active_alerts: Sequence[str]
     condition: Mapping[str, float]
+    air: AirQuality | None = None
 
 
 @dataclass(frozen=True, slots=True)

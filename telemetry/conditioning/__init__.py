@@ -21,7 +21,13 @@ from wingwatch.telemetry.conditioning.positions import (
 )
 from wingwatch.telemetry.conditioning.running_trim import RunningTrim, running_trim, without_trim
 from wingwatch.telemetry.conditioning.steady_segments import SteadyLimits, SteadySegment, steady_segments
-from wingwatch.telemetry.conditioning.turbulence_intensity import AirConfig, AirQuality, turbulence_intensity
+from wingwatch.telemetry.conditioning.turbulence_intensity import (
+    GUST_CHANNELS,
+    VANES,
+    AirConfig,
+    AirQuality,
+    turbulence_intensity,
+)
 
 __all__ = [
     "Parameter",
@@ -46,6 +52,8 @@ __all__ = [
     "centre_of_gravity",
     "centre_shift",
     "imu_separation",
+    "GUST_CHANNELS",
+    "VANES",
     "AirConfig",
     "AirQuality",
     "turbulence_intensity",

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 def detrended(values: Array) -> Array:
     """Values (n,) less the straight line through them."""
     position = np.linspace(-1.0, 1.0, values.size)
-    line = np.polynomial.polynomial.polyfit(position, values, 1)
-    return np.asarray(values - np.polynomial.polynomial.polyval(position, line))
+    centred = values - np.mean(values)
+    return np.asarray(centred - position * (position @ centred) / (position @ position))
 
 
 def identity_noise(identity: str, columns: Columns, bins: Bins) -> tuple[float, float]:

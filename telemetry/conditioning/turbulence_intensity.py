@@ -25,15 +25,20 @@ from wingwatch.telemetry.conditioning.spectra import Bins, make_bins
 from wingwatch.telemetry.conditioning.stretches import even_stretch
 from wingwatch.telemetry.sample import SampleBlock
 
-__all__ = ["AirConfig", "AirQuality", "turbulence_intensity"]
+__all__ = ["GUST_CHANNELS", "VANES", "AirConfig", "AirQuality", "turbulence_intensity"]
 
 Array = NDArray[np.float64]
 
-_NEEDED = (
+GUST_CHANNELS = (
     "airspeed_true_m_s", "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "specific_force_x_m_s2",
     "specific_force_y_m_s2", "specific_force_z_m_s2", "roll_rad", "pitch_rad",
 )  # fmt: skip
-_COMPONENTS = (("vertical", "down", "angle_of_attack_rad"), ("lateral", "across", "sideslip_rad"))
+"""Channels without which no gust is told."""
+
+VANES = ("angle_of_attack_rad", "sideslip_rad")
+"""At least one of them, too: of the vertical and of the lateral gust."""
+
+_COMPONENTS = (("vertical", "down", VANES[0]), ("lateral", "across", VANES[1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +127,7 @@ def turbulence_intensity(block: SampleBlock, config: AirConfig | None = None) ->
         raise ValueError(
             "the flight has neither angle_of_attack_rad nor sideslip_rad: gusts show in vanes only"
         )
-    time_s, columns = even_stretch(block, (*_NEEDED, *(part[2] for part in there)))
+    time_s, columns = even_stretch(block, (*GUST_CHANNELS, *(part[2] for part in there)))
     moved = at_centre(
         SampleBlock.from_columns({"time_s": time_s, **columns}), c.vane_position_m, c.imu_position_m
     )

@@ -1,0 +1,82 @@
+"""How rough the air has been during the last half minute, looked at every ten seconds of the samples' own clock."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
+from wingwatch.telemetry.conditioning import GUST_CHANNELS, VANES, AirConfig, AirQuality, turbulence_intensity
+
+__all__ = ["AirWatch", "AirState"]
+
+Array = NDArray[np.float64]
+
+WINDOW_S = 30.0
+"""Long enough to tell a gust's strength to about 5 %: some 350 bins between 0.1 and 12 Hz."""
+
+INTERVAL_S = 10.0
+"""Between two looks: a block of the estimators."""
+
+_MOST_ROWS = 6000
+"""The window at 200 Hz; of faster samples a shorter one is kept."""
+
+_KEPT = ("time_s", *GUST_CHANNELS, *VANES)
+_INDEX = np.array([CHANNEL_INDEX[name] for name in _KEPT])
+
+
+@dataclass(slots=True)
+class AirState:
+    """The last rows, in pieces as they came, and what was found in them."""
+
+    pieces: deque[Array] = field(default_factory=deque)
+    rows: int = 0
+    next_look_s: float = float("nan")
+    found: AirQuality | None = None
+    """None before the first window is full, or while a channel that this needs has no readings."""
+
+
+class AirWatch:
+    """Measures the gusts of one aircraft's air (``turbulence_intensity``).
+
+    Args:
+        aircraft: places of its vane and accelerometers.
+    """
+
+    def __init__(self, aircraft: Aircraft) -> None:
+        sensors = aircraft.sensors
+        self._config = AirConfig(
+            vane_position_m=sensors.vane_position_m, imu_position_m=sensors.imu_position_m
+        )
+
+    def take(self, state: AirState, values: Array) -> None:
+        """Remember clean samples, shape (n, columns), as far as the window reaches."""
+        state.pieces.append(values[:, _INDEX])
+        state.rows += len(values)
+        while len(state.pieces) > 1 and (
+            state.rows - len(state.pieces[0]) >= _MOST_ROWS
+            or state.pieces[0][-1, 0] < values[-1, 0] - WINDOW_S
+        ):
+            state.rows -= len(state.pieces.popleft())
+
+    def look(self, state: AirState, time_s: float) -> AirQuality | None:
+        """What is known at a solution's time: found anew when it is due."""
+        due_s = state.next_look_s - time_s
+        if not -INTERVAL_S < due_s <= WINDOW_S:  # the first, or after a jump of the clock
+            state.next_look_s = time_s + WINDOW_S
+            state.found = None
+        elif due_s <= 1e-6:
+            state.next_look_s += INTERVAL_S
+            state.found = self._found(np.concatenate(state.pieces), time_s)
+        return state.found
+
+    def _found(self, rows: Array, time_s: float) -> AirQuality | None:
+        with np.errstate(invalid="ignore"):
+            inside = (rows[:, 0] > time_s - WINDOW_S - 1e-6) & (rows[:, 0] <= time_s)
+        there = dict(zip(_KEPT, rows[inside].T, strict=True))
+        try:
+            return turbulence_intensity(SampleBlock.from_columns(there), self._config)
+        except ValueError:  # a channel is missing, or the window is torn by gaps
+            return None

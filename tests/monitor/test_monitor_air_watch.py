@@ -1,0 +1,97 @@
+"""The air of the last half minute: as strong as flown, whatever the cut of the messages, in bounded memory."""
+
+import numpy as np
+import pytest
+
+from wingwatch.aircraft import load_aircraft
+from wingwatch.monitor.air_watch import AirState, AirWatch
+from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, gust_scales
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
+from wingwatch.telemetry.conditioning import VANES, AirQuality
+
+AIRCRAFT = load_aircraft("aerosonde")
+RATE_HZ = 50.0
+SECONDS = 41.0
+
+
+def flown(turbulence: Turbulence, seed: int) -> SampleBlock:
+    """A patrol without manoeuvres."""
+    scenario = Scenario(AIRCRAFT, turbulence=turbulence, seed=seed)
+    return SampleBlock(FleetSimulation([scenario], RATE_HZ).step(round(SECONDS * RATE_HZ))[0])
+
+
+def watched(block: SampleBlock, piece: int, state: AirState | None = None) -> list[AirQuality | None]:
+    """What is said at every half second, the samples handed over in pieces."""
+    watch, state, said = AirWatch(AIRCRAFT), state or AirState(), []
+    half = round(0.5 * RATE_HZ)
+    for start in range(0, len(block), half):
+        rows = block.values[start : start + half]
+        for at in range(0, len(rows), piece):
+            watch.take(state, rows[at : at + piece])
+        said.append(watch.look(state, float(rows[-1, 0])))
+    return said
+
+
+@pytest.mark.parametrize("turbulence", ["light", "moderate"])
+@pytest.mark.parametrize("seed", [81, 82])
+def test_gusts_are_as_strong_as_flown(turbulence: Turbulence, seed: int) -> None:
+    found = watched(flown(turbulence, seed), 5)[-1]
+    assert found is not None
+    assert not found.fit_for_estimating
+    truth = gust_scales(turbulence, 1000.0).sigma_w_m_s
+    for part in found.sigma:
+        assert part.observable
+        assert abs(part.value - truth) < 3.0 * part.standard_error
+        assert part.standard_error < 0.1 * truth
+
+
+def test_still_air_is_fit_for_estimating() -> None:
+    found = watched(flown("none", 83), 5)[-1]
+    assert found is not None
+    assert found.fit_for_estimating
+    assert not any(part.observable for part in found.sigma)
+
+
+def test_nothing_is_said_before_half_a_minute_and_then_every_ten_seconds() -> None:
+    said = watched(flown("light", 84), 25)
+    first = next(k for k, found in enumerate(said) if found is not None)
+    assert 0.5 * first == pytest.approx(30.0, abs=0.5)
+    assert len({id(found) for found in said[first:]}) == 2
+
+
+def test_the_cut_of_the_messages_changes_nothing() -> None:
+    block = flown("light", 85)
+    assert watched(block, 1)[-1] == watched(block, 25)[-1]
+
+
+def test_without_vanes_nothing_is_said() -> None:
+    values = flown("light", 86).values.copy()
+    values[:, [CHANNEL_INDEX[name] for name in VANES]] = np.nan
+    assert set(watched(SampleBlock(values), 5)) == {None}
+
+
+def test_a_clock_that_jumps_begins_a_new_window() -> None:
+    block = flown("light", 87)
+    state = AirState()
+    assert watched(block, 5, state)[-1] is not None
+    for jump_s in (1e4, -1e4):
+        later = block.values.copy()
+        later[:, 0] += jump_s
+        said = watched(SampleBlock(later), 5, state)
+        assert said[0] is None
+        assert said[-1] is not None
+
+
+def test_memory_is_bounded() -> None:
+    watch, state = AirWatch(AIRCRAFT), AirState()
+    rows = flown("none", 88).values
+    for k in range(200):
+        again = rows.copy()
+        again[:, 0] += k * SECONDS
+        watch.take(state, again)
+    assert state.rows <= 2 * len(rows)
+    still = rows.copy()
+    still[:, 0] = 0.0
+    for _ in range(20):
+        watch.take(state, still)
+    assert state.rows <= 6000 + len(rows)
