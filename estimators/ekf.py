@@ -273,7 +273,7 @@ class EkfEstimator:
             fresh = self.init(int(lost.sum()))
             for name in (f.name for f in fields(state)):
                 getattr(state, name)[lost] = getattr(fresh, name)
-        done = np.empty((len(state.z), 1 + self.layout.inputs))
+        done = np.empty((len(state.z), 2 + self.layout.inputs))
         solve_all(
             self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, self._input_variance,
             state.z, state.cov, state.rows, state.clock, state.informed_s, state.variance, state.information,
@@ -308,8 +308,8 @@ class EkfEstimator:
         state.tally[vehicle, :3] = 0
         mark(
             0, state.z[vehicle], state.cov[vehicle], state.noise[vehicle], state.rows[vehicle], first,
-            state.marks_z[vehicle], state.marks_cov[vehicle], state.marks_rows[vehicle], state.weighed[vehicle],
-            state.about[vehicle],
+            state.information[vehicle], state.marks_z[vehicle], state.marks_cov[vehicle], state.marks_rows[vehicle],
+            state.weighed[vehicle], state.about[vehicle],
         )  # fmt: skip
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:

@@ -16,10 +16,13 @@ it matters they are run again with the derivatives held at the present estimate 
 It matters by how much the response bends. With J of the stretch, and theta known about the point of linearisation to
 within covariance L (now P), the first-order change of the predicted readings between the two has the square
 m = d' J d + tr J (L - P), in their noise, and the whole response r^2 = theta' J theta. Its curvature is about 1 / r
-(Bates and Watts, J. Roy. Stat. Soc. B 42, 1980), so what linearisation left out is m / (2 r) standard errors,
-at most: times the root of the share that the stretch has in all that is known. What the rows said was also weighted by
-the noise levels of the moment, which the misfit of a wrong start makes too large; it matters where the stated errors,
-which go with the root of the innovations' variances, are off by as much, the share that the stretch has.
+(Bates and Watts, J. Roy. Stat. Soc. B 42, 1980), so what linearisation left out is as long as m / (2 r), in noise
+again, at most: an rms of m / (2 r sqrt(k)) standard errors over k derivatives, times the root of the share that the
+stretch has in all that is known. What the rows said was also weighted by the noise levels of the moment, which the
+misfit of a wrong start makes too large; it matters where the stated errors, which go with the root of the innovations'
+variances, are off by as much, the share that the stretch has. While an input acts, the next half second moves the
+estimate by the root of the share of all information that such a half second gives: what is less than that can wait.
+A stretch that has taught too little for all of it to matter begins anew.
 
 A step of Gauss and Newton is a guide only where the response is straight within what is not known yet: tr J P / (2 r)
 at most a quarter. Quiet flight, where J is what noise pretends, and a derivative just set free are left alone so.
@@ -64,6 +67,9 @@ _SPARE_ROWS, _SPARE = 4 * STRETCH_ROWS, 0.2
 _MATTERS = 0.1
 """Standard errors that linearisation may be off by: a tenth makes an rms error 0.5 % larger."""
 
+_TAUGHT = 1e-9
+"""Share in all that is known from which on a stretch has taught anything: less is rounding."""
+
 
 @njit(cache=True)
 def remember(signals, complete, stretch, tally):  # type: ignore[no-untyped-def]
@@ -89,26 +95,38 @@ def _weigh(noise, weighed):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def mark(m, z, cov, noise, rows, first, marks_z, marks_cov, marks_rows, weighed, about):  # type: ignore[no-untyped-def]
-    """The present state as mark ``m`` of a vehicle (arrays as in ``EkfState``); what follows is linearised about it."""
+def mark(m, z, cov, noise, rows, first, information, marks_z, marks_cov, marks_rows, weighed, about):  # type: ignore[no-untyped-def]
+    """The present state as mark ``m`` of a vehicle (arrays as in ``EkfState``); what follows is linearised about it.
+
+    ``information``: inverse of the derivatives' covariance.
+    """
     k = about.shape[1]
-    marks_z[m], marks_cov[m], marks_rows[m] = z, cov, rows
     _weigh(noise, weighed[m])
-    about[m, :, 0] = z[first : first + k]
-    about[m, :, 1 : 1 + k] = cov[first : first + k, first : first + k]
-    about[m, :, 1 + k :] = np.linalg.inv(np.ascontiguousarray(about[m, :, 1 : 1 + k]))
+    for r in range(rows.shape[0]):
+        for c in range(rows.shape[1]):
+            marks_rows[m, r, c] = rows[r, c]
+    for a in range(z.size):
+        marks_z[m, a] = z[a]
+        for b in range(z.size):
+            marks_cov[m, a, b] = cov[a, b]
+    for a in range(k):
+        about[m, a, 0] = z[first + a]
+        for b in range(k):
+            about[m, a, 1 + b] = cov[first + a, first + b]
+            about[m, a, 1 + k + b] = information[a, b]
 
 
 @njit(cache=True)
 def _advance_marks(  # type: ignore[no-untyped-def]
-    z, cov, noise, rows, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about, first, fresh
-):
+    z, cov, noise, rows, information, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about, first,
+    fresh,
+):  # fmt: skip
     """Sets the second mark at half of the stretch; cuts it there when it is long, or ``fresh`` more might not fit."""
     count, span = tally[0], abs(rows[0, 0] - stretch[0, 0])
     full = count + fresh > stretch.shape[0] or tally[2] == solved.shape[0]
     if tally[1] == 0 and (full or 2 * count >= _LONG_ROWS or 2.0 * span >= _LONG_S):
         tally[1] = count
-        mark(1, z, cov, noise, rows, first, marks_z, marks_cov, marks_rows, weighed, about)
+        mark(1, z, cov, noise, rows, first, information, marks_z, marks_cov, marks_rows, weighed, about)
     if not (full or count >= _LONG_ROWS or span >= _LONG_S):
         return
     cut, kept = tally[1], 0
@@ -123,12 +141,12 @@ def _advance_marks(  # type: ignore[no-untyped-def]
         stretch[r] = stretch[r + cut]
     tally[0], tally[1], tally[2] = count - cut, count - cut, kept
     if count > cut:
-        mark(1, z, cov, noise, rows, first, marks_z, marks_cov, marks_rows, weighed, about)
+        mark(1, z, cov, noise, rows, first, information, marks_z, marks_cov, marks_rows, weighed, about)
 
 
 @njit(cache=True)
 def _left_out(value, present, information, about, weighed, noise, kept, prior_information):  # type: ignore[no-untyped-def]
-    """What linearisation has left out of the stretch, in standard errors; see above.
+    """What linearisation has left out of the stretch, in standard errors, and the stretch's share; see above.
 
     Args:
         value, present, information: of the derivatives now: mean, covariance and its inverse.
@@ -148,12 +166,12 @@ def _left_out(value, present, information, about, weighed, noise, kept, prior_in
             strength += gained * value[a] * value[b]
             share += gained * present[a, b]
     if not (strength > 0.0 and 0.0 < share <= 2.0 * _BENT * np.sqrt(strength)):
-        return 0.0
+        return 0.0, share / k
     share = min(share / k, 1.0)
     now = np.empty_like(weighed)
     _weigh(noise, now)
     left_out = 0.5 * share * np.max(np.abs(now - weighed))
-    return max(left_out, 0.5 * np.sqrt(share / strength) * moved)
+    return max(left_out, 0.5 * np.sqrt(share / (strength * k)) * moved), share
 
 
 @njit(cache=True)
@@ -323,36 +341,51 @@ def _assess(  # type: ignore[no-untyped-def]
         if count > stretch.shape[1] or not np.isfinite(cov[i]).all():
             tally[i] = 0
             mark(
-                0, z[i], cov[i], noise[i], rows[i], first, marks_z[i], marks_cov[i], marks_rows[i], weighed[i], about[i]
+                0, z[i], cov[i], noise[i], rows[i], first, information[i], marks_z[i], marks_cov[i], marks_rows[i],
+                weighed[i], about[i],
             )  # fmt: skip
             continue
         fresh[i] = count - (int(solved[i, solutions - 1, 0]) if solutions > 0 else 0)
-        solved[i, solutions, 0], solved[i, solutions, 1:] = count, done[i]
+        solved[i, solutions, 0], solved[i, solutions, 1], solved[i, solutions, 2:] = (
+            count,
+            done[i, 0],
+            done[i, 2:],
+        )
         tally[i, 2] += 1
         kept = 1.0
         for s in range(tally[i, 2]):
             kept *= solved[i, s, 1]
         if not np.isfinite(weighed[i, 0, 0]):
             _weigh(noise[i], weighed[i, 0])
-        left_out = _left_out(
+        left_out, share = _left_out(
             z[i, first : first + k], cov[i, first : first + k, first : first + k], information[i], about[i, 0],
             weighed[i, 0], noise[i], kept, prior_information,
         )  # fmt: skip
-        if left_out > _MATTERS and _SPARE_ROWS + _SPARE * counts[i, 0] >= tally[i, 3] + count:
+        if (
+            left_out > max(_MATTERS, np.sqrt(done[i, 1]))
+            and _SPARE_ROWS + _SPARE * counts[i, 0] >= tally[i, 3] + count
+        ):
             tally[i, 3] += count
             matters[i] = True
+        elif _TAUGHT < share < _MATTERS * _MATTERS:
+            fresh[i], tally[i, :3] = -1, 0
+            mark(
+                0, z[i], cov[i], noise[i], rows[i], first, information[i], marks_z[i], marks_cov[i], marks_rows[i],
+                weighed[i], about[i],
+            )  # fmt: skip
 
 
 @njit(cache=True)
 def _advance_all(  # type: ignore[no-untyped-def]
-    first, z, cov, noise, rows, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about, fresh
-):
+    first, z, cov, noise, rows, information, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about,
+    fresh,
+):  # fmt: skip
     """The marks of all vehicles whose stretch goes on."""
     for i in range(z.shape[0]):
         if fresh[i] >= 0:
             _advance_marks(
-                z[i], cov[i], noise[i], rows[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i],
-                marks_rows[i], weighed[i], about[i], first, fresh[i],
+                z[i], cov[i], noise[i], rows[i], information[i], stretch[i], tally[i], solved[i], marks_z[i],
+                marks_cov[i], marks_rows[i], weighed[i], about[i], first, fresh[i],
             )  # fmt: skip
 
 
@@ -391,18 +424,6 @@ def relinearise_all(
             vector[i] = information[i] @ z[i, first : first + k]
             variance[i] = np.diag(parameters)
     _advance_all(
-        first,
-        z,
-        cov,
-        noise,
-        rows,
-        stretch,
-        tally,
-        solved,
-        marks_z,
-        marks_cov,
-        marks_rows,
-        weighed,
-        about,
+        first, z, cov, noise, rows, information, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about,
         fresh,
-    )
+    )  # fmt: skip

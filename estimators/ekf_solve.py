@@ -84,8 +84,9 @@ def solve_all(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten.
 
-    What was done is left in ``done`` (vehicles, 1 + nu): what share of its information the vehicle keeps, NaN where
-    nothing was solved, and 1 for every input whose teaching was taken back.
+    What was done is left in ``done`` (vehicles, 2 + nu): what share of its information the vehicle keeps, NaN where
+    nothing was solved, what share of all that it knows (mean over directions) the last half second gave, and 1 for
+    every input whose teaching was taken back.
     """
     k = informed.shape[1]
     first, ns = z.shape[1] - prior_value.size, prior_value.size - k
@@ -112,7 +113,11 @@ def solve_all(  # type: ignore[no-untyped-def]
         clock[i] = now
         forgets = 0.0 < elapsed < stale_s and now - np.max(informed[i]) < stale_s
         keep = np.exp(-elapsed / memory_s) if forgets else 1.0
-        done[i, 0], done[i, 1:] = keep, resting
+        share = 0.0
+        for a in range(k):
+            for b in range(k):
+                share += (fresh[a, b] - less[a, b] - information[i, a, b]) * parameters[a, b]
+        done[i, 0], done[i, 1], done[i, 2:] = keep, max(share / k, 0.0), resting
         if forgets or less.any():
             forget(z[i], cov[i], prior_value, prior_information, keep, less, first)
         parameters = np.ascontiguousarray(cov[i, first : first + k, first : first + k])

@@ -12,7 +12,10 @@ from estimator_plants import (
     Plant,
     Runner,
     State,
+    add_noise,
+    doublets,
     ekf,
+    make_signals,
     noisy_batch,
     quiet_batch,
 )
@@ -123,3 +126,15 @@ def test_a_released_derivative_is_not_taught_by_what_came_before() -> None:
     assert state.tally[0, 0] == 0
     assert runner.estimate(state).standard_error[5] == pytest.approx(wide)
     assert wide > 0.9 * np.abs(PITCH.truth[5])
+
+
+@pytest.mark.parametrize("plant", [PITCH, YAW], ids=["short_period", "dutch_roll"])
+def test_a_stretch_that_taught_nothing_is_not_carried_along(plant: Plant) -> None:
+    """A minute of quiet after a doublet: what is kept then is short, so the next doublet is run again almost alone."""
+    inputs = np.roll(doublets(plant, 60.0, every_s=1000.0), 6 * 50)
+    clean = make_signals(plant, inputs)
+    std = make_signals(plant, doublets(plant, 20.0))[:, 1:4].std(axis=0) / 50.0
+    batch = np.stack([add_noise(plant, clean, std, np.random.default_rng(seed)) for seed in range(4)])
+    kept = np.array([rows for _, rows in solved(ekf(plant), batch)])
+    assert (kept[23] >= 10 * SOLVE_EVERY).all(), "the doublet is in what is kept 5 s after it"
+    assert (kept[-1] <= 4 * SOLVE_EVERY).all(), kept[-1]
