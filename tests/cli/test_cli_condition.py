@@ -1,5 +1,6 @@
 """`condition`: what it finds in a simulated flight, what it writes, and its refusals."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from wingwatch.telemetry import SampleBlock, load_flight, write_flight
 
 BIAS_RAD_S, DELAY_S = 0.01, 0.06
 ALPHA = "angle_of_attack_rad"
+FORCES = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
 
 
 @pytest.fixture(scope="module")
@@ -100,3 +102,40 @@ def test_a_table_that_could_not_be_written_is_refused_first(
             capsys, ["condition", source, "--aircraft", "aerosonde", "--out", tmp_path / out, "--json"]
         ).sentence
     )
+
+
+SECOND_M = (0.31, 0.12, -0.06)
+"""Place of a second triad; the first is at the centre of gravity."""
+
+
+def test_a_second_triad_tells_its_place_and_the_centre(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, flown: SampleBlock
+) -> None:
+    aircraft, cruise = load_aircraft("aerosonde"), FlightCondition(25.0, 1000.0)
+    sensors = aircraft.sensors.model_copy(update={"imu_position_m": SECOND_M})
+    scenario = Scenario(
+        aircraft.model_copy(update={"sensors": sensors}),
+        manoeuvres=(doublet_schedule(aircraft, cruise),),
+        route=patrol(aircraft, cruise),
+        seed=4,
+    )
+    first, second = (simulate(s, 60.0) for s in (replace(scenario, aircraft=aircraft), scenario))
+    rng = np.random.default_rng(5)
+    other = np.stack([second.column(name) for name in FORCES], axis=1) + rng.normal(
+        0.0, 0.05, (len(second), 3)
+    )
+    names = (*first.present, *(f"second_{name}" for name in FORCES))
+    table = np.column_stack([*(first.column(n) for n in first.present), other])
+    source, map_file = tmp_path / "flight.csv", tmp_path / "second.toml"
+    np.savetxt(source, table, fmt="%.17g", delimiter=",", header=",".join(names), comments="")
+    rows = ["format = 1", "[channels]", 'time_s = { source = "time_s" }']
+    map_file.write_text("\n".join([*rows, *(f'{n} = {{ source = "second_{n}" }}' for n in FORCES)]))
+    arguments = ["condition", source, "--aircraft", "aerosonde", "--second-imu", map_file]
+    centre = by_name(run(capsys, [*arguments, "--json"]).json["centre"])
+    for axis, placed in zip("xyz", SECOND_M, strict=True):
+        found = centre[f"separation {axis}"]
+        assert found["observable"]
+        assert abs(found["value"] - placed) < 4.0 * found["standard_error"] < 0.1
+        middle = centre[f"centre {axis}"]
+        assert abs(middle["value"]) < 4.0 * middle["standard_error"] or not middle["observable"]
+    assert "separation x" in run(capsys, arguments).out
