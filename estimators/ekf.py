@@ -94,8 +94,9 @@ class EkfState:
 
     Attributes:
         z: augmented state (states, the air's unrest, derivatives, constants); cov: its covariance.
-        noise: variances, laid out in ``ekf_noise``; lags: last differences of each state, their mean square and
-            covariance; levels: smoothers of the vane's velocity; slow: sums of corrections.
+        noise: variances, laid out in ``ekf_noise``; lags: last differences of each state, the mean root of their
+            magnitudes, their covariance and what was foreseen of the state's last step; levels: smoothers of the
+            vane's velocity; slow: sums of corrections.
         rows: (2, columns) last signal row and the one before.
         roughness: squared second differences during warm-up.
         condition: dynamic pressure ratio, airspeed, density, altitude, angle of attack of the last sample.
@@ -223,7 +224,7 @@ class EkfEstimator:
             z=np.tile(z, (n, 1)),
             cov=np.tile(cov, (n, 1, 1)),
             noise=np.full((n, ns + 3 + NOISE_TAIL), 1e-8),
-            lags=np.zeros((n, ns, 4)),
+            lags=np.zeros((n, ns, 5)),
             levels=np.zeros((n, 4, LEVELS)),
             slow=np.zeros((n, 2)),
             rows=np.full((n, 2, self.layout.columns), np.nan),
@@ -378,10 +379,6 @@ class EkfEstimator:
         """``ekf_kernel._step`` by filterpy."""
         ns, nu, kinematic = self.layout.states, self.layout.inputs, self.layout.kinematic
         gusts, noise = self._gust_m.size, state.noise[i]
-        rate = learn_before(
-            noise, state.lags[i], state.levels[i], self._settings[2:], new, old, older, dt, self._settings[0],
-            state.counts[i, 0], kinematic, carried, ns,
-        )  # fmt: skip
         over, bend, at_end, scale, forward, kappa, rest = step_inputs(
             new, old, older, self._servo_s, self._reference, self._exponents, self._longitudinal, self._roll, carried,
             ns, nu,
@@ -390,6 +387,10 @@ class EkfEstimator:
         decay = air_decay(self._gust_m, speed, dt)
         after, top = transition(
             state.z[i], dt, scale, forward, over, bend[0], kappa, rest, decay, self._direction, carried, ns, nu, gusts
+        )  # fmt: skip
+        rate = learn_before(
+            noise, state.lags[i], state.levels[i], self._settings[2:], new, old, older, state.z[i], after, dt,
+            self._settings[0], state.counts[i, 0], kinematic, carried, ns,
         )  # fmt: skip
         process = np.zeros((after.size, after.size))
         nx = ns + gusts

@@ -24,6 +24,7 @@ from wingwatch.estimators.ekf_noise import (
     NOISE_TAIL,
     adapt_accelerometer,
     adapt_unrest,
+    difference_variance,
     process_noise_into,
     sensor_noise,
     trim_drift_into,
@@ -171,17 +172,20 @@ def air_decay(gust_m, speed, dt):  # type: ignore[no-untyped-def]
 
 
 @hot
-def learn_before(noise, lags, level, stated, new, old, older, dt, adapt_s, known, kinematic, carried, ns):  # type: ignore[no-untyped-def]
+def learn_before(  # type: ignore[no-untyped-def]
+    noise, lags, level, stated, new, old, older, z, after, dt, adapt_s, known, kinematic, carried, ns
+):
     """Noise levels that need no filter: the sensors', and the gust that the vane sees against inertial motion.
 
-    ``known`` is the number of samples that the means rest on; returns the weight of a sample in them.
+    ``after`` is what the filter foresees after ``z``, ``known`` the number of samples that the means rest on; returns
+    the weight of a sample in them.
     """
     rate = max(dt / adapt_s, 1.0 / (known + 1.0))
     motion = 0.0
     if carried:
         force = 1 + ns
         motion = 0.5 * dt * (new[force] + new[kinematic] + old[force] + old[kinematic])
-    sensor_noise(noise, lags, stated, new, old, older, motion, rate, carried, ns)
+    sensor_noise(noise, lags, stated, new, old, older, motion, z, after, rate, carried, ns)
     if carried:
         index = advance_level(level, new[1], motion, dt, adapt_s)
         gain = level[0, index]
@@ -277,7 +281,7 @@ def _first_levels(noise, lags, roughness, count, dt, carried, ns):  # type: igno
     noise[ns] = max(roughness / (6.0 * max(count - 2.0, 1.0)), LEAST)
     if not carried:
         noise[ns + 1] = 1e-4 * noise[0]
-    restless = max(lags[1, 2] - 6.0 * noise[1], 0.01 * noise[1])
+    restless = max(difference_variance(lags[1, 2]) - 6.0 * noise[1], 0.01 * noise[1])
     noise[ns + 2] = restless / (dt * dt)
 
 
@@ -304,23 +308,6 @@ def _step(  # type: ignore[no-untyped-def]
     """
     kinematic, nx = 2 + ns + nu, ns + gusts
     nz = nx + ns * (ns + nu) + ns
-    rate = dt / settings[0]
-    if first_time:
-        rate = learn_before(
-            noise,
-            lags,
-            level,
-            settings[2:],
-            new,
-            old,
-            older,
-            dt,
-            settings[0],
-            counts[0],
-            kinematic,
-            carried,
-            ns,
-        )
     kappa, rest = _step_inputs_into(
         new, old, older, servo_s, reference, exponents, longitudinal, roll, carried, ns, nu, s.over, s.bend, s.at_end,
         s.scale, s.forward,
@@ -332,6 +319,12 @@ def _step(  # type: ignore[no-untyped-def]
         z, dt, s.scale, s.forward, s.over, s.bend[0], kappa, rest, s.decay, direction, carried, ns, nu, gusts, s.a,
         s.aerodynamic, s.a2, s.a3, s.series, s.b, s.lasting, s.after, s.jacobian,
     )  # fmt: skip
+    rate = dt / settings[0]
+    if first_time:
+        rate = learn_before(
+            noise, lags, level, settings[2:], new, old, older, z, s.after, dt, settings[0], counts[0], kinematic,
+            carried, ns,
+        )  # fmt: skip
     trim_drift_into(noise, dt, settings[1], carried, ns, s.drift)
     process_noise_into(noise, s.jacobian, dt, speed, s.decay, longitudinal, ns, gusts, s.uw, s.process)
     input_noise_into(s.jacobian, z, input_variance, ns, nu, gusts, s.spread, s.process)
@@ -396,20 +389,9 @@ def _warm_up(  # type: ignore[no-untyped-def]
     """A sample that only sets the states and the first noise levels."""
     if np.isfinite(older[0]) and not settled:
         learn_before(
-            noise,
-            lags,
-            level,
-            settings[2:],
-            new,
-            old,
-            older,
-            dt,
-            settings[0],
-            count - 2.0,
-            kinematic,
-            carried,
+            noise, lags, level, settings[2:], new, old, older, z, z, dt, settings[0], count - 2.0, kinematic, carried,
             ns,
-        )
+        )  # fmt: skip
         bend = new[1 + ns] - 2.0 * old[1 + ns] + older[1 + ns]
         roughness[0] += bend * bend
         _first_levels(noise, lags, roughness[0], count, dt, carried, ns)
@@ -512,7 +494,7 @@ def run_again(
     ns, nu = len(known_sizes[0]), len(known_sizes[1])
     noted = _notes(ends.size, z.size, echo.shape)
     _update_all(
-        known_sizes, signals[None], ends, False, *noted, *fixed, z[None], cov[None], noise[None], np.zeros((1, ns, 4)),
+        known_sizes, signals[None], ends, False, *noted, *fixed, z[None], cov[None], noise[None], np.zeros((1, ns, 5)),
         np.zeros((1, 4, LEVELS)), slow[None], rows[None], np.zeros((1, 1)), np.zeros((1, 5)), np.zeros((1, nu, 4)),
         echo[None], counts[None],
     )  # fmt: skip

@@ -14,6 +14,7 @@ __all__ = [
     "NOISE_TAIL",
     "adapt_accelerometer",
     "adapt_unrest",
+    "difference_variance",
     "process_noise",
     "process_noise_into",
     "sensor_noise",
@@ -25,6 +26,9 @@ NOISE_TAIL = 3
 
 LEFT_OUT = 1e-3
 """Process variance of a rate a step, over its sensor's variance: what the model leaves out in the calmest air."""
+
+ROOT_MEAN = 0.8221790
+"""Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
 
 LEAST = 1e-8
 LEAST_RATE = 1e-10
@@ -38,28 +42,44 @@ FASTEST = 10.0
 
 
 @hot
-def sensor_noise(noise, lags, stated, new, old, older, motion, rate, carried, ns):  # type: ignore[no-untyped-def]
+def difference_variance(root_mean):  # type: ignore[no-untyped-def]
+    """Variance of differences whose magnitudes' roots have the mean ``root_mean``, if they are normal."""
+    return (root_mean / ROOT_MEAN) ** 4
+
+
+@hot
+def sensor_noise(noise, lags, stated, new, old, older, motion, z, after, rate, carried, ns):  # type: ignore[no-untyped-def]
     """Variances of the measured states from how successive differences go together.
 
     White noise n leaves n - n' in a difference and n - 2 n' + n'' in a second one: variances 2 R and 6 R,
     covariances one and two samples apart -R and R. What moves an aircraft adds to the variance, but its increments
     do not go together over so few samples. Where the vane's velocity is known to have moved by ``motion``
-    (inertial), what is left are gust and noise. Within what the covariance allows by its own standard error a
-    ``stated`` variance (0: none) is believed, else the variance alone, which is the sharper figure in calm air.
+    (inertial), what is left are gust and noise; of the others what the filter foresees, from ``z`` to ``after``, is
+    taken out (where it foresees nothing, ``after`` is ``z``). Within what the covariance allows by its own standard
+    error a ``stated`` variance (0: none) is believed, else the variance alone, which is the sharper figure in calm air.
+
+    The variance is taken from the mean root of the differences' magnitudes: the few large ones at a doublet's edges
+    are no noise. A difference of exactly nothing is that of a reading that was repeated, and is passed over.
     """
     for j in range(ns):
         step = new[1 + j] - old[1 + j]
         if j == 0 and carried:
+            repeated = step == 0.0
             step -= motion
             far, white, chance = -lags[j, 0] * step, 2.0, 1.3
         else:
+            foreseen = after[j] - z[j]
             step -= old[1 + j] - older[1 + j]
+            repeated = step == 0.0
+            step -= foreseen - lags[j, 4]
+            lags[j, 4] = foreseen
             far, white, chance = lags[j, 1] * step, 6.0, 1.4
         lags[j, 1] = lags[j, 0]
         lags[j, 0] = step
-        lags[j, 2] += rate * (step * step - lags[j, 2])
+        if not repeated:
+            lags[j, 2] += rate * (np.sqrt(abs(step)) - lags[j, 2])
         lags[j, 3] += rate * (far - lags[j, 3])
-        rough = lags[j, 2] / white
+        rough = difference_variance(lags[j, 2]) / white
         # standard error of the covariance of N white samples: chance white R / sqrt(N), N = 2 / rate
         doubt = chance * white * rough * np.sqrt(0.5 * rate)
         highest = min(rough, max(lags[j, 3], 0.0) + doubt)

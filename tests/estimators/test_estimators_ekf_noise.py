@@ -1,0 +1,59 @@
+"""The filter's noise levels of sensors: what aircraft and surfaces do is no noise."""
+
+import numpy as np
+import pytest
+
+from wingwatch.estimators.ekf_noise import sensor_noise
+
+SAMPLES, DT, MEMORY_S = 1500, 0.02, 10.0
+
+
+def learned(readings: np.ndarray, foreseen: np.ndarray) -> float:
+    """Variance of a rate's reading after all ``readings``, its steps ``foreseen`` as the filter would."""
+    noise, lags = np.zeros(5), np.zeros((2, 5))
+    rows = np.zeros((readings.size, 3))
+    rows[:, 2] = readings
+    for k in range(2, readings.size):
+        z, after = np.zeros(2), np.array([0.0, foreseen[k]])
+        rate = max(DT / MEMORY_S, 1.0 / (k - 1.0))
+        sensor_noise(
+            noise, lags, np.zeros(2), rows[k], rows[k - 1], rows[k - 2], 0.0, z, after, rate, False, 2
+        )
+    return float(noise[1])
+
+
+def doublets(amplitude: float) -> np.ndarray:
+    """A rate that goes up, down and back within 0.6 s, every 4 s, (SAMPLES,)."""
+    t = np.arange(SAMPLES) * DT % 4.0
+    pulse = (t < 0.2).astype(float) - ((t >= 0.2) & (t < 0.4))
+    return amplitude * np.convolve(pulse, np.ones(10) / 10.0)[:SAMPLES]
+
+
+def test_a_doublet_s_edges_are_no_noise() -> None:
+    """Thirty times the noise's power in the differences at a few edges adds a third at most."""
+    levels = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        rate = doublets(300.0) + 1.0 * rng.standard_normal(SAMPLES)
+        assert np.mean(np.diff(rate, 2) ** 2) / 6.0 > 4.0
+        levels.append(learned(rate, np.zeros(SAMPLES)))
+    assert np.mean(levels) < 4.0 / 3.0
+
+
+def test_foreseen_motion_is_no_noise() -> None:
+    levels = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        motion = np.cumsum(30.0 * rng.standard_normal(SAMPLES))
+        rate = motion + rng.standard_normal(SAMPLES)
+        levels.append(learned(rate, np.diff(motion, prepend=0.0)))
+    # 1000 differences count: each level is known to 1.7 times 1.39 / sqrt(1000), their mean to 2 %
+    assert np.mean(levels) == pytest.approx(1.0, abs=0.08)
+
+
+def test_a_repeated_reading_is_not_a_silent_sensor() -> None:
+    """Held for five samples, as of a slower sensor: only changes count, less what their covariance (none) allows."""
+    rng = np.random.default_rng(3)
+    held = np.repeat(rng.standard_normal(SAMPLES // 5), 5)
+    allowed = 1.4 * 6.0 * np.sqrt(0.5 * DT / MEMORY_S)
+    assert learned(held, np.full(SAMPLES, 1e-3)) == pytest.approx(allowed * 2.0 / 6.0, rel=0.2)
