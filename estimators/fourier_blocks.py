@@ -33,7 +33,7 @@ from wingwatch.estimators.fourier_solution import (
     solve_block,
     start_noise,
 )
-from wingwatch.estimators.hot import lean
+from wingwatch.estimators.hot import lean, part
 from wingwatch.estimators.signals import MAX_GAP_S
 
 __all__ = ["advance", "block_room"]
@@ -83,7 +83,7 @@ def _outweighs(block, memory):  # type: ignore[no-untyped-def]
     return more
 
 
-@lean
+@part
 def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
@@ -235,7 +235,7 @@ def _restart(model, block, row, gap, mark_rows):  # type: ignore[no-untyped-def]
         mark_rows[:, :] = np.nan
 
 
-@lean
+@part
 def _solve(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     """Solve with the running block; ``told`` becomes what the block alone says."""
     block, known, memory, closed, marks = vehicle
@@ -260,7 +260,7 @@ def _solve(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@lean
+@part
 def _before(model, prior, vehicle, room, m):  # type: ignore[no-untyped-def]
     """Mean and covariance of all that was known at mark m, and the block since then, into the room."""
     block, known, memory, _, marks = vehicle
@@ -281,7 +281,7 @@ def _before(model, prior, vehicle, room, m):  # type: ignore[no-untyped-def]
         level[j] = noise_known[j]
 
 
-@lean
+@part
 def _cut_out(model, block, marks, m, part):  # type: ignore[no-untyped-def]
     """The running block since mark m as a block of its own, the row at the mark in its sums."""
     since_mark(
@@ -292,7 +292,7 @@ def _cut_out(model, block, marks, m, part):  # type: ignore[no-untyped-def]
     _gather(part[2], part[1][0], 2 + model[3].size)
 
 
-@lean
+@part
 def _find_change(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     """Whether a derivative has changed, and since when: a mark, ``WHOLE`` or ``NO_CHANGE``; which ones, into the room.
 
@@ -335,7 +335,7 @@ def _find_change(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     return cut
 
 
-@lean
+@part
 def _cut_before(model, vehicle, room, m):  # type: ignore[no-untyped-def]
     """Make the running block end at mark m, what came after it kept in the room; returns whether it can be closed."""
     block, _, _, _, marks = vehicle
@@ -353,7 +353,7 @@ def _cut_before(model, vehicle, room, m):  # type: ignore[no-untyped-def]
     return True
 
 
-@lean
+@part
 def _cut_after(vehicle, room):  # type: ignore[no-untyped-def]
     """Make what came after a cut the running block."""
     bank, rows, sums, roughness = vehicle[0]
@@ -365,7 +365,7 @@ def _cut_after(vehicle, room):  # type: ignore[no-untyped-def]
     vehicle[4][1][:, :] = np.nan
 
 
-@lean
+@part
 def _release(prior, vehicle, changed_s, room):  # type: ignore[no-untyped-def]
     """Set the memory of what has changed free. All that is left is as good as new: nothing waits to be replaced."""
     block, known, memory, _, _ = vehicle

@@ -33,7 +33,7 @@ from wingwatch.estimators.fourier_equations import (
     responses,
 )
 from wingwatch.estimators.fourier_weights import bin_weights
-from wingwatch.estimators.hot import lean
+from wingwatch.estimators.hot import lean, part
 from wingwatch.estimators.symmetric import congruence, invert
 
 __all__ = [
@@ -131,7 +131,7 @@ def start_noise(roughness, noise, ns):  # type: ignore[no-untyped-def]
     start_air_noise(noise)
 
 
-@lean
+@part
 def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed):  # type: ignore[no-untyped-def]
     """Scale from referred to present derivatives, and the kinematic part per state, at the block's mean condition."""
     airspeed, density, alpha = sums[0] / sums[4], sums[1] / sums[4], sums[3] / sums[4]
@@ -190,7 +190,7 @@ def _weigh(model, theta, noise, power, room):  # type: ignore[no-untyped-def]
         )  # fmt: skip
 
 
-@lean
+@part
 def _form(model, block, theta, noise, power, share, room, told):  # type: ignore[no-untyped-def]
     """The block's equations at ``theta``, and what of them is signal."""
     omega, lever, by_accelerometer, exponents, settings, _, _, _ = model
@@ -233,7 +233,7 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
     )  # fmt: skip
 
 
-@lean
+@part
 def _gain(theta, gain, told):  # type: ignore[no-untyped-def]
     """From scores at ``theta`` to those at zero, everything ``gain`` times (two real parts a bin)."""
     sensitivity, kept, evidence = told[0][0], told[0][1], told[0][2]

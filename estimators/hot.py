@@ -12,7 +12,7 @@ from typing import Any
 
 from numba import njit
 
-__all__ = ["hot", "lean", "sizes"]
+__all__ = ["hot", "lean", "part", "sizes"]
 
 _OPTIONS: dict[str, Any] = {
     "cache": True,
@@ -25,6 +25,13 @@ hot: Any = njit(**_OPTIONS)
 
 lean: Any = njit(**{**_OPTIONS, "forceinline": False, "error_model": "numpy"})
 """The same for a kernel that is called from several places: it stays one piece of code, and a division is one."""
+
+part: Any = njit(inline="always")
+"""Decorator of a piece of one ``lean`` kernel, written apart to be read: it is compiled as text of that kernel alone.
+
+A kernel that calls others is optimised and turned into code with all of them in it, at each layer of calls anew: a
+layer above much code costs ten seconds of a first start.
+"""
 
 
 def sizes(*counts: int) -> tuple[tuple[int, ...], ...]:

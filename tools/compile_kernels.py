@@ -38,7 +38,7 @@ def compile_filter() -> None:
     """The Kalman filter's kernels, for two states and for three."""
     for structure in (SHORT_PERIOD, LATERAL):
         k = len(structure.derivatives)
-        estimator = EkfEstimator(EkfConfig(structure, np.zeros(k), np.ones(k), REFERENCE))
+        estimator = EkfEstimator(EkfConfig(structure, np.zeros(k), np.ones(k), REFERENCE, span_m=1.0))
         state = estimator.init(1)
         layout = SignalLayout(len(structure.states), len(structure.inputs))
         estimator.update(state, np.zeros((1, 1, layout.columns)))
