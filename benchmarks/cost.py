@@ -45,6 +45,8 @@ RATE_HZ = 50.0
 PIECES = (10, 10, 5)
 """Samples a message; after the three of them half a second is full and both estimators solve."""
 PARTS = ("signals", "Fourier bank", "Fourier solution (2 Hz)", "filter step", "filter forgetting (2 Hz)")
+HELD = ("signals", "Fourier form", "filter", "Fourier form's marks", "filter's last stretch and its marks")
+AGAIN = ("stretch", "tally", "solved", "marks_z", "marks_cov", "marks_rows", "weighed", "about")
 SETTLED_S = 200.0
 """From here on the monitor remembers as many blocks as it ever will."""
 WATCHED_S = 300.0
@@ -63,10 +65,19 @@ class Mode:
     ekf_state: EkfState
 
     @property
-    def state_bytes(self) -> int:
-        """Size of all state arrays."""
-        states = (self.signal_state, self.fourier_state, self.ekf_state)
-        return sum(getattr(s, f.name).nbytes for s in states for f in fields(s))
+    def state_bytes(self) -> dict[str, int]:
+        """Size of the state arrays by what they are for."""
+        sizes = dict.fromkeys(HELD, 0)
+        arrays = [
+            (rest, f.name, getattr(state, f.name))
+            for state, rest in ((self.fourier_state, HELD[1]), (self.ekf_state, HELD[2]))
+            for f in fields(state)
+        ]
+        arrays += [(HELD[0], f.name, getattr(self.signal_state, f.name)) for f in fields(self.signal_state)]
+        for rest, name, array in arrays:
+            part = HELD[3] if name.startswith("mark_") else HELD[4] if name in AGAIN else rest
+            sizes[part] += array.nbytes
+        return sizes
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +127,10 @@ def scenario(aircraft: Aircraft, seed: int) -> Scenario:
     return Scenario(aircraft, manoeuvres=(doublet_schedule(aircraft, plain.condition),), seed=seed)
 
 
-def estimator_cost(aircraft: Aircraft, vehicles: int, seconds: float) -> tuple[dict[str, float], int]:
-    """Microseconds a vehicle-sample of each part, all structures together, and bytes of state a vehicle."""
+def estimator_cost(
+    aircraft: Aircraft, vehicles: int, seconds: float
+) -> tuple[dict[str, float], dict[str, int]]:
+    """Microseconds a vehicle-sample of each part, all structures together, and bytes of state a vehicle by part."""
     simulation = FleetSimulation([scenario(aircraft, seed) for seed in range(vehicles)], RATE_HZ)
     parts = modes(aircraft, vehicles)
     halves = round(seconds * RATE_HZ) // sum(PIECES)
@@ -130,7 +143,8 @@ def estimator_cost(aircraft: Aircraft, vehicles: int, seconds: float) -> tuple[d
         for m in parts:
             _solve(m, spent)
     samples = halves * sum(PIECES) * vehicles
-    return {k: v / samples * 1e6 for k, v in spent.items()}, sum(m.state_bytes for m in parts) // vehicles
+    held = {part: sum(m.state_bytes[part] for m in parts) // vehicles for part in HELD}
+    return {k: v / samples * 1e6 for k, v in spent.items()}, held
 
 
 def _take(m: Mode, values: Array, spent: dict[str, float]) -> None:
@@ -318,10 +332,11 @@ def main() -> None:
     print(f"  {'':<42}{'microseconds':>14}{'1':>12}{given.vehicles:>12}{f'at {given.vehicles}':>20}")
     for label, us in peer.items():
         print(f"  {label:<42}{us:14.1f}{us / ours[0]:12.1f}{us / ours[1]:12.1f}{us / both[1]:20.1f}")
-    print(
-        f"\nmemory a vehicle: {one_bytes / 1024:.1f} KiB of estimator state, "
-        f"{monitor_bytes(aircraft) / 1024:.0f} KiB the whole watch as live"
-    )
+    print("\nmemory a vehicle, KiB")
+    for part, size in one_bytes.items():
+        print(f"  {part:<42}{size / 1024:14.1f}")
+    print(f"  {'all estimator state':<42}{sum(one_bytes.values()) / 1024:14.1f}")
+    print(f"  {'the whole watch as live':<42}{monitor_bytes(aircraft) / 1024:14.0f}")
 
 
 if __name__ == "__main__":

@@ -27,8 +27,9 @@ from wingwatch.estimators.ekf_kernel import (
 )
 from wingwatch.estimators.ekf_model import measure, transition
 from wingwatch.estimators.ekf_noise import NOISE_TAIL, process_noise, trim_drift
-from wingwatch.estimators.ekf_relinearise import SOLUTIONS, STRETCH_ROWS, mark, relinearise_all, remember
+from wingwatch.estimators.ekf_relinearise import relinearise_all
 from wingwatch.estimators.ekf_solve import solve_all
+from wingwatch.estimators.ekf_stretch import SOLUTIONS, STRETCH_ROWS, mark, remember
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.hot import sizes
 from wingwatch.estimators.levels import LEVELS
@@ -108,8 +109,9 @@ class EkfState:
             of them, that first one, (nu, 4); moved_s: last time each moved beyond its noise, (nu,).
         echo: of a reading error of each input (``ekf_inputs.echo_before``), (nu, nx + 2 ns, ns).
         counts: samples, solutions, age of the echo.
-        stretch: the last signal rows, which may be run again (``ekf_relinearise``), (STRETCH_ROWS, columns); tally:
-            rows in it, rows before its second mark (0: none), solutions in it, rows that were run again so far.
+        stretch: the last signal rows, which may be run again, first the time since the row before
+            (``ekf_relinearise``), (STRETCH_ROWS, columns); tally: rows in it, rows before its second mark (0: none),
+            solutions in it, rows that were run again so far.
         solved: of each of these solutions the rows before it, the share of information kept, whether each input
             rested, (SOLUTIONS, 2 + nu).
         marks_z, marks_cov, marks_rows: z, cov and rows at the beginning of the stretch and amid it, (2, ...).
@@ -138,7 +140,7 @@ class EkfState:
     moved_s: Array
     echo: Array
     counts: NDArray[np.int64]
-    stretch: Array
+    stretch: NDArray[np.float32]
     tally: NDArray[np.int64]
     solved: Array
     marks_z: Array
@@ -241,7 +243,7 @@ class EkfEstimator:
             moved_s=np.full((n, self.layout.inputs), -np.inf),
             echo=np.zeros((n, self.layout.inputs, nx + 2 * ns, ns)),
             counts=np.zeros((n, 3), dtype=np.int64),
-            stretch=np.zeros((n, STRETCH_ROWS, self.layout.columns)),
+            stretch=np.zeros((n, STRETCH_ROWS, self.layout.columns), dtype=np.float32),
             tally=np.zeros((n, 4), dtype=np.int64),
             solved=np.zeros((n, SOLUTIONS, 2 + self.layout.inputs)),
             marks_z=np.tile(z, (n, 2, 1)),
@@ -256,7 +258,7 @@ class EkfEstimator:
 
     def update(self, state: EkfState, signals: Array) -> None:
         """Take in samples: shape (vehicles, samples, columns) from ``Signals``; incomplete rows are passed over."""
-        remember(signals, self.layout.kinematic + 5, state.stretch, state.tally)
+        remember(signals, self.layout.kinematic + 5, state.rows, state.stretch, state.tally)
         if self.config.engine == "filterpy":
             for vehicle in range(signals.shape[0]):
                 self._update_filterpy(state, vehicle, signals[vehicle])

@@ -38,22 +38,14 @@ from wingwatch.estimators.ekf_covariance import keep_marginal, reseat
 from wingwatch.estimators.ekf_inputs import pretended
 from wingwatch.estimators.ekf_kernel import run_again
 from wingwatch.estimators.ekf_solve import controls_of
+from wingwatch.estimators.ekf_stretch import STRETCH_ROWS, Singles, advance_marks, mark, recalled, weigh
 from wingwatch.estimators.symmetric import invert
 
-__all__ = ["SOLUTIONS", "STRETCH_ROWS", "mark", "relinearise_all", "remember"]
+__all__ = ["relinearise_all"]
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 Sizes = tuple[tuple[int, ...], ...]
-
-STRETCH_ROWS = 640
-"""Rows that are kept at most."""
-
-_LONG_ROWS, _LONG_S = 600, 12.0
-"""A stretch of so many rows or so much time is cut at its second mark; that is set at half of it."""
-
-SOLUTIONS = 64
-"""Solutions within a stretch that are kept at most."""
 
 _BENT = 0.25
 """Curvature of the response within what is not known of the derivatives, beyond which a linear step is no guide."""
@@ -69,79 +61,6 @@ _MATTERS = 0.1
 
 _TAUGHT = 1e-9
 """Share in all that is known from which on a stretch has taught anything: less is rounding."""
-
-
-@njit(cache=True)
-def remember(signals, complete, stretch, tally):  # type: ignore[no-untyped-def]
-    """Complete rows (the first ``complete`` columns finite) join the stretch; beyond its size they are counted."""
-    for i in range(signals.shape[0]):
-        for k in range(signals.shape[1]):
-            if np.isfinite(signals[i, k, :complete]).all():
-                if tally[i, 0] < stretch.shape[1]:
-                    stretch[i, tally[i, 0]] = signals[i, k]
-                tally[i, 0] += 1
-
-
-@njit(cache=True)
-def _weigh(noise, weighed):  # type: ignore[no-untyped-def]
-    """Logarithms of the innovations' variances that noise levels make, by state and for the accelerometer, (ns + 1,).
-
-    Of a level that wanders with Q a step, read with R, the prediction has the variance (Q + sqrt(Q^2 + 4 Q R)) / 2.
-    """
-    ns = weighed.size - 1
-    for j in range(ns + 1):
-        wander = noise[ns + 1] if j == 0 else 0.0
-        weighed[j] = np.log(noise[j] + 0.5 * (wander + np.sqrt(wander * wander + 4.0 * wander * noise[j])))
-
-
-@njit(cache=True)
-def mark(m, z, cov, noise, rows, first, information, marks_z, marks_cov, marks_rows, weighed, about):  # type: ignore[no-untyped-def]
-    """The present state as mark ``m`` of a vehicle (arrays as in ``EkfState``); what follows is linearised about it.
-
-    ``information``: inverse of the derivatives' covariance.
-    """
-    k = about.shape[1]
-    _weigh(noise, weighed[m])
-    for r in range(rows.shape[0]):
-        for c in range(rows.shape[1]):
-            marks_rows[m, r, c] = rows[r, c]
-    for a in range(z.size):
-        marks_z[m, a] = z[a]
-        for b in range(z.size):
-            marks_cov[m, a, b] = cov[a, b]
-    for a in range(k):
-        about[m, a, 0] = z[first + a]
-        for b in range(k):
-            about[m, a, 1 + b] = cov[first + a, first + b]
-            about[m, a, 1 + k + b] = information[a, b]
-
-
-@njit(cache=True)
-def _advance_marks(  # type: ignore[no-untyped-def]
-    z, cov, noise, rows, information, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about, first,
-    fresh,
-):  # fmt: skip
-    """Sets the second mark at half of the stretch; cuts it there when it is long, or ``fresh`` more might not fit."""
-    count, span = tally[0], abs(rows[0, 0] - stretch[0, 0])
-    full = count + fresh > stretch.shape[0] or tally[2] == solved.shape[0]
-    if tally[1] == 0 and (full or 2 * count >= _LONG_ROWS or 2.0 * span >= _LONG_S):
-        tally[1] = count
-        mark(1, z, cov, noise, rows, first, information, marks_z, marks_cov, marks_rows, weighed, about)
-    if not (full or count >= _LONG_ROWS or span >= _LONG_S):
-        return
-    cut, kept = tally[1], 0
-    marks_z[0], marks_cov[0], marks_rows[0] = marks_z[1], marks_cov[1], marks_rows[1]
-    weighed[0], about[0] = weighed[1], about[1]
-    for s in range(tally[2]):
-        if solved[s, 0] > cut:
-            solved[kept] = solved[s]
-            solved[kept, 0] -= cut
-            kept += 1
-    for r in range(count - cut):
-        stretch[r] = stretch[r + cut]
-    tally[0], tally[1], tally[2] = count - cut, count - cut, kept
-    if count > cut:
-        mark(1, z, cov, noise, rows, first, information, marks_z, marks_cov, marks_rows, weighed, about)
 
 
 @njit(cache=True)
@@ -169,7 +88,7 @@ def _left_out(value, present, information, about, weighed, noise, kept, prior_in
         return 0.0, share / k
     share = min(share / k, 1.0)
     now = np.empty_like(weighed)
-    _weigh(noise, now)
+    weigh(noise, now)
     left_out = 0.5 * share * np.max(np.abs(now - weighed))
     return max(left_out, 0.5 * np.sqrt(share / (strength * k)) * moved), share
 
@@ -284,7 +203,7 @@ def _put_together(  # type: ignore[no-untyped-def]
 
 def _run_again(
     known_sizes: Sizes, fixed: Any, prior_value: Array, prior_information: Array, z: Array, cov: Array, noise: Array,
-    slow: Array, echo: Array, counts: Counts, stretch: Array, tally: Counts, solved: Array, marks_z: Array,
+    slow: Array, echo: Array, counts: Counts, stretch: Singles, tally: Counts, solved: Array, marks_z: Array,
     marks_cov: Array, marks_rows: Array, weighed: Array, about: Array, first: int,
 ) -> bool:  # fmt: skip
     """The stretch again about the present estimate: z, cov, noise, slow, echo and the marks become what it leaves.
@@ -297,14 +216,16 @@ def _run_again(
     new_z, new_cov, last_rows, new_echo, again = (
         marks_z[0].copy(), marks_cov[0].copy(), marks_rows[0].copy(), echo.copy(), counts.copy(),
     )  # fmt: skip
+    new_noise, new_slow = noise.copy(), slow.copy()
     information = about[0, :, 1 + k :].copy()
     vector = information @ new_z[first : first + k]
     middle, middle_vector = np.zeros((k, k)), np.zeros(k)
     reseat(new_z, new_cov, star, narrow, first)
     notes = solved[: tally[2]]
     ends = notes[:, 0].astype(np.int64)
+    again_rows = recalled(stretch, int(tally[0]), float(last_rows[0, 0]))
     noted = run_again(
-        known_sizes, stretch, ends, fixed, new_z, new_cov, noise, slow, last_rows, new_echo, again
+        known_sizes, again_rows, ends, fixed, new_z, new_cov, new_noise, new_slow, last_rows, new_echo, again
     )  # fmt: skip
     if not _put_together(
         star, narrow, *noted, notes, cut, information, vector, middle, middle_vector, fixed.input_variance,
@@ -314,14 +235,21 @@ def _run_again(
     known = np.linalg.inv(information)
     reseat(new_z, new_cov, known @ vector, known, first)
     for m in range(2):
-        _weigh(noise, weighed[m])
+        weigh(new_noise, weighed[m])
         about[m, :, 0], about[m, :, 1 : 1 + k] = star, cov[first : first + k, first : first + k]
     if cut > 0:
         at = int(np.flatnonzero(ends == cut)[0])
         marks_z[1], marks_cov[1], about[1, :, 1 + k :] = noted[0][at], noted[1][at], middle
         known = np.linalg.inv(middle)
         reseat(marks_z[1], marks_cov[1], known @ middle_vector, known, first)
-    z[:], cov[:], echo[:], counts[2] = new_z, new_cov, new_echo, again[2]
+    z[:], cov[:], noise[:], slow[:], echo[:], counts[2] = (
+        new_z,
+        new_cov,
+        new_noise,
+        new_slow,
+        new_echo,
+        again[2],
+    )
     return True
 
 
@@ -356,7 +284,7 @@ def _assess(  # type: ignore[no-untyped-def]
         for s in range(tally[i, 2]):
             kept *= solved[i, s, 1]
         if not np.isfinite(weighed[i, 0, 0]):
-            _weigh(noise[i], weighed[i, 0])
+            weigh(noise[i], weighed[i, 0])
         left_out, share = _left_out(
             z[i, first : first + k], cov[i, first : first + k, first : first + k], information[i], about[i, 0],
             weighed[i, 0], noise[i], kept, prior_information,
@@ -383,7 +311,7 @@ def _advance_all(  # type: ignore[no-untyped-def]
     """The marks of all vehicles whose stretch goes on."""
     for i in range(z.shape[0]):
         if fresh[i] >= 0:
-            _advance_marks(
+            advance_marks(
                 z[i], cov[i], noise[i], rows[i], information[i], stretch[i], tally[i], solved[i], marks_z[i],
                 marks_cov[i], marks_rows[i], weighed[i], about[i], first, fresh[i],
             )  # fmt: skip
@@ -392,7 +320,7 @@ def _advance_all(  # type: ignore[no-untyped-def]
 def relinearise_all(
     known_sizes: Sizes, fixed: Any, prior_value: Array, prior_std: Array, z: Array, cov: Array, noise: Array,
     slow: Array, rows: Array, variance: Array, information: Array, vector: Array, echo: Array, counts: Counts,
-    done: Array, stretch: Array, tally: Counts, solved: Array, marks_z: Array, marks_cov: Array, marks_rows: Array,
+    done: Array, stretch: Singles, tally: Counts, solved: Array, marks_z: Array, marks_cov: Array, marks_rows: Array,
     weighed: Array, about: Array,
 ) -> None:  # fmt: skip
     """After a solution: the stretch is run again where linearisation has left out what matters, and the marks advance.

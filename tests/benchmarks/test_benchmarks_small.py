@@ -2,6 +2,7 @@
 
 import importlib.util
 import sys
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 
@@ -80,7 +81,10 @@ def test_cost_counts_every_part_of_every_structure() -> None:
     assert set(spent) == set(cost.PARTS)
     assert sum(spent.values()) > 0.0
     assert [m.structure.name for m in cost.modes(aircraft, 1)] == list(STRUCTURES)
-    assert state_bytes == sum(m.state_bytes for m in cost.modes(aircraft, 1))
+    modes = cost.modes(aircraft, 1)
+    assert state_bytes == {part: sum(m.state_bytes[part] for m in modes) for part in cost.HELD}
+    states = [s for m in modes for s in (m.signal_state, m.fourier_state, m.ekf_state)]
+    assert sum(state_bytes.values()) == sum(getattr(s, f.name).nbytes for s in states for f in fields(s))
 
 
 def test_filterpys_bare_loop_and_engine_are_both_timed() -> None:

@@ -24,7 +24,7 @@ from reference_plant import PLANTS, cramer_rao, noise_std, noisy_scores
 
 from wingwatch.estimators import EkfEstimator, EkfState
 from wingwatch.estimators.ekf_covariance import reseat
-from wingwatch.estimators.ekf_relinearise import STRETCH_ROWS
+from wingwatch.estimators.ekf_stretch import STRETCH_ROWS, recalled
 
 Counts: TypeAlias = NDArray[np.int64]
 
@@ -114,6 +114,22 @@ def test_more_solutions_than_are_kept_and_more_rows_than_fit() -> None:
         estimate = runner.estimate(state)
         miss = (estimate.value - PITCH.truth) / estimate.standard_error
         assert (np.abs(miss) < 4.5).all(), miss
+
+
+def test_what_is_kept_of_the_rows_is_what_sensors_resolve() -> None:
+    """Rows with a hole are not in it, and a time since 1970 loses nothing to single precision."""
+    batch = noisy_batch(PITCH, 8.0, 1)
+    batch[..., 0] += 1.7e9
+    batch[0, 3, 2] = np.nan
+    runner = ekf(PITCH)
+    state = state_of(runner.init(1))
+    for start in range(0, batch.shape[1], SOLVE_EVERY):
+        runner.update(state, batch[:, start : start + SOLVE_EVERY])
+    whole = np.delete(batch[0], 3, axis=0)
+    assert state.tally[0, 0] == len(whole)
+    rows = recalled(state.stretch[0], len(whole), batch[0, 0, 0])
+    np.testing.assert_allclose(np.diff(rows[:, 0]), np.diff(whole[:, 0]), atol=1e-6)
+    np.testing.assert_allclose(rows[:, 1:], whole[:, 1:], rtol=1e-6)
 
 
 def test_a_released_derivative_is_not_taught_by_what_came_before() -> None:
