@@ -161,10 +161,13 @@ def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, air,
         noise[j] = max(noise[j], 1e-8 if j in (0, ns, ns + 1) else 1e-10)
     if air[0] == 0.0:
         return
-    for j in range(1, ns):
-        # A gyro's noise is white: more than that, chance allowed, is the power of air that rolls.
-        chance = 1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0))
-        noise[j] = min(noise[j], max(chance * _rough_noise(roughness, j, ns), 1e-10))
+    chance = 1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0))
+    for j in range(ns):
+        # A sensor's noise is white: more than that, chance allowed, is the power of air, or of what the model leaves
+        # out. Neither is it remembered: taken for noise it would be taken out of the regressors' power.
+        most = max(chance * _rough_noise(roughness, j, ns), 1e-8 if j == 0 else 1e-10)
+        noise[j] = min(noise[j], most)
+        fresh[j] = min(fresh[j], most)
     known = noise_known[-2]
     for j in range(noise.size - AIR_LEVELS, noise.size):
         noise[j] = max((known * noise_known[j] + share * fresh[j]) / (known + share), 1e-10)

@@ -103,6 +103,8 @@ class SignalConfig:
             without leak; sensor biases then drift without bound).
         reference_airspeed_m_s: airspeed to which referred derivatives are scaled.
         reference_density_kg_m3: density likewise.
+        servo_s: for each input time constant of the first-order servo that stands between it and the surface, its
+            command held to the next; 0 for what is to be taken as it is.
     """
 
     structure: ModeStructure
@@ -111,6 +113,7 @@ class SignalConfig:
     reconstruction_s: float = 20.0
     reference_airspeed_m_s: float = 25.0
     reference_density_kg_m3: float = 1.225
+    servo_s: tuple[float, ...] = ()
     layout: SignalLayout = field(init=False)
 
     def __post_init__(self) -> None:
@@ -128,11 +131,13 @@ class SignalState:
         airspeed: smoothers of the airspeed, shape (4, LEVELS).
         passed: last readings of the columns that go with a reconstructed velocity, and what of them has passed its
             filter, shape (2, columns).
+        servos: last command of each input, and where its servo has the surface, shape (2, inputs).
     """
 
     memory: NDArray[np.float64]
     airspeed: NDArray[np.float64]
     passed: NDArray[np.float64]
+    servos: NDArray[np.float64]
 
 
 class Signals:
@@ -146,12 +151,14 @@ class Signals:
             raise ValueError(f"no signals are defined for structure {structure.name!r}")
         self._rates = np.array([_RATE_CHANNEL[s] for s in structure.states[1:]])
         self._inputs = np.array([_INPUT_CHANNEL[u] for u in structure.inputs])
+        self._servo_s = np.array(config.servo_s or (0.0,) * len(structure.inputs))
 
     def init(self, vehicles: int) -> SignalState:
         """State before the first sample."""
         memory = np.tile(np.array([np.nan, 0.0, 0.0, 0.0, 0.0]), (vehicles, 1))
         passed = np.full((vehicles, 2, self.config.layout.columns), np.nan)
-        return SignalState(memory, np.zeros((vehicles, 4, LEVELS)), passed)
+        servos = np.full((vehicles, 2, self.config.layout.inputs), np.nan)
+        return SignalState(memory, np.zeros((vehicles, 4, LEVELS)), passed, servos)
 
     def update(self, state: SignalState, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signals of a batch.
@@ -171,7 +178,7 @@ class Signals:
         x_vane, _, z_vane = c.vane_position_m
         _signals(
             np.ascontiguousarray(values), state.memory, state.airspeed, self._lateral, self._rates, self._inputs,
-            x_vane, z_vane, c.airspeed_memory_s, c.reconstruction_s, reference, out,
+            x_vane, z_vane, c.airspeed_memory_s, c.reconstruction_s, reference, self._servo_s, state.servos, out,
         )  # fmt: skip
         return out
 
@@ -258,8 +265,42 @@ def _along_path(row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _surface(command, dt, servo_s, told):  # type: ignore[no-untyped-def]
+    """Where a servo has its surface: it went on to the command before, x = c + (x0 - c) exp(-dt / servo_s).
+
+    After a gap the surface is where it is told to be. NaN where nothing is told, though the servo goes on.
+
+    Args:
+        told: (2,), last command and the surface, in place.
+    """
+    if 0.0 < dt <= MAX_GAP_S:
+        told[1] = told[0] + (told[1] - told[0]) * np.exp(-dt / servo_s)
+    else:
+        told[1] = np.nan
+    if not np.isfinite(command):
+        return np.nan
+    told[0] = command
+    if not np.isfinite(told[1]):
+        told[1] = command
+    return told[1]
+
+
+@njit(cache=True)
 def _signals(  # type: ignore[no-untyped-def]
-    values, memory, smoothers, lateral, rates, inputs, x_vane, z_vane, memory_s, leak_s, reference, out
+    values,
+    memory,
+    smoothers,
+    lateral,
+    rates,
+    inputs,
+    x_vane,
+    z_vane,
+    memory_s,
+    leak_s,
+    reference,
+    servo_s,
+    servos,
+    out,
 ):
     """One pass over vehicles and samples; see the module's layout."""
     force = _AY if lateral else _AZ
@@ -297,6 +338,8 @@ def _signals(  # type: ignore[no-untyped-def]
             o[1 + ns] = row[force]
             for j in range(nu):
                 o[2 + ns + j] = row[inputs[j]]
+                if servo_s[j] > 0.0:
+                    o[2 + ns + j] = _surface(row[inputs[j]], dt, servo_s[j], servos[i, :, j])
             density = _density(row)
             c = 2 + ns + nu
             o[c] = kinematic

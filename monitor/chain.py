@@ -364,20 +364,23 @@ def _mode(
     value = prior.value - offsets(structure, condition.airspeed_true_m_s, condition.angle_of_attack_rad)
     error = np.sqrt(np.diagonal(prior.covariance))
     natural = np.maximum(np.abs(value), 2.0 * error)
-    held = tuple(kinds.get(_INPUT_COLUMN[u], "position") == "command" for u in structure.inputs)
+    told = tuple(kinds.get(_INPUT_COLUMN[u], "position") == "command" for u in structure.inputs)
     sensors = aircraft.sensors
     imu = sensors.imu_position_m
     noise = tuple(
         0.0 if still else aircraft.noise_std(_INPUT_COLUMN[u]) or 0.0
-        for u, still in zip(structure.inputs, held, strict=True)
+        for u, still in zip(structure.inputs, told, strict=True)
     )
     servo_s = tuple(_servo_s(aircraft, u) for u in structure.inputs)
+    # A command whose servo is known becomes the surface that it moves; any other acts as it stands.
+    held = tuple(still and not lag_s for still, lag_s in zip(told, servo_s, strict=True))
     force = aircraft.noise_std(_FORCE_COLUMN[structure.states[0]]) or 0.0
     signals = SignalConfig(
         structure,
         sensors.vane_position_m,
         reference_airspeed_m_s=reference[0],
         reference_density_kg_m3=reference[1],
+        servo_s=tuple(lag_s if still else 0.0 for still, lag_s in zip(told, servo_s, strict=True)),
     )
     fourier = FourierConfig(
         structure,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
 from wingwatch.estimators import SignalConfig, Signals
 from wingwatch.estimators.signals import MAX_GAP_S
-from wingwatch.telemetry import SampleBlock
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
 G = 9.80665
 
@@ -53,6 +53,21 @@ def test_density_from_altitude_and_temperature() -> None:
     assert standard[8] == pytest.approx(1.1116, abs=1e-4)
     warm = rows(SHORT_PERIOD, block(air_density_kg_m3=math.nan, outside_air_temperature_k=300.0))[0]
     assert warm[8] == pytest.approx(89874.6 / (287.05287 * 300.0), rel=1e-5)
+
+
+def test_a_command_becomes_the_surface_that_its_servo_moves() -> None:
+    """From the first command on, towards the one before at any step and over a missing one; after a gap as told."""
+    time_s = np.array([0.0, 0.02, 0.05, 0.06, 0.08, 0.08 + 2.0 * MAX_GAP_S])
+    command = np.array([0.1, 0.3, np.nan, -0.2, -0.2, 0.5])
+    samples = block(time_s.size)
+    samples.values[:, 0] = time_s
+    samples.values[:, CHANNEL_INDEX["elevator_rad"]] = command
+    column = SignalConfig(SHORT_PERIOD).layout.first_input
+    surface = rows(SHORT_PERIOD, samples, servo_s=(0.02,))[:, column]
+    at_third = 0.3 + (0.1 - 0.3) * math.exp(-0.04 / 0.02)  # told 0.3 from 0.02 s to 0.06 s
+    last = -0.2 + (at_third + 0.2) * math.exp(-1.0)
+    np.testing.assert_allclose(surface, [0.1, 0.1, math.nan, at_third, last, 0.5], rtol=1e-12)
+    np.testing.assert_array_equal(rows(SHORT_PERIOD, samples)[:, column], command)
 
 
 def test_without_a_vane_the_velocity_is_integrated() -> None:

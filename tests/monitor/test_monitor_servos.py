@@ -1,0 +1,52 @@
+"""Surfaces known by their commands alone: where the aircraft file states the servo, they are where it has them."""
+
+import numpy as np
+
+from wingwatch.aircraft import (
+    LATERAL,
+    Aircraft,
+    FlightCondition,
+    linearised_derivatives,
+    load_aircraft,
+    trimmed,
+)
+from wingwatch.aircraft.aircraft_file import Actuators
+from wingwatch.monitor import VehicleMonitor
+from wingwatch.monitor.chain import ModeSolution
+from wingwatch.simulation import Scenario, doublet_schedule, simulate
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
+
+CRUISE = FlightCondition(25.0, 1000.0)
+SURFACES = ("elevator", "aileron", "rudder")
+
+
+def lateral(aircraft: Aircraft, block: SampleBlock, piece: int) -> ModeSolution:
+    kinds = {f"{surface}_rad": "command" for surface in SURFACES}
+    monitor = VehicleMonitor(aircraft, "f", "v", block.present, kinds, new_id=lambda: "1")
+    last = None
+    for start in range(0, len(block), piece):
+        report = monitor.feed(SampleBlock(block.values[start : start + piece]))
+        last = report.solutions[-1].modes[LATERAL.name] if report.solutions else last
+    assert last is not None
+    return last
+
+
+def test_commands_go_through_the_servo_that_the_file_states() -> None:
+    known = load_aircraft("aerosonde")
+    flown = simulate(
+        Scenario(known, manoeuvres=(doublet_schedule(known, CRUISE, period_s=10.0),), seed=12), 60.0
+    )
+    for surface in SURFACES:
+        command = flown.values[:, CHANNEL_INDEX[f"{surface}_command_rad"]]
+        flown.values[:, CHANNEL_INDEX[f"{surface}_rad"]] = command
+    told, whole = lateral(known, flown, 10), lateral(known, flown, len(flown))
+    untold = lateral(known.model_copy(update={"actuators": Actuators()}), flown, 10)
+    np.testing.assert_array_equal(told.ekf.value, whole.ekf.value)
+    np.testing.assert_array_equal(told.fourier.value, whole.fourier.value)
+    table = linearised_derivatives(known, trimmed(known, CRUISE), LATERAL)
+    roll = [LATERAL.derivatives.index(symbol) for symbol in ("l_p", "l_xi")]
+    truth = np.array([table[d] for d in LATERAL.derivatives])[roll]
+    for estimate, without in ((told.fourier, untold.fourier), (told.ekf, untold.ekf)):
+        misses = np.abs(estimate.value[roll] / truth - 1.0), np.abs(without.value[roll] / truth - 1.0)
+        assert misses[0].max() < 0.1, misses
+        assert misses[1].min() > 0.2, misses
