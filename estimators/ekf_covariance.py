@@ -8,8 +8,9 @@ import numpy as np
 from numba import njit
 
 from wingwatch.estimators.hot import hot
+from wingwatch.estimators.symmetric import invert
 
-__all__ = ["correct", "forget", "keep_marginal", "predict", "reseat"]
+__all__ = ["correct", "forget", "inverse_of", "keep_marginal", "predict", "put_marginal", "reseat"]
 
 
 @hot
@@ -118,6 +119,61 @@ def _seen(gains, i, row, j, ns, nz):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def inverse_of(cov, chosen):  # type: ignore[no-untyped-def]
+    """Inverse of the covariance of some parameters, (m, m)."""
+    m = chosen.size
+    now, inverse = np.empty((m, m)), np.empty((m, m))
+    for a in range(m):
+        for b in range(m):
+            now[a, b] = cov[chosen[a], chosen[b]]
+    invert(now, inverse)
+    return inverse
+
+
+@njit(cache=True)
+def put_marginal(z, cov, chosen, inverse, value, covariance):  # type: ignore[no-untyped-def]
+    """Gives some parameters another mean and covariance; all else, given these, stays.
+
+    Args:
+        z, cov: changed in place.
+        chosen: which of ``z``, indices, (m,).
+        inverse: of their covariance as it is, (m, m).
+        value, covariance: that they get, (m,) and (m, m).
+    """
+    m, n = chosen.size, z.size - chosen.size
+    rest, others = np.empty(n, dtype=np.int64), 0
+    for c in range(z.size):
+        if not (chosen == c).any():
+            rest[others] = c
+            others += 1
+    regression, half, cross = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m))
+    for r in range(n):
+        for a in range(m):
+            factor = cov[rest[r], chosen[a]]
+            for b in range(m):
+                regression[r, b] += factor * inverse[a, b]
+        for a in range(m):
+            factor = regression[r, a]
+            z[rest[r]] += factor * (value[a] - z[chosen[a]])
+            for b in range(m):
+                cross[r, b] += factor * covariance[a, b]
+        for b in range(m):
+            half[r, b] = cross[r, b] - cov[rest[r], chosen[b]]
+    for r in range(n):
+        for q in range(r + 1):
+            total = 0.5 * (cov[rest[r], rest[q]] + cov[rest[q], rest[r]])
+            for b in range(m):
+                total += half[r, b] * regression[q, b]
+            cov[rest[r], rest[q]] = cov[rest[q], rest[r]] = total
+    for a in range(m):
+        z[chosen[a]] = value[a]
+        for r in range(n):
+            cov[rest[r], chosen[a]] = cov[chosen[a], rest[r]] = cross[r, a]
+        for b in range(m):
+            cov[chosen[a], chosen[b]] = covariance[a, b]
+
+
+@njit(cache=True)
 def forget(z, cov, prior_value, prior_information, keep, less, ns):  # type: ignore[no-untyped-def]
     """Stabilised forgetting: what is known of the parameters is mixed with the prior, keep : 1 - keep.
 
@@ -127,31 +183,27 @@ def forget(z, cov, prior_value, prior_information, keep, less, ns):  # type: ign
     Information keep P^-1 + (1 - keep) P0^-1, so a quiet flight returns to the prior instead of drifting and
     nothing can grow. The states keep their regression on the parameters.
     """
-    nz = z.size
-    p = nz - ns
-    parameters = np.ascontiguousarray(cov[ns:, ns:])
-    cross = np.ascontiguousarray(cov[:ns, ns:])
-    information = np.linalg.inv(parameters)
-    regression = cross @ information
-    conditional = cov[:ns, :ns] - regression @ np.ascontiguousarray(cross.T)
-    vector = keep * (information @ z[ns:]) + (1.0 - keep) * (prior_information * prior_value)
-    for a in range(less.shape[0]):
-        for b in range(less.shape[0]):
-            information[a, b] -= less[a, b]
-    information *= keep
+    p = z.size - ns
+    chosen = np.arange(ns, z.size)
+    inverse = inverse_of(cov, chosen)
+    information, mixed, value = np.empty((p, p)), np.empty((p, p)), np.zeros(p)
+    vector = np.empty(p)
     for a in range(p):
+        vector[a] = (1.0 - keep) * prior_information[a] * prior_value[a]
+        for b in range(p):
+            vector[a] += keep * inverse[a, b] * z[ns + b]
+            information[a, b] = keep * inverse[a, b]
+            if a < less.shape[0] and b < less.shape[0]:
+                information[a, b] -= keep * less[a, b]
         information[a, a] += (1.0 - keep) * prior_information[a]
-    mixed = np.linalg.inv(information)
-    mixed = 0.5 * (mixed + mixed.T)
-    value = mixed @ vector
-    z[:ns] += regression @ (value - z[ns:])
-    z[ns:] = value
-    cov[ns:, ns:] = mixed
-    cross = regression @ mixed
-    cov[:ns, ns:] = cross
-    cov[ns:, :ns] = cross.T
-    states = conditional + cross @ np.ascontiguousarray(regression.T)
-    cov[:ns, :ns] = 0.5 * (states + states.T)
+    invert(information, mixed)
+    for a in range(p):
+        for b in range(a):
+            mixed[a, b] = mixed[b, a] = 0.5 * (mixed[a, b] + mixed[b, a])
+    for a in range(p):
+        for b in range(p):
+            value[a] += mixed[a, b] * vector[b]
+    put_marginal(z, cov, chosen, inverse, value, mixed)
 
 
 @njit(cache=True)
@@ -164,21 +216,13 @@ def keep_marginal(z, cov, value, covariance, chosen, first):  # type: ignore[no-
         chosen: which of the derivatives to put back, indices.
         first: where the derivatives begin in ``z``.
     """
-    nz, m = z.size, chosen.size
-    now, before, shift = np.empty((m, m)), np.empty((m, m)), np.empty(m)
-    cross = np.empty((nz, m))
+    m = chosen.size
+    mean, before = np.empty(m), np.empty((m, m))
     for a in range(m):
-        shift[a] = value[chosen[a]] - z[first + chosen[a]]
-        cross[:, a] = cov[:, first + chosen[a]]
+        mean[a] = value[chosen[a]]
         for b in range(m):
-            now[a, b] = cov[first + chosen[a], first + chosen[b]]
             before[a, b] = covariance[chosen[a], chosen[b]]
-    regression = cross @ np.linalg.inv(now)
-    z += regression @ shift
-    cov += regression @ (before - now) @ np.ascontiguousarray(regression.T)
-    for a in range(nz):
-        for b in range(a):
-            cov[a, b] = cov[b, a] = 0.5 * (cov[a, b] + cov[b, a])
+    put_marginal(z, cov, first + chosen, inverse_of(cov, first + chosen), mean, before)
 
 
 @njit(cache=True)
@@ -190,15 +234,5 @@ def reseat(z, cov, value, covariance, first):  # type: ignore[no-untyped-def]
         value, covariance: of the derivatives, (k,) and (k, k).
         first: where they begin in ``z``.
     """
-    last = first + value.size
-    now = np.ascontiguousarray(cov[first:last, first:last])
-    regression = np.ascontiguousarray(cov[:, first:last]) @ np.linalg.inv(now)
-    z += regression @ (value - z[first:last])
-    z[first:last] = value
-    turned = np.ascontiguousarray(regression.T)
-    cov += regression @ (covariance - now) @ turned
-    cov[:] = 0.5 * (cov + cov.T)
-    cross = regression @ covariance
-    cov[:, first:last] = cross
-    cov[first:last] = cross.T
-    cov[first:last, first:last] = covariance
+    chosen = np.arange(first, first + value.size)
+    put_marginal(z, cov, chosen, inverse_of(cov, chosen), value, covariance)

@@ -34,7 +34,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf_covariance import keep_marginal, reseat
+from wingwatch.estimators.ekf_covariance import inverse_of, reseat
 from wingwatch.estimators.ekf_inputs import pretended
 from wingwatch.estimators.ekf_kernel import run_again
 from wingwatch.estimators.ekf_solve import controls_of
@@ -108,38 +108,41 @@ def _inverse(matrix, room, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _symmetric(matrix):  # type: ignore[no-untyped-def]
-    for a in range(matrix.shape[0]):
-        for b in range(a):
-            matrix[a, b] = matrix[b, a] = 0.5 * (matrix[a, b] + matrix[b, a])
+def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
+    for a in range(out.size):
+        out[a] = 0.0
+        for b in range(vector.size):
+            out[a] += matrix[a, b] * vector[b]
+
+
+@njit(cache=True)
+def _take_back(information, vector, known, chosen):  # type: ignore[no-untyped-def]
+    """Resting inputs: the marginal of their derivatives is again that of ``known``, a covariance and a mean.
+
+    A density times the ratio of two marginals of C: to the information of C comes that of the one, less that of the
+    other, each the inverse of its covariance.
+    """
+    k, m = vector.size, chosen.size
+    room, now, mean = np.empty((k, k)), np.empty((k, k)), np.empty(k)
+    _inverse(information, room, now)
+    _times(now, vector, mean)
+    old, new = inverse_of(known[0], chosen), inverse_of(now, chosen)
+    for a in range(m):
+        for b in range(m):
+            information[chosen[a], chosen[b]] += old[a, b] - new[a, b]
+            vector[chosen[a]] += old[a, b] * known[1][chosen[b]] - new[a, b] * mean[chosen[b]]
 
 
 @njit(cache=True)
 def _fold(  # type: ignore[no-untyped-def]
-    information,
-    vector,
-    note,
-    moments,
-    echo,
-    input_variance,
-    prior_information,
-    prior_value,
-    ns,
-    less,
-    before,
-    mean,
+    information, vector, note, moments, echo, input_variance, prior_information, prior_value, ns, less, known
 ):
-    """What a solution does to what is known: resting inputs (``mean`` and covariance ``before`` the half second),
-    information that was none, forgetting."""
-    nu = input_variance.size
+    """What a solution does to what is known: resting inputs (``known`` before the half second), information that was
+    none, forgetting."""
     resting = note[2:] == 1.0
     pretended(echo, moments, input_variance, resting, ns, less)
     if resting.any():
-        now = np.linalg.inv(information)
-        value = now @ vector
-        keep_marginal(value, now, mean, before, controls_of(resting, ns, nu), 0)
-        information[:] = np.linalg.inv(now)
-        vector[:] = information @ value
+        _take_back(information, vector, known, controls_of(resting, ns, input_variance.size))
     keep = note[1]
     for a in range(vector.size):
         vector[a] *= keep
@@ -147,7 +150,9 @@ def _fold(  # type: ignore[no-untyped-def]
             information[a, b] = keep * (information[a, b] - less[a, b])
         information[a, a] += (1.0 - keep) * prior_information[a]
         vector[a] += (1.0 - keep) * prior_information[a] * prior_value[a]
-    _symmetric(information)
+    for a in range(vector.size):
+        for b in range(a):
+            information[a, b] = information[b, a] = 0.5 * (information[a, b] + information[b, a])
 
 
 @njit(cache=True)
@@ -173,15 +178,15 @@ def _put_together(  # type: ignore[no-untyped-def]
     room, seen, fresh, less, before = (
         np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, k)),
     )  # fmt: skip
+    told, mean = np.empty(k), np.empty(k)
     _inverse(narrow, room, seen)
-    told, mean = seen @ star, np.empty(k)
+    _times(seen, star, told)
+    _inverse(information, room, before)
     for s in range(len(noted_z)):
         value = noted_z[s, first : first + k]
         if not _inverse(noted_cov[s, first : first + k, first : first + k], room, fresh):
             return False
-        if (solved[s, 2:] == 1.0).any():
-            _inverse(information, room, before)
-            mean = before @ vector
+        _times(before, vector, mean)
         for a in range(k):
             now_told = 0.0
             for b in range(k):
@@ -192,9 +197,9 @@ def _put_together(  # type: ignore[no-untyped-def]
             told[a] = now_told
         _fold(
             information, vector, solved[s], noted_moments[s], noted_echo[s], input_variance, prior_information,
-            prior_value, ns, less, before, mean,
+            prior_value, ns, less, (before, mean),
         )  # fmt: skip
-        if not _inverse(information, room, fresh):
+        if not _inverse(information, room, before):
             return False
         if int(solved[s, 0]) == cut:
             middle[:], middle_vector[:] = information, vector

@@ -3,9 +3,10 @@
 import numpy as np
 from numba import njit
 
-from wingwatch.estimators.ekf_covariance import forget, keep_marginal
+from wingwatch.estimators.ekf_covariance import forget, inverse_of, keep_marginal
 from wingwatch.estimators.ekf_inputs import pretended
 from wingwatch.estimators.ekf_kernel import WARM_UP
+from wingwatch.estimators.symmetric import invert
 
 __all__ = ["controls_of", "solve_all"]
 
@@ -54,11 +55,16 @@ def _without_noise(  # type: ignore[no-untyped-def]
     """
     nu = variance.size
     resting = _resting(moments, moved, variance, now)
-    before = np.linalg.inv(information)
-    mean = before @ vector
+    k = vector.size
+    before, mean = np.empty((k, k)), np.zeros(k)
     more = True
     while more:
         if solved and resting.any():
+            invert(information.copy(), before)
+            mean[:] = 0.0
+            for a in range(k):
+                for b in range(k):
+                    mean[a] += before[a, b] * vector[b]
             keep_marginal(z, cov, mean, before, controls_of(resting, ns, nu), first)
         pretended(echo, moments, variance, resting, ns, less)
         more = False
@@ -91,7 +97,7 @@ def solve_all(  # type: ignore[no-untyped-def]
     k = informed.shape[1]
     first, ns = z.shape[1] - prior_value.size, prior_value.size - k
     prior_information = 1.0 / (prior_std * prior_std)
-    less = np.zeros((k, k))
+    less, chosen = np.zeros((k, k)), np.arange(first, first + k)
     for i in range(z.shape[0]):
         now = rows[i, 0, 0]
         if counts[i, 0] <= WARM_UP:
@@ -102,26 +108,30 @@ def solve_all(  # type: ignore[no-untyped-def]
             z[i], cov[i], moments[i], moved[i], echo[i], input_variance, information[i], vector[i], now,
             counts[i, 1] > 0, first, ns, less,
         )  # fmt: skip
-        parameters = np.ascontiguousarray(cov[i, first : first + k, first : first + k])
-        fresh = np.linalg.inv(parameters)
-        gained_matrix[i] += fresh - less - information[i]
-        gained_vector[i] += fresh @ z[i, first : first + k] - vector[i]
+        fresh, share = inverse_of(cov[i], chosen), 0.0
         for a in range(k):
-            if parameters[a, a] < 0.98 * variance[i, a]:
+            told = -vector[i, a]
+            for b in range(k):
+                told += fresh[a, b] * z[i, first + b]
+                more = fresh[a, b] - less[a, b] - information[i, a, b]
+                gained_matrix[i, a, b] += more
+                share += more * cov[i, first + a, first + b]
+            gained_vector[i, a] += told
+            if cov[i, first + a, first + a] < 0.98 * variance[i, a]:
                 informed[i, a] = now
         elapsed = now - clock[i]
         clock[i] = now
         forgets = 0.0 < elapsed < stale_s and now - np.max(informed[i]) < stale_s
         keep = np.exp(-elapsed / memory_s) if forgets else 1.0
-        share = 0.0
-        for a in range(k):
-            for b in range(k):
-                share += (fresh[a, b] - less[a, b] - information[i, a, b]) * parameters[a, b]
-        done[i, 0], done[i, 1], done[i, 2:] = keep, max(share / k, 0.0), resting
+        done[i, 0], done[i, 1] = keep, max(share / k, 0.0)
+        for j in range(resting.size):
+            done[i, 2 + j] = 1.0 if resting[j] else 0.0
         if forgets or less.any():
             forget(z[i], cov[i], prior_value, prior_information, keep, less, first)
-        parameters = np.ascontiguousarray(cov[i, first : first + k, first : first + k])
-        information[i] = np.linalg.inv(parameters)
-        vector[i] = information[i] @ z[i, first : first + k]
-        variance[i] = np.diag(parameters)
+            fresh = inverse_of(cov[i], chosen)
+        for a in range(k):
+            variance[i, a], vector[i, a] = cov[i, first + a, first + a], 0.0
+            for b in range(k):
+                information[i, a, b] = fresh[a, b]
+                vector[i, a] += fresh[a, b] * z[i, first + b]
         counts[i, 1] += 1
