@@ -1,4 +1,4 @@
-"""What the chain makes of the real flight: table, halves compared, and the README's picture.
+"""What the chain makes of the real flight: table, halves compared, surfaces' delay, and the README's picture.
 
     .venv/bin/python benchmarks/real_flight.py FLIGHT.mat [--map docs/maps/thor75.toml] [--aircraft ultrastick25e]
         [--picture docs/pictures/thor75.png]
@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.baselines import OutOfEnvelope
+from wingwatch.estimators import Estimate, offsets
+from wingwatch.estimators.reference import referred_scale
 from wingwatch.monitor import Solution, VehicleMonitor
-from wingwatch.telemetry import SampleBlock, load_flight
+from wingwatch.telemetry import SampleBlock, complete, load_flight
 
 Array = NDArray[np.float64]
+
+DELAYS_S = (-0.06, -0.04, -0.02, -0.01, 0.0, 0.01, 0.02, 0.04, 0.06)
 
 PANELS = (("short_period", ("z_w", "m_w", "m_q", "m_eta")), ("lateral", ("l_p", "l_xi", "n_v", "n_r")))
 
@@ -71,7 +75,11 @@ def trace(monitor: VehicleMonitor, solutions: list[Solution], structure: str, sy
 
 
 def halves(flight: Path, channel_map: Path, aircraft: str) -> list[tuple[str, float, float, float, float]]:
-    """The Fourier form on each half of the flight alone: symbol, value and error of both."""
+    """The Fourier form on each half of the flight alone: symbol, value and error of both.
+
+    A half's derivatives are those at its last blocks' airspeed and angle of attack. Both are taken to the mean of the
+    two halves' conditions: what acts by rho V or rho V^2 (table B.3), U and W in z_q, y_r and y_p by these.
+    """
     table = load_flight(flight, channel_map)
     half = len(table.block) // 2
     ends = []
@@ -84,13 +92,64 @@ def halves(flight: Path, channel_map: Path, aircraft: str) -> list[tuple[str, fl
     rows = []
     for structure in ("short_period", "lateral"):
         first, second = (e.modes[structure].fourier for e in ends)
+        common = 0.5 * (np.array(first.condition) + np.array(second.condition))
+        (a, a_error), (b, b_error) = at_condition(first, common), at_condition(second, common)
         for k, symbol in enumerate(first.structure.derivatives):
             if first.outcomes[k] == second.outcomes[k] == "converged":
-                rows.append(
-                    (symbol, float(first.value[k]), float(first.standard_error[k]), float(second.value[k]),
-                     float(second.standard_error[k]))
-                )  # fmt: skip
+                rows.append((symbol, float(a[k]), float(a_error[k]), float(b[k]), float(b_error[k])))
     return rows
+
+
+def at_condition(estimate: Estimate, condition: Array) -> tuple[Array, Array]:
+    """Value and standard error at another airspeed, altitude, density and angle of attack."""
+    structure, (airspeed, _, density, alpha) = estimate.structure, estimate.condition
+    scale = referred_scale(structure, condition[0], condition[2], (airspeed, density))
+    aerodynamic = estimate.value - offsets(structure, airspeed, alpha)
+    return (
+        scale * aerodynamic + offsets(structure, condition[0], condition[3]),
+        scale * estimate.standard_error,
+    )
+
+
+def answers(flight: Path, channel_map: Path, aircraft: str) -> list[tuple[float, float, float]]:
+    """How well roll and pitch acceleration follow from what was commanded a time before: delay in s, R2 of each.
+
+    Equation error between 0.3 and 5 Hz, the servo that the aircraft file states apart. The delay that the map states
+    is in the commands already: what is scanned comes on top.
+    """
+    known = load_aircraft(aircraft)
+    block = complete(load_flight(flight, channel_map).block)
+    column, time_s = block.column, block.time_s
+    airspeed, step_s = column("airspeed_true_m_s"), float(np.median(np.diff(block.time_s)))
+    p, q, r = (column(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
+    w, v = airspeed * np.sin(column("angle_of_attack_rad")), airspeed * np.sin(column("sideslip_rad"))
+    frequency_hz = np.fft.rfftfreq(time_s.size, step_s)
+    band = (frequency_hz > 0.3) & (frequency_hz < 5.0)
+
+    def transform(signal: Array) -> NDArray[np.complex128]:
+        whole = np.fft.rfft((signal - signal.mean()) * np.hanning(signal.size))
+        return np.asarray(whole[band], dtype=np.complex128)
+
+    def moved(surface: str, delay_s: float) -> NDArray[np.complex128]:
+        servo = getattr(known.actuators, surface)
+        lag_s = 1.0 / (2.0 * np.pi * servo.bandwidth_hz) if servo else 0.0
+        # held to the next sample, so half a step later on average
+        late = np.exp(-2j * np.pi * frequency_hz[band] * (delay_s + 0.5 * step_s))
+        servo_answer = 1.0 / (1.0 + 2j * np.pi * frequency_hz[band] * lag_s)
+        return np.asarray(transform(column(f"{surface}_rad")) * late * servo_answer, dtype=np.complex128)
+
+    found = []
+    for delay_s in DELAYS_S:
+        row = []
+        for rate, states, surfaces in ((p, (v, p, r), ("aileron", "rudder")), (q, (w, q), ("elevator",))):
+            columns = [transform(x) for x in states] + [moved(surface, delay_s) for surface in surfaces]
+            regressors = np.column_stack(columns)
+            response = 2j * np.pi * frequency_hz[band] * transform(rate)
+            left, right = np.vstack([regressors.real, regressors.imag]), np.r_[response.real, response.imag]
+            misses = right - left @ np.linalg.lstsq(left, right, rcond=None)[0]
+            row.append(1.0 - float(misses @ misses) / float(right @ right))
+        found.append((delay_s, row[0], row[1]))
+    return found
 
 
 def draw(monitor: VehicleMonitor, solutions: list[Solution], picture: Path) -> None:
@@ -151,7 +210,11 @@ def main() -> int:
     both = halves(chosen.flight, chosen.channel_map, chosen.aircraft)
     agree = [abs(a - b) < 1.96 * np.hypot(ea, eb) for _, a, ea, b, eb in both]
     print(f"halves of the flight: {sum(agree)} of {len(agree)} converged Fourier derivatives agree at 95 %")
-    print("   differ: " + ", ".join(r[0] for r, ok in zip(both, agree, strict=True) if not ok))
+    if not all(agree):
+        print("   differ: " + ", ".join(r[0] for r, ok in zip(both, agree, strict=True) if not ok))
+    print("roll and pitch acceleration explained, R2, the surfaces later than the map says by")
+    for delay_s, roll, pitch in answers(chosen.flight, chosen.channel_map, chosen.aircraft):
+        print(f"{delay_s:+8.2f} s{roll:10.3f}{pitch:10.3f}")
     if chosen.picture:
         draw(monitor, solutions, chosen.picture)
     return 0

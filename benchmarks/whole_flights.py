@@ -14,15 +14,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import (
-    LATERAL,
-    SHORT_PERIOD,
-    FlightCondition,
-    ModeStructure,
-    linearised_derivatives,
-    load_aircraft,
-    trimmed,
-)
+from turbulence import AIRCRAFT, FIRST_SEED, LEVELS, truth_of
+
+from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition, ModeStructure
 from wingwatch.estimators import (
     Estimate,
     Fit,
@@ -33,7 +27,6 @@ from wingwatch.estimators import (
     flight_manoeuvres,
     frequency_equation_error,
     in_form,
-    offsets,
     output_error,
 )
 from wingwatch.monitor import VehicleMonitor
@@ -42,10 +35,7 @@ from wingwatch.telemetry import SampleBlock, complete
 
 Array = NDArray[np.float64]
 
-AIRCRAFT = load_aircraft("aerosonde")
 CRUISE = FlightCondition(25.0, 1000.0)
-FIRST_SEED = 7000
-LEVELS: tuple[Turbulence, ...] = ("none", "light", "moderate")
 
 SERVOS = {
     "eta": AIRCRAFT.actuators.elevator,
@@ -72,16 +62,6 @@ SOLVE: dict[str, Callable[[Sequence[Manoeuvre]], tuple[Estimate, Fit]]] = {
 }
 
 Found = dict[tuple[str, str], list[tuple[Array, Array, Array]]]
-
-
-def truth_of(e: Estimate) -> Array:
-    """Linearisation at the airspeed and density of an estimate; W in y_p is that of its own angle of attack."""
-    airspeed, altitude, density, alpha = e.condition
-    at = trimmed(AIRCRAFT, FlightCondition(airspeed, altitude, density))
-    table = linearised_derivatives(AIRCRAFT, at, e.structure)
-    concise = np.array([table[d] for d in e.structure.derivatives])
-    kinematic = offsets(e.structure, airspeed, alpha) - offsets(e.structure, airspeed, at.angle_of_attack_rad)
-    return np.asarray(concise + kinematic)
 
 
 def fly(turbulence: Turbulence, seed: int, seconds: float) -> SampleBlock:
