@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-
 from turbulence import AIRCRAFT, FIRST_SEED, LEVELS, truth_of
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition, ModeStructure
