@@ -22,7 +22,8 @@ stretch has in all that is known. What the rows said was also weighted by the no
 misfit of a wrong start makes too large; it matters where the stated errors, which go with the root of the innovations'
 variances, are off by as much, the share that the stretch has. While an input acts, the next half second moves the
 estimate by the root of the share of all information that such a half second gives: what is less than that can wait.
-A stretch that has taught too little for all of it to matter begins anew.
+A stretch that has taught too little for all of it to matter begins anew, and where the rows before the second mark are
+not what matters, the run begins there.
 
 A step of Gauss and Newton is a guide only where the response is straight within what is not known yet: tr J P / (2 r)
 at most a quarter. Quiet flight, where J is what noise pretends, and a derivative just set free are left alone so.
@@ -64,33 +65,60 @@ _TAUGHT = 1e-9
 
 
 @njit(cache=True)
-def _left_out(value, present, information, about, weighed, noise, kept, prior_information):  # type: ignore[no-untyped-def]
-    """What linearisation has left out of the stretch, in standard errors, and the stretch's share; see above.
+def _said(value, present, later, about, kept, faded, prior_information):  # type: ignore[no-untyped-def]
+    """Of the rows from a mark to a later time: m, r^2 and tr J P of the header; see there.
 
     Args:
-        value, present, information: of the derivatives now: mean, covariance and its inverse.
-        about, weighed: of the stretch's beginning; noise: now.
-        kept: share of the information there that forgetting since then has left.
+        value, present: of the derivatives now: mean and covariance.
+        later: information at the later time.
+        about: of the mark.
+        kept, faded: share of information that forgetting has left from the mark to then, and from then to now.
         prior_information: of each derivative, (k,).
     """
     k = value.size
     moved = strength = share = 0.0
     for a in range(k):
         for b in range(k):
-            gained = information[a, b] - kept * about[a, 1 + k + b]
+            gained = later[a, b] - kept * about[a, 1 + k + b]
             if a == b:
                 gained -= (1.0 - kept) * prior_information[a]
             off = (value[a] - about[a, 0]) * (value[b] - about[b, 0])
             moved += gained * (off + about[a, 1 + b] - present[a, b])
             strength += gained * value[a] * value[b]
             share += gained * present[a, b]
-    if not (strength > 0.0 and 0.0 < share <= 2.0 * _BENT * np.sqrt(strength)):
-        return 0.0, share / k
-    share = min(share / k, 1.0)
-    now = np.empty_like(weighed)
+    return faded * moved, faded * strength, faded * share
+
+
+@njit(cache=True)
+def _left_out(value, present, information, about, weighed, noise, kept, prior_information, marks):  # type: ignore[no-untyped-def]
+    """What linearisation has left out of the stretch, in standard errors; the part of it before the second mark; and
+    the stretch's share; see above.
+
+    Args:
+        value, present, information: of the derivatives now: mean, covariance and its inverse.
+        about, weighed: of ``EkfState``, one vehicle; noise: now.
+        kept: share of information that forgetting has left from each mark to the next, or now, (2,).
+        prior_information: of each derivative, (k,).
+        marks: how many are set, 1 or 2.
+    """
+    k = value.size
+    now = np.empty(weighed.shape[1])
     weigh(noise, now)
-    left_out = 0.5 * share * np.max(np.abs(now - weighed))
-    return max(left_out, 0.5 * np.sqrt(share / (strength * k)) * moved), share
+    moved, strength, share, off = np.zeros(2), 0.0, 0.0, np.zeros(2)
+    for m in range(marks):
+        last = m == marks - 1
+        later = information if last else about[1, :, 1 + k :]
+        moved[m], power, known = _said(
+            value, present, later, about[m], kept[m], 1.0 if last else kept[1], prior_information
+        )  # fmt: skip
+        strength += power
+        share += known
+        off[m] = 0.5 * known / k * np.max(np.abs(now - weighed[m]))
+    if not (strength > 0.0 and 0.0 < share <= 2.0 * _BENT * np.sqrt(strength)):
+        return 0.0, 0.0, share / k
+    share = min(share / k, 1.0)
+    moved *= 0.5 * np.sqrt(share / (strength * k))
+    return max(off.sum(), moved.sum()), max(off[0], moved[0]), share
 
 
 @njit(cache=True)
@@ -209,26 +237,29 @@ def _put_together(  # type: ignore[no-untyped-def]
 def _run_again(
     known_sizes: Sizes, fixed: Any, prior_value: Array, prior_information: Array, z: Array, cov: Array, noise: Array,
     slow: Array, echo: Array, counts: Counts, stretch: Singles, tally: Counts, solved: Array, marks_z: Array,
-    marks_cov: Array, marks_rows: Array, weighed: Array, about: Array, first: int,
+    marks_cov: Array, marks_rows: Array, weighed: Array, about: Array, first: int, start: int,
 ) -> bool:  # fmt: skip
-    """The stretch again about the present estimate: z, cov, noise, slow, echo and the marks become what it leaves.
+    """The stretch from mark ``start`` on again about the present estimate: z, cov, noise, slow, echo and the marks
+    become what it leaves.
 
     Returns whether it did: a run that leaves no sound covariance is left out.
     """
     k, ns, cut = about.shape[1], len(known_sizes[0]), int(tally[1])
+    begin = cut if start == 1 else 0
     star = z[first : first + k].copy()
     narrow = _NARROW * cov[first : first + k, first : first + k]
     new_z, new_cov, last_rows, new_echo, again = (
-        marks_z[0].copy(), marks_cov[0].copy(), marks_rows[0].copy(), echo.copy(), counts.copy(),
+        marks_z[start].copy(), marks_cov[start].copy(), marks_rows[start].copy(), echo.copy(), counts.copy(),
     )  # fmt: skip
     new_noise, new_slow = noise.copy(), slow.copy()
-    information = about[0, :, 1 + k :].copy()
+    information = about[start, :, 1 + k :].copy()
     vector = information @ new_z[first : first + k]
     middle, middle_vector = np.zeros((k, k)), np.zeros(k)
     reseat(new_z, new_cov, star, narrow, first)
     notes = solved[: tally[2]]
-    ends = notes[:, 0].astype(np.int64)
-    again_rows = recalled(stretch, int(tally[0]), float(last_rows[0, 0]))
+    notes = notes[notes[:, 0] > begin]
+    ends = notes[:, 0].astype(np.int64) - begin
+    again_rows = recalled(stretch[begin:], int(tally[0]) - begin, float(last_rows[0, 0]))
     noted = run_again(
         known_sizes, again_rows, ends, fixed, new_z, new_cov, new_noise, new_slow, last_rows, new_echo, again
     )  # fmt: skip
@@ -239,10 +270,10 @@ def _run_again(
         return False
     known = np.linalg.inv(information)
     reseat(new_z, new_cov, known @ vector, known, first)
-    for m in range(2):
+    for m in range(start, 2):
         weigh(new_noise, weighed[m])
         about[m, :, 0], about[m, :, 1 : 1 + k] = star, cov[first : first + k, first : first + k]
-    if cut > 0:
+    if start == 0 < cut:
         at = int(np.flatnonzero(ends == cut)[0])
         marks_z[1], marks_cov[1], about[1, :, 1 + k :] = noted[0][at], noted[1][at], middle
         known = np.linalg.inv(middle)
@@ -263,11 +294,11 @@ def _assess(  # type: ignore[no-untyped-def]
     first, prior_information, z, cov, noise, rows, information, counts, done, stretch, tally, solved, marks_z,
     marks_cov, marks_rows, weighed, about, fresh, matters,
 ):  # fmt: skip
-    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the stretch begins anew) and whether
-    it ``matters`` to run the stretch again."""
-    k = prior_information.size
+    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the stretch begins anew) and from
+    which mark on it ``matters`` to run the stretch again (-1: from none)."""
+    k, kept = prior_information.size, np.ones(2)
     for i in range(z.shape[0]):
-        fresh[i], matters[i] = -1, False
+        fresh[i] = matters[i] = -1
         count, solutions = tally[i, 0], tally[i, 2]
         if np.isnan(done[i, 0]) or count == 0:
             continue
@@ -285,21 +316,22 @@ def _assess(  # type: ignore[no-untyped-def]
             done[i, 2:],
         )
         tally[i, 2] += 1
-        kept = 1.0
+        cut = tally[i, 1]
+        kept[:] = 1.0
         for s in range(tally[i, 2]):
-            kept *= solved[i, s, 1]
+            kept[1 if 0 < cut < solved[i, s, 0] else 0] *= solved[i, s, 1]
         if not np.isfinite(weighed[i, 0, 0]):
             weigh(noise[i], weighed[i, 0])
-        left_out, share = _left_out(
-            z[i, first : first + k], cov[i, first : first + k, first : first + k], information[i], about[i, 0],
-            weighed[i, 0], noise[i], kept, prior_information,
+        left_out, before, share = _left_out(
+            z[i, first : first + k], cov[i, first : first + k, first : first + k], information[i], about[i],
+            weighed[i], noise[i], kept, prior_information, 2 if cut > 0 else 1,
         )  # fmt: skip
-        if (
-            left_out > max(_MATTERS, np.sqrt(done[i, 1]))
-            and _SPARE_ROWS + _SPARE * counts[i, 0] >= tally[i, 3] + count
-        ):
-            tally[i, 3] += count
-            matters[i] = True
+        start = 1 if 0 < cut < count and before <= _MATTERS else 0
+        again = count - cut if start == 1 else count
+        spare = _SPARE_ROWS + _SPARE * counts[i, 0] - tally[i, 3] - again
+        if left_out > max(_MATTERS, np.sqrt(done[i, 1])) and spare >= 0.0:
+            tally[i, 3] += again
+            matters[i] = start
         elif _TAUGHT < share < _MATTERS * _MATTERS:
             fresh[i], tally[i, :3] = -1, 0
             mark(
@@ -341,16 +373,16 @@ def relinearise_all(
     """
     k, first = variance.shape[1], len(known_sizes[0]) + len(known_sizes[2])
     prior_information = 1.0 / (prior_std[:k] * prior_std[:k])
-    fresh, matters = np.empty(len(z), dtype=np.int64), np.empty(len(z), dtype=np.bool_)
+    fresh, matters = np.empty(len(z), dtype=np.int64), np.empty(len(z), dtype=np.int64)
     _assess(
         first, prior_information, z, cov, noise, rows, information, counts, done, stretch, tally, solved, marks_z,
         marks_cov, marks_rows, weighed, about, fresh, matters,
     )  # fmt: skip
-    for i in np.flatnonzero(matters):
+    for i in np.flatnonzero(matters >= 0):
         if _run_again(
             known_sizes, fixed, prior_value[:k], prior_information, z[i], cov[i], noise[i], slow[i], echo[i],
             counts[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i], marks_rows[i], weighed[i],
-            about[i], first,
+            about[i], first, int(matters[i]),
         ):  # fmt: skip
             parameters = cov[i, first : first + k, first : first + k]
             information[i] = np.linalg.inv(parameters)
