@@ -29,7 +29,7 @@ from wingwatch.estimators.ekf_noise import (
     sensor_noise,
     trim_drift_into,
 )
-from wingwatch.estimators.hot import hot, lean, sizes
+from wingwatch.estimators.hot import hot, lean, part, sizes
 from wingwatch.estimators.levels import LEVELS, advance_level, start_level
 from wingwatch.estimators.signals import MAX_GAP_S
 
@@ -296,7 +296,7 @@ def track_condition(condition, new, kinematic, dt):  # type: ignore[no-untyped-d
         condition[4] = alpha + (1.0 - np.exp(-dt / CONDITION_S)) * (fresh - alpha)
 
 
-@hot
+@part
 def _step(  # type: ignore[no-untyped-def]
     z, cov, noise, lags, level, slow, new, old, older, dt, echo, counts, settings, servo_s, input_variance,
     lever, exponents, reference, gust_m, direction, longitudinal, roll, use_accelerometer, carried, first_time, s, ns,

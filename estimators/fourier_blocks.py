@@ -425,16 +425,17 @@ def advance(  # type: ignore[no-untyped-def]
                 turning[i, 0] = 0.0
         if not solves or not (rows[i, 1, 0] - rows[i, 0, 0] >= settings[1] - 1e-9):
             continue
-        _solve(model, prior, vehicle, room)
-        cut = NO_CHANGE
-        if follows[i] and counts[i, 1] > 0:
-            cut = _find_change(model, prior, vehicle, room)
-        if cut != NO_CHANGE:
+        for attempt in range(2):
+            _solve(model, prior, vehicle, room)
+            cut = NO_CHANGE
+            if attempt == 0 and follows[i] and counts[i, 1] > 0:
+                cut = _find_change(model, prior, vehicle, room)
+            if cut == NO_CHANGE:
+                break
             if cut >= 0:
                 if _cut_before(model, vehicle, room, cut):
                     _close(model, prior, vehicle, room)
                 _cut_after(vehicle, room)
             _release(prior, vehicle, changed_s[i], room)
-            _solve(model, prior, vehicle, room)
         _condition(sums[i], condition[i])
         counts[i, 0] += 1
