@@ -28,8 +28,8 @@ from wingwatch.aircraft.structures import (
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.fit import Fit
 from wingwatch.estimators.manoeuvre import FlightColumns, Manoeuvre, ManoeuvreConfig, cut, signal_columns
-from wingwatch.estimators.servo import ahead, moves_as_told
-from wingwatch.estimators.signals import GRAVITY_M_S2, SignalConfig, Signals
+from wingwatch.estimators.servo import ahead, moved, moves_as_told
+from wingwatch.estimators.signals import GRAVITY_M_S2, MAX_GAP_S, SignalConfig, Signals
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, missing_for
 
 __all__ = ["FORMS", "FlightForm", "Form", "flight_manoeuvres", "in_form", "missing_channels", "solved_as"]
@@ -54,9 +54,10 @@ class FlightForm:
 
     Attributes:
         reference: (airspeed_true_m_s, air_density_kg_m3) to which derivatives are referred.
-        commanded: inputs, by symbol, that are commands and so held between samples.
+        commanded: inputs, by symbol, that are commands and so held between samples; those whose servo is known are the
+            surfaces that it moves.
         imu_position_m, vane_position_m: (x, y, z) from the c.g., body axes.
-        servo_rad_s: bandwidth of the servos of measured surfaces, by symbol, where known (``estimators.servo``).
+        servo_rad_s: bandwidth of the servos, by symbol, where known (``estimators.servo``).
         form: of the force equations, see the module.
         window_s: longest manoeuvre.
     """
@@ -106,8 +107,8 @@ def flight_manoeuvres(
         raise ValueError(f"form {form.form!r} is none of {', '.join(FORMS)}")
     solved = solved_as(structure)
     config = ManoeuvreConfig(
-        solved, form.reference, tuple(u in form.commanded for u in solved.inputs), form.imu_position_m,
-        window_s=form.window_s, use_accelerometer=form.form != "differentiated",
+        solved, form.reference, tuple(u in form.commanded - set(form.servo_rad_s) for u in solved.inputs),
+        form.imu_position_m, window_s=form.window_s, use_accelerometer=form.form != "differentiated",
     )  # fmt: skip
     return tuple(m for block in flights for m in cut(config, _columns(solved, form, block)))
 
@@ -127,8 +128,12 @@ def _prepared(structure: ModeStructure, form: FlightForm, block: SampleBlock) ->
     values = block.values.copy()
     if form.form == "reconstructed":
         values[:, [CHANNEL_INDEX[name] for name in _VANES]] = np.nan
-    for symbol in set(structure.inputs) & set(form.servo_rad_s) - form.commanded:
+    for symbol in set(structure.inputs) & set(form.servo_rad_s):
         channel, servo = _INPUT_CHANNEL[symbol], form.servo_rad_s[symbol]
+        if symbol in form.commanded:
+            position = moved(block.column(channel), block.time_s, servo, MAX_GAP_S)
+            values[:, CHANNEL_INDEX[channel]] = ahead(position, block.time_s, servo)
+            continue
         command = block.column(channel.replace("_rad", "_command_rad"))
         if moves_as_told(block.column(channel), command, block.time_s, servo):
             values[:, CHANNEL_INDEX[channel]] = ahead(block.column(channel), block.time_s, servo)

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ahead", "lead_steps", "moves_as_told"]
+__all__ = ["ahead", "lead_steps", "moved", "moves_as_told"]
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,28 @@ def moves_as_told(position: Array, command: Array, time_s: Array, bandwidth_rad_
     share = np.linalg.solve(power, told.T @ left)
     error = np.sqrt(np.mean((left - told @ share) ** 2) * np.diagonal(np.linalg.inv(power)))
     return bool((np.abs(share) + _SURE * error)[1:].max() < _EARLY)
+
+
+def moved(command: Array, time_s: Array, bandwidth_rad_s: float, max_gap_s: float) -> Array:
+    """Where a servo has a surface that is known by its command alone, each command held until the next.
+
+    After a missing command or a step longer than ``max_gap_s`` the surface is where it is told to be.
+
+    Args:
+        command: rad, (n,).
+        time_s: (n,), increasing.
+        bandwidth_rad_s: of the servo.
+    """
+    step_s = np.diff(time_s)
+    stays = np.where(
+        (step_s > 0.0) & (step_s <= max_gap_s), np.exp(-bandwidth_rad_s * np.abs(step_s)), np.nan
+    )
+    position = command.copy()
+    for k, share in enumerate(stays):
+        goes_on = command[k] + share * (position[k] - command[k])
+        if np.isfinite(goes_on) and np.isfinite(command[k + 1]):
+            position[k + 1] = goes_on
+    return position
 
 
 def ahead(position: Array, time_s: Array, bandwidth_rad_s: float) -> Array:

@@ -37,9 +37,9 @@ from wingwatch.estimators import (
     output_error,
     solved_as,
 )
-from wingwatch.estimators.servo import ahead, lead_steps, moves_as_told
+from wingwatch.estimators.servo import ahead, lead_steps, moved, moves_as_told
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
-from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock, complete
+from wingwatch.telemetry import CHANNEL_INDEX, REQUIRED_CHANNELS, SampleBlock, complete
 
 Array = NDArray[np.float64]
 
@@ -152,7 +152,7 @@ def test_reduced_motions_are_found_where_they_are_all_there_is(
     for symbol, values in zip(structure.states, states.T, strict=True):
         columns[channels[symbol]] = columns[channels[symbol]] + values
     columns[channels[structure.inputs[0]]] = surface
-    form = replace(form_of(), commanded=frozenset(structure.inputs), window_s=80.0)
+    form = replace(form_of(servos=False), commanded=frozenset(structure.inputs), window_s=80.0)
     (part,) = flight_manoeuvres(structure, form, [complete(SampleBlock.from_columns(columns))])
     estimate, _ = output_error([part])
     assert estimate.value == pytest.approx(np.hstack([a, b]).ravel(), rel=0.01)
@@ -231,6 +231,38 @@ def test_a_servo_is_believed_only_where_commands_are_held_from_the_samples_on() 
     assert not moves_as_told(noise, np.zeros(1000), time_s, SERVO_RAD_S)
     assert not moves_as_told(np.full(1000, np.nan), command, time_s, SERVO_RAD_S)
     assert not moves_as_told(command[:5], command[:5], time_s[:5], SERVO_RAD_S)
+
+
+def test_a_surface_known_by_command_is_where_its_servo_has_it() -> None:
+    dt = 0.02
+    time_s: Array = dt * np.arange(200.0)
+    command = np.zeros(200)
+    command[20:40], command[40:60] = 0.03, -0.03
+    np.testing.assert_allclose(moved(command, time_s, SERVO_RAD_S, 0.5), servo(command, dt), rtol=1e-12)
+    time_s[50:] += 1.0
+    after = moved(command, time_s, SERVO_RAD_S, 0.5)
+    assert after[49] != command[49]
+    assert after[50] == command[50], "after a gap it is where it is told to be"
+    command[100], command[101] = np.nan, 0.01
+    after = moved(command, time_s, SERVO_RAD_S, 0.5)
+    assert np.isnan(after[100])
+    assert after[101] == 0.01
+
+
+def test_commands_whose_servo_is_known_say_what_positions_say(clean: SampleBlock) -> None:
+    values = clean.values.copy()
+    for surface in ("elevator", "aileron", "rudder"):
+        values[:, CHANNEL_INDEX[f"{surface}_rad"]] = clean.column(f"{surface}_command_rad")
+    told = replace(form_of(), commanded=frozenset(("eta", "xi", "zeta")))
+    roll = [LATERAL.derivatives.index(symbol) for symbol in ("l_p", "l_xi")]
+    found = []
+    for form, block in ((form_of(), clean), (told, SampleBlock(values))):
+        estimate, _ = output_error(flight_manoeuvres(LATERAL, form, [block]))
+        found.append(estimate.value[roll])
+    np.testing.assert_allclose(found[1], found[0], rtol=0.01)
+    untold = replace(told, servo_rad_s={})
+    estimate, _ = output_error(flight_manoeuvres(LATERAL, untold, [SampleBlock(values)]))
+    assert (np.abs(estimate.value[roll] / found[0] - 1.0) > 0.2).all(), "as if the surfaces leapt"
 
 
 def test_the_line_through_positions_ahead_turns_the_aircraft_as_the_servo_does() -> None:
