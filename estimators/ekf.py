@@ -27,6 +27,7 @@ from wingwatch.estimators.ekf_kernel import (
 )
 from wingwatch.estimators.ekf_model import measure, transition
 from wingwatch.estimators.ekf_noise import NOISE_TAIL, process_noise, trim_drift
+from wingwatch.estimators.ekf_release import release_since
 from wingwatch.estimators.ekf_relinearise import relinearise_all
 from wingwatch.estimators.ekf_solve import solve_all
 from wingwatch.estimators.ekf_stretch import SOLUTIONS, STRETCH_ROWS, mark, remember
@@ -290,24 +291,37 @@ class EkfEstimator:
             state.marks_z, state.marks_cov, state.marks_rows, state.weighed, state.about,
         )  # fmt: skip
 
-    def release(self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0) -> None:
+    def release(
+        self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0, since_s: float = np.inf
+    ) -> None:
         """Set free what is known of derivatives that have changed: P becomes P + s^2 e e', s the natural size.
 
+        Where ``since_s`` lies within the rows that are kept, they are set free then and what came since is run again.
         What is lost so is no information gained: the account of ``take_gained`` does not see it.
 
         Args:
             state: in place.
             changed: which derivatives, shape (k,).
             vehicle: row of the state.
+            since_s: when they had not changed yet, on the rows' clock; infinite where that is not known.
         """
         c, k = self.config, self.config.prior_value.size
+        if not changed.any():
+            return
         first = self.layout.states + self._gust_m.size
-        rows = first + np.flatnonzero(changed)
-        state.cov[vehicle, rows, rows] += c.prior_std[changed] ** 2
+        at_its_time = release_since(
+            sizes(self.layout.states, self.layout.inputs, self._gust_m.size), self._fixed, self._prior_value,
+            self._prior_std, state, vehicle, changed, since_s,
+        )  # fmt: skip
+        if not at_its_time:
+            rows = first + np.flatnonzero(changed)
+            state.cov[vehicle, rows, rows] += c.prior_std[changed] ** 2
         parameters = state.cov[vehicle, first : first + k, first : first + k]
         state.information[vehicle] = np.linalg.inv(parameters)
         state.vector[vehicle] = state.information[vehicle] @ state.z[vehicle, first : first + k]
         state.variance[vehicle] = np.diagonal(parameters)
+        if at_its_time:
+            return
         state.tally[vehicle, :3] = 0
         mark(
             0, state.z[vehicle], state.cov[vehicle], state.noise[vehicle], state.rows[vehicle], first,

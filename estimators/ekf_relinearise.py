@@ -42,7 +42,7 @@ from wingwatch.estimators.ekf_solve import controls_of
 from wingwatch.estimators.ekf_stretch import STRETCH_ROWS, Singles, advance_marks, mark, recalled, weigh
 from wingwatch.estimators.symmetric import invert
 
-__all__ = ["relinearise_all"]
+__all__ = ["relinearise_all", "run_stretch_again"]
 
 Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
@@ -234,7 +234,7 @@ def _put_together(  # type: ignore[no-untyped-def]
     return True
 
 
-def _run_again(
+def run_stretch_again(
     known_sizes: Sizes, fixed: Any, prior_value: Array, prior_information: Array, z: Array, cov: Array, noise: Array,
     slow: Array, echo: Array, counts: Counts, stretch: Singles, tally: Counts, solved: Array, marks_z: Array,
     marks_cov: Array, marks_rows: Array, weighed: Array, about: Array, first: int, start: int,
@@ -379,7 +379,7 @@ def relinearise_all(
         marks_cov, marks_rows, weighed, about, fresh, matters,
     )  # fmt: skip
     for i in np.flatnonzero(matters >= 0):
-        if _run_again(
+        if run_stretch_again(
             known_sizes, fixed, prior_value[:k], prior_information, z[i], cov[i], noise[i], slow[i], echo[i],
             counts[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i], marks_rows[i], weighed[i],
             about[i], first, int(matters[i]),
