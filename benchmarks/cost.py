@@ -293,7 +293,7 @@ def warm_up(aircraft: Aircraft) -> float:
     monitor = _monitor(aircraft, flown.present)
     for k in range(0, len(flown), 10):
         monitor.feed(SampleBlock(flown.values[k : k + 10]))
-    filterpy_cost(aircraft, 1.0)
+    filterpy_cost(aircraft, 7.0)  # past the seconds in which only noise levels are learned
     estimator_cost(aircraft, 2, 1.0)
     return time.perf_counter() - start
 
