@@ -27,6 +27,7 @@ from wingwatch.estimators.ekf_kernel import (
 )
 from wingwatch.estimators.ekf_model import measure, transition
 from wingwatch.estimators.ekf_noise import NOISE_TAIL, process_noise, trim_drift
+from wingwatch.estimators.ekf_quiet import NOISE, UNDECIDED, go_back, keep_sure, nothing_sure
 from wingwatch.estimators.ekf_release import release_since
 from wingwatch.estimators.ekf_relinearise import relinearise_all
 from wingwatch.estimators.ekf_solve import solve_all
@@ -119,6 +120,7 @@ class EkfState:
         weighed: logarithms of the innovations' variances by which what follows each mark was weighed, (2, ns + 1).
         about: the derivatives that what follows each mark was linearised about and their covariance; and the
             information at the mark, (2, k, 1 + 2 k).
+        sure: what was known when data last carried signal (``ekf_quiet``), (k, 2 k + 2).
     """
 
     z: Array
@@ -149,6 +151,7 @@ class EkfState:
     marks_rows: Array
     weighed: Array
     about: Array
+    sure: Array
 
 
 class EkfEstimator:
@@ -255,6 +258,7 @@ class EkfEstimator:
                 np.column_stack([self.config.prior_value, known, np.diag(self.config.prior_std**-2.0)]),
                 (n, 2, 1, 1),
             ),
+            sure=np.tile(nothing_sure(self.config.prior_value, self.config.prior_std), (n, 1, 1)),
         )
 
     def update(self, state: EkfState, signals: Array) -> None:
@@ -269,14 +273,23 @@ class EkfEstimator:
             state.slow, state.rows, state.roughness, state.condition, state.moments, state.echo, state.counts,
         )  # fmt: skip
 
-    def solve(self, state: EkfState) -> None:
+    def solve(self, state: EkfState, seen: NDArray[np.int64] | None = None) -> None:
         """Note what was learned, then forget with ``memory_s``, unless all is quiet; where it matters, the last seconds
-        are run again, linearised about what is known now. A filter whose numbers are no longer finite starts anew."""
+        are run again, linearised about what is known now. A filter whose numbers are no longer finite starts anew.
+
+        Args:
+            state: in place.
+            seen: of each vehicle, what the data since the last solution carried, as far as somebody can tell:
+                ``ekf_quiet``'s SIGNAL, NOISE or UNDECIDED, shape (vehicles,). All SIGNAL if not given.
+        """
         lost = ~(np.isfinite(state.z).all(axis=1) & np.isfinite(state.cov).all(axis=(1, 2)))
         if lost.any():
             fresh = self.init(int(lost.sum()))
             for name in (f.name for f in fields(state)):
                 getattr(state, name)[lost] = getattr(fresh, name)
+        quiet = [] if seen is None else [int(i) for i in np.flatnonzero(seen == NOISE)]
+        for i in quiet:
+            self._go_back(state, i)
         done = np.empty((len(state.z), 2 + self.layout.inputs))
         solve_all(
             self.config.memory_s, self.config.stale_s, self._prior_value, self._prior_std, self._input_variance,
@@ -289,6 +302,40 @@ class EkfEstimator:
             self._prior_std, state.z, state.cov, state.noise, state.slow, state.rows, state.variance,
             state.information, state.vector, state.echo, state.counts, done, state.stretch, state.tally, state.solved,
             state.marks_z, state.marks_cov, state.marks_rows, state.weighed, state.about,
+        )  # fmt: skip
+        for i in quiet:
+            self._begin_stretch(state, i)
+        if seen is not None:
+            for i in [int(i) for i in np.flatnonzero(seen != UNDECIDED)]:
+                self._keep_sure(state, i)
+
+    def _go_back(self, state: EkfState, i: int) -> None:
+        known = (state.information[i], state.vector[i], state.variance[i])
+        first = self.layout.states + self._gust_m.size
+        go_back(
+            state.sure[i],
+            state.z[i],
+            state.cov[i],
+            known,
+            (state.gained_matrix[i], state.gained_vector[i]),
+            first,
+        )
+        state.moments[i] = 0.0
+        state.echo[i] = 0.0
+
+    def _keep_sure(self, state: EkfState, i: int) -> None:
+        first = self.layout.states + self._gust_m.size
+        keep_sure(
+            state.sure[i], state.z[i], state.cov[i], (state.gained_matrix[i], state.gained_vector[i]), first
+        )
+
+    def _begin_stretch(self, state: EkfState, i: int) -> None:
+        """What follows may be run again, nothing before it."""
+        state.tally[i, :3] = 0
+        mark(
+            0, state.z[i], state.cov[i], state.noise[i], state.rows[i], self.layout.states + self._gust_m.size,
+            state.information[i], state.marks_z[i], state.marks_cov[i], state.marks_rows[i], state.weighed[i],
+            state.about[i],
         )  # fmt: skip
 
     def release(
@@ -320,14 +367,9 @@ class EkfEstimator:
         state.information[vehicle] = np.linalg.inv(parameters)
         state.vector[vehicle] = state.information[vehicle] @ state.z[vehicle, first : first + k]
         state.variance[vehicle] = np.diagonal(parameters)
-        if at_its_time:
-            return
-        state.tally[vehicle, :3] = 0
-        mark(
-            0, state.z[vehicle], state.cov[vehicle], state.noise[vehicle], state.rows[vehicle], first,
-            state.information[vehicle], state.marks_z[vehicle], state.marks_cov[vehicle], state.marks_rows[vehicle],
-            state.weighed[vehicle], state.about[vehicle],
-        )  # fmt: skip
+        if not at_its_time:
+            self._begin_stretch(state, vehicle)
+        self._keep_sure(state, vehicle)
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
@@ -365,6 +407,7 @@ class EkfEstimator:
         matrix, vector = state.gained_matrix[vehicle].copy(), state.gained_vector[vehicle].copy()
         state.gained_matrix[vehicle] = 0.0
         state.gained_vector[vehicle] = 0.0
+        state.sure[vehicle, :, 1 + matrix.shape[0] :] = 0.0
         return matrix, vector
 
     def _update_filterpy(self, state: EkfState, i: int, signals: Array) -> None:

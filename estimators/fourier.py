@@ -234,6 +234,13 @@ class FourierEstimator:
         """Which derivatives the last solution found to have changed, shape (k,): their memory is free since then."""
         return np.asarray(state.changed_s[vehicle] == state.rows[vehicle, 1, 0])
 
+    def sees(self, state: FourierState) -> NDArray[np.int64]:
+        """What the running blocks carried at the last solution: 1 signal of any regressor, 0 noise, -1 not known, for
+        they have only begun; shape (vehicles,)."""
+        now, start = state.rows[:, 1, 0], state.rows[:, 0, 0]
+        solved = now - start >= self.config.first_solution_s - 1e-9
+        return np.where(solved, np.where(state.informed_s.max(axis=1) == now, 1, 0), -1)
+
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
         c = self.config

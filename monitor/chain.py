@@ -243,7 +243,7 @@ class Chain:
         for m in self._modes:
             name = m.structure.name
             m.fourier.solve(state.fourier[name])
-            m.ekf.solve(state.ekf[name])
+            m.ekf.solve(state.ekf[name], m.fourier.sees(state.fourier[name]))
             closed = int(state.fourier[name].counts[0, 1])
             gained = None
             if closed != state.blocks.get(name, 0):
