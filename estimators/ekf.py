@@ -322,6 +322,7 @@ class EkfEstimator:
         )
         state.moments[i] = 0.0
         state.echo[i] = 0.0
+        state.tally[i, :3] = 0
 
     def _keep_sure(self, state: EkfState, i: int) -> None:
         first = self.layout.states + self._gust_m.size
