@@ -23,7 +23,7 @@ INTERVAL_S = 10.0
 _MOST_ROWS = 6000
 """The window at 200 Hz; of faster samples a shorter one is kept."""
 
-_KEPT = ("time_s", *GUST_CHANNELS, *VANES)
+_KEPT = (*GUST_CHANNELS, *VANES)
 _INDEX = np.array([CHANNEL_INDEX[name] for name in _KEPT])
 
 
@@ -31,7 +31,7 @@ _INDEX = np.array([CHANNEL_INDEX[name] for name in _KEPT])
 class AirState:
     """The last rows, in pieces as they came, and what was found in them."""
 
-    pieces: deque[Array] = field(default_factory=deque)
+    pieces: deque[tuple[Array, NDArray[np.float32]]] = field(default_factory=deque)
     rows: int = 0
     next_look_s: float = float("nan")
     found: AirQuality | None = None
@@ -53,13 +53,13 @@ class AirWatch:
 
     def take(self, state: AirState, values: Array) -> None:
         """Remember clean samples, shape (n, columns), as far as the window reaches."""
-        state.pieces.append(values[:, _INDEX])
+        state.pieces.append((values[:, CHANNEL_INDEX["time_s"]].copy(), values[:, _INDEX].astype(np.float32)))
         state.rows += len(values)
         while len(state.pieces) > 1 and (
-            state.rows - len(state.pieces[0]) >= _MOST_ROWS
-            or state.pieces[0][-1, 0] < values[-1, 0] - WINDOW_S
+            state.rows - len(state.pieces[0][0]) >= _MOST_ROWS
+            or state.pieces[0][0][-1] < state.pieces[-1][0][-1] - WINDOW_S
         ):
-            state.rows -= len(state.pieces.popleft())
+            state.rows -= len(state.pieces.popleft()[0])
 
     def look(self, state: AirState, time_s: float) -> AirQuality | None:
         """What is known at a solution's time: found anew when it is due."""
@@ -69,13 +69,16 @@ class AirWatch:
             state.found = None
         elif due_s <= 1e-6:
             state.next_look_s += INTERVAL_S
-            state.found = self._found(np.concatenate(state.pieces), time_s)
+            stamps = np.concatenate([piece[0] for piece in state.pieces])
+            rows = np.concatenate([piece[1] for piece in state.pieces])
+            state.pieces = deque([(stamps, rows)])  # one piece costs less memory than many
+            state.found = self._found(stamps, rows, time_s)
         return state.found
 
-    def _found(self, rows: Array, time_s: float) -> AirQuality | None:
+    def _found(self, stamps: Array, rows: NDArray[np.float32], time_s: float) -> AirQuality | None:
         with np.errstate(invalid="ignore"):
-            inside = (rows[:, 0] > time_s - WINDOW_S - 1e-6) & (rows[:, 0] <= time_s)
-        there = dict(zip(_KEPT, rows[inside].T, strict=True))
+            inside = (stamps > time_s - WINDOW_S - 1e-6) & (stamps <= time_s)
+        there = {"time_s": stamps[inside]} | dict(zip(_KEPT, rows[inside].T.astype(np.float64), strict=True))
         try:
             return turbulence_intensity(SampleBlock.from_columns(there), self._config)
         except ValueError:  # a channel is missing, or the window is torn by gaps

@@ -256,7 +256,8 @@ class Chain:
             state.fourier[name].follows[:] = trusted
             changed = m.fourier.changed(state.fourier[name])
             if changed.any() and trusted:
-                m.ekf.release(state.ekf[name], changed)
+                not_yet_s = float(state.fourier[name].rows[0, 0, 0])  # a change begins the running block
+                m.ekf.release(state.ekf[name], changed, since_s=not_yet_s)
         return Solution(time_s, modes, self._air.look(state.air, time_s))
 
     def _gusty(self, state: ChainState) -> bool:
