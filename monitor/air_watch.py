@@ -1,4 +1,4 @@
-"""How rough the air has been during the last half minute, looked at every ten seconds of the samples' own clock."""
+"""How rough the air was in the last whole half minute of the samples' own clock."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -16,9 +16,6 @@ Array = NDArray[np.float64]
 
 WINDOW_S = 30.0
 """Long enough to tell a gust's strength to about 5 %: some 350 bins between 0.1 and 12 Hz."""
-
-INTERVAL_S = 10.0
-"""Between two looks: a block of the estimators."""
 
 _MOST_ROWS = 6000
 """The window at 200 Hz; of faster samples a shorter one is kept."""
@@ -64,11 +61,11 @@ class AirWatch:
     def look(self, state: AirState, time_s: float) -> AirQuality | None:
         """What is known at a solution's time: found anew when it is due."""
         due_s = state.next_look_s - time_s
-        if not -INTERVAL_S < due_s <= WINDOW_S:  # the first, or after a jump of the clock
+        if not -WINDOW_S < due_s <= WINDOW_S:  # the first, or after a jump of the clock
             state.next_look_s = time_s + WINDOW_S
             state.found = None
         elif due_s <= 1e-6:
-            state.next_look_s += INTERVAL_S
+            state.next_look_s += WINDOW_S
             stamps = np.concatenate([piece[0] for piece in state.pieces])
             rows = np.concatenate([piece[1] for piece in state.pieces])
             state.pieces = deque([(stamps, rows)])  # one piece costs less memory than many

@@ -34,7 +34,7 @@ compiled = pytest.mark.parametrize("make", FAST, ids=["fourier", "ekf"])
 
 learns_from_noise = pytest.mark.xfail(
     strict=True,
-    reason="alone, the filter learns from noise in quiet flight; the service takes it back (0013-filter-in-quiet-flight)",
+    reason="alone, the filter learns from noise in quiet flight; the service undoes it (0013-filter-in-quiet-flight)",
 )
 at_rest = pytest.mark.parametrize(
     "make",
