@@ -44,10 +44,10 @@ def await_ready(service: Service, end: threading.Event) -> bool:
     """Wait until samples are taken in, or the end is asked for, or it turns out that neither will come."""
     console = Console(stderr=True)
     if console.is_terminal:
-        with console.status("compiling kernels (about a minute, on the first run only)"):
+        with console.status("loading kernels (on the first run they are compiled, which takes minutes)"):
             return _await(service, end)
     if not service.pump.wait(1.0):
-        say("compiling kernels (about a minute, on the first run only)")
+        say("loading kernels (on the first run they are compiled, which takes minutes)")
     return _await(service, end)
 
 

@@ -29,7 +29,7 @@ _TICK_S = 1.0
 _IDLE_S = 0.2
 _STOP_S = 1.0
 _DATABASE_PATIENCE_S = 1.0
-_COMPILING = "kernels are being compiled, which takes about a minute on the first run."
+_COMPILING = "kernels are being loaded; on the first run they are compiled, which takes minutes."
 
 
 class Pump:
