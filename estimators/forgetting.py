@@ -111,13 +111,12 @@ def replaced(reserve, known, gained, share, squares, lines, out):  # type: ignor
     size, power, off, room = lines[0], lines[1], lines[2], lines[3]
     finite = True
     for a in range(k):
+        size[a] = math.sqrt(max(known[a, a], 1e-300))
         for b in range(k):
             finite = finite and math.isfinite(known[a, b] + gained[a, b] + reserve[a, b])
             out[a, b] = 1.0 if a == b else 0.0
     if not finite:
         return k
-    for a in range(k):
-        size[a] = math.sqrt(max(known[a, a], 1e-300))
     for a in range(k):
         for b in range(k):
             axes[a, b] = known[a, b] / (size[a] * size[b])

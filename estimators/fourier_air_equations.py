@@ -20,22 +20,9 @@ def _replaced(k, air, ns):  # type: ignore[no-untyped-def]
 
 @lean
 def air_weights(  # type: ignore[no-untyped-def]
-    omega,
-    theta,
-    scale,
-    noise,
-    power,
-    forward_speed,
-    lever,
-    air,
-    by_accelerometer,
-    ns,
-    nu,
-    room,
-    rates,
-    weights,
+    omega, theta, scale, noise, power, forward_speed, lever, air, by_accelerometer, ns, nu, room, rates, weights,
     moments,
-):
+):  # fmt: skip
     """The noise transfer L of every bin, what of it the air has, and the weights W = Sigma^-1.
 
     Args:

@@ -60,23 +60,8 @@ def _add_half_step(omega, dt, jumps, target):  # type: ignore[no-untyped-def]
 
 @lean
 def between_samples(  # type: ignore[no-untyped-def]
-    omega,
-    lines,
-    phase,
-    start,
-    end,
-    dt,
-    servo_s,
-    theta,
-    scale,
-    forward,
-    lever,
-    by_accelerometer,
-    ns,
-    nu,
-    room,
-    out,
-):
+    omega, lines, phase, start, end, dt, servo_s, theta, scale, forward, lever, by_accelerometer, ns, nu, room, out
+):  # fmt: skip
     """Transforms of a block whose states and surfaces move between samples as the aircraft does.
 
     A line from sample to sample misses -dt^2 / 12 x'' of a curve, and x'' = A x' + B u', with the u' of surfaces that

@@ -287,21 +287,8 @@ def _surface(command, dt, servo_s, told):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _signals(  # type: ignore[no-untyped-def]
-    values,
-    memory,
-    smoothers,
-    lateral,
-    rates,
-    inputs,
-    x_vane,
-    z_vane,
-    memory_s,
-    leak_s,
-    reference,
-    servo_s,
-    servos,
-    out,
-):
+    values, memory, smoothers, lateral, rates, inputs, x_vane, z_vane, memory_s, leak_s, reference, servo_s, servos, out
+):  # fmt: skip
     """One pass over vehicles and samples; see the module's layout."""
     force = _AY if lateral else _AZ
     ns, nu = 1 + rates.size, inputs.size

@@ -1,6 +1,7 @@
 """Delays that the aircraft file states are taken out before anything is estimated, whatever the messages' size."""
 
 import numpy as np
+from monitor_flights import last_mode
 
 from wingwatch.aircraft import (
     SHORT_PERIOD,
@@ -10,7 +11,6 @@ from wingwatch.aircraft import (
     load_aircraft,
     trimmed,
 )
-from wingwatch.monitor import VehicleMonitor
 from wingwatch.monitor.chain import ModeSolution
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import SampleBlock
@@ -25,13 +25,7 @@ def late(delays: dict[str, float]) -> Aircraft:
 
 
 def short_period(aircraft: Aircraft, block: SampleBlock, piece: int) -> ModeSolution:
-    monitor = VehicleMonitor(aircraft, "f", "v", block.present, {}, new_id=lambda: "1")
-    last = None
-    for start in range(0, len(block), piece):
-        report = monitor.feed(SampleBlock(block.values[start : start + piece]))
-        last = report.solutions[-1].modes[SHORT_PERIOD.name] if report.solutions else last
-    assert last is not None
-    return last
+    return last_mode(aircraft, block, piece, SHORT_PERIOD, {})
 
 
 def test_stated_delays_bias_nothing_and_cuts_change_nothing() -> None:

@@ -1,6 +1,7 @@
 """Surfaces known by their commands alone: where the aircraft file states the servo, they are where it has them."""
 
 import numpy as np
+from monitor_flights import last_mode
 
 from wingwatch.aircraft import (
     LATERAL,
@@ -11,7 +12,6 @@ from wingwatch.aircraft import (
     trimmed,
 )
 from wingwatch.aircraft.aircraft_file import Actuators
-from wingwatch.monitor import VehicleMonitor
 from wingwatch.monitor.chain import ModeSolution
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
@@ -22,13 +22,7 @@ SURFACES = ("elevator", "aileron", "rudder")
 
 def lateral(aircraft: Aircraft, block: SampleBlock, piece: int) -> ModeSolution:
     kinds = {f"{surface}_rad": "command" for surface in SURFACES}
-    monitor = VehicleMonitor(aircraft, "f", "v", block.present, kinds, new_id=lambda: "1")
-    last = None
-    for start in range(0, len(block), piece):
-        report = monitor.feed(SampleBlock(block.values[start : start + piece]))
-        last = report.solutions[-1].modes[LATERAL.name] if report.solutions else last
-    assert last is not None
-    return last
+    return last_mode(aircraft, block, piece, LATERAL, kinds)
 
 
 def test_commands_go_through_the_servo_that_the_file_states() -> None:
