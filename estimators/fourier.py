@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
-from wingwatch.estimators.fourier_air import AIR_LEVELS, air_channels
+from wingwatch.estimators.fourier_air import air_channels
 from wingwatch.estimators.fourier_bank import bank_channels
 from wingwatch.estimators.fourier_blocks import advance, block_room
 from wingwatch.estimators.fourier_change import MARKS
 from wingwatch.estimators.fourier_dispersion import dispersion_of
+from wingwatch.estimators.fourier_noise import AIR_LEVELS
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
@@ -53,8 +54,10 @@ class FourierConfig:
         input_noise_std: of each measured input, rad; not more than the input's own roughness is believed.
         smallest_share: share of signal in the regressors' power below which a direction counts as unseen (more
             where the bins are so few that noise alone may look like it).
-        span_m: over which the air's turning and rolling is smoothed; 0: the air is not known to do either. Needs the
-            accelerometer.
+        span_m: over which the air's turning and rolling is smoothed; 0: the air is not known to do either.
+        vane_ahead_m: distance of the vane ahead of the c.g.: it meets a gust so much earlier.
+        velocity_measured: whether a vane measures the velocity; a reconstructed one satisfies the kinematic row by
+            itself.
     """
 
     structure: ModeStructure
@@ -73,6 +76,8 @@ class FourierConfig:
     input_noise_std: tuple[float, ...] = ()
     smallest_share: float = 0.5
     span_m: float = 0.0
+    vane_ahead_m: float = 0.0
+    velocity_measured: bool = True
     omega_rad_s: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -88,6 +93,12 @@ class FourierConfig:
         if not self.input_noise_std:
             object.__setattr__(self, "input_noise_std", (0.0,) * len(self.structure.inputs))
 
+    @property
+    def equation_rows(self) -> int:
+        """Force equation, moment equations and, where vane and accelerometer are there, the kinematic row."""
+        kinematic = self.force_from_accelerometer and self.velocity_measured
+        return len(self.structure.states) + (1 if kinematic else 0)
+
 
 @dataclass(slots=True)
 class FourierState:
@@ -95,14 +106,13 @@ class FourierState:
 
     Attributes:
         bank: (channels, 2, frequencies) transforms of the block, real and imaginary part.
-        turning: (1,) rad/s, what the rate relative to the air has more than the rate (``fourier_air``).
         coefficients, step: one-pole coefficients (8, frequencies) and the time step they are for.
         rows: (3, columns) signal rows at the block's start, the last and the one before.
         sums: airspeed, density, altitude, angle of attack over the block, count; squared second differences of the
             inputs and their count.
         roughness: roots of the magnitudes of second differences of states and accelerometer over the block, and count.
         theta, noise: current referred derivatives (k,) and noise variances.
-        noise_known: (variances..., weight of the air's, of all others) gathered from closed blocks.
+        noise_known: (variances..., their weight in blocks) gathered from closed blocks.
         sensitivity, information, vector, driven: what closed blocks said, (k, k), (k, k), (k,), (k,).
         reserve: the part of these four, side by side (k, 2 k + 2), that has faded and that nothing new has replaced.
         covariance: of theta, (k, k).
@@ -110,18 +120,17 @@ class FourierState:
         evidence_matrix, evidence_vector, evidence_bias, evidence_span: of the last closed block, for the monitor.
         condition: airspeed, altitude, density, angle of attack that theta is reported at.
         counts: solutions so far, blocks closed.
-        scatter: of each equation (``fourier_dispersion``): faded chi-square of the blocks closed while changes were not
-            looked for, its degrees of freedom, and the dispersion before the last block, (equations, 3).
+        scatter: of each equation (``fourier_dispersion``): faded chi-square of the closed blocks, its degrees of freedom, and the dispersion before the last block, (equations, 3).
         mark_bank, mark_rows, mark_sums, mark_known: copies of the running block and of what it says, at the last
             seconds' marks (``fourier_change``).
         changed_s: last time the memory of each derivative was set free because it contradicted the data, (k,).
+        closed_theta: derivatives as closed blocks alone have them, referred, (k,).
         follows: whether changes are looked for; not where the caller knows that the model leaves out what acts.
     """
 
     bank: Array
     coefficients: Array
     step: Array
-    turning: Array
     rows: Array
     sums: Array
     roughness: Array
@@ -147,6 +156,7 @@ class FourierState:
     mark_sums: Array
     mark_known: Array
     changed_s: Array
+    closed_theta: Array
     follows: NDArray[np.bool_]
 
 
@@ -160,8 +170,9 @@ class FourierEstimator:
         self.layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
         self._fixed = _fixed(config, self.layout)
         self._room = block_room(
-            self.layout.states, self.layout.inputs, config.omega_rad_s.size, self.layout.columns
-        )
+            self.layout.states, self.layout.inputs, config.omega_rad_s.size, self.layout.columns,
+            config.equation_rows,
+        )  # fmt: skip
 
     def init(self, vehicles: int) -> FourierState:
         """State before the first sample."""
@@ -175,13 +186,12 @@ class FourierEstimator:
             bank=np.zeros((n, *channels)),
             coefficients=np.zeros((n, 8, nf)),
             step=np.full((n, 1), -1.0),
-            turning=np.zeros((n, 1)),
             rows=np.full((n, 3, self.layout.columns), np.nan),
             sums=np.zeros((n, 6 + nu)),
             roughness=np.zeros((n, ns + 2)),
             theta=np.tile(c.prior_value, (n, 1)),
             noise=noise,
-            noise_known=np.zeros((n, 2 * ns + 3 + nu + AIR_LEVELS)),
+            noise_known=np.zeros((n, 2 * ns + 2 + nu + AIR_LEVELS)),
             sensitivity=np.zeros((n, k, k)),
             information=np.zeros((n, k, k)),
             vector=np.zeros((n, k)),
@@ -201,6 +211,7 @@ class FourierEstimator:
             mark_sums=np.zeros((n, MARKS, 6 + nu + ns + 2)),
             mark_known=np.zeros((n, MARKS, k, 2 * k + 2)),
             changed_s=np.full((n, k), -np.inf),
+            closed_theta=np.tile(c.prior_value, (n, 1)),
             follows=np.ones(n, dtype=np.bool_),
         )
 
@@ -291,10 +302,10 @@ class FourierEstimator:
 
     def _arguments(self, s: FourierState):  # type: ignore[no-untyped-def]
         return (
-            *self._fixed, s.bank, s.coefficients, s.step, s.turning, s.rows, s.sums, s.roughness, s.theta, s.noise,
+            *self._fixed, s.bank, s.coefficients, s.step, s.rows, s.sums, s.roughness, s.theta, s.noise,
             s.noise_known, s.sensitivity, s.information, s.vector, s.driven, s.reserve, s.covariance, s.informed_s,
             s.evidence_matrix, s.evidence_vector, s.evidence_bias, s.evidence_span, s.condition, s.counts, s.scatter,
-            s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known, s.changed_s, s.follows, self._room,
+            s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known, s.changed_s, s.closed_theta, s.follows, self._room,
         )  # fmt: skip
 
 
@@ -317,8 +328,9 @@ def _fixed(c: FourierConfig, layout: SignalLayout):  # type: ignore[no-untyped-d
          *np.square(c.input_noise_std), *servo_s]
     )  # fmt: skip
     # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
-    known = c.span_m if c.force_from_accelerometer else 0.0
-    gusts = np.array([[0.0, 0.0], [4.0, 4.0 if longitudinal else 3.0]]) * known / np.pi
+    span_m = c.span_m if c.equation_rows > layout.states else 0.0
+    smoothed = np.array([4.0, 4.0 if longitudinal else 3.0]) * span_m / np.pi
+    gusts = np.array([*smoothed, c.vane_ahead_m])
     return (
         c.omega_rad_s, lever, gusts, c.force_from_accelerometer, exponents, settings, c.prior_value, c.prior_std,
         longitudinal, roll,

@@ -13,13 +13,14 @@ from wingwatch.estimators.hot import hot, lean
 
 __all__ = ["NUISANCE", "advance_bank", "advance_linear", "bank_channels", "block_transforms"]
 
-NUISANCE = 5
-"""Columns that every equation has beside states and inputs: constant, dynamic pressure, ramp, errors of both ends."""
+NUISANCE = 7
+"""Columns that every row has beside states and inputs: constant, dynamic pressure, ramp, errors of reading both ends, and
+turning of the air at both ends."""
 
 
 @njit(cache=True)
 def bank_channels(ns, nu):  # type: ignore[no-untyped-def]
-    """Channels that are filtered: states, force, inputs, dynamic pressure, jumps of inputs."""
+    """Channels that are filtered: states, accelerometer, inputs, dynamic pressure, jumps of inputs."""
     return ns + 2 * nu + 2
 
 
@@ -77,11 +78,11 @@ def _jumped(real, imag, c, jump):  # type: ignore[no-untyped-def]
 
 @lean
 def advance_bank(  # type: ignore[no-untyped-def]
-    omega, bank, step, coefficients, old, new, before, servo_s, ns, nu, force
+    omega, bank, step, coefficients, old, new, before, servo_s, ns, nu
 ):
     """Advance the bank of one vehicle by one sample.
 
-    Rows of ``bank`` (channels, 2, frequencies): states, force, inputs, dynamic pressure, and the jumps of inputs that
+    Rows of ``bank`` (channels, 2, frequencies): states, accelerometer, inputs, dynamic pressure, and the jumps of inputs that
     are positions; real and imaginary part. An input is held between samples if its channel is a command, or where a
     position whose servo is unknown repeats exactly (a step of a held signal); else it is linear like the states.
 
@@ -96,7 +97,7 @@ def advance_bank(  # type: ignore[no-untyped-def]
         step[0] = dt
     for j in range(ns):
         advance_linear(bank[j, 0], bank[j, 1], coefficients, old[1 + j], new[1 + j])
-    advance_linear(bank[ns, 0], bank[ns, 1], coefficients, old[force], new[force])
+    advance_linear(bank[ns, 0], bank[ns, 1], coefficients, old[1 + ns], new[1 + ns])
     for j in range(nu):
         a, b = old[2 + ns + j], new[2 + ns + j]
         row, jumps = bank[ns + 1 + j], bank[ns + nu + 2 + j]
@@ -115,12 +116,13 @@ def advance_bank(  # type: ignore[no-untyped-def]
 
 
 @lean
-def block_transforms(omega, bank, span, ns, nu, out, phase):  # type: ignore[no-untyped-def]
+def block_transforms(omega, bank, span, turn_s, ns, nu, out, phase):  # type: ignore[no-untyped-def]
     """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 1 + NUISANCE or more, 2, frequencies).
 
-    Channels: states, force, inputs, constant, dynamic pressure, ramp, what an error of the last and of the first sample
-    does to the transform of a rate, jumps of inputs, then what else the bank has. Constant and ramp need no samples:
-    (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase`` becomes e^{sT}, (2, frequencies).
+    Channels: states, accelerometer, inputs, constant, dynamic pressure, ramp, what an error of the last and of the first sample
+    does to the transform of a rate, the same two smoothed over the span (``turn_s``, s), jumps of inputs, then what else
+    the bank has. Constant and ramp need no samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase`` becomes e^{sT},
+    (2, frequencies).
     """
     constant = ns + 1 + nu
     for j in range(bank.shape[0]):
@@ -137,3 +139,8 @@ def block_transforms(omega, bank, span, ns, nu, out, phase):  # type: ignore[no-
         out[constant + 2, 1, f] = (angle - sin) / (omega[f] * omega[f])
         out[constant + 3, 0, f], out[constant + 3, 1, f] = 1.0, 0.0
         out[constant + 4, 0, f], out[constant + 4, 1, f] = cos, sin
+        lag = omega[f] * turn_s
+        gain = 1.0 / (1.0 + lag * lag)
+        out[constant + 5, 0, f], out[constant + 5, 1, f] = gain, -lag * gain
+        out[constant + 6, 0, f] = gain * (cos + lag * sin)
+        out[constant + 6, 1, f] = gain * (sin - lag * cos)

@@ -60,20 +60,21 @@ def _add_half_step(omega, dt, jumps, target):  # type: ignore[no-untyped-def]
 
 @lean
 def between_samples(  # type: ignore[no-untyped-def]
-    omega, lines, phase, start, end, dt, servo_s, theta, scale, forward, lever, by_accelerometer, ns, nu, room, out
+    omega, lines, phase, start, end, dt, servo_s, theta, scale, forward, lever, ns, nu, room, out
 ):  # fmt: skip
     """Transforms of a block whose states and surfaces move between samples as the aircraft does.
 
     A line from sample to sample misses -dt^2 / 12 x'' of a curve, and x'' = A x' + B u', with the u' of surfaces that
     move, not of those that jump. A servo is ahead of the line by a share of dt. The accelerometer hears states and
-    surfaces at once: what their lines miss its own line misses, and a jump of a held input is a ramp in it.
+    surfaces at once: what their lines miss its own line misses, and a jump of a held input is a ramp in it. The
+    kinematic term has of each state ``forward``.
 
     Args:
-        lines: (channels, 2, frequencies) of ``block_transforms``, the jumps of held inputs last; phase: e^{s T}.
+        lines: (channels, 2, frequencies) of ``block_transforms``, the kinematic term and known moments last; phase: e^{s T}.
         start, end: signal rows at the ends of the block.
         dt: mean time step, s.
         servo_s: (nu,) time constants of servos, infinite where unknown, 0 for a command.
-        theta, scale, forward, lever, by_accelerometer: as for ``block_equations``.
+        theta, scale, forward, lever: derivatives, what makes them present ones, kinematic part, accelerometer's place.
         room: (2, ns + nu, 2, frequencies).
         out: becomes the new transforms, as ``lines``, the channels of jumps left as they are.
     """
@@ -108,10 +109,9 @@ def between_samples(  # type: ignore[no-untyped-def]
                 share += forward[j]
             _add(-dt * dt / 12.0 * share, rate[j], missed[k])
         _add(1.0, missed[k], out[k])
-    if not by_accelerometer:
-        for j in range(ns):
-            _add(forward[j], missed[j], out[ns])
-        return
+    term = lines.shape[0] - ns
+    for j in range(ns):
+        _add(forward[j], missed[j], out[term])
     for j in range(nd):
         share = theta[j] * scale[j]
         for k in range(1, ns):

@@ -10,7 +10,7 @@ import numpy as np
 
 from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD, change_of, changed_derivatives, free_memory
 from wingwatch.estimators.forgetting import FORGETTING_LINES, FORGETTING_SQUARES
-from wingwatch.estimators.fourier_air import AIR_LEVELS, advance_air, air_channels, rebase_products
+from wingwatch.estimators.fourier_air import advance_air, air_channels, rebase_products
 from wingwatch.estimators.fourier_bank import advance_bank
 from wingwatch.estimators.fourier_change import (
     MARKS,
@@ -22,7 +22,9 @@ from wingwatch.estimators.fourier_change import (
 )
 from wingwatch.estimators.fourier_dispersion import DISPERSION_LINES, disperse, gather_scatter
 from wingwatch.estimators.fourier_memory import fade, replace
+from wingwatch.estimators.fourier_noise import AIR_LEVELS
 from wingwatch.estimators.fourier_solution import (
+    AIR_MEMORY,
     ALONE,
     BEGIN,
     LEARN,
@@ -38,6 +40,10 @@ from wingwatch.estimators.signals import MAX_GAP_S
 
 __all__ = ["advance", "block_room"]
 
+ROLLED = 0.1
+"""Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: the score has a
+second root at l_p = 0, where the air leaves no course of its own."""
+
 GOES_ON, FULL, GAP = 0, 1, 2
 """What a sample does to the running block: it goes on, is full, or ends because time does not go on."""
 
@@ -45,10 +51,10 @@ NO_CHANGE, WHOLE = -2, -1
 """Instead of the mark at which something changed: nothing did, or all of the block is new."""
 
 
-def block_room(ns: int, nu: int, nf: int, columns: int) -> Room:
+def block_room(ns: int, nu: int, nf: int, columns: int, rows: int) -> Room:
     """Room of ``advance``: of solutions, of forgetting and changes, zeros, a part of a block."""
     p = ns * (ns + nu)
-    solving, told = solution_room(ns, nu, nf)
+    solving, told = solution_room(ns, nu, nf, rows)
     squares = np.empty((FORGETTING_SQUARES + 5, p, p))
     lines = np.empty((max(FORGETTING_LINES, DISPERSION_LINES) + 6, p))
     flags = np.zeros((2, p), dtype=np.bool_)
@@ -87,18 +93,17 @@ def _outweighs(block, memory):  # type: ignore[no-untyped-def]
 def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
-    A block that says more of a derivative than all before it is linearised where it leads itself; not where the air is
-    known to roll, which leaves a second root of the score at l_p = 0. In calm air nothing is learned of the air.
+    A block that says more of a derivative than all before it is linearised where it leads itself, unless rolling air
+    drives it.
     """
     block, known, memory, closed, _ = vehicle
     rows, sums, roughness = block[1], block[2], block[3]
     theta, noise, noise_known, reserve, covariance, informed = known
-    evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts, scatter, follows = (
-        closed
-    )
+    evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts, scatter = closed
     solving, told, own_room, nothing, _ = room
     squares, lines, level = own_room[0], own_room[1], own_room[4]
-    settings, k, in_air = model[4], theta.size, model[7][1] > 0.0
+    settings, k = model[4], theta.size
+    p_in_p = model[3].size + 1  # roll rate's column of the roll equation
     if counts[0] == 0:
         start_noise(roughness, noise, model[1].size)
     remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
@@ -109,11 +114,11 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
         anchor[a] = own[a] = theta[a]
         error[a] = prior[1][a] / 3.0
     for j in range(level.size):
-        weight = noise_known[-2 if j >= level.size - AIR_LEVELS else -1]
-        level[j] = noise_known[j] if weight > 0.0 else noise[j]
+        level[j] = noise_known[j] if noise_known[-1] > 0.0 else noise[j]
     alone = (nothing[0][0], nothing[0][0], nothing[1][0], nothing[1][0])
     solve_block(model, block, own, level, noise_known, alone, (anchor, error), LEARN, solving, told)
-    if not in_air and _outweighs(told[0][0], memory[0]):
+    rolled = solving[6].rolled[0] / told[0][4, p_in_p, p_in_p]
+    if rolled < ROLLED and _outweighs(told[0][0], memory[0]):
         solve_block(model, block, own, level, noise_known, alone, (anchor, error), LEARN, solving, told)
         for a in range(k):
             anchor[a] = own[a]
@@ -123,9 +128,7 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     share = min(1.0, span / settings[0])
     _mark(informed, matrices[1], matrices[4], rows[1, 0], 2.0 * share)
     lost = 1.0 - math.exp(-span / settings[2])
-    gather_scatter(
-        matrices[2], vectors[2], theta, squares[4], 1.0 - lost, not follows[0], scatter, squares, lines[6:]
-    )
+    gather_scatter(matrices[2], vectors[2], theta, squares[4], 1.0 - lost, scatter, squares, lines[6:])
     disperse(matrices[2], vectors[2], vectors[3], scatter, squares, lines[6:])
     copied_rows(matrices[2], evidence_matrix)
     copied(vectors[2], evidence_vector)
@@ -145,27 +148,23 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
         for b in range(k):
             memory[0][a, b] += matrices[0, a, b]
             memory[1][a, b] += matrices[1, a, b]
-    _gather_noise(
-        noise, noise_known, fresh, share, math.exp(-settings[0] / settings[2]), in_air, model[1].size
-    )
+    _gather_noise(noise, noise_known, fresh, share, math.exp(-settings[0] / settings[2]), model[1].size)
     remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
+    copied(theta, block[4])
     counts[0] += 1
     counts[1] += 1
 
 
 @lean
-def _gather_noise(noise, noise_known, fresh, share, keep, in_air, ns):  # type: ignore[no-untyped-def]
-    """Add a block's noise variances to those of earlier blocks, and go on from there: the air's where it was asked."""
-    first = noise.size - AIR_LEVELS
+def _gather_noise(noise, noise_known, fresh, share, keep, ns):  # type: ignore[no-untyped-def]
+    """Add a block's noise variances to those of earlier blocks, and go on from there; of the air the block's own."""
+    first, weight = noise.size - AIR_LEVELS, noise_known[-1]
     for j in range(noise.size):
-        if j >= first and not in_air:
-            continue
-        weight = noise_known[-2 if j >= first else -1]
-        noise_known[j] = (weight * noise_known[j] + share * fresh[j]) / (weight + share)
+        known = min(weight, AIR_MEMORY) if j >= first else weight
+        noise_known[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
         if j <= 2 * ns or j >= first:
             noise[j] = noise_known[j]
-    noise_known[-1] = keep * (noise_known[-1] + share)
-    noise_known[-2] = keep * (noise_known[-2] + (share if in_air else 0.0))
+    noise_known[-1] = keep * (weight + share)
 
 
 @lean
@@ -182,7 +181,7 @@ def _gather(sums, row, kinematic):  # type: ignore[no-untyped-def]
 @lean
 def _bends(block, new, ns, nu):  # type: ignore[no-untyped-def]
     """Add second differences: roots of their magnitudes of states and accelerometer, squares of inputs."""
-    _, rows, sums, roughness = block
+    rows, sums, roughness = block[1], block[2], block[3]
     for j in range(ns + 1):
         bend = new[1 + j] - 2.0 * rows[1, 1 + j] + rows[2, 1 + j]
         roughness[j] += math.sqrt(abs(bend))
@@ -196,9 +195,9 @@ def _bends(block, new, ns, nu):  # type: ignore[no-untyped-def]
 @lean
 def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
     """Take in one row of signals; returns what it does to the block."""
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, _, _ = model
-    bank, rows, sums, _ = block
-    coefficients, step, turning, gust_m = filters
+    omega, lever, exponents, settings = model[0], model[1], model[3], model[4]
+    bank, rows, sums = block[0], block[1], block[2]
+    coefficients, step = filters
     ns, nu = lever.size, exponents.size - lever.size
     kinematic = 2 + ns + nu
     for j in range(kinematic + 5):
@@ -208,9 +207,8 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
     if not (0.0 < dt <= MAX_GAP_S):
         return GAP
     servo_s = settings[7 + nu : 7 + 2 * nu]
-    force = 1 + ns if by_accelerometer else kinematic
-    advance_bank(omega, bank, step, coefficients, rows[1], new, rows[2], servo_s, ns, nu, force)
-    advance_air(bank, coefficients, turning, rows[0], rows[1], new, exponents, gust_m, lever, longitudinal)
+    advance_bank(omega, bank, step, coefficients, rows[1], new, rows[2], servo_s, ns, nu)
+    advance_air(bank, coefficients, rows[0], rows[1], new, exponents, ns)
     if math.isfinite(rows[2, 1]):
         _bends(block, new, ns, nu)
     copied(rows[1], rows[2])
@@ -222,7 +220,7 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
 @lean
 def _restart(model, block, row, gap, mark_rows):  # type: ignore[no-untyped-def]
     """Begin a block at a row; after a gap nothing before it counts."""
-    bank, rows, sums, roughness = block
+    bank, rows, sums, roughness, _ = block
     bank[:, :, :] = 0.0
     sums[:] = 0.0
     roughness[:] = 0.0
@@ -326,7 +324,8 @@ def _find_change(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
         if not (rows[0, 0] <= marks[1][m, 0] < rows[1, 0] - 0.5):
             continue
         _before(model, prior, vehicle, room, m)
-        solve_block(model, part, mean, level, known[2], alone, (mean, size), ALONE, solving, told)
+        since = (part[0], part[1], part[2], part[3], block[4])
+        solve_block(model, since, mean, level, known[2], alone, (mean, size), ALONE, solving, told)
         change_of(told[0][2], told[1][2], mean, spread, inner, both, weight, pull)
         value = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, inner, both, line, trial)
         if trial.any() and value > best:
@@ -339,7 +338,7 @@ def _find_change(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
 def _cut_before(model, vehicle, room, m):  # type: ignore[no-untyped-def]
     """Make the running block end at mark m, what came after it kept in the room; returns whether it can be closed."""
     block, _, _, _, marks = vehicle
-    bank, rows, sums, roughness = block
+    bank, rows, sums, roughness, _ = block
     mark_bank, mark_rows, mark_sums, _ = marks
     _cut_out(model, block, marks, m, room[4])
     if not mark_rows[m, 0] - rows[0, 0] >= model[4][1]:
@@ -356,7 +355,7 @@ def _cut_before(model, vehicle, room, m):  # type: ignore[no-untyped-def]
 @part
 def _cut_after(vehicle, room):  # type: ignore[no-untyped-def]
     """Make what came after a cut the running block."""
-    bank, rows, sums, roughness = vehicle[0]
+    bank, rows, sums, roughness, _ = vehicle[0]
     part = room[4]
     copied_bank(part[0], bank)
     copied_rows(part[1], rows)
@@ -383,21 +382,19 @@ def _release(prior, vehicle, changed_s, room):  # type: ignore[no-untyped-def]
 @lean
 def advance(  # type: ignore[no-untyped-def]
     signals, solves, omega, lever, gusts, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal,
-    roll, bank, coefficients, step, turning, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
+    roll, bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, scatter, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows, room,
+    condition, counts, scatter, mark_bank, mark_rows, mark_sums, mark_known, changed_s, closed_theta, follows, room,
 ):  # fmt: skip
     """Take in samples (vehicles, samples, columns), and solve with every vehicle's running block if ``solves``.
 
     All in place; arguments as ``FourierEstimator`` lays them out, room of ``block_room``.
     """
     prior = (prior_value, prior_std)
+    model = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, gusts)
     for i in range(follows.size):
-        # Air that is not rough is not looked at: the form is the cheaper one.
-        known_air = gusts[0] if follows[i] else gusts[1]
-        model = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, known_air)
-        filters = (coefficients[i], step[i], turning[i], gusts[1])
-        block = (bank[i], rows[i], sums[i], roughness[i])
+        filters = (coefficients[i], step[i])
+        block = (bank[i], rows[i], sums[i], roughness[i], closed_theta[i])
         vehicle = (
             block,
             (theta[i], noise[i], noise_known[i], reserve[i], covariance[i], informed[i]),
@@ -410,7 +407,6 @@ def advance(  # type: ignore[no-untyped-def]
                 condition[i],
                 counts[i],
                 scatter[i],
-                follows[i : i + 1],
             ),
             (mark_bank[i], mark_rows[i], mark_sums[i], mark_known[i]),
         )
@@ -421,8 +417,6 @@ def advance(  # type: ignore[no-untyped-def]
             if what == FULL or rows[i, 1, 0] - rows[i, 0, 0] >= settings[1]:
                 _close(model, prior, vehicle, room)
             _restart(model, block, signals[i, k], what == GAP, mark_rows[i])
-            if what == GAP:
-                turning[i, 0] = 0.0
         if not solves or not (rows[i, 1, 0] - rows[i, 0, 0] >= settings[1] - 1e-9):
             continue
         for attempt in range(2):

@@ -61,7 +61,7 @@ def dispersion_of(scatter):  # type: ignore[no-untyped-def]
 
 
 @lean
-def gather_scatter(evidence, vector, mean, spread, keep, learn, scatter, squares, lines):  # type: ignore[no-untyped-def]
+def gather_scatter(evidence, vector, mean, spread, keep, scatter, squares, lines):  # type: ignore[no-untyped-def]
     """One closed block held against what was remembered before it: chi-square and degrees of freedom, by equation.
 
     What a block's score has that the memory does not expect, d = h - J mu, has covariance J + J P J. Of one equation
@@ -72,7 +72,6 @@ def gather_scatter(evidence, vector, mean, spread, keep, learn, scatter, squares
         evidence, vector: J (k, k) and h (k,) of the block alone.
         mean, spread: mu (k,) and P (k, k) of the memory before it.
         keep: what is kept of the blocks before.
-        learn: whether this block is added.
         scatter: (equations, 3): chi-square, degrees of freedom, and the dispersion that they gave before this block.
         squares, lines: room.
     """
@@ -81,8 +80,6 @@ def gather_scatter(evidence, vector, mean, spread, keep, learn, scatter, squares
         scatter[e, 2] = dispersion_of(scatter[e])
         scatter[e, 0] *= keep
         scatter[e, 1] *= keep
-    if not learn:
-        return
     k = vector.size
     columns = k // equations
     half, expected, surprise = squares[0], squares[1], lines[0]

@@ -1,18 +1,18 @@
-"""Normal equations of one block of the recursive Fourier estimator, compiled, and the noise that its residual shows.
+"""Normal equations of one block of the recursive Fourier estimator, compiled.
 
-Derivation and symbols: ``docs/estimators.md`` sections 3 to 7. Real and imaginary parts lie apart and frequencies side
-by side, (..., 2, frequencies), so that the processor takes several bins at once. All memory is the caller's.
+Derivation and symbols: ``docs/methods/fourier.md``. Rows are the force equation, the moment equations and, where there
+is one, the kinematic row, which has no derivative. Real and imaginary parts lie apart and frequencies side by side,
+(..., 2, frequencies), so that the processor takes several bins at once. All memory is the caller's.
 """
 
 import numpy as np
 
 from wingwatch.estimators.fourier_bank import NUISANCE
 from wingwatch.estimators.fourier_between import rate_of
-from wingwatch.estimators.fourier_weights import channel_level
-from wingwatch.estimators.hot import hot, lean
+from wingwatch.estimators.hot import lean
 from wingwatch.estimators.symmetric import backward, cholesky, forward
 
-__all__ = ["block_equations", "eliminate", "noise_update", "nuisance_of", "residual_of", "responses"]
+__all__ = ["eliminate", "normal_equations", "nuisance_of", "residual_of", "responses"]
 
 NO_COLUMN = 1e20
 """What is known beforehand of a column that an equation does not have: it is zero."""
@@ -25,110 +25,100 @@ RIDGE = 1e-10
 
 
 @lean
-def responses(omega, bank, phase, start, end, lever, by_accelerometer, ns, response):  # type: ignore[no-untyped-def]
-    """What each equation has on its left side, (ns, 2, frequencies): exact transforms of rates, or the accelerometer.
+def responses(omega, bank, phase, start, end, plant, response):  # type: ignore[no-untyped-def]
+    """What each row has on its left side, (rows, 2, frequencies): exact transforms of rates, or the accelerometer.
 
     Args:
-        bank: (channels, 2, frequencies) as ``between_samples`` gives it; phase: e^{s T}, (2, frequencies).
+        bank: (channels, 2, frequencies) as ``between_samples`` gives it, the kinematic term and the known moments last;
+            phase: e^{s T}, (2, frequencies).
+        start, end: signal rows at the ends of the block.
+        plant: of ``fourier_noise``.
     """
+    ns, lever = plant.lever.size, plant.lever
+    term = bank.shape[0] - ns
     for k in range(ns):
         rate_of(omega, bank[k], phase, start[1 + k], end[1 + k], response[k])
     for part in range(2):
-        force, first = bank[ns, part], response[0, part]
-        if by_accelerometer:
+        force, kinematic, first = bank[ns, part], bank[term, part], response[0, part]
+        if not plant.by_accelerometer:
             for f in range(omega.size):
-                first[f] = force[f]
-            for j in range(1, ns):
-                rate, arm = response[j, part], lever[j]
-                for f in range(omega.size):
-                    first[f] += arm * rate[f]
+                first[f] -= kinematic[f]
         else:
+            kept = response.shape[0] > ns
             for f in range(omega.size):
-                first[f] -= force[f]
-
-
-@hot
-def _sums_2(x, y, u, v, weights):  # type: ignore[no-untyped-def]
-    """Sums over bins of Re P Re W and Im P Im W, P = (x + jy)' (u + jv), pair by pair of two equations."""
-    aa, bb = weights[0, 0, 0], weights[1, 1, 0]
-    ab, ab_odd = weights[0, 1, 0], weights[0, 1, 1]
-    s_aa = s_bb = s_ab = o_ab = 0.0
-    for f in range(x.size):
-        real = x[f] * u[f] + y[f] * v[f]
-        s_aa += real * aa[f]
-        s_ab += real * ab[f]
-        o_ab += (x[f] * v[f] - y[f] * u[f]) * ab_odd[f]
-        s_bb += real * bb[f]
-    return (s_aa, s_ab, s_bb, 0.0, 0.0, 0.0), (0.0, o_ab, 0.0, 0.0, 0.0, 0.0)
-
-
-@hot
-def _sums_3(x, y, u, v, weights):  # type: ignore[no-untyped-def]
-    """The same for three equations."""
-    aa, bb, cc = weights[0, 0, 0], weights[1, 1, 0], weights[2, 2, 0]
-    ab, ac, bc = weights[0, 1, 0], weights[0, 2, 0], weights[1, 2, 0]
-    ab_odd, ac_odd, bc_odd = weights[0, 1, 1], weights[0, 2, 1], weights[1, 2, 1]
-    s_aa = s_bb = s_cc = s_ab = s_ac = s_bc = o_ab = o_ac = o_bc = 0.0
-    for f in range(x.size):
-        real = x[f] * u[f] + y[f] * v[f]
-        imaginary = x[f] * v[f] - y[f] * u[f]
-        s_aa += real * aa[f]
-        s_bb += real * bb[f]
-        s_cc += real * cc[f]
-        s_ab += real * ab[f]
-        s_ac += real * ac[f]
-        s_bc += real * bc[f]
-        o_ab += imaginary * ab_odd[f]
-        o_ac += imaginary * ac_odd[f]
-        o_bc += imaginary * bc_odd[f]
-    return (s_aa, s_ab, s_ac, s_bb, s_bc, s_cc), (0.0, o_ab, o_ac, 0.0, o_bc, 0.0)
+                at_cg = force[f]
+                for j in range(1, ns):
+                    at_cg += lever[j] * response[j, part, f]
+                if kept:
+                    response[ns, part, f] = first[f] - at_cg - kinematic[f]
+                first[f] = at_cg
+        for j in range(1, ns):
+            known, rate = bank[term + j, part], response[j, part]
+            for f in range(omega.size):
+                rate[f] -= known[f]
 
 
 @lean
-def _normal_matrix(bank, weights, ns, nc, m_full):  # type: ignore[no-untyped-def]
-    """M of all columns, the wanted ones of every equation first, then the nuisance ones of every equation."""
-    nd = nc - NUISANCE
+def _product_sums(real, imaginary, weight):  # type: ignore[no-untyped-def]
+    """Sums over bins of Re P Re W and of Im P Im W."""
+    even = odd = 0.0
+    for f in range(real.size):
+        even += real[f] * weight[0, f]
+        odd += imaginary[f] * weight[1, f]
+    return even, odd
+
+
+@lean
+def _normal_matrix(bank, weights, ns, nd, product, m_full):  # type: ignore[no-untyped-def]
+    """M of all columns, the wanted ones of every equation first, then the nuisance ones of every row."""
+    rows, nc = weights.shape[0], nd + NUISANCE
+    real, imaginary = product[0], product[1]
     for c in range(nc):
         x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
         for d in range(c, nc):
             u, v = bank[d if d < ns else d + 1, 0], bank[d if d < ns else d + 1, 1]
-            if ns == 2:
-                evens, odds = _sums_2(x, y, u, v, weights)
-            else:
-                evens, odds = _sums_3(x, y, u, v, weights)
-            pair = 0
-            for k in range(ns):
-                kc = k * nd + c if c < nd else ns * nd + NUISANCE * k + c - nd
-                kd = k * nd + d if d < nd else ns * nd + NUISANCE * k + d - nd
-                for m in range(k, ns):
-                    mc = m * nd + c if c < nd else ns * nd + NUISANCE * m + c - nd
-                    md = m * nd + d if d < nd else ns * nd + NUISANCE * m + d - nd
-                    even, odd = evens[pair], odds[pair]
-                    m_full[kc, md] = m_full[md, kc] = even - odd
-                    m_full[kd, mc] = m_full[mc, kd] = even + odd
-                    pair += 1
+            for f in range(real.size):
+                real[f] = x[f] * u[f] + y[f] * v[f]
+                imaginary[f] = x[f] * v[f] - y[f] * u[f]
+            for k in range(rows):
+                for m in range(k, rows):
+                    if m >= ns and d < nd:
+                        continue
+                    even, odd = _product_sums(real, imaginary, weights[k, m])
+                    if k < ns or c >= nd:
+                        kc, md = _column(k, c, ns, nd), _column(m, d, ns, nd)
+                        m_full[kc, md] = m_full[md, kc] = even - odd
+                    if m < ns or c >= nd:
+                        kd, mc = _column(k, d, ns, nd), _column(m, c, ns, nd)
+                        m_full[kd, mc] = m_full[mc, kd] = even + odd
 
 
 @lean
-def _right_side(bank, weights, response, ns, nc, product, b_full):  # type: ignore[no-untyped-def]
+def _column(row, c, ns, nd):  # type: ignore[no-untyped-def]
+    """Place of column c of a row among all columns."""
+    return row * nd + c if c < nd else ns * nd + NUISANCE * row + c - nd
+
+
+@lean
+def _right_side(bank, weights, response, ns, nd, product, b_full):  # type: ignore[no-untyped-def]
     """b = sum Re(R' W y), ordered as ``_normal_matrix``."""
-    nf = bank.shape[2]
-    nd = nc - NUISANCE
-    for k in range(ns):
+    for k in range(weights.shape[0]):
         product[:, :] = 0.0
         _add_weighted(weights[k], response, product)
         real, imaginary = product[0], product[1]
-        for c in range(nc):
+        for c in range(nd + NUISANCE):
+            if k >= ns and c < nd:
+                continue
             x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
             total = 0.0
-            for f in range(nf):
+            for f in range(real.size):
                 total += x[f] * real[f] + y[f] * imaginary[f]
-            b_full[k * nd + c if c < nd else ns * nd + NUISANCE * k + c - nd] = total
+            b_full[_column(k, c, ns, nd)] = total
 
 
 @lean
 def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
-    """out += sum over m of weights[m] values[m], all complex: (ns, 2, frequencies) twice, (2, frequencies)."""
+    """out += sum over m of weights[m] values[m], all complex: (rows, 2, frequencies) twice, (2, frequencies)."""
     real, imaginary = out[0], out[1]
     for m in range(values.shape[0]):
         a, b, x, y = weights[m, 0], weights[m, 1], values[m, 0], values[m, 1]
@@ -138,117 +128,39 @@ def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _driven(  # type: ignore[no-untyped-def]
-    omega, theta, scale, forward_speed, noise, power, weights, ns, nu, product, matrix, driven
-):
-    """E[R' W e]: the equations' own noise drives the states through S^-1 = (s - A)^-1 and so enters the regressors.
-
-    adj(s - A) is a polynomial: s - tr A + A for two states, s^2 + s (A - tr A) + adj A for three, so S^-1 needs no
-    inverse but that of the characteristic polynomial.
-    """
-    nd = ns + nu
-    trace = 0.0
-    for k in range(ns):
-        for j in range(ns):
-            matrix[k, j] = theta[k * nd + j] * scale[k * nd + j]
-            if k == 0:
-                matrix[k, j] += forward_speed[j]
-        trace += matrix[k, k]
-    real, imaginary = product[0], product[1]
-    if ns == 2:
-        last = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
-        for f in range(omega.size):
-            x, y = last - omega[f] * omega[f], -trace * omega[f]
-            size = 1.0 / (x * x + y * y)
-            real[f], imaginary[f] = x * size, y * size
-    else:
-        middle, last = 0.0, 0.0
-        for k in range(3):
-            a, b = (k + 1) % 3, (k + 2) % 3
-            middle += matrix[a, a] * matrix[b, b] - matrix[a, b] * matrix[b, a]
-            last += matrix[0, k] * (matrix[1, a] * matrix[2, b] - matrix[1, b] * matrix[2, a])
-        for f in range(omega.size):
-            square = omega[f] * omega[f]
-            x, y = trace * square - last, omega[f] * (middle - square)
-            size = 1.0 / (x * x + y * y)
-            real[f], imaginary[f] = x * size, y * size
-    for k in range(ns):
-        for m in range(ns):
-            a, b = weights[k, m, 0], weights[k, m, 1]
-            flat = turning = rising = 0.0
-            for f in range(omega.size):
-                # W / conj(characteristic polynomial); the conjugate of 1 / polynomial is (real, imaginary) here.
-                x, y = a[f] * real[f] - b[f] * imaginary[f], a[f] * imaginary[f] + b[f] * real[f]
-                flat += x
-                turning += omega[f] * y
-                rising += omega[f] * omega[f] * x
-            level = power * noise[ns + 1 + m]
-            for j in range(ns):
-                shifted = matrix[j, m] - (trace if j == m else 0.0)
-                if ns == 2:
-                    part = shifted * flat + (turning if j == m else 0.0)
-                else:
-                    part = _adjugate(matrix, j, m) * flat + shifted * turning - (rising if j == m else 0.0)
-                driven[k * nd + j] += level * part * scale[k * nd + j]
-
-
-@lean
-def _adjugate(matrix, j, m):  # type: ignore[no-untyped-def]
-    """Element (j, m) of the adjugate of a 3 x 3 matrix."""
-    a, b, c, d = (m + 1) % 3, (m + 2) % 3, (j + 1) % 3, (j + 2) % 3
-    return matrix[a, c] * matrix[b, d] - matrix[a, d] * matrix[b, c]
-
-
-@lean
-def block_equations(  # type: ignore[no-untyped-def]
-    omega, bank, response, theta, scale, noise, power, share, forward_speed, ns, nu, transfer, weights, moments, room,
-    m_full, b_full, n_noise, g, driven,
-):  # fmt: skip
-    """Normal equations of one block at ``theta``, with the nuisance columns still in them.
+def normal_equations(bank, response, plant, ends, share, work, product, m_full, b_full):  # type: ignore[no-untyped-def]
+    """Normal equations of one block, the nuisance columns still in them, in present derivatives.
 
     Args:
-        omega ... nu: the block, ``share`` of a whole one (of its bins only as many are independent); bank as
-            ``between_samples`` gives it, response of ``responses``.
-        transfer, weights, moments: of ``bin_weights``.
-        room: (2, frequencies) and (ns, ns).
-        m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), (ns (nd + NUISANCE),) squared, the columns of the
-            derivatives first; in present derivatives.
-        n_noise, g, driven: become N (p, p), what of M is due to noise in the regressors, the same of b (p,), and the
-            part of the score that is expected because the equations' own noise (gusts) drives the states, (p,);
-            ``n_noise`` and ``driven`` in referred derivatives (``scale`` applied), g in present ones.
+        bank: regressors, as ``between_samples`` gives them; response: of ``responses``.
+        ends: (2, rows) variances of the errors with which the ends of the block are read, and of the turning of the air
+            there; 0 where a row has none.
+        share: of a whole block.
+        work: of ``fourier_noise.weigh``; product: (2, frequencies).
+        m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), the columns of the derivatives first.
 
     Returns:
         how many equally weighted bins would be worth as many degrees of freedom as the weights leave (of the equation
         that they leave fewest, Satterthwaite 1946).
     """
-    nd = ns + nu
-    product, matrix = room
-    _normal_matrix(bank, weights, ns, nd + NUISANCE, m_full)
-    _right_side(bank, weights, response, ns, nd + NUISANCE, product, b_full)
-    for k in range(ns):
-        for c in range(ns * nd + NUISANCE * k + 3, ns * nd + NUISANCE * (k + 1)):
-            m_full[c, c] += 0.5 / (share * noise[k]) if transfer[1, k, k] == 1.0 else NO_COLUMN
-    n_noise[:, :] = 0.0
-    g[:] = 0.0
-    driven[:] = 0.0
-    for k in range(ns):
-        for j in range(nd):
-            column = j if j < ns else j + 1
-            level = power * channel_level(noise, column, ns)
-            for m in range(ns):
-                a, b = k * nd + j, m * nd + j
-                n_noise[a, b] = moments[0, k, m] * level * scale[a] * scale[b]
-                g[a] += level * (
-                    moments[0, k, m] * transfer[0, m, column] - moments[1, k, m] * transfer[1, m, column]
-                )
-    _driven(omega, theta, scale, forward_speed, noise, power, weights, ns, nu, product, matrix, driven)
+    ns, nd = plant.derivatives.shape
+    rows = work.weights.shape[0]
+    _normal_matrix(bank, work.weights, ns, nd, product, m_full)
+    _right_side(bank, work.weights, response, ns, nd, product, b_full)
+    for k in range(rows):
+        first = ns * nd + NUISANCE * k
+        for c in range(4):
+            variance = ends[c // 2, k]
+            m_full[first + 3 + c, first + 3 + c] += 0.5 / (share * variance) if variance > 0.0 else NO_COLUMN
+        if k >= ns:
+            m_full[first + 1, first + 1] += NO_COLUMN  # no force of the air: nothing follows the dynamic pressure
     bins = np.inf
     for k in range(ns):
         total = 0.0
-        weight = weights[k, k, 0]
-        for f in range(omega.size):
+        weight = work.weights[k, k, 0]
+        for f in range(weight.size):
             total += weight[f] * weight[f]
-        bins = min(bins, moments[0, k, k] ** 2 / total)
+        bins = min(bins, work.sums[k, k] ** 2 / total)
     return bins
 
 
@@ -313,94 +225,27 @@ def nuisance_of(root, size, crossed, rest, change, scale, nuisance):  # type: ig
 
 
 @lean
-def residual_of(bank, response, theta, scale, nuisance, ns, nu, weights, whitened):  # type: ignore[no-untyped-def]
-    """The residual in the place of ``response``, and W times it into ``whitened``, both (ns, 2, frequencies).
+def residual_of(bank, response, plant, nuisance, weights, whitened):  # type: ignore[no-untyped-def]
+    """The residual in the place of ``response``, and W times it into ``whitened``, both (rows, 2, frequencies).
 
     Returns:
         bins over the degrees of freedom that the columns leave of them.
     """
-    nd, nf = ns + nu, bank.shape[2]
+    ns, nd = plant.derivatives.shape
+    nf = bank.shape[2]
     nc = nd + NUISANCE
-    for k in range(ns):
+    for k in range(response.shape[0]):
         real, imaginary = response[k, 0], response[k, 1]
         for c in range(nc):
-            factor = theta[k * nd + c] * scale[k * nd + c] if c < nd else nuisance[NUISANCE * k + c - nd, 0]
+            if c < nd and k >= ns:
+                continue
+            factor = plant.derivatives[k, c] if c < nd else nuisance[NUISANCE * k + c - nd, 0]
             x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
             for f in range(nf):
                 real[f] -= factor * x[f]
                 imaginary[f] -= factor * y[f]
-    for k in range(ns):
+    for k in range(response.shape[0]):
         whitened[k] = 0.0
         _add_weighted(weights[k], response, whitened[k])
     # What an equation fits, half a bin each: over whole periods its two ends are one column.
     return nf / max(nf - 0.5 * (nc - 1), 0.25 * nf)
-
-
-@lean
-def noise_update(  # type: ignore[no-untyped-def]
-    omega,
-    bank,
-    response,
-    theta,
-    scale,
-    nuisance,
-    noise,
-    power,
-    ns,
-    nu,
-    transfer,
-    weights,
-    moments,
-    room,
-    total,
-):
-    """One fixed-point step to the likeliest noise variances, from the residual of one block.
-
-    A component's power expected from the residual over the share of it that the residual determines (the fixed
-    point of expectation-maximisation, reached in far fewer steps). Components: measured states, accelerometer,
-    then the equations' own noise.
-
-    Args:
-        response: of the block, becomes the residual.
-        transfer, weights, moments: of ``bin_weights`` at ``theta``.
-        room: (ns, 2, frequencies) and (2, frequencies).
-        total: becomes the new variances, at most ten times larger or smaller.
-    """
-    nf = omega.size
-    whitened, product = room
-    freedom = power * residual_of(bank, response, theta, scale, nuisance, ns, nu, weights, whitened)
-    for j in range(noise.size):
-        total[j] = noise[j]
-    for j in range(2 * ns + 1):
-        own = j - ns - 1
-        found, spread = 0.0, 0.0
-        if own >= 0:
-            real, imaginary = whitened[own, 0], whitened[own, 1]
-            spread = moments[0, own, own]
-        else:
-            real, imaginary = product[0], product[1]
-            spread = _part_of(omega, transfer, whitened, moments, j, ns, product)
-        for f in range(nf):
-            found += real[f] * real[f] + imaginary[f] * imaginary[f]
-        found *= freedom * noise[j] * noise[j]
-        spread *= power * noise[j]
-        if spread > 1e-12:
-            total[j] = min(max(found / spread, 0.1 * noise[j]), 10.0 * noise[j])
-
-
-@lean
-def _part_of(omega, transfer, whitened, moments, j, ns, product):  # type: ignore[no-untyped-def]
-    """L_j' r of a measured channel j into ``product`` (2, frequencies); returns sum Re(L_j' W L_j)."""
-    real, imaginary = product[0], product[1]
-    product[:, :] = 0.0
-    spread = 0.0
-    for k in range(ns):
-        a, b = transfer[0, k, j], transfer[1, k, j]
-        x, y = whitened[k, 0], whitened[k, 1]
-        for f in range(omega.size):
-            real[f] += a * x[f] + b * omega[f] * y[f]
-            imaginary[f] += a * y[f] - b * omega[f] * x[f]
-        for m in range(ns):
-            c, d = transfer[0, m, j], transfer[1, m, j]
-            spread += a * c * moments[0, k, m] - (a * d - b * c) * moments[1, k, m] + b * d * moments[2, k, m]
-    return spread

@@ -1,6 +1,6 @@
 """One solution of the recursive Fourier estimator with one block: what the block says, and where it moves; compiled.
 
-Derivation and symbols: ``docs/estimators.md`` sections 3 to 8. Arrays are those of one vehicle.
+Derivation and symbols: ``docs/methods/fourier.md``. Arrays are those of one vehicle.
 """
 
 import math
@@ -8,15 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wingwatch.estimators.fourier_air import (
-    AIR_COLUMNS,
-    AIR_LEVELS,
-    air_channels,
-    air_of,
-    air_regressors,
-    start_air_noise,
-)
-from wingwatch.estimators.fourier_air_equations import air_noise_update, air_products, air_weights
+from wingwatch.estimators.fourier_air import air_channels, present_regressors
 from wingwatch.estimators.fourier_bank import NUISANCE, block_transforms
 from wingwatch.estimators.fourier_between import between_samples
 from wingwatch.estimators.fourier_directions import (
@@ -26,13 +18,24 @@ from wingwatch.estimators.fourier_directions import (
     reduce_information,
 )
 from wingwatch.estimators.fourier_equations import (
-    block_equations,
     eliminate,
-    noise_update,
+    normal_equations,
     nuisance_of,
+    residual_of,
     responses,
 )
-from wingwatch.estimators.fourier_weights import bin_weights
+from wingwatch.estimators.fourier_noise import (
+    AIR_LEVELS,
+    SMALLEST_VARIANCE,
+    Plant,
+    air_of,
+    between_samples_variance,
+    end_variances,
+    expected_products,
+    noise_variances,
+    noise_workspace,
+    weigh,
+)
 from wingwatch.estimators.hot import lean, part
 from wingwatch.estimators.symmetric import congruence, invert
 
@@ -62,27 +65,29 @@ LOWEST_NOISE = 0.5
 ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
 
+AIR_MEMORY = 0.2
+"""Weight of the air of earlier blocks beside a whole block's own, in blocks: two seconds."""
+
 ROUGH_CHANCE = 2.4
 """Relative standard deviation of ``_rough_noise`` times the root of the count: that of the fourth power of the mean of
 roots, 4 sqrt(0.180), differences of white noise being correlated by sqrt(35 / 18)."""
 
 
-def solution_room(ns: int, nu: int, nf: int) -> tuple[Room, Room]:
-    """Room of ``solve_block`` for ns states, nu inputs and nf frequencies, and what it tells.
+def solution_room(ns: int, nu: int, nf: int, rows: int) -> tuple[Room, Room]:
+    """Room of ``solve_block`` for ns states, nu inputs, nf frequencies and ns or ns + 1 rows, and what it tells.
 
     Told: matrices (5, p, p), what the block adds to sensitivity and information, its evidence, the covariance, and M;
     vectors (4, p), what it adds to the score and to the driven part, its evidence's score and the gusts' part of that;
     the noise variances that its residual shows.
     """
-    p, q = ns * (ns + nu), NUISANCE * ns
+    p, q = ns * (ns + nu), NUISANCE * rows
     bins = (
         np.empty((2, ns + 2 * nu + 1 + NUISANCE + air_channels(ns, nu), 2, nf)),
         np.empty((2, ns + nu, 2, nf)),
         np.empty((2, nf)),
         np.empty((2, nf)),
-        np.empty((ns, 2, nf)),
-        np.empty((ns, 2, nf)),
-        np.empty((ns, ns, 2, nf)),
+        np.empty((rows, 2, nf)),
+        np.empty((rows, 2, nf)),
     )
     columns = (
         np.empty((p + q, p + q)),
@@ -92,22 +97,11 @@ def solution_room(ns: int, nu: int, nf: int) -> tuple[Room, Room]:
         np.empty((2, q, 1)),
         np.empty(q),
     )
-    states = (
-        np.empty((2, ns, ns + 1 + nu)),
-        np.empty((3, ns, ns)),
-        np.empty((ns, ns)),
-        np.empty((2, ns)),
-        np.empty(3),
-    )
+    states = (np.empty((ns, ns + nu)), np.empty(ns), np.empty(ns), np.empty(ns), np.empty((2, rows)))
     squares, lines = np.empty((4 + DIRECTION_SQUARES, p, p)), np.empty((7 + DIRECTION_LINES, p))
     told = (np.empty((5, p, p)), np.empty((4, p)), np.empty(2 * ns + 1 + nu + AIR_LEVELS))
-    air = (
-        np.empty((nf, ns, ns + 1 + nu + AIR_COLUMNS), dtype=np.complex128),
-        np.empty((nf, ns + 1), dtype=np.complex128),
-        np.empty((nf, AIR_COLUMNS)),
-        np.empty((ns, 2 * ns + 1), dtype=np.complex128),
-    )
-    return (bins, columns, states, squares, lines, np.empty((p, 2)), air), told
+    work = noise_workspace(ns, nu, rows, nf)
+    return (bins, columns, states, squares, lines, np.empty((p, 2)), work), told
 
 
 @lean
@@ -122,13 +116,14 @@ def _rough_noise(roughness, j, ns):  # type: ignore[no-untyped-def]
 
 @lean
 def start_noise(roughness, noise, ns):  # type: ignore[no-untyped-def]
-    """First variances from second differences, whose variance is 6 D for white noise."""
+    """First variances from second differences, whose variance is 6 D for white noise; those of the air as of a breeze
+    that moves 1 m/s2 from sample to sample, which the first solutions correct."""
     for j in range(ns + 1):
         least = 1e-8 if j in (0, ns) else 1e-10
         noise[j] = max(_rough_noise(roughness, j, ns), least)
     for k in range(ns):
         noise[ns + 1 + k] = noise[k]
-    start_air_noise(noise)
+    noise[noise.size - 3], noise[noise.size - 2], noise[noise.size - 1] = 1.0, 1e-4, 0.0
 
 
 @part
@@ -146,87 +141,79 @@ def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed
 
 
 @lean
-def _believe(noise, fresh, noise_known, share, roughness, by_accelerometer, air, ns):  # type: ignore[no-untyped-def]
+def _believe(noise, fresh, noise_known, share, dt, roughness, by_accelerometer, ns):  # type: ignore[no-untyped-def]
     """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
 
-    Below any sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s.
+    Sensors' noise is the same in all blocks, and white, so between half and all of the roughness (two standard
+    deviations of chance allowed): what is more, is air or what a moment equation leaves out. Below any sensor's
+    resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s. Air changes: of earlier blocks little is believed.
     """
-    known = noise_known[-1]
-    for j in range(2 * ns + 1):
+    first = noise.size - AIR_LEVELS
+    for j in range(noise.size):
+        if 2 * ns + 1 <= j < first:
+            continue
+        sensor = j <= ns
+        known = noise_known[noise.size] if j < first else min(noise_known[noise.size], AIR_MEMORY)
         noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
+        if sensor:
+            rough = _rough_noise(roughness, j, ns)
+            most = rough * (1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0)))
+            least = 1e-8 if j in (0, ns) else 1e-10
+            noise[j] = max(min(noise[j], most), LOWEST_NOISE * rough, least)
+            fresh[j] = min(fresh[j], max(most, least))
+        else:
+            noise[j] = max(noise[j], SMALLEST_VARIANCE)
     noise[ns + 1 if by_accelerometer else ns] = 0.0
-    for j in range(ns + 1):
-        noise[j] = max(noise[j], LOWEST_NOISE * _rough_noise(roughness, j, ns))
-    for j in range(2 * ns + 1):
-        noise[j] = max(noise[j], 1e-8 if j in (0, ns, ns + 1) else 1e-10)
-    if air[0] == 0.0:
-        return
-    chance = 1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0))
-    for j in range(ns):
-        # A sensor's noise is white: more than that, chance allowed, is the power of air, or of what the model leaves
-        # out. Neither is it remembered: taken for noise it would be taken out of the regressors' power.
-        most = max(chance * _rough_noise(roughness, j, ns), 1e-8 if j == 0 else 1e-10)
-        noise[j] = min(noise[j], most)
-        fresh[j] = min(fresh[j], most)
-    known = noise_known[-2]
-    for j in range(noise.size - AIR_LEVELS, noise.size):
-        noise[j] = max((known * noise_known[j] + share * fresh[j]) / (known + share), 1e-10)
-    if air[0] > 0.0:
-        noise[noise.size - 1] = 1e-10
+    noise[noise.size - 1] = between_samples_variance(noise[first], dt)
+    if ns == 3:
+        noise[ns + 2] = 0.0
 
 
-@lean
-def _weigh(model, theta, noise, power, room):  # type: ignore[no-untyped-def]
-    """The noise transfer and the weights of all bins at ``theta``."""
-    omega, lever, by_accelerometer, exponents = model[0], model[1], model[2], model[3]
-    transfer, moments, _, edges, air = room[2]
-    ns, nu = lever.size, exponents.size - lever.size
-    scale, weights = room[4][0], room[0][6]
-    if air[0] == 0.0:
-        bin_weights(
-            omega, theta, scale, noise, power, edges[0], lever, by_accelerometer, ns, nu, transfer, weights, moments
-        )  # fmt: skip
-    else:
-        air_weights(
-            omega, theta, scale, noise, power, edges[0], lever, air, by_accelerometer, ns, nu, room[6], transfer[1],
-            weights, moments,
-        )  # fmt: skip
+@part
+def _plant(model, theta, scale, known, states):  # type: ignore[no-untyped-def]
+    """``Plant`` at ``theta``; the rolling of the air acts by the derivatives that are known without this block."""
+    present, forward_speed, roll_column = states[0], states[1], states[2]
+    ns, nd = present.shape
+    for k in range(ns):
+        for j in range(nd):
+            present[k, j] = theta[k * nd + j] * scale[k * nd + j]
+        roll_column[k] = present[k, 1] if model[6] else 0.0
+    return Plant(present, forward_speed, model[1], roll_column, model[2])
 
 
 @part
 def _form(model, block, theta, noise, power, share, room, told):  # type: ignore[no-untyped-def]
     """The block's equations at ``theta``, and what of them is signal."""
-    omega, lever, by_accelerometer, exponents, settings, _, _, _ = model
-    _, rows, sums, roughness = block
-    transforms, between, phase, product, response, _, weights = room[0]
+    omega, lever, by_accelerometer, exponents, settings, longitudinal, _, gust_m = model
+    _, rows, sums, roughness, known = block
+    transforms, between, phase, product, response, _ = room[0]
     m_full, b_full, crossed, root, rest, size = room[1]
-    transfer, moments, matrix, edges, air = room[2]
-    squares, lines = room[3], room[4]
+    squares, lines, work = room[3], room[4], room[6]
     matrices, vectors, _ = told
     ns, nu = lever.size, exponents.size - lever.size
-    forward_speed, suspected = edges[0], edges[1]
-    scale, score, driven, g = lines[0], lines[1], lines[2], lines[3]
+    forward_speed, suspected = room[2][1], room[2][3]
+    scale, g, driven, score = lines[0], lines[1], lines[2], lines[3]
     n_noise, m = squares[0], matrices[4]
     span = rows[1, 0] - rows[0, 0]
+    air = air_of(gust_m, sums[0] / sums[4], gust_m[2], longitudinal)
+    plant = _plant(model, theta, scale, known, room[2])
     between_samples(
         omega, transforms[0], phase, rows[0], rows[1], span / max(sums[4] - 1.0, 1.0), settings[7 + nu : 7 + 2 * nu],
-        theta, scale, forward_speed, lever, by_accelerometer, ns, nu, between, transforms[1],
+        theta, scale, forward_speed, lever, ns, nu, between, transforms[1],
     )  # fmt: skip
-    _weigh(model, theta, noise, power, room)
-    responses(omega, transforms[1], phase, rows[0], rows[1], lever, by_accelerometer, ns, response)
-    if air[0] != 0.0:
-        air_regressors(omega, transforms[1], rows[0], sums, exponents, noise, air, forward_speed, lever)
-    bins = block_equations(
-        omega, transforms[1], response, theta, scale, noise, power, share, forward_speed, ns, nu, transfer, weights,
-        moments, (product, matrix), m_full, b_full, n_noise, g, driven,
-    )  # fmt: skip
-    if air[0] != 0.0:
-        air_products(
-            omega, theta, scale, noise, power, forward_speed, air, ns, nu, room[6], weights, n_noise, g, driven
-        )  # fmt: skip
+    weigh(omega, plant, air, noise, power, work)
+    responses(omega, transforms[1], phase, rows[0], rows[1], plant, response)
+    present_regressors(omega, transforms[1], (rows[0], sums), exponents, plant, air, work.believed, response)
+    end_variances(plant, air, noise, power / span, room[2][4])
+    bins = normal_equations(transforms[1], response, plant, room[2][4], share, work, product, m_full, b_full)
+    expected_products(omega, plant, air, noise, power, work, n_noise, g, driven)
     eliminate(
         m_full, b_full, g, theta, scale, span, theta.size, root, size, crossed, rest[0], m, score,
     )  # fmt: skip
+    for a in range(scale.size):
+        driven[a] *= scale[a]
+        for b in range(scale.size):
+            n_noise[a, b] *= scale[a] * scale[b]
     for j in range(ns):
         suspected[j] = max(1.0, _rough_noise(roughness, j, ns) / noise[j])
     reduce_information(
@@ -297,32 +284,32 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
 
     Args:
         model: omega, lever, by_accelerometer, exponents, settings, longitudinal, roll as ``FourierEstimator`` has them,
-            and the lengths over which gusts are smoothed, zero where the air is not looked at.
-        block: bank, rows, sums and roughness.
+            and the lengths over which gusts are smoothed and by which the vane is ahead.
+        block: bank, rows, sums, roughness, and the derivatives that are known without it.
         theta, noise: at which the block is linearised; in place, unless ``asked`` is ``ALONE``.
-        noise_known: of earlier blocks.
+        noise_known: of earlier blocks, and their weight.
         memory: sensitivity, information, vector and driven part of what is known without the block.
         prior: value and standard deviation.
         asked: ``ALONE``, ``LEARN``, ``MOVE`` or ``BEGIN``.
         room, told: of ``solution_room``; told becomes what the block says.
     """
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, gust_m = model
-    bank, rows, sums, roughness = block
-    transforms, _, phase, product, response, whitened, weights = room[0]
+    bank, rows, sums, roughness, known = block
+    transforms, _, phase, _, response, whitened = room[0]
     _, _, crossed, root, rest, size = room[1]
-    transfer, moments, _, edges, air = room[2]
-    squares, lines = room[3], room[4]
+    squares, lines, work = room[3], room[4], room[6]
     ns, nu = lever.size, exponents.size - lever.size
     span = rows[1, 0] - rows[0, 0]
     power = span * span / max(sums[4] - 1.0, 1.0)
     share = min(1.0, span / settings[0])
     scale, moved, change = lines[0], lines[4], lines[5]
     inverse = squares[1]
-    block_transforms(omega, bank, span, ns, nu, transforms[0], phase)
-    _present(sums, settings, exponents, longitudinal, roll, scale, edges[0])
-    air_of(gust_m, sums[0] / sums[4], longitudinal, air)
+    air = air_of(gust_m, sums[0] / sums[4], gust_m[2], longitudinal)
+    block_transforms(omega, bank, span, air.turn_s, ns, nu, transforms[0], phase)
+    _present(sums, settings, exponents, longitudinal, roll, scale, room[2][1])
     for j in range(nu):
         noise[2 * ns + 1 + j] = min(settings[7 + j], sums[6 + j] / (6.0 * max(sums[5], 1.0)))
+    noise[noise.size - 1] = between_samples_variance(noise[noise.size - AIR_LEVELS], power / span)
     for _ in range(3 if asked == BEGIN else 1):
         _form(model, block, theta, noise, power, share, room, told)
         _gain(theta, 2.0 * share, told)
@@ -333,18 +320,11 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
             change[a] = moved[a] - theta[a]
             theta[a] = moved[a]
         nuisance_of(root, size, crossed, rest[0], change, scale, rest[1])
-        _weigh(model, theta, noise, power, room)
-        if air[0] == 0.0:
-            noise_update(
-                omega, transforms[1], response, theta, scale, rest[1], noise, power, ns, nu, transfer, weights, moments,
-                (whitened, product), told[2],
-            )  # fmt: skip
-        else:
-            air_noise_update(
-                omega, transforms[1], response, theta, scale, rest[1], noise, power, edges[0], lever, air, ns, nu,
-                room[6], weights, moments, whitened, told[2],
-            )  # fmt: skip
-        _believe(noise, told[2], noise_known, share, roughness, by_accelerometer, air, ns)
+        plant = _plant(model, theta, scale, known, room[2])
+        weigh(omega, plant, air, noise, power, work)
+        freedom = residual_of(transforms[1], response, plant, rest[1], work.weights, whitened)
+        noise_variances(whitened, freedom, noise, power, work, told[2])
+        _believe(noise, told[2], noise_known, share, power / span, roughness, by_accelerometer, ns)
     if asked >= MOVE:
         _covariance(
             inverse, memory[1], told[0][1], memory[3], told[1][1], prior[1], squares, lines[6], told[0][3]

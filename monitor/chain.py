@@ -75,7 +75,7 @@ class ModeSolution:
     block: BlockEvidence
     gained: tuple[Array, Array] | None
     rough: bool = False
-    """Whether the air moves the aircraft so much that the Fourier form's moment derivatives cannot be trusted."""
+    """Whether the air makes a tenth or more of the rotation: changes are then not looked for."""
     reconstructed: bool = False
     """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has standing."""
 
@@ -275,8 +275,6 @@ class Chain:
         if not mode.vane:
             rough = _lately(state, name, rough and self._gusty(state))
             fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
-        elif rough:
-            fourier = _in_rough_air(fourier, float(np.max(share[1:])))
         evidence = mode.fourier.evidence(state.fourier[name])
         return ModeSolution(mode.structure, fourier, ekf, evidence, gained, rough, not mode.vane)
 
@@ -309,24 +307,6 @@ def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
         why = "its errors leave out that the velocity's noise goes with the rates': the Kalman filter alone counts"
     outcomes = tuple(o if o is Outcome.NOT_OBSERVABLE else Outcome.REJECTED for o in estimate.outcomes)
     return replace(estimate, outcomes=outcomes, outcome=Outcome.REJECTED, reason=f"{NO_VANE}; {why}")
-
-
-def _in_rough_air(fourier: Estimate, share: float) -> Estimate:
-    """The Fourier form's estimate where the air drives the rates: its moment derivatives have no standing."""
-    if not _has_standing(fourier):
-        return fourier
-    force = len(fourier.structure.regressors)
-    outcomes = tuple(
-        o if k < force or o is Outcome.NOT_OBSERVABLE else Outcome.REJECTED
-        for k, o in enumerate(fourier.outcomes)
-    )
-    percent = 100.0 * min(share, 1.0)
-    reason = (
-        f"rough air makes {percent:.0f} % of the rotation: the Kalman filter alone gives moment derivatives"
-    )
-    if fourier.outcome is Outcome.NOT_OBSERVABLE:
-        reason = f"{reason}; {fourier.reason}"
-    return replace(fourier, outcomes=outcomes, reason=reason)
 
 
 def _gated(ekf: Estimate, fourier: Estimate) -> Estimate:
@@ -395,7 +375,9 @@ def _mode(
         servo_s=servo_s,
         imu_position_m=imu,
         input_noise_std=noise,
-        span_m=aircraft.geometry.span_m if aircraft.geometry and vane else 0.0,
+        span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
+        vane_ahead_m=max(sensors.vane_position_m[0], 0.0),
+        velocity_measured=vane,
     )
     ekf = EkfConfig(
         structure,
