@@ -61,18 +61,22 @@ def cases() -> tuple[Case, ...]:
     )
 
 
+def _read_with_noise(values: Array, rng: np.random.Generator) -> None:
+    """Sensor noise of the aircraft file, in place: the surfaces are mixed, not their readings."""
+    for name, column in CHANNEL_INDEX.items():
+        values[:, column] += (AIRCRAFT.noise_std(name) or 0.0) * rng.standard_normal(len(values))
+
+
 def flown(case: Case, seconds: float, seed: int = SEED) -> list[Estimate]:
     """Estimates of all modes by both estimators at every half second from ``READ_FROM_S`` on."""
     manoeuvres = () if case.doublets is None else (case.doublets,)
-    fleet = FleetSimulation(
-        [Scenario(AIRCRAFT, manoeuvres=manoeuvres, turbulence=case.turbulence, seed=seed)]
+    scenario = Scenario(
+        AIRCRAFT, manoeuvres=manoeuvres, turbulence=case.turbulence, seed=seed, noise=not case.mix
     )
-    (values,) = fleet.step(round(50 * seconds))
+    (values,) = FleetSimulation([scenario]).step(round(50 * seconds))
     if case.mix:
-        rng = np.random.default_rng(seed)
-        noise = AIRCRAFT.noise_std("rudder_rad") or 0.0
-        aileron, rudder = CHANNEL_INDEX["aileron_rad"], CHANNEL_INDEX["rudder_rad"]
-        values[:, rudder] = case.mix * values[:, aileron] + noise * rng.standard_normal(len(values))
+        values[:, CHANNEL_INDEX["rudder_rad"]] = case.mix * values[:, CHANNEL_INDEX["aileron_rad"]]
+        _read_with_noise(values, np.random.default_rng(seed))
     block = complete(SampleBlock(values))
     monitor = VehicleMonitor(AIRCRAFT, "default", "uav", block.present, {}, new_id=lambda: "alert")
     found: list[Estimate] = []

@@ -115,15 +115,17 @@ def _rough_noise(roughness, j, ns):  # type: ignore[no-untyped-def]
 
 
 @lean
-def start_noise(roughness, noise, ns):  # type: ignore[no-untyped-def]
+def start_noise(roughness, noise, ns, kinematic):  # type: ignore[no-untyped-def]
     """First variances from second differences, whose variance is 6 D for white noise; those of the air as of a breeze
-    that moves 1 m/s2 from sample to sample, which the first solutions correct."""
+    that moves 1 m/s2 from sample to sample, which the first solutions correct; none where no kinematic row shows it."""
     for j in range(ns + 1):
         least = 1e-8 if j in (0, ns) else 1e-10
         noise[j] = max(_rough_noise(roughness, j, ns), least)
     for k in range(ns):
         noise[ns + 1 + k] = noise[k]
     noise[noise.size - 3], noise[noise.size - 2], noise[noise.size - 1] = 1.0, 1e-4, 0.0
+    if not kinematic:
+        noise[noise.size - 3] = 0.0
 
 
 @part

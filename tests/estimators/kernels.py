@@ -90,10 +90,10 @@ def since_mark(
 
 
 def transforms_of(omega: Real, bank: Real, span: float, ns: int, nu: int) -> tuple[Array, Array]:
-    """``fourier_bank.block_transforms``: (channels, 2, frequencies) and phase (2, frequencies)."""
+    """``fourier_bank.block_transforms``: (channels, 2, frequencies) and phase (2, frequencies); air smoothed over 0.1 s."""
     out = np.empty((len(bank) + fourier_bank.NUISANCE - 1, 2, omega.size))
     phase = np.empty((2, omega.size))
-    fourier_bank.block_transforms(omega, bank, span, ns, nu, out, phase)
+    fourier_bank.block_transforms(omega, bank, span, 0.1, ns, nu, out, phase)
     return out, phase
 
 
@@ -104,7 +104,7 @@ def curves_of(
     """``fourier_between.between_samples`` of two states and one input, the force seen ``lever_m`` ahead of the c.g."""
     out, room, lever = np.empty(lines.shape), np.empty((2, 3, 2, omega.size)), np.array([0.0, lever_m])
     fourier_between.between_samples(
-        omega, lines, phase, rows[0], rows[-1], dt, servo_s, theta, np.ones(6), forward, lever, True, 2, 1,
+        omega, lines, phase, rows[0], rows[-1], dt, servo_s, theta, np.ones(6), forward, lever, 2, 1,
         room, out,
     )  # fmt: skip
     return out

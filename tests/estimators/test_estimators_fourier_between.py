@@ -5,6 +5,7 @@ import pytest
 from kernels import as_complex, curves_of, transforms_of
 from numpy.typing import NDArray
 
+from wingwatch.estimators.fourier_air import air_channels
 from wingwatch.estimators.fourier_bank import advance_bank, bank_channels
 
 Array = NDArray[np.float64]
@@ -56,11 +57,11 @@ def banked(
     rows: Array, servo_s: float, lever_m: float
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Transforms of sampled rows: of lines, and of what is believed to go on between samples."""
-    bank = np.zeros((bank_channels(2, 1), 2, OMEGA.size))
+    bank = np.zeros((bank_channels(2, 1) + air_channels(2, 1), 2, OMEGA.size))
     step, coefficients = np.full(1, -1.0), np.zeros((8, OMEGA.size))
     before, servo = np.full(rows.shape[1], np.nan), np.array([servo_s])
     for k in range(1, len(rows)):
-        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, servo, 2, 1, 3)
+        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, servo, 2, 1)
         before = rows[k - 1]
     lines, phase = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     curves = curves_of(OMEGA, lines, phase, rows, STEP_S, servo, THETA, FORWARD, lever_m)

@@ -31,7 +31,7 @@ def scattered(factors: tuple[float, ...], blocks: int, seed: int, seen: int = K)
         error[:seen] = np.linalg.cholesky(np.linalg.inv(evidence[:seen, :seen])) @ rng.standard_normal(seen)
         score = evidence @ (truth + wider * error)
         spread = np.linalg.inv(known)
-        gather_scatter(evidence, score, spread @ vector, spread, 1.0, True, scatter, *ROOM)
+        gather_scatter(evidence, score, spread @ vector, spread, 1.0, scatter, *ROOM)
         known += evidence
         vector += score
     return scatter
@@ -59,11 +59,11 @@ def test_without_blocks_nothing_is_widened_and_one_bad_block_does_not_rule() -> 
     assert dispersion_of(np.array([12.0, 3.0, 1.0])) == pytest.approx(2.5)
 
 
-def test_what_was_learned_fades_and_is_not_learned_while_changes_are_looked_for() -> None:
+def test_what_was_learned_fades_before_the_next_block_is_held_against_the_memory() -> None:
     scatter = np.array([[40.0, 10.0, 1.0]] * EQUATIONS)
-    evidence = np.eye(K)
-    gather_scatter(evidence, np.full(K, 50.0), np.zeros(K), np.eye(K), 0.5, False, scatter, *ROOM)
-    np.testing.assert_allclose(scatter[0], [20.0, 5.0, 43.0 / 13.0])
+    gather_scatter(np.eye(K), np.full(K, 2.0), np.zeros(K), np.eye(K), 0.5, scatter, *ROOM)
+    # of each equation's columns h' (J + J P J)^-1 h = 4 / 2 a column
+    np.testing.assert_allclose(scatter[0], [20.0 + 2.0 * COLUMNS, 5.0 + COLUMNS, 43.0 / 13.0])
 
 
 def test_evidence_keeps_its_values_and_gets_the_wider_errors() -> None:

@@ -23,7 +23,7 @@ def run_bank(rows: Array, held: bool = False) -> tuple[NDArray[np.complex128], N
     before = np.full(LAYOUT.columns, np.nan)
     for k in range(1, len(rows)):
         servo_s = np.array([0.0 if held else np.inf])
-        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, servo_s, 2, 1, 3)
+        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, servo_s, 2, 1)
         before = rows[k - 1]
     transforms, decay = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     return as_complex(transforms), as_complex(decay)
