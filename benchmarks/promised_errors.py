@@ -83,7 +83,7 @@ def flights(plant: SensedPlant, u: Array, seeds: int) -> Array:
         turn = at.forward_velocity_m_s * row[:, 2]
         level = GRAVITY_M_S2 * math.cos(pitch)
         row[:, layout.kinematic] = turn + level if s == SHORT_PERIOD else -turn
-        row[:, layout.kinematic + 1 :] = [
+        row[:, layout.kinematic + 1 : layout.known_moments] = [
             1.0, at.airspeed_true_m_s, at.air_density_kg_m3, at.altitude_m, at.angle_of_attack_rad, 1.0,
         ]  # fmt: skip
         rows.append(row)

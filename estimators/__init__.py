@@ -39,6 +39,7 @@ from wingwatch.estimators.frequency_equation_error import (
     FrequencyEquationErrorConfig,
     frequency_equation_error,
 )
+from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
 from wingwatch.estimators.manoeuvre import Manoeuvre, ManoeuvreConfig, concatenated, manoeuvres
 from wingwatch.estimators.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.reference import offsets, referred_scale
@@ -64,6 +65,8 @@ __all__ = [
     "EkfConfig",
     "EkfEstimator",
     "EkfState",
+    "InertiaCoupling",
+    "inertia_coupling",
     "SignalConfig",
     "SignalLayout",
     "SignalState",

@@ -12,7 +12,14 @@ aerodynamic derivatives never have the forward speed inside; it is added again w
 
 Column layout of the result (shape (vehicles, samples, columns)): time, states, accelerometer, inputs, then
 kinematic term, dynamic pressure ratio rho V^2 / (rho V^2 at the reference), filtered airspeed, air density,
-altitude, angle of attack, and 1 where the velocity was measured by a vane or 0 where it was reconstructed.
+altitude, angle of attack, 1 where the velocity was measured by a vane or 0 where it was reconstructed, and for each
+rate of the structure (states after the first) the known angular acceleration, rad/s2.
+
+That is inertia coupling (``inertia_coupling``), 0 where the moments of inertia are not stated or a rate that it needs
+is missing. It is made of measured rates, so it carries their noise: a product p r with noises n_p, n_r has the error
+p n_r + r n_p + n_p n_r, of variance p^2 R_r + r^2 R_p + R_p R_r; a square p^2 has 2 p n_p + n_p^2, of mean R_p, which
+a trim constant takes. In gentle flight that is far below the noise of a differentiated rate: at 0.5 rad/s and
+gyro noise of 0.005 rad/s it is 0.0025 rad/s2, that of a central difference at 50 Hz 0.18 rad/s2.
 
 Without a vane (thesis 7.2) the rates above are integrated. Errors of sensors would then grow without bound, so the
 integral leaks: what comes out is not w but w behind a high-pass filter, T s / (T s + 1). ``Signals.high_passed`` lets
@@ -28,6 +35,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
+from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.levels import LEVELS, advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
 
@@ -85,9 +93,14 @@ class SignalLayout:
         return 2 + self.states + self.inputs
 
     @property
+    def known_moments(self) -> int:
+        """First column of the known angular accelerations, one for each state after the first."""
+        return self.kinematic + CONDITION_COLUMNS
+
+    @property
     def columns(self) -> int:
         """Number of columns."""
-        return self.kinematic + CONDITION_COLUMNS
+        return self.known_moments + self.states - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +118,7 @@ class SignalConfig:
         reference_density_kg_m3: density likewise.
         servo_s: for each input time constant of the first-order servo that stands between it and the surface, its
             command held to the next; 0 for what is to be taken as it is.
+        inertia: moments of inertia, for the known angular accelerations; None where they are not stated.
     """
 
     structure: ModeStructure
@@ -114,6 +128,7 @@ class SignalConfig:
     reference_airspeed_m_s: float = 25.0
     reference_density_kg_m3: float = 1.225
     servo_s: tuple[float, ...] = ()
+    inertia: InertiaCoupling | None = None
     layout: SignalLayout = field(init=False)
 
     def __post_init__(self) -> None:
@@ -152,6 +167,10 @@ class Signals:
         self._rates = np.array([_RATE_CHANNEL[s] for s in structure.states[1:]])
         self._inputs = np.array([_INPUT_CHANNEL[u] for u in structure.inputs])
         self._servo_s = np.array(config.servo_s or (0.0,) * len(structure.inputs))
+        coupling = [
+            config.inertia.coefficients(s) if config.inertia else np.zeros(4) for s in structure.states[1:]
+        ]
+        self._coupling = np.array(coupling)
 
     def init(self, vehicles: int) -> SignalState:
         """State before the first sample."""
@@ -180,10 +199,12 @@ class Signals:
             np.ascontiguousarray(values), state.memory, state.airspeed, self._lateral, self._rates, self._inputs,
             x_vane, z_vane, c.airspeed_memory_s, c.reconstruction_s, reference, self._servo_s, state.servos, out,
         )  # fmt: skip
+        _known_moments(values, self._coupling, out[..., c.layout.known_moments :])
         return out
 
     def high_passed(self, state: SignalState, signals: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Signals whose rates, accelerometer, inputs and kinematic term went the way of a reconstructed velocity.
+        """Signals whose rates, accelerometer, inputs, kinematic term and known moments went the way of a reconstructed
+        velocity.
 
         Args:
             state: advanced in place.
@@ -193,7 +214,9 @@ class Signals:
             the same shape; rows whose velocity a vane measured are as they were.
         """
         out = signals.copy()
-        _high_passed(signals, state.passed, self.config.layout.kinematic, self.config.reconstruction_s, out)
+        layout = self.config.layout
+        passing = np.array([*range(2, layout.kinematic + 1), *range(layout.known_moments, layout.columns)])
+        _high_passed(signals, state.passed, passing, layout.kinematic, self.config.reconstruction_s, out)
         return out
 
 
@@ -237,8 +260,8 @@ def _level_alpha(row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _high_passed(signals, passed, kinematic, leak_s, out):  # type: ignore[no-untyped-def]
-    """See ``Signals.high_passed``."""
+def _high_passed(signals, passed, passing, kinematic, leak_s, out):  # type: ignore[no-untyped-def]
+    """See ``Signals.high_passed``; ``passing`` holds the columns that pass the filter."""
     for i in range(signals.shape[0]):
         for k in range(signals.shape[1]):
             row = signals[i, k]
@@ -247,10 +270,23 @@ def _high_passed(signals, passed, kinematic, leak_s, out):  # type: ignore[no-un
             dt = row[0] - passed[i, 0, 0]
             fresh = not (0.0 < dt <= MAX_GAP_S)
             decay = np.exp(-dt / leak_s)
-            for j in range(2, kinematic + 1):
+            for j in passing:
                 passed[i, 1, j] = 0.0 if fresh else decay * passed[i, 1, j] + row[j] - passed[i, 0, j]
                 out[i, k, j] = passed[i, 1, j]
             passed[i, 0] = row
+
+
+@njit(cache=True)
+def _known_moments(values, coupling, out):  # type: ignore[no-untyped-def]
+    """Into ``out`` (vehicles, samples, rates) the angular accelerations by ``coupling`` (rates, 4) of p q, q r, p r and
+    p^2 - r^2."""
+    for i in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            p, q, r = values[i, k, _P], values[i, k, _Q], values[i, k, _R]
+            for j in range(coupling.shape[0]):
+                c = coupling[j]
+                moment = c[0] * p * q + c[1] * q * r + c[2] * p * r + c[3] * (p * p - r * r)
+                out[i, k, j] = moment if np.isfinite(moment) else 0.0
 
 
 @njit(cache=True)

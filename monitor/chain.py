@@ -29,6 +29,7 @@ from wingwatch.estimators import (
     SignalState,
     follow_roughness,
     gather_motion,
+    inertia_coupling,
     is_gusty,
     offsets,
     told_apart_text,
@@ -382,6 +383,7 @@ def _mode(
         reference_airspeed_m_s=reference[0],
         reference_density_kg_m3=reference[1],
         servo_s=tuple(lag_s if still else 0.0 for still, lag_s in zip(told, servo_s, strict=True)),
+        inertia=inertia_coupling(aircraft),
     )
     fourier = FourierConfig(
         structure,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
-from wingwatch.estimators import SignalConfig, Signals
+from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure, load_aircraft
+from wingwatch.estimators import InertiaCoupling, SignalConfig, Signals, inertia_coupling
 from wingwatch.estimators.signals import MAX_GAP_S
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
@@ -35,7 +35,7 @@ def test_short_period_by_hand() -> None:
     row = rows(SHORT_PERIOD, block(), vane_position_m=(0.4, 0.0, -0.1))[0]
     w, v = 25.0 * math.sin(0.05) + 0.1 * 0.4, 25.0 * math.sin(-0.02) + 0.3 * 0.4 - 0.2 * 0.1
     kinematic = 25.0 * math.cos(0.05) * 0.1 - 0.2 * v + G * math.cos(0.1) * math.cos(0.3)
-    want = [0.0, w, 0.1, -9.0, 0.01, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0]
+    want = [0.0, w, 0.1, -9.0, 0.01, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0, 0.0]
     np.testing.assert_allclose(row, want, rtol=1e-12)
 
 
@@ -43,8 +43,34 @@ def test_lateral_by_hand() -> None:
     row = rows(LATERAL, block(), vane_position_m=(0.4, 0.0, -0.1))[0]
     w, v = 25.0 * math.sin(0.05) + 0.1 * 0.4, 25.0 * math.sin(-0.02) + 0.3 * 0.4 - 0.2 * 0.1
     kinematic = 25.0 * math.cos(0.05) * 0.3 + 0.2 * w + G * math.cos(0.1) * math.sin(0.3)
-    want = [0.0, v, 0.2, -0.3, 0.4, 0.02, 0.03, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0]
+    still = [0.0, 0.0]
+    want = [0.0, v, 0.2, -0.3, 0.4, 0.02, 0.03, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0, *still]
     np.testing.assert_allclose(row, want, rtol=1e-12)
+
+
+def test_known_moments_are_those_of_the_whole_inertia_tensor() -> None:
+    """-I^-1 (omega x I omega), and nothing where inertia is not stated or a rate that it needs is missing."""
+    inertia = InertiaCoupling(0.8, 1.1, 1.7, 0.3)
+    tensor = np.array([[0.8, 0.0, -0.3], [0.0, 1.1, 0.0], [-0.3, 0.0, 1.7]])
+    turn = np.array([0.2, 0.1, -0.3])
+    want = dict(zip("pqr", -np.linalg.solve(tensor, np.cross(turn, tensor @ turn)), strict=True))
+    for structure in (SHORT_PERIOD, DUTCH_ROLL, LATERAL):
+        config = SignalConfig(structure)
+        layout, expected = config.layout, [want[s] for s in structure.states[1:]]
+        row = rows(structure, block(), inertia=inertia)[0]
+        np.testing.assert_allclose(row[layout.known_moments :], expected, rtol=1e-12)
+        assert (rows(structure, block())[0, layout.known_moments :] == 0.0).all()
+    missing = rows(SHORT_PERIOD, block(yaw_rate_rad_s=math.nan), inertia=inertia)[0]
+    assert missing[-1] == 0.0
+
+
+def test_inertia_is_that_of_the_aircraft_file() -> None:
+    mass = load_aircraft("aerosonde").mass
+    inertia = inertia_coupling(load_aircraft("aerosonde"))
+    assert mass is not None
+    assert inertia == InertiaCoupling(
+        mass.inertia_x_kg_m2, mass.inertia_y_kg_m2, mass.inertia_z_kg_m2, mass.inertia_xz_kg_m2
+    )
 
 
 def test_density_from_altitude_and_temperature() -> None:
@@ -111,6 +137,20 @@ def test_what_goes_with_a_reconstructed_velocity_passes_its_filter() -> None:
     out = np.concatenate(whole)
     np.testing.assert_allclose(out[:, 1], 3.0 * out[:, 2] - 2.0 * out[:, 4], atol=1e-9)
     assert np.ptp(out[:, 1]) > 0.5
+
+
+def test_known_moments_pass_the_filter_of_a_reconstructed_velocity() -> None:
+    """With p and r constant the pitch moment I_z - I_x over I_y times p r is too, and decays as any constant does."""
+    samples = block(500, angle_of_attack_rad=math.nan, sideslip_rad=math.nan)
+    samples.column("yaw_rate_rad_s")[0] = 0.0
+    signals = Signals(
+        SignalConfig(SHORT_PERIOD, reconstruction_s=5.0, inertia=InertiaCoupling(1.0, 1.0, 2.0))
+    )
+    state = signals.init(1)
+    raw = signals.update(state, samples.values[None])
+    passed = signals.high_passed(state, raw)[0, :, -1]
+    np.testing.assert_allclose(raw[0, 1:, -1], 0.2 * -0.3, rtol=1e-12)
+    np.testing.assert_allclose(passed[1:], 0.2 * -0.3 * np.exp(-(samples.time_s[1:] - 0.02) / 5.0), rtol=1e-9)
 
 
 def test_with_a_vane_nothing_is_filtered() -> None:
