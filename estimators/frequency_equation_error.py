@@ -54,7 +54,10 @@ _CHANCE = 0.01
 
 
 _SILENT = 1e-20
-"""Of a reading's power: noise below it is rounding, and is not looked for."""
+"""Of a reading's power: noise below it is rounding."""
+
+_FAINT = 1e-12
+"""Of a reading's power: noise below it is not looked for in the residuals, which interpolation alone leaves larger."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +185,7 @@ def frequency_equation_error(
             break
         if iteration >= 3:
             variance, excess = _levels(sums, variance, width)
-            variance = np.maximum(variance, np.minimum(first, _SILENT * readings))
+            variance = np.maximum(variance, np.minimum(first, _FAINT * readings))
     sums = _sums(bins, theta, variance, excess)
     moved = np.zeros_like(theta)
     if (variance != first).any():
