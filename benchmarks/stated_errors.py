@@ -2,8 +2,8 @@
 
     .venv/bin/python benchmarks/stated_errors.py FLIGHT.mat [--map docs/maps/thor75.toml] [--aircraft ultrastick25e]
 
-``white`` is the error for white sensor noise, ``stated`` the one that the estimate carries. There is no randomness in it.
-The flight is not part of this repository; without it the command says so.
+Behind each stated error, in brackets, is that for white sensor noise alone. There is no randomness in it. The flight
+is not part of this repository; without it the command says so.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Equation errors under moments that nobody measured: what they state must hold, and nothing may be lost without them."""
+"""What a residual that no sensor explains adds to an error: nothing without it, and never more than the bound."""
 
 import numpy as np
 import pytest
