@@ -35,6 +35,7 @@ from wingwatch.estimators import (
     flight_manoeuvres,
     frequency_equation_error,
     in_form,
+    inertia_coupling,
     missing_channels,
     offsets,
     output_error,
@@ -156,6 +157,7 @@ def _form(
         {u: 2.0 * math.pi * servo.bandwidth_hz for u, servo in servos.items() if servo is not None},
         form,
         max(_SHORTEST_WINDOW_S, _CYCLES / band_hz[0]),
+        inertia_coupling(aircraft),
     )
 
 

@@ -463,7 +463,8 @@ class EkfEstimator:
         measured[ns] = self.config.use_accelerometer
         kalman = _Filter(after, state.cov[i], top, process, int(measured.sum()))
         kalman.predict()
-        reading = new[1 : 2 + ns]
+        reading = new[1 : 2 + ns].copy()
+        reading[ns] += self._lever[1:] @ new[self.layout.known_moments :]
         spread = np.diagonal(kalman.P)[: ns + gusts].copy()
         swing = expected[ns] - after[-ns] * kappa
         variance = noise[: ns + 1].copy()

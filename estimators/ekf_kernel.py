@@ -31,7 +31,7 @@ from wingwatch.estimators.ekf_noise import (
 )
 from wingwatch.estimators.hot import hot, lean, part, sizes
 from wingwatch.estimators.levels import LEVELS, advance_level, start_level
-from wingwatch.estimators.signals import MAX_GAP_S
+from wingwatch.estimators.signals import CONDITION_COLUMNS, MAX_GAP_S
 
 __all__ = [
     "SETTLE_S",
@@ -81,6 +81,7 @@ class Scratch(NamedTuple):
     at_end: Array
     scale: Array
     forward: Array
+    rest: Array
     decay: Array
     after: Array
     jacobian: Array
@@ -110,9 +111,9 @@ def _scratch(ns, nu, gusts):  # type: ignore[no-untyped-def]
     nx, k = ns + gusts, ns * (ns + nu)
     nz, readings = nx + k + ns, (ns + 2) // 2 * 2
     return Scratch(
-        np.empty(nu), np.empty((2, nu)), np.empty(nu), np.empty(k), np.empty(ns), np.empty(gusts), np.empty(nz),
-        np.empty((nx, nz)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)),
-        np.empty((ns, ns)),
+        np.empty(nu), np.empty((2, nu)), np.empty(nu), np.empty(k), np.empty(ns), np.empty(ns), np.empty(gusts),
+        np.empty(nz), np.empty((nx, nz)), np.empty((ns, ns)), np.empty((ns, ns)), np.empty((ns, ns)),
+        np.empty((ns, ns)), np.empty((ns, ns)),
         np.empty((2, ns)), np.empty(2), np.empty((nx, nx)), np.empty((2, nx)), np.empty(ns), np.empty((nx, nz)),
         np.empty(nz), np.empty(ns + 1), np.empty(ns + 1), np.empty(ns + 1, dtype=np.bool_),
         np.zeros((readings, nz)), np.zeros(readings), np.zeros(readings), np.empty(nx),
@@ -123,10 +124,10 @@ def _scratch(ns, nu, gusts):  # type: ignore[no-untyped-def]
 def step_inputs(new, old, older, servo_s, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu):  # type: ignore[no-untyped-def]
     """What a step needs besides the state: see ``_step_inputs_into``."""
     over, bend, at_end = np.empty(nu), np.empty((2, nu)), np.empty(nu)
-    scale, forward = np.empty(ns * (ns + nu)), np.empty(ns)
-    kappa, rest = _step_inputs_into(
+    scale, forward, rest = np.empty(ns * (ns + nu)), np.empty(ns), np.empty(ns)
+    kappa = _step_inputs_into(
         new, old, older, servo_s, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu, over, bend,
-        at_end, scale, forward,
+        at_end, scale, forward, rest,
     )  # fmt: skip
     return over, bend, at_end, scale, forward, kappa, rest
 
@@ -134,10 +135,10 @@ def step_inputs(new, old, older, servo_s, reference, exponents, longitudinal, ro
 @hot
 def _step_inputs_into(  # type: ignore[no-untyped-def]
     new, old, older, servo_s, reference, exponents, longitudinal, roll, by_accelerometer, ns, nu, over, bend, at_end,
-    scale, forward,
+    scale, forward, rest,
 ):  # fmt: skip
     """Into ``over`` the inputs' mean over the step, into ``bend`` (2, nu) how early they come and the newer reading's
-    share in the mean (``ekf_inputs.course``), then inputs at the end, scale and forward; returns kappa and rest."""
+    share in the mean (``ekf_inputs.course``), then inputs at the end, scale, forward and rest; returns kappa."""
     kinematic, dt = 2 + ns + nu, new[0] - old[0]
     for j in range(nu):
         c = 2 + ns + j
@@ -157,12 +158,14 @@ def _step_inputs_into(  # type: ignore[no-untyped-def]
     forward[ns - 1] = speed * np.cos(alpha) * (1.0 if longitudinal else -1.0)
     if roll:
         forward[1] = speed * np.sin(alpha)
-    rest = 0.5 * (old[kinematic] + new[kinematic])
+    rest[0] = 0.5 * (old[kinematic] + new[kinematic])
     if by_accelerometer:
-        rest += 0.5 * (old[1 + ns] + new[1 + ns])
+        rest[0] += 0.5 * (old[1 + ns] + new[1 + ns])
+    known_moments = kinematic + CONDITION_COLUMNS
     for j in range(1, ns):
-        rest -= forward[j] * 0.5 * (old[1 + j] + new[1 + j])
-    return kappa, rest
+        rest[0] -= forward[j] * 0.5 * (old[1 + j] + new[1 + j])
+        rest[j] = 0.5 * (old[known_moments + j - 1] + new[known_moments + j - 1])
+    return kappa
 
 
 @njit(cache=True)
@@ -308,15 +311,15 @@ def _step(  # type: ignore[no-untyped-def]
     """
     kinematic, nx = 2 + ns + nu, ns + gusts
     nz = nx + ns * (ns + nu) + ns
-    kappa, rest = _step_inputs_into(
+    kappa = _step_inputs_into(
         new, old, older, servo_s, reference, exponents, longitudinal, roll, carried, ns, nu, s.over, s.bend, s.at_end,
-        s.scale, s.forward,
+        s.scale, s.forward, s.rest,
     )  # fmt: skip
     speed = max(new[kinematic + 2], 1.0)
     for g in range(gusts):
         s.decay[g] = np.exp(-dt * speed / gust_m[g])
     transition_into(
-        z, dt, s.scale, s.forward, s.over, s.bend[0], kappa, rest, s.decay, direction, carried, ns, nu, gusts, s.a,
+        z, dt, s.scale, s.forward, s.over, s.bend[0], kappa, s.rest, s.decay, direction, carried, ns, nu, gusts, s.a,
         s.aerodynamic, s.a2, s.a3, s.series, s.b, s.lasting, s.after, s.jacobian,
     )  # fmt: skip
     rate = dt / settings[0]
@@ -343,6 +346,8 @@ def _step(  # type: ignore[no-untyped-def]
         s.excess[j] = new[1 + j] - (z[j] if j < ns else expected)
         s.variance[j] = noise[j]
         s.measured[j] = True
+    for j in range(1, ns):  # an accelerometer away from the c.g. reads less lever times these too
+        s.excess[ns] += lever[j] * new[kinematic + CONDITION_COLUMNS + j - 1]
     s.variance[ns] += noise[noise.size - NOISE_TAIL] * swing * swing + heard
     s.measured[0] = new[kinematic + 6] == 1.0
     s.measured[ns] = use_accelerometer

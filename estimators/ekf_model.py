@@ -45,7 +45,8 @@ def _rates(z, scale, u, bend, kappa, rest, lasting, direction, first, ns, nu, gu
         if gusts > 0:
             total += direction[k] * z[ns] * lasting[0]
         b[k] = total
-    b[0] += rest
+    for k in range(ns):
+        b[k] += rest[k]
 
 
 @hot
@@ -83,8 +84,9 @@ def transition(  # type: ignore[no-untyped-def]
         u: mean of the inputs over the step, shape (nu,).
         bend: how much earlier than even their course over the step is: the mean of (1/2 - t/dt) u, shape (nu,).
         kappa: dynamic pressure over that of the reference.
-        rest: acceleration of the first state not due to the states: gravity, products and, where
-            ``by_accelerometer``, the measured specific force, m/s2.
+        rest: acceleration of each state that is due neither to the states nor to the air, shape (ns,): of the first
+            gravity, products and, where ``by_accelerometer``, the measured specific force, m/s2; of the rates inertia
+            coupling, rad/s2.
         decay: of the air's unrest over the step, shape (gusts,).
         direction: how each equation answers to the unrest, over how the first rate's does, (ns,).
         by_accelerometer: the first state is carried by kinematics alone, so that gusts and vane errors do

@@ -19,6 +19,7 @@ from scipy.fft import dst
 from scipy.stats import chi2
 
 from wingwatch.estimators.differentiation import sine_derivative
+from wingwatch.estimators.endogeneity import Difference, left_unexplained, may_be_off, surface_response
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum
 from wingwatch.estimators.manoeuvre import Manoeuvre
@@ -50,8 +51,12 @@ _CHANCE = 0.01
 _MOST = 0.2
 """Highest cutoff that is chosen, of the sample rate: above, a derivative of sampled data is no derivative any more."""
 
+_SINGULAR = 1e10
+"""Condition of the instruments' products with the regressors beyond which they tell nothing."""
+
 _PASSES = 4
-"""Solutions; each takes the kinks that held inputs make in the states from the one before."""
+"""Solutions; each takes the kinks that held inputs make in the states from the one before. As many again at most where
+the sensors' noise turns out to be less than third differences say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +92,7 @@ class _Noise:
         crossed: the part of the covariance of sums of n_m e_i that comes of n and e being one noise, sums over t and t'
             of E[n_m(t) e_j(t')] E[e_i(t) n_k(t')], (equations, regressors, equations, regressors).
         right: sums of n_m n_k, (regressors, regressors); left: of n_m and y's noise, (equations, regressors).
+        sources: variance of the residuals by sensor, (equations, noises).
         freedom: how many independent values the residuals have.
     """
 
@@ -94,6 +100,7 @@ class _Noise:
     crossed: Array
     right: Array
     left: Array
+    sources: Array
     freedom: float
 
 
@@ -140,13 +147,23 @@ def equation_error(
     drift = settings.drift or not all(p.measured.all() for p in parts)
     cutoff = settings.cutoff_hz or _cutoff_hz(even)
     theta = np.zeros((ne, len(shared.structure.regressors)))
-    for _ in range(_PASSES):
+    first = theta
+    for turn in range(2 * _PASSES):
         smooth = [_smooth(p, forces, drift, cutoff, theta, variance) for p in even]
         matrix, noise, vector = _normal(smooth, theta, settings.correct_noise)
         share = signal_share(theta.shape[1], 0.5 * sum(m.values for m in smooth))
         solution = corrected_step(matrix, noise, vector, share)
         theta = solution.step.reshape(theta.shape)
+        if turn + 1 < _PASSES:
+            continue
+        first = theta if turn + 1 == _PASSES else first
+        believed = variance if settings.noise_std else _no_more_than_found(variance, smooth, theta)
+        if turn + 1 == 2 * _PASSES or (believed == variance).all():
+            break
+        variance = believed
+    moved = (theta - first).reshape(-1)
     white, coloured, explained, freedom = _covariances(smooth, theta, solution.inverse)
+    explained &= not moved.any()
     chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not explained)
     names = equation_names(shared, forces)
     channels = _channels(names, smooth, theta)
@@ -154,11 +171,17 @@ def equation_error(
     due = [np.average([m.noise.residual[i, i, 0] for m in smooth], weights=weights) for i in range(ne)]
     width = theta.shape[1]
     doubts = [left_over(c, float(due[i]), slice(i * width, (i + 1) * width)) for i, c in enumerate(channels)]
+    # where third differences were wrong, noise is known no better than by what that changed
+    coloured = (
+        coloured
+        + np.outer(moved, moved)
+        + _off(even, smooth, forces, drift, cutoff, theta, solution.inverse, [d is None for d in doubts])
+    )
     trims = len(parts) * ne * (2 if drift else 1)
     return finished(
         NAME, parts, theta.reshape(-1), white, coloured, chosen, channels,
         {n: float(np.sqrt(v)) for n, v in zip(noise_names(shared), variance, strict=True) if v > 0.0},
-        samples=sum(len(p) for p in parts), parameters=theta.size + trims, iterations=_PASSES, converged=True,
+        samples=sum(len(p) for p in parts), parameters=theta.size + trims, iterations=turn + 1, converged=True,
         freedom=freedom, natural=natural, hidden=solution.hidden,
         left_over=[d for d in doubts if d is not None],
     )  # fmt: skip
@@ -220,8 +243,7 @@ def _smooth(
 ) -> _Smooth:
     eq = equations(part, forces, drift)
     (ne, ns), n, dt = eq.rates.shape, len(part), part.dt
-    edge = min(int(np.ceil(0.5 / (cutoff_hz * dt))), (n - 2 * ns - 4) // 4)
-    inner = slice(edge, n - edge)
+    inner = _inner(part, eq, cutoff_hz)
     states = _unkinked(part, theta)
     slopes = np.empty_like(states)
     for j in range(ns):
@@ -263,6 +285,7 @@ def _expected(
     spectrum = np.einsum("bim,m,bjm,b->ijb", answer.conj(), variance, answer, power, optimize=True)
     spectrum /= len(part) - 1
     order = np.flatnonzero(heard) + 1
+    sources = np.einsum("bim,m,b->im", np.abs(answer) ** 2, variance, power) / (len(part) - 1)
     power *= _kept_share(order, len(part), trims)
     common = np.einsum("bml,l,m->bml", model.heard.conj(), variance, part.regressor_scale)
     products = np.einsum("bml,bjl->bjm", common, answer, optimize=True)
@@ -279,6 +302,7 @@ def _expected(
         crossed * share,
         right.real * share,
         left.real * share,
+        sources,
         freedom,
     )
 
@@ -320,6 +344,26 @@ def _normal(smooth: Sequence[_Smooth], theta: Array, correct: bool) -> tuple[Arr
     return matrix.reshape(k, k), noise.reshape(k, k), vector.reshape(k)
 
 
+def _no_more_than_found(variance: Array, smooth: Sequence[_Smooth], theta: Array) -> Array:
+    """Sensors' noise variances that leave no more in an equation than its residual has.
+
+    Third differences count gusts and vibration above the smoothing's cutoff as noise of the sensors. Of what an
+    equation has too little each sensor bears as much as it has a share in it (to first order a step of
+    expectation-maximisation).
+    """
+    residuals = _residuals(smooth, theta)
+    freedom = sum(m.noise.freedom for m in smooth)
+    left = max(freedom - theta.shape[1] - len(smooth), 1.0)
+    variance = variance.copy()
+    for i in range(theta.shape[0]):
+        sources = sum(m.noise.sources[i] * len(r) for m, r in zip(smooth, residuals, strict=True))
+        due = float(np.sum(sources))
+        ratio = sum(float(np.sum(r[:, i] ** 2)) for r in residuals) / max(due, 1e-300) * freedom / left
+        if ratio * left < chi2.ppf(_CHANCE, left):
+            variance *= ratio ** (sources / due)
+    return variance
+
+
 def _residuals(smooth: Sequence[_Smooth], theta: Array) -> list[Array]:
     return [m.clean - np.einsum("eno,eo->ne", m.right, theta) for m in smooth]
 
@@ -352,6 +396,68 @@ def _covariances(smooth: Sequence[_Smooth], theta: Array, inverse: Array) -> tup
     k = ne * width
     white, coloured = (inverse @ x.reshape(k, k) @ inverse for x in middle)
     return white, coloured, explained, left
+
+
+def _off(
+    parts: Sequence[Manoeuvre],
+    smooth: Sequence[_Smooth],
+    forces: NDArray[np.bool_],
+    drift: bool,
+    cutoff_hz: float,
+    theta: Array,
+    inverse: Array,
+    holds: Sequence[bool],
+) -> Array:
+    """By how much what the sensors do not explain may have put the derivatives off, as a covariance, (k, k)."""
+    (ne, width), residuals = theta.shape, _residuals(smooth, theta)
+    freedom = sum(m.noise.freedom for m in smooth)
+    left = max(freedom - width - len(smooth), 1.0)
+    lags = max(min(r.shape[0] for r in residuals) // 2, 1)
+    tools: list[Array] = []
+    found = []
+    for i in range(ne):
+        own = sum(float(np.sum(r[:, i] ** 2)) for r in residuals) * freedom / left
+        due = sum(m.noise.residual[i, i, 0] * len(r) for m, r in zip(smooth, residuals, strict=True))
+        unexplained = left_unexplained(own, due, left)
+        if unexplained == 0.0:
+            continue
+        tools = tools or [_instruments(p, forces, drift, cutoff_hz, theta) for p in parts]
+        at = slice(i * width, (i + 1) * width)
+        plain = [m.right[i] @ inverse[at, at] for m in smooth]
+        crossed = sum(z.T @ m.right[i] for z, m in zip(tools, smooth, strict=True))
+        value, covariance = np.full(ne * width, np.nan), np.zeros((ne * width, ne * width))
+        bound = np.zeros((ne * width, ne * width))
+        bound[at, at] = unexplained * sum(h.T @ h for h in plain)
+        if np.isfinite(crossed).all() and np.linalg.cond(crossed) < _SINGULAR:
+            step = np.linalg.solve(crossed, sum(z.T @ r[:, i] for z, r in zip(tools, residuals, strict=True)))
+            other = [z @ np.linalg.inv(crossed).T - h for z, h in zip(tools, plain, strict=True)]
+            colours = autocovariance([r[:, i] for r in residuals], lags=lags) * freedom / left
+            value[:], value[at] = 0.0, step
+            covariance[at, at] = sum(coloured_sum(h, h, colours) for h in other)
+        one = Difference(value, covariance, bound)
+        found.append(one if holds[i] else one.by_bound())
+    return may_be_off(found) if found else np.zeros((ne * width, ne * width))
+
+
+def _instruments(
+    part: Manoeuvre, forces: NDArray[np.bool_], drift: bool, cutoff_hz: float, theta: Array
+) -> Array:
+    """What the surfaces alone make of the regressors, smoothed and without trims as these, (n, regressors)."""
+    eq = equations(part, forces, drift)
+    inner = _inner(part, eq, cutoff_hz)
+    moved = np.column_stack(
+        [surface_response(part, theta) * part.stability[:, None], part.inputs * part.control[:, None]]
+    )
+    trims, _ = np.linalg.qr(_passed(eq.trims, part.dt, cutoff_hz)[inner])
+    tools = _passed(moved, part.dt, cutoff_hz)[inner]
+    return np.asarray(tools - trims @ (trims.T @ tools))
+
+
+def _inner(part: Manoeuvre, eq: Equations, cutoff_hz: float) -> slice:
+    """Samples that smoothing's ends do not reach."""
+    n, ns = len(part), eq.rates.shape[1]
+    edge = min(int(np.ceil(0.5 / (cutoff_hz * part.dt))), (n - 2 * ns - 4) // 4)
+    return slice(edge, n - edge)
 
 
 def _channels(names: Sequence[str], smooth: Sequence[_Smooth], theta: Array) -> tuple[ChannelFit, ...]:

@@ -69,7 +69,8 @@ class Fit:
         correlation: pair-wise correlation of the estimates (5.27), (k, k).
         interval: 95 % confidence intervals, (k, 2).
         covariance_white: for white sensor noise (5.22, or the Cramer-Rao bound), (k, k).
-        covariance_coloured: for residuals as coloured as they are (5.53), (k, k).
+        covariance_coloured: for residuals as coloured as they are (5.53), and for what they may have put the estimates
+            off by where they go together with the regressors (``endogeneity``), (k, k).
         coloured: whether the estimate carries the second, because the first does not explain the residuals.
         noise_std: of each measured channel as estimated.
         samples: rows used.

@@ -27,9 +27,10 @@ from wingwatch.aircraft.structures import (
 )
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.fit import Fit
+from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.manoeuvre import FlightColumns, Manoeuvre, ManoeuvreConfig, cut, signal_columns
 from wingwatch.estimators.servo import ahead, moved, moves_as_told
-from wingwatch.estimators.signals import GRAVITY_M_S2, MAX_GAP_S, SignalConfig, Signals
+from wingwatch.estimators.signals import GRAVITY_M_S2, MAX_GAP_S, SignalConfig, Signals, known_moments
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, missing_for
 
 __all__ = ["FORMS", "FlightForm", "Form", "flight_manoeuvres", "in_form", "missing_channels", "solved_as"]
@@ -60,6 +61,7 @@ class FlightForm:
         servo_rad_s: bandwidth of the servos, by symbol, where known (``estimators.servo``).
         form: of the force equations, see the module.
         window_s: longest manoeuvre.
+        inertia: moments of inertia, whose coupling of the rates is known; None where they are not stated.
     """
 
     reference: tuple[float, float]
@@ -69,6 +71,7 @@ class FlightForm:
     servo_rad_s: Mapping[str, float] = field(default_factory=dict)
     form: Form = "accelerometer"
     window_s: float = 12.0
+    inertia: InertiaCoupling | None = None
 
 
 def solved_as(structure: ModeStructure) -> ModeStructure:
@@ -142,11 +145,11 @@ def _prepared(structure: ModeStructure, form: FlightForm, block: SampleBlock) ->
 
 def _signals(structure: ModeStructure, form: FlightForm, block: SampleBlock) -> Array:
     speed, density = form.reference
-    signals = Signals(
-        SignalConfig(
-            structure, form.vane_position_m, reference_airspeed_m_s=speed, reference_density_kg_m3=density
-        )
-    )
+    config = SignalConfig(
+        structure, form.vane_position_m, reference_airspeed_m_s=speed, reference_density_kg_m3=density,
+        inertia=form.inertia,
+    )  # fmt: skip
+    signals = Signals(config)
     return np.asarray(signals.update(signals.init(1), block.values[None])[0])
 
 
@@ -171,7 +174,7 @@ def _longitudinal(
     w, q = (structure.states.index(s) for s in ("w", "q"))
     known[:, 0, q], known[:, w, q] = -pitching.states[:, 0], pitching.known[:, 0, 1]
     rest[:, 0] = block.column("yaw_rate_rad_s") * side - GRAVITY_M_S2 * np.sin(block.column("pitch_rad"))
-    rest[:, w] = pitching.rest[:, 0]
+    rest[:, w], rest[:, q] = pitching.rest[:, 0], pitching.rest[:, 1]
     moment = np.full(n, np.nan)
     accelerometer = np.column_stack(
         [block.column("specific_force_x_m_s2"), pitching.accelerometer[:, 0], moment]
@@ -186,14 +189,18 @@ def _longitudinal(
 def _reduced(
     structure: ModeStructure, form: FlightForm, block: SampleBlock, pitching: FlightColumns
 ) -> FlightColumns:
-    """Roll, phugoid and spiral: nothing is known beforehand, and all of their accelerations are differentiated."""
+    """Roll, phugoid and spiral: nothing but inertia coupling is known beforehand, and all of their accelerations are
+    differentiated."""
     n, ns = len(block), len(structure.states)
     states = np.column_stack(
         [_forward(block) if s == "u" else block.column(_STATE_CHANNEL[s]) for s in structure.states]
     )
+    rest = np.zeros((n, ns))
+    if "p" in structure.states:
+        rest[:, [structure.states.index("p")]] = known_moments(form.inertia, ("p",), block.values)
     flight = replace(
         pitching, states=states, accelerometer=np.full((n, ns), np.nan), inputs=_inputs(structure, block),
-        known=np.zeros((n, ns, ns)), rest=np.zeros((n, ns)), measured=np.ones((n, ns), dtype=bool),
+        known=np.zeros((n, ns, ns)), rest=rest, measured=np.ones((n, ns), dtype=bool),
     )  # fmt: skip
     if any(row in ("theta", "phi") for row in structure.equations):
         still = np.ones(n)

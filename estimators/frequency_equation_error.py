@@ -13,6 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from wingwatch.estimators.bin_residuals import (
+    BinResiduals,
+    as_found,
+    beyond_chance,
+    covariance_of,
+    difference,
+)
+from wingwatch.estimators.endogeneity import left_unexplained, may_be_off, surface_response
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.fit import ChannelFit, Fit, channel_fit
 from wingwatch.estimators.manoeuvre import Manoeuvre
@@ -45,8 +53,11 @@ _CHANCE = 0.01
 """Chance that a residual as large as the sensors' noise makes it is called larger, or smaller."""
 
 
-_NEAR = 4
-"""Bins to either side whose residuals tell how strong a bin's is."""
+_SILENT = 1e-20
+"""Of a reading's power: noise below it is rounding."""
+
+_FAINT = 1e-12
+"""Of a reading's power: noise below it is not looked for in the residuals, which interpolation alone leaves larger."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,19 +125,21 @@ class _Sums:
 
     Attributes:
         matrix, noise: information and what noise adds to it, (k, k); score: (k,).
-        information: of each bin, (bins, k, k), by manoeuvre; misfit: e' W e of each bin, (bins,).
-        residuals, predicted: (bins, equations); expected: their power from sensor noise.
+        bins: of each manoeuvre, with their residuals.
+        predicted: (bins, equations); sources: power of the residuals from each sensor's noise,
+            (bins, equations, noises); expected: the sum of that.
+        inner: inverse information of the trims and jumps of each manoeuvre.
         own: trims and jumps of an equation in all manoeuvres.
     """
 
     matrix: Array
     noise: Array
     score: Array
-    information: list[Array]
-    misfit: list[Array]
-    residuals: list[Complex]
+    bins: list[BinResiduals]
     predicted: list[Complex]
+    sources: list[Array]
     expected: list[Array]
+    inner: list[Array]
     own: int
 
 
@@ -147,7 +160,7 @@ def frequency_equation_error(
         ValueError: no manoeuvre, manoeuvres of different configs, or a band with fewer bins than unknowns.
     """
     shared = shared_config(parts)
-    ns, ne = len(shared.structure.states), len(shared.structure.equations)
+    ne = len(shared.structure.equations)
     forces = common_forces(parts) & config.force_from_accelerometer
     variance = stated_noise(parts, forces, config.noise_std)
     bins = [_bins(part.even(), forces, config) for part in parts]
@@ -157,7 +170,8 @@ def frequency_equation_error(
             f"band_hz {config.band_hz} holds {sum(b.power.size for b in bins)} bins of these manoeuvres, too few for "
             f"{width} derivatives an equation; widen the band or take longer manoeuvres"
         )
-    variance = np.maximum(variance, 1e-24 * _reading_power(parts))
+    readings = _reading_power(parts)
+    variance = first = np.maximum(variance, 1e-24 * readings)
     share = signal_share(width, float(sum(b.power.size for b in bins)))
     theta = plain_start(parts) if forces.any() == common_forces(parts).any() else np.zeros(ne * width)
     excess = np.ones(ne)
@@ -170,9 +184,16 @@ def frequency_equation_error(
             settled = True
             break
         if iteration >= 3:
-            variance, excess = _levels(sums, variance, forces, width, ns)
+            variance, excess = _levels(sums, variance, width)
+            variance = np.maximum(variance, np.minimum(first, _FAINT * readings))
     sums = _sums(bins, theta, variance, excess)
-    return _report(parts, sums, theta, solution, variance, excess, iteration, settled, forces, natural)
+    moved = np.zeros_like(theta)
+    if (variance != first).any():
+        at_first = _sums(bins, theta, first, excess)
+        moved = corrected_step(at_first.matrix, at_first.noise, at_first.score, share).step
+    return _report(
+        parts, bins, sums, moved, theta, solution, variance, excess, iteration, settled, forces, natural
+    )
 
 
 def _reading_power(parts: Sequence[Manoeuvre]) -> Array:
@@ -266,49 +287,71 @@ def _add(out: _Sums, b: _Bins, theta: Array, variance: Array, excess: Array) -> 
     left_over = residual - b.own @ trims.T
     weighted = np.einsum("bij,bj->bi", weight, left_over)
     direct = np.einsum("bim,bi->im", right.conj(), weighted).real
-    split = (inner @ m_co.T).reshape(ne, own, ne * width)
-    bare = -np.einsum("bo,iok->bik", b.own, split)
-    for i in range(ne):
-        bare[:, i, i * width : (i + 1) * width] += right[:, i]
-    out.information.append(np.einsum("bik,bij,bjl->bkl", bare.conj(), weight, bare, optimize=True).real)
-    out.misfit.append(np.einsum("bi,bi->b", left_over.conj(), weighted).real)
+    out.bins.append(BinResiduals(_without_own(_by_equation(right), weight, b.own, inner), weight, left_over))
     out.matrix += full[:, :width, :, :width].reshape(ne * width, -1) - m_co @ inner @ m_co.T
     out.noise += noise.reshape(ne * width, ne * width)
     out.score += (direct - correction).reshape(-1)
-    out.residuals.append(left_over)
     out.predicted.append(left - left_over)
+    out.inner.append(inner)
+    out.sources.append(b.power[:, None, None] * np.abs(noise_to_residual) ** 2 * variance)
     out.expected.append(np.einsum("bii->bi", expected).real)
     out.own += own
 
 
-def _levels(
-    sums: _Sums, variance: Array, forces: NDArray[np.bool_], width: int, states: int
-) -> tuple[Array, Array]:
+def _by_equation(columns: Complex) -> Complex:
+    """Columns of each equation, (bins, equations, width), in the places of its derivatives, (bins, equations, k)."""
+    bins, ne, width = columns.shape
+    out = np.zeros((bins, ne, ne * width), dtype=np.complex128)
+    for i in range(ne):
+        out[:, i, i * width : (i + 1) * width] = columns[:, i]
+    return out
+
+
+def _without_own(columns: Complex, weight: Complex, own: Complex, inner: Array) -> Complex:
+    """Columns (bins, equations, k) less what trims and jumps can be of them."""
+    ne, k = columns.shape[1:]
+    products = np.einsum("bo,bij,bjk->iok", own.conj(), weight, columns, optimize=True).real
+    split = (inner @ products.reshape(-1, k)).reshape(ne, -1, k)
+    return np.asarray(columns - np.einsum("bo,iok->bik", own, split))
+
+
+def _levels(sums: _Sums, variance: Array, width: int) -> tuple[Array, Array]:
     """Sensor noise, and what each equation's residual has above it, from the residuals' power.
 
     Within chance the sensors' noise explains a residual. Above, the rest is the equation's own (gusts, model error) and
-    weighs it down; below, the noise is not white and less of it lies within the band.
+    weighs it down; below, the noise is not white and less of it lies within the band: each sensor bears as much of that
+    as it has a share in the equation (to first order a step of expectation-maximisation).
     """
-    ne = sums.residuals[0].shape[1]
+    ne = sums.expected[0].shape[1]
     variance, excess = variance.copy(), np.ones(ne)
-    count = sum(r.shape[0] for r in sums.residuals)
-    freedom = 2.0 * count - width - sums.own
-    for i in range(ne):
-        power = sum(
-            float(np.sum(np.abs(r[:, i]) ** 2 / e[:, i]))
-            for r, e in zip(sums.residuals, sums.expected, strict=True)
-        )
-        ratio = 2.0 * power / max(freedom, 1.0)
+    freedom = 2.0 * sum(len(e) for e in sums.expected) - width - sums.own
+    for i, ratio in enumerate(_ratios(sums, freedom)):
         if ratio > chi2.ppf(1.0 - _CHANCE, freedom) / freedom:
             excess[i] = ratio
         elif ratio < chi2.ppf(_CHANCE, freedom) / freedom:
-            variance[states + i if forces[i] else i] *= ratio
+            shares = [s[:, i] / e[:, i, None] for s, e in zip(sums.sources, sums.expected, strict=True)]
+            variance *= ratio ** np.concatenate(shares).mean(axis=0)
     return variance, excess
+
+
+def _ratios(sums: _Sums, freedom: float) -> list[float]:
+    """Power of each equation's residual over what the sensors' noise makes of it."""
+    return [
+        2.0
+        * sum(
+            float(np.sum(np.abs(b.residuals[:, i]) ** 2 / e[:, i]))
+            for b, e in zip(sums.bins, sums.expected, strict=True)
+        )
+        / max(freedom, 1.0)
+        for i in range(sums.expected[0].shape[1])
+    ]
 
 
 def _report(
     parts: Sequence[Manoeuvre],
+    bins: Sequence[_Bins],
     sums: _Sums,
+    moved: Array,
     theta: Array,
     solution: Solution,
     variance: Array,
@@ -320,41 +363,75 @@ def _report(
 ) -> tuple[Estimate, Fit]:
     config = parts[0].config
     ne = len(config.structure.equations)
-    count = sum(r.shape[0] for r in sums.residuals)
+    count = sum(len(e) for e in sums.expected)
     own = ne * sums.own
     freedom = 2.0 * count * ne - theta.size - own
     inverse = solution.inverse
     white = 0.5 * inverse @ sums.matrix @ inverse
-    coloured = 0.5 * inverse @ _as_found(sums, inverse, freedom / (2.0 * count * ne)) @ inverse
     names = equation_names(config, forces)
     channels = _channels(names, sums, theta.size / ne + sums.own)
     # the fit counts real and imaginary parts, of which each has half of a bin's power
     due = 0.5 * np.concatenate(sums.expected).mean(axis=0)
     width = theta.size // ne
     doubts = [left_over(c, float(due[i]), slice(i * width, (i + 1) * width)) for i, c in enumerate(channels)]
-    used = variance > 1e-20 * _reading_power(parts)
+    spectra = as_found(sums.bins, inverse, 1.0 - own / (2.0 * count * ne))
+    coloured = covariance_of([b.influence(inverse) for b in sums.bins], spectra)
+    chosen = bool((excess > 1.0).any() or moved.any()) or beyond_chance(sums.bins, inverse, white, coloured)
+    # where third differences were wrong, noise is known no better than by what that changed
+    coloured = (
+        coloured
+        + np.outer(moved, moved)
+        + _off(parts, bins, sums, theta, inverse, spectra, [d is None for d in doubts])
+    )
+    used = variance > _SILENT * _reading_power(parts)
     noise = {name: float(np.sqrt(variance[j])) for j, name in enumerate(noise_names(config)) if used[j]}
     return finished(
-        NAME, parts, theta, white, coloured, bool((excess > 1.0).any()), channels, noise,
+        NAME, parts, theta, white, coloured, chosen, channels, noise,
         samples=sum(len(p) for p in parts), parameters=theta.size + own, iterations=iterations, converged=settled,
         freedom=freedom, natural=natural, hidden=solution.hidden,
         left_over=[d for d in doubts if d is not None],
     )  # fmt: skip
 
 
-def _as_found(sums: _Sums, inverse: Array, left: float) -> Array:
-    """Information with each bin's weight over what the residuals near it are: (5.53) in the frequency domain.
+def _off(
+    parts: Sequence[Manoeuvre],
+    bins: Sequence[_Bins],
+    sums: _Sums,
+    theta: Array,
+    inverse: Array,
+    spectra: Sequence[Complex],
+    holds: Sequence[bool],
+) -> Array:
+    """By how much what the sensors do not explain may have put the derivatives off, as a covariance, (k, k)."""
+    ne = sums.expected[0].shape[1]
+    width = theta.size // ne
+    freedom = 2.0 * sum(len(e) for e in sums.expected) - width - sums.own
+    tools: list[Complex] = []
+    found = []
+    for i, ratio in enumerate(_ratios(sums, freedom)):
+        unexplained = left_unexplained(ratio, 1.0, freedom)
+        if unexplained == 0.0:
+            continue
+        tools = tools or [
+            _without_own(
+                _by_equation(_instruments(p.even(), b, theta.reshape(ne, width))), r.weight, b.own, inner
+            )
+            for p, b, r, inner in zip(parts, bins, sums.bins, sums.inner, strict=True)
+        ]
+        own = slice(i * width, (i + 1) * width)
+        power = [unexplained * e[:, i] for e in sums.expected]
+        one = difference(sums.bins, tools, spectra, inverse, own, i, power)
+        found.append(one if holds[i] else one.by_bound())
+    return may_be_off(found) if found else np.zeros_like(inverse)
 
-    ``left`` is the share of freedom that the fit left; where a bin decides a derivative its residual is smaller.
-    """
-    total = np.zeros_like(inverse)
-    window = np.ones(2 * _NEAR + 1)
-    for information, misfit in zip(sums.information, sums.misfit, strict=True):
-        rows = 2.0 * sums.residuals[0].shape[1]
-        own = np.maximum(rows * left - np.einsum("bkl,lk->b", information, inverse), 0.1 * rows)
-        near = np.convolve(2.0 * misfit, window, mode="same") / np.convolve(own, window, mode="same")
-        total += np.einsum("b,bkl->kl", near[: misfit.size], information)
-    return total
+
+def _instruments(part: Manoeuvre, b: _Bins, theta: Array) -> Complex:
+    """What the surfaces alone make of the regressors, (bins, equations, regressors)."""
+    ns = part.states.shape[1]
+    out = b.right.copy()
+    moved = surface_response(part, theta) * part.stability[:, None]
+    out[:, :, :ns] = transform(moved, part.dt, b.bend.s.imag / (2.0 * np.pi))[:, None]
+    return out
 
 
 def _channels(names: Sequence[str], sums: _Sums, taken: float) -> tuple[ChannelFit, ...]:
@@ -362,6 +439,6 @@ def _channels(names: Sequence[str], sums: _Sums, taken: float) -> tuple[ChannelF
     channels = []
     for i, name in enumerate(names):
         y = [np.column_stack([p[:, i].real, p[:, i].imag]).reshape(-1) for p in sums.predicted]
-        v = [np.column_stack([r[:, i].real, r[:, i].imag]).reshape(-1) for r in sums.residuals]
+        v = [np.column_stack([b.residuals[:, i].real, b.residuals[:, i].imag]).reshape(-1) for b in sums.bins]
         channels.append(channel_fit(name, [a + b for a, b in zip(y, v, strict=True)], y, taken))
     return tuple(channels)

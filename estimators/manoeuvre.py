@@ -84,7 +84,8 @@ class Manoeuvre:
         accelerometer: of each equation, m/s2, (n, equations); NaN where there is none, as for moments.
         inputs: (n, inputs), rad.
         known: kinematic part of A, (n, states, states): U in the column of q, and so on.
-        rest: part of dx/dt that is known from measurement, gravity above all, (n, states).
+        rest: part of dx/dt that is known from measurement, (n, states): gravity above all, and in the rows of the rates
+            inertia coupling.
         stability, control: factor from referred to present derivatives, (n,) each.
         pressure: dynamic pressure over that of the reference, (n,).
         measured: (states,), whether each state was measured (a reconstructed velocity is not).
@@ -266,6 +267,7 @@ def signal_columns(structure: ModeStructure, reference: tuple[float, float], row
             known[:, 0, column] = airspeed * np.sin(angle)
     rest = np.zeros((len(rows), ns))
     rest[:, 0] = rows[:, c] - np.einsum("nj,nj->n", known[:, 0], states)
+    rest[:, 1:] = rows[:, layout.known_moments :]
     accelerometer = np.full((len(rows), len(structure.equations)), np.nan)
     accelerometer[:, 0] = rows[:, layout.accelerometer]
     measured = np.ones((len(rows), ns), dtype=bool)

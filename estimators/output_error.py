@@ -11,7 +11,7 @@ There is no other process noise: in turbulence use the equation error (force by 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -342,6 +342,12 @@ def _report(
         )
     )
     doubts = [left_over(c, float(sensors[c.name]), slice(None)) for c in channels]
+    unexplained = {
+        c.name: 1.0 - float(sensors[c.name]) / c.residual_std**2
+        for c, doubt in zip(channels, doubts, strict=True)
+        if doubt is not None
+    }
+    coloured = coloured + _off(problem, point, inverse, unexplained)
     return finished(
         NAME, problem.parts, point.parameters[:k], white[:k, :k], coloured[:k, :k], chosen, channels, noise,
         samples=sum(len(p) for p in problem.parts), parameters=problem.size, iterations=iterations,
@@ -399,14 +405,39 @@ def _coloured(problem: _Problem, point: _Point, inverse: Array, growth: Array) -
     return np.asarray(inverse @ middle @ inverse)
 
 
+def _off(problem: _Problem, point: _Point, inverse: Array, unexplained: Mapping[str, float]) -> Array:
+    """By how much channels that the model does not hold for may have put the parameters off, as a covariance.
+
+    Gusts are no noise of a sensor, and an autopilot answers them: residuals and sensitivities may go together anyhow.
+    With v what the sensors leave of a channel's residual, |sum h v| <= |h| |v| (Cauchy and Schwarz, ``endogeneity``).
+
+    Args:
+        unexplained: by channel, share of its residual's power that is no sensor's noise.
+    """
+    names = _names(problem)
+    middle = np.zeros_like(inverse)
+    for name, share in unexplained.items():
+        c = names.index(name)
+        power = share * sum(float(np.sum(r[:, c] ** 2)) for r in point.residuals) / point.noise[c]
+        for m in range(len(problem.parts)):
+            index = _indices(problem, m)
+            s = point.sensitivities[m][:, c]
+            middle[np.ix_(index, index)] += power * (s.T @ s) / point.noise[c]
+    return np.asarray(inverse @ middle @ inverse)
+
+
+def _names(problem: _Problem) -> list[str]:
+    """Of all channels: the states, then the accelerometers."""
+    structure = problem.parts[0].config.structure
+    return [*structure.states, *(f"a_{structure.equations[f]}" for f in problem.forces)]
+
+
 def _channels(
     problem: _Problem, point: _Point, taken: Array
 ) -> tuple[tuple[ChannelFit, ...], list[list[Array]]]:
     """Statistics of every channel that was used, and its residuals by stretch."""
-    structure = problem.parts[0].config.structure
-    names = [*structure.states, *(f"a_{structure.equations[f]}" for f in problem.forces)]
     channels, stretches = [], []
-    for c, name in enumerate(names):
+    for c, name in enumerate(_names(problem)):
         mask = [u[:, c] for u in problem.used]
         if not any(m.any() for m in mask):
             continue

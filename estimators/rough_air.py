@@ -60,7 +60,7 @@ def unrest_variance(  # type: ignore[no-untyped-def]
     nx = ns + gusts
     decay = np.exp(-STEP_S * max(speed, 1.0) / gust_m)
     _, jacobian = transition(
-        z, STEP_S, scale, forward, np.zeros(nu), np.zeros(nu), 0.0, 0.0, decay, direction, False, ns, nu, gusts
+        z, STEP_S, scale, forward, np.zeros(nu), np.zeros(nu), 0.0, np.zeros(ns), decay, direction, False, ns, nu, gusts
     )  # fmt: skip
     step = np.ascontiguousarray(jacobian[:, :nx])
     caused = process_noise(noise, jacobian, STEP_S, max(speed, 1.0), decay, longitudinal, ns, gusts)

@@ -28,6 +28,7 @@ their constants. The angle of attack is then that of level flight. What is recon
 motion: it sees no gust.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,7 +40,7 @@ from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.levels import LEVELS, advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
 
-__all__ = ["CONDITION_COLUMNS", "SignalConfig", "SignalLayout", "Signals", "SignalState"]
+__all__ = ["CONDITION_COLUMNS", "SignalConfig", "SignalLayout", "Signals", "SignalState", "known_moments"]
 
 GRAVITY_M_S2 = 9.80665
 MAX_GAP_S = 0.5
@@ -199,7 +200,7 @@ class Signals:
             np.ascontiguousarray(values), state.memory, state.airspeed, self._lateral, self._rates, self._inputs,
             x_vane, z_vane, c.airspeed_memory_s, c.reconstruction_s, reference, self._servo_s, state.servos, out,
         )  # fmt: skip
-        _known_moments(values, self._coupling, out[..., c.layout.known_moments :])
+        _moments_into(values, self._coupling, out[..., c.layout.known_moments :])
         return out
 
     def high_passed(self, state: SignalState, signals: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -218,6 +219,30 @@ class Signals:
         passing = np.array([*range(2, layout.kinematic + 1), *range(layout.known_moments, layout.columns)])
         _high_passed(signals, state.passed, passing, layout.kinematic, self.config.reconstruction_s, out)
         return out
+
+
+def known_moments(
+    inertia: InertiaCoupling | None, rates: Sequence[str], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Known angular accelerations of samples, as ``Signals`` appends them to its rows.
+
+    Args:
+        inertia: None where it is not stated.
+        rates: of ``p``, ``q``, ``r``.
+        values: (samples, channels) as in ``SampleBlock.values``.
+
+    Returns:
+        (samples, rates), rad/s2.
+    """
+    out = np.empty((1, len(values), len(rates)))
+    _moments_into(values[None], _coupling(inertia, rates), out)
+    return np.asarray(out[0])
+
+
+def _coupling(inertia: InertiaCoupling | None, rates: Sequence[str]) -> NDArray[np.float64]:
+    if inertia is None:
+        return np.zeros((len(rates), 4))
+    return np.array([inertia.coefficients(rate) for rate in rates])
 
 
 @njit(cache=True)
@@ -277,7 +302,7 @@ def _high_passed(signals, passed, passing, kinematic, leak_s, out):  # type: ign
 
 
 @njit(cache=True)
-def _known_moments(values, coupling, out):  # type: ignore[no-untyped-def]
+def _moments_into(values, coupling, out):  # type: ignore[no-untyped-def]
     """Into ``out`` (vehicles, samples, rates) the angular accelerations by ``coupling`` (rates, 4) of p q, q r, p r and
     p^2 - r^2."""
     for i in range(values.shape[0]):

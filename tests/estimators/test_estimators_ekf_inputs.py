@@ -45,7 +45,7 @@ def test_a_step_under_an_input_that_moves_evenly_is_exact() -> None:
     mean, early = course(DT, np.inf, False)
     after, _ = transition(
         z, DT, np.ones(6), np.array([0.0, 25.0]), np.array([old + mean * (new - old)]),
-        np.array([early * (new - old)]), 1.0, 0.0, np.zeros(0), np.array([0.0, 1.0]), False, 2, 1, 0,
+        np.array([early * (new - old)]), 1.0, np.zeros(2), np.zeros(0), np.array([0.0, 1.0]), False, 2, 1, 0,
     )  # fmt: skip
     np.testing.assert_allclose(after[:2], exact, rtol=0.0, atol=2e-6)
 
