@@ -14,6 +14,7 @@ late. Steps of 2 ms bias m_w by three stated errors of a good estimator; half a 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -206,11 +207,18 @@ def _fly(
 @njit(cache=True)
 def _driven(transition: Array, root: Array, first: Array, normals: Array, output: Array) -> Array:
     """Output of x' = transition x + root n from ``first`` on, (steps + 1,)."""
-    x, out = first.copy(), np.empty(len(normals) + 1)
-    for i in range(len(normals)):
-        out[i] = output @ x
-        x = transition @ x + root @ normals[i]
-    out[-1] = output @ x
+    x, new, out = first.copy(), np.empty(first.size), np.empty(len(normals) + 1)
+    for i in range(out.size):
+        out[i] = 0.0
+        for j in range(x.size):
+            out[i] += output[j] * x[j]
+        if i == len(normals):
+            break
+        for j in range(x.size):
+            new[j] = 0.0
+            for m in range(x.size):
+                new[j] += transition[j, m] * x[m] + root[j, m] * normals[i, m]
+        x[:] = new
     return out
 
 
@@ -315,6 +323,7 @@ def aerodynamic(plant: Plant) -> Array:
     return np.array(plant.truth) - offsets(plant.structure, AIRSPEED_M_S, 0.0)
 
 
+@lru_cache(maxsize=8)
 def natural_size(plant: Plant) -> Array:
     """Natural size as the live chain has it: a derivative's size, or twice the aircraft file's error if larger."""
     found = apriori_envelope(load_aircraft("aerosonde"), plant.structure, "clean").lookup(CONDITION)
@@ -329,6 +338,7 @@ def _motion(plant: Plant, moment: Array, vane_ahead_m: float) -> Motion:
     )
 
 
+@lru_cache(maxsize=64)
 def reference_noise(plant: Plant, signal_to_noise: float) -> Array:
     """Standard deviation of vane, gyro and accelerometer, (3,), at a ratio to the clean reference record's."""
     if np.isinf(signal_to_noise):
