@@ -1,8 +1,9 @@
 """Still-air flights of one minute: each estimator's error beside that of output error on the same flights.
 
 Aircraft whose files state coefficients fly at their cruise, sensors as their files say, autopilot closed, three
-doublets a surface. The online estimators run in the live chain; output error works on the whole flight with the same
-file's sensor places and servos. Truth is the linearisation at the condition that an estimate is reported at.
+doublets a surface. The online estimators run in the live chain, with a file whose coefficients of stability and
+control are each 30 % off to either side; output error works on the whole flight with the same sensor places and
+servos. Truth is the linearisation at the condition that an estimate is reported at.
 
     .venv/bin/python benchmarks/still_flights.py [--flights 8] [--seconds 60]
         [--aircraft aerosonde twinotter ultrastick25e] [--json]
@@ -58,6 +59,7 @@ STRUCTURES = (SHORT_PERIOD, LATERAL)
 FIRST_SEED = 3000
 RATE_HZ = 50
 AMPLITUDE_RAD = math.radians(2.0)
+START_OFF = 0.3
 PERIOD_S = 20.0
 """Between doublets of the same surface: three in a minute."""
 Z_95 = 1.959964
@@ -129,9 +131,22 @@ def fly(aircraft: Aircraft, manoeuvres: Sequence[Excitation], seed: int, seconds
     return align(complete(SampleBlock(values)), aircraft.sensors.delay_s)
 
 
-def last_solution(aircraft: Aircraft, block: SampleBlock) -> Solution:
-    """What the live chain says at the end of a flight."""
-    chain = Chain(aircraft, block.present, {})
+def misstated(aircraft: Aircraft, seed: int) -> Aircraft:
+    """A file whose coefficients of motion and surfaces are ``START_OFF`` too large or too small, by chance."""
+    if aircraft.coefficients is None:
+        raise ValueError(f"aircraft {aircraft.name} states no [coefficients]; choose one that does")
+    rng, tables = np.random.default_rng(seed), {}
+    for table in ("CL", "CY", "Cl", "Cm", "Cn"):
+        stated = getattr(aircraft.coefficients, table)
+        names = [n for n in type(stated).model_fields if n != "zero"]
+        off = {n: getattr(stated, n) * (1.0 + START_OFF * rng.choice([-1.0, 1.0])) for n in names}
+        tables[table] = stated.model_copy(update=off)
+    return aircraft.model_copy(update={"coefficients": aircraft.coefficients.model_copy(update=tables)})
+
+
+def last_solution(file: Aircraft, block: SampleBlock) -> Solution:
+    """What the live chain with an aircraft file says at the end of a flight."""
+    chain = Chain(file, block.present, {})
     return list(chain.advance(chain.init(), block))[-1]
 
 
@@ -158,9 +173,9 @@ def reading(aircraft: Aircraft, estimate: Estimate, fit: Fit | None = None) -> R
     return Reading(estimate.value - truth_of(aircraft, estimate), estimate.standard_error, claimed, bound)
 
 
-def read(aircraft: Aircraft, block: SampleBlock, structure: ModeStructure) -> dict[str, Reading]:
-    """Every estimator of one structure on one flight."""
-    mode = last_solution(aircraft, block).modes[structure.name]
+def read(aircraft: Aircraft, block: SampleBlock, structure: ModeStructure, seed: int) -> dict[str, Reading]:
+    """Every estimator of one structure on one flight; ``seed``: of what the live chain's file misstates."""
+    mode = last_solution(misstated(aircraft, seed), block).modes[structure.name]
     found = {e.estimator: reading(aircraft, e) for e in (mode.fourier, mode.ekf)}
     parts = flight_manoeuvres(structure, flight_form(aircraft), [block])
     for name, solve in WHOLE.items():
@@ -177,7 +192,7 @@ def collect(
     found: dict[str, list[Reading]] = {}
     for k in range(flights):
         block = fly(aircraft, [doublets], FIRST_SEED + k, seconds)
-        for name, one in read(aircraft, block, structure).items():
+        for name, one in read(aircraft, block, structure, FIRST_SEED + k).items():
             found.setdefault(name, []).append(one)
     return found
 

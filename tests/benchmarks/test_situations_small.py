@@ -58,7 +58,7 @@ def test_the_air_turns_as_its_gradient_behind_the_span(plant: Plant) -> None:
     lag_s = spans * plants.SPAN_M / (np.pi * plants.AIRSPEED_M_S)
     # By its definition the rate holds gust less smoothed gust; the smoothed one must then be the rate's integral.
     smooth = air.gust - sign * air.rate * lag_s * plants.AIRSPEED_M_S
-    travelled = sign * plants.AIRSPEED_M_S * cumulative_trapezoid(air.rate, dx=plants.FINE_S, initial=0.0)
+    travelled = sign * plants.AIRSPEED_M_S * cumulative_trapezoid(air.rate, dx=plants.FINE_S, initial=0)
     assert smooth - smooth[0] == pytest.approx(travelled, abs=1e-3 * air.gust.std())
 
 
