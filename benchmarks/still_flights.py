@@ -150,9 +150,8 @@ def last_solution(file: Aircraft, block: SampleBlock) -> Solution:
     return list(chain.advance(chain.init(), block))[-1]
 
 
-def flight_form(aircraft: Aircraft) -> FlightForm:
-    """What a file tells an estimator of whole flights."""
-    at = cruise_of(aircraft)
+def flight_form(aircraft: Aircraft, at: FlightCondition) -> FlightForm:
+    """What a file tells an estimator of whole flights, referred to a condition."""
     servos = {
         "eta": aircraft.actuators.elevator,
         "xi": aircraft.actuators.aileron,
@@ -177,7 +176,7 @@ def read(aircraft: Aircraft, block: SampleBlock, structure: ModeStructure, seed:
     """Every estimator of one structure on one flight; ``seed``: of what the live chain's file misstates."""
     mode = last_solution(misstated(aircraft, seed), block).modes[structure.name]
     found = {e.estimator: reading(aircraft, e) for e in (mode.fourier, mode.ekf)}
-    parts = flight_manoeuvres(structure, flight_form(aircraft), [block])
+    parts = flight_manoeuvres(structure, flight_form(aircraft, cruise_of(aircraft)), [block])
     for name, solve in WHOLE.items():
         estimate, fit = in_form(*solve(parts), structure)
         found[name] = reading(aircraft, estimate, fit)
