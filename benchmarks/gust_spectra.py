@@ -38,10 +38,10 @@ Array = NDArray[np.float64]
 @njit(error_model="numpy")
 def flown(row, state, stream, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` (samples, 6) with the air's motion."""
-    normals = np.empty(NORMALS)
+    normals, middle = np.empty(NORMALS), np.empty(6)
     for k in range(out.shape[0]):
         fill_normals(stream, normals)
-        gust_step(row, state, normals, out[k])
+        gust_step(row, state, normals, out[k], middle)
 
 
 def simulated(

@@ -88,10 +88,10 @@ def _many_orders(states, gains, route, steps, memory, orders):  # type: ignore[n
 
 
 @njit(error_model="numpy")
-def _many_gusts(filters, streams, steps, state, normals, after):  # type: ignore[no-untyped-def]
+def _many_gusts(filters, streams, steps, state, normals, after, middle):  # type: ignore[no-untyped-def]
     for _ in range(steps):
         fill_normals(streams[0], normals)
-        gust_step(filters[0], state, normals, after)
+        gust_step(filters[0], state, normals, after, middle)
 
 
 def kernels_us(aircraft: Aircraft) -> dict[str, float]:
@@ -103,7 +103,7 @@ def kernels_us(aircraft: Aircraft) -> dict[str, float]:
     c = working_row(constant.base[0])
     memory, orders = np.zeros(MEMORY), np.zeros(ORDERS)
     streams = NormalStreams([np.random.default_rng(1)], [NORMALS]).streams
-    air = np.zeros_like(state.gust_filter[0]), np.zeros(NORMALS), np.zeros(6)
+    air = np.zeros_like(state.gust_filter[0]), np.zeros(NORMALS), np.zeros(6), np.zeros(6)
     assert state.rigid.shape[1] == len(STATE)
     per = WORK * 1e-6
     return {

@@ -2,9 +2,8 @@
 
     .venv/bin/python benchmarks/turbulence.py [--flights 6] [--seconds 200]
 
-Seeds are fixed. The air is drawn 400 times a second, and the sensors read every eighth sample of it: drawn at 100 Hz
-and linear in between, it lacks what a filter that knows gusts looks at (l_p comes out 10 % smaller). Truth is the
-linearisation at the condition that the estimate is reported at.
+Seeds are fixed. Flights are as `wingwatch simulate` flies them (how finely the air has to be drawn: ``air_steps``).
+Truth is the linearisation at the condition that the estimate is reported at.
 """
 
 import argparse
@@ -28,7 +27,7 @@ from wingwatch.telemetry import SampleBlock, complete
 
 AIRCRAFT = load_aircraft("aerosonde")
 FIRST_SEED = 7000
-RATE_HZ, FINER = 50, 8
+RATE_HZ = 50
 LEVELS: tuple[Turbulence, ...] = ("none", "light", "moderate")
 
 
@@ -40,11 +39,11 @@ def finals(turbulence: Turbulence, flights: int, seconds: float) -> list[Estimat
             Scenario(AIRCRAFT, manoeuvres=(doublets,), turbulence=turbulence, seed=FIRST_SEED + i)
             for i in range(flights)
         ],
-        rate_hz=RATE_HZ * FINER,
+        rate_hz=RATE_HZ,
     )
     found: list[Estimate] = []
-    for values in fleet.step(round(RATE_HZ * FINER * seconds)):
-        block = complete(SampleBlock(np.ascontiguousarray(values[::FINER])))
+    for values in fleet.step(round(RATE_HZ * seconds)):
+        block = complete(SampleBlock(values))
         monitor = VehicleMonitor(AIRCRAFT, "default", "uav", block.present, {}, new_id=lambda: "alert")
         last = list(monitor.feed(block).solutions)[-1]
         for structure in (SHORT_PERIOD, LATERAL):

@@ -3,8 +3,8 @@
 Time is cut into frames of as near to 20 ms as the sample rate allows, frames and samples into equal integration
 steps. Once a frame autopilot and manoeuvres give their commands, held until the next as an autopilot's output
 is (so pulses begin and end with a frame); wind is linear in altitude within a frame. The air's own motion is known
-at the start and end of every step, linear in between (a refined flight is one through the same air). Effects are
-brought up to date once a frame and once a sample, whichever comes more often.
+at the start and end of every step, and by its mean over it: a parabola in between (a refined flight is one through the
+same air). Effects are brought up to date once a frame and once a sample, whichever comes more often.
 
 Each vehicle is computed by the same scalar code from its own rows, so a flight is the same to the last bit alone and in
 any company.
@@ -45,6 +45,7 @@ from wingwatch.simulation.rigid_body import (
     AIR_R,
     AIR_V,
     AIR_W,
+    CURVE,
     DENSITY,
     DENSITY_ALTITUDE,
     DENSITY_CURVE,
@@ -174,19 +175,21 @@ def _move_centre(c, x, centre):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _air_of_step(c, s, turbulent, row, state, normals, gusts, gust_count, end_s, steps, end):  # type: ignore[no-untyped-def]
-    """The air's motion at the start and end of a stretch of steps, as start and gain a step, into ``s``."""
+def _air_of_step(c, s, turbulent, row, state, normals, gusts, gust_count, end_s, steps, end, middle):  # type: ignore[no-untyped-def]
+    """The air's motion over a stretch of steps into ``s``: at its start, and gain and curve of the first step."""
     for j in range(6):
         s[GUST + j] = end[j]
-        end[j] = 0.0
+        end[j] = middle[j] = 0.0
     if turbulent:
-        gust_step(row, state, normals, end)
+        gust_step(row, state, normals, end, middle)
         for j in range(6):
             end[j] *= c[GUST_GAIN]
+            middle[j] *= c[GUST_GAIN]
     if gust_count > 0:
         add_discrete_gusts(gusts, gust_count, end_s, end)
     for j in range(6):
-        s[RISE + j] = (end[j] - s[GUST + j]) / steps
+        s[CURVE + j] = middle[j] / (steps * steps)
+        s[RISE + j] = (end[j] - s[GUST + j]) / steps + 4.0 * (steps - 1.0) * s[CURVE + j]
 
 
 @njit(cache=True, error_model="numpy")
@@ -250,6 +253,7 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
     values = fleet.values[fleet.first_value[i] : fleet.first_value[i + 1]]
     k, middle, total, start = np.empty(13), np.empty(13), np.empty(13), np.empty(13)
     command, normals, above, decay = np.zeros(3), np.empty(NORMALS), np.empty(3), np.empty(3)
+    air_middle = np.zeros(6)
     c[:_PARAMETERS] = fleet.base[i]
     prepared = _NONE_YET
     often = min(a_sample, a_frame)
@@ -269,7 +273,7 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
                     fill_normals(stream, normals)
                 _air_of_step(
                     c, s, fleet.turbulent[i], gust_filter, filter_state, normals, gusts, fleet.gust_count[i],
-                    (index + a_gust) / steps_hz, a_gust, end,
+                    (index + a_gust) / steps_hz, a_gust, end, air_middle,
                 )  # fmt: skip
             if index % a_frame == 0:
                 if fleet.sheared[i]:
@@ -290,6 +294,7 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
                 _report(out, i, sample, time_s, start, c, s, orders)
             for j in range(6):
                 s[GUST + j] += s[RISE + j]
+                s[RISE + j] -= 8.0 * s[CURVE + j]
 
 
 @njit(cache=True, error_model="numpy")

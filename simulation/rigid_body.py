@@ -49,15 +49,16 @@ SETTING: tuple[str, ...] = (
     "wind_north", "wind_east", "wind_down", "shear_north", "shear_east", "shear_down", "shear_altitude",
     "gust_u", "gust_v", "gust_w", "gust_p", "gust_q", "gust_r",
     "rise_u", "rise_v", "rise_w", "rise_p", "rise_q", "rise_r",
+    "curve_u", "curve_v", "curve_w", "curve_p", "curve_q", "curve_r",
     "density_altitude", "density", "density_slope", "density_curve",
     "air_u", "air_v", "air_w", "air_p", "air_q", "air_r", "force_x", "force_y", "force_z",
     "spin_p", "spin_q", "spin_r",
 )  # fmt: skip
 """What a step needs beside the state and the working row: throttle; surfaces at its start, middle and end; wind over
-the ground at an altitude and its change per metre of altitude; the air's own motion at the start, body axes,
-and what it gains in the step; density about an altitude (``atmosphere.expand_density``). Behind them what
-``rates`` leaves: motion of the reference point through the air, specific force at the centre of gravity in m/s2
-and angular acceleration, all of the step's start."""
+the ground at an altitude and its change per metre of altitude; the air's own motion at the start, body axes, what it
+gains in the step, and how far its middle lies from the straight line (a parabola); density about an altitude
+(``atmosphere.expand_density``). Behind them what ``rates`` leaves: motion of the reference point through the air,
+specific force at the centre of gravity in m/s2 and angular acceleration, all of the step's start."""
 
 (
     THROTTLE,
@@ -67,6 +68,7 @@ and angular acceleration, all of the step's start."""
     WIND, WIND_EAST, WIND_DOWN, SHEAR, SHEAR_EAST, SHEAR_DOWN, SHEAR_ALTITUDE,
     GUST, GUST_V, GUST_W, GUST_P, GUST_Q, GUST_R,
     RISE, RISE_V, RISE_W, RISE_P, RISE_Q, RISE_R,
+    CURVE, CURVE_V, CURVE_W, CURVE_P, CURVE_Q, CURVE_R,
     DENSITY_ALTITUDE, DENSITY, DENSITY_SLOPE, DENSITY_CURVE,
     AIR, AIR_V, AIR_W, AIR_P, AIR_Q, AIR_R, FORCE, FORCE_Y, FORCE_Z,
     SPIN, SPIN_Q, SPIN_R,
@@ -96,7 +98,7 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
         s: row of ``SETTING``.
         x: rigid-body state (13,).
         stage: 0, 1, 2: the surfaces of the step's start, middle or end.
-        share: of the step, 0 to 1: how much of the gust's gain is there.
+        share: of the step, 0 to 1: how far along the gust's course it is.
         k: the result.
 
     The lift and moment due to alphadot make the equations implicit; both are linear in it, so it is solved for
@@ -108,12 +110,13 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     higher = -x[2] - s[SHEAR_ALTITUDE]
     n, e = s[WIND] + higher * s[SHEAR], s[WIND_EAST] + higher * s[SHEAR_EAST]
     d = s[WIND_DOWN] + higher * s[SHEAR_DOWN]
-    ua = u - (s[GUST] + share * s[RISE]) - (r00 * n + r10 * e + r20 * d)
-    va = v - (s[GUST_V] + share * s[RISE_V]) - (r01 * n + r11 * e + r21 * d)
-    wa = w - (s[GUST_W] + share * s[RISE_W]) - (r02 * n + r12 * e + r22 * d)
-    pa = p - (s[GUST_P] + share * s[RISE_P])
-    qa = q - (s[GUST_Q] + share * s[RISE_Q])
-    ra = r - (s[GUST_R] + share * s[RISE_R])
+    arc = 4.0 * share * (1.0 - share)
+    ua = u - (s[GUST] + share * s[RISE] + arc * s[CURVE]) - (r00 * n + r10 * e + r20 * d)
+    va = v - (s[GUST_V] + share * s[RISE_V] + arc * s[CURVE_V]) - (r01 * n + r11 * e + r21 * d)
+    wa = w - (s[GUST_W] + share * s[RISE_W] + arc * s[CURVE_W]) - (r02 * n + r12 * e + r22 * d)
+    pa = p - (s[GUST_P] + share * s[RISE_P] + arc * s[CURVE_P])
+    qa = q - (s[GUST_Q] + share * s[RISE_Q] + arc * s[CURVE_Q])
+    ra = r - (s[GUST_R] + share * s[RISE_R] + arc * s[CURVE_R])
     cg_x, cg_y, cg_z = c[CG_X], c[CG_Y], c[CG_Z]
     if c[OFF_CENTRE] != 0.0:
         ua, va, wa = ua - (qa * cg_z - ra * cg_y), va - (ra * cg_x - pa * cg_z), wa - (pa * cg_y - qa * cg_x)
