@@ -1,7 +1,7 @@
 """What the bank of the recursive Fourier estimator follows beside states, forces and surfaces; compiled.
 
-Products of all that acts with its growth, the kinematic term and the known angular accelerations. Derivation and symbols:
-``docs/methods/fourier.md`` sections 2 and 4. Arrays are those of one vehicle, all memory is the caller's.
+Products of all that acts with its growth, the kinematic term and the known angular accelerations. Derivation and
+symbols: ``docs/methods/fourier.md``. Arrays are those of one vehicle, all memory is the caller's.
 """
 
 from wingwatch.estimators.fourier_bank import NUISANCE, advance_linear

@@ -14,8 +14,8 @@ from wingwatch.estimators.hot import hot, lean
 __all__ = ["NUISANCE", "advance_bank", "advance_linear", "bank_channels", "block_transforms"]
 
 NUISANCE = 7
-"""Columns that every row has beside states and inputs: constant, dynamic pressure, ramp, errors of reading both ends, and
-turning of the air at both ends."""
+"""Columns that every row has beside states and inputs: constant, dynamic pressure, ramp, errors of reading both ends,
+and turning of the air at both ends."""
 
 
 @njit(cache=True)
@@ -82,8 +82,8 @@ def advance_bank(  # type: ignore[no-untyped-def]
 ):
     """Advance the bank of one vehicle by one sample.
 
-    Rows of ``bank`` (channels, 2, frequencies): states, accelerometer, inputs, dynamic pressure, and the jumps of inputs that
-    are positions; real and imaginary part. An input is held between samples if its channel is a command, or where a
+    Rows of ``bank`` (channels, 2, frequencies): states, accelerometer, inputs, dynamic pressure, and jumps of inputs
+    that are positions; both parts. An input is held between samples if its channel is a command, or where a
     position whose servo is unknown repeats exactly (a step of a held signal); else it is linear like the states.
 
     Args:
@@ -119,10 +119,10 @@ def advance_bank(  # type: ignore[no-untyped-def]
 def block_transforms(omega, bank, span, turn_s, ns, nu, out, phase):  # type: ignore[no-untyped-def]
     """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 1 + NUISANCE or more, 2, frequencies).
 
-    Channels: states, accelerometer, inputs, constant, dynamic pressure, ramp, what an error of the last and of the first sample
-    does to the transform of a rate, the same two smoothed over the span (``turn_s``, s), jumps of inputs, then what else
-    the bank has. Constant and ramp need no samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase`` becomes e^{sT},
-    (2, frequencies).
+    Channels: states, accelerometer, inputs, constant, dynamic pressure, ramp, what an error of the last and of the
+    first sample does to the transform of a rate, the same two smoothed over the span (``turn_s``, s), jumps of inputs,
+    then what else the bank has. Constant and ramp need no samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase``
+    becomes e^{sT}, (2, frequencies).
     """
     constant = ns + 1 + nu
     for j in range(bank.shape[0]):

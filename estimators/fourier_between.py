@@ -70,7 +70,7 @@ def between_samples(  # type: ignore[no-untyped-def]
     kinematic term has of each state ``forward``.
 
     Args:
-        lines: (channels, 2, frequencies) of ``block_transforms``, the kinematic term and known moments last; phase: e^{s T}.
+        lines: (channels, 2, frequencies) of ``block_transforms``, kinematic term and known moments last; phase: e^{sT}.
         start, end: signal rows at the ends of the block.
         dt: mean time step, s.
         servo_s: (nu,) time constants of servos, infinite where unknown, 0 for a command.

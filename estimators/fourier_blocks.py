@@ -41,8 +41,8 @@ from wingwatch.estimators.signals import MAX_GAP_S
 __all__ = ["advance", "block_room"]
 
 ROLLED = 0.1
-"""Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: the score has a
-second root at l_p = 0, where the air leaves no course of its own."""
+"""Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: the score
+has more roots there, at l_p = 0 and at infinity."""
 
 GOES_ON, FULL, GAP = 0, 1, 2
 """What a sample does to the running block: it goes on, is full, or ends because time does not go on."""

@@ -32,8 +32,8 @@ __all__ = [
 ]
 
 AIR_LEVELS = 3
-"""Variances of the air, the last of all: rate of the gust at the vane, (m/s2)^2; unsmoothed roll rate, (rad/s)^2; what the
-gust does between samples beside a line, (m/s)^2, which follows from the first (``between_samples_variance``)."""
+"""Variances of the air, the last of all: rate of the gust at the vane, (m/s2)^2; unsmoothed roll rate, (rad/s)^2; what
+the gust does between samples beside a line, (m/s)^2, which follows from the first (``between_samples_variance``)."""
 
 DRIVING = 2
 """Of these the first ones drive the states."""
@@ -86,6 +86,7 @@ class NoiseWorkspace(NamedTuple):
         spread: (bins,).
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
         sums: (states, states) sum over bins of Re W.
+        inverse: (states, 2 states), room to invert that.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
         answers: (states, 2 states + 2), complex.
     """
@@ -96,6 +97,7 @@ class NoiseWorkspace(NamedTuple):
     spread: NDArray[np.float64]
     believed: NDArray[np.float64]
     sums: NDArray[np.float64]
+    inverse: NDArray[np.float64]
     rolled: NDArray[np.float64]
     answers: NDArray[np.complex128]
 
@@ -109,6 +111,7 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros(bins),
         np.zeros(bins),
         np.zeros((states, states)),
+        np.zeros((states, 2 * states)),
         np.zeros(1),
         np.zeros((states, 2 * states + 2), dtype=np.complex128),
     )
@@ -133,8 +136,8 @@ def air_of(gust_m, airspeed, lead_m, longitudinal):  # type: ignore[no-untyped-d
 def between_samples_variance(gust_variance, dt):  # type: ignore[no-untyped-def]
     """Variance of white noise that the velocity seems to have because a gust is no line between samples, (docs (11)).
 
-    A gust whose rate is white moves as a Wiener process. Between two samples it is a Brownian bridge, whose integral over
-    the step has the variance gust_variance dt dt^3 / 12, and does not depend on what the samples are.
+    A gust whose rate is white moves as a Wiener process. Between two samples it is a Brownian bridge, whose integral
+    over the step has the variance gust_variance dt dt^3 / 12, and does not depend on what the samples are.
     """
     return gust_variance * dt * dt / 12.0
 
@@ -177,7 +180,7 @@ def _transfer_of_sensors(omega, plant, transfer):  # type: ignore[no-untyped-def
 
 @lean
 def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-def]
-    """B: how the gust's rate at the vane, the rolling of the air and a gust between samples enter the rows, (docs (8) to (11)).
+    """B: how the gust's rate at the vane, rolling air and a gust between samples enter the rows, (docs (8) to (11)).
 
     A velocity that is short by e between samples makes the accelerometer short by z_w e there, so that the force row
     holds; the rows with rates do not hear of that.
@@ -458,7 +461,7 @@ def _noise_of_turning(omega, plant, air, noise, power, work, n_noise):  # type: 
 
 @lean
 def _answers(omega, plant, work, f):  # type: ignore[no-untyped-def]
-    """Into ``work.answers`` what air and moments of unit strength drive the states to at a bin: (s - A)^-1 times each."""
+    """Into ``work.answers`` what air and moments of unit strength drive the states to: (s - A)^-1 times each."""
     ns, nd = plant.derivatives.shape
     transfer, answers = work.transfer, work.answers
     rows = work.weights.shape[0]
@@ -556,9 +559,7 @@ def noise_variances(whitened, freedom, noise, power, work, total):  # type: igno
             found += real * real + imaginary * imaginary
             spread += work.spread[f]
             squared += work.spread[f] * work.spread[f]
-        total[own] = _step(
-            found * freedom, spread, squared, noise[own], power, j < sources - AIR_LEVELS
-        )
+        total[own] = _step(found * freedom, spread, squared, noise[own], power, j < sources - AIR_LEVELS)
     for k in range(1, ns):
         found = squared = 0.0
         for f in range(work.spread.size):

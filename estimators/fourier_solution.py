@@ -186,7 +186,7 @@ def _plant(model, theta, scale, known, states):  # type: ignore[no-untyped-def]
 @part
 def _form(model, block, theta, noise, power, share, room, told):  # type: ignore[no-untyped-def]
     """The block's equations at ``theta``, and what of them is signal."""
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, _, gust_m = model
+    omega, lever, _, exponents, settings, longitudinal, _, gust_m = model
     _, rows, sums, roughness, known = block
     transforms, between, phase, product, response, _ = room[0]
     m_full, b_full, crossed, root, rest, size = room[1]

@@ -90,7 +90,7 @@ def since_mark(
 
 
 def transforms_of(omega: Real, bank: Real, span: float, ns: int, nu: int) -> tuple[Array, Array]:
-    """``fourier_bank.block_transforms``: (channels, 2, frequencies) and phase (2, frequencies); air smoothed over 0.1 s."""
+    """``fourier_bank.block_transforms``: (channels, 2, frequencies), phase (2, frequencies); span smoothed 0.1 s."""
     out = np.empty((len(bank) + fourier_bank.NUISANCE - 1, 2, omega.size))
     phase = np.empty((2, omega.size))
     fourier_bank.block_transforms(omega, bank, span, 0.1, ns, nu, out, phase)

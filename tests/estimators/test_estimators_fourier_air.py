@@ -1,4 +1,4 @@
-"""What the bank follows beside states and surfaces: products with the growth of what acts, and what is known of rates."""
+"""What the bank follows beside states and surfaces: products with the growth of what acts, what is known of rates."""
 
 import numpy as np
 from kernels import as_complex, transforms_of

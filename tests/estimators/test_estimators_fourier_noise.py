@@ -1,4 +1,4 @@
-"""Noise, gusts and rolling air in the equations of a block: compiled sums beside whole matrices, and levels found again."""
+"""Noise, gusts and rolling air in the equations of a block: compiled sums beside whole matrices, levels found again."""
 
 from dataclasses import dataclass
 
@@ -56,7 +56,7 @@ def case(ns: int, longitudinal: bool, kinematic: bool = True, by_accelerometer: 
 
 
 def transfer_of(c: Case, omega: float) -> tuple[Complex, Complex]:
-    """L of states, accelerometer and input, and B of the gust's rate, the rolling and what a gust does between samples."""
+    """L of states, accelerometer and input; B of the gust's rate, the rolling, and what a gust does between samples."""
     ns, s = c.states, 1j * omega
     d, u, lever = c.plant.derivatives, c.plant.forward_speed, c.plant.lever
     sensors, air = np.zeros((ns + 1, ns + 2), complex), np.zeros((ns + 1, 3), complex)
@@ -123,7 +123,7 @@ def test_weights_are_the_inverse_of_all_that_noise_and_air_do(name: str) -> None
 
 @pytest.mark.parametrize("name", ["pitch", "yaw", "lateral"])
 def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_states(name: str) -> None:
-    """E[R' W r] written out: sensors' noise in both, gust and rolling air through (s - A)^-1, a gust between samples."""
+    """E[R' W r] written out: sensors' noise in both, air through (s - A)^-1, a gust between samples."""
     c = CASES[name]
     ns, nd, work = c.states, c.states + 1, weighed(c)
     n_noise, g, driven = np.empty((ns * nd, ns * nd)), np.empty(ns * nd), np.empty(ns * nd)
