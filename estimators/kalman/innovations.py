@@ -1,0 +1,234 @@
+"""Innovations of a small Kalman filter over one window of samples, compiled.
+
+Readings are taken one after another (their noises are independent), so no matrix is inverted. The covariance does not
+depend on the data: once the gain of a full set of readings has settled it is kept until a reading is missing. Which
+samples renewed it is noted, so that filters with parameters a little different do as the first did, and their
+innovations differ by what the parameters make of them and by nothing else.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["Record", "System", "Trace", "empty_trace", "filter_columns", "innovations"]
+
+Array = NDArray[np.float64]
+
+_SETTLED = 1e-7
+"""A gain has settled where a step changes none of its entries by more than this part of what it could be at most."""
+
+
+class System(NamedTuple):
+    """The filter's model over one window.
+
+    Attributes:
+        transition: F, (n, n).
+        noise: Q, (n, n).
+        early, late: what the forcing at a step's start and at its end adds to the state, (n, forcings).
+        output: C, (channels, n).
+        variance: R of each channel, (channels,).
+        covariance: P before the first reading, (n, n).
+    """
+
+    transition: Array
+    noise: Array
+    early: Array
+    late: Array
+    output: Array
+    variance: Array
+    covariance: Array
+
+
+class Record(NamedTuple):
+    """What a filter is given of one window; times are those of the samples.
+
+    Attributes:
+        readings: less what goes from the forcing to them at once, (samples, channels).
+        used: whether a reading is there, (samples, channels).
+        start, end: forcing at the beginning and at the end of the step after each sample, (samples, forcings).
+        state: at the first sample, before its readings, (n,).
+    """
+
+    readings: Array
+    used: NDArray[np.bool_]
+    start: Array
+    end: Array
+    state: Array
+
+
+class Trace(NamedTuple):
+    """What a filter leaves of one window.
+
+    Attributes:
+        innovations, variances: e and s of every reading, (samples, channels); 0 and 1 where there is none.
+        gains: K of every reading, (samples, channels, n).
+        renewed: whether the covariance was computed anew at a sample, (samples,).
+    """
+
+    innovations: Array
+    variances: Array
+    gains: Array
+    renewed: NDArray[np.bool_]
+
+
+def empty_trace(samples: int, channels: int, states: int) -> Trace:
+    """Memory for ``innovations``."""
+    shape = (samples, channels)
+    return Trace(np.zeros(shape), np.ones(shape), np.zeros((*shape, states)), np.ones(samples, dtype=np.bool_))
+
+
+@njit(cache=True)
+def _places(matrix):  # type: ignore[no-untyped-def]
+    """Columns of the entries that are not zero, row by row, and how many: most of a transition is zero."""
+    n = matrix.shape[0]
+    count, where = np.zeros(n, dtype=np.int64), np.zeros((n, n), dtype=np.int64)
+    for i in range(n):
+        for j in range(n):
+            if matrix[i, j] != 0.0:
+                where[i, count[i]] = j
+                count[i] += 1
+    return count, where
+
+
+@njit(cache=True)
+def _spread(system, p, work, count, where):  # type: ignore[no-untyped-def]
+    """P = F P F' + Q, in place."""
+    f, n = system.transition, p.shape[0]
+    for i in range(n):
+        for j in range(n):
+            work[i, j] = 0.0
+        for at in range(count[i]):
+            c = where[i, at]
+            factor = f[i, c]
+            for j in range(n):
+                work[i, j] += factor * p[c, j]
+    for i in range(n):
+        for j in range(i + 1):
+            total = system.noise[i, j]
+            for at in range(count[j]):
+                c = where[j, at]
+                total += work[i, c] * f[j, c]
+            p[i, j] = total
+            p[j, i] = total
+
+
+@njit(cache=True)
+def _advance(system, record, t, x, old):  # type: ignore[no-untyped-def]
+    """x from sample t - 1 to t, in place."""
+    n = x.size
+    for i in range(n):
+        old[i] = x[i]
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += system.transition[i, j] * old[j]
+        for m in range(record.start.shape[1]):
+            total += system.early[i, m] * record.start[t - 1, m] + system.late[i, m] * record.end[t - 1, m]
+        x[i] = total
+
+
+@njit(cache=True)
+def _read(system, trace, t, q, p, before):  # type: ignore[no-untyped-def]
+    """Gain and innovation variance of channel q at sample t, and P after it; returns the gain's relative change."""
+    n = p.shape[0]
+    gain = trace.gains[t, q]
+    s = system.variance[q]
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += p[i, j] * system.output[q, j]
+        gain[i] = total
+        s += total * system.output[q, i]
+    change = 0.0
+    for i in range(n):
+        limit = np.sqrt(max(p[i, i] * s, 0.0))
+        gain[i] /= s
+        if limit > 0.0:
+            change = max(change, abs(gain[i] - before[i]) * s / limit)
+    for i in range(n):
+        for j in range(i + 1):
+            p[i, j] -= gain[i] * gain[j] * s
+            p[j, i] = p[i, j]
+    trace.variances[t, q] = s
+    return change
+
+
+@njit(cache=True)
+def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
+    """Run the filter over a window.
+
+    Args:
+        system: see ``System``; record: see ``Record``.
+        trace: filled. ``renewed`` is filled where ``lead``, and followed where not.
+        lead: whether this filter decides when its covariance has settled.
+    """
+    samples, channels = record.readings.shape
+    n = record.state.size
+    x, old, p, work = record.state.copy(), np.zeros(n), system.covariance.copy(), np.zeros((n, n))
+    count, where = _places(system.transition)
+    settled = False
+    for t in range(samples):
+        same = t > 0
+        if t > 0:
+            _advance(system, record, t, x, old)
+            for q in range(channels):
+                same = same and record.used[t, q] == record.used[t - 1, q]
+        if lead:
+            trace.renewed[t] = not (settled and same)
+        if trace.renewed[t] and t > 0:
+            # after samples that kept their gain P is that of the last renewed one: settled, so still right
+            _spread(system, p, work, count, where)
+        change = 0.0
+        for q in range(channels):
+            if not record.used[t, q]:
+                continue
+            if trace.renewed[t]:
+                change = max(change, _read(system, trace, t, q, p, trace.gains[max(t - 1, 0), q]))
+            else:
+                trace.variances[t, q] = trace.variances[t - 1, q]
+                trace.gains[t, q] = trace.gains[t - 1, q]
+            e = record.readings[t, q]
+            for i in range(n):
+                e -= system.output[q, i] * x[i]
+            trace.innovations[t, q] = e
+            for i in range(n):
+                x[i] += trace.gains[t, q, i] * e
+        settled = same and change <= _SETTLED
+
+
+@njit(cache=True)
+def filter_columns(system, trace, used, readings, states):  # type: ignore[no-untyped-def]
+    """Readings of any number of columns sent through the filter of a trace, in place.
+
+    Args:
+        system: for its transition and output; trace: for its gains.
+        used: (samples, channels).
+        readings: (columns, samples, channels); becomes the innovations.
+        states: of each column at the first sample, (columns, n); used up.
+    """
+    columns, samples, channels = readings.shape
+    n = states.shape[1]
+    old = np.zeros(n)
+    for c in range(columns):
+        x = states[c]
+        for t in range(samples):
+            if t > 0:
+                for i in range(n):
+                    old[i] = x[i]
+                for i in range(n):
+                    total = 0.0
+                    for j in range(n):
+                        total += system.transition[i, j] * old[j]
+                    x[i] = total
+            for q in range(channels):
+                if not used[t, q]:
+                    readings[c, t, q] = 0.0
+                    continue
+                e = readings[c, t, q]
+                for i in range(n):
+                    e -= system.output[q, i] * x[i]
+                readings[c, t, q] = e
+                for i in range(n):
+                    x[i] += trace.gains[t, q, i] * e

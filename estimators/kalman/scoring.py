@@ -1,0 +1,153 @@
+"""The maximum of the likelihood by Fisher scoring: damped where a step fails, from two starts, with a gate for gusts."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.estimators.kalman.likelihood import Evaluation, Problem, evaluate, sensitivities
+
+__all__ = ["Solution", "climb", "solve"]
+
+Array = NDArray[np.float64]
+
+_LONGEST_STEP = 1.5
+"""No parameter moves further than this in one step: natural sizes of derivatives, factors of e of noises."""
+
+_DONE = 2e-3
+"""A step that gains less log-likelihood than this is the last."""
+
+_TRIALS = 10
+"""Most dampings that are tried for one step."""
+
+_GATE = 8.0
+"""Log-likelihood that a gust must gain over none at all (docs/methods/filter_error.md, section 5)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Where a search ended.
+
+    Attributes:
+        point: the likelihood there.
+        information: of the data, (size, size).
+        covariance: of the parameters, prior included, (size, size); those that are not free have none.
+        iterations: steps of all searches.
+        converged: whether it came to rest.
+        gusts: whether gusts are in the model.
+    """
+
+    point: Evaluation
+    information: Array
+    covariance: Array
+    iterations: int
+    converged: bool
+    gusts: bool
+
+
+def solve(problem: Problem) -> Solution | None:
+    """The most likely parameters: from the prior, then from there with the noises lifted again, then without gusts.
+
+    None where the likelihood cannot be evaluated at the prior's own start.
+    """
+    first = climb(problem, problem.prior.start)
+    if first is None:
+        return None
+    second = climb(problem, _lifted(problem, first.point.parameters), 10)
+    best = _better(first, second)
+    if best.gusts:
+        best = _gated(problem, best)
+    return best
+
+
+def _better(one: Solution, other: Solution | None) -> Solution:
+    if other is None:
+        return one
+    best = one if one.point.cost <= other.point.cost else other
+    return replace(best, iterations=one.iterations + other.iterations)
+
+
+def _lifted(problem: Problem, p: Array) -> Array:
+    """The same derivatives with noises as at the start and gusts and moments at least a fifth of it."""
+    at, start = problem.model.layout, problem.prior.start
+    lifted = p.copy()
+    lifted[at.log_noise] = start[at.log_noise]
+    for i in (at.gust, *range(at.disturbance.start, at.disturbance.stop)):
+        lifted[i] = max(abs(p[i]), 0.4 * abs(start[i]))
+    return lifted
+
+
+def _gated(problem: Problem, found: Solution) -> Solution:
+    """The same solution, or one without gusts where they gain no more than chance and misfit would."""
+    at = problem.model.layout
+    if abs(found.point.parameters[at.gust]) > 0.3 * problem.prior.start[at.gust]:
+        return found
+    free = problem.free.copy()
+    free[[at.gust, at.gust_rate_gain, at.log_span_time, at.log_gust_time]] = False
+    calm = replace(problem, free=free)
+    best: Solution | None = None
+    for start in (found.point.parameters, problem.prior.start):
+        p = start.copy()
+        p[~free] = problem.prior.mean[~free]
+        p[at.gust] = 0.0
+        trial = climb(calm, p, 15)
+        if trial is not None and (best is None or trial.point.cost < best.point.cost):
+            best = trial
+    if best is None or best.point.cost - found.point.cost > _GATE:
+        return found
+    return replace(best, iterations=best.iterations + found.iterations)
+
+
+def climb(problem: Problem, start: Array, iterations: int = 40) -> Solution | None:
+    """Fisher scoring from one start; None where the likelihood cannot be evaluated there."""
+    point = evaluate(problem, start)
+    if point is None:
+        return None
+    damping, done, n = 0.0, False, 0
+    score, information = _sums(problem, point)
+    while not done and n < iterations:
+        n += 1
+        step = _step(problem, point, score, information, damping)
+        better, damping = step
+        if better is None:
+            done = True
+            break
+        gain = point.cost - better.cost
+        point = better
+        score, information = _sums(problem, point)
+        done = gain < _DONE
+    free = problem.free
+    whole = information + np.diag(problem.prior.std**-2)
+    covariance = np.zeros_like(whole)
+    covariance[np.ix_(free, free)] = np.linalg.inv(whole[np.ix_(free, free)])
+    gusts = bool(free[problem.model.layout.gust])
+    return Solution(point, information, covariance, n, done, gusts)
+
+
+def _sums(problem: Problem, point: Evaluation) -> tuple[Array, Array]:
+    """Gradient of minus the cost, and the information of the data."""
+    p, prior = point.parameters, problem.prior
+    score, information = -(p - prior.mean) / prior.std**2, np.zeros((p.size, p.size))
+    for m in range(len(problem.windows)):
+        s = sensitivities(problem, point, m)
+        score = score + s.score().sum(axis=1)
+        information += s.information()
+    return score, information
+
+
+def _step(
+    problem: Problem, point: Evaluation, score: Array, information: Array, damping: float
+) -> tuple[Evaluation | None, float]:
+    """A point of less cost and the damping for the next step; None where there is none."""
+    free = problem.free
+    matrix = (information + np.diag(problem.prior.std**-2))[np.ix_(free, free)]
+    for _ in range(_TRIALS):
+        move = np.zeros(free.size)
+        move[free] = np.linalg.solve(matrix + damping * np.diag(np.diagonal(matrix)), score[free])
+        move *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(move))), 1e-9))
+        trial = evaluate(problem, point.parameters + move)
+        if trial is not None and trial.cost < point.cost + 1e-9:
+            return trial, 0.0 if damping < 2e-3 else damping / 10.0
+        damping = max(5.0 * damping, 1e-3)
+    return None, math.inf

@@ -1,0 +1,157 @@
+"""Manoeuvres as the filter reads them: deviations from the mean, forcing between samples, an even clock.
+
+With the means over a window marked by a bar, x = x_bar + dx, c u the inputs at the present control factor, s the factor
+of the stability derivatives and P the dynamic pressure that the trim follows,
+
+    d(dx)/dt = (K_bar + s_bar A) dx + Theta d(t) + a(t) + k(t),                                            (1)
+    d(t) = [s x_m - s_bar x_m' ...; c u - (P / P_bar) mean(c u)],
+    a(t) = (P / P_bar - 1) mean(aerodynamic acceleration),
+    k(t) = rest + (K - K_bar) x_m, less its mean,
+
+where x_m is measured. What multiplies it is the change of airspeed within the window, a few per cent, so its noise
+hardly counts; what does not change within the window multiplies the state.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.estimators.manoeuvre import Manoeuvre
+
+__all__ = ["Window", "window"]
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-5
+"""Noise below this part of a channel's own spread is not believed: models are no better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """One manoeuvre on an even clock; n samples, channels = states, then the accelerometers in use.
+
+    Attributes:
+        dt: step, s.
+        readings: deviations from the mean, (n, channels).
+        used: whether a reading is there, (n, channels).
+        start, end: d of (1) at the beginning and the end of the step after each sample, (n, states + inputs): what the
+            derivatives' columns multiply.
+        aerodynamic: a of (1) at each sample, (n, states).
+        kinematic: k of (1) at each sample, (n, states).
+        known: K_bar, (states, states).
+        stability: s_bar.
+        airspeed_m_s: mean.
+        floor: least noise variance of each channel, (channels,).
+    """
+
+    dt: float
+    readings: Array
+    used: NDArray[np.bool_]
+    start: Array
+    end: Array
+    aerodynamic: Array
+    kinematic: Array
+    known: Array
+    stability: float
+    airspeed_m_s: float
+    floor: Array
+
+    def __len__(self) -> int:
+        return int(self.readings.shape[0])
+
+
+def window(part: Manoeuvre, forces: NDArray[np.int64]) -> Window:
+    """A manoeuvre for the filter.
+
+    Args:
+        part: with evenly spaced stamps or not; where a sample is missing its readings are left out, and other uneven
+            stamps are interpolated on a line (``Manoeuvre.even``).
+        forces: equations whose accelerometer is read.
+    """
+    part, present = _on_even_clock(part)
+    states = part.states
+    readings = np.column_stack([states, part.accelerometer[:, forces]])
+    used = np.isfinite(readings) & present[:, None]
+    used[:, : states.shape[1]] &= part.measured
+    used &= ~_stuck(readings, used)
+    start, end = _regressors(part)
+    aerodynamic, kinematic = _known_accelerations(part, forces)
+    mean = np.array([readings[u, c].mean() if u.any() else 0.0 for c, u in enumerate(used.T)])
+    centred = np.where(used, readings - mean, 0.0)
+    return Window(
+        part.dt, centred, used, start, end, aerodynamic, kinematic, part.known.mean(axis=0),
+        float(part.stability.mean()), float(part.condition[0]), _floor(readings, used),
+    )  # fmt: skip
+
+
+def _on_even_clock(part: Manoeuvre) -> tuple[Manoeuvre, NDArray[np.bool_]]:
+    """The manoeuvre on stamps of one step, and whether each was measured."""
+    step = float(np.median(np.diff(part.time_s)))
+    steps = (part.time_s - part.time_s[0]) / step
+    whole = np.round(steps)
+    if np.abs(steps - whole).max() > 0.02 or np.any(np.diff(whole) < 1.0):
+        return part.even(), np.ones(len(part), dtype=np.bool_)
+    present = np.zeros(int(whole[-1]) + 1, dtype=np.bool_)
+    present[whole.astype(int)] = True
+    if present.all():
+        return part, present
+    grid = part.time_s[0] + step * np.arange(present.size)
+    columns = ("states", "accelerometer", "inputs", "known", "rest", "stability", "control", "pressure")
+    filled = {name: _interpolated(grid, part.time_s, getattr(part, name)) for name in columns}
+    return (
+        Manoeuvre(part.config, grid, measured=part.measured, condition=part.condition, **filled),
+        present,
+    )
+
+
+def _interpolated(grid: Array, time_s: Array, values: Array) -> Array:
+    flat = values.reshape(time_s.size, -1)
+    columns = np.column_stack([np.interp(grid, time_s, c) for c in flat.T])
+    return columns.reshape((grid.size, *values.shape[1:]))
+
+
+def _stuck(readings: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Channels that never change: they say nothing of the motion, (channels,)."""
+    return np.array([not u.any() or np.ptp(readings[u, c]) == 0.0 for c, u in enumerate(used.T)])
+
+
+def _regressors(part: Manoeuvre) -> tuple[Array, Array]:
+    """d of (1), at the start and the end of each step, (n, states + inputs)."""
+    trim = (part.pressure / part.pressure.mean())[:, None]
+    s = part.stability[:, None]
+    by_airspeed = (s - s.mean()) * part.states - (trim - 1.0) * s.mean() * part.states.mean(axis=0)
+    loads = part.control[:, None] * part.inputs
+    held = np.vstack([part.held_steps, np.ones((1, part.inputs.shape[1]), dtype=bool)])
+    following = np.vstack([part.inputs[1:], part.inputs[-1:]])
+    factor = np.append(part.control[1:], part.control[-1])[:, None]
+    ends = factor * np.where(held, part.inputs, following)
+    level = loads.mean(axis=0)
+    later_trim = np.vstack([trim[1:], trim[-1:]])
+    start = np.column_stack([by_airspeed, loads - trim * level])
+    end = np.column_stack([np.vstack([by_airspeed[1:], by_airspeed[-1:]]), ends - later_trim * level])
+    return start, end
+
+
+def _known_accelerations(part: Manoeuvre, forces: NDArray[np.int64]) -> tuple[Array, Array]:
+    """a and k of (1), (n, states) each."""
+    known = np.einsum("nij,nj->ni", part.known, part.states) + part.rest
+    mean_force = (part.states[-1] - part.states[0]) / part.duration_s - known.mean(axis=0)
+    mean_force[forces] = part.accelerometer[:, forces].mean(axis=0)
+    aerodynamic = (part.pressure / part.pressure.mean() - 1.0)[:, None] * mean_force
+    changing = part.known - part.known.mean(axis=0)
+    kinematic = np.einsum("nij,nj->ni", changing, part.states) + part.rest
+    return aerodynamic, kinematic - kinematic.mean(axis=0)
+
+
+def _floor(readings: Array, used: NDArray[np.bool_]) -> Array:
+    """Least noise variance that each channel can have: rounding of the model, and the channel's own steps."""
+    floor = np.full(readings.shape[1], 1e-300)
+    for c, u in enumerate(used.T):
+        if not u.any():
+            continue
+        values = np.unique(readings[u, c])
+        steps = np.diff(values)
+        quantum = float(steps.min()) if 0 < steps.size < 0.5 * np.count_nonzero(u) else 0.0
+        floor[c] = max(_ROUNDING**2 * float(readings[u, c].var()), quantum**2 / 12.0, 1e-300)
+    return floor
