@@ -64,7 +64,7 @@ class Situation:
         span_m: of the air's span filter; turning: whether gusts turn the air.
         moment: unmeasured angular acceleration of time, rad/s2.
         vane_ahead_m: of the vane; said_ahead_m: what the estimator is given, the same where None.
-        surface_noise_rad: of the measured surface.
+        surface_noise_rad: of the measured surface, which then moves on a line between samples instead of being held.
     """
 
     doublets: tuple[float, float] | None = None
@@ -127,6 +127,10 @@ SITUATIONS: dict[str, Situation] = {
     ),
     "still, doublets, surface noise": Situation(_D5, surface_noise_rad=math.radians(0.1)),
     "quiet, surface noise": Situation(surface_noise_rad=math.radians(0.1)),
+    "still, autopilot, doublets, surface noise": Situation(_D10, _AP, surface_noise_rad=math.radians(0.1)),
+    "moderate, autopilot, surface noise": Situation(
+        None, _AP, _MODERATE, surface_noise_rad=math.radians(0.1)
+    ),
 }
 
 
@@ -141,18 +145,25 @@ class Flight:
 
 
 @njit(cache=True)
-def _steps(state, a, b, u, gust, moment, h, tau, turn):  # type: ignore[no-untyped-def]
-    """Midpoint steps of one sample; state is velocity, rate and the gust behind the span filter."""
+def _steps(state, a, b, surface, gust, moment, air, forward):  # type: ignore[no-untyped-def]
+    """Midpoint steps of one sample; state is velocity, rate and the gust behind the span filter.
+
+    ``surface`` is where it is at the sample's start and at its end; ``air`` is the step, the span filter's time constant and the turning air's factor; ``forward`` the part of the
+    force's rate column that is no aerodynamics.
+    """
+    h, tau, turn = air
     decay = np.exp(-h / tau)
     v, r, f = state
     for i in range(gust.size):
+        u = surface[0] + (surface[1] - surface[0]) * (i + 0.5) / gust.size
         g, before = gust[i], f
         f = g + (f - g) * decay
         turning = turn * (g - 0.5 * (f + before)) / tau
-        rate_v = a[0, 0] * (v - g) + a[0, 1] * r + b[0] * u
+        lost = (a[0, 1] - forward) * turning
+        rate_v = a[0, 0] * (v - g) + a[0, 1] * r - lost + b[0] * u
         rate_r = a[1, 0] * (v - g) + a[1, 1] * (r - turning) + b[1] * u + moment[i]
         mid_v, mid_r = v + 0.5 * h * rate_v, r + 0.5 * h * rate_r
-        v += h * (a[0, 0] * (mid_v - g) + a[0, 1] * mid_r + b[0] * u)
+        v += h * (a[0, 0] * (mid_v - g) + a[0, 1] * mid_r - lost + b[0] * u)
         r += h * (a[1, 0] * (mid_v - g) + a[1, 1] * (mid_r - turning) + b[1] * u + moment[i])
     state[0], state[1], state[2] = v, r, f
 
@@ -196,7 +207,7 @@ def _response(
     plant: Plant, situation: Situation, seconds: float, dt: float, std: Array, rng: np.random.Generator
 ) -> tuple[Array, Array, Array, Array]:
     """Measured states (n, 2), force (n,) and applied surface (n,), time (n,); noise of ``std`` is in the first two."""
-    n = round(seconds / dt)
+    n, held = round(seconds / dt), situation.surface_noise_rad == 0.0
     fine = max(round(FINE * dt / 0.02), 4)
     h = dt / fine
     matrix = np.array(plant.derivatives).reshape(2, 3)
@@ -219,18 +230,20 @@ def _response(
         g, at_vane = gust[k * fine], gust[min(k * fine + ahead, gust.size - 1)]
         arm = situation.vane_ahead_m * sign
         states[k] = state[0] - at_vane + arm * state[1], state[1]
-        force[k] = a[0, 0] * (state[0] - g) + (a[0, 1] - plant.turn) * state[1] + b[0] * u
+        turning = turn * (g - state[2]) / tau
+        force[k] = a[0, 0] * (state[0] - g) + (a[0, 1] - plant.turn) * (state[1] - turning) + b[0] * u
         states[k] += noise[k, :2]
         force[k] += noise[k, 2]
         surface[k] = u
         span = slice(k * fine, (k + 1) * fine)
-        _steps(state, a, b, u, gust[span], moment[span], h, tau, turn)
         if situation.autopilot is not None:
             angle += dt * states[k, 1]
             sense = 1.0
             answer = float(
                 np.clip(sense * (situation.autopilot[0] * states[k, 1] + situation.autopilot[1] * angle), -0.3, 0.3)
             )
+        later = u if held else planned[min(k + 1, n - 1)] + answer
+        _steps(state, a, b, (u, later), gust[span], moment[span], (h, tau, turn), plant.turn)
     # as the signals have it: the vane's reading carried to the centre of gravity by the measured rate
     states[:, 0] -= situation.vane_ahead_m * sign * states[:, 1]
     return states, force, surface, time
@@ -256,7 +269,7 @@ def fly(
         np.tile([AIRSPEED_M_S, 1000.0, DENSITY_KG_M3, 0.0], (n, 1)),
     )  # fmt: skip
     config = ManoeuvreConfig(
-        plant.structure, (AIRSPEED_M_S, DENSITY_KG_M3), held=(True,), window_s=window_s,
+        plant.structure, (AIRSPEED_M_S, DENSITY_KG_M3), held=(situation.surface_noise_rad == 0.0,), window_s=window_s,
         use_accelerometer=accelerometer,
     )  # fmt: skip
     said = situation.vane_ahead_m if situation.said_ahead_m is None else situation.said_ahead_m

@@ -16,7 +16,7 @@ from wingwatch.estimators.kalman.likelihood import Prior, Problem
 from wingwatch.estimators.kalman.model import FilterModel, Layout
 from wingwatch.estimators.kalman.window import Window, window
 from wingwatch.estimators.manoeuvre import Manoeuvre
-from wingwatch.estimators.regression import common_forces, plain_start, shared_config
+from wingwatch.estimators.regression import common_forces, plain_start, sensor_noise, shared_config
 
 __all__ = ["FilterErrorConfig", "problem_of"]
 
@@ -54,7 +54,8 @@ def problem_of(
             f"filter error estimates short_period, dutch_roll and lateral; {s.name} has other states"
         )
     forces = np.flatnonzero(common_forces(parts))
-    windows = [window(p, forces) for p in parts]
+    input_noise = sensor_noise(parts, common_forces(parts))[-len(s.inputs) :]
+    windows = [window(p, forces, input_noise) for p in parts]
     mean = plain_start(parts) if expected is None else np.asarray(expected, dtype=np.float64)
     size = np.abs(mean) if natural is None else np.asarray(natural, dtype=np.float64)
     size = np.maximum(size, 1e-6)

@@ -24,7 +24,15 @@ from wingwatch.estimators.kalman.innovations import (
 from wingwatch.estimators.kalman.model import FilterModel
 from wingwatch.estimators.kalman.window import Window
 
-__all__ = ["Evaluation", "Prior", "Problem", "Sensitivities", "evaluate", "sensitivities"]
+__all__ = [
+    "Evaluation",
+    "Prior",
+    "Problem",
+    "Sensitivities",
+    "evaluate",
+    "information_inverse",
+    "sensitivities",
+]
 
 Array = NDArray[np.float64]
 
@@ -153,10 +161,10 @@ def _least_squares(columns: Array, trace: Trace) -> Array:
     """The own constants with the least innovations, (columns,)."""
     root = 1.0 / np.sqrt(trace.variances)
     x = (columns * root).reshape(columns.shape[0], -1)
-    return np.asarray(_inverse(x @ x.T) @ (x @ (trace.innovations * root).ravel()))
+    return np.asarray(information_inverse(x @ x.T) @ (x @ (trace.innovations * root).ravel()))
 
 
-def _inverse(matrix: Array) -> Array:
+def information_inverse(matrix: Array) -> Array:
     """Pseudo-inverse of an information matrix whose entries have different units."""
     diagonal = np.diagonal(matrix)
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, np.inf))
@@ -184,5 +192,5 @@ def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
         predicted[i] = ((trace.innovations - lane.innovations) * root).ravel() / step
         variance[i] = ((lane.variances - trace.variances) / trace.variances).ravel() / step
     x = (point.own_columns[m] * root).reshape(-1, readings)
-    predicted -= (predicted @ x.T) @ _inverse(x @ x.T) @ x
+    predicted -= (predicted @ x.T) @ information_inverse(x @ x.T) @ x
     return Sensitivities(predicted, variance, (trace.innovations * root).ravel(), window.used.ravel())

@@ -5,7 +5,7 @@ States, in this order (s of them belong to the structure):
     s      x    motion that surfaces and gusts cause, through the derivatives theta
     2      c    the two states of a Dryden gust
     1      f    the gust through the span filter, which makes its gradient along the flight path
-    1      g    gust at the aircraft, where it meets the vane earlier (only with a vane ahead)
+    2      l    lag of the gust behind the vane (only with a vane ahead)
     m      d    unmeasured accelerations, one each moment equation, and rolling air
     s      y    motion that they and what happened before the window cause, through a copy of the derivatives
 """
@@ -80,29 +80,35 @@ class Layout:
         return self.log_noise.stop
 
     @property
-    def gust_rate_gain(self) -> int:
-        """k: how much of the turning air the aircraft meets."""
-        return self.gust + 1
+    def gust_rate_gain(self) -> slice:
+        """k of each equation: how much of the turning air it meets."""
+        return slice(self.gust + 1, self.gust + 1 + len(self.structure.equations))
 
     @property
     def log_span_time(self) -> int:
         """ln of the time constant of the span filter, s."""
-        return self.gust + 2
+        return self.gust_rate_gain.stop
 
     @property
     def log_gust_time(self) -> int:
         """ln of the gust's scale length over airspeed, s."""
-        return self.gust + 3
+        return self.log_span_time + 1
 
     @property
     def log_moment_time(self) -> int:
         """ln of the time constant of unmeasured moments, s."""
-        return self.gust + 4
+        return self.log_span_time + 2
 
     @property
     def disturbance(self) -> slice:
         """Intensities of unmeasured moments, rad/s2, and of rolling air, rad/s; their signs have no meaning."""
-        return slice(self.gust + 5, self.gust + 5 + self.disturbances)
+        return slice(self.log_span_time + 3, self.log_span_time + 3 + self.disturbances)
+
+    @property
+    def air(self) -> list[int]:
+        """All that describes gusts."""
+        gains = range(self.gust_rate_gain.start, self.gust_rate_gain.stop)
+        return [self.gust, *gains, self.log_span_time, self.log_gust_time]
 
     @property
     def copy(self) -> slice:
@@ -122,7 +128,7 @@ class Physical(NamedTuple):
         derivatives: referred, (equations, states + inputs).
         copy: stability derivatives of the copy, (equations, states).
         noise: variance of each channel above its floor, (channels,).
-        gust: intensity, m/s; gust_rate_gain: k; span_s, gust_s, moment_s: time constants.
+        gust: intensity, m/s; gust_rate_gain: k, (equations,); span_s, gust_s, moment_s: time constants.
         disturbance: intensities, (disturbances,).
     """
 
@@ -130,7 +136,7 @@ class Physical(NamedTuple):
     copy: Array
     noise: Array
     gust: float
-    gust_rate_gain: float
+    gust_rate_gain: Array
     span_s: float
     gust_s: float
     moment_s: float
@@ -170,7 +176,7 @@ class FilterModel:
         limited = np.exp(np.clip(p[at.log_span_time : at.log_moment_time + 1], -6.0, 6.0))
         return Physical(
             theta, p[at.copy].reshape(ns, ns) * sizes[:, :ns], np.exp(np.clip(p[at.log_noise], -60.0, 30.0)),
-            float(p[at.gust]), float(p[at.gust_rate_gain]), *limited.tolist(), p[at.disturbance],
+            float(p[at.gust]), p[at.gust_rate_gain], *limited.tolist(), p[at.disturbance],
         )  # fmt: skip
 
     def growth(self, p: Array, window: Window) -> float:
@@ -184,7 +190,7 @@ class FilterModel:
 
     def size(self, window: Window) -> int:
         """States of the filter."""
-        return 2 * self.states + 3 + self._has_lag(window) + self.layout.disturbances
+        return 2 * self.states + 3 + 2 * self._has_lag(window) + self.layout.disturbances
 
     def system(self, p: Array, window: Window) -> System:
         """The filter at parameters p."""
@@ -235,22 +241,22 @@ class FilterModel:
         vane[c], vane[c + 1] = _NUMERATOR, 1.0 - _NUMERATOR
         gust = vane
         if self._has_lag(window):
-            # Pade of first order: g' = 2 (g_vane - g) / lag - g_vane', with g_vane' left to the output, g = 2 y - g_vane
-            rate = 2.0 * window.airspeed_m_s / self.vane_ahead_m
-            a[f + 1] = rate * vane
-            a[f + 1, f + 1] -= rate
-            gust = -vane
-            gust[f + 1] += 2.0
+            # Pade of second order, g = g_vane - l_2, l_1' = l_2 / T, l_2' = (12 (g_vane - l_1) - 6 l_2) / T
+            rate = window.airspeed_m_s / self.vane_ahead_m
+            a[f + 1, f + 2] = rate
+            a[f + 2] = 12.0 * rate * vane
+            a[f + 2, f + 1] -= 12.0 * rate
+            a[f + 2, f + 2] -= 6.0 * rate
+            gust = vane.copy()
+            gust[f + 2] = -1.0
         a[f] = gust / values.span_s
         a[f, f] -= 1.0 / values.span_s
-        air = np.zeros((ns, n))
         velocity = structure.states[0]
-        air[0] = gust
-        air[structure.states.index(_GUST_AT[velocity])] = (
-            _GRADIENT[velocity] * values.gust_rate_gain / window.airspeed_m_s * a[f]
-        )
+        turning = _GRADIENT[velocity] / window.airspeed_m_s * a[f]
+        by_rate = values.gust_rate_gain * force[:, structure.states.index(_GUST_AT[velocity])]
+        air = np.outer(force[:, 0], gust) + np.outer(by_rate, turning)
         a[:ns, :ns] = window.known + force
-        a[:ns] -= force @ air
+        a[:ns] -= air
         y = n - ns
         a[y:, y:] = window.known + copy
         for i in range(at.moments):
@@ -271,7 +277,7 @@ class FilterModel:
         for place, row in enumerate(self.forces):
             reading = output[ns + place]
             reading[:ns] = force[row]
-            reading -= force[row] @ air
+            reading -= air[row]
             reading[n - ns :] = copy[row]
             if self.layout.rolling_air:
                 roll = n - ns - 1
@@ -296,5 +302,5 @@ def state_names(layout: Layout, lag: bool) -> list[str]:
     s = layout.structure
     moments = [f"d_{row}" for row in s.equations[1:]]
     rolling = ["p_g"] if layout.rolling_air else []
-    gust = ["c_1", "c_2", "f", *(["g"] if lag else [])]
+    gust = ["c_1", "c_2", "f", *(["l_1", "l_2"] if lag else [])]
     return [*s.states, *gust, *moments, *rolling, *(f"copy_{x}" for x in s.states)]

@@ -15,8 +15,14 @@ Array = NDArray[np.float64]
 _LONGEST_STEP = 1.5
 """No parameter moves further than this in one step: natural sizes of derivatives, factors of e of noises."""
 
-_DONE = 2e-3
-"""A step that gains less log-likelihood than this is the last."""
+_DONE, _SLOW = 2e-3, 5e-2
+"""A step that gains less log-likelihood than the first is the last; one that gains less than the second is, where no
+derivative moved by more than ``_STILL`` of its error."""
+
+_STILL = 0.02
+
+_STUCK = 0.1
+"""Where no step gains anything and a full one would promise more than this, the search did not come to rest."""
 
 _TRIALS = 10
 """Most dampings that are tried for one step."""
@@ -54,11 +60,26 @@ def solve(problem: Problem) -> Solution | None:
     first = climb(problem, problem.prior.start)
     if first is None:
         return None
-    second = climb(problem, _lifted(problem, first.point.parameters), 10)
-    best = _better(first, second)
-    if best.gusts:
-        best = _gated(problem, best)
-    return best
+    best = _better(first, climb(problem, _lifted(problem, first.point.parameters), 10))
+    best = _gated(problem, best)
+    return best if best.converged else _continued(problem, best)
+
+
+def _continued(problem: Problem, found: Solution) -> Solution:
+    """A search that ran out of steps goes on."""
+    longer = climb(_restricted(problem, found.gusts), found.point.parameters)
+    return _better(found, longer) if longer is None else replace(
+        longer, iterations=longer.iterations + found.iterations
+    )
+
+
+def _restricted(problem: Problem, gusts: bool) -> Problem:
+    """The problem with gusts or without."""
+    if gusts:
+        return problem
+    free = problem.free.copy()
+    free[problem.model.layout.air] = False
+    return replace(problem, free=free)
 
 
 def _better(one: Solution, other: Solution | None) -> Solution:
@@ -83,13 +104,11 @@ def _gated(problem: Problem, found: Solution) -> Solution:
     at = problem.model.layout
     if abs(found.point.parameters[at.gust]) > 0.3 * problem.prior.start[at.gust]:
         return found
-    free = problem.free.copy()
-    free[[at.gust, at.gust_rate_gain, at.log_span_time, at.log_gust_time]] = False
-    calm = replace(problem, free=free)
+    calm = _restricted(problem, False)
     best: Solution | None = None
     for start in (found.point.parameters, problem.prior.start):
         p = start.copy()
-        p[~free] = problem.prior.mean[~free]
+        p[~calm.free] = problem.prior.mean[~calm.free]
         p[at.gust] = 0.0
         trial = climb(calm, p, 15)
         if trial is not None and (best is None or trial.point.cost < best.point.cost):
@@ -104,25 +123,41 @@ def climb(problem: Problem, start: Array, iterations: int = 40) -> Solution | No
     point = evaluate(problem, start)
     if point is None:
         return None
-    damping, done, n = 0.0, False, 0
+    damping, rest, n = 0.0, False, 0
     score, information = _sums(problem, point)
-    while not done and n < iterations:
+    while not rest and n < iterations:
         n += 1
-        step = _step(problem, point, score, information, damping)
-        better, damping = step
+        better, damping = _step(problem, point, score, information, damping)
         if better is None:
-            done = True
+            rest = _promised(problem, score, information) < _STUCK
             break
-        gain = point.cost - better.cost
+        gain, moved = point.cost - better.cost, better.parameters - point.parameters
         point = better
         score, information = _sums(problem, point)
-        done = gain < _DONE
+        rest = gain < _DONE or (gain < _SLOW and _is_still(problem, moved, information))
+    covariance = _covariance(problem, information)
+    gusts = bool(problem.free[problem.model.layout.gust])
+    return Solution(point, information, covariance, n, rest, gusts)
+
+
+def _covariance(problem: Problem, information: Array) -> Array:
+    """Of the parameters, prior included; 0 for those that are not free."""
     free = problem.free
     whole = information + np.diag(problem.prior.std**-2)
     covariance = np.zeros_like(whole)
     covariance[np.ix_(free, free)] = np.linalg.inv(whole[np.ix_(free, free)])
-    gusts = bool(free[problem.model.layout.gust])
-    return Solution(point, information, covariance, n, done, gusts)
+    return covariance
+
+
+def _is_still(problem: Problem, moved: Array, information: Array) -> bool:
+    at = problem.model.layout.theta
+    error = np.sqrt(np.diagonal(_covariance(problem, information))[at])
+    return bool(np.max(np.abs(moved[at]) / error) < _STILL)
+
+
+def _promised(problem: Problem, score: Array, information: Array) -> float:
+    """Log-likelihood that a full step would gain if it were quadratic."""
+    return 0.5 * float(score @ _covariance(problem, information) @ score)
 
 
 def _sums(problem: Problem, point: Evaluation) -> tuple[Array, Array]:

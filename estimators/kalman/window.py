@@ -12,11 +12,12 @@ where x_m is measured. What multiplies it is the change of airspeed within the w
 hardly counts; what does not change within the window multiplies the state.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.estimators.kalman.surface import at_rest
 from wingwatch.estimators.manoeuvre import Manoeuvre
 
 __all__ = ["Window", "window"]
@@ -61,21 +62,24 @@ class Window:
         return int(self.readings.shape[0])
 
 
-def window(part: Manoeuvre, forces: NDArray[np.int64]) -> Window:
+def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array) -> Window:
     """A manoeuvre for the filter.
 
     Args:
+        input_noise: variance of each measured input, (inputs,); 0 for commands.
         part: with evenly spaced stamps or not; where a sample is missing its readings are left out, and other uneven
             stamps are interpolated on a line (``Manoeuvre.even``).
         forces: equations whose accelerometer is read.
     """
     part, present = _on_even_clock(part)
+    held = np.vstack([part.held_steps, np.ones((1, part.inputs.shape[1]), dtype=bool)])
+    part = replace(part, inputs=_surfaces(part, input_noise))
     states = part.states
     readings = np.column_stack([states, part.accelerometer[:, forces]])
     used = np.isfinite(readings) & present[:, None]
     used[:, : states.shape[1]] &= part.measured
     used &= ~_stuck(readings, used)
-    start, end = _regressors(part)
+    start, end = _regressors(part, held)
     aerodynamic, kinematic = _known_accelerations(part, forces)
     mean = np.array([readings[u, c].mean() if u.any() else 0.0 for c, u in enumerate(used.T)])
     centred = np.where(used, readings - mean, 0.0)
@@ -111,18 +115,23 @@ def _interpolated(grid: Array, time_s: Array, values: Array) -> Array:
     return columns.reshape((grid.size, *values.shape[1:]))
 
 
+def _surfaces(part: Manoeuvre, noise: Array) -> Array:
+    columns = zip(part.inputs.T, noise, strict=True)
+    return np.column_stack([at_rest(c, part.dt, float(np.sqrt(v))) for c, v in columns])
+
+
 def _stuck(readings: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Channels that never change: they say nothing of the motion, (channels,)."""
     return np.array([not u.any() or np.ptp(readings[u, c]) == 0.0 for c, u in enumerate(used.T)])
 
 
-def _regressors(part: Manoeuvre) -> tuple[Array, Array]:
-    """d of (1), at the start and the end of each step, (n, states + inputs)."""
+def _regressors(part: Manoeuvre, held: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """d of (1), at the start and the end of each step, (n, states + inputs); ``held`` says over which steps each input
+    is (of the readings as they were: a surface at rest may leave its level within a step)."""
     trim = (part.pressure / part.pressure.mean())[:, None]
     s = part.stability[:, None]
     by_airspeed = (s - s.mean()) * part.states - (trim - 1.0) * s.mean() * part.states.mean(axis=0)
     loads = part.control[:, None] * part.inputs
-    held = np.vstack([part.held_steps, np.ones((1, part.inputs.shape[1]), dtype=bool)])
     following = np.vstack([part.inputs[1:], part.inputs[-1:]])
     factor = np.append(part.control[1:], part.control[-1])[:, None]
     ends = factor * np.where(held, part.inputs, following)
