@@ -250,13 +250,13 @@ def _response(
 
 
 def fly(
-    plant: Plant, situation: Situation, seed: int, seconds: float = 60.0, *, dt: float = 0.02,
-    window_s: float = 30.0, accelerometer: bool = True, noise: float = 1.0,
+    plant: Plant, situation: Situation, seed: int, seconds: float = 60.0, *,
+    window_s: float = 30.0, accelerometer: bool = True, noise: float = 1.0, rate_hz: float = 50.0,
 ) -> Flight:  # fmt: skip
     """One flight; what is expected beforehand is 30 % off, up or down, in every derivative."""
     rng = np.random.default_rng(1000 + seed)
     std = noise * noise_std(plant)
-    states, force, surface, time = _response(plant, situation, seconds, dt, std, rng)
+    states, force, surface, time = _response(plant, situation, seconds, 1.0 / rate_hz, std, rng)
     off = 1.0 + 0.3 * rng.choice([-1.0, 1.0], 6)
     n = time.size
     known = np.zeros((n, 2, 2))

@@ -7,18 +7,28 @@ docs/methods/filter_error.md.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.estimators.estimate import Estimate, Outcome
+from wingwatch.estimators.fit import ChannelFit, Fit, channel_fit
+from wingwatch.estimators.kalman.guards import guarded
 from wingwatch.estimators.kalman.likelihood import Prior, Problem
 from wingwatch.estimators.kalman.model import FilterModel, Layout
+from wingwatch.estimators.kalman.scoring import Solution, solve
 from wingwatch.estimators.kalman.window import Window, window
 from wingwatch.estimators.manoeuvre import Manoeuvre
-from wingwatch.estimators.regression import common_forces, plain_start, sensor_noise, shared_config
+from wingwatch.estimators.regression import (
+    common_forces,
+    finished,
+    plain_start,
+    sensor_noise,
+    shared_config,
+)
 
-__all__ = ["FilterErrorConfig", "problem_of"]
+__all__ = ["FilterErrorConfig", "filter_error", "problem_of"]
 
 Array = NDArray[np.float64]
 
@@ -37,6 +47,100 @@ class FilterErrorConfig:
     span_m: float = 2.9
     vane_ahead_m: float = 0.0
     prior_ratio: float = 3.0
+
+
+NAME = "filter-error"
+
+_CONTRADICTED = 3.0
+"""Factor of a guard from which on the data contradict the model: nothing is converged then, whatever its error."""
+
+
+def filter_error(
+    parts: Sequence[Manoeuvre],
+    config: FilterErrorConfig | None = None,
+    *,
+    expected: Array | None = None,
+    natural: Array | None = None,
+) -> tuple[Estimate, Fit]:
+    """Derivatives by filter error.
+
+    Args:
+        parts: manoeuvres of one config, of short period, Dutch roll or lateral.
+        config: see there.
+        expected: referred aerodynamic derivatives as expected beforehand, (k,): mean of the prior; equation error (5.12)
+            where None.
+        natural: natural size of each concise derivative, (k,), for prior and standing; that of ``expected`` where None.
+
+    Returns:
+        Estimate at the mean condition of the manoeuvres with its guarded covariance, and the statistics of the fit:
+        ``covariance_white`` is that of the likelihood, ``covariance_coloured`` the guarded one. What the data do not
+        inform keeps prior value and error, and is not observable.
+
+    Raises:
+        ValueError: no manoeuvre, manoeuvres of different configs, another structure, or no likelihood at the start.
+    """
+    problem = problem_of(parts, config or FilterErrorConfig(), expected, natural)
+    solution = solve(problem)
+    if solution is None:
+        raise ValueError(
+            "the filter cannot follow the flight from what is expected of the aircraft; check units and signs of the "
+            "channels, and the aircraft file"
+        )
+    return _report(parts, problem, solution)
+
+
+def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) -> tuple[Estimate, Fit]:
+    at, guards = problem.model.layout, guarded(problem, solution)
+    k, size = at.theta.stop, problem.model.natural
+    p = solution.point.parameters
+    plain = solution.covariance[:k, :k] * np.outer(size, size)
+    channels = _channels(problem, solution)
+    used = int(sum(np.count_nonzero(w.used) for w in problem.windows))
+    unknowns = int(np.count_nonzero(problem.free)) + sum(own.size for own in solution.point.own)
+    noise = np.sqrt(problem.model.physical(p).noise + np.mean([w.floor for w in problem.windows], axis=0))
+    estimate, fit = finished(
+        NAME, parts, p[at.theta] * size, plain, plain * np.outer(guards.factors, guards.factors), True, channels,
+        dict(zip(_channel_names(problem), noise.tolist(), strict=True)),
+        samples=sum(len(w) for w in problem.windows), parameters=unknowns, iterations=solution.iterations,
+        converged=solution.converged, freedom=float(used - unknowns), natural=size,
+        hidden=np.zeros(k, dtype=np.bool_),
+    )  # fmt: skip
+    worst = float(guards.factors.max())
+    if not solution.converged:
+        return _unsettled(estimate, "the search for the most likely derivatives did not come to rest"), fit
+    if worst > _CONTRADICTED:
+        return _unsettled(
+            estimate, f"the data contradict the model: errors are widened {worst:.1f} times to cover it"
+        ), fit
+    return estimate, fit
+
+
+def _unsettled(estimate: Estimate, reason: str) -> Estimate:
+    """The same, but nothing of it converged."""
+    outcomes = tuple(Outcome.SETTLING if o is Outcome.CONVERGED else o for o in estimate.outcomes)
+    outcome = Outcome.SETTLING if estimate.outcome is Outcome.CONVERGED else estimate.outcome
+    reasons = f"{reason}; {estimate.reason}" if estimate.reason else reason
+    return replace(estimate, outcomes=outcomes, outcome=outcome, reason=reasons)
+
+
+def _channel_names(problem: Problem) -> list[str]:
+    s = problem.model.layout.structure
+    return [*s.states, *(f"a_{s.equations[f]}" for f in problem.model.forces)]
+
+
+def _channels(problem: Problem, solution: Solution) -> tuple[ChannelFit, ...]:
+    """Statistics of one-step predictions of every channel that was read."""
+    fits = []
+    for c, name in enumerate(_channel_names(problem)):
+        measured, predicted = [], []
+        for window, trace in zip(problem.windows, solution.point.traces, strict=True):
+            there = window.used[:, c]
+            if there.any():
+                measured.append(window.readings[there, c])
+                predicted.append(window.readings[there, c] - trace.innovations[there, c])
+        if measured:
+            fits.append(channel_fit(name, measured, predicted))
+    return tuple(fits)
 
 
 def problem_of(

@@ -5,18 +5,19 @@ counts. None of them changes the estimate.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from wingwatch.estimators.kalman.innovations import Trace, filter_columns, innovations
+from wingwatch.estimators.kalman.innovations import filter_columns
 from wingwatch.estimators.kalman.likelihood import (
     Evaluation,
     Problem,
     Sensitivities,
     information_inverse,
+    open_loop,
     sensitivities,
 )
 from wingwatch.estimators.kalman.scoring import Solution
@@ -80,9 +81,8 @@ def guarded(problem: Problem, solution: Solution) -> Guards:
     whole = np.sqrt(_sandwich(problem, solution, sums)[:k])
     difference = _by_surfaces_alone(problem, solution, sums, error)
     each = np.maximum(np.maximum(whole, difference) / error, 1.0)
-    return Guards(
-        _driven_ratio(problem, solution, sums), _whiteness(problem, solution.point), _scatter(problem, sums), each
-    )
+    driven = _driven_ratio(problem, solution, sums)
+    return Guards(driven, _whiteness(problem, solution.point), _scatter(problem, sums), each)
 
 
 def _gathered(problem: Problem, point: Evaluation) -> _Sums:
@@ -112,25 +112,14 @@ def _driven(problem: Problem, point: Evaluation, m: int, s: Sensitivities) -> Ar
     (k, readings)."""
     window, model, p = problem.windows[m], problem.model, point.parameters
     system, trace = point.systems[m], point.traces[m]
-    silent = replace(window, readings=np.zeros_like(window.readings))
-    k, none = model.layout.theta.stop, np.zeros_like(point.own[m])
-    open_loop = Trace(
-        np.zeros_like(trace.innovations), np.ones_like(trace.variances), np.zeros_like(trace.gains),
-        np.ones_like(trace.renewed),
-    )  # fmt: skip
-
-    def response(q: Array) -> Array:
-        there = model.system(q, window)
-        still = there._replace(noise=0.0 * there.noise, covariance=0.0 * there.covariance)
-        innovations(still, model.record(q, silent, none), open_loop, True)
-        return -open_loop.innovations
-
-    first = response(p)
+    k = model.layout.theta.stop
+    first = open_loop(model, p, window, system)
     columns = np.zeros((k, *first.shape))
     for i in range(k):
         moved = p.copy()
         moved[i] += problem.prior.step[i]
-        columns[i] = (response(moved) - first) / problem.prior.step[i]
+        columns[i] = open_loop(model, moved, window, model.system(moved, window)) - first
+        columns[i] /= problem.prior.step[i]
     filter_columns(system, trace, window.used, columns, np.zeros((k, system.transition.shape[0])))
     root = 1.0 / np.sqrt(trace.variances)
     flat = (columns * root).reshape(k, -1)
@@ -169,7 +158,7 @@ def _sandwich(problem: Problem, solution: Solution, sums: _Sums) -> Array:
     groups = np.array(sums.groups)
     centred = groups - groups.mean(axis=0)
     middle = centred.T @ centred + _prior_information(problem)
-    return np.asarray(np.diagonal(solution.covariance @ middle @ solution.covariance))
+    return np.asarray(np.diagonal(solution.inverse @ middle @ solution.inverse))
 
 
 def _scatter(problem: Problem, sums: _Sums) -> float:

@@ -3,16 +3,22 @@
     cost(p) = sum (e^2 / s + ln s) / 2 + sum ((p - mean) / std)^2 / 2,                                     (2)
 
 each window's own constants (of its readings, and the copy's state at its first sample) being those that make it least:
-innovations are linear in them. Sensitivities are differences between filters a small step apart, gains and variances
+innovations are linear in them. What noise of the measured surfaces is expected to add to the cost is taken out of it
+(Nakamura 1990): with G the response of the innovations to a surface's noise of variance v,
+
+    corrected cost = cost - sum v G' S^-1 G / 2.                                                           (3)
+
+Sensitivities are differences between filters a small step apart, gains and variances
 included; what a window's own constants can explain is taken out of them (Golub and Pereyra 1973, Kaufman 1975).
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import fftconvolve
 
 from wingwatch.estimators.kalman.innovations import (
     System,
@@ -31,6 +37,7 @@ __all__ = [
     "Sensitivities",
     "evaluate",
     "information_inverse",
+    "open_loop",
     "sensitivities",
 ]
 
@@ -38,6 +45,9 @@ Array = NDArray[np.float64]
 
 _FASTEST_GROWTH = 1.0
 """Motion that grows faster than this, 1/s, is none of an aircraft that is flown."""
+
+_MEMORY_S = 6.0
+"""After this an innovation no longer answers to the noise of one sample."""
 
 _FLAT = 1e-12
 """Of a window's own constants: combinations with less of the largest information are not seen and stay 0."""
@@ -79,6 +89,8 @@ class Evaluation:
         systems, traces: of each window.
         own: each window's own constants, (channels + states,).
         own_columns: what they add to the innovations, (channels + states, samples, channels) each.
+        echoes: innovations that the noise of measured surfaces makes, whitened, so that their squares add to what it
+            adds to the cost, (inputs, readings) each; empty where surfaces are known without noise.
     """
 
     parameters: Array
@@ -87,6 +99,7 @@ class Evaluation:
     traces: list[Trace]
     own: list[Array]
     own_columns: list[Array]
+    echoes: list[Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,20 +111,26 @@ class Sensitivities:
         variance: ds/dp / s, (size, readings).
         innovations: e / sqrt(s), (readings,).
         used: whether a reading is there, (readings,).
+        echo_score: what the noise of surfaces takes from the score, (size,).
+        echo_information: what it adds to the information, (size, size).
+        echo_scatter: what it adds to the score's variance, (size, size).
     """
 
     predicted: Array
     variance: Array
     innovations: Array
     used: NDArray[np.bool_]
+    echo_score: Array
+    echo_information: Array
+    echo_scatter: Array
 
     def score(self) -> Array:
-        """Gradient of the log-likelihood by reading, (size, readings)."""
+        """Gradient of the log-likelihood by reading, without (3), (size, readings)."""
         e = self.innovations
         return np.asarray(self.predicted * e + 0.5 * self.variance * np.where(self.used, e * e - 1.0, 0.0))
 
     def information(self) -> Array:
-        """Expected information, (size, size)."""
+        """Expected information, with what noise of surfaces adds to it, (size, size)."""
         return np.asarray(self.predicted @ self.predicted.T + 0.5 * self.variance @ self.variance.T)
 
 
@@ -121,7 +140,7 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     if any(model.growth(p, w) > _FASTEST_GROWTH for w in problem.windows):
         return None
     cost = 0.5 * float(np.sum(((p - problem.prior.mean) / problem.prior.std) ** 2))
-    point = Evaluation(p, 0.0, [], [], [], [])
+    point = Evaluation(p, 0.0, [], [], [], [], [])
     for window in problem.windows:
         system = model.system(p, window)
         trace = empty_trace(*window.readings.shape, system.transition.shape[0])
@@ -136,10 +155,74 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
         point.traces.append(trace)
         point.own.append(own)
         point.own_columns.append(columns)
+        echo = _echo(model, p, window, system, trace)
+        point.echoes.append(echo)
         cost += 0.5 * float(np.sum(trace.innovations**2 / trace.variances + np.log(trace.variances)))
+        cost -= 0.5 * float(np.sum(echo**2))
     if not math.isfinite(cost):
         return None
-    return Evaluation(p, cost, point.systems, point.traces, point.own, point.own_columns)
+    return replace(point, cost=cost)
+
+
+def _echo(model: FilterModel, p: Array, window: Window, system: System, trace: Trace) -> Array:
+    """Innovations after one sample's noise of each measured input, whitened and as strong as all samples' together,
+    (inputs, readings). The sample is one from which on the gains have settled."""
+    inputs, often = _noisy(window), window.moving.sum(axis=0)
+    if not inputs.size:
+        return np.zeros((0, 0))
+    ns, at = model.states, len(window) // 3
+    length = min(len(window) - at, math.ceil(_MEMORY_S / window.dt))
+    span = slice(at, at + length)
+    late = Trace(trace.innovations[span], trace.variances[span], trace.gains[span], trace.renewed[span])
+    columns = np.zeros((inputs.size, length, window.readings.shape[1]))
+    for place, j in enumerate(inputs):
+        pulse = np.zeros((length, window.start.shape[1]))
+        pulse[1, ns + j] = math.sqrt(window.input_noise[j] * often[j])
+        columns[place] = open_loop(model, p, _driven_by(window, span, pulse), system)
+    states = np.zeros((inputs.size, system.transition.shape[0]))
+    filter_columns(system, late, window.used[span], columns, states)
+    return np.asarray((columns / np.sqrt(late.variances)).reshape(inputs.size, -1))
+
+
+def _noisy(window: Window) -> NDArray[np.int64]:
+    """Inputs whose noise drives the model."""
+    return np.flatnonzero(window.input_noise * window.moving.sum(axis=0))
+
+
+def _echo_scatter(window: Window, predicted: Array, echoes: Array) -> Array:
+    """Variance of the score that the echoes in the innovations make, (size, size)."""
+    size, channels = predicted.shape[0], window.readings.shape[1]
+    total = np.zeros((size, size))
+    rows = predicted.reshape(size, len(window), channels)
+    for place, j in enumerate(_noisy(window)):
+        moving = window.moving[:, j]
+        # the pulse is at the second sample of an echo
+        answer = echoes[place].reshape(-1, channels)[1:] / math.sqrt(np.count_nonzero(moving))
+        answered = sum(
+            fftconvolve(rows[:, :, c], answer[::-1, c][None], axes=1)[:, answer.shape[0] - 1 :]
+            for c in range(channels)
+        )
+        total += (answered * moving) @ np.asarray(answered).T
+    return total
+
+
+def _driven_by(window: Window, span: slice, drives: Array) -> Window:
+    """A window in which nothing happens but these drives, on lines between samples."""
+    none = np.zeros((drives.shape[0], window.aerodynamic.shape[1]))
+    return replace(
+        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], start=drives,
+        end=np.vstack([drives[1:], drives[-1:]]), aerodynamic=none, kinematic=none,
+    )  # fmt: skip
+
+
+def open_loop(model: FilterModel, p: Array, window: Window, system: System) -> Array:
+    """Readings that a window's forcing alone makes, without noise or correction, (samples, channels)."""
+    samples, channels = window.readings.shape
+    still = system._replace(noise=0.0 * system.noise, covariance=0.0 * system.covariance)
+    trace = empty_trace(samples, channels, system.transition.shape[0])
+    silent = replace(window, readings=np.zeros_like(window.readings))
+    innovations(still, model.record(p, silent, np.zeros(channels + model.states)), trace, True)
+    return -trace.innovations
 
 
 def _own_columns(system: System, trace: Trace, window: Window, ns: int) -> Array:
@@ -184,13 +267,20 @@ def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
         np.zeros_like(trace.innovations), np.ones_like(trace.variances), np.zeros_like(trace.gains),
         trace.renewed,
     )  # fmt: skip
+    echoes = np.zeros((size, *point.echoes[m].shape))
     for i in np.flatnonzero(problem.free):
         step = problem.prior.step[i]
         moved = p.copy()
         moved[i] += step
-        innovations(model.system(moved, window), model.record(moved, window, point.own[m]), lane, False)
+        system = model.system(moved, window)
+        innovations(system, model.record(moved, window, point.own[m]), lane, False)
+        echoes[i] = (_echo(model, moved, window, system, lane) - point.echoes[m]) / step
         predicted[i] = ((trace.innovations - lane.innovations) * root).ravel() / step
         variance[i] = ((lane.variances - trace.variances) / trace.variances).ravel() / step
     x = (point.own_columns[m] * root).reshape(-1, readings)
     predicted -= (predicted @ x.T) @ information_inverse(x @ x.T) @ x
-    return Sensitivities(predicted, variance, (trace.innovations * root).ravel(), window.used.ravel())
+    flat = echoes.reshape(size, -1)
+    return Sensitivities(
+        predicted, variance, (trace.innovations * root).ravel(), window.used.ravel(),
+        flat @ point.echoes[m].ravel(), flat @ flat.T, _echo_scatter(window, predicted, point.echoes[m]),
+    )  # fmt: skip

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from wingwatch.estimators.kalman.likelihood import Evaluation, Problem, evaluate, sensitivities
 
@@ -24,6 +25,9 @@ _STILL = 0.02
 _STUCK = 0.1
 """Where no step gains anything and a full one would promise more than this, the search did not come to rest."""
 
+_LEAST_SIGNAL = 0.2
+"""Least part of a direction's information that is taken to be signal where surfaces are measured with noise."""
+
 _TRIALS = 10
 """Most dampings that are tried for one step."""
 
@@ -37,15 +41,15 @@ class Solution:
 
     Attributes:
         point: the likelihood there.
-        information: of the data, (size, size).
-        covariance: of the parameters, prior included, (size, size); those that are not free have none.
+        inverse: of information and prior together, (size, size); 0 for parameters that are not free.
+        covariance: of the parameters: the same, with what noise of measured surfaces adds, (size, size).
         iterations: steps of all searches.
         converged: whether it came to rest.
         gusts: whether gusts are in the model.
     """
 
     point: Evaluation
-    information: Array
+    inverse: Array
     covariance: Array
     iterations: int
     converged: bool
@@ -118,68 +122,96 @@ def _gated(problem: Problem, found: Solution) -> Solution:
     return replace(best, iterations=best.iterations + found.iterations)
 
 
+@dataclass(frozen=True, slots=True)
+class _Slope:
+    """What all windows say at one point.
+
+    Attributes:
+        score: gradient of minus the cost, (size,).
+        signal: information, less what is the noise of measured surfaces, (size, size).
+        spread: expected variance of the data's score, (size, size).
+    """
+
+    score: Array
+    signal: Array
+    spread: Array
+
+
 def climb(problem: Problem, start: Array, iterations: int = 40) -> Solution | None:
     """Fisher scoring from one start; None where the likelihood cannot be evaluated there."""
     point = evaluate(problem, start)
     if point is None:
         return None
     damping, rest, n = 0.0, False, 0
-    score, information = _sums(problem, point)
+    slope = _slope(problem, point)
     while not rest and n < iterations:
         n += 1
-        better, damping = _step(problem, point, score, information, damping)
+        better, damping = _step(problem, point, slope, damping)
         if better is None:
-            rest = _promised(problem, score, information) < _STUCK
+            rest = _promised(problem, slope) < _STUCK
             break
         gain, moved = point.cost - better.cost, better.parameters - point.parameters
         point = better
-        score, information = _sums(problem, point)
-        rest = gain < _DONE or (gain < _SLOW and _is_still(problem, moved, information))
-    covariance = _covariance(problem, information)
+        slope = _slope(problem, point)
+        rest = gain < _DONE or (gain < _SLOW and _is_still(problem, moved, slope))
+    inverse, prior = _inverse(problem, slope), np.diag(problem.prior.std**-2)
+    covariance = inverse @ (slope.spread + prior) @ inverse
     gusts = bool(problem.free[problem.model.layout.gust])
-    return Solution(point, information, covariance, n, rest, gusts)
+    return Solution(point, inverse, covariance, n, rest, gusts)
 
 
-def _covariance(problem: Problem, information: Array) -> Array:
-    """Of the parameters, prior included; 0 for those that are not free."""
+def _inverse(problem: Problem, slope: _Slope) -> Array:
+    """Of information and prior together; 0 for parameters that are not free."""
     free = problem.free
-    whole = information + np.diag(problem.prior.std**-2)
-    covariance = np.zeros_like(whole)
-    covariance[np.ix_(free, free)] = np.linalg.inv(whole[np.ix_(free, free)])
-    return covariance
+    whole = slope.signal + np.diag(problem.prior.std**-2)
+    inverse = np.zeros_like(whole)
+    inverse[np.ix_(free, free)] = np.linalg.inv(whole[np.ix_(free, free)])
+    return inverse
 
 
-def _is_still(problem: Problem, moved: Array, information: Array) -> bool:
+def _is_still(problem: Problem, moved: Array, slope: _Slope) -> bool:
     at = problem.model.layout.theta
-    error = np.sqrt(np.diagonal(_covariance(problem, information))[at])
+    error = np.sqrt(np.diagonal(_inverse(problem, slope))[at])
     return bool(np.max(np.abs(moved[at]) / error) < _STILL)
 
 
-def _promised(problem: Problem, score: Array, information: Array) -> float:
+def _promised(problem: Problem, slope: _Slope) -> float:
     """Log-likelihood that a full step would gain if it were quadratic."""
-    return 0.5 * float(score @ _covariance(problem, information) @ score)
+    return 0.5 * float(slope.score @ _inverse(problem, slope) @ slope.score)
 
 
-def _sums(problem: Problem, point: Evaluation) -> tuple[Array, Array]:
-    """Gradient of minus the cost, and the information of the data."""
+def _slope(problem: Problem, point: Evaluation) -> _Slope:
     p, prior = point.parameters, problem.prior
     score, information = -(p - prior.mean) / prior.std**2, np.zeros((p.size, p.size))
+    echo, scatter = np.zeros_like(information), np.zeros_like(information)
     for m in range(len(problem.windows)):
         s = sensitivities(problem, point, m)
-        score = score + s.score().sum(axis=1)
+        score = score + s.score().sum(axis=1) + s.echo_score
         information += s.information()
-    return score, information
+        echo += s.echo_information
+        scatter += s.echo_scatter
+    signal = _signal(information, echo, np.diag(prior.std**-2))
+    return _Slope(score, signal, information + scatter)
+
+
+def _signal(information: Array, echo: Array, prior: Array) -> Array:
+    """Information without that of the surfaces' noise; a direction that is mostly noise keeps a fifth."""
+    if not echo.any():
+        return information
+    values, vectors = eigh(echo, information + prior)
+    back = (information + prior) @ vectors
+    return np.asarray(information - (back * np.minimum(values, 1.0 - _LEAST_SIGNAL)) @ back.T)
 
 
 def _step(
-    problem: Problem, point: Evaluation, score: Array, information: Array, damping: float
+    problem: Problem, point: Evaluation, slope: _Slope, damping: float
 ) -> tuple[Evaluation | None, float]:
     """A point of less cost and the damping for the next step; None where there is none."""
     free = problem.free
-    matrix = (information + np.diag(problem.prior.std**-2))[np.ix_(free, free)]
+    matrix = (slope.signal + np.diag(problem.prior.std**-2))[np.ix_(free, free)]
     for _ in range(_TRIALS):
         move = np.zeros(free.size)
-        move[free] = np.linalg.solve(matrix + damping * np.diag(np.diagonal(matrix)), score[free])
+        move[free] = np.linalg.solve(matrix + damping * np.diag(np.diagonal(matrix)), slope.score[free])
         move *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(move))), 1e-9))
         trial = evaluate(problem, point.parameters + move)
         if trial is not None and trial.cost < point.cost + 1e-9:

@@ -19,9 +19,6 @@ _HALF_S = 0.25
 _CHANCE = 1e-6
 """That noise alone scatters more."""
 
-_FAR = 3.5
-"""Noises by which a reading is off its level where it has moved."""
-
 _DRIFT = 4.0
 """Errors of its mean over the span by which a level may stray and still be one level."""
 
@@ -46,7 +43,7 @@ def at_rest(reading: Array, dt: float, noise_std: float) -> Array:
         level = float(reading[start:end].mean())
         if np.abs(mean[start:end] - level).max() <= _DRIFT * noise_std / np.sqrt(width):
             levels[start:end] = level
-    return _extended(reading, levels, noise_std)
+    return np.where(np.isfinite(levels), levels, reading)
 
 
 def _moving(reading: Array, half: int) -> tuple[Array, Array]:
@@ -60,28 +57,3 @@ def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """(start, end) of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-
-
-def _extended(reading: Array, levels: Array, noise_std: float) -> Array:
-    """Rests up to where the surface leaves its level: its neighbourhood's scatter shows the movement before it is there."""
-    known = np.isfinite(levels)
-    if not known.any():
-        return reading
-    index = np.arange(reading.size)
-    last = np.maximum.accumulate(np.where(known, index, -1))
-    following = np.minimum.accumulate(np.where(known, index, reading.size)[::-1])[::-1]
-    out = np.where(known, levels, reading)
-    for start, end in _runs(~known):
-        before, after = int(last[start]), int(following[end - 1])
-        span = reading[start:end]
-        if before >= 0:
-            out[start : start + _first_far(span - levels[before], noise_std)] = levels[before]
-        if after < reading.size:
-            out[end - _first_far((span - levels[after])[::-1], noise_std) : end] = levels[after]
-    return out
-
-
-def _first_far(deviation: Array, noise_std: float) -> int:
-    """Samples before the last two ahead of the first that is far off."""
-    far = np.flatnonzero(np.abs(deviation) > _FAR * noise_std)
-    return int(deviation.size) if far.size == 0 else max(int(far[0]) - 2, 0)

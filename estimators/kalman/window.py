@@ -44,6 +44,8 @@ class Window:
         stability: s_bar.
         airspeed_m_s: mean.
         floor: least noise variance of each channel, (channels,).
+        input_noise: variance of each measured input's noise, in the units of d, (inputs,).
+        moving: whether each input is taken as measured, (n, inputs).
     """
 
     dt: float
@@ -57,6 +59,8 @@ class Window:
     stability: float
     airspeed_m_s: float
     floor: Array
+    input_noise: Array
+    moving: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return int(self.readings.shape[0])
@@ -73,6 +77,7 @@ def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array) -> Wi
     """
     part, present = _on_even_clock(part)
     held = np.vstack([part.held_steps, np.ones((1, part.inputs.shape[1]), dtype=bool)])
+    measured = part.inputs
     part = replace(part, inputs=_surfaces(part, input_noise))
     states = part.states
     readings = np.column_stack([states, part.accelerometer[:, forces]])
@@ -86,6 +91,8 @@ def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array) -> Wi
     return Window(
         part.dt, centred, used, start, end, aerodynamic, kinematic, part.known.mean(axis=0),
         float(part.stability.mean()), float(part.condition[0]), _floor(readings, used),
+        input_noise * float(part.control.mean()) ** 2,
+        part.inputs == measured,
     )  # fmt: skip
 
 
