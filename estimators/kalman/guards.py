@@ -120,7 +120,7 @@ def _driven(problem: Problem, point: Evaluation, m: int, s: Sensitivities) -> Ar
         moved[i] += problem.prior.step[i]
         columns[i] = open_loop(model, moved, window, model.system(moved, window)) - first
         columns[i] /= problem.prior.step[i]
-    filter_columns(system, trace, window.used, columns, np.zeros((k, system.transition.shape[0])))
+    filter_columns(system, trace, window.used, columns, np.zeros((k, system.covariance.shape[0])))
     root = 1.0 / np.sqrt(trace.variances)
     flat = (columns * root).reshape(k, -1)
     x = (point.own_columns[m] * root).reshape(-1, flat.shape[1])

@@ -21,16 +21,19 @@ _SETTLED = 1e-7
 
 
 class System(NamedTuple):
-    """The filter's model over one window.
+    """The filter's model over one window, at the few levels of dynamic pressure that it went through.
 
     Attributes:
-        transition: F, (n, n).
-        noise: Q, (n, n).
-        early, late: what the forcing at a step's start and at its end adds to the state, (n, forcings).
-        output: C, (channels, n).
+        level: at each sample and over the step after it, (samples,).
+        transition: F of each level, (levels, n, n).
+        noise: Q, (levels, n, n).
+        early, late: what the forcing at a step's start and at its end adds to the state, (levels, n, forcings).
+        output: C, (levels, channels, n).
         variance: R of each channel, (channels,).
         covariance: P before the first reading, (n, n).
     """
+
+    level: NDArray[np.int64]
 
     transition: Array
     noise: Array
@@ -81,7 +84,7 @@ def empty_trace(samples: int, channels: int, states: int) -> Trace:
 
 @njit(cache=True)
 def _places(matrix):  # type: ignore[no-untyped-def]
-    """Columns of the entries that are not zero, row by row, and how many: most of a transition is zero."""
+    """Columns of the entries that are not zero, row by row, and how many: most of a transition is zero, at any level."""
     n = matrix.shape[0]
     count, where = np.zeros(n, dtype=np.int64), np.zeros((n, n), dtype=np.int64)
     for i in range(n):
@@ -93,9 +96,9 @@ def _places(matrix):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _spread(system, p, work, count, where):  # type: ignore[no-untyped-def]
+def _spread(f, noise, p, work, count, where):  # type: ignore[no-untyped-def]
     """P = F P F' + Q, in place."""
-    f, n = system.transition, p.shape[0]
+    n = p.shape[0]
     for i in range(n):
         for j in range(n):
             work[i, j] = 0.0
@@ -106,7 +109,7 @@ def _spread(system, p, work, count, where):  # type: ignore[no-untyped-def]
                 work[i, j] += factor * p[c, j]
     for i in range(n):
         for j in range(i + 1):
-            total = system.noise[i, j]
+            total = noise[i, j]
             for at in range(count[j]):
                 c = where[j, at]
                 total += work[i, c] * f[j, c]
@@ -117,30 +120,31 @@ def _spread(system, p, work, count, where):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _advance(system, record, t, x, old):  # type: ignore[no-untyped-def]
     """x from sample t - 1 to t, in place."""
-    n = x.size
+    n, at = x.size, system.level[t - 1]
     for i in range(n):
         old[i] = x[i]
     for i in range(n):
         total = 0.0
         for j in range(n):
-            total += system.transition[i, j] * old[j]
+            total += system.transition[at, i, j] * old[j]
         for m in range(record.start.shape[1]):
-            total += system.early[i, m] * record.start[t - 1, m] + system.late[i, m] * record.end[t - 1, m]
+            total += system.early[at, i, m] * record.start[t - 1, m]
+            total += system.late[at, i, m] * record.end[t - 1, m]
         x[i] = total
 
 
 @njit(cache=True)
 def _read(system, trace, t, q, p, before):  # type: ignore[no-untyped-def]
     """Gain and innovation variance of channel q at sample t, and P after it; returns the gain's relative change."""
-    n = p.shape[0]
+    n, at = p.shape[0], system.level[t]
     gain = trace.gains[t, q]
     s = system.variance[q]
     for i in range(n):
         total = 0.0
         for j in range(n):
-            total += p[i, j] * system.output[q, j]
+            total += p[i, j] * system.output[at, q, j]
         gain[i] = total
-        s += total * system.output[q, i]
+        s += total * system.output[at, q, i]
     change = 0.0
     for i in range(n):
         limit = np.sqrt(max(p[i, i] * s, 0.0))
@@ -167,19 +171,21 @@ def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
     samples, channels = record.readings.shape
     n = record.state.size
     x, old, p, work = record.state.copy(), np.zeros(n), system.covariance.copy(), np.zeros((n, n))
-    count, where = _places(system.transition)
+    count, where = _places(system.transition[0])
     settled = False
     for t in range(samples):
         same = t > 0
         if t > 0:
             _advance(system, record, t, x, old)
+            same = system.level[t] == system.level[t - 1]
             for q in range(channels):
                 same = same and record.used[t, q] == record.used[t - 1, q]
         if lead:
             trace.renewed[t] = not (settled and same)
         if trace.renewed[t] and t > 0:
             # after samples that kept their gain P is that of the last renewed one: settled, so still right
-            _spread(system, p, work, count, where)
+            at = system.level[t - 1]
+            _spread(system.transition[at], system.noise[at], p, work, count, where)
         change = 0.0
         for q in range(channels):
             if not record.used[t, q]:
@@ -191,7 +197,7 @@ def innovations(system, record, trace, lead):  # type: ignore[no-untyped-def]
                 trace.gains[t, q] = trace.gains[t - 1, q]
             e = record.readings[t, q]
             for i in range(n):
-                e -= system.output[q, i] * x[i]
+                e -= system.output[system.level[t], q, i] * x[i]
             trace.innovations[t, q] = e
             for i in range(n):
                 x[i] += trace.gains[t, q, i] * e
@@ -220,7 +226,7 @@ def filter_columns(system, trace, used, readings, states):  # type: ignore[no-un
                 for i in range(n):
                     total = 0.0
                     for j in range(n):
-                        total += system.transition[i, j] * old[j]
+                        total += system.transition[system.level[t - 1], i, j] * old[j]
                     x[i] = total
             for q in range(channels):
                 if not used[t, q]:
@@ -228,7 +234,7 @@ def filter_columns(system, trace, used, readings, states):  # type: ignore[no-un
                     continue
                 e = readings[c, t, q]
                 for i in range(n):
-                    e -= system.output[q, i] * x[i]
+                    e -= system.output[system.level[t], q, i] * x[i]
                 readings[c, t, q] = e
                 for i in range(n):
                     x[i] += trace.gains[t, q, i] * e

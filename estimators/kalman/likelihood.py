@@ -143,7 +143,7 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     point = Evaluation(p, 0.0, [], [], [], [], [])
     for window in problem.windows:
         system = model.system(p, window)
-        trace = empty_trace(*window.readings.shape, system.transition.shape[0])
+        trace = empty_trace(*window.readings.shape, system.covariance.shape[0])
         channels, ns = window.readings.shape[1], model.states
         innovations(system, model.record(p, window, np.zeros(channels + ns)), trace, True)
         if not (np.isfinite(trace.innovations).all() and trace.variances.min() > 0.0):
@@ -174,13 +174,14 @@ def _echo(model: FilterModel, p: Array, window: Window, system: System, trace: T
     length = min(len(window) - at, math.ceil(_MEMORY_S / window.dt))
     span = slice(at, at + length)
     late = Trace(trace.innovations[span], trace.variances[span], trace.gains[span], trace.renewed[span])
+    here = system._replace(level=system.level[span])
     columns = np.zeros((inputs.size, length, window.readings.shape[1]))
     for place, j in enumerate(inputs):
         pulse = np.zeros((length, window.start.shape[1]))
         pulse[1, ns + j] = math.sqrt(window.input_noise[j] * often[j])
-        columns[place] = open_loop(model, p, _driven_by(window, span, pulse), system)
-    states = np.zeros((inputs.size, system.transition.shape[0]))
-    filter_columns(system, late, window.used[span], columns, states)
+        columns[place] = open_loop(model, p, _driven_by(window, span, pulse), here)
+    states = np.zeros((inputs.size, system.covariance.shape[0]))
+    filter_columns(here, late, window.used[span], columns, states)
     return np.asarray((columns / np.sqrt(late.variances)).reshape(inputs.size, -1))
 
 
@@ -219,7 +220,7 @@ def open_loop(model: FilterModel, p: Array, window: Window, system: System) -> A
     """Readings that a window's forcing alone makes, without noise or correction, (samples, channels)."""
     samples, channels = window.readings.shape
     still = system._replace(noise=0.0 * system.noise, covariance=0.0 * system.covariance)
-    trace = empty_trace(samples, channels, system.transition.shape[0])
+    trace = empty_trace(samples, channels, system.covariance.shape[0])
     silent = replace(window, readings=np.zeros_like(window.readings))
     innovations(still, model.record(p, silent, np.zeros(channels + model.states)), trace, True)
     return -trace.innovations
@@ -228,7 +229,7 @@ def open_loop(model: FilterModel, p: Array, window: Window, system: System) -> A
 def _own_columns(system: System, trace: Trace, window: Window, ns: int) -> Array:
     """Innovations that a unit of each of the window's own constants makes, (channels + states, samples, channels)."""
     samples, channels = window.readings.shape
-    n = system.transition.shape[0]
+    n = system.covariance.shape[0]
     readings = np.zeros((channels + ns, samples, channels))
     states = np.zeros((channels + ns, n))
     for c in range(channels):

@@ -181,12 +181,9 @@ class FilterModel:
 
     def growth(self, p: Array, window: Window) -> float:
         """Rate of the fastest growing motion of the derivatives and of their copy, 1/s."""
-        values = self.physical(p)
-        ns = self.states
+        values, ns, middle = self.physical(p), self.states, float(window.levels.mean())
         both = (values.derivatives[:, :ns], values.copy)
-        return max(
-            float(np.linalg.eigvals(window.known + window.stability * a).real.max()) for a in both
-        )
+        return max(float(np.linalg.eigvals(window.known + middle * a).real.max()) for a in both)
 
     def size(self, window: Window) -> int:
         """States of the filter."""
@@ -196,16 +193,20 @@ class FilterModel:
         """The filter at parameters p."""
         values = self.physical(p)
         ns, n = self.states, self.size(window)
-        dynamics, output = self._dynamics(values, window)
-        noise = self._noise(values, n)
-        into = np.eye(n, ns)
-        f, early, late, q = discretise(dynamics, into, noise, window.dt)
+        noise, into = self._noise(values, n), np.eye(n, ns)
+        steps, outputs = [], []
+        for stability in window.levels:
+            dynamics, output = self._dynamics(values, window, float(stability))
+            steps.append(discretise(dynamics, into, noise, window.dt))
+            outputs.append(output)
+        f, early, late, q = (np.stack(matrices) for matrices in zip(*steps, strict=True))
         covariance = np.zeros((n, n))
         air = slice(ns, n - ns)
         covariance[air, air] = stationary_covariance(
-            np.ascontiguousarray(f[air, air]), np.ascontiguousarray(q[air, air])
+            np.ascontiguousarray(f[0, air, air]), np.ascontiguousarray(q[0, air, air])
         )
-        return System(f, q, early, late, output, values.noise + window.floor, covariance)
+        variance = values.noise + window.floor
+        return System(window.level, f, q, early, late, np.stack(outputs), variance, covariance)
 
     def record(self, p: Array, window: Window, own: Array) -> Record:
         """What the filter reads at parameters p.
@@ -227,12 +228,12 @@ class FilterModel:
     def _has_lag(self, window: Window) -> bool:
         return self.vane_ahead_m / window.airspeed_m_s > _LEAST_LAG * window.dt
 
-    def _dynamics(self, values: Physical, window: Window) -> tuple[Array, Array]:
+    def _dynamics(self, values: Physical, window: Window, stability: float) -> tuple[Array, Array]:
         """A of the whole filter, and C."""
         ns, n, at = self.states, self.size(window), self.layout
         structure = at.structure
-        force = window.stability * values.derivatives[:, :ns]
-        copy = window.stability * values.copy
+        force = stability * values.derivatives[:, :ns]
+        copy = stability * values.copy
         c, f, d = ns, ns + 2, n - ns - at.disturbances
         a = np.zeros((n, n))
         a[c, c] = a[c + 1, c + 1] = -1.0 / values.gust_s

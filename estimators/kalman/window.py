@@ -1,15 +1,15 @@
 """Manoeuvres as the filter reads them: deviations from the mean, forcing between samples, an even clock.
 
 With the means over a window marked by a bar, x = x_bar + dx, c u the inputs at the present control factor, s the factor
-of the stability derivatives and P the dynamic pressure that the trim follows,
+of the stability derivatives, s_l the nearest of a few levels of it and P the dynamic pressure that the trim follows,
 
-    d(dx)/dt = (K_bar + s_bar A) dx + Theta d(t) + a(t) + k(t),                                            (1)
-    d(t) = [s x_m - s_bar x_m' ...; c u - (P / P_bar) mean(c u)],
+    d(dx)/dt = (K_bar + s_l A) dx + Theta d(t) + a(t) + k(t),                                              (1)
+    d(t) = [(s - s_l) (x_m - x_bar) + (s - s_bar P / P_bar) x_bar; c u - (P / P_bar) mean(c u)],
     a(t) = (P / P_bar - 1) mean(aerodynamic acceleration),
     k(t) = rest + (K - K_bar) x_m, less its mean,
 
-where x_m is measured. What multiplies it is the change of airspeed within the window, a few per cent, so its noise
-hardly counts; what does not change within the window multiplies the state.
+where x_m is measured. What multiplies it is a per cent or two (s - s_l), or known to a per cent (K), so its noise hardly
+counts. The levels are there for what is not measured: rolling air meets the same changing damping as the aircraft does.
 """
 
 from dataclasses import dataclass, replace
@@ -23,6 +23,9 @@ from wingwatch.estimators.manoeuvre import Manoeuvre
 __all__ = ["Window", "window"]
 
 Array = NDArray[np.float64]
+
+_LEVEL = 0.04
+"""Width of a level of the stability factor, of its middle."""
 
 _ROUNDING = 1e-5
 """Noise below this part of a channel's own spread is not believed: models are no better."""
@@ -41,7 +44,7 @@ class Window:
         aerodynamic: a of (1) at each sample, (n, states).
         kinematic: k of (1) at each sample, (n, states).
         known: K_bar, (states, states).
-        stability: s_bar.
+        levels: of s, (levels,); level: which of them at each sample and over the step after it, (n,).
         airspeed_m_s: mean.
         floor: least noise variance of each channel, (channels,).
         input_noise: variance of each measured input's noise, in the units of d, (inputs,).
@@ -56,7 +59,8 @@ class Window:
     aerodynamic: Array
     kinematic: Array
     known: Array
-    stability: float
+    levels: Array
+    level: NDArray[np.int64]
     airspeed_m_s: float
     floor: Array
     input_noise: Array
@@ -84,13 +88,14 @@ def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array) -> Wi
     used = np.isfinite(readings) & present[:, None]
     used[:, : states.shape[1]] &= part.measured
     used &= ~_stuck(readings, used)
-    start, end = _regressors(part, held)
+    levels, level = _levels(part.stability)
+    start, end = _regressors(part, held, levels[level])
     aerodynamic, kinematic = _known_accelerations(part, forces)
     mean = np.array([readings[u, c].mean() if u.any() else 0.0 for c, u in enumerate(used.T)])
     centred = np.where(used, readings - mean, 0.0)
     return Window(
         part.dt, centred, used, start, end, aerodynamic, kinematic, part.known.mean(axis=0),
-        float(part.stability.mean()), float(part.condition[0]), _floor(readings, used),
+        levels, level, float(part.condition[0]), _floor(readings, used),
         input_noise * float(part.control.mean()) ** 2,
         part.inputs == measured,
     )  # fmt: skip
@@ -132,21 +137,38 @@ def _stuck(readings: Array, used: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.array([not u.any() or np.ptp(readings[u, c]) == 0.0 for c, u in enumerate(used.T)])
 
 
-def _regressors(part: Manoeuvre, held: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """d of (1), at the start and the end of each step, (n, states + inputs); ``held`` says over which steps each input
-    is (of the readings as they were: a surface at rest may leave its level within a step)."""
+def _levels(stability: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Levels of the stability factor, and which one each sample has: the middle and steps of ``_LEVEL`` from it."""
+    middle = 0.5 * float(stability.min() + stability.max())
+    steps = np.round((stability / middle - 1.0) / _LEVEL).astype(np.int64)
+    found, level = np.unique(steps, return_inverse=True)
+    return np.asarray(middle * (1.0 + _LEVEL * found)), np.asarray(level, dtype=np.int64)
+
+
+def _regressors(part: Manoeuvre, held: NDArray[np.bool_], near: Array) -> tuple[Array, Array]:
+    """d of (1), at the start and the end of each step, (n, states + inputs).
+
+    Args:
+        held: over which steps each input is, (n, inputs); of the readings as they were, for a surface at rest may leave
+            its level within a step.
+        near: s_l at each sample, (n,).
+    """
     trim = (part.pressure / part.pressure.mean())[:, None]
-    s = part.stability[:, None]
-    by_airspeed = (s - s.mean()) * part.states - (trim - 1.0) * s.mean() * part.states.mean(axis=0)
+    s, mean = part.stability[:, None], part.states.mean(axis=0)
+    slow = (s - trim * s.mean()) * mean
+    moving = part.states - mean
     loads = part.control[:, None] * part.inputs
-    following = np.vstack([part.inputs[1:], part.inputs[-1:]])
-    factor = np.append(part.control[1:], part.control[-1])[:, None]
-    ends = factor * np.where(held, part.inputs, following)
+    ends = _next(part.control)[:, None] * np.where(held, part.inputs, _next(part.inputs))
     level = loads.mean(axis=0)
-    later_trim = np.vstack([trim[1:], trim[-1:]])
-    start = np.column_stack([by_airspeed, loads - trim * level])
-    end = np.column_stack([np.vstack([by_airspeed[1:], by_airspeed[-1:]]), ends - later_trim * level])
+    here = near[:, None]
+    start = np.column_stack([(s - here) * moving + slow, loads - trim * level])
+    end = np.column_stack([(_next(s) - here) * _next(moving) + _next(slow), ends - _next(trim) * level])
     return start, end
+
+
+def _next(column: Array) -> Array:
+    """Each row's successor; the last is its own."""
+    return np.concatenate([column[1:], column[-1:]])
 
 
 def _known_accelerations(part: Manoeuvre, forces: NDArray[np.int64]) -> tuple[Array, Array]:
