@@ -172,19 +172,23 @@ def _scatter(problem: Problem, sums: _Sums) -> float:
 
 
 def _whiteness(problem: Problem, point: Evaluation) -> float:
-    """By the excess of the portmanteau statistic of all channel pairs over twice its own scatter."""
+    """By the excess of the portmanteau statistic of all channel pairs over twice its own scatter.
+
+    Each product's sum is normalised by its own squares (Lo and MacKinlay 1988): innovations that are larger at times
+    are not taken for correlated ones.
+    """
     channels = problem.windows[0].readings.shape[1]
-    products = np.zeros((_LAGS, channels, channels))
-    pairs = np.zeros_like(products)
+    sums = np.zeros((_LAGS, channels, channels))
+    squares = np.zeros_like(sums)
     for window, trace in zip(problem.windows, point.traces, strict=True):
-        e, there = trace.innovations / np.sqrt(trace.variances), window.used.astype(np.float64)
+        e = trace.innovations / np.sqrt(trace.variances)
         for lag in range(1, min(_LAGS, len(window) - 1) + 1):
-            products[lag - 1] += e[lag:].T @ e[:-lag]
-            pairs[lag - 1] += there[lag:].T @ there[:-lag]
-    seen = pairs > 0.0
+            sums[lag - 1] += e[lag:].T @ e[:-lag]
+            squares[lag - 1] += (e[lag:] ** 2).T @ e[:-lag] ** 2
+    seen = squares > 0.0
     count = int(np.count_nonzero(seen))
     if count == 0:
         return 1.0
-    statistic = float(np.sum(products[seen] ** 2 / pairs[seen]))
+    statistic = float(np.sum(sums[seen] ** 2 / squares[seen]))
     excess = statistic - count - 2.0 * np.sqrt(2.0 * count)
     return float(np.sqrt(1.0 + max(excess, 0.0) / np.sqrt(count)))
