@@ -79,7 +79,10 @@ def estimate_flight(block: SampleBlock, structure: ModeStructure, *, beside: boo
     if beside:
         return in_form(*output_error(parts, natural=natural), structure)
     assert AIRCRAFT.geometry is not None
-    config = FilterErrorConfig(AIRCRAFT.geometry.span_m, AIRCRAFT.sensors.vane_position_m[0])
+    config = FilterErrorConfig(
+        AIRCRAFT.geometry.span_m, AIRCRAFT.sensors.vane_position_m[0],
+        input_noise_std=tuple(AIRCRAFT.noise_std(f"{SURFACES[u]}_rad") or 0.0 for u in structure.inputs),
+    )  # fmt: skip
     return in_form(*filter_error(parts, config, expected=own, natural=natural), structure)
 
 

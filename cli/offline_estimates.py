@@ -144,7 +144,7 @@ def _estimated(
         raise ValueError("there are not two seconds of whole samples in a row")
     own = _expected_aerodynamics(apriori_envelope(aircraft, solved), nominal)
     solve = (
-        _filter(aircraft, own)
+        _filter(flight, aircraft, solved, own)
         if estimator == "filter-error"
         else _solver(estimator, solved, band_hz, None if own is None else own[1])
     )
@@ -189,12 +189,22 @@ def _solver(
     return lambda parts: frequency_equation_error(parts, config, natural=natural)
 
 
-def _filter(aircraft: Aircraft, own: tuple[NDArray[np.float64], NDArray[np.float64]] | None) -> Solve:
-    """Filter error with the aircraft's wing span, vane and expected derivatives."""
-    ahead = aircraft.sensors.vane_position_m[0]
-    config = FilterErrorConfig(vane_ahead_m=ahead)
+def _filter(
+    flight: FlightTable,
+    aircraft: Aircraft,
+    structure: ModeStructure,
+    own: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+) -> Solve:
+    """Filter error with the aircraft's wing span, vane, surface sensors and expected derivatives."""
+    columns = [f"{_SURFACES[u]}_rad" for u in structure.inputs if u in _SURFACES]
+    noise = [0.0 if flight.kinds.get(c) == "command" else aircraft.noise_std(c) for c in columns]
+    known = tuple(n for n in noise if n is not None)
+    config = FilterErrorConfig(
+        vane_ahead_m=aircraft.sensors.vane_position_m[0],
+        input_noise_std=known if len(known) == len(structure.inputs) else (),
+    )
     if aircraft.geometry is not None:
-        config = FilterErrorConfig(aircraft.geometry.span_m, ahead)
+        config = replace(config, span_m=aircraft.geometry.span_m)
     expected, natural = own if own is not None else (None, None)
     return lambda parts: filter_error(parts, config, expected=expected, natural=natural)
 

@@ -41,18 +41,25 @@ class FilterErrorConfig:
         span_m: of the wing; makes the time constants of gusts' gradients, 4 b / (pi V) for pitch and roll, 3 b / (pi V)
             for yaw (MIL-F-8785C).
         vane_ahead_m: how far the vane is ahead of the centre of gravity.
+        lead: how far each input's mean over a step is ahead of a line's, in steps (``servo.lead_steps``); none where
+            empty.
+        input_noise_std: of each measured input, rad; from the readings' third differences where empty. Surfaces that an
+            autopilot makes jitter look noisier than their sensors are: say it where it is known.
         prior_ratio: standard deviation of the derivatives' prior, in natural sizes.
     """
 
     span_m: float = 2.9
     vane_ahead_m: float = 0.0
+    lead: tuple[float, ...] = ()
+    input_noise_std: tuple[float, ...] = ()
     prior_ratio: float = 3.0
 
 
 NAME = "filter-error"
 
 _CONTRADICTED = 3.0
-"""Factor of a guard from which on the data contradict the model: nothing is converged then, whatever its error."""
+"""Root of the chi-square per degree of freedom of what surfaces drive, from which on nothing is converged: the two
+sources of information contradict each other by so much that no widened error covers it."""
 
 
 def filter_error(
@@ -105,13 +112,10 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
         converged=solution.converged, freedom=float(used - unknowns), natural=size,
         hidden=np.zeros(k, dtype=np.bool_),
     )  # fmt: skip
-    worst = float(guards.factors.max())
     if not solution.converged:
         return _unsettled(estimate, "the search for the most likely derivatives did not come to rest"), fit
-    if worst > _CONTRADICTED:
-        return _unsettled(
-            estimate, f"the data contradict the model: errors are widened {worst:.1f} times to cover it"
-        ), fit
+    if guards.driven > _CONTRADICTED:
+        return _unsettled(estimate, "what the surfaces did contradicts what rough air and the rest say"), fit
     return estimate, fit
 
 
@@ -158,8 +162,9 @@ def problem_of(
             f"filter error estimates short_period, dutch_roll and lateral; {s.name} has other states"
         )
     forces = np.flatnonzero(common_forces(parts))
-    input_noise = sensor_noise(parts, common_forces(parts))[-len(s.inputs) :]
-    windows = [window(p, forces, input_noise) for p in parts]
+    lead = np.array(config.lead) if config.lead else np.zeros(len(s.inputs))
+    input_noise = _input_noise(parts, config)
+    windows = [window(p, forces, input_noise, lead) for p in parts]
     mean = plain_start(parts) if expected is None else np.asarray(expected, dtype=np.float64)
     size = np.abs(mean) if natural is None else np.asarray(natural, dtype=np.float64)
     size = np.maximum(size, 1e-6)
@@ -169,6 +174,23 @@ def problem_of(
         layout, size, forces, shared.lever_m, config.vane_ahead_m, 4.0 * config.span_m / (math.pi * airspeed)
     )
     return Problem(windows, model, _prior(model, windows, mean, config), np.ones(layout.size, dtype=np.bool_))
+
+
+def _input_noise(parts: Sequence[Manoeuvre], config: FilterErrorConfig) -> Array:
+    """Noise variance of each measured input, (inputs,): as the sensors' data say, else from third differences.
+
+    Raises:
+        ValueError: another number of entries.
+    """
+    shared = parts[0].config
+    inputs = len(shared.structure.inputs)
+    if not config.input_noise_std:
+        return sensor_noise(parts, common_forces(parts))[-inputs:]
+    if len(config.input_noise_std) != inputs:
+        raise ValueError(
+            f"input_noise_std has {len(config.input_noise_std)} entries; {shared.structure.name} has {inputs} inputs"
+        )
+    return np.where(shared.held, 0.0, np.square(config.input_noise_std))
 
 
 def _prior(model: FilterModel, windows: Sequence[Window], mean: Array, config: FilterErrorConfig) -> Prior:

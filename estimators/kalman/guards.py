@@ -64,10 +64,11 @@ class Guards:
 @dataclass(slots=True)
 class _Sums:
     """What the guards need of all windows: scores of groups (groups, size), information of the full likelihood
-    (size, size), information and score of what surfaces drive (k, k), (k,), and its cross information (k, size)."""
+    (size, size), what noise of surfaces adds to its score's variance (size, size), information and score of what surfaces drive (k, k), (k,), and its cross information (k, size)."""
 
     groups: list[Array]
     information: Array
+    echo: Array
     driven: Array
     driven_score: Array
     cross: Array
@@ -87,13 +88,14 @@ def guarded(problem: Problem, solution: Solution) -> Guards:
 
 def _gathered(problem: Problem, point: Evaluation) -> _Sums:
     size, k = problem.free.size, problem.model.layout.theta.stop
-    sums = _Sums([], np.zeros((size, size)), np.zeros((k, k)), np.zeros(k), np.zeros((k, size)))
+    sums = _Sums([], np.zeros((size, size)), np.zeros((size, size)), np.zeros((k, k)), np.zeros(k), np.zeros((k, size)))
     for m, window in enumerate(problem.windows):
         s = sensitivities(problem, point, m)
         samples, channels = window.readings.shape
         score = s.score().reshape(size, samples, channels).sum(axis=2)
         sums.groups.extend(_grouped(score, max(round(_GROUP_S / window.dt), 1)))
         sums.information += s.information()
+        sums.echo += s.echo_scatter
         driven = _driven(problem, point, m, s)
         sums.driven += driven @ driven.T
         sums.driven_score += driven @ s.innovations
@@ -167,7 +169,7 @@ def _scatter(problem: Problem, sums: _Sums) -> float:
     mean = sums.information / groups.shape[0]
     metric = np.linalg.inv(mean + _prior_information(problem))
     found = float(np.einsum("ga,ab,gb->", groups, metric, groups))
-    expected = groups.shape[0] * float(np.trace(mean @ metric))
+    expected = groups.shape[0] * float(np.trace(mean @ metric)) + float(np.trace(sums.echo @ metric))
     return float(np.sqrt(max(1.0, (_PRIOR_GROUPS + found) / (_PRIOR_GROUPS + expected))))
 
 
@@ -175,15 +177,17 @@ def _whiteness(problem: Problem, point: Evaluation) -> float:
     """By the excess of the portmanteau statistic of all channel pairs over twice its own scatter.
 
     Each product's sum is normalised by its own squares (Lo and MacKinlay 1988): innovations that are larger at times
-    are not taken for correlated ones.
+    are not taken for correlated ones. What noise of measured surfaces is expected to add is taken out.
     """
     channels = problem.windows[0].readings.shape[1]
     sums = np.zeros((_LAGS, channels, channels))
     squares = np.zeros_like(sums)
-    for window, trace in zip(problem.windows, point.traces, strict=True):
+    for window, trace, echoes in zip(problem.windows, point.traces, point.echoes, strict=True):
         e = trace.innovations / np.sqrt(trace.variances)
         for lag in range(1, min(_LAGS, len(window) - 1) + 1):
             sums[lag - 1] += e[lag:].T @ e[:-lag]
+            for echo in echoes.reshape(echoes.shape[0], -1, channels):
+                sums[lag - 1] -= echo[lag:].T @ echo[:-lag]
             squares[lag - 1] += (e[lag:] ** 2).T @ e[:-lag] ** 2
     seen = squares > 0.0
     count = int(np.count_nonzero(seen))

@@ -211,7 +211,7 @@ def _driven_by(window: Window, span: slice, drives: Array) -> Window:
     """A window in which nothing happens but these drives, on lines between samples."""
     none = np.zeros((drives.shape[0], window.aerodynamic.shape[1]))
     return replace(
-        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], start=drives,
+        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], at=drives, start=drives,
         end=np.vstack([drives[1:], drives[-1:]]), aerodynamic=none, kinematic=none,
     )  # fmt: skip
 

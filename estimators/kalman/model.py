@@ -215,12 +215,13 @@ class FilterModel:
             own: the window's own constants: of each channel, then the copy's state at the first sample.
         """
         ns, theta = self.states, self.physical(p).derivatives
-        aerodynamic = window.start @ theta.T + window.aerodynamic
-        start = aerodynamic + window.kinematic
-        later = np.vstack([window.aerodynamic[1:] + window.kinematic[1:], start[-1:]])
-        end = window.end @ theta.T + later
+        aerodynamic = window.at @ theta.T + window.aerodynamic
+        here = window.aerodynamic + window.kinematic
+        start = window.start @ theta.T + here
+        end = window.end @ theta.T + np.vstack([here[1:], here[-1:]])
         readings = window.readings - own[: window.readings.shape[1]]
-        readings[:, ns:] -= aerodynamic[:, self.forces] - start @ self.lever[self.forces].T
+        whole = aerodynamic + window.kinematic
+        readings[:, ns:] -= aerodynamic[:, self.forces] - whole @ self.lever[self.forces].T
         state = np.zeros(self.size(window))
         state[-ns:] = own[window.readings.shape[1] :]
         return Record(readings, window.used, start, end, state)
