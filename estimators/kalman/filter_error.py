@@ -57,6 +57,12 @@ class FilterErrorConfig:
 
 NAME = "filter-error"
 
+_GUST_SCALE_M = 100.0
+"""Expected scale length of gusts; estimated, known to a factor of e."""
+
+_INTENSITY = 3.0
+"""Standard deviation of the ln of unknown intensities: they are known to a factor of twenty."""
+
 _CONTRADICTED = 3.0
 """Root of the chi-square per degree of freedom of what surfaces drive, from which on nothing is converged: the two
 sources of information contradict each other by so much that no widened error covers it."""
@@ -202,28 +208,23 @@ def _prior(model: FilterModel, windows: Sequence[Window], mean: Array, config: F
     copied = centre[at.theta].reshape(ns, -1)[:, :ns].ravel()
     centre[at.copy], std[at.copy], step[at.copy] = copied, 1.0, 1e-4
     centre[at.log_noise], std[at.log_noise] = np.log(_roughness(windows)), 3.0
-    std[at.gust] = 0.08 * airspeed
+    centre[at.gust], std[at.gust] = math.log(0.02 * airspeed), _INTENSITY
     centre[at.gust_rate_gain], step[at.gust_rate_gain] = 1.0, 1e-4
     shape = 4.0 if at.structure.states[0] == "w" else 3.0
     centre[at.log_span_time] = math.log(shape * config.span_m / (math.pi * airspeed))
     std[at.log_span_time] = 0.7
     centre[at.log_gust_time] = math.log(_GUST_SCALE_M / airspeed)
     centre[at.log_moment_time] = math.log(0.5)
-    std[at.disturbance] = _disturbances(model, std[at.gust], config)
-    step[at.disturbance] = 1e-3 * std[at.disturbance]
-    start = centre.copy()
-    start[at.gust] = 0.35 * std[at.gust]
-    start[at.disturbance] = 0.2 * std[at.disturbance]
-    return Prior(centre, std, start, step)
-
-
-_GUST_SCALE_M = 100.0
+    centre[at.disturbance] = np.log(_disturbances(model, 0.02 * airspeed, config))
+    std[at.disturbance] = _INTENSITY
+    return Prior(centre, std, centre.copy(), step)
 
 
 def _disturbances(model: FilterModel, gust: float, config: FilterErrorConfig) -> Array:
-    """Prior standard deviations: moments as of a degree of the strongest surface, rolling air as gusts make it."""
+    """Expected intensities: moments as of a fifth of a degree of the strongest surface, rolling air as gusts make it
+    (MIL-F-8785C)."""
     at, ns = model.layout, model.states
-    surfaces = model.natural.reshape(ns, -1)[1:, ns:].max(axis=1) * math.radians(1.0)
+    surfaces = model.natural.reshape(ns, -1)[1:, ns:].max(axis=1) * math.radians(0.2)
     if not at.rolling_air:
         return np.asarray(surfaces)
     return np.append(surfaces, 1.9 * gust / math.sqrt(_GUST_SCALE_M * config.span_m))

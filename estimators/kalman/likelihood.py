@@ -139,7 +139,8 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     model = problem.model
     if any(model.growth(p, w) > _FASTEST_GROWTH for w in problem.windows):
         return None
-    cost = 0.5 * float(np.sum(((p - problem.prior.mean) / problem.prior.std) ** 2))
+    off = (p - problem.prior.mean) / problem.prior.std
+    cost = 0.5 * float(np.sum(off[problem.free] ** 2))
     point = Evaluation(p, 0.0, [], [], [], [], [])
     for window in problem.windows:
         system = model.system(p, window)
@@ -257,31 +258,47 @@ def information_inverse(matrix: Array) -> Array:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Lane:
+    """Innovations, their variances and the echo of the surfaces' noise at parameters a step away."""
+
+    innovations: Array
+    variances: Array
+    echo: Array
+
+
+def _lane(problem: Problem, point: Evaluation, m: int, i: int, step: float) -> _Lane:
+    """The filter of window m with parameter i moved."""
+    window, model, there = problem.windows[m], problem.model, point.traces[m]
+    moved = point.parameters.copy()
+    moved[i] += step
+    system = model.system(moved, window)
+    lane = Trace(
+        np.zeros_like(there.innovations), np.ones_like(there.variances), np.zeros_like(there.gains), there.renewed
+    )
+    innovations(system, model.record(moved, window, point.own[m]), lane, False)
+    return _Lane(lane.innovations, lane.variances, _echo(model, moved, window, system, lane))
+
+
 def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
     """Of window m at an evaluated point; rows of parameters that are not free are 0."""
-    window, model, p = problem.windows[m], problem.model, point.parameters
-    trace, size = point.traces[m], p.size
+    window, trace, size = problem.windows[m], point.traces[m], point.parameters.size
     readings = trace.innovations.size
     root = 1.0 / np.sqrt(trace.variances)
     predicted, variance = np.zeros((size, readings)), np.zeros((size, readings))
-    lane = Trace(
-        np.zeros_like(trace.innovations), np.ones_like(trace.variances), np.zeros_like(trace.gains),
-        trace.renewed,
-    )  # fmt: skip
     echoes = np.zeros((size, *point.echoes[m].shape))
     for i in np.flatnonzero(problem.free):
         step = problem.prior.step[i]
-        moved = p.copy()
-        moved[i] += step
-        system = model.system(moved, window)
-        innovations(system, model.record(moved, window, point.own[m]), lane, False)
-        echoes[i] = (_echo(model, moved, window, system, lane) - point.echoes[m]) / step
-        predicted[i] = ((trace.innovations - lane.innovations) * root).ravel() / step
-        variance[i] = ((lane.variances - trace.variances) / trace.variances).ravel() / step
+        there = _lane(problem, point, m, i, step)
+        predicted[i] = ((trace.innovations - there.innovations) * root).ravel() / step
+        variance[i] = ((there.variances - trace.variances) / trace.variances).ravel() / step
+        echoes[i] = (there.echo - point.echoes[m]) / step
     x = (point.own_columns[m] * root).reshape(-1, readings)
     predicted -= (predicted @ x.T) @ information_inverse(x @ x.T) @ x
     flat = echoes.reshape(size, -1)
+    driven = flat.copy()  # noises change how an echo is weighted, not what it is of: that is in the information already
+    driven[problem.model.layout.theta.stop :] = 0.0
     return Sensitivities(
         predicted, variance, (trace.innovations * root).ravel(), window.used.ravel(),
-        flat @ point.echoes[m].ravel(), flat @ flat.T, _echo_scatter(window, predicted, point.echoes[m]),
+        flat @ point.echoes[m].ravel(), driven @ driven.T, _echo_scatter(window, predicted, point.echoes[m]),
     )  # fmt: skip

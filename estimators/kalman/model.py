@@ -76,7 +76,7 @@ class Layout:
 
     @property
     def gust(self) -> int:
-        """Intensity, m/s; its sign has no meaning."""
+        """ln of the gust's intensity, m/s."""
         return self.log_noise.stop
 
     @property
@@ -101,7 +101,7 @@ class Layout:
 
     @property
     def disturbance(self) -> slice:
-        """Intensities of unmeasured moments, rad/s2, and of rolling air, rad/s; their signs have no meaning."""
+        """ln of the intensities of unmeasured moments, rad/s2, and of rolling air, rad/s."""
         return slice(self.log_span_time + 3, self.log_span_time + 3 + self.disturbances)
 
     @property
@@ -176,7 +176,7 @@ class FilterModel:
         limited = np.exp(np.clip(p[at.log_span_time : at.log_moment_time + 1], -6.0, 6.0))
         return Physical(
             theta, p[at.copy].reshape(ns, ns) * sizes[:, :ns], np.exp(np.clip(p[at.log_noise], -60.0, 30.0)),
-            float(p[at.gust]), p[at.gust_rate_gain], *limited.tolist(), p[at.disturbance],
+            float(np.exp(p[at.gust])), p[at.gust_rate_gain], *limited.tolist(), np.exp(p[at.disturbance]),
         )  # fmt: skip
 
     def growth(self, p: Array, window: Window) -> float:

@@ -16,14 +16,12 @@ Array = NDArray[np.float64]
 _LONGEST_STEP = 1.5
 """No parameter moves further than this in one step: natural sizes of derivatives, factors of e of noises."""
 
-_DONE, _SLOW = 2e-3, 5e-2
-"""A step that gains less log-likelihood than the first is the last; one that gains less than the second is, where no
-derivative moved by more than ``_STILL`` of its error."""
+_DONE, _NEARLY, _STILL = 0.02, 1.0, 0.1
+"""A search is at rest where a full step promises less log-likelihood than the first, or less than the second while no
+derivative would move by more than the third of its error."""
 
-_STILL = 0.02
-
-_STUCK = 0.1
-"""Where no step gains anything and a full one would promise more than this, the search did not come to rest."""
+_NO_GUST = -100.0
+"""ln of an intensity that is none."""
 
 _LEAST_SIGNAL = 0.2
 """Least part of a direction's information that is taken to be signal where surfaces are measured with noise."""
@@ -64,8 +62,7 @@ def solve(problem: Problem) -> Solution | None:
     first = climb(problem, problem.prior.start)
     if first is None:
         return None
-    best = _better(first, climb(problem, _lifted(problem, first.point.parameters), 10))
-    best = _gated(problem, best)
+    best = _gated(problem, _better(first, climb(problem, _lifted(problem, first.point.parameters), 12)))
     return best if best.converged else _continued(problem, best)
 
 
@@ -94,29 +91,24 @@ def _better(one: Solution, other: Solution | None) -> Solution:
 
 
 def _lifted(problem: Problem, p: Array) -> Array:
-    """The same derivatives with noises as at the start and gusts and moments at least a fifth of it."""
+    """The same derivatives with noises as at the start and gusts and moments within a factor of e of it."""
     at, start = problem.model.layout, problem.prior.start
     lifted = p.copy()
     lifted[at.log_noise] = start[at.log_noise]
     for i in (at.gust, *range(at.disturbance.start, at.disturbance.stop)):
-        lifted[i] = max(abs(p[i]), 0.4 * abs(start[i]))
+        lifted[i] = max(p[i], start[i] - 1.0)
     return lifted
 
 
 def _gated(problem: Problem, found: Solution) -> Solution:
     """The same solution, or one without gusts where they gain no more than chance and misfit would."""
     at = problem.model.layout
-    if abs(found.point.parameters[at.gust]) > 0.3 * problem.prior.start[at.gust]:
+    if found.point.parameters[at.gust] > problem.prior.start[at.gust] - 1.0:
         return found
     calm = _restricted(problem, False)
-    best: Solution | None = None
-    for start in (found.point.parameters, problem.prior.start):
-        p = start.copy()
-        p[~calm.free] = problem.prior.mean[~calm.free]
-        p[at.gust] = 0.0
-        trial = climb(calm, p, 15)
-        if trial is not None and (best is None or trial.point.cost < best.point.cost):
-            best = trial
+    p = np.where(calm.free, found.point.parameters, problem.prior.mean)
+    p[at.gust] = _NO_GUST
+    best = climb(calm, p, 20)
     if best is None or best.point.cost - found.point.cost > _GATE:
         return found
     return replace(best, iterations=best.iterations + found.iterations)
@@ -142,22 +134,19 @@ def climb(problem: Problem, start: Array, iterations: int = 40) -> Solution | No
     point = evaluate(problem, start)
     if point is None:
         return None
-    damping, rest, n = 0.0, False, 0
+    damping, n = 0.0, 0
     slope = _slope(problem, point)
-    while not rest and n < iterations:
+    while n < iterations and not _at_rest(problem, slope):
         n += 1
         better, damping = _step(problem, point, slope, damping)
         if better is None:
-            rest = _promised(problem, slope) < _STUCK
             break
-        gain, moved = point.cost - better.cost, better.parameters - point.parameters
         point = better
         slope = _slope(problem, point)
-        rest = gain < _DONE or (gain < _SLOW and _is_still(problem, moved, slope))
     inverse, prior = _inverse(problem, slope), np.diag(problem.prior.std**-2)
     covariance = inverse @ (slope.spread + prior) @ inverse
     gusts = bool(problem.free[problem.model.layout.gust])
-    return Solution(point, inverse, covariance, n, rest, gusts)
+    return Solution(point, inverse, covariance, n, _at_rest(problem, slope), gusts)
 
 
 def _inverse(problem: Problem, slope: _Slope) -> Array:
@@ -169,20 +158,18 @@ def _inverse(problem: Problem, slope: _Slope) -> Array:
     return inverse
 
 
-def _is_still(problem: Problem, moved: Array, slope: _Slope) -> bool:
-    at = problem.model.layout.theta
-    error = np.sqrt(np.diagonal(_inverse(problem, slope))[at])
-    return bool(np.max(np.abs(moved[at]) / error) < _STILL)
-
-
-def _promised(problem: Problem, slope: _Slope) -> float:
-    """Log-likelihood that a full step would gain if it were quadratic."""
-    return 0.5 * float(slope.score @ _inverse(problem, slope) @ slope.score)
+def _at_rest(problem: Problem, slope: _Slope) -> bool:
+    """Whether a full step would change nothing that matters."""
+    inverse, at = _inverse(problem, slope), problem.model.layout.theta
+    move = inverse @ slope.score
+    promised = 0.5 * float(slope.score @ move)
+    largest = float(np.max(np.abs(move[at]) / np.sqrt(np.diagonal(inverse)[at])))
+    return promised < _DONE or (promised < _NEARLY and largest < _STILL)
 
 
 def _slope(problem: Problem, point: Evaluation) -> _Slope:
     p, prior = point.parameters, problem.prior
-    score, information = -(p - prior.mean) / prior.std**2, np.zeros((p.size, p.size))
+    score, information = problem.free * (prior.mean - p) / prior.std**2, np.zeros((p.size, p.size))
     echo, scatter = np.zeros_like(information), np.zeros_like(information)
     for m in range(len(problem.windows)):
         s = sensitivities(problem, point, m)
