@@ -4,7 +4,7 @@ Each line: truths inside the stated 95 % interval, of all derivatives and of tho
 that claims, rms of error over stated error of each derivative, and median stated error in per cent of the truth.
 
 Run: python benchmarks/filter_error.py plants [--seeds N] [--plant short_period] [--situation NAME ...]
-     python benchmarks/filter_error.py flights [--flights N] [--seconds S] [--turbulence none ...] [--structure NAME ...]
+     python benchmarks/filter_error.py flights [--flights N] [--seconds S] [--turbulence LEVEL ...] [--structure ...]
 """
 
 import argparse
@@ -56,8 +56,12 @@ def flights_of(turbulence: Turbulence, count: int, seconds: float) -> Iterable[S
     """Autopilot closed, doublets of 2 degrees of each surface; air as fine as in ``turbulence.py``."""
     doublets = doublet_schedule(AIRCRAFT, CRUISE, np.deg2rad(2.0))
     for i in range(count):
-        scenario = Scenario(AIRCRAFT, manoeuvres=(doublets,), turbulence=turbulence, seed=FIRST_SEED + 500 + i)
-        values = FleetSimulation([scenario], rate_hz=RATE_HZ * FINER).step(round(RATE_HZ * FINER * seconds))[0]
+        scenario = Scenario(
+            AIRCRAFT, manoeuvres=(doublets,), turbulence=turbulence, seed=FIRST_SEED + 500 + i
+        )
+        values = FleetSimulation([scenario], rate_hz=RATE_HZ * FINER).step(round(RATE_HZ * FINER * seconds))[
+            0
+        ]
         yield complete(SampleBlock(np.ascontiguousarray(values[::FINER])))
 
 
@@ -109,7 +113,13 @@ def on_plants(chosen: argparse.Namespace) -> None:
     for name in chosen.situation or SITUATIONS:
         start, found = time.perf_counter(), []
         for seed in range(chosen.first, chosen.first + chosen.seeds):
-            flight = fly(plant, SITUATIONS[name], seed, rate_hz=chosen.rate_hz, accelerometer=not chosen.no_accelerometer)
+            flight = fly(
+                plant,
+                SITUATIONS[name],
+                seed,
+                rate_hz=chosen.rate_hz,
+                accelerometer=not chosen.no_accelerometer,
+            )
             found.append((estimate_plant(flight)[0], np.array(plant.derivatives)))
         show(name, found, time.perf_counter() - start)
 
@@ -126,8 +136,21 @@ def on_flights(chosen: argparse.Namespace) -> None:
                 show(f"{turbulence} {name} {estimates[0].estimator}", found, time.perf_counter() - start)
                 if chosen.verbose:
                     for e, truth in found:
-                        print("   ", *(f"{d} {(v - t) / s:+.1f} ({100 * s / abs(t):.2g}%) {o[:4]}" for d, v, t, s, o in zip(
-                            structure.derivatives, e.value, truth, e.standard_error, e.outcomes, strict=True)), e.reason)
+                        print(
+                            "   ",
+                            *(
+                                f"{d} {(v - t) / s:+.1f} ({100 * s / abs(t):.2g}%) {o[:4]}"
+                                for d, v, t, s, o in zip(
+                                    structure.derivatives,
+                                    e.value,
+                                    truth,
+                                    e.standard_error,
+                                    e.outcomes,
+                                    strict=True,
+                                )
+                            ),
+                            e.reason,
+                        )
 
 
 def main() -> int:

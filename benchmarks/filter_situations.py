@@ -148,8 +148,8 @@ class Flight:
 def _steps(state, a, b, surface, gust, moment, air, forward):  # type: ignore[no-untyped-def]
     """Midpoint steps of one sample; state is velocity, rate and the gust behind the span filter.
 
-    ``surface`` is where it is at the sample's start and at its end; ``air`` is the step, the span filter's time constant and the turning air's factor; ``forward`` the part of the
-    force's rate column that is no aerodynamics.
+    ``surface`` is where it is at the sample's start and at its end; ``air`` is the step, the span filter's time
+    constant and the turning air's factor; ``forward`` the part of the force's rate column that is no aerodynamics.
     """
     h, tau, turn = air
     decay = np.exp(-h / tau)
@@ -240,7 +240,11 @@ def _response(
             angle += dt * states[k, 1]
             sense = 1.0
             answer = float(
-                np.clip(sense * (situation.autopilot[0] * states[k, 1] + situation.autopilot[1] * angle), -0.3, 0.3)
+                np.clip(
+                    sense * (situation.autopilot[0] * states[k, 1] + situation.autopilot[1] * angle),
+                    -0.3,
+                    0.3,
+                )
             )
         later = u if held else planned[min(k + 1, n - 1)] + answer
         _steps(state, a, b, (u, later), gust[span], moment[span], (h, tau, turn), plant.turn)

@@ -1,7 +1,7 @@
 """Filter error: maximum likelihood with sensor noise, moving air and unmeasured moments, on files.
 
-Output error with a Kalman filter between model and data (Jategaonkar 2006, chapter 5): the innovations' full likelihood,
-with gains and innovation variances as functions of the parameters. Derivation, priors and guards:
+Output error with a Kalman filter between model and data (Jategaonkar 2006, chapter 5): the innovations' full
+likelihood, with gains and innovation variances as functions of the parameters. Derivation, priors and guards:
 docs/methods/filter_error.md.
 """
 
@@ -41,8 +41,6 @@ class FilterErrorConfig:
         span_m: of the wing; makes the time constants of gusts' gradients, 4 b / (pi V) for pitch and roll, 3 b / (pi V)
             for yaw (MIL-F-8785C).
         vane_ahead_m: how far the vane is ahead of the centre of gravity.
-        lead: how far each input's mean over a step is ahead of a line's, in steps (``servo.lead_steps``); none where
-            empty.
         input_noise_std: of each measured input, rad; from the readings' third differences where empty. Surfaces that an
             autopilot makes jitter look noisier than their sensors are: say it where it is known.
         prior_ratio: standard deviation of the derivatives' prior, in natural sizes.
@@ -50,7 +48,6 @@ class FilterErrorConfig:
 
     span_m: float = 2.9
     vane_ahead_m: float = 0.0
-    lead: tuple[float, ...] = ()
     input_noise_std: tuple[float, ...] = ()
     prior_ratio: float = 3.0
 
@@ -80,8 +77,8 @@ def filter_error(
     Args:
         parts: manoeuvres of one config, of short period, Dutch roll or lateral.
         config: see there.
-        expected: referred aerodynamic derivatives as expected beforehand, (k,): mean of the prior; equation error (5.12)
-            where None.
+        expected: referred aerodynamic derivatives as expected beforehand, (k,): mean of the prior; equation error
+            (5.12) where None.
         natural: natural size of each concise derivative, (k,), for prior and standing; that of ``expected`` where None.
 
     Returns:
@@ -107,12 +104,15 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
     k, size = at.theta.stop, problem.model.natural
     p = solution.point.parameters
     plain = solution.covariance[:k, :k] * np.outer(size, size)
+    # what is known beforehand stays known, whatever the data
+    most = np.sqrt(np.maximum(problem.prior.std[:k] ** 2 / np.diagonal(solution.covariance)[:k], 1.0))
+    factors = np.minimum(guards.factors, most)
     channels = _channels(problem, solution)
     used = int(sum(np.count_nonzero(w.used) for w in problem.windows))
     unknowns = int(np.count_nonzero(problem.free)) + sum(own.size for own in solution.point.own)
     noise = np.sqrt(problem.model.physical(p).noise + np.mean([w.floor for w in problem.windows], axis=0))
     estimate, fit = finished(
-        NAME, parts, p[at.theta] * size, plain, plain * np.outer(guards.factors, guards.factors), True, channels,
+        NAME, parts, p[at.theta] * size, plain, plain * np.outer(factors, factors), True, channels,
         dict(zip(_channel_names(problem), noise.tolist(), strict=True)),
         samples=sum(len(w) for w in problem.windows), parameters=unknowns, iterations=solution.iterations,
         converged=solution.converged, freedom=float(used - unknowns), natural=size,
@@ -143,11 +143,11 @@ def _channels(problem: Problem, solution: Solution) -> tuple[ChannelFit, ...]:
     fits = []
     for c, name in enumerate(_channel_names(problem)):
         measured, predicted = [], []
-        for window, trace in zip(problem.windows, solution.point.traces, strict=True):
-            there = window.used[:, c]
+        for data, trace in zip(problem.windows, solution.point.traces, strict=True):
+            there = data.used[:, c]
             if there.any():
-                measured.append(window.readings[there, c])
-                predicted.append(window.readings[there, c] - trace.innovations[there, c])
+                measured.append(data.readings[there, c])
+                predicted.append(data.readings[there, c] - trace.innovations[there, c])
         if measured:
             fits.append(channel_fit(name, measured, predicted))
     return tuple(fits)
@@ -168,9 +168,8 @@ def problem_of(
             f"filter error estimates short_period, dutch_roll and lateral; {s.name} has other states"
         )
     forces = np.flatnonzero(common_forces(parts))
-    lead = np.array(config.lead) if config.lead else np.zeros(len(s.inputs))
     input_noise = _input_noise(parts, config)
-    windows = [window(p, forces, input_noise, lead) for p in parts]
+    windows = [window(p, forces, input_noise) for p in parts]
     mean = plain_start(parts) if expected is None else np.asarray(expected, dtype=np.float64)
     size = np.abs(mean) if natural is None else np.asarray(natural, dtype=np.float64)
     size = np.maximum(size, 1e-6)
@@ -238,6 +237,6 @@ def _roughness(windows: Sequence[Window]) -> Array:
     for c in range(channels):
         squares = [np.diff(w.readings[w.used[:, c], c], 2) ** 2 for w in windows]
         every = np.concatenate(squares)
-        # the median of a normal variable's square is 0.455 of its mean, and second differences have 6 times the variance
+        # a normal variable's squares have a median of 0.455 of their mean; second differences six times the variance
         rough[c] = np.median(every) / (0.455 * 6.0) if every.size else 1.0
-    return np.maximum(rough, np.maximum(floor, 1e-12))
+    return np.asarray(np.maximum(rough, np.maximum(floor, 1e-12)))

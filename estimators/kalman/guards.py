@@ -1,4 +1,4 @@
-"""What widens the stated error where the data contradict the model (derivations: docs/methods/filter_error.md, section 6).
+"""What widens the stated error where the data contradict the model (docs/methods/filter_error.md).
 
 Each guard looks for one kind of contradiction and says by how much the errors must grow for it to be none. The largest
 counts. None of them changes the estimate.
@@ -64,7 +64,8 @@ class Guards:
 @dataclass(slots=True)
 class _Sums:
     """What the guards need of all windows: scores of groups (groups, size), information of the full likelihood
-    (size, size), what noise of surfaces adds to its score's variance (size, size), information and score of what surfaces drive (k, k), (k,), and its cross information (k, size)."""
+    (size, size), what noise of surfaces adds to its score's variance (size, size), information and score of what
+    surfaces drive (k, k), (k,), and its cross information with the full likelihood (k, size)."""
 
     groups: list[Array]
     information: Array
@@ -88,7 +89,9 @@ def guarded(problem: Problem, solution: Solution) -> Guards:
 
 def _gathered(problem: Problem, point: Evaluation) -> _Sums:
     size, k = problem.free.size, problem.model.layout.theta.stop
-    sums = _Sums([], np.zeros((size, size)), np.zeros((size, size)), np.zeros((k, k)), np.zeros(k), np.zeros((k, size)))
+    sums = _Sums(
+        [], np.zeros((size, size)), np.zeros((size, size)), np.zeros((k, k)), np.zeros(k), np.zeros((k, size))
+    )
     for m, window in enumerate(problem.windows):
         s = sensitivities(problem, point, m)
         samples, channels = window.readings.shape
@@ -142,7 +145,7 @@ def _driven_ratio(problem: Problem, solution: Solution, sums: _Sums) -> float:
     if not seen.any():
         return 1.0
     z = vectors.T[seen] @ sums.driven_score
-    return float(np.sqrt(max(1.0, np.mean(z**2 / values[seen]))))
+    return float(np.sqrt(max(1.0, float(np.mean(z**2 / values[seen])))))
 
 
 def _by_surfaces_alone(problem: Problem, solution: Solution, sums: _Sums, error: Array) -> Array:
@@ -186,7 +189,7 @@ def _whiteness(problem: Problem, point: Evaluation) -> float:
         e = trace.innovations / np.sqrt(trace.variances)
         for lag in range(1, min(_LAGS, len(window) - 1) + 1):
             sums[lag - 1] += e[lag:].T @ e[:-lag]
-            for echo in echoes.reshape(echoes.shape[0], -1, channels):
+            for echo in (row.reshape(-1, channels) for row in echoes):
                 sums[lag - 1] -= echo[lag:].T @ echo[:-lag]
             squares[lag - 1] += (e[lag:] ** 2).T @ e[:-lag] ** 2
     seen = squares > 0.0

@@ -17,7 +17,7 @@ __all__ = ["Record", "System", "Trace", "empty_trace", "filter_columns", "innova
 Array = NDArray[np.float64]
 
 _SETTLED = 1e-7
-"""A gain has settled where a step changes none of its entries by more than this part of what it could be at most."""
+"""A gain has settled where its change over a step moves no predicted reading by more than this part of its noise."""
 
 
 class System(NamedTuple):
@@ -79,12 +79,14 @@ class Trace(NamedTuple):
 def empty_trace(samples: int, channels: int, states: int) -> Trace:
     """Memory for ``innovations``."""
     shape = (samples, channels)
-    return Trace(np.zeros(shape), np.ones(shape), np.zeros((*shape, states)), np.ones(samples, dtype=np.bool_))
+    return Trace(
+        np.zeros(shape), np.ones(shape), np.zeros((*shape, states)), np.ones(samples, dtype=np.bool_)
+    )
 
 
 @njit(cache=True)
 def _places(matrix):  # type: ignore[no-untyped-def]
-    """Columns of the entries that are not zero, row by row, and how many: most of a transition is zero, at any level."""
+    """Columns of the entries that are not zero, row by row, and how many: most of a transition is, at any level."""
     n = matrix.shape[0]
     count, where = np.zeros(n, dtype=np.int64), np.zeros((n, n), dtype=np.int64)
     for i in range(n):
@@ -135,7 +137,8 @@ def _advance(system, record, t, x, old):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _read(system, trace, t, q, p, before):  # type: ignore[no-untyped-def]
-    """Gain and innovation variance of channel q at sample t, and P after it; returns the gain's relative change."""
+    """Gain and innovation variance of channel q at sample t, and P after it; returns the change of the gain by
+    what it does to predicted readings, in their noises."""
     n, at = p.shape[0], system.level[t]
     gain = trace.gains[t, q]
     s = system.variance[q]
@@ -145,12 +148,14 @@ def _read(system, trace, t, q, p, before):  # type: ignore[no-untyped-def]
             total += p[i, j] * system.output[at, q, j]
         gain[i] = total
         s += total * system.output[at, q, i]
-    change = 0.0
     for i in range(n):
-        limit = np.sqrt(max(p[i, i] * s, 0.0))
         gain[i] /= s
-        if limit > 0.0:
-            change = max(change, abs(gain[i] - before[i]) * s / limit)
+    change = 0.0
+    for c in range(system.variance.size):
+        moved = 0.0
+        for i in range(n):
+            moved += system.output[at, c, i] * (gain[i] - before[i])
+        change = max(change, abs(moved) * np.sqrt(s / system.variance[c]))
     for i in range(n):
         for j in range(i + 1):
             p[i, j] -= gain[i] * gain[j] * s

@@ -144,7 +144,7 @@ def evaluate(problem: Problem, p: Array) -> Evaluation | None:
     point = Evaluation(p, 0.0, [], [], [], [], [])
     for window in problem.windows:
         system = model.system(p, window)
-        trace = empty_trace(*window.readings.shape, system.covariance.shape[0])
+        trace = empty_trace(len(window), window.readings.shape[1], system.covariance.shape[0])
         channels, ns = window.readings.shape[1], model.states
         innovations(system, model.record(p, window, np.zeros(channels + ns)), trace, True)
         if not (np.isfinite(trace.innovations).all() and trace.variances.min() > 0.0):
@@ -212,7 +212,7 @@ def _driven_by(window: Window, span: slice, drives: Array) -> Window:
     """A window in which nothing happens but these drives, on lines between samples."""
     none = np.zeros((drives.shape[0], window.aerodynamic.shape[1]))
     return replace(
-        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], at=drives, start=drives,
+        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], start=drives,
         end=np.vstack([drives[1:], drives[-1:]]), aerodynamic=none, kinematic=none,
     )  # fmt: skip
 
@@ -274,7 +274,10 @@ def _lane(problem: Problem, point: Evaluation, m: int, i: int, step: float) -> _
     moved[i] += step
     system = model.system(moved, window)
     lane = Trace(
-        np.zeros_like(there.innovations), np.ones_like(there.variances), np.zeros_like(there.gains), there.renewed
+        np.zeros_like(there.innovations),
+        np.ones_like(there.variances),
+        np.zeros_like(there.gains),
+        there.renewed,
     )
     innovations(system, model.record(moved, window, point.own[m]), lane, False)
     return _Lane(lane.innovations, lane.variances, _echo(model, moved, window, system, lane))
@@ -287,7 +290,7 @@ def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
     root = 1.0 / np.sqrt(trace.variances)
     predicted, variance = np.zeros((size, readings)), np.zeros((size, readings))
     echoes = np.zeros((size, *point.echoes[m].shape))
-    for i in np.flatnonzero(problem.free):
+    for i in np.flatnonzero(problem.free).tolist():
         step = problem.prior.step[i]
         there = _lane(problem, point, m, i, step)
         predicted[i] = ((trace.innovations - there.innovations) * root).ravel() / step
@@ -296,7 +299,9 @@ def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
     x = (point.own_columns[m] * root).reshape(-1, readings)
     predicted -= (predicted @ x.T) @ information_inverse(x @ x.T) @ x
     flat = echoes.reshape(size, -1)
-    driven = flat.copy()  # noises change how an echo is weighted, not what it is of: that is in the information already
+    driven = (
+        flat.copy()
+    )  # noises change how an echo is weighted, not what it is of: that is in the information already
     driven[problem.model.layout.theta.stop :] = 0.0
     return Sensitivities(
         predicted, variance, (trace.innovations * root).ravel(), window.used.ravel(),

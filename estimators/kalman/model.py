@@ -1,4 +1,4 @@
-"""The aircraft in moving air with unmeasured moments, as a linear filter model of one window (docs/methods/filter_error.md).
+"""The aircraft in moving air with unmeasured moments, as a linear filter of one window (docs/methods/filter_error.md).
 
 States, in this order (s of them belong to the structure):
 
@@ -21,7 +21,7 @@ from wingwatch.estimators.kalman.discretisation import discretise, stationary_co
 from wingwatch.estimators.kalman.innovations import Record, System
 from wingwatch.estimators.kalman.window import Window
 
-__all__ = ["FilterModel", "Layout", "Physical", "state_names"]
+__all__ = ["FilterModel", "Layout", "Physical"]
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,6 @@ class Layout:
     Attributes:
         structure: which mode.
         channels: how many readings a sample has.
-        rolling_air: whether air that rolls about the flight path is modelled (where roll rate is a state).
     """
 
     structure: ModeStructure
@@ -53,6 +52,7 @@ class Layout:
 
     @property
     def rolling_air(self) -> bool:
+        """Whether air that rolls about the flight path is modelled: where roll rate is a state."""
         return "p" in self.structure.states
 
     @property
@@ -62,6 +62,7 @@ class Layout:
 
     @property
     def disturbances(self) -> int:
+        """Unmeasured moments, and rolling air."""
         return self.moments + int(self.rolling_air)
 
     @property
@@ -77,7 +78,7 @@ class Layout:
     @property
     def gust(self) -> int:
         """ln of the gust's intensity, m/s."""
-        return self.log_noise.stop
+        return int(self.log_noise.stop)
 
     @property
     def gust_rate_gain(self) -> slice:
@@ -87,7 +88,7 @@ class Layout:
     @property
     def log_span_time(self) -> int:
         """ln of the time constant of the span filter, s."""
-        return self.gust_rate_gain.stop
+        return int(self.gust_rate_gain.stop)
 
     @property
     def log_gust_time(self) -> int:
@@ -118,7 +119,8 @@ class Layout:
 
     @property
     def size(self) -> int:
-        return self.copy.stop
+        """How many parameters there are."""
+        return int(self.copy.stop)
 
 
 class Physical(NamedTuple):
@@ -173,10 +175,10 @@ class FilterModel:
         at, ns = self.layout, self.states
         sizes = self.natural.reshape(ns, -1)
         theta = p[at.theta].reshape(ns, -1) * sizes
-        limited = np.exp(np.clip(p[at.log_span_time : at.log_moment_time + 1], -6.0, 6.0))
+        span, gust, moment = np.exp(np.clip(p[at.log_span_time : at.log_moment_time + 1], -6.0, 6.0)).tolist()
         return Physical(
             theta, p[at.copy].reshape(ns, ns) * sizes[:, :ns], np.exp(np.clip(p[at.log_noise], -60.0, 30.0)),
-            float(np.exp(p[at.gust])), p[at.gust_rate_gain], *limited.tolist(), np.exp(p[at.disturbance]),
+            float(np.exp(p[at.gust])), p[at.gust_rate_gain], span, gust, moment, np.exp(p[at.disturbance]),
         )  # fmt: skip
 
     def growth(self, p: Array, window: Window) -> float:
@@ -215,13 +217,12 @@ class FilterModel:
             own: the window's own constants: of each channel, then the copy's state at the first sample.
         """
         ns, theta = self.states, self.physical(p).derivatives
-        aerodynamic = window.at @ theta.T + window.aerodynamic
-        here = window.aerodynamic + window.kinematic
-        start = window.start @ theta.T + here
-        end = window.end @ theta.T + np.vstack([here[1:], here[-1:]])
+        aerodynamic = window.start @ theta.T + window.aerodynamic
+        start = aerodynamic + window.kinematic
+        known = window.aerodynamic + window.kinematic
+        end = window.end @ theta.T + np.vstack([known[1:], known[-1:]])
         readings = window.readings - own[: window.readings.shape[1]]
-        whole = aerodynamic + window.kinematic
-        readings[:, ns:] -= aerodynamic[:, self.forces] - whole @ self.lever[self.forces].T
+        readings[:, ns:] -= aerodynamic[:, self.forces] - start @ self.lever[self.forces].T
         state = np.zeros(self.size(window))
         state[-ns:] = own[window.readings.shape[1] :]
         return Record(readings, window.used, start, end, state)
@@ -297,12 +298,3 @@ class FilterModel:
             time = self.rolling_s if at.rolling_air and i == at.moments else values.moment_s
             noise[first + i, first + i] = 2.0 * intensity**2 / time
         return noise
-
-
-def state_names(layout: Layout, lag: bool) -> list[str]:
-    """Names of the filter's states, in order."""
-    s = layout.structure
-    moments = [f"d_{row}" for row in s.equations[1:]]
-    rolling = ["p_g"] if layout.rolling_air else []
-    gust = ["c_1", "c_2", "f", *(["l_1", "l_2"] if lag else [])]
-    return [*s.states, *gust, *moments, *rolling, *(f"copy_{x}" for x in s.states)]

@@ -1,4 +1,4 @@
-"""The maximum of the likelihood by Fisher scoring: damped where a step fails, from two starts, with a gate for gusts."""
+"""The maximum of the likelihood by Fisher scoring, damped where a step fails: two starts, and a gate for gusts."""
 
 import math
 from dataclasses import dataclass, replace
@@ -68,10 +68,10 @@ def solve(problem: Problem) -> Solution | None:
 
 def _continued(problem: Problem, found: Solution) -> Solution:
     """A search that ran out of steps goes on."""
-    longer = climb(_restricted(problem, found.gusts), found.point.parameters)
-    return _better(found, longer) if longer is None else replace(
-        longer, iterations=longer.iterations + found.iterations
-    )
+    longer = climb(_restricted(problem, found.gusts), found.point.parameters, 100)
+    if longer is None:
+        return found
+    return replace(longer, iterations=longer.iterations + found.iterations)
 
 
 def _restricted(problem: Problem, gusts: bool) -> Problem:

@@ -8,8 +8,9 @@ of the stability derivatives, s_l the nearest of a few levels of it and P the dy
     a(t) = (P / P_bar - 1) mean(aerodynamic acceleration),
     k(t) = rest + (K - K_bar) x_m, less its mean,
 
-where x_m is measured. What multiplies it is a per cent or two (s - s_l), or known to a per cent (K), so its noise hardly
-counts. The levels are there for what is not measured: rolling air meets the same changing damping as the aircraft does.
+where x_m is measured. What multiplies it is a per cent or two (s - s_l), or known to a per cent (K), so its noise
+hardly counts. The levels are there for what is not measured: rolling air meets the same changing damping as the
+aircraft does.
 """
 
 from dataclasses import dataclass, replace
@@ -39,8 +40,8 @@ class Window:
         dt: step, s.
         readings: deviations from the mean, (n, channels).
         used: whether a reading is there, (n, channels).
-        at: d of (1) at each sample, (n, states + inputs): what the derivatives' columns multiply.
-        start, end: d of the line that acts over the step after each sample, at its beginning and end, likewise.
+        start, end: d of (1) at the beginning and the end of the step after each sample, (n, states + inputs): what the
+            derivatives' columns multiply.
         aerodynamic: a of (1) at each sample, (n, states).
         kinematic: k of (1) at each sample, (n, states).
         known: K_bar, (states, states).
@@ -54,7 +55,6 @@ class Window:
     dt: float
     readings: Array
     used: NDArray[np.bool_]
-    at: Array
     start: Array
     end: Array
     aerodynamic: Array
@@ -71,12 +71,11 @@ class Window:
         return int(self.readings.shape[0])
 
 
-def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array, lead: Array) -> Window:
+def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array) -> Window:
     """A manoeuvre for the filter.
 
     Args:
         input_noise: variance of each measured input, (inputs,); 0 for commands.
-        lead: how far each input's mean over a step is ahead of the line's, in steps (``servo.lead_steps``), (inputs,).
         part: with evenly spaced stamps or not; where a sample is missing its readings are left out, and other uneven
             stamps are interpolated on a line (``Manoeuvre.even``).
         forces: equations whose accelerometer is read.
@@ -91,13 +90,12 @@ def window(part: Manoeuvre, forces: NDArray[np.int64], input_noise: Array, lead:
     used[:, : states.shape[1]] &= part.measured
     used &= ~_stuck(readings, used)
     levels, level = _levels(part.stability)
-    at, end = _regressors(part, held, levels[level])
-    start, end = _ahead(at, end, held, lead)
+    start, end = _regressors(part, held, levels[level])
     aerodynamic, kinematic = _known_accelerations(part, forces)
     mean = np.array([readings[u, c].mean() if u.any() else 0.0 for c, u in enumerate(used.T)])
     centred = np.where(used, readings - mean, 0.0)
     return Window(
-        part.dt, centred, used, at, start, end, aerodynamic, kinematic, part.known.mean(axis=0),
+        part.dt, centred, used, start, end, aerodynamic, kinematic, part.known.mean(axis=0),
         levels, level, float(part.condition[0]), _floor(readings, used),
         input_noise * float(part.control.mean()) ** 2,
         part.inputs == measured,
@@ -167,14 +165,6 @@ def _regressors(part: Manoeuvre, held: NDArray[np.bool_], near: Array) -> tuple[
     start = np.column_stack([(s - here) * moving + slow, loads - trim * level])
     end = np.column_stack([(_next(s) - here) * _next(moving) + _next(slow), ends - _next(trim) * level])
     return start, end
-
-
-def _ahead(at: Array, end: Array, held: NDArray[np.bool_], lead: Array) -> tuple[Array, Array]:
-    """Lines with the mean that a servo has over each step: it makes most of its way early."""
-    ns = at.shape[1] - lead.size
-    shift = np.zeros_like(at)
-    shift[:, ns:] = np.where(held, 0.0, lead * (end - at)[:, ns:])
-    return at + shift, end + shift
 
 
 def _next(column: Array) -> Array:
