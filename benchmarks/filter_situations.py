@@ -44,7 +44,7 @@ class Plant:
     @property
     def aerodynamic(self) -> Array:
         """Derivatives less the forward speed."""
-        return np.array(self.derivatives) - np.array([0.0, self.turn, 0.0, 0.0, 0.0, 0.0])
+        return np.asarray(np.array(self.derivatives) - np.array([0.0, self.turn, 0.0, 0.0, 0.0, 0.0]))
 
 
 PLANTS = {
@@ -177,7 +177,7 @@ def _gusts(situation: Situation, n: int, h: float, rng: np.random.Generator) -> 
         numerator, denominator = [math.sqrt(2.0)], [t, 1.0]
     else:
         numerator, denominator = [math.sqrt(3.0) * t, 1.0], [t * t, 2.0 * t, 1.0]
-    b, a, _ = cont2discrete((numerator, denominator), h, "zoh")
+    b, a, _ = cont2discrete((np.array(numerator), np.array(denominator)), h, "zoh")
     warm = round(20.0 * t / h)
     pulse = np.zeros(warm)
     pulse[0] = 1.0
@@ -193,7 +193,7 @@ def _commands(situation: Situation, plant: Plant, time_s: Array) -> Array:
     since = np.where(time_s >= first, np.mod(time_s - first, every), -1.0)
     up = (since >= 0.0) & (since < plant.pulse_s)
     down = (since >= plant.pulse_s) & (since < 2.0 * plant.pulse_s)
-    return math.radians(2.0) * (up.astype(float) - down.astype(float))
+    return np.asarray(math.radians(2.0) * (up.astype(float) - down.astype(float)))
 
 
 def noise_std(plant: Plant) -> Array:
@@ -215,12 +215,12 @@ def _response(
     longitudinal = plant.structure is SHORT_PERIOD
     sign = -1.0 if longitudinal else 1.0
     gust = _gusts(situation, n * fine, h, rng)
-    grid = h * np.arange(n * fine)
+    grid = np.arange(n * fine, dtype=np.float64) * h
     moment = np.zeros(n * fine) if situation.moment is None else situation.moment(grid)
     tau = (4.0 if longitudinal else 3.0) * situation.span_m / (math.pi * AIRSPEED_M_S)
     turn = sign / AIRSPEED_M_S if situation.turning else 0.0
     ahead = round(situation.vane_ahead_m / AIRSPEED_M_S / h)
-    time = dt * np.arange(n)
+    time = np.arange(n, dtype=np.float64) * dt
     planned = _commands(situation, plant, time)
     noise = rng.standard_normal((n, 3)) * std
     states, force, surface = np.zeros((n, 2)), np.zeros(n), np.zeros(n)
