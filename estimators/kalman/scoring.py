@@ -20,6 +20,9 @@ _DONE, _NEARLY, _STILL = 0.02, 1.0, 0.1
 """A search is at rest where a full step promises less log-likelihood than the first, or less than the second while no
 derivative would move by more than the third of its error."""
 
+_SHORT = 15
+"""Steps of the searches beside the main one."""
+
 _NO_GUST = -100.0
 """ln of an intensity that is none."""
 
@@ -55,14 +58,22 @@ class Solution:
 
 
 def solve(problem: Problem) -> Solution | None:
-    """The most likely parameters: from the prior, then from there with the noises lifted again, then without gusts.
+    """The most likely parameters of several searches: without gusts, with them, and with them from the best so far with
+    its noises lifted again. The likelihood has more than one maximum where little is known.
 
     None where the likelihood cannot be evaluated at the prior's own start.
     """
-    first = climb(problem, problem.prior.start)
-    if first is None:
-        return None
-    best = _gated(problem, _better(first, climb(problem, _lifted(problem, first.point.parameters), 12)))
+    start, calm = problem.prior.start, _restricted(problem, False)
+    still = climb(calm, _without_gusts(calm, start), _SHORT)
+    gusty = climb(problem, start)
+    if still is None or gusty is None:
+        return still or gusty
+    best = _better(gusty, still)
+    gusty = _better(gusty, climb(problem, _lifted(problem, best.point.parameters), _SHORT))
+    if _is_weak(problem, gusty):
+        still = _better(still, climb(calm, _without_gusts(calm, gusty.point.parameters), _SHORT))
+    best = still if still.point.cost - gusty.point.cost <= _GATE else gusty
+    best = replace(best, iterations=still.iterations + gusty.iterations)
     return best if best.converged else _continued(problem, best)
 
 
@@ -100,18 +111,17 @@ def _lifted(problem: Problem, p: Array) -> Array:
     return lifted
 
 
-def _gated(problem: Problem, found: Solution) -> Solution:
-    """The same solution, or one without gusts where they gain no more than chance and misfit would."""
-    at = problem.model.layout
-    if found.point.parameters[at.gust] > problem.prior.start[at.gust] - 1.0:
-        return found
-    calm = _restricted(problem, False)
-    p = np.where(calm.free, found.point.parameters, problem.prior.mean)
-    p[at.gust] = _NO_GUST
-    best = climb(calm, p, 20)
-    if best is None or best.point.cost - found.point.cost > _GATE:
-        return found
-    return replace(best, iterations=best.iterations + found.iterations)
+def _is_weak(problem: Problem, found: Solution) -> bool:
+    """Whether gusts are so weak that none at all may do as well."""
+    gust = problem.model.layout.gust
+    return bool(found.point.parameters[gust] < problem.prior.start[gust] - 1.0)
+
+
+def _without_gusts(calm: Problem, p: Array) -> Array:
+    """The same parameters without gusts, whose shape is the prior's."""
+    without = np.where(calm.free, p, calm.prior.mean)
+    without[calm.model.layout.gust] = _NO_GUST
+    return without
 
 
 @dataclass(frozen=True, slots=True)
