@@ -122,12 +122,18 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
         return _unsettled(estimate, "the search for the most likely derivatives did not come to rest"), fit
     if guards.driven > _CONTRADICTED:
         return _unsettled(estimate, "what the surfaces did contradicts what rough air and the rest say"), fit
+    if solution.gusts and at.rolling_air:
+        first = len(at.structure.regressors)
+        return _unsettled(estimate, "moments of rolling air are not modelled well enough", first), fit
     return estimate, fit
 
 
-def _unsettled(estimate: Estimate, reason: str) -> Estimate:
-    """The same, but nothing of it converged."""
-    outcomes = tuple(Outcome.SETTLING if o is Outcome.CONVERGED else o for o in estimate.outcomes)
+def _unsettled(estimate: Estimate, reason: str, first: int = 0) -> Estimate:
+    """The same, but none of the derivatives from ``first`` on converged."""
+    outcomes = tuple(
+        Outcome.SETTLING if o is Outcome.CONVERGED and k >= first else o
+        for k, o in enumerate(estimate.outcomes)
+    )
     outcome = Outcome.SETTLING if estimate.outcome is Outcome.CONVERGED else estimate.outcome
     reasons = f"{reason}; {estimate.reason}" if estimate.reason else reason
     return replace(estimate, outcomes=outcomes, outcome=outcome, reason=reasons)

@@ -28,7 +28,7 @@ def test_an_estimator_of_whole_flights_gives_fit_and_intervals(
     capsys: pytest.CaptureFixture[str], flight: Path, name: str
 ) -> None:
     command = ["estimate", flight, "--aircraft", "aerosonde", "--estimator", name]
-    # the filter takes half a minute for the lateral structure, which tests of the estimators have
+    # the filter takes half a minute for the lateral structure, which the estimators' tests have
     chosen = ("short_period",) if name == "filter-error" else tuple(STRUCTURES)
     command += [word for s in chosen for word in ("--structure", s)]
     result = run(capsys, [*command, "--json"]).json

@@ -21,6 +21,7 @@ from wingwatch.estimators import (
     filter_error,
     in_form,
 )
+from wingwatch.estimators.kalman.filter_error import _unsettled
 
 Array = NDArray[np.float64]
 
@@ -199,3 +200,12 @@ def test_statistics_and_forms_of_the_fit() -> None:
     assert (np.diagonal(fit.covariance_coloured) >= 0.999 * np.diagonal(fit.covariance_white)).all()
     same, _ = in_form(estimate, fit, SHORT_PERIOD)
     assert same.structure == SHORT_PERIOD
+
+
+def test_what_is_not_modelled_well_claims_nothing() -> None:
+    estimate, _ = solved(fly(SHORT, Situation((2.0, 5.0)), 0, 12.0))
+    assert estimate.outcomes == (Outcome.CONVERGED,) * 6
+    some = _unsettled(estimate, "why", 3)
+    assert some.outcomes == (Outcome.CONVERGED,) * 3 + (Outcome.SETTLING,) * 3
+    assert some.outcome is Outcome.SETTLING
+    assert some.reason == "why"
