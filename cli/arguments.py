@@ -110,7 +110,14 @@ def _add_estimate(commands: "_Commands[_Parser]") -> None:
     _add_aircraft_and_map(parser)
     parser.add_argument(
         "--estimator",
-        choices=("fourier", "ekf", "equation-error", "frequency-equation-error", "output-error"),
+        choices=(
+            "fourier",
+            "ekf",
+            "equation-error",
+            "frequency-equation-error",
+            "output-error",
+            "filter-error",
+        ),
         help="only this one: fourier and ekf by the code that runs live, the others from the whole flight at once, "
         "with statistics of the fit (default: fourier and ekf)",
     )

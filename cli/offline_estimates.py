@@ -1,8 +1,8 @@
-"""Estimates of a whole flight at once: equation error, in time or in frequency, and output error."""
+"""Estimates of a whole flight at once: equation error, in time or in frequency, output error and filter error."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from wingwatch.cli.progress import Progress
 from wingwatch.estimators import (
     EquationErrorConfig,
     Estimate,
+    FilterErrorConfig,
     Fit,
     FlightForm,
     Form,
@@ -32,6 +33,7 @@ from wingwatch.estimators import (
     Manoeuvre,
     correlated_pairs,
     equation_error,
+    filter_error,
     flight_manoeuvres,
     frequency_equation_error,
     in_form,
@@ -47,12 +49,15 @@ from wingwatch.telemetry import FlightTable, SampleBlock
 
 __all__ = ["OFFLINE_ESTIMATORS", "OfflineEstimates", "estimate_offline"]
 
-OFFLINE_ESTIMATORS = ("equation-error", "frequency-equation-error", "output-error")
+OFFLINE_ESTIMATORS = ("equation-error", "frequency-equation-error", "output-error", "filter-error")
 
 _SURFACES = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
 
 _CYCLES, _SHORTEST_WINDOW_S = 1.2, 12.0
 """Length of a manoeuvre: cycles of the band's lowest frequency, and at least so many seconds."""
+
+_FILTER_WINDOW_S = 30.0
+"""The same for the filter, whose air and moments do not stop at a window's edge."""
 
 Solve = Callable[[Sequence[Manoeuvre]], tuple[Estimate, Fit]]
 
@@ -132,11 +137,19 @@ def _estimated(
         raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]")
     solved = solved_as(structure)
     band_hz = aircraft.band_hz(solved)
-    parts = flight_manoeuvres(structure, _form(flight, aircraft, nominal, form, band_hz), [clean])
+    shape = _form(flight, aircraft, nominal, form, band_hz)
+    if estimator == "filter-error":
+        shape = replace(shape, window_s=max(shape.window_s, _FILTER_WINDOW_S))
+    parts = flight_manoeuvres(structure, shape, [clean])
     if not parts:
         raise ValueError("there are not two seconds of whole samples in a row")
-    natural = _natural(apriori_envelope(aircraft, solved), nominal)
-    estimate, fit = in_form(*_solver(estimator, solved, band_hz, natural)(parts), structure)
+    own = _expected_aerodynamics(apriori_envelope(aircraft, solved), nominal)
+    solve = (
+        _filter(flight, aircraft, solved, own)
+        if estimator == "filter-error"
+        else _solver(estimator, solved, band_hz, None if own is None else own[1])
+    )
+    estimate, fit = in_form(*solve(parts), structure)
     return _mode(aircraft, apriori_envelope(aircraft, structure), estimate, fit)
 
 
@@ -178,13 +191,35 @@ def _solver(
     return lambda parts: frequency_equation_error(parts, config, natural=natural)
 
 
-def _natural(envelope: Envelope, nominal: FlightCondition) -> NDArray[np.float64] | None:
-    """Natural size of each derivative as the live chain takes it from what is expected at cruise."""
+def _filter(
+    flight: FlightTable,
+    aircraft: Aircraft,
+    structure: ModeStructure,
+    own: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+) -> Solve:
+    """Filter error with the aircraft's wing span, vane, surface sensors and expected derivatives."""
+    columns = [f"{_SURFACES[u]}_rad" for u in structure.inputs if u in _SURFACES]
+    noise = [0.0 if flight.kinds.get(c) == "command" else aircraft.noise_std(c) for c in columns]
+    known = tuple(n for n in noise if n is not None)
+    config = FilterErrorConfig(
+        vane_ahead_m=aircraft.sensors.vane_position_m[0],
+        input_noise_std=known if len(known) == len(structure.inputs) else (),
+    )
+    if aircraft.geometry is not None:
+        config = replace(config, span_m=aircraft.geometry.span_m)
+    expected, natural = own if own is not None else (None, None)
+    return lambda parts: filter_error(parts, config, expected=expected, natural=natural)
+
+
+def _expected_aerodynamics(
+    envelope: Envelope, nominal: FlightCondition
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Aerodynamic derivatives expected at cruise, and the natural size of each as the live chain takes it from them."""
     found = envelope.lookup(nominal)
     if isinstance(found, OutOfEnvelope):
         return None
     own = found.value - offsets(envelope.structure, nominal.airspeed_true_m_s, nominal.angle_of_attack_rad)
-    return np.asarray(np.maximum(np.abs(own), 2.0 * found.standard_error))
+    return own, np.asarray(np.maximum(np.abs(own), 2.0 * found.standard_error))
 
 
 def _expected(envelope: Envelope, estimate: Estimate) -> tuple[FlightCondition | None, Expectation | None]:

@@ -1,0 +1,5 @@
+"""Kalman filters whose parameters are found from the full likelihood of their innovations."""
+
+from wingwatch.estimators.kalman.filter_error import FilterErrorConfig, filter_error
+
+__all__ = ["FilterErrorConfig", "filter_error"]
