@@ -65,6 +65,9 @@ LOWEST_NOISE = 0.5
 ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
 
+INPUT_RESOLUTION = 1e-12
+"""Least noise variance of a surface, (1e-6 rad)^2: a surface at rest leaves rounding in its transform, no signal."""
+
 AIR_MEMORY = 0.2
 """Weight of the air of earlier blocks beside a whole block's own, in blocks: two seconds."""
 
@@ -310,7 +313,8 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
     block_transforms(omega, bank, span, air.turn_s, ns, nu, transforms[0], phase)
     _present(sums, settings, exponents, longitudinal, roll, scale, room[2][1])
     for j in range(nu):
-        noise[2 * ns + 1 + j] = min(settings[7 + j], sums[6 + j] / (6.0 * max(sums[5], 1.0)))
+        found = min(settings[7 + j], sums[6 + j] / (6.0 * max(sums[5], 1.0)))
+        noise[2 * ns + 1 + j] = max(found, INPUT_RESOLUTION)
     noise[noise.size - 1] = between_samples_variance(noise[noise.size - AIR_LEVELS], power / span)
     for _ in range(3 if asked == BEGIN else 1):
         _form(model, block, theta, noise, power, share, room, told)
