@@ -146,14 +146,17 @@ def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed
 
 
 @lean
-def _believe(noise, fresh, noise_known, share, dt, roughness, by_accelerometer, ns):  # type: ignore[no-untyped-def]
+def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelerometer, ns):  # type: ignore[no-untyped-def]
     """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
 
     Sensors' noise is the same in all blocks, and white, so between half and all of the roughness (two standard
-    deviations of chance allowed): what is more, is air or what a moment equation leaves out. Below any sensor's
+    deviations of chance allowed): what is more, is air or what a moment equation leaves out. Of the roughness of vane
+    and accelerometer the gust has its part: a walk of variance D dt^2 a step leaves 2 D dt^2 in second differences,
+    white noise of variance R leaves 6 R, and the accelerometer feels the walk by ``slope``. Below any sensor's
     resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s. Air changes: of earlier blocks little is believed.
     """
     first = noise.size - AIR_LEVELS
+    gust_walk = noise[first] * dt * dt / 3.0
     for j in range(noise.size):
         if 2 * ns + 1 <= j < first:
             continue
@@ -164,7 +167,8 @@ def _believe(noise, fresh, noise_known, share, dt, roughness, by_accelerometer, 
             rough = _rough_noise(roughness, j, ns)
             most = rough * (1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0)))
             least = 1e-8 if j in (0, ns) else 1e-10
-            noise[j] = max(min(noise[j], most), LOWEST_NOISE * rough, least)
+            walk = gust_walk * (1.0 if j == 0 else (slope * slope if j == ns else 0.0))
+            noise[j] = max(min(noise[j], most), LOWEST_NOISE * (rough - walk), least)
             fresh[j] = min(fresh[j], max(most, least))
         else:
             noise[j] = max(noise[j], SMALLEST_VARIANCE)
@@ -330,7 +334,17 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
         weigh(omega, plant, air, noise, power, work)
         freedom = residual_of(transforms[1], response, plant, rest[1], work.weights, whitened)
         noise_variances(whitened, freedom, noise, power, work, told[2])
-        _believe(noise, told[2], noise_known, share, power / span, roughness, by_accelerometer, ns)
+        _believe(
+            noise,
+            told[2],
+            noise_known,
+            share,
+            power / span,
+            roughness,
+            plant.derivatives[0, 0],
+            by_accelerometer,
+            ns,
+        )
     if asked >= MOVE:
         _covariance(
             inverse, memory[1], told[0][1], memory[3], told[1][1], prior[1], squares, lines[6], told[0][3]
