@@ -16,7 +16,7 @@ from collections.abc import Iterable
 import numpy as np
 from filter_situations import PLANTS, SITUATIONS, Flight, Plant, fly
 from numpy.typing import NDArray
-from turbulence import AIRCRAFT, FINER, FIRST_SEED, LEVELS, RATE_HZ, truth_of
+from turbulence import AIRCRAFT, FIRST_SEED, LEVELS, RATE_HZ, truth_of
 
 from wingwatch.aircraft import MODEL_STRUCTURES, FlightCondition, ModeStructure
 from wingwatch.baselines import OutOfEnvelope, apriori_envelope
@@ -59,10 +59,8 @@ def flights_of(turbulence: Turbulence, count: int, seconds: float) -> Iterable[S
         scenario = Scenario(
             AIRCRAFT, manoeuvres=(doublets,), turbulence=turbulence, seed=FIRST_SEED + 500 + i
         )
-        values = FleetSimulation([scenario], rate_hz=RATE_HZ * FINER).step(round(RATE_HZ * FINER * seconds))[
-            0
-        ]
-        yield complete(SampleBlock(np.ascontiguousarray(values[::FINER])))
+        values = FleetSimulation([scenario], rate_hz=RATE_HZ).step(round(RATE_HZ * seconds))[0]
+        yield complete(SampleBlock(np.ascontiguousarray(values)))
 
 
 def estimate_flight(block: SampleBlock, structure: ModeStructure, *, beside: bool) -> tuple[Estimate, Fit]:
