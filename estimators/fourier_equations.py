@@ -140,7 +140,8 @@ def normal_equations(bank, response, plant, ends, share, work, product, m_full, 
         m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), the columns of the derivatives first.
 
     Returns:
-        of ``_independent_bins``.
+        how many equally weighted bins would be worth as many degrees of freedom as the weights leave (of the equation
+        that they leave fewest, Satterthwaite 1946).
     """
     ns, nd = plant.derivatives.shape
     rows = work.weights.shape[0]
@@ -155,42 +156,14 @@ def normal_equations(bank, response, plant, ends, share, work, product, m_full, 
             m_full[first + 1, first + 1] += (
                 NO_COLUMN  # no force of the air: nothing follows the dynamic pressure
             )
-    return _independent_bins(work)
-
-
-@lean
-def _independent_bins(work):  # type: ignore[no-untyped-def]
-    """How many equally weighted bins are worth as many degrees of freedom as the weights leave to any mix of rows.
-
-    Of rows mixed by c bins are worth (c' V c)^2 / sum (c' W c)^2, V = sum W (Satterthwaite 1946). By Cauchy and Schwarz
-    that is at least 1 / trace(sum (V^-1 W)^2) for every c: a mix may rest on fewer bins than each of its rows.
-    """
-    ns = work.sums.shape[0]
-    inverse, weights = work.inverse, work.weights
+    bins = np.inf
     for k in range(ns):
-        for m in range(ns):
-            inverse[k, m], inverse[k, ns + m] = work.sums[k, m], 1.0 if k == m else 0.0
-    for a in range(ns):
-        over = 1.0 / inverse[a, a]
-        for c in range(2 * ns):
-            inverse[a, c] *= over
-        for b in range(ns):
-            if b != a:
-                factor = inverse[b, a]
-                for c in range(2 * ns):
-                    inverse[b, c] -= factor * inverse[a, c]
-    total = 0.0
-    for f in range(weights.shape[3]):
-        for a in range(ns):
-            for c in range(ns):
-                x = y = u = v = 0.0
-                for b in range(ns):
-                    x += inverse[a, ns + b] * weights[b, c, 0, f]
-                    y += inverse[a, ns + b] * weights[b, c, 1, f]
-                    u += inverse[c, ns + b] * weights[b, a, 0, f]
-                    v += inverse[c, ns + b] * weights[b, a, 1, f]
-                total += x * u - y * v
-    return 1.0 / total
+        total = 0.0
+        weight = work.weights[k, k, 0]
+        for f in range(weight.size):
+            total += weight[f] * weight[f]
+        bins = min(bins, work.sums[k, k] ** 2 / total)
+    return bins
 
 
 @lean

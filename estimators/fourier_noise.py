@@ -86,7 +86,6 @@ class NoiseWorkspace(NamedTuple):
         spread: (bins,).
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
         sums: (states, states) sum over bins of Re W.
-        inverse: (states, 2 states), room to invert that.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
         answers: (states, 2 states + 2), complex.
     """
@@ -97,7 +96,6 @@ class NoiseWorkspace(NamedTuple):
     spread: NDArray[np.float64]
     believed: NDArray[np.float64]
     sums: NDArray[np.float64]
-    inverse: NDArray[np.float64]
     rolled: NDArray[np.float64]
     answers: NDArray[np.complex128]
 
@@ -111,7 +109,6 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros(bins),
         np.zeros(bins),
         np.zeros((states, states)),
-        np.zeros((states, 2 * states)),
         np.zeros(1),
         np.zeros((states, 2 * states + 2), dtype=np.complex128),
     )

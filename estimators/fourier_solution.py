@@ -146,7 +146,7 @@ def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed
 
 
 @lean
-def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelerometer, ns):  # type: ignore[no-untyped-def]
+def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelerometer, ns, kinematic):  # type: ignore[no-untyped-def]
     """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
 
     Sensors' noise is the same in all blocks, and white, so between half and all of the roughness (two standard
@@ -166,6 +166,8 @@ def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelero
         if sensor:
             rough = _rough_noise(roughness, j, ns)
             most = rough * (1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0)))
+            if not kinematic:
+                most = math.inf  # a reconstructed velocity's noise is no white noise
             least = 1e-8 if j in (0, ns) else 1e-10
             walk = gust_walk * (1.0 if j == 0 else (slope * slope if j == ns else 0.0))
             noise[j] = max(min(noise[j], most), LOWEST_NOISE * (rough - walk), least)
@@ -344,6 +346,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
             plant.derivatives[0, 0],
             by_accelerometer,
             ns,
+            whitened.shape[0] > ns,
         )
     if asked >= MOVE:
         _covariance(

@@ -30,9 +30,10 @@ def test_estimate_says_every_mode_with_its_standing(capsys: pytest.CaptureFixtur
     assert result["cleaning"]["accepted"] == 14_850
     assert result["not_estimated"] == {}
     rows = {name: modes["short_period"]["derivatives"] for name, modes in result["estimators"].items()}
-    # The air over the field is rough: the Fourier form keeps its force equation and gives up its moment equation.
+    # The air over the field is rough: the Fourier form knows lift, and of pitch says that it does not know.
     assert rows["fourier"]["z_w"]["outcome"] in ("converged", "settling")
-    assert rows["fourier"]["m_eta"]["outcome"] == "rejected"
+    assert rows["fourier"]["m_eta"]["outcome"] in ("not_observable", "settling")
+    assert rows["fourier"]["m_eta"]["standard_error"] > 3.0 * rows["ekf"]["m_eta"]["standard_error"]
     assert rows["ekf"]["m_eta"]["outcome"] in ("converged", "settling")
     # A stable aircraft whose elevator works: signs that no error of the baseline excuses.
     for estimator in ("fourier", "ekf"):
