@@ -253,6 +253,10 @@ class FourierEstimator:
         solved = now - start >= self.config.first_solution_s - 1e-9
         return np.where(solved, np.where(state.informed_s.max(axis=1) == now, 1, 0), -1)
 
+    def unseen(self, state: FourierState, vehicle: int = 0) -> NDArray[np.bool_]:
+        """Which derivatives' regressors have carried nothing but noise for ``stale_s``, shape (k,)."""
+        return np.asarray(state.rows[vehicle, 1, 0] - state.informed_s[vehicle] > self.config.stale_s)
+
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
         c = self.config

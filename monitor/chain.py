@@ -268,7 +268,8 @@ class Chain:
     def _read(self, state: ChainState, mode: _Mode, gained: tuple[Array, Array] | None) -> ModeSolution:
         name = mode.structure.name
         fourier = mode.fourier.estimate(state.fourier[name])
-        ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier)
+        unseen = mode.fourier.unseen(state.fourier[name])
+        ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier, unseen)
         mean, square, _ = state.motion[name]
         share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
         rough = bool((share[1:] > ROUGH_SHARE).any())
@@ -309,20 +310,24 @@ def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
     return replace(estimate, outcomes=outcomes, outcome=Outcome.REJECTED, reason=f"{NO_VANE}; {why}")
 
 
-def _gated(ekf: Estimate, fourier: Estimate) -> Estimate:
+def _gated(ekf: Estimate, fourier: Estimate, unseen: NDArray[np.bool_]) -> Estimate:
     """The filter's estimate with the standing that the excitation allows.
 
     The filter cannot tell a noisy regressor from a moving one; the Fourier form can (its share of signal), so what it
-    calls not observable is not observable for the filter either.
+    calls not observable for want of signal is not observable for the filter either.
     """
-    hidden = [o is Outcome.NOT_OBSERVABLE for o in fourier.outcomes]
+    apart = {symbol for names in fourier.confounded for symbol in names}
+    hidden = [
+        o is Outcome.NOT_OBSERVABLE and (bool(u) or symbol in apart)
+        for o, u, symbol in zip(fourier.outcomes, unseen, fourier.structure.derivatives, strict=True)
+    ]
     if not any(hidden):
         return ekf
     outcomes = tuple(
         Outcome.NOT_OBSERVABLE if h else own for h, own in zip(hidden, ekf.outcomes, strict=True)
     )
     confounded = tuple(dict.fromkeys((*ekf.confounded, *fourier.confounded)))
-    if fourier.outcome is Outcome.NOT_OBSERVABLE and ekf.outcome is not Outcome.REJECTED:
+    if sum(hidden) > len(hidden) / 2 and ekf.outcome is not Outcome.REJECTED:
         return replace(
             ekf,
             outcomes=outcomes,
@@ -331,8 +336,8 @@ def _gated(ekf: Estimate, fourier: Estimate) -> Estimate:
             confounded=confounded,
         )
     if confounded != ekf.confounded:
-        apart = told_apart_text(ekf.structure, confounded)
-        reason = f"{apart}; {ekf.reason}" if ekf.reason and not ekf.confounded else apart
+        text = told_apart_text(ekf.structure, confounded)
+        reason = f"{text}; {ekf.reason}" if ekf.reason and not ekf.confounded else text
         return replace(ekf, outcomes=outcomes, reason=reason, confounded=confounded)
     return replace(ekf, outcomes=outcomes)
 
