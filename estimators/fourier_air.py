@@ -115,8 +115,20 @@ def present_regressors(omega, bank, block, exponents, plant, air, believed, resp
     if response.shape[0] == ns or air.turn == 0.0:
         return
     rate, gust = bank[ns - 1], response[ns]
+    more, later, earlier = (
+        bank[products - 3 - (nd - ns)],
+        bank[products - 2 - (nd - ns)],
+        bank[products - 1 - (nd - ns)],
+    )
     for f in range(omega.size):
-        turned = believed[f] * air.turn / (1.0 + 1j * omega[f] * air.turn_s) * complex(gust[0, f], gust[1, f])
+        lag = 1j * omega[f] * air.turn_s
+        seen = believed[f] * complex(gust[0, f], gust[1, f])
+        smoothed = seen / (1.0 + lag)
+        slowed = smoothed * lag / (1.0 + lag)
+        more[0, f], more[1, f] = smoothed.real, smoothed.imag
+        later[0, f], later[1, f] = slowed.real, slowed.imag
+        earlier[0, f], earlier[1, f] = seen.real, seen.imag
+        turned = air.turn * smoothed
         rate[0, f] += turned.real
         rate[1, f] += turned.imag
         for k in range(ns):

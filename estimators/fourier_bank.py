@@ -13,9 +13,10 @@ from wingwatch.estimators.hot import hot, lean
 
 __all__ = ["NUISANCE", "advance_bank", "advance_linear", "bank_channels", "block_transforms"]
 
-NUISANCE = 7
+NUISANCE = 10
 """Columns that every row has beside states and inputs: constant, dynamic pressure, ramp, errors of reading both ends,
-and turning of the air at both ends."""
+turning of the air at both ends, and what the measured gust may do beside what is expected of it: turn the air more or
+less, with another time constant, and reach the vane earlier or later."""
 
 
 @njit(cache=True)
@@ -142,5 +143,8 @@ def block_transforms(omega, bank, span, turn_s, ns, nu, out, phase):  # type: ig
         lag = omega[f] * turn_s
         gain = 1.0 / (1.0 + lag * lag)
         out[constant + 5, 0, f], out[constant + 5, 1, f] = gain, -lag * gain
+        for part in range(2):
+            for c in range(7, NUISANCE):
+                out[constant + c, part, f] = 0.0  # of the gust: ``present_regressors``
         out[constant + 6, 0, f] = gain * (cos + lag * sin)
         out[constant + 6, 1, f] = gain * (sin - lag * cos)

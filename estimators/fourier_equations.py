@@ -9,19 +9,14 @@ import numpy as np
 
 from wingwatch.estimators.fourier_bank import NUISANCE
 from wingwatch.estimators.fourier_between import rate_of
+from wingwatch.estimators.fourier_nuisance import RIDGE, prior_of
 from wingwatch.estimators.hot import lean
 from wingwatch.estimators.symmetric import backward, cholesky, forward
 
 __all__ = ["eliminate", "normal_equations", "nuisance_of", "residual_of", "responses"]
 
-NO_COLUMN = 1e20
-"""What is known beforehand of a column that an equation does not have: it is zero."""
-
 NOTHING = 1e-20
 """Power of a trim column, relative to that of a ramp of one a second, below which it is rounding."""
-
-RIDGE = 1e-10
-"""Added to the nuisance columns' power, each of unit power, before they are eliminated."""
 
 
 @lean
@@ -128,20 +123,15 @@ def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
 
 
 @lean
-def normal_equations(bank, response, plant, ends, share, work, product, m_full, b_full):  # type: ignore[no-untyped-def]
+def normal_equations(bank, response, plant, variances, share, work, product, m_full, b_full):  # type: ignore[no-untyped-def]
     """Normal equations of one block, the nuisance columns still in them, in present derivatives.
 
     Args:
         bank: regressors, as ``between_samples`` gives them; response: of ``responses``.
-        ends: (2, rows) variances of the errors with which the ends of the block are read, and of the turning of the air
-            there; 0 where a row has none.
+        variances: of ``nuisance_variances``.
         share: of a whole block.
         work: of ``fourier_noise.weigh``; product: (2, frequencies).
         m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), the columns of the derivatives first.
-
-    Returns:
-        how many equally weighted bins would be worth as many degrees of freedom as the weights leave (of the equation
-        that they leave fewest, Satterthwaite 1946).
     """
     ns, nd = plant.derivatives.shape
     rows = work.weights.shape[0]
@@ -149,25 +139,12 @@ def normal_equations(bank, response, plant, ends, share, work, product, m_full, 
     _right_side(bank, work.weights, response, ns, nd, product, b_full)
     for k in range(rows):
         first = ns * nd + NUISANCE * k
-        for c in range(4):
-            variance = ends[c // 2, k]
-            m_full[first + 3 + c, first + 3 + c] += 0.5 / (share * variance) if variance > 0.0 else NO_COLUMN
-        if k >= ns:
-            m_full[first + 1, first + 1] += (
-                NO_COLUMN  # no force of the air: nothing follows the dynamic pressure
-            )
-    bins = np.inf
-    for k in range(ns):
-        total = 0.0
-        weight = work.weights[k, k, 0]
-        for f in range(weight.size):
-            total += weight[f] * weight[f]
-        bins = min(bins, work.sums[k, k] ** 2 / total)
-    return bins
+        for c in range(NUISANCE):
+            m_full[first + c, first + c] += prior_of(variances[k, c], share)
 
 
 @lean
-def eliminate(m_full, b_full, g, theta, scale, span, p, root, size, crossed, rest, m, score):  # type: ignore[no-untyped-def]
+def eliminate(m_full, b_full, theta, scale, span, p, root, size, crossed, rest, m, score):  # type: ignore[no-untyped-def]
     """Schur complement on the nuisance columns, the last q of ``m_full``.
 
     Over a whole number of periods a constant has no transform: what rounding leaves of it is no column.
@@ -177,7 +154,7 @@ def eliminate(m_full, b_full, g, theta, scale, span, p, root, size, crossed, res
         root (q, q), size (q,): become the root of the nuisance columns' power, of unit diagonal, and their sizes.
         crossed (q, p): becomes root^-1 of their products with the wanted columns.
         rest (q, 1): becomes root^-1 of what they have to explain.
-        m (p, p), score (p,): become M and b - g - M theta, in referred derivatives.
+        m (p, p), score (p,): become M and b - M theta, in referred derivatives.
     """
     q = size.size
     for a in range(q):
@@ -199,7 +176,7 @@ def eliminate(m_full, b_full, g, theta, scale, span, p, root, size, crossed, res
     forward(root, crossed)
     forward(root, rest)
     for a in range(p):
-        total = b_full[a] - g[a]
+        total = b_full[a]
         for b in range(p):
             total -= m_full[a, b] * theta[b] * scale[b]
             m[a, b] = m_full[a, b]
@@ -228,11 +205,7 @@ def nuisance_of(root, size, crossed, rest, change, scale, nuisance):  # type: ig
 
 @lean
 def residual_of(bank, response, plant, nuisance, weights, whitened):  # type: ignore[no-untyped-def]
-    """The residual in the place of ``response``, and W times it into ``whitened``, both (rows, 2, frequencies).
-
-    Returns:
-        bins over the degrees of freedom that the columns leave of them.
-    """
+    """The residual in the place of ``response``, and W times it into ``whitened``, both (rows, 2, frequencies)."""
     ns, nd = plant.derivatives.shape
     nf = bank.shape[2]
     nc = nd + NUISANCE
@@ -249,5 +222,3 @@ def residual_of(bank, response, plant, nuisance, weights, whitened):  # type: ig
     for k in range(response.shape[0]):
         whitened[k] = 0.0
         _add_weighted(weights[k], response, whitened[k])
-    # What an equation fits, half a bin each: over whole periods its two ends are one column.
-    return nf / max(nf - 0.5 * (nc - 1), 0.25 * nf)

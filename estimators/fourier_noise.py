@@ -24,8 +24,8 @@ __all__ = [
     "air_of",
     "between_samples_variance",
     "channel_variance",
-    "end_variances",
     "expected_products",
+    "noise_power",
     "noise_variances",
     "noise_workspace",
     "weigh",
@@ -82,6 +82,7 @@ class NoiseWorkspace(NamedTuple):
     Attributes:
         transfer: (sources, rows, 2, bins) L and B: states, accelerometer, inputs, gust's rate, rolling air.
         weights: (rows, rows, 2, bins) W, inverse of the residual's covariance.
+        fitted, half: (rows, rows, 2, bins), of ``fourier_nuisance.reduce_weights``.
         weighted: (rows, 2, bins) W times one column of ``transfer``.
         spread: (bins,).
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
@@ -92,6 +93,8 @@ class NoiseWorkspace(NamedTuple):
 
     transfer: NDArray[np.float64]
     weights: NDArray[np.float64]
+    fitted: NDArray[np.float64]
+    half: NDArray[np.float64]
     weighted: NDArray[np.float64]
     spread: NDArray[np.float64]
     believed: NDArray[np.float64]
@@ -104,6 +107,8 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
     """Memory for one structure."""
     return NoiseWorkspace(
         np.zeros((states + 1 + inputs + AIR_LEVELS, rows, 2, bins)),
+        np.zeros((rows, rows, 2, bins)),
+        np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, 2, bins)),
         np.zeros(bins),
@@ -204,24 +209,6 @@ def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-de
             between[k, 1, f] = -omega[f] if has_velocity_rate else 0.0
             if k == 0 and plant.by_accelerometer:
                 between[k, 0, f] = 0.0
-
-
-@lean
-def end_variances(plant, air, noise, dt, ends):  # type: ignore[no-untyped-def]
-    """Variances of what both ends of a block add to a row, (docs (6), (9)).
-
-    Errors of reading a state there come with its rate. The turning of the air, q_g = a G d, has over a block the
-    transform a G D + G tau (q_g(0) e^{sT} - q_g(T)); q_g is white noise d, held over dt, behind a lag.
-
-    Args:
-        ends: (2, rows), filled: of reading errors and of turning, 0 where a row has none.
-    """
-    ns = plant.lever.size
-    turning = air.turn * air.turn * noise[noise.size - AIR_LEVELS] * dt * air.turn_s / 2.0
-    for k in range(ends.shape[1]):
-        has_rate = k > 0 or not plant.by_accelerometer
-        ends[0, k] = noise[k if k < ns else 0] if has_rate else 0.0
-        ends[1, k] = plant.derivatives[k, ns - 1] ** 2 * turning if k < ns and ends.shape[1] > ns else 0.0
 
 
 @lean
@@ -380,20 +367,52 @@ def _weighted_column(work, j):  # type: ignore[no-untyped-def]
 
 
 @lean
-def expected_products(omega, plant, air, noise, power, work, n_noise, g, driven):  # type: ignore[no-untyped-def]
-    """Expected products of regressors and weighted residual, all in present derivatives, (docs (12) to (16)).
+def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore[no-untyped-def]
+    """Power of noise in the regressors, as ``work.weights`` weigh it, in present derivatives, (docs (13), (16)).
 
-    Sensors' noise is in regressors and residual. The gust and the rolling air drive the states, by (s - A)^-1, and so
-    are in both, too. So is what moment equations leave out; of that neither course nor loop is known. Motion whose
-    cause nobody measures (rolling air, moments left out) is noise of the regressors.
+    That of sensors, and motion whose cause nobody measures: moments left out drive the states.
 
     Args:
         n_noise: becomes what of R' W R is noise, (p, p).
+    """
+    ns, nd = plant.derivatives.shape
+    n_noise[:, :] = 0.0
+    for c in range(nd):
+        level = power * channel_variance(noise, c if c < ns else c + 1, ns)
+        if c == 0:
+            level += power * noise[noise.size - 1]
+        for k in range(ns):
+            for m in range(ns):
+                n_noise[k * nd + c, m * nd + c] = level * work.sums[k, m]
+    if work.weights.shape[0] > ns and air.turn != 0.0:
+        _noise_of_turning(omega, plant, air, noise, power, work, n_noise)
+    weights, answers = work.weights, work.answers
+    for f in range(omega.size):
+        _answers(omega, plant, work, f)
+        for j in range(ns):
+            for c in range(ns):
+                moved = 0.0j
+                for e in range(ns):
+                    answer = answers[j, ns + DRIVING + e].conjugate() * answers[c, ns + DRIVING + e]
+                    moved += power * noise[ns + 1 + e] * answer
+                for k in range(ns):
+                    for m in range(ns):
+                        w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
+                        n_noise[k * nd + j, m * nd + c] += (w * moved).real
+
+
+@lean
+def expected_products(omega, plant, noise, power, work, g, driven):  # type: ignore[no-untyped-def]
+    """Expected products of regressors and weighted residual, in present derivatives, (docs (12), (14), (15)).
+
+    Sensors' noise is in regressors and residual. The gust and the rolling air drive the states, by (s - A)^-1, and so
+    are in both, too. So is what moment equations leave out; of that neither course nor loop is known.
+
+    Args:
         g: becomes what of R' W r is due to sensors and air, (p,).
         driven: becomes what of it is due to what moment equations leave out, (p,).
     """
     ns, nd = plant.derivatives.shape
-    n_noise[:, :] = 0.0
     g[:] = 0.0
     driven[:] = 0.0
     for c in range(nd):
@@ -404,22 +423,15 @@ def expected_products(omega, plant, air, noise, power, work, n_noise, g, driven)
         _weighted_column(work, column)
         for k in range(ns):
             total = 0.0
-            real = work.weighted[k, 0]
             for f in range(omega.size):
-                total += real[f]
+                total += work.weighted[k, 0, f]
             g[k * nd + c] = level * total
-            for m in range(ns):
-                n_noise[k * nd + c, m * nd + c] = level * work.sums[k, m]
     level = power * noise[noise.size - 1]
     _weighted_column(work, nd + 3)
     for k in range(ns):
         for f in range(omega.size):
             g[k * nd] -= level * work.weighted[k, 0, f]
-        for m in range(ns):
-            n_noise[k * nd, m * nd] += level * work.sums[k, m]
-    if work.weights.shape[0] > ns and air.turn != 0.0:
-        _noise_of_turning(omega, plant, air, noise, power, work, n_noise)
-    _driven_states(omega, plant, noise, power, work, n_noise, g, driven)
+    _driven_states(omega, plant, noise, power, work, g, driven)
 
 
 @lean
@@ -478,7 +490,7 @@ def _answers(omega, plant, work, f):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _driven_states(omega, plant, noise, power, work, n_noise, g, driven):  # type: ignore[no-untyped-def]
+def _driven_states(omega, plant, noise, power, work, g, driven):  # type: ignore[no-untyped-def]
     """What ``expected_products`` has of all that drives the states, (docs (14) to (16))."""
     ns, nd = plant.derivatives.shape
     weights, transfer, answers = work.weights, work.transfer, work.answers
@@ -496,15 +508,12 @@ def _driven_states(omega, plant, noise, power, work, n_noise, g, driven):  # typ
                     w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
                     cause += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
                 for j in range(ns):
-                    part = level * (cause * answers[j, ns + e].conjugate()).real
-                    g[k * nd + j] += part
+                    g[k * nd + j] += level * (cause * answers[j, ns + e].conjugate()).real
             for m in range(ns):
                 level = power * noise[ns + 1 + m]
                 w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
                 for j in range(ns):
-                    part = level * (w * answers[j, ns + DRIVING + m].conjugate()).real
-                    g[k * nd + j] += part
-                    driven[k * nd + j] += part
+                    driven[k * nd + j] += level * (w * answers[j, ns + DRIVING + m].conjugate()).real
 
 
 @lean

@@ -30,11 +30,17 @@ from wingwatch.estimators.fourier_noise import (
     Plant,
     air_of,
     between_samples_variance,
-    end_variances,
     expected_products,
+    noise_power,
     noise_variances,
     noise_workspace,
     weigh,
+)
+from wingwatch.estimators.fourier_nuisance import (
+    degrees_of_freedom,
+    inverse_of_root,
+    nuisance_variances,
+    reduce_weights,
 )
 from wingwatch.estimators.hot import lean, part
 from wingwatch.estimators.symmetric import congruence, invert
@@ -61,6 +67,9 @@ Not Python's integers: for each of them a kernel would be compiled anew."""
 
 LOWEST_NOISE = 0.5
 """A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
+
+LEAST_FREEDOM = 0.25
+"""Share of a block's degrees of freedom that its columns are believed to leave at least."""
 
 ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
@@ -99,8 +108,9 @@ def solution_room(ns: int, nu: int, nf: int, rows: int) -> tuple[Room, Room]:
         np.empty((q, q)),
         np.empty((2, q, 1)),
         np.empty(q),
+        np.empty((q, q)),
     )
-    states = (np.empty((ns, ns + nu)), np.empty(ns), np.empty(ns), np.empty(ns), np.empty((2, rows)))
+    states = (np.empty((ns, ns + nu)), np.empty(ns), np.empty(ns), np.empty(ns), np.empty((rows, NUISANCE)))
     squares, lines = np.empty((4 + DIRECTION_SQUARES, p, p)), np.empty((7 + DIRECTION_LINES, p))
     told = (np.empty((5, p, p)), np.empty((4, p)), np.empty(2 * ns + 1 + nu + AIR_LEVELS))
     work = noise_workspace(ns, nu, rows, nf)
@@ -198,7 +208,7 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
     omega, lever, _, exponents, settings, longitudinal, _, gust_m = model
     _, rows, sums, roughness, known = block
     transforms, between, phase, product, response, _ = room[0]
-    m_full, b_full, crossed, root, rest, size = room[1]
+    m_full, b_full, crossed, root, rest, size, inverse = room[1]
     squares, lines, work = room[3], room[4], room[6]
     matrices, vectors, _ = told
     ns, nu = lever.size, exponents.size - lever.size
@@ -215,12 +225,15 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
     weigh(omega, plant, air, noise, power, work)
     responses(omega, transforms[1], phase, rows[0], rows[1], plant, response)
     present_regressors(omega, transforms[1], (rows[0], sums), exponents, plant, air, work.believed, response)
-    end_variances(plant, air, noise, power / span, room[2][4])
-    bins = normal_equations(transforms[1], response, plant, room[2][4], share, work, product, m_full, b_full)
-    expected_products(omega, plant, air, noise, power, work, n_noise, g, driven)
-    eliminate(
-        m_full, b_full, g, theta, scale, span, theta.size, root, size, crossed, rest[0], m, score,
-    )  # fmt: skip
+    nuisance_variances(plant, air, noise, power / span, room[2][4])
+    normal_equations(transforms[1], response, plant, room[2][4], share, work, product, m_full, b_full)
+    eliminate(m_full, b_full, theta, scale, span, theta.size, root, size, crossed, rest[0], m, score)
+    inverse_of_root(root, inverse)
+    noise_power(omega, plant, air, noise, power, work, n_noise)
+    bins = reduce_weights(transforms[1], ns + nu + 1, inverse, size, work)
+    expected_products(omega, plant, noise, power, work, g, driven)
+    for a in range(scale.size):
+        score[a] -= scale[a] * g[a]
     for a in range(scale.size):
         driven[a] *= scale[a]
         for b in range(scale.size):
@@ -271,6 +284,17 @@ def _moved(memory, prior, more, more_score, squares, inverse, moved):  # type: i
 
 
 @lean
+def _learned(inverse, information):  # type: ignore[no-untyped-def]
+    """How many derivatives' worth of freedom a block has taken: tr(what is known^-1 of the block), at most all."""
+    p = inverse.shape[0]
+    total = 0.0
+    for a in range(p):
+        for b in range(p):
+            total += inverse[a, b] * information[a, b]
+    return min(max(total, 0.0), 1.0 * p)
+
+
+@lean
 def _covariance(sensitivity_inverse, information, more, driven, more_driven, std, squares, line, out):  # type: ignore[no-untyped-def]
     """A^-1 C A^-1 and the gusts' bias, C the information with the prior's in it."""
     p = std.size
@@ -307,7 +331,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
     omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, gust_m = model
     bank, rows, sums, roughness, known = block
     transforms, _, phase, _, response, whitened = room[0]
-    _, _, crossed, root, rest, size = room[1]
+    _, _, crossed, root, rest, size, columns = room[1]
     squares, lines, work = room[3], room[4], room[6]
     ns, nu = lever.size, exponents.size - lever.size
     span = rows[1, 0] - rows[0, 0]
@@ -334,8 +358,11 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
         nuisance_of(root, size, crossed, rest[0], change, scale, rest[1])
         plant = _plant(model, theta, scale, known, room[2])
         weigh(omega, plant, air, noise, power, work)
-        freedom = residual_of(transforms[1], response, plant, rest[1], work.weights, whitened)
-        noise_variances(whitened, freedom, noise, power, work, told[2])
+        residual_of(transforms[1], response, plant, rest[1], work.weights, whitened)
+        taken = degrees_of_freedom(columns, size, room[2][4], share)
+        taken += _learned(inverse, told[0][1])
+        left = 1.0 - taken / (2.0 * omega.size * share * whitened.shape[0])
+        noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, work, told[2])
         _believe(
             noise,
             told[2],

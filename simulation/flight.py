@@ -61,12 +61,13 @@ from wingwatch.simulation.rigid_body import (
     WIND,
     advance,
     airspeed,
+    rotation,
 )  # fmt: skip
 from wingwatch.simulation.turbulence import NORMALS, gust_step
 from wingwatch.simulation.wind import wind_at
 from wingwatch.telemetry import CHANNEL_INDEX
 
-__all__ = ["Fleet", "FleetState", "fly"]
+__all__ = ["Fleet", "FleetState", "fly", "in_body_axes"]
 
 _TIME, _AIRSPEED, _RATES = (CHANNEL_INDEX[c] for c in ("time_s", "airspeed_true_m_s", "roll_rate_rad_s"))
 _FORCES, _ROLL = CHANNEL_INDEX["specific_force_x_m_s2"], CHANNEL_INDEX["roll_rad"]
@@ -78,6 +79,7 @@ _DEMANDS = CHANNEL_INDEX["roll_demand_rad"]
 _SHEAR_REACH_M = 1.0
 _PARAMETERS = len(PARAMETERS)
 _CHANGING, _NONE_YET = -2, -3
+_LEAST_SPEED_M_S = 1e-3
 
 
 class Fleet(NamedTuple):
@@ -175,7 +177,25 @@ def _move_centre(c, x, centre):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _air_of_step(c, s, turbulent, row, state, normals, gusts, gust_count, end_s, steps, end, middle):  # type: ignore[no-untyped-def]
+def in_body_axes(x, motion):  # type: ignore[no-untyped-def]
+    """Turn the velocity in ``motion`` (6,) from level axes along the flight path to body axes, in place.
+
+    Eddies are of the air: they do not roll with the aircraft, which would take a force that no air has, omega x gust.
+    Rates of the air are those of body axes already.
+    """
+    q0, q1, q2, q3 = x[6], x[7], x[8], x[9]
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation(q0, q1, q2, q3)
+    north, east = r00 * x[3] + r01 * x[4] + r02 * x[5], r10 * x[3] + r11 * x[4] + r12 * x[5]
+    over = 1.0 / max(math.sqrt(north * north + east * east), _LEAST_SPEED_M_S)
+    along, across, down = motion[0] * over, motion[1] * over, motion[2]
+    to_north, to_east = along * north - across * east, along * east + across * north
+    motion[0] = r00 * to_north + r10 * to_east + r20 * down
+    motion[1] = r01 * to_north + r11 * to_east + r21 * down
+    motion[2] = r02 * to_north + r12 * to_east + r22 * down
+
+
+@njit(cache=True, error_model="numpy")
+def _air_of_step(c, s, x, turbulent, row, state, normals, gusts, gust_count, end_s, steps, end, middle):  # type: ignore[no-untyped-def]
     """The air's motion over a stretch of steps into ``s``: at its start, and gain and curve of the first step."""
     for j in range(6):
         s[GUST + j] = end[j]
@@ -185,6 +205,8 @@ def _air_of_step(c, s, turbulent, row, state, normals, gusts, gust_count, end_s,
         for j in range(6):
             end[j] *= c[GUST_GAIN]
             middle[j] *= c[GUST_GAIN]
+        in_body_axes(x, end)
+        in_body_axes(x, middle)
     if gust_count > 0:
         add_discrete_gusts(gusts, gust_count, end_s, end)
     for j in range(6):
@@ -272,7 +294,7 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
                 if fleet.turbulent[i]:
                     fill_normals(stream, normals)
                 _air_of_step(
-                    c, s, fleet.turbulent[i], gust_filter, filter_state, normals, gusts, fleet.gust_count[i],
+                    c, s, x, fleet.turbulent[i], gust_filter, filter_state, normals, gusts, fleet.gust_count[i],
                     (index + a_gust) / steps_hz, a_gust, end, air_middle,
                 )  # fmt: skip
             if index % a_frame == 0:

@@ -39,7 +39,7 @@ from wingwatch.simulation.prepared import (
 )
 from wingwatch.simulation.propulsion import thrust
 
-__all__ = ["SETTING", "SETTING_WIDTH", "advance", "airspeed", "rates"]
+__all__ = ["SETTING", "SETTING_WIDTH", "advance", "airspeed", "rates", "rotation"]
 
 SETTING: tuple[str, ...] = (
     "throttle",
@@ -80,7 +80,7 @@ _LEAST_PLANE = 1e-6
 
 
 @njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
-def _rotation(q0, q1, q2, q3):  # type: ignore[no-untyped-def]
+def rotation(q0, q1, q2, q3):  # type: ignore[no-untyped-def]
     """Body to earth, row by row."""
     return (
         1.0 - 2.0 * (q2 * q2 + q3 * q3), 2.0 * (q1 * q2 - q0 * q3), 2.0 * (q1 * q3 + q0 * q2),
@@ -106,7 +106,7 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     """
     u, v, w, p, q, r = x[3], x[4], x[5], x[10], x[11], x[12]
     q0, q1, q2, q3 = x[6], x[7], x[8], x[9]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = _rotation(q0, q1, q2, q3)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation(q0, q1, q2, q3)
     higher = -x[2] - s[SHEAR_ALTITUDE]
     n, e = s[WIND] + higher * s[SHEAR], s[WIND_EAST] + higher * s[SHEAR_EAST]
     d = s[WIND_DOWN] + higher * s[SHEAR_DOWN]
@@ -162,7 +162,7 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
 def airspeed(c, s, x):  # type: ignore[no-untyped-def]
     """Airspeed of the reference point, m/s, at the start of a step: the size of what ``rates`` leaves in ``s``."""
     p, q, r = x[10] - s[GUST_P], x[11] - s[GUST_Q], x[12] - s[GUST_R]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = _rotation(x[6], x[7], x[8], x[9])
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation(x[6], x[7], x[8], x[9])
     higher = -x[2] - s[SHEAR_ALTITUDE]
     n, e = s[WIND] + higher * s[SHEAR], s[WIND_EAST] + higher * s[SHEAR_EAST]
     d = s[WIND_DOWN] + higher * s[SHEAR_DOWN]

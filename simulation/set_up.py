@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.simulation.autopilot import MEMORY, ORDERS, autopilot_row
-from wingwatch.simulation.flight import Fleet, FleetState
+from wingwatch.simulation.flight import Fleet, FleetState, in_body_axes
 from wingwatch.simulation.gusts import GUST_COLUMNS, gust_rows
 from wingwatch.simulation.layout import CG_X, CG_Z, ELEVATOR_OFFSET, GUST_GAIN, RUDDER_OFFSET, SPAN
 from wingwatch.simulation.manoeuvres import EXCITATION_COLUMNS, excitation_rows
@@ -191,6 +191,7 @@ def _state(
         if v.air is not None:
             state.gust_filter[i] = v.air.stationary @ generator.standard_normal(STATES)
             state.gust[i] = rows[i, GUST_GAIN] * (v.air.output @ state.gust_filter[i])
+            in_body_axes(state.rigid[i], state.gust[i])
         wind = np.zeros(3)
         wind_at(fleet.wind[i], s.altitude_m, wind)
         state.setting[i, WIND : WIND + 3] = wind

@@ -1,0 +1,114 @@
+"""What nuisance columns take from a block: beside projections written out, and beside residuals that are drawn."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from wingwatch.estimators.fourier_bank import NUISANCE
+from wingwatch.estimators.fourier_noise import AIR_LEVELS, Air, Plant, noise_workspace
+from wingwatch.estimators.fourier_nuisance import (
+    NO_COLUMN,
+    degrees_of_freedom,
+    inverse_of_root,
+    nuisance_variances,
+    prior_of,
+    reduce_weights,
+)
+
+BINS, ROWS, STATES, FIRST = 12, 3, 2, 4
+
+Array = NDArray[np.float64]
+
+
+def columns(seed: int) -> tuple[Array, NDArray[np.complex128], Array]:
+    """A bank with NUISANCE columns behind FIRST others; the same as complex numbers; priors (rows, NUISANCE)."""
+    rng = np.random.default_rng(seed)
+    bank = rng.standard_normal((FIRST + NUISANCE, 2, BINS))
+    variances = np.zeros((ROWS, NUISANCE))
+    variances[:, 0], variances[:, 2], variances[1:, 3] = math.inf, math.inf, 0.2
+    return bank, bank[FIRST:, 0] + 1j * bank[FIRST:, 1], variances
+
+
+def weights(seed: int) -> NDArray[np.complex128]:
+    """Hermitian positive definite W of every bin, (bins, rows, rows)."""
+    rng = np.random.default_rng(seed)
+    z = rng.standard_normal((BINS, ROWS, 4)) + 1j * rng.standard_normal((BINS, ROWS, 4))
+    return np.asarray(z @ z.conj().transpose(0, 2, 1))
+
+
+def normal(w: NDArray[np.complex128], c: NDArray[np.complex128], variances: Array) -> tuple[Array, Array]:
+    """Re sum C' W C with the prior, of unit diagonal, and the sizes."""
+    full = np.einsum("cf,fkm,df->kcmd", c.conj(), w, c).real.reshape(ROWS * NUISANCE, -1)
+    full += np.diag([prior_of(v, 1.0) for v in variances.ravel()])
+    size = np.sqrt(np.diag(full))
+    return full / np.outer(size, size), size
+
+
+def test_the_inverse_of_a_root() -> None:
+    z = np.random.default_rng(1).standard_normal((7, 9))
+    matrix, out = z @ z.T, np.empty((7, 7))
+    inverse_of_root(np.linalg.cholesky(matrix), out)
+    np.testing.assert_allclose(out @ matrix, np.eye(7), atol=1e-10)
+
+
+def test_columns_take_as_many_real_numbers_as_are_free() -> None:
+    """Flat columns take one each, a column with a prior as much as the data say beside it, an absent one nothing."""
+    _, c, variances = columns(2)
+    unit, size = normal(weights(2), c, variances)
+    taken = degrees_of_freedom(np.linalg.inv(unit), size, variances, 1.0)
+    data = unit * np.outer(size, size) - np.diag([prior_of(v, 1.0) for v in variances.ravel()])
+    present = variances.ravel() > 0.0
+    both = np.diag([prior_of(v, 1.0) for v in variances.ravel()[present]]) + data[np.ix_(present, present)]
+    want = np.trace(data[np.ix_(present, present)] @ np.linalg.inv(both))
+    assert taken == pytest.approx(want, abs=1e-6)
+    assert 2 * ROWS < taken < present.sum()
+    assert prior_of(math.inf, 0.5) == 0.0
+    assert prior_of(0.0, 0.5) == NO_COLUMN
+
+
+def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() -> None:
+    """E[x' P r] with real columns fitted out of r, of 20,000 draws with E[r r'] = W^-1 and x a part of r."""
+    bank, c, variances = columns(3)
+    w = weights(3)
+    unit, size = normal(w, c, variances)
+    work = noise_workspace(STATES, 1, ROWS, BINS)
+    work.weights[:, :, 0], work.weights[:, :, 1] = w.real.transpose(1, 2, 0), w.imag.transpose(1, 2, 0)
+    bins = reduce_weights(bank, FIRST, np.linalg.inv(unit), size, work)
+    reduced = (work.weights[:, :, 0] + 1j * work.weights[:, :, 1]).transpose(2, 0, 1)
+    np.testing.assert_allclose(work.sums, reduced.real.sum(axis=0)[:STATES, :STATES], rtol=1e-12)
+    assert 1.0 < bins < BINS
+    rng, draws = np.random.default_rng(4), 20_000
+    z = (
+        rng.standard_normal((draws, BINS, ROWS)) + 1j * rng.standard_normal((draws, BINS, ROWS))
+    ) / math.sqrt(2.0)
+    r = np.einsum("fkm,nfm->nfk", np.linalg.cholesky(np.linalg.inv(w)), z)
+    whitened = np.einsum("fkm,nfm->nfk", w, r)
+    right = np.einsum("cf,nfk->nkc", c.conj(), whitened).real.reshape(draws, -1) / size
+    fitted = (right @ np.linalg.inv(unit) / size).reshape(draws, ROWS, NUISANCE)
+    left = whitened - np.einsum("fkm,nmc,cf->nfk", w, fitted, c)
+    # the regressor of row 0 is that row's residual
+    got = np.real(np.conj(r[:, :, 0]) * left[:, :, 0]).sum(axis=1)
+    sigma = np.linalg.inv(w)
+    want = np.real(np.einsum("fk,fk->f", reduced[:, 0], sigma[:, :, 0])).sum()
+    assert got.mean() == pytest.approx(want, abs=4.0 * got.std() / math.sqrt(draws))
+    whole = np.real(np.einsum("fk,fk->f", w[:, 0], sigma[:, :, 0])).sum()
+    assert abs(want - whole) > 8.0 * got.std() / math.sqrt(draws), "the columns take nothing here: no test"
+
+
+def test_what_is_known_of_columns_before_the_flight() -> None:
+    derivatives = np.array([[-4.0, -1.0, -2.0], [-3.0, -5.0, -30.0]])
+    plant = Plant(derivatives, np.array([0.0, 25.0]), np.zeros(2), np.zeros(2), True)
+    air, noise = Air(-1.0 / 25.0, 0.15, 0.12, 0.0), np.full(2 * 2 + 2 + AIR_LEVELS, 1e-2)
+    noise[0], noise[1], noise[-AIR_LEVELS] = 2e-2, 3e-2, 20.0
+    found = np.empty((3, NUISANCE))
+    nuisance_variances(plant, air, noise, 0.02, found)
+    assert np.isinf(found[:, 0]).all()
+    assert np.isinf(found[:, 2]).all()
+    np.testing.assert_array_equal(np.isinf(found[:, 1]), [True, True, False])
+    np.testing.assert_allclose(found[:, 3], [0.0, 3e-2, 2e-2])
+    turning = 20.0 * 0.02 * 0.15 / 2.0 / 25.0**2
+    np.testing.assert_allclose(found[:, 5], [turning, 25.0 * turning, 0.0])
+    np.testing.assert_allclose(found[:, 7], [1.0 / 25.0**2, 25.0 / 25.0**2, 0.0])
+    np.testing.assert_allclose(found[:, 9], [(4.0 * 0.02) ** 2, (3.0 * 0.02) ** 2, 0.0])
