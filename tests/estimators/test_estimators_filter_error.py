@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from offline_flights import LATERAL_TRUTH, lateral_inputs, lateral_parts, lateral_rows
 from reference_plant import PLANTS, Plant
 from scipy.stats import binom
-from situation_cases import CONDITIONS, SITUATIONS, SURFACE_NOISE_RAD
+from situation_cases import CONDITIONS, SITUATIONS
 from situation_plants import Flight, fly_situation
 from situations import whole_manoeuvres
 
@@ -101,8 +101,7 @@ def test_a_flight_without_surfaces_and_gusts_informs_nothing(name: str) -> None:
 
 
 def test_noise_of_surfaces_biases_nothing() -> None:
-    still = SITUATIONS["still, autopilot, each 10 s"]
-    noisy = replace(still, surface_noise_rad=SURFACE_NOISE_RAD, surface_moves=True)
+    noisy = CONDITIONS["still, autopilot, each 10 s, surface noise, on a line"]
     found = [solved(fly_situation(SHORT, noisy, seed, 30.0))[0] for seed in range(4)]
     assert is_covered(*inside(found, np.array(SHORT.truth)))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from reference_plant import PLANTS
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_discrete_lyapunov
-from situation_cases import SITUATIONS, SURFACE_NOISE_RAD
+from situation_cases import CONDITIONS, SITUATIONS
 from situation_plants import Situation, fly_situation
 from situations import whole_manoeuvres
 
@@ -23,9 +23,7 @@ from wingwatch.estimators.kalman.surface import at_rest
 Array = NDArray[np.float64]
 
 SHORT = PLANTS[0]
-NOISY_SURFACE = replace(
-    SITUATIONS["still, autopilot, each 10 s"], surface_noise_rad=SURFACE_NOISE_RAD, surface_moves=True
-)
+NOISY_SURFACE = CONDITIONS["still, autopilot, each 10 s, surface noise, on a line"]
 
 
 def problem(case: Situation, seconds: float = 12.0) -> Problem:
