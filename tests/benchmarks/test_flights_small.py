@@ -1,6 +1,5 @@
 """Benchmarks on simulated flights in small: still air, another axis, how finely the air is drawn."""
 
-import sys
 from dataclasses import replace
 from types import ModuleType
 
@@ -10,6 +9,7 @@ import other_axis
 import pytest
 import simulated_flights
 import still_flights
+from refusals import refusal
 from scipy.stats import binom
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, linearised_derivatives, load_aircraft, trimmed
@@ -151,8 +151,4 @@ def test_bad_arguments_get_one_sentence(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        module.main()
-    assert ended.value.code == 2
-    assert words in capsys.readouterr().err
+    assert words in refusal(module, arguments, monkeypatch, capsys)

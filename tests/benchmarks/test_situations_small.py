@@ -9,6 +9,7 @@ import pytest
 import situation_plants as plants
 import situations
 from reference_plant import AMPLITUDE_RAD, PLANTS, Plant
+from refusals import refusal
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lsim
 from scipy.stats import binom
@@ -187,8 +188,4 @@ def test_json_has_one_object_a_line(
 def test_bad_arguments_get_one_sentence(
     arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["situations.py", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        situations.main()
-    assert ended.value.code == 2
-    assert words in capsys.readouterr().err
+    assert words in refusal(situations, arguments, monkeypatch, capsys)
