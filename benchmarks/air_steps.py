@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from still_flights import AMPLITUDE_RAD, RATE_HZ, cruise_of, last_solution, truth_of
+from simulated_flights import AMPLITUDE_RAD, RATE_HZ, cruise_of, last_solution, truth_of
 
 from wingwatch.aircraft import LATERAL, Aircraft, load_aircraft
 from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, doublet_schedule

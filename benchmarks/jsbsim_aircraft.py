@@ -28,7 +28,7 @@ from functools import cache
 import numpy as np
 from jsbsim_peer import FT, SLUG, Peer
 from numpy.typing import NDArray
-from still_flights import RATE_HZ, START_OFF, STRUCTURES, Z_95, flight_form, last_solution
+from simulated_flights import RATE_HZ, START_OFF, STRUCTURES, Z_95, flight_form, last_solution
 
 from wingwatch.aircraft import (
     GRAVITY_M_S2,

@@ -4,7 +4,7 @@ Flights of six degrees of freedom in still air, loop closed, in which the ailero
 or the elevator alone; with the Aerosonde and with a copy of it whose inertia couples the axes ten times as strongly:
 I_xz is ten times as large, and I_z - I_x too by I_z; rolling and yawing coefficients are those that leave its
 derivatives the Aerosonde's. (No body has such moments; the equations of motion do not mind.) What no derivative
-describes is, in pitch, ((I_z - I_x) p r - I_xz (p^2 - r^2)) / I_y. The chain's file is off as in ``still_flights``.
+describes is, in pitch, ((I_z - I_x) p r - I_xz (p^2 - r^2)) / I_y. The chain's file is off as in ``simulated_flights``.
 
     .venv/bin/python benchmarks/other_axis.py [--flights 8] [--seconds 60] [--degrees 2 6] [--json]
 
@@ -23,7 +23,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from still_flights import (
+from simulated_flights import (
     PERIOD_S,
     RATE_HZ,
     STRUCTURES,

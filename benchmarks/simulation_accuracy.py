@@ -101,6 +101,7 @@ def tumbling() -> tuple[Array, Array, Array]:
 
 
 def rotation(state: Array) -> Array:
+    """Body to earth."""
     q0, q1, q2, q3 = state[6:10]
     return np.array([
         [1 - 2 * (q2**2 + q3**2), 2 * (q1 * q2 - q0 * q3), 2 * (q1 * q3 + q0 * q2)],

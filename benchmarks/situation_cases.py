@@ -131,6 +131,9 @@ CONDITIONS: dict[str, Situation] = {
         _RECORD, accelerometer=False, surface_noise_rad=SURFACE_NOISE_RAD
     ),
     "still, autopilot, each 10 s, surface noise": replace(_AUTO_10, surface_noise_rad=SURFACE_NOISE_RAD),
+    "still, autopilot, each 10 s, surface noise, on a line": replace(
+        _AUTO_10, surface_noise_rad=SURFACE_NOISE_RAD, surface_moves=True
+    ),
     "moderate, open, each 5 s, surface noise": replace(
         _OPEN_5, air=MODERATE, surface_noise_rad=SURFACE_NOISE_RAD
     ),

@@ -91,11 +91,12 @@ class Situation:
         loop: gains of attitude (rad/rad) and rate (rad per rad/s); None: open.
         moment: angular acceleration of time, rad/s2, or a random one; None: none.
         vane_ahead_m: of the centre of gravity.
-        vane_stated_m: what the estimator's signals are corrected for; None: the truth.
+        vane_stated_m: what the estimator is told, and its signals are corrected for; None: the truth.
         rate_hz: samples a second.
         seconds: length; None: as the command asks.
         signal_to_noise: of each sensor in the reference record; infinite: sensors without noise.
         surface_noise_rad: standard deviation of the surface's reading, stated to the estimator.
+        surface_moves: on a line from sample to sample; else it is held between them.
         accelerometer: whether there is one.
     """
 
@@ -109,6 +110,7 @@ class Situation:
     seconds: float | None = None
     signal_to_noise: float = 5.0
     surface_noise_rad: float = 0.0
+    surface_moves: bool = False
     accelerometer: bool = True
 
 
@@ -124,7 +126,9 @@ class Known:
         rate_hz: samples a second.
         rate_noise_rad_s: the gyro's standard deviation.
         surface_noise_rad: the surface's.
+        held: whether the surface is held between samples.
         accelerometer: whether the accelerometer may be used.
+        vane_ahead_m: of the centre of gravity, as stated.
         span_m: of the wing.
     """
 
@@ -135,7 +139,9 @@ class Known:
     rate_hz: float
     rate_noise_rad_s: float
     surface_noise_rad: float
+    held: bool
     accelerometer: bool
+    vane_ahead_m: float
     span_m: float = SPAN_M
 
 
@@ -175,9 +181,9 @@ class Loop(NamedTuple):
 
 @njit(cache=True)
 def _fly(
-    motion: Motion, air: AirPath, loop: Loop, planned: Array, fine: int, sample_s: float
+    motion: Motion, air: AirPath, loop: Loop, planned: Array, moves: bool, fine: int, sample_s: float
 ) -> tuple[Array, Array]:
-    """Readings (samples, 3) of vane, gyro and accelerometer, and the surface (samples,), held between samples."""
+    """Readings (samples, 3) of vane, gyro and accelerometer, and the surface at each sample (samples,)."""
     d, h = motion.aerodynamics, sample_s / fine
     readings, surface = np.empty((planned.size, 3)), np.empty(planned.size)
     w = q = attitude = command = 0.0
@@ -192,13 +198,15 @@ def _fly(
         attitude += sample_s * readings[k, 1]
         command = loop.attitude * attitude + loop.rate * readings[k, 1]
         command = min(max(command, -LARGEST_COMMAND_RAD), LARGEST_COMMAND_RAD)
+        rise = (planned[min(k + 1, planned.size - 1)] + command - u) / fine if moves else 0.0
         for i in range(at, at + fine):
+            half = u + rise * (i - at + 0.5)
             gust, rate = 0.5 * (air.gust[i] + air.gust[i + 1]), 0.5 * (air.rate[i] + air.rate[i + 1])
             moment = 0.5 * (motion.moment[i] + motion.moment[i + 1])
             w_mid, q_mid = w, q
             for step in (0.5 * h, h):  # midpoint rule
-                force = d[0, 0] * (w_mid - gust) + d[0, 1] * (q_mid - rate) + d[0, 2] * u
-                turn = d[1, 0] * (w_mid - gust) + d[1, 1] * (q_mid - rate) + d[1, 2] * u
+                force = d[0, 0] * (w_mid - gust) + d[0, 1] * (q_mid - rate) + d[0, 2] * half
+                turn = d[1, 0] * (w_mid - gust) + d[1, 1] * (q_mid - rate) + d[1, 2] * half
                 w_mid, q_mid = w + step * (force + motion.turn * q_mid), q + step * (turn + moment)
             w, q = w_mid, q_mid
     return readings, surface
@@ -347,7 +355,9 @@ def reference_noise(plant: Plant, signal_to_noise: float) -> Array:
     steps = np.zeros(time_s.size * 40 + 1)
     loop = Loop(0.0, 0.0, np.zeros((time_s.size, 3)))
     planned = pulse_doublets(2.0)(plant, time_s)
-    readings, _ = _fly(_motion(plant, steps, 0.0), AirPath(steps, steps, steps), loop, planned, 40, 0.02)
+    readings, _ = _fly(
+        _motion(plant, steps, 0.0), AirPath(steps, steps, steps), loop, planned, False, 40, 0.02
+    )
     return np.asarray(readings.std(axis=0) / signal_to_noise)
 
 
@@ -368,15 +378,15 @@ def fly_situation(plant: Plant, situation: Situation, seed: int, seconds: float)
         planned[lead:] = situation.surface(plant, time_s[lead:])
     motion = _motion(plant, _moment(situation, fine_s, of_moment), situation.vane_ahead_m)
     air = _air_path(situation, plant, fine_s, of_air)
-    readings, surface = _fly(motion, air, loop, planned, fine, 1.0 / rate)
+    readings, surface = _fly(motion, air, loop, planned, situation.surface_moves, fine, 1.0 / rate)
     surface = surface + situation.surface_noise_rad * of_surface.standard_normal(surface.size)
     natural = natural_size(plant)
     start = aerodynamic(plant) + START_OFF * natural * of_start.choice([-1.0, 1.0], 6)
+    stated = situation.vane_ahead_m if situation.vane_stated_m is None else situation.vane_stated_m
     known = Known(
         plant, start, natural, (AIRSPEED_M_S, CONDITION.air_density_kg_m3), rate, float(std[1]),
-        situation.surface_noise_rad, situation.accelerometer,
+        situation.surface_noise_rad, not situation.surface_moves, situation.accelerometer, stated,
     )  # fmt: skip
-    stated = situation.vane_ahead_m if situation.vane_stated_m is None else situation.vane_stated_m
     return Flight(_rows(plant, readings[lead:], surface[lead:], stated, rate), known)
 
 

@@ -2,12 +2,13 @@
 
 Plants of two degrees of freedom (``situation_plants``) in the situations of ``situation_cases``: still and rough air of
 several spectra, loop open and closed, doublets or none, moments nobody measured, a vane ahead, other rates, sensors and
-inputs. Each estimator is run alone, as the live chain configures it, solved twice a second and read at the end of the
-flight; it starts 30 % of each derivative's natural size off. The situations are those of the trials that chose the
-filter's likelihood; the plants are those of ``reference_plant``.
+inputs. Each online estimator is run alone, as the live chain configures it, solved twice a second and read at the end
+of the flight; filter error is given the whole flight, as ``wingwatch estimate`` gives it. Each starts 30 % of each
+derivative's natural size off. The situations are those of the trials that chose the filter's likelihood; the plants are
+those of ``reference_plant``.
 
     .venv/bin/python benchmarks/situations.py [--seeds 8] [--seconds 60] [--cases "quiet;moderate, autopilot"]
-        [--plants short_period,dutch_roll] [--estimators fourier,ekf] [--conditions] [--json]
+        [--plants short_period,dutch_roll] [--estimators fourier,ekf,filter-error] [--conditions] [--json]
 
 A claim is a derivative called ``converged``. Per situation and estimator: share of derivatives claimed; truth in the
 stated 95 % interval of the claims and of all; median over all of the stated error over the natural size; rms and
@@ -32,15 +33,22 @@ from wingwatch.estimators import (
     EkfConfig,
     EkfEstimator,
     Estimate,
+    FilterErrorConfig,
     FourierConfig,
     FourierEstimator,
+    Manoeuvre,
+    ManoeuvreConfig,
     Outcome,
+    filter_error,
+    manoeuvres,
 )
 
 Array = NDArray[np.float64]
 
 BAND_HZ = (0.1, 4.0)
 SOLUTION_INTERVAL_S = 0.5
+WINDOW_S = 30.0
+"""Longest manoeuvre of filter error, as ``wingwatch estimate`` cuts a flight."""
 Z_95 = 1.959964
 
 
@@ -53,10 +61,11 @@ def fourier(flight: Flight) -> Estimate:
         k.start,
         3.0 * k.natural,
         k.reference,
-        held=(True,),
+        held=(k.held,),
         force_from_accelerometer=k.accelerometer,
         input_noise_std=(k.surface_noise_rad,),
         span_m=k.span_m if k.accelerometer else 0.0,
+        vane_ahead_m=k.vane_ahead_m,
     )
     estimator = FourierEstimator(config)
     state = estimator.init(1)
@@ -74,7 +83,7 @@ def ekf(flight: Flight) -> Estimate:
         k.start,
         k.natural,
         k.reference,
-        held=(True,),
+        held=(k.held,),
         use_accelerometer=k.accelerometer,
         noise_std=(0.0, k.rate_noise_rad_s),
         input_noise_std=(k.surface_noise_rad,),
@@ -88,7 +97,28 @@ def ekf(flight: Flight) -> Estimate:
     return estimator.estimate(state)
 
 
-ESTIMATORS: dict[str, Callable[[Flight], Estimate]] = {"fourier": fourier, "ekf": ekf}
+def whole_manoeuvres(flight: Flight) -> tuple[Manoeuvre, ...]:
+    """A flight as estimators of whole flights are given it. A surface whose reading has noise is a position to them."""
+    k = flight.known
+    config = ManoeuvreConfig(
+        k.plant.structure, k.reference, held=(k.held and k.surface_noise_rad == 0.0,), window_s=WINDOW_S,
+        use_accelerometer=k.accelerometer,
+    )  # fmt: skip
+    return manoeuvres(config, flight.rows)
+
+
+def whole_filter_error(flight: Flight) -> Estimate:
+    """Filter error of the whole flight, whose prior is as wide as ``wingwatch estimate`` makes it."""
+    k = flight.known
+    config = FilterErrorConfig(k.span_m, k.vane_ahead_m, (k.surface_noise_rad,))
+    return filter_error(whole_manoeuvres(flight), config, expected=k.start, natural=k.natural)[0]
+
+
+ESTIMATORS: dict[str, Callable[[Flight], Estimate]] = {
+    "fourier": fourier,
+    "ekf": ekf,
+    "filter-error": whole_filter_error,
+}
 
 
 def _pieces(flight: Flight) -> list[Array]:

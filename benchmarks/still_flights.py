@@ -24,45 +24,36 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from wingwatch.aircraft import (
-    LATERAL,
-    SHORT_PERIOD,
-    Aircraft,
-    FlightCondition,
-    ModeStructure,
-    linearised_derivatives,
-    load_aircraft,
-    trimmed,
+from simulated_flights import (
+    AMPLITUDE_RAD,
+    PERIOD_S,
+    STRUCTURES,
+    Z_95,
+    cruise_of,
+    flight_form,
+    fly,
+    last_solution,
+    misstated,
+    truth_of,
 )
+
+from wingwatch.aircraft import Aircraft, ModeStructure, load_aircraft
 from wingwatch.estimators import (
     Estimate,
     Fit,
-    FlightForm,
     Manoeuvre,
     Outcome,
     flight_manoeuvres,
     in_form,
-    offsets,
     output_error,
 )
-from wingwatch.monitor.chain import Chain, Solution
-from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
-from wingwatch.simulation import Manoeuvre as Excitation
-from wingwatch.telemetry import SampleBlock, complete
-from wingwatch.telemetry.conditioning import align
+from wingwatch.simulation import doublet_schedule
+from wingwatch.telemetry import SampleBlock
 
 Array = NDArray[np.float64]
 
 AIRCRAFT = ("aerosonde", "twinotter", "ultrastick25e")
-STRUCTURES = (SHORT_PERIOD, LATERAL)
 FIRST_SEED = 3000
-RATE_HZ = 50
-AMPLITUDE_RAD = math.radians(2.0)
-START_OFF = 0.3
-PERIOD_S = 20.0
-"""Between doublets of the same surface: three in a minute."""
-Z_95 = 1.959964
 PEER = "output error"
 
 WHOLE: dict[str, Callable[[Sequence[Manoeuvre]], tuple[Estimate, Fit]]] = {PEER: output_error}
@@ -104,65 +95,6 @@ class Figures:
     covered_all: float
     worst_score: float
     over_peer: tuple[float, ...]
-
-
-def cruise_of(aircraft: Aircraft) -> FlightCondition:
-    """The cruise that the file states."""
-    if aircraft.envelope is None:
-        raise ValueError(f"aircraft {aircraft.name} states no [envelope]; choose one that does")
-    return aircraft.envelope.cruise
-
-
-def truth_of(aircraft: Aircraft, estimate: Estimate) -> Array:
-    """Linearisation at an estimate's airspeed and density, with the angle of attack that it reports."""
-    airspeed, altitude, density, alpha = estimate.condition
-    at = trimmed(aircraft, FlightCondition(airspeed, altitude, density))
-    table = linearised_derivatives(aircraft, at, estimate.structure)
-    concise = np.array([table[d] for d in estimate.structure.derivatives])
-    seen = offsets(estimate.structure, airspeed, alpha)
-    return np.asarray(concise + seen - offsets(estimate.structure, airspeed, at.angle_of_attack_rad))
-
-
-def fly(aircraft: Aircraft, manoeuvres: Sequence[Excitation], seed: int, seconds: float) -> SampleBlock:
-    """One flight at cruise through still air, its sensors' stated delays taken out."""
-    at = cruise_of(aircraft)
-    scenario = Scenario(aircraft, at.airspeed_true_m_s, at.altitude_m, tuple(manoeuvres), seed=seed)
-    values = FleetSimulation([scenario], RATE_HZ).step(round(RATE_HZ * seconds))[0]
-    return align(complete(SampleBlock(values)), aircraft.sensors.delay_s)
-
-
-def misstated(aircraft: Aircraft, seed: int) -> Aircraft:
-    """A file whose coefficients of motion and surfaces are ``START_OFF`` too large or too small, by chance."""
-    if aircraft.coefficients is None:
-        raise ValueError(f"aircraft {aircraft.name} states no [coefficients]; choose one that does")
-    rng, tables = np.random.default_rng(seed), {}
-    for table in ("CL", "CY", "Cl", "Cm", "Cn"):
-        stated = getattr(aircraft.coefficients, table)
-        names = [n for n in type(stated).model_fields if n != "zero"]
-        off = {n: getattr(stated, n) * (1.0 + START_OFF * rng.choice([-1.0, 1.0])) for n in names}
-        tables[table] = stated.model_copy(update=off)
-    return aircraft.model_copy(update={"coefficients": aircraft.coefficients.model_copy(update=tables)})
-
-
-def last_solution(file: Aircraft, block: SampleBlock) -> Solution:
-    """What the live chain with an aircraft file says at the end of a flight."""
-    chain = Chain(file, block.present, {})
-    return list(chain.advance(chain.init(), block))[-1]
-
-
-def flight_form(aircraft: Aircraft, at: FlightCondition) -> FlightForm:
-    """What a file tells an estimator of whole flights, referred to a condition."""
-    servos = {
-        "eta": aircraft.actuators.elevator,
-        "xi": aircraft.actuators.aileron,
-        "zeta": aircraft.actuators.rudder,
-    }
-    return FlightForm(
-        (at.airspeed_true_m_s, at.air_density_kg_m3),
-        imu_position_m=aircraft.sensors.imu_position_m,
-        vane_position_m=aircraft.sensors.vane_position_m,
-        servo_rad_s={u: 2.0 * math.pi * servo.bandwidth_hz for u, servo in servos.items() if servo},
-    )
 
 
 def reading(aircraft: Aircraft, estimate: Estimate, fit: Fit | None = None) -> Reading:

@@ -9,18 +9,26 @@ Run: python benchmarks/whole_flights.py [--flights N] [--seconds S] [--turbulenc
 """
 
 import argparse
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from turbulence import AIRCRAFT, FIRST_SEED, LEVELS, RATE_HZ, truth_of
+from simulated_flights import (
+    AMPLITUDE_RAD,
+    STRUCTURES,
+    Z_95,
+    cruise_of,
+    flight_form,
+    fly,
+    last_estimates,
+    truth_of,
+)
+from turbulence import AIRCRAFT, FIRST_SEED, LEVELS
 
-from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition, ModeStructure
+from wingwatch.aircraft import LATERAL, SHORT_PERIOD, ModeStructure
 from wingwatch.estimators import (
     Estimate,
     Fit,
-    FlightForm,
     FrequencyEquationErrorConfig,
     Manoeuvre,
     Outcome,
@@ -31,24 +39,12 @@ from wingwatch.estimators import (
     inertia_coupling,
     output_error,
 )
-from wingwatch.monitor import VehicleMonitor
-from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, doublet_schedule
-from wingwatch.telemetry import SampleBlock, complete
+from wingwatch.simulation import doublet_schedule
+from wingwatch.telemetry import SampleBlock
 
 Array = NDArray[np.float64]
 
-CRUISE = FlightCondition(25.0, 1000.0)
-
-SERVOS = {
-    "eta": AIRCRAFT.actuators.elevator,
-    "xi": AIRCRAFT.actuators.aileron,
-    "zeta": AIRCRAFT.actuators.rudder,
-}
-FORM = FlightForm(
-    (CRUISE.airspeed_true_m_s, CRUISE.air_density_kg_m3),
-    servo_rad_s={u: 2.0 * math.pi * servo.bandwidth_hz for u, servo in SERVOS.items() if servo is not None},
-    inertia=inertia_coupling(AIRCRAFT),
-)
+FORM = flight_form(AIRCRAFT, cruise_of(AIRCRAFT), inertia_coupling(AIRCRAFT))
 
 
 def by_frequency(parts: Sequence[Manoeuvre]) -> tuple[Estimate, Fit]:
@@ -67,23 +63,12 @@ SOLVE: dict[str, Callable[[Sequence[Manoeuvre]], tuple[Estimate, Fit]]] = {
 Found = dict[tuple[str, str], list[tuple[Array, Array, Array, Array]]]
 
 
-def fly(turbulence: Turbulence, seed: int, seconds: float) -> SampleBlock:
-    """One flight, doublets of 2 degrees."""
-    doublets = doublet_schedule(AIRCRAFT, CRUISE, np.deg2rad(2.0))
-    scenario = Scenario(AIRCRAFT, manoeuvres=(doublets,), turbulence=turbulence, seed=seed)
-    fleet = FleetSimulation([scenario], rate_hz=RATE_HZ)
-    values = fleet.step(round(RATE_HZ * seconds))[0]
-    return complete(SampleBlock(np.ascontiguousarray(values)))
-
-
-def add_online(found: Found, block: SampleBlock, structure: ModeStructure) -> None:
-    """Both online estimators of one structure on one flight."""
-    monitor = VehicleMonitor(AIRCRAFT, "default", "uav", block.present, {}, new_id=lambda: "alert")
-    mode = list(monitor.feed(block).solutions)[-1].modes[structure.name]
-    for estimate in (mode.fourier, mode.ekf):
-        reach = 1.959964 * estimate.standard_error
+def add_online(found: Found, block: SampleBlock) -> None:
+    """Both online estimators of both structures on one flight."""
+    for estimate in last_estimates(AIRCRAFT, block):
+        reach = Z_95 * estimate.standard_error
         ends = np.column_stack([estimate.value - reach, estimate.value + reach])
-        found.setdefault((structure.name, estimate.estimator), []).append(_row(estimate, ends))
+        found.setdefault((estimate.structure.name, estimate.estimator), []).append(_row(estimate, ends))
 
 
 def add_offline(found: Found, block: SampleBlock, structure: ModeStructure) -> None:
@@ -97,7 +82,7 @@ def add_offline(found: Found, block: SampleBlock, structure: ModeStructure) -> N
 def _row(estimate: Estimate, interval: Array) -> tuple[Array, Array, Array, Array]:
     """Relative error in percent, error over standard error, whether the interval holds the truth, and whether the
     derivative claims to be converged."""
-    truth = truth_of(estimate)
+    truth = truth_of(AIRCRAFT, estimate)
     error = estimate.value - truth
     inside = (interval[:, 0] <= truth) & (truth <= interval[:, 1])
     claims = np.array([o is Outcome.CONVERGED for o in estimate.outcomes])
@@ -115,13 +100,14 @@ def main() -> None:
     parser.add_argument("--offline-only", action="store_true", help="leave the two online estimators out")
     given = parser.parse_args()
     print(f"{given.flights} flights of {given.seconds:g} s, doublets every 20 s, autopilot closed")
+    doublets = doublet_schedule(AIRCRAFT, cruise_of(AIRCRAFT), AMPLITUDE_RAD)
     for level in given.turbulence:
         found: Found = {}
         for flight in range(given.flights):
-            block = fly(level, FIRST_SEED + flight, given.seconds)
-            for structure in (SHORT_PERIOD, LATERAL):
-                if not given.offline_only:
-                    add_online(found, block, structure)
+            block = fly(AIRCRAFT, [doublets], FIRST_SEED + flight, given.seconds, level)
+            if not given.offline_only:
+                add_online(found, block)
+            for structure in STRUCTURES:
                 add_offline(found, block, structure)
         for (name, estimator), rows in found.items():
             _print(level, name, estimator, np.array(rows))

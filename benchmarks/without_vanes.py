@@ -12,35 +12,24 @@ import sys
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from simulated_flights import PERIOD_S, RATE_HZ, STRUCTURES, cruise_of, last_estimates
+from turbulence import AIRCRAFT, LEVELS, row
 
-from wingwatch.aircraft import (
-    LATERAL,
-    SHORT_PERIOD,
-    FlightCondition,
-    linearised_derivatives,
-    load_aircraft,
-    trimmed,
-)
-from wingwatch.estimators import Estimate, Outcome
-from wingwatch.monitor import VehicleMonitor
 from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, doublet_schedule
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete
 
-AIRCRAFT = load_aircraft("aerosonde")
-CRUISE = FlightCondition(25.0, 1000.0)
 FIRST_SEED = 9000
 VANES = [CHANNEL_INDEX[name] for name in ("angle_of_attack_rad", "sideslip_rad")]
 
 
 def flown(turbulence: Turbulence, flights: int, seconds: float) -> list[SampleBlock]:
     """Flights as they come from an aircraft with vanes."""
-    schedule = doublet_schedule(AIRCRAFT, CRUISE, period_s=20.0, start_s=5.0)
+    schedule = doublet_schedule(AIRCRAFT, cruise_of(AIRCRAFT), period_s=PERIOD_S, start_s=5.0)
     scenarios = [
         Scenario(AIRCRAFT, manoeuvres=(schedule,), turbulence=turbulence, seed=FIRST_SEED + i)
         for i in range(flights)
     ]
-    return [SampleBlock(values) for values in FleetSimulation(scenarios).step(round(50.0 * seconds))]
+    return [SampleBlock(values) for values in FleetSimulation(scenarios).step(round(RATE_HZ * seconds))]
 
 
 def without_vanes(block: SampleBlock) -> SampleBlock:
@@ -50,52 +39,17 @@ def without_vanes(block: SampleBlock) -> SampleBlock:
     return complete(SampleBlock(values))
 
 
-def finals(block: SampleBlock) -> list[Estimate]:
-    """Both estimators' last estimates of short period and lateral structure."""
-    monitor = VehicleMonitor(AIRCRAFT, "default", "uav", block.present, {}, new_id=lambda: "alert")
-    last = list(monitor.feed(block).solutions)[-1]
-    found = []
-    for structure in (SHORT_PERIOD, LATERAL):
-        found += [last.modes[structure.name].fourier, last.modes[structure.name].ekf]
-    return found
-
-
-def truth_of(e: Estimate) -> NDArray[np.float64]:
-    """Linearisation at the airspeed and density that an estimate is reported at."""
-    airspeed, altitude, density, _ = e.condition
-    at = trimmed(AIRCRAFT, FlightCondition(airspeed, altitude, density))
-    table = linearised_derivatives(AIRCRAFT, at, e.structure)
-    return np.array([table[d] for d in e.structure.derivatives])
-
-
 def estimates(flights: int, seconds: float) -> None:
     print(f"\nestimates, {flights} flights of {seconds:g} s")
-    levels: tuple[Turbulence, ...] = ("none", "light", "moderate")
-    for level in levels:
+    for level in LEVELS:
         blocks = flown(level, flights, seconds)
         for label, change in (("vanes", complete), ("without", without_vanes)):
-            found = [e for block in blocks for e in finals(change(block))]
-            for structure in (SHORT_PERIOD, LATERAL):
+            found = [e for block in blocks for e in last_estimates(AIRCRAFT, change(block))]
+            for structure in STRUCTURES:
                 for name in ("fourier", "ekf"):
                     mine = [e for e in found if e.structure == structure and e.estimator == name]
                     if mine:
-                        _row(f"{level:9}{label:8}{structure.name:13}{name:8}", mine)
-
-
-def _row(label: str, mine: Sequence[Estimate]) -> None:
-    truth = np.array([truth_of(e) for e in mine])
-    error = np.array([e.value for e in mine]) - truth
-    scores = error / np.array([e.standard_error for e in mine])
-    stands = np.array([[o in (Outcome.CONVERGED, Outcome.SETTLING) for o in e.outcomes] for e in mine])
-    mean, rms = np.mean(100.0 * error / truth, axis=0), np.sqrt(np.mean(np.square(scores), axis=0))
-    inside = np.abs(scores) <= 1.959964
-    cells = [
-        f"{d} {m:+.0f} ({r:.1f})" for d, m, r in zip(mine[0].structure.derivatives, mean, rms, strict=True)
-    ]
-    standing = f"{100.0 * inside[stands].mean():.0f}" if stands.any() else "-"
-    print(
-        label + "  ".join(cells) + f"  | {standing} % of {stands.sum()}, {100.0 * inside.mean():.0f} % of all"
-    )
+                        print(f"{level:9}{label:8}{structure.name:13}{name:8}{row(mine)}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

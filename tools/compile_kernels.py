@@ -1,7 +1,8 @@
 """Compiles the numerical kernels once, for every process that follows: a short simulated flight through the live chain.
 
 numba keeps what it compiles beside the sources, so this costs minutes the first time and seconds from then on. The
-Fourier form's kernels, half of the work, are compiled by a second process meanwhile: they lie in files of their own.
+kernels of the Fourier form and of the estimators of whole flights, half of the work, are compiled by a second process
+meanwhile: they lie in files of their own.
 """
 
 import multiprocessing
@@ -14,14 +15,22 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import numpy as np
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, load_aircraft
-from wingwatch.estimators import EkfConfig, EkfEstimator, FourierConfig, FourierEstimator, SignalLayout
+from wingwatch.estimators import (
+    EkfConfig,
+    EkfEstimator,
+    FourierConfig,
+    FourierEstimator,
+    ManoeuvreConfig,
+    SignalLayout,
+    filter_error,
+    manoeuvres,
+    output_error,
+)
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import SampleBlock
 
 RATE_HZ, SECONDS, PIECE = 50.0, 25.0, 25
-
-
 REFERENCE = (25.0, 1.2)
 
 
@@ -32,6 +41,28 @@ def compile_fourier() -> None:
     state = estimator.init(1)
     estimator.update(state, np.zeros((1, 1, estimator.layout.columns)))
     estimator.solve(state)
+
+
+def compile_whole_flights() -> None:
+    """The kernels of output error and filter error, which are the same for every structure, by 4 s of level flight."""
+    samples, layout = 200, SignalLayout(2, 1)
+    rng = np.random.default_rng(1)
+    rows = np.zeros((samples, layout.columns))
+    rows[:, 0] = np.arange(samples) / RATE_HZ
+    rows[:, 1 : layout.kinematic] = 0.01 * rng.standard_normal((samples, layout.kinematic - 1))
+    rows[:, layout.kinematic] = REFERENCE[0] * rows[:, 2]
+    rows[:, layout.kinematic + 1 : layout.kinematic + 4] = 1.0, *REFERENCE
+    rows[:, layout.kinematic + 6] = 1.0
+    parts = manoeuvres(ManoeuvreConfig(SHORT_PERIOD, REFERENCE), rows)
+    expected = np.array([-4.0, -0.5, -2.0, -4.0, -6.0, -30.0])
+    output_error(parts)
+    filter_error(parts, expected=expected)
+
+
+def compile_beside() -> None:
+    """What the second process compiles."""
+    compile_fourier()
+    compile_whole_flights()
 
 
 def compile_filter() -> None:
@@ -51,7 +82,7 @@ def main() -> None:
         "[set-up] numerical kernels: compiled on the first start, two to four minutes, then kept", flush=True
     )
     began = time.monotonic()
-    other = multiprocessing.get_context("spawn").Process(target=compile_fourier)
+    other = multiprocessing.get_context("spawn").Process(target=compile_beside)
     other.start()
     aircraft = load_aircraft("aerosonde")
     plain = Scenario(aircraft, turbulence="light", seed=1)

@@ -19,7 +19,8 @@ NASTY = "<img src=x onerror=\"document.title='owned'\"><script>document.title='o
 SPEAKING = (("m_eta", 7.0), ("m_w", 1.5), ("z_w", 0.0), ("m_q", 0.04), ("y_v", -3.0), ("z_q", -0.1))
 
 needs_chromium = pytest.mark.skipif(
-    chromium_path() is None, reason="no Chromium on this machine: install the package chromium"
+    chromium_path() is None,
+    reason="the pages need a browser, and this machine has no Chromium: install the package chromium",
 )
 
 

@@ -46,7 +46,7 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
         yield str(tmp_path / "folder" / "wingwatch.db")
         return
     if not POSTGRES_URL:
-        pytest.skip("no PostgreSQL server is given in WINGWATCH_TEST_POSTGRES_URL")
+        pytest.skip("WINGWATCH_TEST_POSTGRES_URL names no PostgreSQL server to test against")
     schema = f"wingwatch_test_{uuid.uuid4().hex[:12]}"
     base = make_url(POSTGRES_URL).set(drivername="postgresql+psycopg")
     admin = create_engine(base)

@@ -8,6 +8,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from refusals import refusal
 from scipy.stats import binom
 
 from wingwatch.aircraft import STRUCTURES, load_aircraft
@@ -141,9 +142,4 @@ def test_latency_pairs_arrivals_with_what_was_done_with_them() -> None:
 def test_bad_arguments_get_one_sentence(
     name: str, arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:  # fmt: skip
-    module = load(name)
-    monkeypatch.setattr(sys, "argv", [f"{name}.py", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        module.main()
-    assert ended.value.code == 2
-    assert words in capsys.readouterr().err
+    assert words in refusal(load(name), arguments, monkeypatch, capsys)

@@ -1,6 +1,5 @@
 """Benchmarks on simulated flights in small: still air, another axis, how finely the air is drawn."""
 
-import sys
 from dataclasses import replace
 from types import ModuleType
 
@@ -8,7 +7,9 @@ import air_steps
 import numpy as np
 import other_axis
 import pytest
+import simulated_flights
 import still_flights
+from refusals import refusal
 from scipy.stats import binom
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, linearised_derivatives, load_aircraft, trimmed
@@ -44,21 +45,21 @@ def test_still_flights_are_covered_and_output_error_is_its_own_measure() -> None
 
 
 def test_the_chains_file_is_off_by_thirty_percent_and_the_flown_one_is_not() -> None:
-    off = still_flights.misstated(AEROSONDE, 4)
+    off = simulated_flights.misstated(AEROSONDE, 4)
     assert AEROSONDE.coefficients is not None
     assert off.coefficients is not None
     assert off.coefficients.CL.zero == AEROSONDE.coefficients.CL.zero
     ratios = [off.coefficients.Cm.alpha / AEROSONDE.coefficients.Cm.alpha]
     ratios += [off.coefficients.Cl.p / AEROSONDE.coefficients.Cl.p]
     assert all(min(abs(r - 0.7), abs(r - 1.3)) < 1e-12 for r in ratios)
-    assert still_flights.misstated(AEROSONDE, 4) == off
-    assert still_flights.misstated(AEROSONDE, 5) != off
+    assert simulated_flights.misstated(AEROSONDE, 4) == off
+    assert simulated_flights.misstated(AEROSONDE, 5) != off
 
 
 def test_the_truth_has_the_angle_of_attack_that_the_estimate_reports() -> None:
-    at = trimmed(AEROSONDE, still_flights.cruise_of(AEROSONDE))
+    at = trimmed(AEROSONDE, simulated_flights.cruise_of(AEROSONDE))
     table = linearised_derivatives(AEROSONDE, at, SHORT_PERIOD)
-    cruise = still_flights.cruise_of(AEROSONDE)
+    cruise = simulated_flights.cruise_of(AEROSONDE)
     estimate = replace(
         stated(np.zeros(6), 1.0, Outcome.CONVERGED),
         condition=(
@@ -68,7 +69,7 @@ def test_the_truth_has_the_angle_of_attack_that_the_estimate_reports() -> None:
             at.angle_of_attack_rad,
         ),
     )
-    truth = still_flights.truth_of(AEROSONDE, estimate)
+    truth = simulated_flights.truth_of(AEROSONDE, estimate)
     assert truth == pytest.approx([table[d] for d in SHORT_PERIOD.derivatives])
 
 
@@ -76,13 +77,13 @@ def test_the_truth_has_the_angle_of_attack_that_the_estimate_reports() -> None:
 
 
 def test_the_coupled_aircraft_differs_in_coupling_alone() -> None:
-    coupled, at = other_axis.coupled(AEROSONDE), still_flights.cruise_of(AEROSONDE)
+    coupled, at = other_axis.coupled(AEROSONDE), simulated_flights.cruise_of(AEROSONDE)
     for structure in (SHORT_PERIOD, LATERAL):
         plain, other = (linearised_derivatives(a, trimmed(a, at), structure) for a in (AEROSONDE, coupled))
         assert list(other.values()) == pytest.approx(list(plain.values()), rel=1e-9)
     doublets = other_axis.schedule(AEROSONDE, other_axis.SURFACES["ailerons and rudder"], 0.03)
     assert doublets.surfaces == ("aileron", "rudder")
-    block = still_flights.fly(AEROSONDE, [doublets], 0, 10.0)
+    block = simulated_flights.fly(AEROSONDE, [doublets], 0, 10.0)
     ten, one = other_axis.pitch_coupling(coupled, block), other_axis.pitch_coupling(AEROSONDE, block)
     assert ten == pytest.approx(10.0 * one)
     assert np.abs(one).max() > 0.0
@@ -150,8 +151,4 @@ def test_bad_arguments_get_one_sentence(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["benchmark", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        module.main()
-    assert ended.value.code == 2
-    assert words in capsys.readouterr().err
+    assert words in refusal(module, arguments, monkeypatch, capsys)

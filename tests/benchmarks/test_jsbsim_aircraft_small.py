@@ -5,6 +5,7 @@ import sys
 import jsbsim_aircraft as bundled
 import numpy as np
 import pytest
+from refusals import refusal
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
@@ -93,8 +94,4 @@ def test_totals_leave_out_what_no_linear_model_describes(
 def test_bad_arguments_get_one_sentence(
     arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["jsbsim_aircraft.py", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        bundled.main()
-    assert ended.value.code == 2
-    assert words in capsys.readouterr().err
+    assert words in refusal(bundled, arguments, monkeypatch, capsys)

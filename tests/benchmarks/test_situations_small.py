@@ -9,7 +9,9 @@ import pytest
 import situation_plants as plants
 import situations
 from reference_plant import AMPLITUDE_RAD, PLANTS, Plant
+from refusals import refusal
 from scipy.integrate import cumulative_trapezoid
+from scipy.signal import lsim
 from scipy.stats import binom
 from situation_cases import CONDITIONS, SITUATIONS
 
@@ -32,6 +34,17 @@ def test_still_air_without_noise_is_the_exact_linear_plant(plant: Plant) -> None
     carried = rows[:, LAYOUT.accelerometer] + rows[:, LAYOUT.kinematic]
     smooth = np.abs(np.gradient(surface)) == 0.0  # the rate jumps with the surface
     assert carried[smooth][1:-1] == pytest.approx(rate[smooth][1:-1], abs=0.03 * np.abs(rate).max())
+
+
+def test_a_surface_that_moves_does_so_on_a_line() -> None:
+    moving = replace(CONDITIONS["record"], signal_to_noise=np.inf, surface_moves=True)
+    flight = plants.fly_situation(PLANTS[0], moving, 0, 12.0)
+    surface = flight.rows[:, LAYOUT.first_input] - plants.TRIM_SURFACE_RAD
+    a = np.reshape(PLANTS[0].truth, (2, 3))
+    _, exact, _ = lsim((a[:, :2], a[:, 2:], np.eye(2), np.zeros((2, 1))), surface, flight.rows[:, 0])
+    flown = flight.rows[:, 1:3] - [plants.TRIM_VELOCITY_M_S, 0.0]
+    assert flown == pytest.approx(exact, abs=1e-4 * np.abs(exact).max())
+    assert not flight.known.held
 
 
 @pytest.mark.parametrize("shape", plants.SHAPES)
@@ -73,10 +86,17 @@ def test_a_vane_ahead_meets_the_gust_earlier_and_reads_the_rotation() -> None:
     assert corrected[:, 1] - far[:, 1] == pytest.approx(far[:, 2], abs=1e-12)
 
 
+def test_the_estimator_is_told_the_vane_that_the_signals_are_corrected_for() -> None:
+    for words, ahead_m in (("ahead", 0.3), ("ahead unstated", 0.0)):
+        situation = SITUATIONS[f"moderate, vane 0.3 m {words}, autopilot"]
+        assert plants.fly_situation(PLANTS[0], situation, 0, 5.0).known.vane_ahead_m == ahead_m
+
+
 @BOTH
 def test_still_flight_with_doublets_is_claimed_and_covered(plant: Plant) -> None:
     seeds = 8
-    readings = situations.read(plant, SITUATIONS["still, open, each 5 s"], ["fourier", "ekf"], seeds, 30.0)
+    every = list(situations.ESTIMATORS)
+    readings = situations.read(plant, SITUATIONS["still, open, each 5 s"], every, seeds, 30.0)
     for name, found in readings.items():
         figures = situations.figures((plant.structure.name, "still", name), found)
         assert figures.claimed >= 80.0
@@ -151,7 +171,7 @@ def test_json_has_one_object_a_line(
     assert situations.main() == 0
     rows = [json.loads(text) for text in capsys.readouterr().out.splitlines()]
     assert [(r["situation"], r["estimator"]) for r in rows] == [
-        (case, name) for case in ("quiet", "record") for name in ("fourier", "ekf")
+        (case, name) for case in ("quiet", "record") for name in situations.ESTIMATORS
     ]
 
 
@@ -168,8 +188,4 @@ def test_json_has_one_object_a_line(
 def test_bad_arguments_get_one_sentence(
     arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["situations.py", *arguments])
-    with pytest.raises(SystemExit) as ended:
-        situations.main()
-    assert ended.value.code == 2
-    assert words in capsys.readouterr().err
+    assert words in refusal(situations, arguments, monkeypatch, capsys)

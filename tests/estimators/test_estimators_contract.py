@@ -34,7 +34,7 @@ compiled = pytest.mark.parametrize("make", FAST, ids=["fourier", "ekf"])
 
 learns_from_noise = pytest.mark.xfail(
     strict=True,
-    reason="alone, the filter learns from noise in quiet flight; the service undoes it (0013-filter-in-quiet-flight)",
+    reason="run alone, the filter takes noise for information in quiet flight; the service undoes it (decision 0013)",
 )
 at_rest = pytest.mark.parametrize(
     "make",

@@ -1,14 +1,18 @@
 """Filter error on plants whose truth is known: recovery, coverage, and silence where nothing is said."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from filter_situations import PLANTS, SITUATIONS, Flight, Situation, fly
 from numpy.typing import NDArray
 from offline_flights import LATERAL_TRUTH, lateral_inputs, lateral_parts, lateral_rows
+from reference_plant import PLANTS, Plant
 from scipy.stats import binom
+from situation_cases import CONDITIONS, SITUATIONS
+from situation_plants import Flight, fly_situation
+from situations import whole_manoeuvres
 
 from wingwatch.aircraft import PHUGOID, SHORT_PERIOD
 from wingwatch.estimators import (
@@ -25,12 +29,16 @@ from wingwatch.estimators.kalman.filter_error import _unsettled
 
 Array = NDArray[np.float64]
 
-SHORT = PLANTS["short_period"]
+SHORT = PLANTS[0]
+STILL = SITUATIONS["still, open, each 5 s"]
+BOTH = pytest.mark.parametrize("plant", PLANTS, ids=["short_period", "dutch_roll"])
 
 
-def solved(flight: Flight) -> tuple[Estimate, Fit]:
-    config = FilterErrorConfig(vane_ahead_m=flight.vane_ahead_m)
-    return filter_error(flight.parts, config, expected=flight.expected, natural=flight.natural)
+def solved(flight: Flight, parts: Sequence[Manoeuvre] = ()) -> tuple[Estimate, Fit]:
+    """The whole flight or parts of it; noise of the surface is found in the data."""
+    k = flight.known
+    config = FilterErrorConfig(vane_ahead_m=k.vane_ahead_m)
+    return filter_error(parts or whole_manoeuvres(flight), config, expected=k.start, natural=k.natural)
 
 
 def inside(estimates: list[Estimate], truth: Array) -> tuple[int, int]:
@@ -47,56 +55,60 @@ def is_covered(hits: int, of: int) -> bool:
     return hits / of >= float(binom.ppf(0.001, max(of // 3, 1), 0.95)) / max(of // 3, 1)
 
 
-@pytest.mark.parametrize("mode", sorted(PLANTS))
-def test_clean_data_give_the_derivatives(mode: str) -> None:
-    plant = PLANTS[mode]
-    flight = fly(plant, Situation((2.0, 5.0)), 0, 12.0, noise=0.0)
+@BOTH
+def test_clean_data_give_the_derivatives(plant: Plant) -> None:
+    flight = fly_situation(plant, replace(STILL, signal_to_noise=math.inf), 0, 12.0)
     estimate, _ = solved(flight)
-    error = np.abs(estimate.value / np.array(plant.derivatives) - 1.0)
+    error = np.abs(estimate.value / np.array(plant.truth) - 1.0)
     assert error.max() < 0.005
     assert all(o is Outcome.CONVERGED for o in estimate.outcomes)
 
 
-@pytest.mark.parametrize("mode", sorted(PLANTS))
-def test_errors_hold_in_still_air(mode: str) -> None:
-    plant = PLANTS[mode]
-    found = [solved(fly(plant, Situation((2.0, 5.0)), seed, 15.0))[0] for seed in range(6)]
-    assert is_covered(*inside(found, np.array(plant.derivatives)))
-    stated = np.array([e.standard_error / np.abs(plant.derivatives) for e in found])
+@BOTH
+def test_errors_hold_in_still_air(plant: Plant) -> None:
+    found = [solved(fly_situation(plant, STILL, seed, 15.0))[0] for seed in range(6)]
+    assert is_covered(*inside(found, np.array(plant.truth)))
+    stated = np.array([e.standard_error / np.abs(plant.truth) for e in found])
     assert np.median(stated) < 0.1
 
 
 @pytest.mark.parametrize(
     "name",
-    ["moderate, autopilot", "moment, autopilot", "moderate, vane ahead, autopilot", "moderate, doublets"],
+    [
+        "moderate, autopilot",
+        "unknown moment, autopilot",
+        "moderate, vane 0.3 m ahead, autopilot",
+        "moderate, open, each 5 s",
+    ],
 )
 def test_errors_hold_in_rough_air_and_with_unmeasured_moments(name: str) -> None:
-    found = [solved(fly(SHORT, SITUATIONS[name], seed, 30.0))[0] for seed in range(3)]
-    assert is_covered(*inside(found, np.array(SHORT.derivatives)))
+    found = [solved(fly_situation(SHORT, SITUATIONS[name], seed, 30.0))[0] for seed in range(3)]
+    assert is_covered(*inside(found, np.array(SHORT.truth)))
 
 
 def test_gusts_under_feedback_inform() -> None:
-    estimate, _ = solved(fly(SHORT, SITUATIONS["moderate, autopilot"], 11, 30.0))
-    assert (estimate.standard_error / np.abs(SHORT.derivatives))[[0, 3, 4, 5]].max() < 0.1
+    estimate, _ = solved(fly_situation(SHORT, SITUATIONS["moderate, autopilot"], 11, 30.0))
+    assert (estimate.standard_error / np.abs(SHORT.truth))[[0, 3, 4, 5]].max() < 0.1
 
 
-@pytest.mark.parametrize("name", ["quiet", "moment", "quiet, surface noise"])
+@pytest.mark.parametrize("name", ["quiet", "unknown moment, surface at rest", "quiet, surface noise"])
 def test_a_flight_without_surfaces_and_gusts_informs_nothing(name: str) -> None:
-    flight = fly(SHORT, SITUATIONS[name], 3, 30.0)
+    flight = fly_situation(SHORT, {**SITUATIONS, **CONDITIONS}[name], 0, 30.0)
     estimate, _ = solved(flight)
-    assert np.abs(estimate.value - flight.expected - np.array([0, 25.0, 0, 0, 0, 0])).max() < 0.05
-    np.testing.assert_allclose(estimate.standard_error, 3.0 * flight.natural, rtol=0.05)
+    assert np.abs(estimate.value - flight.known.start - np.array([0, 25.0, 0, 0, 0, 0])).max() < 0.05
+    np.testing.assert_allclose(estimate.standard_error, 3.0 * flight.known.natural, rtol=0.05)
     assert all(o is Outcome.NOT_OBSERVABLE for o in estimate.outcomes)
 
 
 def test_noise_of_surfaces_biases_nothing() -> None:
-    name = "still, autopilot, doublets, surface noise"
-    found = [solved(fly(SHORT, SITUATIONS[name], seed, 30.0))[0] for seed in range(4)]
-    assert is_covered(*inside(found, np.array(SHORT.derivatives)))
+    noisy = CONDITIONS["still, autopilot, each 10 s, surface noise, on a line"]
+    found = [solved(fly_situation(SHORT, noisy, seed, 30.0))[0] for seed in range(4)]
+    assert is_covered(*inside(found, np.array(SHORT.truth)))
 
 
 def test_a_vane_that_is_said_to_be_elsewhere_is_not_believed() -> None:
-    estimate, fit = solved(fly(SHORT, SITUATIONS["moderate, vane ahead unsaid, autopilot"], 0, 30.0))
+    unstated = SITUATIONS["moderate, vane 0.3 m ahead unstated, autopilot"]
+    estimate, fit = solved(fly_situation(SHORT, unstated, 0, 30.0))
     assert all(o is not Outcome.CONVERGED for o in estimate.outcomes)
     guarded = np.sqrt(np.diagonal(fit.covariance_coloured) / np.diagonal(fit.covariance_white))
     assert guarded.max() > 2.0
@@ -104,17 +116,16 @@ def test_a_vane_that_is_said_to_be_elsewhere_is_not_believed() -> None:
 
 
 def test_without_accelerometer() -> None:
-    found = [
-        solved(fly(SHORT, Situation((2.0, 5.0)), seed, 15.0, accelerometer=False))[0] for seed in range(4)
-    ]
-    assert is_covered(*inside(found, np.array(SHORT.derivatives)))
+    blind = replace(STILL, accelerometer=False)
+    found = [solved(fly_situation(SHORT, blind, seed, 15.0))[0] for seed in range(4)]
+    assert is_covered(*inside(found, np.array(SHORT.truth)))
 
 
 @pytest.mark.parametrize("rate_hz", [20.0, 200.0])
 def test_at_other_rates(rate_hz: float) -> None:
-    flight = fly(SHORT, SITUATIONS["moderate, doublets"], 5, 15.0, rate_hz=rate_hz)
-    estimate, _ = solved(flight)
-    z = np.abs(estimate.value - SHORT.derivatives) / estimate.standard_error
+    rough = replace(SITUATIONS["moderate, open, each 5 s"], rate_hz=rate_hz)
+    estimate, _ = solved(fly_situation(SHORT, rough, 5, 15.0))
+    z = np.abs(estimate.value - SHORT.truth) / estimate.standard_error
     assert z.max() < 4.0
 
 
@@ -135,7 +146,7 @@ def test_lateral_structure() -> None:
 def changed(flight: Flight, change: str) -> tuple[Manoeuvre, ...]:
     """A flight whose data a sensor spoils."""
     parts = []
-    for part in flight.parts:
+    for part in whole_manoeuvres(flight):
         states, force = part.states.copy(), part.accelerometer.copy()
         if change == "quantised":
             states = np.round(states / 0.02) * 0.02
@@ -149,17 +160,17 @@ def changed(flight: Flight, change: str) -> tuple[Manoeuvre, ...]:
 
 @pytest.mark.parametrize("change", ["quantised", "constant", "gap"])
 def test_spoiled_channels_diverge_nothing(change: str) -> None:
-    flight = fly(SHORT, Situation((2.0, 5.0)), 1, 15.0)
-    estimate, _ = filter_error(changed(flight, change), expected=flight.expected, natural=flight.natural)
+    flight = fly_situation(SHORT, STILL, 1, 15.0)
+    estimate, _ = solved(flight, changed(flight, change))
     assert np.isfinite(estimate.value).all()
     assert (estimate.standard_error > 0.0).all()
-    z = np.abs(estimate.value - SHORT.derivatives) / estimate.standard_error
+    z = np.abs(estimate.value - SHORT.truth) / estimate.standard_error
     assert z.max() < 5.0
 
 
 def test_missing_samples_are_left_out() -> None:
-    whole = fly(SHORT, Situation((2.0, 5.0)), 1, 15.0)
-    (part,) = whole.parts
+    whole = fly_situation(SHORT, STILL, 1, 15.0)
+    (part,) = whole_manoeuvres(whole)
     keep = np.ones(len(part), dtype=bool)
     keep[[200, 310, 311, 312]] = False
     names = (
@@ -175,7 +186,7 @@ def test_missing_samples_are_left_out() -> None:
     )
     (holed,) = (replace(part, **{n: getattr(part, n)[keep] for n in names}),)
     one, _ = solved(whole)
-    other, fit = filter_error([holed], expected=whole.expected, natural=whole.natural)
+    other, fit = solved(whole, [holed])
     assert (np.abs(one.value - other.value) < one.standard_error).all()
     assert fit.samples == len(part)
 
@@ -183,16 +194,17 @@ def test_missing_samples_are_left_out() -> None:
 def test_what_it_cannot_do_is_said() -> None:
     with pytest.raises(ValueError, match="2 s of whole samples"):
         filter_error([])
-    flight = fly(SHORT, Situation((2.0, 5.0)), 0, 12.0)
-    phugoid = tuple(replace(p, config=ManoeuvreConfig(PHUGOID, p.config.reference)) for p in flight.parts)
+    flight = fly_situation(SHORT, STILL, 0, 12.0)
+    parts = whole_manoeuvres(flight)
+    phugoid = tuple(replace(p, config=ManoeuvreConfig(PHUGOID, p.config.reference)) for p in parts)
     with pytest.raises(ValueError, match="phugoid has other states"):
         filter_error(phugoid)
     with pytest.raises(ValueError, match="input_noise_std has 2 entries"):
-        filter_error(flight.parts, FilterErrorConfig(input_noise_std=(0.1, 0.1)))
+        filter_error(parts, FilterErrorConfig(input_noise_std=(0.1, 0.1)))
 
 
 def test_statistics_and_forms_of_the_fit() -> None:
-    flight = fly(SHORT, Situation((2.0, 5.0)), 0, 12.0)
+    flight = fly_situation(SHORT, STILL, 0, 12.0)
     estimate, fit = solved(flight)
     assert [c.name for c in fit.channels] == ["w", "q", "a_z"]
     assert list(fit.noise_std) == ["w", "q", "a_z"]
@@ -203,7 +215,7 @@ def test_statistics_and_forms_of_the_fit() -> None:
 
 
 def test_what_is_not_modelled_well_claims_nothing() -> None:
-    estimate, _ = solved(fly(SHORT, Situation((2.0, 5.0)), 0, 12.0))
+    estimate, _ = solved(fly_situation(SHORT, STILL, 0, 12.0))
     assert estimate.outcomes == (Outcome.CONVERGED,) * 6
     some = _unsettled(estimate, "why", 3)
     assert some.outcomes == (Outcome.CONVERGED,) * 3 + (Outcome.SETTLING,) * 3

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from filter_situations import PLANTS, SITUATIONS, Situation, fly
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
+from reference_plant import PLANTS
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_discrete_lyapunov
+from situation_cases import CONDITIONS, SITUATIONS
+from situation_plants import Situation, fly_situation
+from situations import whole_manoeuvres
 
 from wingwatch.estimators.kalman.discretisation import discretise, stationary_covariance
 from wingwatch.estimators.kalman.filter_error import FilterErrorConfig, problem_of
@@ -19,13 +22,14 @@ from wingwatch.estimators.kalman.surface import at_rest
 
 Array = NDArray[np.float64]
 
-SHORT = PLANTS["short_period"]
+SHORT = PLANTS[0]
+NOISY_SURFACE = CONDITIONS["still, autopilot, each 10 s, surface noise, on a line"]
 
 
-def problem(name: str, seed: int = 0, seconds: float = 12.0) -> Problem:
-    flight = fly(SHORT, SITUATIONS[name], seed, seconds)
-    config = FilterErrorConfig(vane_ahead_m=flight.vane_ahead_m)
-    return problem_of(flight.parts, config, flight.expected, flight.natural)
+def problem(case: Situation, seconds: float = 12.0) -> Problem:
+    flight = fly_situation(SHORT, case, 0, seconds)
+    config = FilterErrorConfig(vane_ahead_m=flight.known.vane_ahead_m)
+    return problem_of(whole_manoeuvres(flight), config, flight.known.start, flight.known.natural)
 
 
 @pytest.mark.parametrize("stiffness", [1.0, 200.0])
@@ -68,7 +72,7 @@ def test_stationary_covariance_is_lyapunovs() -> None:
 
 
 def test_innovations_are_those_of_filterpy() -> None:
-    made = problem("moderate, vane ahead, autopilot")
+    made = problem(SITUATIONS["moderate, vane 0.3 m ahead, autopilot"])
     window = made.windows[0]
     p = made.prior.start
     system = made.model.system(p, window)
@@ -94,7 +98,7 @@ def test_innovations_are_those_of_filterpy() -> None:
 
 
 def test_settled_gains_are_those_that_would_have_come() -> None:
-    made = problem("moderate, autopilot", seconds=30.0)
+    made = problem(SITUATIONS["moderate, autopilot"], seconds=30.0)
     window, p = made.windows[0], made.prior.start
     system, record = made.model.system(p, window), made.model.record(p, window, np.zeros(5))
     kept, renewed = (empty_trace(len(window), 3, system.covariance.shape[0]) for _ in range(2))
@@ -107,7 +111,7 @@ def test_settled_gains_are_those_that_would_have_come() -> None:
 
 
 def test_a_missing_reading_opens_the_gain_again() -> None:
-    made = problem("moderate, autopilot", seconds=30.0)
+    made = problem(SITUATIONS["moderate, autopilot"], seconds=30.0)
     window, p = made.windows[0], made.prior.start
     window.used[-10] = False
     system, record = made.model.system(p, window), made.model.record(p, window, np.zeros(5))
@@ -118,9 +122,11 @@ def test_a_missing_reading_opens_the_gain_again() -> None:
     assert trace.variances[-9, 0] > trace.variances[-11, 0]
 
 
-@pytest.mark.parametrize("name", ["moderate, autopilot", "still, autopilot, doublets, surface noise"])
-def test_the_score_is_the_gradient_of_the_cost(name: str) -> None:
-    made = problem(name)
+@pytest.mark.parametrize(
+    "case", [SITUATIONS["moderate, autopilot"], NOISY_SURFACE], ids=["rough air", "noisy surface"]
+)
+def test_the_score_is_the_gradient_of_the_cost(case: Situation) -> None:
+    made = problem(case)
     p = made.prior.start.copy()
     point = evaluate(made, p)
     assert point is not None
@@ -142,7 +148,10 @@ def test_the_score_is_the_gradient_of_the_cost(name: str) -> None:
 
 
 def test_the_gate_keeps_gusts_that_are_there_and_no_others() -> None:
-    still, rough = solve(problem("still, doublets")), solve(problem("light, autopilot"))
+    still, rough = (
+        solve(problem(SITUATIONS["still, open, each 5 s"])),
+        solve(problem(SITUATIONS["light, autopilot"])),
+    )
     assert still is not None
     assert rough is not None
     assert not still.gusts
@@ -150,10 +159,10 @@ def test_the_gate_keeps_gusts_that_are_there_and_no_others() -> None:
 
 
 def test_levels_follow_a_changing_airspeed() -> None:
-    flight = fly(SHORT, Situation((2.0, 5.0)), 0, 12.0)
-    (part,) = flight.parts
+    flight = fly_situation(SHORT, SITUATIONS["still, open, each 5 s"], 0, 12.0)
+    (part,) = whole_manoeuvres(flight)
     slow = replace(part, stability=np.linspace(0.9, 1.1, len(part)))
-    made = problem_of([slow], FilterErrorConfig(), flight.expected, flight.natural)
+    made = problem_of([slow], FilterErrorConfig(), flight.known.start, flight.known.natural)
     (window,) = made.windows
     assert window.levels.size == 6
     assert np.abs(window.levels[window.level] - slow.stability).max() < 0.021

@@ -2,44 +2,36 @@
 elevator."""
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from estimator_plants import PITCH, REFERENCE, noisy_batch
 from numpy.typing import NDArray
+from simulated_flights import cruise_of, flight_form, truth_of
+from whole_flights import SOLVE
 
 from wingwatch.aircraft import (
     LATERAL,
     ROLL,
     SHORT_PERIOD,
     Aircraft,
-    FlightCondition,
     ModeStructure,
-    linearised_derivatives,
     load_aircraft,
-    trimmed,
 )
 from wingwatch.aircraft.structures import LONGITUDINAL
 from wingwatch.estimators import (
     EkfConfig,
     EkfEstimator,
     Estimate,
-    Fit,
     FlightForm,
-    FrequencyEquationErrorConfig,
     InertiaCoupling,
-    Manoeuvre,
     SignalConfig,
     SignalLayout,
     Signals,
-    equation_error,
     flight_manoeuvres,
-    frequency_equation_error,
     in_form,
     inertia_coupling,
-    output_error,
 )
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.simulation.layout import parameter_row
@@ -48,9 +40,6 @@ from wingwatch.simulation.rigid_body import _spin_up
 from wingwatch.telemetry import SampleBlock, complete
 
 Array = NDArray[np.float64]
-Solve = Callable[[Sequence[Manoeuvre]], tuple[Estimate, Fit]]
-
-CRUISE = FlightCondition(25.0, 1000.0)
 
 
 def coupled_aircraft() -> Aircraft:
@@ -61,6 +50,7 @@ def coupled_aircraft() -> Aircraft:
 
 
 AIRCRAFT = coupled_aircraft()
+CRUISE = cruise_of(AIRCRAFT)
 INERTIA = inertia_coupling(AIRCRAFT)
 
 
@@ -75,18 +65,13 @@ def flight() -> SampleBlock:
 
 
 def form_of(inertia: InertiaCoupling | None) -> FlightForm:
-    return FlightForm(
-        (CRUISE.airspeed_true_m_s, CRUISE.air_density_kg_m3), window_s=20.0, inertia=inertia,
-        servo_rad_s=dict.fromkeys(("eta", "xi", "zeta"), 2.0 * np.pi * 8.0),
-    )  # fmt: skip
+    return flight_form(AIRCRAFT, CRUISE, inertia, window_s=20.0)
 
 
 def pitch_damping_error(estimate: Estimate) -> float:
     """Relative error of m_q against the linearisation at the condition that the estimate is reported at."""
-    airspeed, altitude, density, _ = estimate.condition
-    at = trimmed(AIRCRAFT, FlightCondition(airspeed, altitude, density))
-    truth = linearised_derivatives(AIRCRAFT, at, SHORT_PERIOD)["m_q"]
-    return float(estimate.value[SHORT_PERIOD.derivatives.index("m_q")]) / truth - 1.0
+    at = SHORT_PERIOD.derivatives.index("m_q")
+    return float(estimate.value[at] / truth_of(AIRCRAFT, estimate)[at]) - 1.0
 
 
 def spin_up_of(block: SampleBlock) -> Array:
@@ -120,22 +105,13 @@ def test_manoeuvres_of_every_structure_know_it(
         assert (untold.rest[:, row] == 0.0).all()
 
 
-OFFLINE: dict[str, Solve] = {
-    "equation error": equation_error,
-    "frequency equation error": lambda parts: frequency_equation_error(
-        parts, FrequencyEquationErrorConfig(AIRCRAFT.band_hz(SHORT_PERIOD))
-    ),
-    "output error": output_error,
-}
-
-
-@pytest.mark.parametrize("name", OFFLINE)
+@pytest.mark.parametrize("name", SOLVE)
 def test_pitch_damping_is_right_though_ailerons_and_rudder_move(flight: SampleBlock, name: str) -> None:
     """Without the moments of inertia m_q comes out a fifth too small; with them within 2 %."""
     errors = {}
     for inertia in (INERTIA, None):
         parts = flight_manoeuvres(SHORT_PERIOD, form_of(inertia), [flight])
-        errors[inertia] = pitch_damping_error(in_form(*OFFLINE[name](parts), SHORT_PERIOD)[0])
+        errors[inertia] = pitch_damping_error(in_form(*SOLVE[name](parts), SHORT_PERIOD)[0])
     assert abs(errors[INERTIA]) < 0.02
     assert errors[None] < -0.15
 

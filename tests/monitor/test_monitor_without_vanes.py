@@ -60,7 +60,7 @@ def test_still_air_gives_the_filters_derivatives_and_no_alert() -> None:
 
 @pytest.mark.xfail(
     strict=True,
-    reason="without a vane nobody tells the filter of a change: half an elevator lost, it follows by a seventh",
+    reason="without a vane the filter is not notified of a change: it follows a seventh of half an elevator lost",
 )
 def test_a_fault_is_no_rough_air() -> None:
     monitor, _ = watched(ElevatorEffectiveness(0.5, 60.0), seconds=120.0)

@@ -96,7 +96,7 @@ def context(tmp_path_factory: pytest.TempPathFactory) -> Path:
         check=False,
     )
     if listing.returncode:
-        pytest.skip("not a git clone, so there is no list of the project's files to build from")
+        pytest.skip("this is not a git clone, so there is no list of the project's files to build from")
     target = tmp_path_factory.mktemp("context")
     for name in listing.stdout.decode().split("\0"):
         source = ROOT / name

@@ -23,7 +23,7 @@ def committed() -> list[Path]:
         ["git", "-c", "safe.directory=*", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=False
     )
     if listing.returncode:
-        pytest.skip("not a git clone, so there is no list of the project's files")
+        pytest.skip("this is not a git clone, so there is no list of the project's files")
     files = [ROOT / name for name in listing.stdout.decode().split("\0") if name]
     return [path for path in files if path.is_file() and b"\0" not in path.read_bytes()[:8192]]
 

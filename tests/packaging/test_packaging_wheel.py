@@ -24,7 +24,7 @@ def files_of_the_tree() -> list[str]:
         check=False,
     )
     if listing.returncode:
-        pytest.skip("not a git clone, so there is no list of the project's files to compare with")
+        pytest.skip("this is not a git clone, so there is no list of the project's files to compare with")
     return sorted({name for name in listing.stdout.decode().split("\0") if name and (ROOT / name).is_file()})
 
 
