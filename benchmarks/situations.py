@@ -32,6 +32,8 @@ from wingwatch.estimators import (
     EkfConfig,
     EkfEstimator,
     Estimate,
+    FilterConfig,
+    FilterEstimator,
     FourierConfig,
     FourierEstimator,
     Outcome,
@@ -88,7 +90,33 @@ def ekf(flight: Flight) -> Estimate:
     return estimator.estimate(state)
 
 
-ESTIMATORS: dict[str, Callable[[Flight], Estimate]] = {"fourier": fourier, "ekf": ekf}
+def filter_online(flight: Flight) -> Estimate:
+    """The filter that needs no word from the Fourier form."""
+    k = flight.known
+    config = FilterConfig(
+        k.plant.structure,
+        k.start,
+        k.natural,
+        k.reference,
+        held=(True,),
+        use_accelerometer=k.accelerometer,
+        input_noise_std=(k.surface_noise_rad,),
+        span_m=k.span_m,
+        vane_ahead_m=k.vane_ahead_m,
+    )
+    estimator = FilterEstimator(config)
+    state = estimator.init(1)
+    for piece in _pieces(flight):
+        estimator.update(state, piece)
+        estimator.solve(state)
+    return estimator.estimate(state)
+
+
+ESTIMATORS: dict[str, Callable[[Flight], Estimate]] = {
+    "fourier": fourier,
+    "ekf": ekf,
+    "filter": filter_online,
+}
 
 
 def _pieces(flight: Flight) -> list[Array]:
