@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["LAGS", "Head", "Sums", "add_rows", "begin_record", "row_width"]
+__all__ = ["LAGS", "Head", "Sums", "add_rows", "begin_record", "carry", "row_width"]
 
 Array = NDArray[np.float64]
 
@@ -89,6 +89,27 @@ def begin_record(head, lanes):  # type: ignore[no-untyped-def]
     head.late[:] = 0.0
     head.before[:] = 0.0
     head.flags[:] = 0
+
+
+@njit(cache=True)
+def carry(setup, head, move):  # type: ignore[no-untyped-def]
+    """States at parameters ``move`` away, by their sensitivities."""
+    n, width = head.x.shape
+    few = head.driven.shape[1]
+    for j in range(n):
+        shift = 0.0
+        for lane in range(1, width):
+            shift += (head.x[j, lane] - head.x[j, 0]) / setup.step[lane - 1] * move[lane - 1]
+        for q in range(setup.channels):
+            shift -= head.columns[j, q] * move[width - 1 + q]
+        for lane in range(width):
+            head.x[j, lane] += shift
+    for j in range(setup.states):
+        shift = 0.0
+        for lane in range(1, few):
+            shift += (head.driven[j, lane] - head.driven[j, 0]) / setup.step[lane - 1] * move[lane - 1]
+        for lane in range(few):
+            head.driven[j, lane] += shift
 
 
 @njit(cache=True)

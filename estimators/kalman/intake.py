@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.signals import MAX_GAP_S
 
-__all__ = ["BLOCK_ROWS", "WARM_ROWS", "Columns", "Intake", "begins", "block_rows", "take", "to_rows"]
+__all__ = ["BLOCK_ROWS", "WARM_ROWS", "Columns", "Intake", "begins", "block_rows", "regrid", "take_rows", "to_rows"]
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def _is_whole(columns, row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def take(columns, intake, i, row):  # type: ignore[no-untyped-def]
+def _take(columns, intake, i, row):  # type: ignore[no-untyped-def]
     """One row of vehicle i; says whether rows wait to be worked on (BLOCK), a record can begin (RECORD), or the
     record has ended (LOST) and the row is to be given once more."""
     if not _is_whole(columns, row):
@@ -146,6 +146,44 @@ def take(columns, intake, i, row):  # type: ignore[no-untyped-def]
     _append(intake, i, row, 1.0)
     _keep(intake, i, row)
     return BLOCK if count[0] >= block_rows(clock[0]) else WAITING
+
+
+@njit(cache=True)
+def take_rows(columns, intake, condition, i, rows, at):  # type: ignore[no-untyped-def]
+    """Rows (samples, columns) of vehicle i from ``at`` on, until something is to be done.
+
+    Args:
+        condition: airspeed, altitude, density and angle of attack of the last sample, (vehicles, 4), in place.
+
+    Returns:
+        What is to be done, and the next row.
+    """
+    for r in range(at, rows.shape[0]):
+        row = rows[r]
+        found = _take(columns, intake, i, row)
+        if found == LOST:
+            return LOST, r
+        if intake.clock[i, 1] == row[0]:
+            condition[i, 0] = row[columns.kinematic + 2]
+            condition[i, 1] = row[columns.kinematic + 4]
+            condition[i, 2] = row[columns.kinematic + 3]
+            condition[i, 3] = row[columns.kinematic + 5]
+        if found != WAITING:
+            return found, r + 1
+    return WAITING, rows.shape[0]
+
+
+@njit(cache=True)
+def regrid(columns, intake, i):  # type: ignore[no-untyped-def]
+    """Put the rows that began a record on its clock."""
+    waiting = intake.count[i, 0]
+    kept = intake.pending[i, :waiting].copy()
+    width = kept.shape[1] - 1
+    intake.count[i, 0] = 0
+    _append(intake, i, kept[0, :width], 1.0)
+    _keep(intake, i, kept[0, :width])
+    for r in range(1, waiting):
+        _take(columns, intake, i, kept[r, :width])
 
 
 @njit(cache=True)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
@@ -26,7 +25,8 @@ from wingwatch.estimators.kalman.intake import (
     Intake,
     begins,
     block_rows,
-    take,
+    regrid,
+    take_rows,
     to_rows,
 )
 from wingwatch.estimators.kalman.lanes import Lanes, Setup
@@ -37,7 +37,9 @@ from wingwatch.estimators.kalman.recursion import (
     GROUPS,
     Evidence,
     Filters,
+    One,
     Priors,
+    Trial,
     Window,
     absorb_all,
     add_block,
@@ -201,7 +203,7 @@ class FilterEstimator:
         )  # fmt: skip
         return Filters(
             self._lanes((n, 2)), heads, sums, mean.copy(), mean, arrival, mean.copy(), np.zeros((n, 2, 1)), left,
-            np.zeros((n, 2, 2)),
+            np.zeros((n, 2, 4)),
         )  # fmt: skip
 
     def _states(self) -> int:
@@ -245,7 +247,8 @@ class FilterEstimator:
         Raises:
             ValueError: a record in whose first two seconds no vane measured the velocity.
         """
-        _update_all(self._fixed, state, np.ascontiguousarray(signals, dtype=np.float64))
+        for i, rows in enumerate(np.ascontiguousarray(signals, dtype=np.float64)):
+            _update_one(self._fixed, state, i, rows)
         if state.status[:, 1].any():
             vehicles = ", ".join(str(i) for i in np.flatnonzero(state.status[:, 1]))
             state.status[:, 1] = 0
@@ -256,7 +259,13 @@ class FilterEstimator:
 
     def solve(self, state: FilterState) -> None:
         """Move the points of linearisation where the data of the last seconds ask for it."""
-        _solve_all(self._fixed, state, self._memory(1, 1), self._lanes(()))
+        heads, sums = self._memory(1, 1)
+        trial = Trial(Head(*(a[0, 0] for a in heads)), Sums(*(a[0, 0] for a in sums)), self._lanes(()))
+        for i in range(state.status.shape[0]):
+            for h in range(2):
+                solve_filter(
+                    self._fixed.setup, self._fixed.priors, One(state.filters, state.window, i, h), trial
+                )
 
     def estimate(self, state: FilterState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
@@ -290,7 +299,7 @@ class FilterEstimator:
         """Which filter counts (0 still air, 1 gusts), its parameters (size,), their covariance (size, size), and what
         the guards say."""
         f, w = state.filters, state.window
-        still, gusty = (current(f, w, vehicle, h) for h in range(2))
+        still, gusty = (current(One(f, w, vehicle, h)) for h in range(2))
         h = int(still[0] - gusty[0] > _GATE)
         _, value, covariance = gusty if h else still
         return h, value, covariance, online_guards(self._account(state, vehicle, h, value, covariance))
@@ -393,59 +402,47 @@ def _mean(config: FilterConfig, at: Layout, natural: Array) -> Array:
     return mean
 
 
-@njit(cache=True)
-def _set_priors(fixed, state, i):  # type: ignore[no-untyped-def]
+def _set_priors(fixed: _Fixed, state: FilterState, i: int) -> None:
     """Means that depend on airspeed and on what the first two seconds show."""
-    setup, airspeed = fixed.setup, state.window.condition[i, 1]
+    setup, airspeed = fixed.setup, float(state.window.condition[i, 1])
     noise = setup.states * (setup.states + setup.inputs)
     gust = noise + setup.channels
     span = gust + 1 + setup.states
     for h in range(2):
         mean = state.filters.prior[i, h]
         mean[noise:gust] = np.log(state.intake.noise[i])
-        mean[gust] = np.log(0.02 * airspeed) if h == 1 else _NO_GUST
-        mean[span] = np.log(fixed.span_m[0] / airspeed)
-        mean[span + 1] = np.log(_GUST_SCALE_M / airspeed)
+        mean[gust] = math.log(0.02 * airspeed) if h == 1 else _NO_GUST
+        mean[span] = math.log(fixed.span_m[0] / airspeed)
+        mean[span + 1] = math.log(_GUST_SCALE_M / airspeed)
         if setup.rolling:
-            intensity = 1.9 * 0.02 * airspeed / np.sqrt(_GUST_SCALE_M * fixed.span_m[2])
-            mean[span + 3 + setup.moments] = np.log(intensity)
+            intensity = 1.9 * 0.02 * airspeed / math.sqrt(_GUST_SCALE_M * fixed.span_m[2])
+            mean[span + 3 + setup.moments] = math.log(intensity)
         state.filters.point[i, h] = mean
         state.filters.centre[i, h] = mean
     state.status[i, 0] = 1
 
 
-@njit(cache=True)
-def _begin_record(fixed, state, i):  # type: ignore[no-untyped-def]
+def _begin_record(fixed: _Fixed, state: FilterState, i: int) -> None:
     """A record begins with the rows that wait; they are put on its clock."""
-    intake, condition, setup = state.intake, state.window.condition[i], fixed.setup
+    intake, condition, ch = state.intake, state.window.condition[i], fixed.setup.channels
     if not begins(fixed.columns, intake, i):
         state.status[i, 1] = 1
-    ch = setup.channels
     condition[0] = intake.clock[i, 0]
     condition[1] = max(intake.origin[i, fixed.columns.kinematic + 2], 1.0)
     condition[2 : 2 + ch] = 1e-300
     condition[2 + ch :] = fixed.columns.input_variance
     if state.status[i, 0] == 0:
         _set_priors(fixed, state, i)
-    begin(setup, state.filters, state.window, i)
-    waiting = intake.count[i, 0]
-    kept = intake.pending[i, :waiting].copy()
-    intake.count[i, 0] = 0
-    intake.count[i, 1] = 0
-    take(fixed.columns, intake, i, kept[0, : kept.shape[1] - 1])
-    intake.clock[i, 1] = kept[0, 0]
-    intake.count[i, 1] = 1
-    for r in range(1, waiting):
-        take(fixed.columns, intake, i, kept[r, : kept.shape[1] - 1])
-        _work(fixed, state, i)
+    begin(fixed.setup, state.filters, state.window, i)
+    regrid(fixed.columns, intake, i)
+    _work(fixed, state, i)
 
 
 _FLOOR = 1e-5
 """Noise below this part of a channel's own spread is not believed: models are no better."""
 
 
-@njit(cache=True)
-def _work(fixed, state, i):  # type: ignore[no-untyped-def]
+def _work(fixed: _Fixed, state: FilterState, i: int) -> None:
     """Take in the half seconds that wait."""
     intake, ch = state.intake, fixed.setup.channels
     taken = block_rows(intake.clock[i, 0])
@@ -453,35 +450,19 @@ def _work(fixed, state, i):  # type: ignore[no-untyped-def]
         rows = np.zeros((taken, state.window.rows.shape[3]))
         to_rows(fixed.columns, intake, i, taken, rows)
         add_block(fixed.setup, fixed.priors, state.filters, state.window, i, rows)
-        for q in range(ch):
-            variance = intake.spread[i, 0, q] / max(intake.spread[i, 1, q], 1.0)
-            state.window.condition[i, 2 + q] = max(_FLOOR**2 * variance, 1e-300)
+        variance = intake.spread[i, 0] / np.maximum(intake.spread[i, 1], 1.0)
+        state.window.condition[i, 2 : 2 + ch] = np.maximum(_FLOOR**2 * variance, 1e-300)
 
 
-@njit(cache=True)
-def _update_all(fixed, state, signals):  # type: ignore[no-untyped-def]
-    columns = fixed.columns
-    for i in range(signals.shape[0]):
-        for r in range(signals.shape[1]):
-            row = signals[i, r]
-            found = take(columns, state.intake, i, row)
-            if found == LOST:
-                absorb_all(fixed.setup, fixed.priors, state.filters, state.window, i)
-                state.intake.count[i, :2] = 0
-                found = take(columns, state.intake, i, row)
-            if found == RECORD:
-                _begin_record(fixed, state, i)
-            elif found == BLOCK:
-                _work(fixed, state, i)
-            if state.intake.clock[i, 1] == row[0]:
-                state.condition[i, 0] = row[columns.kinematic + 2]
-                state.condition[i, 1] = row[columns.kinematic + 4]
-                state.condition[i, 2] = row[columns.kinematic + 3]
-                state.condition[i, 3] = row[columns.kinematic + 5]
-
-
-@njit(cache=True)
-def _solve_all(fixed, state, trial, lanes):  # type: ignore[no-untyped-def]
-    for i in range(state.status.shape[0]):
-        for h in range(2):
-            solve_filter(fixed.setup, fixed.priors, state.filters, state.window, i, h, trial, lanes)
+def _update_one(fixed: _Fixed, state: FilterState, i: int, rows: Array) -> None:
+    """Rows of one vehicle, (samples, columns)."""
+    at = 0
+    while at < len(rows):
+        event, at = take_rows(fixed.columns, state.intake, state.condition, i, rows, at)
+        if event == LOST:
+            absorb_all(fixed.setup, fixed.priors, state.filters, state.window, i)
+            state.intake.count[i, :2] = 0
+        elif event == RECORD:
+            _begin_record(fixed, state, i)
+        elif event == BLOCK:
+            _work(fixed, state, i)
