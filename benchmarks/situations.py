@@ -13,7 +13,7 @@ A claim is a derivative called ``converged``. Per situation and estimator: share
 stated 95 % interval of the claims and of all; median over all of the stated error over the natural size; rms and
 largest error over stated error of the claims; and the rms error of the claims over the natural size.
 
-A new estimator is a function from a ``Flight`` to an ``Estimate``, named in ``ESTIMATORS``.
+A new estimator is a function from a ``StatedFlight`` to an ``Estimate``, named in ``ESTIMATORS``.
 """
 
 import argparse
@@ -44,6 +44,13 @@ Array = NDArray[np.float64]
 BAND_HZ = (0.1, 4.0)
 SOLUTION_INTERVAL_S = 0.5
 Z_95 = 1.959964
+
+
+@dataclass(frozen=True, slots=True)
+class StatedFlight(Flight):
+    """A flight with where the vane is stated to be, ahead of the centre of gravity."""
+
+    vane_ahead_m: float = 0.0
 
 
 def fourier(flight: Flight) -> Estimate:
@@ -90,7 +97,7 @@ def ekf(flight: Flight) -> Estimate:
     return estimator.estimate(state)
 
 
-def filter_online(flight: Flight) -> Estimate:
+def filter_online(flight: StatedFlight) -> Estimate:
     """The filter that needs no word from the Fourier form."""
     k = flight.known
     config = FilterConfig(
@@ -102,7 +109,7 @@ def filter_online(flight: Flight) -> Estimate:
         use_accelerometer=k.accelerometer,
         input_noise_std=(k.surface_noise_rad,),
         span_m=k.span_m,
-        vane_ahead_m=k.vane_ahead_m,
+        vane_ahead_m=flight.vane_ahead_m,
     )
     estimator = FilterEstimator(config)
     state = estimator.init(1)
@@ -112,7 +119,7 @@ def filter_online(flight: Flight) -> Estimate:
     return estimator.estimate(state)
 
 
-ESTIMATORS: dict[str, Callable[[Flight], Estimate]] = {
+ESTIMATORS: dict[str, Callable[[StatedFlight], Estimate]] = {
     "fourier": fourier,
     "ekf": ekf,
     "filter": filter_online,
@@ -175,8 +182,10 @@ def read(
 ) -> dict[str, Readings]:
     """Every estimator's final estimates of one situation, on the same flights."""
     found: dict[str, list[tuple[Array, Array, Array, NDArray[np.bool_]]]] = {name: [] for name in names}
+    stated_m = situation.vane_ahead_m if situation.vane_stated_m is None else situation.vane_stated_m
     for seed in range(seeds):
-        flight = fly_situation(plant, situation, seed, seconds)
+        flown = fly_situation(plant, situation, seed, seconds)
+        flight = StatedFlight(flown.rows, flown.known, stated_m)
         for name in names:
             estimate = ESTIMATORS[name](flight)
             claims = np.array([o is Outcome.CONVERGED for o in estimate.outcomes])
