@@ -56,7 +56,7 @@ class Sums(NamedTuple):
         driven, driven_score, cross: information, score of what surfaces drive, and their information with all
             parameters, (k, k), (k,), (k, size).
         products, squares: of innovations at each lag, (LAGS, channels, channels).
-        samples: (1,).
+        samples: readings and the sum of their e^2 / s, (2,).
     """
 
     cost: Array
@@ -324,6 +324,7 @@ def _sum_up(setup, head, q, found, sums):  # type: ignore[no-untyped-def]
     surplus = 0.5 * (white * white - 1.0)
     sums.cost[0] += 0.5 * (white * white + np.log(s))
     sums.samples[0] += 1.0
+    sums.samples[1] += white * white
     for a in range(size):
         sums.score[a] += psi[a] * white + surplus * sigma[a]
         one, half = psi[a], 0.5 * sigma[a]

@@ -45,7 +45,8 @@ from wingwatch.estimators.kalman.recursion import (
     add_block,
     begin,
     current,
-    solve_filter,
+    gained,
+    solve_vehicle,
 )
 from wingwatch.estimators.kalman.verdict import unsettled
 from wingwatch.estimators.reference import offsets, referred_scale, standing
@@ -203,7 +204,7 @@ class FilterEstimator:
         )  # fmt: skip
         return Filters(
             self._lanes((n, 2)), heads, sums, mean.copy(), mean, arrival, mean.copy(), np.zeros((n, 2, 1)), left,
-            np.zeros((n, 2, 4)),
+            np.zeros((n, 2, 6)),
         )  # fmt: skip
 
     def _states(self) -> int:
@@ -237,7 +238,7 @@ class FilterEstimator:
         sums = Sums(
             np.zeros((*shape, 1)), np.zeros((*shape, size)), np.zeros((*shape, size, size)), np.zeros((*shape, k, k)),
             np.zeros((*shape, k)), np.zeros((*shape, k, size)), np.zeros((*shape, LAGS, ch, ch)),
-            np.zeros((*shape, LAGS, ch, ch)), np.zeros((*shape, 1)),
+            np.zeros((*shape, LAGS, ch, ch)), np.zeros((*shape, 2)),
         )  # fmt: skip
         return heads, sums
 
@@ -262,10 +263,7 @@ class FilterEstimator:
         heads, sums = self._memory(1, 1)
         trial = Trial(Head(*(a[0, 0] for a in heads)), Sums(*(a[0, 0] for a in sums)), self._lanes(()))
         for i in range(state.status.shape[0]):
-            for h in range(2):
-                solve_filter(
-                    self._fixed.setup, self._fixed.priors, One(state.filters, state.window, i, h), trial
-                )
+            solve_vehicle(self._fixed.setup, self._fixed.priors, state.filters, state.window, i, trial)
 
     def estimate(self, state: FilterState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
@@ -299,9 +297,8 @@ class FilterEstimator:
         """Which filter counts (0 still air, 1 gusts), its parameters (size,), their covariance (size, size), and what
         the guards say."""
         f, w = state.filters, state.window
-        still, gusty = (current(One(f, w, vehicle, h)) for h in range(2))
-        h = int(still[0] - gusty[0] > _GATE)
-        _, value, covariance = gusty if h else still
+        h = int(gained(f, w, vehicle) > _GATE)
+        value, covariance = current(One(f, w, vehicle, h))
         return h, value, covariance, online_guards(self._account(state, vehicle, h, value, covariance))
 
     def _account(self, state: FilterState, i: int, h: int, value: Array, covariance: Array) -> Account:

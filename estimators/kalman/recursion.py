@@ -30,7 +30,8 @@ __all__ = [
     "add_block",
     "begin",
     "current",
-    "solve_filter",
+    "gained",
+    "solve_vehicle",
 ]
 
 Array = NDArray[np.float64]
@@ -56,8 +57,8 @@ _LONGEST_STEP = 1.5
 _PASSES = 2
 """Times that a window is run again for one solution, at most."""
 
-_FASTEST_GROWTH = 1.0
-"""Motion that grows faster than this, 1/s, is none of an aircraft that is flown."""
+_FASTEST_GROWTH = 0.0
+"""Motion must not grow, 1/s: what surfaces drive is followed without correction, for as long as the flight lasts."""
 
 _SAME = 0.04
 """Change of the stability factor from which on the window is run again."""
@@ -66,6 +67,21 @@ _TOLERATED = 0.05
 """Cost that a step may add: a window that begins with what is remembered of another point is not quite the same."""
 
 _MOST_DAMPING = 1e3
+
+_FAR = 4.0
+"""Move of a parameter beyond which states are not carried along by their sensitivities."""
+
+MOST_GAINED = 50.0
+"""Log-likelihood that gusts gain when the filter for still air rests: no chance makes as much."""
+
+_WAKES = 8.0
+"""Gain of gusts over the window alone, below which it goes on: the gate's."""
+
+_WORSE = 3.0
+"""Log-likelihood by which the filter with gusts may be worse than that without: no more than its priors cost."""
+
+_SURPRISED = 6.0
+"""Standard deviations of a half second's chi-square that chance does not make."""
 
 
 class Priors(NamedTuple):
@@ -110,7 +126,8 @@ class Filters(NamedTuple):
         arrival: La, (size, size); centre: mu, (size,); cost: c, (1,).
         left: evidence of groups that have left.
         search: damping of the next step; expected move of the derivatives, in standard errors; solutions to wait
-            after a step that was refused, and what it promised, (4,).
+            after a step that was refused, and what it promised; surprise of the last half second, in standard
+            deviations of chi-square; whether the filter rests because the other is far better, (6,).
     """
 
     lanes: Lanes
@@ -167,6 +184,10 @@ class One:
         """Of all groups."""
         return Head(*(a[self.i, self.h] for a in self.filters.heads))
 
+    def window_cost(self) -> float:
+        """Cost of all groups in the window."""
+        return float(self.filters.sums.cost[self.i, self.h, : self.groups].sum())
+
     @property
     def groups(self) -> int:
         """In use."""
@@ -215,8 +236,14 @@ def add_block(
     tally[1] += 1
     size = filters.point.shape[2] - setup.channels
     for h in range(2):
+        if filters.search[i, h, 5] > 0.0:
+            continue
         one = One(filters, window, i, h)
-        add_rows(setup, one.lanes, one.point[size:], one.head(GROUPS), block, one.sums(g))
+        sums = one.sums(g)
+        before = sums.samples.copy()
+        add_rows(setup, one.lanes, one.point[size:], one.head(GROUPS), block, sums)
+        readings, squares = sums.samples - before
+        filters.search[i, h, 4] = (squares - readings) / math.sqrt(2.0 * max(readings, 1.0))
 
 
 def _quadratic(one: One) -> tuple[float, Array, Array]:
@@ -229,12 +256,22 @@ def _quadratic(one: One) -> tuple[float, Array, Array]:
     return float(cost), score, f.arrival[i, h] + f.sums.information[i, h, :g].sum(axis=0)
 
 
-def current(one: One) -> tuple[float, Array, Array]:
-    """Least cost, the parameters (size,) there and their covariance (size, size), by the quadratic."""
-    cost, score, information = _quadratic(one)
+def current(one: One) -> tuple[Array, Array]:
+    """The best parameters (size,) by the quadratic, and their covariance (size, size)."""
+    _, score, information = _quadratic(one)
     covariance = _inverse(information)
-    move = covariance @ score
-    return cost - 0.5 * float(score @ move), one.point + move, covariance
+    return one.point + covariance @ score, covariance
+
+
+def gained(filters: Filters, window: Window, i: int) -> float:
+    """Log-likelihood that gusts gain over still air; at most MOST_GAINED.
+
+    At the points of linearisation: what a step only promises would let a filter that is lost look best.
+    """
+    if filters.search[i, 0, 5] > 0.0:
+        return MOST_GAINED
+    still, gusty = (_quadratic(One(filters, window, i, h))[0] for h in range(2))
+    return min(still - gusty, MOST_GAINED)
 
 
 def _inverse(matrix: Array) -> Array:
@@ -249,7 +286,10 @@ def _absorb(setup: Setup, priors: Priors, filters: Filters, window: Window, i: i
     """The window's oldest group goes into the arrival cost, which then walks; the others move up."""
     groups = int(window.tally[i, 0])
     seconds = float(window.counts[i, 0] * window.condition[i, 0])
-    fade = [_absorb_group(priors, One(filters, window, i, h), seconds) for h in range(2)]
+    fade = [
+        1.0 if filters.search[i, h, 5] > 0.0 else _absorb_group(priors, One(filters, window, i, h), seconds)
+        for h in range(2)
+    ]
     # only the difference counts, and it fades as the information of the filter with gusts does
     filters.cost[i, 0] = fade[1] * (filters.cost[i, 0] - filters.cost[i, 1])
     filters.cost[i, 1] = 0.0
@@ -279,7 +319,7 @@ def absorb_all(setup: Setup, priors: Priors, filters: Filters, window: Window, i
 def _absorb_group(priors: Priors, one: One, seconds: float) -> float:
     """The oldest group of one filter; returns what part of the derivatives' information the walk left."""
     f, i, h, point, sums = one.filters, one.i, one.h, one.point, one.sums(0)
-    _remember(one, sums, current(one)[1])
+    _remember(one, sums, current(one)[0])
     off = f.centre[i, h] - point
     pull = f.arrival[i, h] @ off
     covariance = _inverse(f.arrival[i, h] + sums.information)
@@ -332,7 +372,10 @@ def _run_again(setup: Setup, one: One, p: Array, trial: Trial) -> None:
     else:
         for to, source in zip(head, one.head(0), strict=True):
             to[...] = source
-        carry(setup, head, p - one.point)
+        move = p - one.point
+        # sensitivities say nothing of a gust that is switched on or off
+        move[: p.size - setup.channels][np.abs(move[: p.size - setup.channels]) > _FAR] = 0.0
+        carry(setup, head, move)
         head.flags[1] = 0
     own = p[p.size - setup.channels :]
     for g in range(one.groups):
@@ -396,10 +439,91 @@ def _next_point(priors: Priors, one: One, score: Array, information: Array) -> A
     )
 
 
-def solve_filter(setup: Setup, priors: Priors, one: One, trial: Trial) -> None:
-    """Move the point of linearisation of one filter where the data ask for it; two passes at most."""
-    if one.groups == 0:
+def solve_vehicle(
+    setup: Setup, priors: Priors, filters: Filters, window: Window, i: int, trial: Trial
+) -> None:
+    """Move the points of linearisation of vehicle i; each group, see that no filter stays where the other shows it is
+    lost.
+
+    A filter with gusts can do what one without does: where it is worse, it has lost its way and goes on from the other.
+    A filter for still air in air that is surely not still learns nonsense. It rests, and goes on from the other when
+    the last seconds tell the two apart no more.
+    """
+    if window.tally[i, 0] == 0:
         return
+    still, gusty = One(filters, window, i, 0), One(filters, window, i, 1)
+    if window.tally[i, 1] == BLOCKS_A_GROUP:
+        if filters.search[i, 0, 5] > 0.0:
+            _wake(setup, still, gusty, trial)
+        elif gained(filters, window, i) < -_WORSE:
+            p = still.point.copy()
+            at = _gust(setup)
+            p[at] = filters.prior[i, 1, at] - priors.reach[at]
+            _go_on_from(setup, gusty, still, p, trial)
+            filters.cost[i, 1] = filters.cost[i, 0]
+    if filters.search[i, 1, 4] > _SURPRISED:
+        _try_gusts(setup, gusty, trial)
+    _solve(setup, priors, gusty, trial)
+    if filters.search[i, 0, 5] == 0.0:
+        _solve(setup, priors, still, trial)
+        if gained(filters, window, i) >= MOST_GAINED:
+            filters.search[i, 0, 5] = 1.0
+
+
+def _gust(setup: Setup) -> int:
+    """Place of the ln of the gust's intensity."""
+    return setup.states * (setup.states + setup.inputs) + setup.channels
+
+
+def _evaluate(setup: Setup, one: One, p: Array, trial: Trial) -> float:
+    """Cost about another point; not finite where motion would grow."""
+    trial.lanes.level[...] = one.lanes.level
+    if fastest_growth(setup, p, trial.lanes.level) >= _FASTEST_GROWTH:
+        return math.inf
+    build_lanes(setup, one.window.condition[one.i], p, trial.lanes)
+    _run_again(setup, one, p, trial)
+    return _trial_cost(one, p, trial)
+
+
+def _go_on_from(setup: Setup, one: One, other: One, p: Array, trial: Trial) -> None:
+    """One filter becomes the other, but for the point p it is linearised about."""
+    f, i = one.filters, one.i
+    for arrays in (f.lanes, f.heads, f.sums, f.left):
+        for array in arrays:
+            array[i, one.h] = array[i, other.h]
+    for array in (f.point, f.arrival, f.centre):
+        array[i, one.h] = array[i, other.h]
+    at = _gust(setup)
+    # the intensity is the one parameter whose prior is not the other's
+    f.centre[i, one.h, at] = f.prior[i, one.h, at]
+    f.search[i, one.h] = 0.0
+    _evaluate(setup, one, p, trial)
+    _accept(one, p, trial)
+
+
+def _wake(setup: Setup, still: One, gusty: One, trial: Trial) -> None:
+    """Let a resting filter for still air go on from the one with gusts, if the window does not tell them apart."""
+    at = _gust(setup)
+    p = gusty.point.copy()
+    p[at] = still.filters.prior[still.i, 0, at]
+    _evaluate(setup, gusty, p, trial)
+    gain = float(trial.sums.cost[: gusty.groups].sum() - gusty.window_cost())
+    if gain < _WAKES:
+        _go_on_from(setup, still, gusty, p, trial)
+        still.filters.cost[still.i, 0] = still.filters.cost[still.i, 1]
+
+
+def _try_gusts(setup: Setup, one: One, trial: Trial) -> None:
+    """Where the last half second surprises, see whether gusts of the expected intensity explain it."""
+    f, at = one.filters, _gust(setup)
+    p = one.point.copy()
+    p[at] = max(p[at], f.prior[one.i, 1, at])
+    if p[at] > one.point[at] and _evaluate(setup, one, p, trial) < _quadratic(one)[0]:
+        _accept(one, p, trial)
+
+
+def _solve(setup: Setup, priors: Priors, one: One, trial: Trial) -> None:
+    """Move the point of linearisation of one filter where the data ask for it; two passes at most."""
     search = one.filters.search[one.i, one.h]
     for _ in range(_PASSES):
         cost, score, information = _quadratic(one)
