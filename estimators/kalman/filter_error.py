@@ -55,6 +55,8 @@ class FilterErrorConfig:
 
 NAME = "filter-error"
 
+_unsettled = unsettled
+
 _GUST_SCALE_M = 100.0
 """Expected scale length of gusts; estimated, known to a factor of e."""
 
@@ -120,12 +122,12 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
         hidden=np.zeros(k, dtype=np.bool_),
     )  # fmt: skip
     if not solution.converged:
-        return unsettled(estimate, "the search for the most likely derivatives did not come to rest"), fit
+        return _unsettled(estimate, "the search for the most likely derivatives did not come to rest"), fit
     if guards.driven > _CONTRADICTED:
-        return unsettled(estimate, "what the surfaces did contradicts what rough air and the rest say"), fit
+        return _unsettled(estimate, "what the surfaces did contradicts what rough air and the rest say"), fit
     if solution.gusts and at.rolling_air:
         first = len(at.structure.regressors)
-        return unsettled(estimate, "moments of rolling air are not modelled well enough", first), fit
+        return _unsettled(estimate, "moments of rolling air are not modelled well enough", first), fit
     return estimate, fit
 
 

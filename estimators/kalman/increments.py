@@ -157,7 +157,7 @@ def _advance(setup, lanes, head, first, last):  # type: ignore[no-untyped-def]
     n, width = head.x.shape
     new = np.zeros((n, width))
     for i in range(n):
-        for at in range(lanes.count[i]):
+        for at in range(lanes.entries[i]):
             j = lanes.where[i, at]
             for lane in range(width):
                 new[i, lane] += lanes.transition[i, j, lane] * head.x[j, lane]
@@ -173,7 +173,7 @@ def _advance(setup, lanes, head, first, last):  # type: ignore[no-untyped-def]
     for i in range(n):
         for c in range(columns):
             head.columns[i, c] = 0.0
-        for at in range(lanes.count[i]):
+        for at in range(lanes.entries[i]):
             j = lanes.where[i, at]
             f = lanes.transition[i, j, 0]
             for c in range(columns):
@@ -196,7 +196,7 @@ def _spread(setup, lanes, head, moving):  # type: ignore[no-untyped-def]
     p = head.covariance
     work = np.zeros((n, n, width))
     for i in range(n):
-        for at in range(lanes.count[i]):
+        for at in range(lanes.entries[i]):
             c = lanes.where[i, at]
             for j in range(n):
                 for lane in range(width):
@@ -206,7 +206,7 @@ def _spread(setup, lanes, head, moving):  # type: ignore[no-untyped-def]
             extra = lanes.surface_noise[i, j] if moving and i < setup.states else 0.0
             for lane in range(width):
                 p[i, j, lane] = lanes.noise[i, j, lane] + extra
-            for at in range(lanes.count[j]):
+            for at in range(lanes.entries[j]):
                 c = lanes.where[j, at]
                 for lane in range(width):
                     p[i, j, lane] += work[i, c, lane] * lanes.transition[j, c, lane]

@@ -1,8 +1,8 @@
-"""Signals as the recursion takes them: on an even clock, in half seconds, as deviations from where a record began, compiled.
+"""Signals as the recursion takes them: on an even clock, in half seconds, as deviations from a record's beginning.
 
 The first two seconds of a record are kept until they are all there. Their median step is the clock's; their medians are
-what everything is a deviation from; their second differences say how noisy the readings are. Then rows go half second by
-half second. Where rows are missing the forcing goes on a line and nothing is read; a gap of more than MAX_GAP_S begins
+what everything is a deviation from; their second differences say how noisy the readings are. Then rows go half second
+by half second. Where rows are missing the forcing goes on a line and nothing is read; a gap of more than MAX_GAP_S begins
 a new record. A surface that only its sensor's noise moves within a half second is taken at its mean over that rest.
 """
 
@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.signals import MAX_GAP_S
 
-__all__ = ["BLOCK_ROWS", "WARM_ROWS", "Columns", "Intake", "begins", "block_rows", "regrid", "take_rows", "to_rows"]
+__all__ = [
+    "BLOCK_ROWS",
+    "WARM_ROWS",
+    "Columns",
+    "Intake",
+    "begins",
+    "block_rows",
+    "regrid",
+    "take_rows",
+    "to_rows",
+]
 
 Array = NDArray[np.float64]
 
@@ -72,18 +82,18 @@ class Intake(NamedTuple):
 
     Attributes:
         pending: rows that wait, the last column saying whether they were measured, (vehicles, WARM_ROWS, columns + 1).
-        count: rows that wait; whether a record has begun; rows off the clock in succession; samples in all,
+        tally: rows that wait; whether a record has begun; rows off the clock in succession; samples in all,
             (vehicles, 4).
         clock: step, s; last stamp; (vehicles, 2).
         last: last measured row, (vehicles, columns).
         origin: medians that began the record, (vehicles, columns).
-        inputs: of the last row that went, then mean and samples of each one's rest, (vehicles, 3, inputs).
+        inputs: of the last row that went, then level and samples of each one's last rest, (vehicles, 3, inputs).
         spread: sum of squares and number of each reading, (vehicles, 2, channels).
         noise: of each reading as the first two seconds show it, variance, (vehicles, channels).
     """
 
     pending: Array
-    count: NDArray[np.int64]
+    tally: NDArray[np.int64]
     clock: Array
     last: Array
     origin: Array
@@ -101,7 +111,9 @@ def block_rows(step):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _is_whole(columns, row):  # type: ignore[no-untyped-def]
     for c in range(columns.kinematic + 4):
-        if not np.isfinite(row[c]) and not (c == columns.accelerometer and columns.channels == columns.states):
+        if not np.isfinite(row[c]) and not (
+            c == columns.accelerometer and columns.channels == columns.states
+        ):
             return False
     return True
 
@@ -112,7 +124,7 @@ def _take(columns, intake, i, row):  # type: ignore[no-untyped-def]
     record has ended (LOST) and the row is to be given once more."""
     if not _is_whole(columns, row):
         return WAITING
-    count, clock, last = intake.count[i], intake.clock[i], intake.last[i]
+    count, clock, last = intake.tally[i], intake.clock[i], intake.last[i]
     if count[3] > 0:
         dt = row[0] - clock[1]
         if dt == 0.0:
@@ -176,10 +188,10 @@ def take_rows(columns, intake, condition, i, rows, at):  # type: ignore[no-untyp
 @njit(cache=True)
 def regrid(columns, intake, i):  # type: ignore[no-untyped-def]
     """Put the rows that began a record on its clock."""
-    waiting = intake.count[i, 0]
+    waiting = intake.tally[i, 0]
     kept = intake.pending[i, :waiting].copy()
     width = kept.shape[1] - 1
-    intake.count[i, 0] = 0
+    intake.tally[i, 0] = 0
     _append(intake, i, kept[0, :width], 1.0)
     _keep(intake, i, kept[0, :width])
     for r in range(1, waiting):
@@ -188,23 +200,23 @@ def regrid(columns, intake, i):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _append(intake, i, row, measured):  # type: ignore[no-untyped-def]
-    at = intake.count[i, 0]
+    at = intake.tally[i, 0]
     intake.pending[i, at, : row.size] = row
     intake.pending[i, at, row.size] = measured
-    intake.count[i, 0] += 1
+    intake.tally[i, 0] += 1
 
 
 @njit(cache=True)
 def _keep(intake, i, row):  # type: ignore[no-untyped-def]
     intake.clock[i, 1] = row[0]
     intake.last[i] = row
-    intake.count[i, 3] += 1
+    intake.tally[i, 3] += 1
 
 
 @njit(cache=True)
 def begins(columns, intake, i):  # type: ignore[no-untyped-def]
     """The clock, the origin and the noise of a record, from the rows that wait; whether a vane measured any."""
-    count, rows = intake.count[i, 0], intake.pending[i]
+    count, rows = intake.tally[i, 0], intake.pending[i]
     steps = np.empty(count - 1)
     for r in range(count - 1):
         steps[r] = rows[r + 1, 0] - rows[r, 0]
@@ -220,10 +232,12 @@ def begins(columns, intake, i):  # type: ignore[no-untyped-def]
         # a normal variable's squares have a median of 0.455 of their mean; second differences six times the variance
         intake.noise[i, q] = max(np.median(squares) / (0.455 * 6.0), _LEAST_VARIANCE)
     intake.spread[i] = 0.0
-    intake.inputs[i] = 0.0
     for u in range(columns.inputs):
         intake.inputs[i, 0, u] = rows[0, columns.first_input + u]
-    intake.count[i, 1] = 1
+        # the level of a surface that rests from the beginning on
+        intake.inputs[i, 1, u] = np.mean(rows[:count, columns.first_input + u])
+        intake.inputs[i, 2, u] = count
+    intake.tally[i, 1] = 1
     return np.any(rows[:count, columns.kinematic + 6] == 1.0)
 
 
@@ -286,9 +300,9 @@ def to_rows(columns, intake, i, taken, rows):  # type: ignore[no-untyped-def]
             if row[q] == row[q]:
                 intake.spread[i, 0, q] += row[q] ** 2
                 intake.spread[i, 1, q] += 1.0
-    for r in range(taken, intake.count[i, 0]):
+    for r in range(taken, intake.tally[i, 0]):
         pending[r - taken] = pending[r]
-    intake.count[i, 0] -= taken
+    intake.tally[i, 0] -= taken
 
 
 @njit(cache=True)
@@ -304,13 +318,12 @@ def _at_rest(columns, intake, i, taken, u):  # type: ignore[no-untyped-def]
     step = 2.0 / (9.0 * freedom)
     limit = variance * freedom * (1.0 - step + _CHANCE * np.sqrt(step)) ** 3 / taken
     if scatter > limit:
-        intake.inputs[i, 2, u] = 0.0
         return True
     before = intake.inputs[i, 2, u]
     error = np.sqrt(variance * (1.0 / taken + 1.0 / before)) if before > 0.0 else 0.0
     if before == 0.0 or abs(mean - intake.inputs[i, 1, u]) > _DRIFT * error:
-        before = 0.0
-    intake.inputs[i, 1, u] = (intake.inputs[i, 1, u] * before + mean * taken) / (before + taken)
-    intake.inputs[i, 2, u] = before + taken
+        # a level is kept as it was found: one that follows its own mean would be steps that never were
+        intake.inputs[i, 1, u] = mean
+        intake.inputs[i, 2, u] = taken
     intake.pending[i, :taken, at] = intake.inputs[i, 1, u]
     return False

@@ -1,4 +1,4 @@
-"""One filter for each parameter, a small step apart, side by side: what the recursion's sensitivities are differences of.
+"""One filter for each parameter, a small step apart, side by side: the recursion's sensitivities are their differences.
 
 The model is that of ``model.FilterModel`` (docs/methods/filter_error.md, section 1), compiled and at one level of
 dynamic pressure, with one more set of parameters behind the others: the constant of each reading. Lane 0 is at the
@@ -69,7 +69,7 @@ class Lanes(NamedTuple):
         variance: R, (channels, lanes).
         theta: referred derivatives, (states, states + inputs, lanes).
         start: covariance before a record's first reading, (n, n, lanes).
-        count, where: places of the entries of a transition that are not zero, row by row, (n,), (n, n).
+        entries, where: number and places of the entries of a transition that are not zero, row by row, (n,), (n, n).
         surface_noise: what noise of a moving surface adds to Q, (states, states), and to R, (channels,), of all lanes.
         surface_variance: see there.
         level: stability factor and turning speed (states,) that the transition holds, (1 + states,).
@@ -83,7 +83,7 @@ class Lanes(NamedTuple):
     variance: Array
     theta: Array
     start: Array
-    count: NDArray[np.int64]
+    entries: NDArray[np.int64]
     where: NDArray[np.int64]
     surface_noise: Array
     surface_variance: Array
@@ -225,7 +225,7 @@ def build_lanes(setup, condition, p, lanes):  # type: ignore[no-untyped-def]
     width = lanes.variance.shape[1]
     quiet_from, quiet_to = ns * m, ns * m + ch
     moved = p.copy()
-    lanes.count[:] = 0
+    lanes.entries[:] = 0
     for lane in range(width):
         parameter = lane - 1
         if lane > 0:
@@ -262,8 +262,8 @@ def build_lanes(setup, condition, p, lanes):  # type: ignore[no-untyped-def]
     for i in range(n):
         for j in range(n):
             if np.any(lanes.transition[i, j] != 0.0):
-                lanes.where[i, lanes.count[i]] = j
-                lanes.count[i] += 1
+                lanes.where[i, lanes.entries[i]] = j
+                lanes.entries[i] += 1
     _surface_noise(setup, condition, lanes)
 
 

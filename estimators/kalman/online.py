@@ -193,7 +193,7 @@ class FilterEstimator:
         k = self.layout.theta.stop
         heads, sums = self._memory(n, 2)
         mean = np.tile(self._fixed.mean, (n, 2, 1))
-        arrival = np.tile(np.diag(self._fixed.priors.std ** -2.0), (n, 2, 1, 1))
+        arrival = np.tile(np.diag(self._fixed.priors.std**-2.0), (n, 2, 1, 1))
         shape = (n, 2)
         channels = self.layout.channels
         left = Evidence(
@@ -443,7 +443,7 @@ def _work(fixed: _Fixed, state: FilterState, i: int) -> None:
     """Take in the half seconds that wait."""
     intake, ch = state.intake, fixed.setup.channels
     taken = block_rows(intake.clock[i, 0])
-    while intake.count[i, 0] >= taken:
+    while intake.tally[i, 0] >= taken:
         rows = np.zeros((taken, state.window.rows.shape[3]))
         to_rows(fixed.columns, intake, i, taken, rows)
         add_block(fixed.setup, fixed.priors, state.filters, state.window, i, rows)
@@ -458,7 +458,7 @@ def _update_one(fixed: _Fixed, state: FilterState, i: int, rows: Array) -> None:
         event, at = take_rows(fixed.columns, state.intake, state.condition, i, rows, at)
         if event == LOST:
             absorb_all(fixed.setup, fixed.priors, state.filters, state.window, i)
-            state.intake.count[i, :2] = 0
+            state.intake.tally[i, :2] = 0
         elif event == RECORD:
             _begin_record(fixed, state, i)
         elif event == BLOCK:

@@ -214,9 +214,7 @@ def begin(setup: Setup, filters: Filters, window: Window, i: int) -> None:
     window.counts[i] = 0
 
 
-def add_block(
-    setup: Setup, priors: Priors, filters: Filters, window: Window, i: int, block: Array
-) -> None:
+def add_block(setup: Setup, priors: Priors, filters: Filters, window: Window, i: int, block: Array) -> None:
     """Half a second of rows (samples, row_width) of vehicle i; a full window lets its oldest group go first."""
     tally = window.tally[i]
     if tally[0] == 0 or tally[1] == BLOCKS_A_GROUP:
@@ -434,9 +432,7 @@ def _next_point(priors: Priors, one: One, score: Array, information: Array) -> A
     move = _inverse(damped) @ score
     bounded = np.isfinite(priors.reach)
     move /= max(float(np.max(np.abs(move[bounded]))) / _LONGEST_STEP, 1.0)
-    return np.asarray(
-        np.clip(one.point + move, f.prior[i, h] - priors.reach, f.prior[i, h] + priors.reach)
-    )
+    return np.asarray(np.clip(one.point + move, f.prior[i, h] - priors.reach, f.prior[i, h] + priors.reach))
 
 
 def solve_vehicle(
@@ -460,7 +456,6 @@ def solve_vehicle(
             at = _gust(setup)
             p[at] = filters.prior[i, 1, at] - priors.reach[at]
             _go_on_from(setup, gusty, still, p, trial)
-            filters.cost[i, 1] = filters.cost[i, 0]
     if filters.search[i, 1, 4] > _SURPRISED:
         _try_gusts(setup, gusty, trial)
     _solve(setup, priors, gusty, trial)
@@ -476,10 +471,8 @@ def _gust(setup: Setup) -> int:
 
 
 def _evaluate(setup: Setup, one: One, p: Array, trial: Trial) -> float:
-    """Cost about another point; not finite where motion would grow."""
+    """Cost about another point."""
     trial.lanes.level[...] = one.lanes.level
-    if fastest_growth(setup, p, trial.lanes.level) >= _FASTEST_GROWTH:
-        return math.inf
     build_lanes(setup, one.window.condition[one.i], p, trial.lanes)
     _run_again(setup, one, p, trial)
     return _trial_cost(one, p, trial)
@@ -488,16 +481,16 @@ def _evaluate(setup: Setup, one: One, p: Array, trial: Trial) -> float:
 def _go_on_from(setup: Setup, one: One, other: One, p: Array, trial: Trial) -> None:
     """One filter becomes the other, but for the point p it is linearised about."""
     f, i = one.filters, one.i
-    for arrays in (f.lanes, f.heads, f.sums, f.left):
-        for array in arrays:
-            array[i, one.h] = array[i, other.h]
-    for array in (f.point, f.arrival, f.centre):
+    if not math.isfinite(_evaluate(setup, other, p, trial)):
+        return
+    for array in f.left:
+        array[i, one.h] = array[i, other.h]
+    for array in (f.arrival, f.centre, f.cost):
         array[i, one.h] = array[i, other.h]
     at = _gust(setup)
     # the intensity is the one parameter whose prior is not the other's
     f.centre[i, one.h, at] = f.prior[i, one.h, at]
     f.search[i, one.h] = 0.0
-    _evaluate(setup, one, p, trial)
     _accept(one, p, trial)
 
 
@@ -510,7 +503,6 @@ def _wake(setup: Setup, still: One, gusty: One, trial: Trial) -> None:
     gain = float(trial.sums.cost[: gusty.groups].sum() - gusty.window_cost())
     if gain < _WAKES:
         _go_on_from(setup, still, gusty, p, trial)
-        still.filters.cost[still.i, 0] = still.filters.cost[still.i, 1]
 
 
 def _try_gusts(setup: Setup, one: One, trial: Trial) -> None:
