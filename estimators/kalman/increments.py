@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["LAGS", "Head", "Sums", "add_rows", "begin_record", "carry", "row_width"]
+__all__ = ["LAGS", "Head", "Sums", "add_rows", "begin_record", "carry", "input_echo", "row_width"]
 
 Array = NDArray[np.float64]
 
@@ -32,8 +32,8 @@ class Head(NamedTuple):
         columns: (n, c); driven: response to measured forcing alone of the first lanes, (states, 1 + k).
         late: last whitened innovations, newest first, (LAGS, channels).
         before: the last row.
-        flags: whether a sample was taken, whether the gain has settled, whether the surface was moving, samples since
-            the start up to LAGS.
+        flags: whether a sample was taken, whether the gain has settled, samples since the start up to LAGS,
+            which surfaces moved, (4,).
     """
 
     x: Array
@@ -56,7 +56,7 @@ class Sums(NamedTuple):
         driven, driven_score, cross: information, score of what surfaces drive, and their information with all
             parameters, (k, k), (k,), (k, size).
         products, squares: of innovations at each lag, (LAGS, channels, channels).
-        samples: readings and the sum of their e^2 / s, (2,).
+        samples: readings, the sum of their e^2 / s, and samples at which each input moved, (2 + inputs,).
     """
 
     cost: Array
@@ -72,8 +72,8 @@ class Sums(NamedTuple):
 
 def row_width(states: int, inputs: int, channels: int) -> int:
     """Columns of a window's row: readings, slow regressors of the states, loads at the sample and at the end of the
-    step to it, stability factor, turning speeds, known aerodynamic and kinematic accelerations, airspeed, whether a
-    surface moves."""
+    step to it, stability factor, turning speeds, known aerodynamic and kinematic accelerations, airspeed, which
+    surfaces move (bits)."""
     return channels + 4 * states + 2 * inputs + 3
 
 
@@ -203,7 +203,10 @@ def _spread(setup, lanes, head, moving):  # type: ignore[no-untyped-def]
                     work[i, j, lane] += lanes.transition[i, c, lane] * p[c, j, lane]
     for i in range(n):
         for j in range(i + 1):
-            extra = lanes.surface_noise[i, j] if moving and i < setup.states else 0.0
+            extra = 0.0
+            for u in range(setup.inputs):
+                if (moving >> u) & 1 and i < setup.states:
+                    extra += lanes.surface_noise[u, i, j]
             for lane in range(width):
                 p[i, j, lane] = lanes.noise[i, j, lane] + extra
             for at in range(lanes.entries[j]):
@@ -216,12 +219,16 @@ def _spread(setup, lanes, head, moving):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _renew_gain(lanes, head, q, extra):  # type: ignore[no-untyped-def]
+def _renew_gain(setup, lanes, head, q, moving):  # type: ignore[no-untyped-def]
     """Gains and innovation variances of reading q, and P after it; returns the change of lane 0's gain by what it
     does to predicted readings, in their noises."""
     n, _, width = head.covariance.shape
     p = head.covariance
     new, s = np.zeros((n, width)), np.empty(width)
+    extra = 0.0
+    for u in range(setup.inputs):
+        if (moving >> u) & 1:
+            extra += lanes.surface_variance[u, q]
     for lane in range(width):
         s[lane] = lanes.variance[q, lane] + extra
     for j in range(n):
@@ -344,7 +351,7 @@ def _sum_up(setup, head, q, found, sums):  # type: ignore[no-untyped-def]
 def _sum_lags(head, white, sums):  # type: ignore[no-untyped-def]
     """Products of the whitened innovations with earlier ones, and these kept for the next."""
     channels = white.size
-    for lag in range(min(head.flags[3], LAGS)):
+    for lag in range(min(head.flags[2], LAGS)):
         for a in range(channels):
             for b in range(channels):
                 product = white[a] * head.late[lag, b]
@@ -354,7 +361,7 @@ def _sum_lags(head, white, sums):  # type: ignore[no-untyped-def]
         for a in range(channels):
             head.late[lag, a] = head.late[lag - 1, a]
     head.late[0] = white
-    head.flags[3] = min(head.flags[3] + 1, LAGS)
+    head.flags[2] = min(head.flags[2] + 1, LAGS)
 
 
 @njit(cache=True)
@@ -375,8 +382,8 @@ def add_rows(setup, lanes, own, head, rows, sums):  # type: ignore[no-untyped-de
     known, white = np.zeros((2, ns)), np.zeros(ch)
     for t in range(rows.shape[0]):
         row, before = rows[t], head.before
-        moving = row[flag] != 0.0
-        same = head.flags[0] == 1 and head.flags[1] == 1 and moving == (head.flags[2] == 1)
+        moving = int(row[flag])
+        same = head.flags[0] == 1 and head.flags[1] == 1 and head.flags[3] == moving
         for q in range(ch):
             same = same and (row[q] == row[q]) == (before[q] == before[q])
         if head.flags[0] == 1:
@@ -396,11 +403,51 @@ def add_rows(setup, lanes, own, head, rows, sums):  # type: ignore[no-untyped-de
             if row[q] != row[q]:
                 continue
             if not same:
-                extra = lanes.surface_variance[q] if moving else 0.0
-                change = max(change, _renew_gain(lanes, head, q, extra))
+                change = max(change, _renew_gain(setup, lanes, head, q, moving))
             found = _correct(setup, lanes, head, row, q, (force, known, own))
             white[q] = _sum_up(setup, head, q, found, sums)
         _sum_lags(head, white, sums)
         head.flags[1] = 1 if same or change <= _SETTLED else 0
-        head.flags[0], head.flags[2] = 1, 1 if moving else 0
+        head.flags[0], head.flags[3] = 1, moving
+        for u in range(setup.inputs):
+            sums.samples[2 + u] += (moving >> u) & 1
         head.before[:] = row
+
+
+@njit(cache=True)
+def input_echo(setup, lanes, head, rows, echo):  # type: ignore[no-untyped-def]
+    """What noise of an input at one sample is expected to add (``likelihood``, (3); Nakamura 1990).
+
+    Args:
+        head: one that has seen nothing yet, with a covariance; used up.
+        rows: of a record in which only that noise is, after gains have settled, (samples, row_width), its readings 0.
+        echo: half the expected sum of squares, what it takes from the score (size,), what it adds to the information
+            (size, size); filled. Noises change how an echo is weighted, not what it is of: that is in the information
+            already, so only derivatives are in the last.
+    """
+    expected, score, information = echo
+    ns, ch = setup.states, setup.channels
+    width, k = head.x.shape[1], head.driven.shape[1] - 1
+    first, last, force = np.zeros((ns, width)), np.zeros((ns, width)), np.zeros((ns, width))
+    known, own, slope = np.zeros((2, ns)), np.zeros(ch), np.zeros(width - 1)
+    expected[0] = 0.0
+    score[:] = 0.0
+    information[:] = 0.0
+    for t in range(1, rows.shape[0]):
+        _forcing(setup, lanes, rows[t - 1], False, known, first)
+        _forcing(setup, lanes, rows[t], True, known, last)
+        _forcing(setup, lanes, rows[t], False, known, force)
+        _advance(setup, lanes, head, first, last)
+        moving = int(rows[t, rows.shape[1] - 1])
+        _spread(setup, lanes, head, moving)
+        for q in range(ch):
+            _renew_gain(setup, lanes, head, q, moving)
+            e, _ = _correct(setup, lanes, head, rows[t], q, (force, known, own))
+            white = e[0] / np.sqrt(head.spread[q, 0])
+            expected[0] += 0.5 * white * white
+            for i in range(width - 1):
+                slope[i] = (e[1 + i] / np.sqrt(head.spread[q, 1 + i]) - white) / setup.step[i]
+                score[i] += white * slope[i]
+            for i in range(k):
+                for j in range(k):
+                    information[i, j] += slope[i] * slope[j]

@@ -44,6 +44,9 @@ _CHANCE = 4.753
 _DRIFT = 4.0
 """Errors of its mean by which a level may stray and still be one level."""
 
+_POOLED = 0.95
+"""What is left of a half second's scatter after the next: ten seconds."""
+
 _LEAST_VARIANCE = 1e-12
 """Of a reading that does not change during the first two seconds."""
 
@@ -87,7 +90,8 @@ class Intake(NamedTuple):
         clock: step, s; last stamp; (vehicles, 2).
         last: last measured row, (vehicles, columns).
         origin: medians that began the record, (vehicles, columns).
-        inputs: of the last row that went, then level and samples of each one's last rest, (vehicles, 3, inputs).
+        inputs: of the last row that went, then level and samples of each one's last rest, and squares
+            and degrees of freedom of its scatter while it seemed to rest, (vehicles, 5, inputs).
         spread: sum of squares and number of each reading, (vehicles, 2, channels).
         noise: of each reading as the first two seconds show it, variance, (vehicles, channels).
     """
@@ -237,6 +241,7 @@ def begins(columns, intake, i):  # type: ignore[no-untyped-def]
         # the level of a surface that rests from the beginning on
         intake.inputs[i, 1, u] = np.mean(rows[:count, columns.first_input + u])
         intake.inputs[i, 2, u] = count
+        intake.inputs[i, 3:5, u] = 0.0
     intake.tally[i, 1] = 1
     return np.any(rows[:count, columns.kinematic + 6] == 1.0)
 
@@ -258,9 +263,10 @@ def to_rows(columns, intake, i, taken, rows):  # type: ignore[no-untyped-def]
     """The first ``taken`` rows that wait become rows of a window (``increments.row_width``); the others move up."""
     ns, nu, ch = columns.states, columns.inputs, columns.channels
     pending, origin = intake.pending[i], intake.origin[i]
-    moving = False
+    moving = 0
     for u in range(nu):
-        moving = _at_rest(columns, intake, i, taken, u) or moving
+        if _at_rest(columns, intake, i, taken, u):
+            moving += 1 << u
     s_0, c_0, forward, down = _condition(columns, origin)
     for r in range(taken):
         raw, row = pending[r], rows[r]
@@ -295,7 +301,7 @@ def to_rows(columns, intake, i, taken, rows):  # type: ignore[no-untyped-def]
             intake.inputs[i, 0, u] = raw[at]
         row[stability] = s
         row[row.size - 2] = max(raw[columns.kinematic + 2], 1.0)
-        row[row.size - 1] = 1.0 if moving else 0.0
+        row[row.size - 1] = moving
         for q in range(ch):
             if row[q] == row[q]:
                 intake.spread[i, 0, q] += row[q] ** 2
@@ -306,18 +312,28 @@ def to_rows(columns, intake, i, taken, rows):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _limit(variance, freedom):  # type: ignore[no-untyped-def]
+    """Sum of squares about a mean that noise alone exceeds once in a million (Wilson and Hilferty 1931)."""
+    step = 2.0 / (9.0 * max(freedom, 1.0))
+    return variance * freedom * (1.0 - step + _CHANCE * np.sqrt(step)) ** 3
+
+
+@njit(cache=True)
 def _at_rest(columns, intake, i, taken, u):  # type: ignore[no-untyped-def]
     """Put an input that its noise alone moves at its level; whether its noise drives the model."""
     variance, at = columns.input_variance[u], columns.first_input + u
     if variance == 0.0:
         return False
     values = intake.pending[i, :taken, at]
-    mean, scatter = np.mean(values), np.var(values)
-    # Wilson and Hilferty's approximation of the quantile of chi-square
-    freedom = max(taken - 1, 1)
-    step = 2.0 / (9.0 * freedom)
-    limit = variance * freedom * (1.0 - step + _CHANCE * np.sqrt(step)) ** 3 / taken
-    if scatter > limit:
+    mean, squares = np.mean(values), np.var(values) * taken
+    if squares > _limit(variance, taken - 1.0):
+        return True
+    # jitter that half a second does not tell from noise shows in ten
+    pool = intake.inputs[i, 3:5, u]
+    pool *= _POOLED
+    pool[0] += squares
+    pool[1] += taken - 1.0
+    if pool[0] > _limit(variance, pool[1]):
         return True
     before = intake.inputs[i, 2, u]
     error = np.sqrt(variance * (1.0 / taken + 1.0 / before)) if before > 0.0 else 0.0

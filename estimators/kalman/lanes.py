@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.kalman.discretisation import discretise, stationary_covariance
 
-__all__ = ["Lanes", "Setup", "build_lanes", "empty_lanes", "fastest_growth"]
+__all__ = ["Lanes", "Setup", "build_lanes", "fastest_growth"]
 
 Array = NDArray[np.float64]
 
@@ -70,8 +70,8 @@ class Lanes(NamedTuple):
         theta: referred derivatives, (states, states + inputs, lanes).
         start: covariance before a record's first reading, (n, n, lanes).
         entries, where: number and places of the entries of a transition that are not zero, row by row, (n,), (n, n).
-        surface_noise: what noise of a moving surface adds to Q, (states, states), and to R, (channels,), of all lanes.
-        surface_variance: see there.
+        surface_noise, surface_variance: what noise of each moving input adds to Q, (inputs, states, states), and to R,
+            (inputs, channels), in all lanes.
         level: stability factor and turning speed (states,) that the transition holds, (1 + states,).
     """
 
@@ -95,19 +95,6 @@ def state_count(setup, airspeed, dt):  # type: ignore[no-untyped-def]
     """States of the filter; the lag of a vane ahead is there whatever its length, so that it is known beforehand."""
     lag = 2 if setup.vane_ahead_m > 0.0 else 0
     return 2 * setup.states + 3 + lag + setup.moments + setup.rolling
-
-
-@njit(cache=True)
-def empty_lanes(setup, n, lanes):  # type: ignore[no-untyped-def]
-    """Memory for ``build_lanes``."""
-    ns, ch = setup.states, setup.channels
-    m = ns + setup.inputs
-    return Lanes(
-        np.zeros((n, n, lanes)), np.zeros((n, n, lanes)), np.zeros((ns, ns, lanes)), np.zeros((ns, ns, lanes)),
-        np.zeros((ch, n, lanes)), np.zeros((ch, lanes)), np.zeros((ns, m, lanes)), np.zeros((n, n, lanes)),
-        np.zeros(n, dtype=np.int64), np.zeros((n, n), dtype=np.int64), np.zeros((ns, ns)), np.zeros(ch),
-        np.zeros(1 + ns),
-    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -264,15 +251,7 @@ def build_lanes(setup, condition, p, lanes):  # type: ignore[no-untyped-def]
             if np.any(lanes.transition[i, j] != 0.0):
                 lanes.where[i, lanes.entries[i]] = j
                 lanes.entries[i] += 1
-    _surface_noise(setup, condition, lanes)
-
-
-@njit(cache=True)
-def _surface_noise(setup, condition, lanes):  # type: ignore[no-untyped-def]
-    ns, ch = setup.states, setup.channels
-    lanes.surface_noise[:] = 0.0
-    lanes.surface_variance[:] = 0.0
-    for u in range(setup.inputs):
+    for u in range(nu):
         variance = condition[2 + ch + u]
         moved = np.zeros(ns)
         for i in range(ns):
@@ -280,9 +259,9 @@ def _surface_noise(setup, condition, lanes):  # type: ignore[no-untyped-def]
                 moved[i] += (lanes.early[i, j, 0] + lanes.late[i, j, 0]) * lanes.theta[j, ns + u, 0]
         for i in range(ns):
             for j in range(ns):
-                lanes.surface_noise[i, j] += variance * moved[i] * moved[j]
+                lanes.surface_noise[u, i, j] = variance * moved[i] * moved[j]
         if setup.force >= 0:
             direct = lanes.theta[setup.force, ns + u, 0]
             for j in range(ns):
                 direct -= setup.lever[j] * lanes.theta[j, ns + u, 0]
-            lanes.surface_variance[ns] += variance * direct**2
+            lanes.surface_variance[u, ns] = variance * direct**2

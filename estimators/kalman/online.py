@@ -177,12 +177,13 @@ class FilterEstimator:
         width, columns = row_width(ns, nu, ch), self.signals.columns
         intake = Intake(
             np.zeros((n, WARM_ROWS, columns + 1)), np.zeros((n, 4), dtype=np.int64), np.zeros((n, 2)),
-            np.full((n, columns), np.nan), np.zeros((n, columns)), np.zeros((n, 3, nu)), np.zeros((n, 2, ch)),
+            np.full((n, columns), np.nan), np.zeros((n, columns)), np.zeros((n, 5, nu)), np.zeros((n, 2, ch)),
             np.zeros((n, ch)),
         )  # fmt: skip
         window = Window(
             np.zeros((n, GROUPS, BLOCKS_A_GROUP * BLOCK_ROWS, width)), np.zeros((n, GROUPS), dtype=np.int64),
             np.zeros((n, 3), dtype=np.int64), np.zeros((n, 2 + ch + nu)),
+            self._fixed.columns.held.copy(),
         )  # fmt: skip
         return FilterState(
             intake, window, self._filters(n), np.full((n, 4), np.nan), np.zeros((n, 2), dtype=np.int64)
@@ -195,15 +196,16 @@ class FilterEstimator:
         mean = np.tile(self._fixed.mean, (n, 2, 1))
         arrival = np.tile(np.diag(self._fixed.priors.std**-2.0), (n, 2, 1, 1))
         shape = (n, 2)
-        channels = self.layout.channels
+        channels, nu = self.layout.channels, self.signals.inputs
         left = Evidence(
             np.zeros((*shape, k, k)), np.zeros((*shape, k, k)), np.zeros((*shape, k)), np.zeros((*shape, k, size)),
             np.zeros((*shape, LAGS, channels, channels)), np.zeros((*shape, LAGS, channels, channels)),
             np.zeros((*shape, size, size)), np.zeros((*shape, size, size)),
-            np.zeros((*shape, 1)),
+            np.zeros((*shape, 1)), np.zeros((*shape, size, size)),
         )  # fmt: skip
         return Filters(
             self._lanes((n, 2)), heads, sums, mean.copy(), mean, arrival, mean.copy(), np.zeros((n, 2, 1)), left,
+            np.zeros((*shape, nu, 1)), np.zeros((*shape, nu, size)), np.zeros((*shape, nu, size, size)),
             np.zeros((n, 2, 6)),
         )  # fmt: skip
 
@@ -220,7 +222,7 @@ class FilterEstimator:
             np.zeros((*shape, ns, ns, width)), np.zeros((*shape, ch, n, width)), np.zeros((*shape, ch, width)),
             np.zeros((*shape, ns, m, width)), np.zeros((*shape, n, n, width)),
             np.zeros((*shape, n), dtype=np.int64), np.zeros((*shape, n, n), dtype=np.int64),
-            np.zeros((*shape, ns, ns)), np.zeros((*shape, ch)), np.ones((*shape, 1 + ns)),
+            np.zeros((*shape, m - ns, ns, ns)), np.zeros((*shape, m - ns, ch)), np.ones((*shape, 1 + ns)),
         )  # fmt: skip
 
     def _memory(self, vehicles: int, filters: int) -> tuple[Head, Sums]:
@@ -238,7 +240,7 @@ class FilterEstimator:
         sums = Sums(
             np.zeros((*shape, 1)), np.zeros((*shape, size)), np.zeros((*shape, size, size)), np.zeros((*shape, k, k)),
             np.zeros((*shape, k)), np.zeros((*shape, k, size)), np.zeros((*shape, LAGS, ch, ch)),
-            np.zeros((*shape, LAGS, ch, ch)), np.zeros((*shape, 2)),
+            np.zeros((*shape, LAGS, ch, ch)), np.zeros((*shape, 2 + self.signals.inputs)),
         )  # fmt: skip
         return heads, sums
 
@@ -306,7 +308,8 @@ class FilterEstimator:
         point, sums = f.point[i, h], Sums(*(array[i, h, :groups] for array in f.sums))
         left = Evidence(*(array[i, h] for array in f.left))
         whole = groups - int(state.window.tally[i, 1] < BLOCKS_A_GROUP) if groups else 0
-        scores = sums.score[:whole] - sums.information[:whole] @ (value - point)
+        echo = sums.samples[:whole, 2:] @ f.echo_score[i, h]
+        scores = sums.score[:whole] + echo - sums.information[:whole] @ (value - point)
         driven = sums.driven.sum(axis=0)
         return Account(
             left.driven + driven,

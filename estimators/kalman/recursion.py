@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
-from wingwatch.estimators.kalman.increments import Head, Sums, add_rows, begin_record, carry
+from wingwatch.estimators.kalman.increments import Head, Sums, add_rows, begin_record, carry, input_echo
 from wingwatch.estimators.kalman.lanes import Lanes, Setup, build_lanes, fastest_growth
 
 __all__ = [
@@ -60,6 +61,9 @@ _PASSES = 2
 _FASTEST_GROWTH = 0.0
 """Motion must not grow, 1/s: what surfaces drive is followed without correction, for as long as the flight lasts."""
 
+_DAMPED = 0.2
+"""Damping, 1/s, of where a search begins that would begin at motion that grows."""
+
 _SAME = 0.04
 """Change of the stability factor from which on the window is run again."""
 
@@ -67,6 +71,15 @@ _TOLERATED = 0.05
 """Cost that a step may add: a window that begins with what is remembered of another point is not quite the same."""
 
 _MOST_DAMPING = 1e3
+
+_LEAST_SIGNAL = 0.2
+"""Least part of a direction's information that is taken to be signal where surfaces are measured with noise."""
+
+_SETTLING_S = 2.0
+"""Time in which gains settle."""
+
+_MEMORY_S = 4.0
+"""After this an innovation no longer answers to the noise of one sample."""
 
 _FAR = 4.0
 """Move of a parameter beyond which states are not carried along by their sensitivities."""
@@ -102,6 +115,7 @@ class Evidence(NamedTuple):
         products, squares: of innovations, (LAGS, channels, channels).
         scatter, information: of the groups' scores: their outer products and their information, (size, size).
         groups: how many they are, (1,).
+        echo: information that noise of the surfaces added, (size, size).
     """
 
     driven: Array
@@ -113,6 +127,7 @@ class Evidence(NamedTuple):
     scatter: Array
     information: Array
     groups: Array
+    echo: Array
 
 
 class Filters(NamedTuple):
@@ -125,6 +140,8 @@ class Filters(NamedTuple):
         point: p_0, (size,); prior: mean, (size,).
         arrival: La, (size, size); centre: mu, (size,); cost: c, (1,).
         left: evidence of groups that have left.
+        echo_cost, echo_score, echo_information: what noise of each input is expected to add at every sample at which it
+            moves (``increments.input_echo``), (inputs, 1), (inputs, size), (inputs, size, size).
         search: damping of the next step; expected move of the derivatives, in standard errors; solutions to wait
             after a step that was refused, and what it promised; surprise of the last half second, in standard
             deviations of chi-square; whether the filter rests because the other is far better, (6,).
@@ -139,6 +156,9 @@ class Filters(NamedTuple):
     centre: Array
     cost: Array
     left: Evidence
+    echo_cost: Array
+    echo_score: Array
+    echo_information: Array
     search: Array
 
 
@@ -148,13 +168,15 @@ class Window(NamedTuple):
     Attributes:
         rows: (vehicles, GROUPS, samples, row_width); counts: of rows, (vehicles, GROUPS).
         tally: groups in use, blocks in the last of them, whether the first of them begins a record, (vehicles, 3).
-        condition: of ``build_lanes``, (vehicles, 2 + channels + inputs).
+        condition: of ``build_lanes``, then the variance of each input's noise, (vehicles, 2 + channels + inputs).
+        held: whether each input is held between samples, (inputs,).
     """
 
     rows: Array
     counts: NDArray[np.int64]
     tally: NDArray[np.int64]
     condition: Array
+    held: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,12 +228,25 @@ def begin(setup: Setup, filters: Filters, window: Window, i: int) -> None:
         one = One(filters, window, i, h)
         one.point[size:] = filters.centre[i, h, size:]
         lanes = one.lanes
-        _level(setup, window, i, lanes.level)
+        _stabilise(setup, one.point, lanes.level)
         build_lanes(setup, window.condition[i], one.point, lanes)
         begin_record(one.head(GROUPS), lanes)
         filters.search[i, h] = 0.0
     window.tally[i] = 0, 0, 1
     window.counts[i] = 0
+
+
+def _stabilise(setup: Setup, p: Array, level: Array) -> None:
+    """Where motion would grow at p, damp all of it alike: what is expected of an aircraft may be that far off."""
+    growth = fastest_growth(setup, p, level)
+    if growth < _FASTEST_GROWTH:
+        return
+    ns = setup.states
+    copy = p.size - setup.channels - ns * ns
+    for i in range(ns):
+        shift = (growth + _DAMPED) / (level[0] * setup.natural[i, i])
+        p[i * (ns + setup.inputs) + i] -= shift
+        p[copy + i * ns + i] -= shift
 
 
 def add_block(setup: Setup, priors: Priors, filters: Filters, window: Window, i: int, block: Array) -> None:
@@ -240,25 +275,47 @@ def add_block(setup: Setup, priors: Priors, filters: Filters, window: Window, i:
         sums = one.sums(g)
         before = sums.samples.copy()
         add_rows(setup, one.lanes, one.point[size:], one.head(GROUPS), block, sums)
-        readings, squares = sums.samples - before
+        readings, squares = (sums.samples - before)[:2]
         filters.search[i, h, 4] = (squares - readings) / math.sqrt(2.0 * max(readings, 1.0))
+
+
+def _said(one: One, groups: slice) -> tuple[float, Array, Array, Array]:
+    """Cost, score, information of some groups, without what noise of the surfaces adds, and that information."""
+    f, i, h = one.filters, one.i, one.h
+    sums = f.sums
+    cost, score = float(sums.cost[i, h, groups].sum()), sums.score[i, h, groups].sum(axis=0)
+    information = sums.information[i, h, groups].sum(axis=0)
+    moved = sums.samples[i, h, groups, 2:].sum(axis=0)
+    cost -= float(moved @ f.echo_cost[i, h, :, 0])
+    score = score + moved @ f.echo_score[i, h]
+    echo = np.einsum("u,uab->ab", moved, f.echo_information[i, h])
+    return cost, score, _signal(information, echo, f.arrival[i, h]), echo
+
+
+def _signal(information: Array, echo: Array, prior: Array) -> Array:
+    """Information without that of the surfaces' noise; a direction that is mostly noise keeps a fifth."""
+    if not echo.any():
+        return information
+    values, vectors = eigh(echo, information + prior)
+    back = (information + prior) @ vectors
+    return np.asarray(information - (back * np.minimum(values, 1.0 - _LEAST_SIGNAL)) @ back.T)
 
 
 def _quadratic(one: One) -> tuple[float, Array, Array]:
     """Cost at the point of linearisation, its gradient downwards and its information, arrival and window together."""
-    f, i, h, g = one.filters, one.i, one.h, one.groups
+    f, i, h = one.filters, one.i, one.h
     off = f.centre[i, h] - one.point
     pull = f.arrival[i, h] @ off
-    cost = f.cost[i, h, 0] + 0.5 * off @ pull + f.sums.cost[i, h, :g].sum()
-    score = pull + f.sums.score[i, h, :g].sum(axis=0)
-    return float(cost), score, f.arrival[i, h] + f.sums.information[i, h, :g].sum(axis=0)
+    cost, score, information, _ = _said(one, slice(one.groups))
+    return float(f.cost[i, h, 0] + 0.5 * off @ pull) + cost, score + pull, f.arrival[i, h] + information
 
 
 def current(one: One) -> tuple[Array, Array]:
     """The best parameters (size,) by the quadratic, and their covariance (size, size)."""
     _, score, information = _quadratic(one)
     covariance = _inverse(information)
-    return one.point + covariance @ score, covariance
+    echo = _said(one, slice(one.groups))[3] + one.filters.left.echo[one.i, one.h]
+    return one.point + covariance @ score, covariance + covariance @ echo @ covariance
 
 
 def gained(filters: Filters, window: Window, i: int) -> float:
@@ -317,13 +374,15 @@ def absorb_all(setup: Setup, priors: Priors, filters: Filters, window: Window, i
 def _absorb_group(priors: Priors, one: One, seconds: float) -> float:
     """The oldest group of one filter; returns what part of the derivatives' information the walk left."""
     f, i, h, point, sums = one.filters, one.i, one.h, one.point, one.sums(0)
+    said, pushed, information, echo = _said(one, slice(1))
     _remember(one, sums, current(one)[0])
+    f.left.echo[i, h] += echo
     off = f.centre[i, h] - point
     pull = f.arrival[i, h] @ off
-    covariance = _inverse(f.arrival[i, h] + sums.information)
-    score = pull + sums.score
+    covariance = _inverse(f.arrival[i, h] + information)
+    score = pull + pushed
     move = covariance @ score
-    f.cost[i, h] += sums.cost[0] + 0.5 * off @ pull - 0.5 * score @ move
+    f.cost[i, h] += said + 0.5 * off @ pull - 0.5 * score @ move
     # a random walk towards the prior, so that nothing is ever less known than before the flight
     gained = priors.walk * seconds
     kept = np.sqrt(np.maximum(1.0 - gained / priors.std**2, 0.0))
@@ -340,7 +399,8 @@ def _absorb_group(priors: Priors, one: One, seconds: float) -> float:
 def _remember(one: One, sums: Sums, estimate: Array) -> None:
     """Add a group to the guards' evidence."""
     left = Evidence(*(a[one.i, one.h] for a in one.filters.left))
-    score = sums.score - sums.information @ (estimate - one.point)
+    echo = sums.samples[2:] @ one.filters.echo_score[one.i, one.h]
+    score = sums.score + echo - sums.information @ (estimate - one.point)
     left.driven[...] += sums.driven
     left.driven_square[...] += sums.driven
     left.driven_vector[...] += sums.driven_score + sums.cross @ one.point
@@ -399,7 +459,31 @@ def _level(setup: Setup, window: Window, i: int, level: Array) -> bool:
     return bool(abs(level[0] / before - 1.0) > _SAME)
 
 
-def _accept(one: One, p: Array, trial: Trial) -> None:
+def _find_echo(setup: Setup, one: One) -> None:
+    """What noise of each input adds at one sample, with the gains as they are now."""
+    f, i, h = one.filters, one.i, one.h
+    first = 2 + setup.channels
+    for u in range(setup.inputs):
+        variance = one.window.condition[i, first + u]
+        if variance == 0.0:
+            continue
+        before = math.ceil(_SETTLING_S / one.window.condition[i, 0])
+        after = math.ceil(_MEMORY_S / one.window.condition[i, 0])
+        rows = np.zeros((before + after, one.window.rows.shape[3]))
+        at = setup.channels + setup.states
+        rows[:, at + 2 * setup.inputs : at + 2 * setup.inputs + 1 + setup.states] = one.lanes.level
+        rows[:, -1] = 1 << u
+        loads = math.sqrt(variance) * one.lanes.level[0]
+        rows[before, at + u] = loads
+        rows[before + int(one.window.held[u]), at + setup.inputs + u] = loads
+        head = Head(*(a.copy() for a in one.head(GROUPS)))
+        for array in (head.x, head.columns, head.driven):
+            array[...] = 0.0
+        echo = f.echo_cost[i, h, u], f.echo_score[i, h, u], f.echo_information[i, h, u]
+        input_echo(setup, one.lanes, head, rows, echo)
+
+
+def _accept(setup: Setup, one: One, p: Array, trial: Trial) -> None:
     one.point[...] = p
     for to, source in zip(one.heads, trial.heads, strict=True):
         to[...] = source
@@ -407,12 +491,17 @@ def _accept(one: One, p: Array, trial: Trial) -> None:
         to[one.i, one.h] = source
     for to, source in zip(one.lanes, trial.lanes, strict=True):
         to[...] = source
+    _find_echo(setup, one)
 
 
 def _trial_cost(one: One, p: Array, trial: Trial) -> float:
     f, i, h = one.filters, one.i, one.h
     off = p - f.centre[i, h]
-    return float(f.cost[i, h, 0] + 0.5 * off @ f.arrival[i, h] @ off + trial.sums.cost[: one.groups].sum())
+    moved = trial.sums.samples[: one.groups, 2:].sum(axis=0)
+    # to first order the echo is as it was
+    echo = float(moved @ (f.echo_cost[i, h, :, 0] + f.echo_score[i, h] @ (p - one.point)))
+    found = float(trial.sums.cost[: one.groups].sum()) - echo
+    return float(f.cost[i, h, 0] + 0.5 * off @ f.arrival[i, h] @ off) + found
 
 
 def _asks(one: One, score: Array, covariance: Array) -> float:
@@ -491,7 +580,7 @@ def _go_on_from(setup: Setup, one: One, other: One, p: Array, trial: Trial) -> N
     # the intensity is the one parameter whose prior is not the other's
     f.centre[i, one.h, at] = f.prior[i, one.h, at]
     f.search[i, one.h] = 0.0
-    _accept(one, p, trial)
+    _accept(setup, one, p, trial)
 
 
 def _wake(setup: Setup, still: One, gusty: One, trial: Trial) -> None:
@@ -511,7 +600,7 @@ def _try_gusts(setup: Setup, one: One, trial: Trial) -> None:
     p = one.point.copy()
     p[at] = max(p[at], f.prior[one.i, 1, at])
     if p[at] > one.point[at] and _evaluate(setup, one, p, trial) < _quadratic(one)[0]:
-        _accept(one, p, trial)
+        _accept(setup, one, p, trial)
 
 
 def _solve(setup: Setup, priors: Priors, one: One, trial: Trial) -> None:
@@ -535,7 +624,7 @@ def _solve(setup: Setup, priors: Priors, one: One, trial: Trial) -> None:
             found = _trial_cost(one, p, trial)
             better = math.isfinite(found) and (found < cost + _TOLERATED or other)
         if better:
-            _accept(one, p, trial)
+            _accept(setup, one, p, trial)
             search[0] = 0.0 if search[0] < 2e-3 else search[0] / 10.0
             search[2] = search[3] = 0.0
         else:
