@@ -32,8 +32,8 @@ class Head(NamedTuple):
         columns: (n, c); driven: response to measured forcing alone of the first lanes, (states, 1 + k).
         late: last whitened innovations, newest first, (LAGS, channels).
         before: the last row.
-        flags: whether a sample was taken, whether the gain has settled, samples since the start up to LAGS,
-            which surfaces moved, (4,).
+        flags: whether a sample was taken, whether the gain has settled, samples since the start up to LAGS, which
+            surfaces moved (bits), (4,).
     """
 
     x: Array
@@ -205,8 +205,10 @@ def _spread(setup, lanes, head, moving):  # type: ignore[no-untyped-def]
         for j in range(i + 1):
             extra = 0.0
             for u in range(setup.inputs):
-                if (moving >> u) & 1 and i < setup.states:
-                    extra += lanes.surface_noise[u, i, j]
+                # at rest it is motion of the copy, so that it teaches the derivatives nothing
+                first = 0 if (moving >> u) & 1 else n - setup.states
+                if first <= j and i < first + setup.states:
+                    extra += lanes.surface_noise[u, i - first, j - first]
             for lane in range(width):
                 p[i, j, lane] = lanes.noise[i, j, lane] + extra
             for at in range(lanes.entries[j]):
@@ -219,7 +221,7 @@ def _spread(setup, lanes, head, moving):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _renew_gain(setup, lanes, head, q, moving):  # type: ignore[no-untyped-def]
+def _renew_gain(setup, lanes, head, q):  # type: ignore[no-untyped-def]
     """Gains and innovation variances of reading q, and P after it; returns the change of lane 0's gain by what it
     does to predicted readings, in their noises."""
     n, _, width = head.covariance.shape
@@ -227,8 +229,7 @@ def _renew_gain(setup, lanes, head, q, moving):  # type: ignore[no-untyped-def]
     new, s = np.zeros((n, width)), np.empty(width)
     extra = 0.0
     for u in range(setup.inputs):
-        if (moving >> u) & 1:
-            extra += lanes.surface_variance[u, q]
+        extra += lanes.surface_variance[u, q]
     for lane in range(width):
         s[lane] = lanes.variance[q, lane] + extra
     for j in range(n):
@@ -403,7 +404,7 @@ def add_rows(setup, lanes, own, head, rows, sums):  # type: ignore[no-untyped-de
             if row[q] != row[q]:
                 continue
             if not same:
-                change = max(change, _renew_gain(setup, lanes, head, q, moving))
+                change = max(change, _renew_gain(setup, lanes, head, q))
             found = _correct(setup, lanes, head, row, q, (force, known, own))
             white[q] = _sum_up(setup, head, q, found, sums)
         _sum_lags(head, white, sums)
@@ -438,10 +439,9 @@ def input_echo(setup, lanes, head, rows, echo):  # type: ignore[no-untyped-def]
         _forcing(setup, lanes, rows[t], True, known, last)
         _forcing(setup, lanes, rows[t], False, known, force)
         _advance(setup, lanes, head, first, last)
-        moving = int(rows[t, rows.shape[1] - 1])
-        _spread(setup, lanes, head, moving)
+        _spread(setup, lanes, head, int(rows[t, rows.shape[1] - 1]))
         for q in range(ch):
-            _renew_gain(setup, lanes, head, q, moving)
+            _renew_gain(setup, lanes, head, q)
             e, _ = _correct(setup, lanes, head, rows[t], q, (force, known, own))
             white = e[0] / np.sqrt(head.spread[q, 0])
             expected[0] += 0.5 * white * white

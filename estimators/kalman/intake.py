@@ -2,8 +2,8 @@
 
 The first two seconds of a record are kept until they are all there. Their median step is the clock's; their medians are
 what everything is a deviation from; their second differences say how noisy the readings are. Then rows go half second
-by half second. Where rows are missing the forcing goes on a line and nothing is read; a gap of more than MAX_GAP_S begins
-a new record. A surface that only its sensor's noise moves within a half second is taken at its mean over that rest.
+by half second. Where rows are missing the forcing goes on a line and nothing is read; a gap of more than MAX_GAP_S
+begins a new record. A surface that only its sensor's noise moves within a half second is taken at its level.
 """
 
 from typing import NamedTuple
@@ -46,6 +46,10 @@ _DRIFT = 4.0
 
 _POOLED = 0.95
 """What is left of a half second's scatter after the next: ten seconds."""
+
+_AFTER = 6.0
+"""Half seconds after one in which a surface moved, in which it may go on moving by less than its noise: an autopilot
+answers as long as the motion lasts."""
 
 _LEAST_VARIANCE = 1e-12
 """Of a reading that does not change during the first two seconds."""
@@ -91,7 +95,8 @@ class Intake(NamedTuple):
         last: last measured row, (vehicles, columns).
         origin: medians that began the record, (vehicles, columns).
         inputs: of the last row that went, then level and samples of each one's last rest, and squares
-            and degrees of freedom of its scatter while it seemed to rest, (vehicles, 5, inputs).
+            and degrees of freedom of its scatter while it seemed to rest, half seconds in which it may go on moving,
+            (vehicles, 6, inputs).
         spread: sum of squares and number of each reading, (vehicles, 2, channels).
         noise: of each reading as the first two seconds show it, variance, (vehicles, channels).
     """
@@ -242,6 +247,7 @@ def begins(columns, intake, i):  # type: ignore[no-untyped-def]
         intake.inputs[i, 1, u] = np.mean(rows[:count, columns.first_input + u])
         intake.inputs[i, 2, u] = count
         intake.inputs[i, 3:5, u] = 0.0
+        intake.inputs[i, 5, u] = -1.0
     intake.tally[i, 1] = 1
     return np.any(rows[:count, columns.kinematic + 6] == 1.0)
 
@@ -326,7 +332,11 @@ def _at_rest(columns, intake, i, taken, u):  # type: ignore[no-untyped-def]
         return False
     values = intake.pending[i, :taken, at]
     mean, squares = np.mean(values), np.var(values) * taken
+    intake.inputs[i, 5, u] -= 1.0
     if squares > _limit(variance, taken - 1.0):
+        intake.inputs[i, 5, u] = _AFTER
+        return True
+    if intake.inputs[i, 5, u] >= 0.0:
         return True
     # jitter that half a second does not tell from noise shows in ten
     pool = intake.inputs[i, 3:5, u]

@@ -40,6 +40,7 @@ class Setup(NamedTuple):
         natural: natural sizes, (states, states + inputs).
         lever: of the accelerometer, (states,), m.
         step: of each parameter, for differences, (parameters,).
+        held: whether each input is held between samples, (inputs,).
     """
 
     states: int
@@ -56,6 +57,7 @@ class Setup(NamedTuple):
     natural: Array
     lever: Array
     step: Array
+    held: NDArray[np.bool_]
 
 
 class Lanes(NamedTuple):
@@ -70,7 +72,7 @@ class Lanes(NamedTuple):
         theta: referred derivatives, (states, states + inputs, lanes).
         start: covariance before a record's first reading, (n, n, lanes).
         entries, where: number and places of the entries of a transition that are not zero, row by row, (n,), (n, n).
-        surface_noise, surface_variance: what noise of each moving input adds to Q, (inputs, states, states), and to R,
+        surface_noise, surface_variance: what noise of each input adds to Q, (inputs, states, states), and to R,
             (inputs, channels), in all lanes.
         level: stability factor and turning speed (states,) that the transition holds, (1 + states,).
     """
@@ -88,13 +90,6 @@ class Lanes(NamedTuple):
     surface_noise: Array
     surface_variance: Array
     level: Array
-
-
-@njit(cache=True)
-def state_count(setup, airspeed, dt):  # type: ignore[no-untyped-def]
-    """States of the filter; the lag of a vane ahead is there whatever its length, so that it is known beforehand."""
-    lag = 2 if setup.vane_ahead_m > 0.0 else 0
-    return 2 * setup.states + 3 + lag + setup.moments + setup.rolling
 
 
 @njit(cache=True)
@@ -134,7 +129,7 @@ def _dynamics(setup, p, level, airspeed):  # type: ignore[no-untyped-def]
     """A of the whole filter, its noise intensity, and C."""
     ns, ch = setup.states, setup.channels
     m = ns + setup.inputs
-    n = state_count(setup, airspeed, 0.0)
+    n = 2 * ns + 3 + setup.moments + setup.rolling + (2 if setup.vane_ahead_m > 0.0 else 0)
     theta, copy = _aerodynamics(setup, p)
     at = ns * m + ch
     gust = np.exp(p[at])

@@ -177,13 +177,12 @@ class FilterEstimator:
         width, columns = row_width(ns, nu, ch), self.signals.columns
         intake = Intake(
             np.zeros((n, WARM_ROWS, columns + 1)), np.zeros((n, 4), dtype=np.int64), np.zeros((n, 2)),
-            np.full((n, columns), np.nan), np.zeros((n, columns)), np.zeros((n, 5, nu)), np.zeros((n, 2, ch)),
+            np.full((n, columns), np.nan), np.zeros((n, columns)), np.zeros((n, 6, nu)), np.zeros((n, 2, ch)),
             np.zeros((n, ch)),
         )  # fmt: skip
         window = Window(
             np.zeros((n, GROUPS, BLOCKS_A_GROUP * BLOCK_ROWS, width)), np.zeros((n, GROUPS), dtype=np.int64),
             np.zeros((n, 3), dtype=np.int64), np.zeros((n, 2 + ch + nu)),
-            self._fixed.columns.held.copy(),
         )  # fmt: skip
         return FilterState(
             intake, window, self._filters(n), np.full((n, 4), np.nan), np.zeros((n, 2), dtype=np.int64)
@@ -334,16 +333,17 @@ def _fixed(config: FilterConfig, at: Layout, signals: SignalLayout) -> _Fixed:
     arms = {"w": {"p": -y, "q": x}, "v": {"p": z, "r": -x}}[velocity]
     roll = s.states.index("p") if at.rolling_air else 0
     ahead = config.vane_ahead_m if config.vane_ahead_m > _SHORTEST_VANE_M else 0.0
+    held = np.array(config.held or (False,) * nu)
     setup = Setup(
         ns, nu, ch, at.moments, int(at.rolling_air), s.states.index(_GUST_AT[velocity]), roll,
         0 if config.use_accelerometer else -1, _GRADIENT[velocity], ahead, 4.0 * config.span_m / math.pi,
-        natural, np.array([arms.get(state, 0.0) for state in s.states]), _steps(at),
+        natural, np.array([arms.get(state, 0.0) for state in s.states]), _steps(at), held,
     )  # fmt: skip
     forward = np.array([{"q": 1.0, "r": -1.0}.get(state, 0.0) for state in s.states])
     down = np.array([{"p": 1.0}.get(state, 0.0) for state in s.states])
     columns = Columns(
         ns, nu, ch, signals.accelerometer, signals.first_input, signals.kinematic, signals.known_moments,
-        np.array(config.reference), forward, down, np.array(config.held or (False,) * nu),
+        np.array(config.reference), forward, down, held,
         np.square(np.array(config.input_noise_std or (0.0,) * nu)),
     )  # fmt: skip
     return _Fixed(setup, _priors(config, at), columns, _mean(config, at, natural), _spans(config, velocity))

@@ -9,6 +9,7 @@ Every vehicle has two filters, one for still air and one with gusts, and each of
 docs/methods/filter_error.md, section 9, has the equations.
 """
 
+import copy
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -169,14 +170,12 @@ class Window(NamedTuple):
         rows: (vehicles, GROUPS, samples, row_width); counts: of rows, (vehicles, GROUPS).
         tally: groups in use, blocks in the last of them, whether the first of them begins a record, (vehicles, 3).
         condition: of ``build_lanes``, then the variance of each input's noise, (vehicles, 2 + channels + inputs).
-        held: whether each input is held between samples, (inputs,).
     """
 
     rows: Array
     counts: NDArray[np.int64]
     tally: NDArray[np.int64]
     condition: Array
-    held: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -475,8 +474,8 @@ def _find_echo(setup: Setup, one: One) -> None:
         rows[:, -1] = 1 << u
         loads = math.sqrt(variance) * one.lanes.level[0]
         rows[before, at + u] = loads
-        rows[before + int(one.window.held[u]), at + setup.inputs + u] = loads
-        head = Head(*(a.copy() for a in one.head(GROUPS)))
+        rows[before + int(setup.held[u]), at + setup.inputs + u] = loads
+        head = copy.deepcopy(one.head(GROUPS))
         for array in (head.x, head.columns, head.driven):
             array[...] = 0.0
         echo = f.echo_cost[i, h, u], f.echo_score[i, h, u], f.echo_information[i, h, u]
