@@ -380,7 +380,7 @@ def _priors(config: FilterConfig, at: Layout) -> Priors:
     std[at.copy], walk[at.copy] = 1.0, config.walk
     std[at.log_noise], walk[at.log_noise], reach[at.log_noise] = 3.0, _NOISE_WALK, 30.0
     for place in (slice(at.gust, at.gust + 1), at.disturbance):
-        std[place], walk[place] = 3.0, _NOISE_WALK
+        std[place], walk[place], reach[place] = 3.0, _NOISE_WALK, 7.0
     std[at.log_span_time], reach[at.log_span_time] = 0.7, 2.0
     reach[at.log_gust_time] = reach[at.log_moment_time] = 3.0
     trims = [0] + [1] * (ns - 1) + [2] * (at.channels - ns)

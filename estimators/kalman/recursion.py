@@ -50,6 +50,9 @@ _MOVED = 0.2
 _PROMISED = 1.0
 """Log-likelihood that all parameters together may promise there."""
 
+_LEAST_PROMISE = 1e-3
+"""What a step that is to be tried promises at least."""
+
 _WAIT = 4.0
 """Solutions after a refused step until the next is tried, unless it promises twice as much."""
 
@@ -503,24 +506,30 @@ def _trial_cost(one: One, p: Array, trial: Trial) -> float:
     return float(f.cost[i, h, 0] + 0.5 * off @ f.arrival[i, h] @ off) + found
 
 
-def _asks(one: One, score: Array, covariance: Array) -> float:
-    """What a full step promises, in log-likelihood; 0 where it would change nothing that matters."""
-    move = covariance @ score
+def _asks(priors: Priors, one: One, score: Array, information: Array) -> float:
+    """What a full step within reach promises, in log-likelihood; 0 where it would change nothing that matters."""
+    covariance = _inverse(information)
+    move = _within_reach(priors, one, covariance @ score)
     k = one.filters.left.driven.shape[2]
     largest = float(np.max(np.abs(move[:k]) / np.sqrt(np.diagonal(covariance)[:k])))
-    promised = 0.5 * float(score @ move)
+    promised = float(score @ move - 0.5 * move @ information @ move)
     one.filters.search[one.i, one.h, 1] = largest
-    return promised if largest > _MOVED or promised > _PROMISED else 0.0
+    return max(promised, _LEAST_PROMISE) if largest > _MOVED or promised > _PROMISED else 0.0
+
+
+def _within_reach(priors: Priors, one: One, move: Array) -> Array:
+    """A move that ends within reach of the prior."""
+    off = one.filters.prior[one.i, one.h] - one.point
+    return np.asarray(np.clip(move, off - priors.reach, off + priors.reach))
 
 
 def _next_point(priors: Priors, one: One, score: Array, information: Array) -> Array:
     """A damped step of limited length, within reach of the prior."""
-    f, i, h = one.filters, one.i, one.h
-    damped = information + f.search[i, h, 0] * np.diag(np.diagonal(information))
-    move = _inverse(damped) @ score
+    damping = one.filters.search[one.i, one.h, 0]
+    move = _inverse(information + damping * np.diag(np.diagonal(information))) @ score
     bounded = np.isfinite(priors.reach)
     move /= max(float(np.max(np.abs(move[bounded]))) / _LONGEST_STEP, 1.0)
-    return np.asarray(np.clip(one.point + move, f.prior[i, h] - priors.reach, f.prior[i, h] + priors.reach))
+    return one.point + _within_reach(priors, one, move)
 
 
 def solve_vehicle(
@@ -607,7 +616,7 @@ def _solve(setup: Setup, priors: Priors, one: One, trial: Trial) -> None:
     search = one.filters.search[one.i, one.h]
     for _ in range(_PASSES):
         cost, score, information = _quadratic(one)
-        promised = _asks(one, score, _inverse(information))
+        promised = _asks(priors, one, score, information)
         trial.lanes.level[...] = one.lanes.level
         other = _level(setup, one.window, one.i, trial.lanes.level)
         if promised == 0.0 and not other:
@@ -630,4 +639,4 @@ def _solve(setup: Setup, priors: Priors, one: One, trial: Trial) -> None:
             search[0] = min(max(5.0 * search[0], 1e-2), _MOST_DAMPING)
             search[2], search[3] = _WAIT, promised
     _, score, information = _quadratic(one)
-    _asks(one, score, _inverse(information))
+    _asks(priors, one, score, information)
