@@ -38,7 +38,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-GROUPS = 6
+GROUPS = 10
 """Groups in a window: 12 s at most, 10 s at least, some ten periods of a short period."""
 
 BLOCKS_A_GROUP = 4
