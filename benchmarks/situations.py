@@ -7,7 +7,7 @@ flight; it starts 30 % of each derivative's natural size off. The situations are
 filter's likelihood; the plants are those of ``reference_plant``.
 
     .venv/bin/python benchmarks/situations.py [--seeds 8] [--seconds 60] [--cases "quiet;moderate, autopilot"]
-        [--plants short_period,dutch_roll] [--estimators fourier,ekf] [--conditions] [--json]
+        [--plants short_period,dutch_roll] [--estimators fourier,ekf,filter] [--conditions] [--json]
 
 A claim is a derivative called ``converged``. Per situation and estimator: share of derivatives claimed; truth in the
 stated 95 % interval of the claims and of all; median over all of the stated error over the natural size; rms and

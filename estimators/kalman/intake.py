@@ -246,6 +246,9 @@ def begins(columns, intake, i):  # type: ignore[no-untyped-def]
         # the level of a surface that rests from the beginning on
         intake.inputs[i, 1, u] = np.mean(rows[:count, columns.first_input + u])
         intake.inputs[i, 2, u] = count
+        if columns.input_variance[u] > 0.0:
+            # or its distance from the origin would be a step at the beginning
+            intake.origin[i, columns.first_input + u] = intake.inputs[i, 1, u]
         intake.inputs[i, 3:5, u] = 0.0
         intake.inputs[i, 5, u] = -1.0
     intake.tally[i, 1] = 1

@@ -39,15 +39,14 @@ from wingwatch.estimators.kalman.recursion import (
     Filters,
     One,
     Priors,
-    Trial,
     Window,
     absorb_all,
     add_block,
     begin,
     current,
     gained,
-    solve_vehicle,
 )
+from wingwatch.estimators.kalman.stepping import Trial, solve_vehicle
 from wingwatch.estimators.kalman.verdict import unsettled
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
@@ -135,7 +134,7 @@ class FilterState(NamedTuple):
 
     Attributes:
         intake: samples that wait (``intake.Intake``).
-        window: those of the last 10 to 12 s (``recursion.Window``).
+        window: those of the last 18 to 20 s (``recursion.Window``).
         filters: for still air and with gusts (``recursion.Filters``).
         condition: airspeed, altitude, density, angle of attack of the last sample, (vehicles, 4).
         status: whether priors are set; whether a record began without a vane, (vehicles, 2).

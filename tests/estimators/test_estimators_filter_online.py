@@ -200,6 +200,19 @@ def test_a_start_at_motion_that_grows_is_left() -> None:
     assert is_covered([estimate], PITCH.truth)
 
 
+@pytest.mark.parametrize("broken", [np.nan, -1.0])
+def test_a_filter_that_is_lost_starts_anew(broken: float) -> None:
+    flight = fly_situation(PITCH, SITUATIONS["still, open, each 5 s"], 0, 24.0)
+    estimator = estimator_of(flight)
+    state = run(estimator, flight.rows[None, :600])
+    state.filters.arrival[0, :] = broken * np.eye(state.filters.arrival.shape[-1])
+    state.filters.sums.information[0] *= broken
+    state = resume(estimator, state, flight.rows[None, 600:])
+    estimate = estimator.estimate(state)
+    assert is_covered([estimate], PITCH.truth)
+    assert estimate.outcome is Outcome.CONVERGED
+
+
 def test_what_it_cannot_do_is_said() -> None:
     flight = fly_situation(PITCH, CONDITIONS["record"], 0, 5.0)
     with pytest.raises(ValueError, match="vane"):
