@@ -151,7 +151,7 @@ def test_json_has_one_object_a_line(
     assert situations.main() == 0
     rows = [json.loads(text) for text in capsys.readouterr().out.splitlines()]
     assert [(r["situation"], r["estimator"]) for r in rows] == [
-        (case, name) for case in ("quiet", "record") for name in ("fourier", "ekf")
+        (case, name) for case in ("quiet", "record") for name in ("fourier", "ekf", "filter")
     ]
 
 
