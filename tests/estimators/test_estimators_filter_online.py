@@ -240,7 +240,8 @@ def test_lanes_are_the_filters_of_whole_flights(structure: Any, ahead_m: float) 
     estimator = FilterEstimator(config)
     setup, at = estimator._fixed.setup, estimator.layout
     p = np.concatenate([0.3 * rng.standard_normal(at.size), np.zeros(at.channels)])
-    lanes = Lanes(*(np.zeros(a.shape[2:], dtype=a.dtype) for a in estimator.init(1).filters.lanes))
+    memory: list[Any] = [np.zeros(a.shape[2:], dtype=a.dtype) for a in estimator.init(1).filters.lanes]
+    lanes = Lanes(*memory)
     turning = np.array([{"q": 24.0, "r": -24.0}.get(s, 0.0) for s in structure.states])
     lanes.level[:] = 0.9, *turning
     floor = np.full(at.channels, 1e-3)
@@ -263,7 +264,7 @@ def test_lanes_are_the_filters_of_whole_flights(structure: Any, ahead_m: float) 
         if lane:
             moved[lane - 1] += setup.step[lane - 1]
         system = model.system(moved, window)
-        tight = {"rtol": 1e-9, "atol": 1e-12}
+        tight: Any = {"rtol": 1e-9, "atol": 1e-12}
         np.testing.assert_allclose(lanes.transition[..., lane], system.transition[0], **tight)
         np.testing.assert_allclose(lanes.noise[..., lane], system.noise[0], **tight)
         np.testing.assert_allclose(lanes.output[..., lane], system.output[0], **tight)
