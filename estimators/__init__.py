@@ -40,7 +40,13 @@ from wingwatch.estimators.frequency_equation_error import (
     frequency_equation_error,
 )
 from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
-from wingwatch.estimators.kalman import FilterErrorConfig, filter_error
+from wingwatch.estimators.kalman import (
+    FilterConfig,
+    FilterErrorConfig,
+    FilterEstimator,
+    FilterState,
+    filter_error,
+)
 from wingwatch.estimators.manoeuvre import Manoeuvre, ManoeuvreConfig, concatenated, manoeuvres
 from wingwatch.estimators.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.reference import offsets, referred_scale
@@ -96,6 +102,9 @@ __all__ = [
     "frequency_equation_error",
     "OutputErrorConfig",
     "output_error",
+    "FilterConfig",
+    "FilterEstimator",
+    "FilterState",
     "FilterErrorConfig",
     "filter_error",
     "Fit",

@@ -7,17 +7,18 @@ docs/methods/filter_error.md.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.estimate import Estimate, Outcome
+from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.fit import ChannelFit, Fit, channel_fit
 from wingwatch.estimators.kalman.guards import guarded
 from wingwatch.estimators.kalman.likelihood import Prior, Problem
 from wingwatch.estimators.kalman.model import FilterModel, Layout
 from wingwatch.estimators.kalman.scoring import Solution, solve
+from wingwatch.estimators.kalman.verdict import unsettled
 from wingwatch.estimators.kalman.window import Window, window
 from wingwatch.estimators.manoeuvre import Manoeuvre
 from wingwatch.estimators.regression import (
@@ -53,6 +54,8 @@ class FilterErrorConfig:
 
 
 NAME = "filter-error"
+
+_unsettled = unsettled
 
 _GUST_SCALE_M = 100.0
 """Expected scale length of gusts; estimated, known to a factor of e."""
@@ -126,17 +129,6 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
         first = len(at.structure.regressors)
         return _unsettled(estimate, "moments of rolling air are not modelled well enough", first), fit
     return estimate, fit
-
-
-def _unsettled(estimate: Estimate, reason: str, first: int = 0) -> Estimate:
-    """The same, but none of the derivatives from ``first`` on converged."""
-    outcomes = tuple(
-        Outcome.SETTLING if o is Outcome.CONVERGED and k >= first else o
-        for k, o in enumerate(estimate.outcomes)
-    )
-    outcome = Outcome.SETTLING if estimate.outcome is Outcome.CONVERGED else estimate.outcome
-    reasons = f"{reason}; {estimate.reason}" if estimate.reason else reason
-    return replace(estimate, outcomes=outcomes, outcome=outcome, reason=reasons)
 
 
 def _channel_names(problem: Problem) -> list[str]:
