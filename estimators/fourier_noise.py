@@ -370,7 +370,8 @@ def _weighted_column(work, j):  # type: ignore[no-untyped-def]
 def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore[no-untyped-def]
     """Power of noise in the regressors, as ``work.weights`` weigh it, in present derivatives, (docs (13), (16)).
 
-    That of sensors, and motion whose cause nobody measures: moments left out drive the states.
+    That of sensors, and in each moment equation the motion that the moment left out of it causes; to the other
+    equations that motion is as good as any.
 
     Args:
         n_noise: becomes what of R' W R is noise, (p, p).
@@ -389,16 +390,12 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
     weights, answers = work.weights, work.answers
     for f in range(omega.size):
         _answers(omega, plant, work, f)
-        for j in range(ns):
-            for c in range(ns):
-                moved = 0.0j
-                for e in range(ns):
-                    answer = answers[j, ns + DRIVING + e].conjugate() * answers[c, ns + DRIVING + e]
-                    moved += power * noise[ns + 1 + e] * answer
-                for k in range(ns):
-                    for m in range(ns):
-                        w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
-                        n_noise[k * nd + j, m * nd + c] += (w * moved).real
+        for e in range(1, ns):
+            level = power * noise[ns + 1 + e] * weights[e, e, 0, f]
+            for j in range(ns):
+                for c in range(ns):
+                    moved = answers[j, ns + DRIVING + e].conjugate() * answers[c, ns + DRIVING + e]
+                    n_noise[e * nd + j, e * nd + c] += level * moved.real
 
 
 @lean
