@@ -166,7 +166,9 @@ def main() -> None:
         default="none",
         help="of flights with an effect",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the first flight: other flights of the same kind")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the first flight: other flights of the same kind"
+    )
     parser.add_argument("--seconds", type=float, default=DURATION_S, help="length of a flight, above 100")
     given = parser.parse_args()
     if given.flights < 1 or not given.seconds > ONSET_S:
@@ -174,7 +176,10 @@ def main() -> None:
     aircraft = load_aircraft("aerosonde")
     done: dict[str, tuple[Case, list[Flight]]] = {}
     for number, case in enumerate(cases(given.turbulence)):
-        done[case.name] = (case, fly(case, aircraft, given.flights, given.seconds, given.seed + 1000 * number))
+        done[case.name] = (
+            case,
+            fly(case, aircraft, given.flights, given.seconds, given.seed + 1000 * number),
+        )
     print(
         f"{given.flights} flights of {given.seconds:g} s each; effects from {ONSET_S:g} s on; air of flights"
     )
