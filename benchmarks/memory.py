@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from wingwatch.aircraft import LATERAL, FlightCondition, linearised_derivatives, load_aircraft, trimmed
-from wingwatch.estimators import FourierConfig, FourierEstimator, FourierState, offsets
+from wingwatch.estimators import FourierConfig, FourierEstimator, FourierState, SignalLayout, offsets
 
 Array = NDArray[np.float64]
 
@@ -153,7 +153,7 @@ def main() -> int:
         u = inputs(leg)
         x = respond(real, u)
         noise = np.stack([g.standard_normal(x.shape) for g in generators]) * np.array(NOISE_STD)
-        rows = rows_of(x + noise, u, start_s, 14)
+        rows = rows_of(x + noise, u, start_s, SignalLayout(3, 2).columns)
         start_s += leg.seconds
         print(f"\nafter {leg.seconds:g} s of: {leg.name}")
         print(" " * 24 + "".join(f"{g:>22}" for g in GROUPS))

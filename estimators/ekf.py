@@ -262,14 +262,19 @@ class EkfEstimator:
         )
 
     def update(self, state: EkfState, signals: Array) -> None:
-        """Take in samples: shape (vehicles, samples, columns) from ``Signals``; incomplete rows are passed over."""
+        """Take in samples: shape (vehicles, samples, columns) from ``Signals``; incomplete rows are passed over.
+
+        Raises:
+            ValueError: signals of another structure.
+        """
+        signals = self.layout.checked(signals)
         remember(signals, self.layout.kinematic + 5, state.rows, state.stretch, state.tally)
         if self.config.engine == "filterpy":
             for vehicle in range(signals.shape[0]):
                 self._update_filterpy(state, vehicle, signals[vehicle])
             return
         update_all(
-            np.ascontiguousarray(signals), self._fixed, state.z, state.cov, state.noise, state.lags, state.levels,
+            signals, self._fixed, state.z, state.cov, state.noise, state.lags, state.levels,
             state.slow, state.rows, state.roughness, state.condition, state.moments, state.echo, state.counts,
         )  # fmt: skip
 

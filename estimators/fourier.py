@@ -222,8 +222,11 @@ class FourierEstimator:
         Args:
             state: advanced in place.
             signals: shape (vehicles, samples, columns) from ``Signals``; rows with a missing value are passed over.
+
+        Raises:
+            ValueError: signals of another structure.
         """
-        advance(np.ascontiguousarray(signals), False, *self._arguments(state))
+        advance(self.layout.checked(signals), False, *self._arguments(state))
 
     def solve(self, state: FourierState) -> None:
         """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz)."""

@@ -103,6 +103,19 @@ class SignalLayout:
         """Number of columns."""
         return self.known_moments + self.states - 1
 
+    def checked(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signals (vehicles, samples, columns) as compiled code reads them, contiguous.
+
+        Raises:
+            ValueError: another number of axes or columns, which compiled code would read beyond its end.
+        """
+        if signals.ndim != 3 or signals.shape[2] != self.columns:
+            raise ValueError(
+                f"signals have shape {signals.shape}; {self.states} states and {self.inputs} inputs need (vehicles, "
+                f"samples, {self.columns}), as Signals gives them"
+            )
+        return np.ascontiguousarray(signals, dtype=np.float64)
+
 
 @dataclass(frozen=True, slots=True)
 class SignalConfig:

@@ -246,9 +246,9 @@ class FilterEstimator:
         """Take in samples: shape (vehicles, samples, columns) from ``Signals``; incomplete rows are passed over.
 
         Raises:
-            ValueError: a record in whose first two seconds no vane measured the velocity.
+            ValueError: signals of another structure; a record in whose first two seconds no vane measured the velocity.
         """
-        for i, rows in enumerate(np.ascontiguousarray(signals, dtype=np.float64)):
+        for i, rows in enumerate(self.signals.checked(signals)):
             _update_one(self._fixed, state, i, rows)
         if state.status[:, 1].any():
             vehicles = ", ".join(str(i) for i in np.flatnonzero(state.status[:, 1]))

@@ -322,3 +322,13 @@ def test_covariance_is_one(make: Maker, plant: Plant) -> None:
         np.testing.assert_allclose(correlation, correlation.T, rtol=0.0, atol=1e-9)
         assert np.linalg.eigvalsh(0.5 * (correlation + correlation.T)).min() > -1e-9
         assert all_finite(state, 0, runner)
+
+
+@every_plant
+def test_signals_of_another_structure_are_refused(make: Maker, plant: Plant) -> None:
+    """Compiled code does not look where a row ends."""
+    runner = make(plant)
+    quiet = quiet_batch(plant, 1.0)
+    for wrong in (quiet[:, :, :-1], quiet[0]):
+        with pytest.raises(ValueError, match=r"signals have shape .* need \(vehicles"):
+            runner.update(runner.init(1), wrong)
