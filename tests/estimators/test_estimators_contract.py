@@ -324,6 +324,7 @@ def test_covariance_is_one(make: Maker, plant: Plant) -> None:
         assert all_finite(state, 0, runner)
 
 
+@every_estimator
 @every_plant
 def test_signals_of_another_structure_are_refused(make: Maker, plant: Plant) -> None:
     """Compiled code does not look where a row ends."""
