@@ -66,7 +66,7 @@ def fourier(flight: Flight) -> Estimate:
         held=(k.held,),
         force_from_accelerometer=k.accelerometer,
         input_noise_std=(k.surface_noise_rad,),
-        span_m=k.span_m if k.accelerometer else 0.0,
+        span_m=k.span_m,
         vane_ahead_m=k.vane_ahead_m,
     )
     estimator = FourierEstimator(config)

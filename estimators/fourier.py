@@ -336,7 +336,7 @@ def _fixed(c: FourierConfig, layout: SignalLayout):  # type: ignore[no-untyped-d
          *np.square(c.input_noise_std), *servo_s]
     )  # fmt: skip
     # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
-    span_m = c.span_m if c.equation_rows > layout.states else 0.0
+    span_m = c.span_m if c.velocity_measured else 0.0
     smoothed = np.array([4.0, 4.0 if longitudinal else 3.0]) * span_m / np.pi
     gusts = np.array([*smoothed, c.vane_ahead_m])
     return (

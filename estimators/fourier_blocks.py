@@ -105,7 +105,7 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     settings, k = model[4], theta.size
     p_in_p = model[3].size + 1  # roll rate's column of the roll equation
     if counts[0] == 0:
-        start_noise(roughness, noise, model[1].size, solving[6].weights.shape[0] > model[1].size)
+        start_noise(roughness, noise, model[1].size, model[7][1] > 0.0)
     remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
     steady = (memory[0], memory[1], memory[2], nothing[1][0])
     remembered(steady, nothing, prior, solving[3], lines[0], theta, squares[4])
@@ -243,7 +243,7 @@ def _solve(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     settings = model[4]
     asked = MOVE
     if closed[5][0] == 0:
-        start_noise(roughness, noise, model[1].size, solving[6].weights.shape[0] > model[1].size)
+        start_noise(roughness, noise, model[1].size, model[7][1] > 0.0)
         asked = BEGIN
     solve_block(model, block, theta, noise, noise_known, memory, prior, asked, solving, told)
     matrices, vectors, _ = told

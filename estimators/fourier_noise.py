@@ -390,7 +390,7 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
     weights, answers = work.weights, work.answers
     for f in range(omega.size):
         _answers(omega, plant, work, f)
-        for e in range(1, ns):
+        for e in range(ns):
             level = power * noise[ns + 1 + e] * weights[e, e, 0, f]
             for j in range(ns):
                 for c in range(ns):

@@ -128,16 +128,16 @@ def _rough_noise(roughness, j, ns):  # type: ignore[no-untyped-def]
 
 
 @lean
-def start_noise(roughness, noise, ns, kinematic):  # type: ignore[no-untyped-def]
+def start_noise(roughness, noise, ns, gusty):  # type: ignore[no-untyped-def]
     """First variances from second differences, whose variance is 6 D for white noise; those of the air as of a breeze
-    that moves 1 m/s2 from sample to sample, which the first solutions correct; none where no kinematic row shows it."""
+    that moves 1 m/s2 from sample to sample, which the first solutions correct; none where no gust is looked for."""
     for j in range(ns + 1):
         least = 1e-8 if j in (0, ns) else 1e-10
         noise[j] = max(_rough_noise(roughness, j, ns), least)
     for k in range(ns):
         noise[ns + 1 + k] = noise[k]
     noise[noise.size - 3], noise[noise.size - 2], noise[noise.size - 1] = 1.0, 1e-4, 0.0
-    if not kinematic:
+    if not gusty:
         noise[noise.size - 3] = 0.0
 
 
@@ -156,7 +156,7 @@ def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed
 
 
 @lean
-def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelerometer, ns, kinematic):  # type: ignore[no-untyped-def]
+def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelerometer, ns, kinematic, gusty):  # type: ignore[no-untyped-def]
     """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
 
     Sensors' noise is the same in all blocks, and white, so between half and all of the roughness (two standard
@@ -185,6 +185,8 @@ def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelero
         else:
             noise[j] = max(noise[j], SMALLEST_VARIANCE)
     noise[ns + 1 if by_accelerometer else ns] = 0.0
+    if gusty:
+        noise[ns + 1] = 0.0  # all that a force equation leaves out is the gust's rate
     noise[noise.size - 1] = between_samples_variance(noise[first], dt)
     if ns == 3:
         noise[ns + 2] = 0.0
@@ -374,6 +376,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
             by_accelerometer,
             ns,
             whitened.shape[0] > ns,
+            air.turn != 0.0,
         )
     if asked >= MOVE:
         _covariance(
