@@ -22,6 +22,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,12 +70,7 @@ def fourier(flight: Flight) -> Estimate:
         span_m=k.span_m,
         vane_ahead_m=k.vane_ahead_m,
     )
-    estimator = FourierEstimator(config)
-    state = estimator.init(1)
-    for piece in _pieces(flight):
-        estimator.update(state, piece)
-        estimator.solve(state)
-    return estimator.estimate(state)
+    return _watched(FourierEstimator(config), flight)
 
 
 def ekf(flight: Flight) -> Estimate:
@@ -91,12 +87,7 @@ def ekf(flight: Flight) -> Estimate:
         input_noise_std=(k.surface_noise_rad,),
         span_m=k.span_m,
     )
-    estimator = EkfEstimator(config)
-    state = estimator.init(1)
-    for piece in _pieces(flight):
-        estimator.update(state, piece)
-        estimator.solve(state)
-    return estimator.estimate(state)
+    return _watched(EkfEstimator(config), flight)
 
 
 def filter_online(flight: Flight) -> Estimate:
@@ -107,18 +98,13 @@ def filter_online(flight: Flight) -> Estimate:
         k.start,
         k.natural,
         k.reference,
-        held=(True,),
+        held=(k.held,),
         use_accelerometer=k.accelerometer,
         input_noise_std=(k.surface_noise_rad,),
         span_m=k.span_m,
         vane_ahead_m=k.vane_ahead_m,
     )
-    estimator = FilterEstimator(config)
-    state = estimator.init(1)
-    for piece in _pieces(flight):
-        estimator.update(state, piece)
-        estimator.solve(state)
-    return estimator.estimate(state)
+    return _watched(FilterEstimator(config), flight)
 
 
 def whole_manoeuvres(flight: Flight) -> tuple[Manoeuvre, ...]:
@@ -144,6 +130,15 @@ ESTIMATORS: dict[str, Callable[[Flight], Estimate]] = {
     "filter": filter_online,
     "filter-error": whole_filter_error,
 }
+
+
+def _watched(estimator: FourierEstimator | EkfEstimator | FilterEstimator, flight: Flight) -> Estimate:
+    """What an online estimator says at the end of a flight."""
+    state: Any = estimator.init(1)
+    for piece in _pieces(flight):
+        estimator.update(state, piece)
+        estimator.solve(state)
+    return estimator.estimate(state)
 
 
 def _pieces(flight: Flight) -> list[Array]:

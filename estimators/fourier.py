@@ -125,7 +125,6 @@ class FourierState:
         mark_bank, mark_rows, mark_sums, mark_known: copies of the running block and of what it says, at the last
             seconds' marks (``fourier_change``).
         changed_s: last time the memory of each derivative was set free because it contradicted the data, (k,).
-        closed_theta: derivatives as closed blocks alone have them, referred, (k,).
         follows: whether changes are looked for; not where the caller knows that the model leaves out what acts.
     """
 
@@ -157,7 +156,6 @@ class FourierState:
     mark_sums: Array
     mark_known: Array
     changed_s: Array
-    closed_theta: Array
     follows: NDArray[np.bool_]
 
 
@@ -212,7 +210,6 @@ class FourierEstimator:
             mark_sums=np.zeros((n, MARKS, 6 + nu + ns + 2)),
             mark_known=np.zeros((n, MARKS, k, 2 * k + 2)),
             changed_s=np.full((n, k), -np.inf),
-            closed_theta=np.tile(c.prior_value, (n, 1)),
             follows=np.ones(n, dtype=np.bool_),
         )
 
@@ -313,7 +310,7 @@ class FourierEstimator:
             *self._fixed, s.bank, s.coefficients, s.step, s.rows, s.sums, s.roughness, s.theta, s.noise,
             s.noise_known, s.sensitivity, s.information, s.vector, s.driven, s.reserve, s.covariance, s.informed_s,
             s.evidence_matrix, s.evidence_vector, s.evidence_bias, s.evidence_span, s.condition, s.counts, s.scatter,
-            s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known, s.changed_s, s.closed_theta, s.follows, self._room,
+            s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known, s.changed_s, s.follows, self._room,
         )  # fmt: skip
 
 

@@ -105,7 +105,7 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     settings, k = model[4], theta.size
     p_in_p = model[3].size + 1  # roll rate's column of the roll equation
     if counts[0] == 0:
-        start_noise(roughness, noise, model[1].size, model[7][1] > 0.0)
+        start_noise(roughness, noise, model[1].size, model[7])
     remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
     steady = (memory[0], memory[1], memory[2], nothing[1][0])
     remembered(steady, nothing, prior, solving[3], lines[0], theta, squares[4])
@@ -150,7 +150,6 @@ def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
             memory[1][a, b] += matrices[1, a, b]
     _gather_noise(noise, noise_known, fresh, share, math.exp(-settings[0] / settings[2]), model[1].size)
     remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
-    copied(theta, block[4])
     counts[0] += 1
     counts[1] += 1
 
@@ -220,7 +219,7 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
 @lean
 def _restart(model, block, row, gap, mark_rows):  # type: ignore[no-untyped-def]
     """Begin a block at a row; after a gap nothing before it counts."""
-    bank, rows, sums, roughness, _ = block
+    bank, rows, sums, roughness = block
     bank[:, :, :] = 0.0
     sums[:] = 0.0
     roughness[:] = 0.0
@@ -243,7 +242,7 @@ def _solve(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
     settings = model[4]
     asked = MOVE
     if closed[5][0] == 0:
-        start_noise(roughness, noise, model[1].size, model[7][1] > 0.0)
+        start_noise(roughness, noise, model[1].size, model[7])
         asked = BEGIN
     solve_block(model, block, theta, noise, noise_known, memory, prior, asked, solving, told)
     matrices, vectors, _ = told
@@ -324,7 +323,7 @@ def _find_change(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
         if not (rows[0, 0] <= marks[1][m, 0] < rows[1, 0] - 0.5):
             continue
         _before(model, prior, vehicle, room, m)
-        since = (part[0], part[1], part[2], part[3], block[4])
+        since = (part[0], part[1], part[2], part[3])
         solve_block(model, since, mean, level, known[2], alone, (mean, size), ALONE, solving, told)
         change_of(told[0][2], told[1][2], mean, spread, inner, both, weight, pull)
         value = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, inner, both, line, trial)
@@ -338,7 +337,7 @@ def _find_change(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
 def _cut_before(model, vehicle, room, m):  # type: ignore[no-untyped-def]
     """Make the running block end at mark m, what came after it kept in the room; returns whether it can be closed."""
     block, _, _, _, marks = vehicle
-    bank, rows, sums, roughness, _ = block
+    bank, rows, sums, roughness = block
     mark_bank, mark_rows, mark_sums, _ = marks
     _cut_out(model, block, marks, m, room[4])
     if not mark_rows[m, 0] - rows[0, 0] >= model[4][1]:
@@ -355,7 +354,7 @@ def _cut_before(model, vehicle, room, m):  # type: ignore[no-untyped-def]
 @part
 def _cut_after(vehicle, room):  # type: ignore[no-untyped-def]
     """Make what came after a cut the running block."""
-    bank, rows, sums, roughness, _ = vehicle[0]
+    bank, rows, sums, roughness = vehicle[0]
     part = room[4]
     copied_bank(part[0], bank)
     copied_rows(part[1], rows)
@@ -384,7 +383,7 @@ def advance(  # type: ignore[no-untyped-def]
     signals, solves, omega, lever, gusts, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal,
     roll, bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
     vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, scatter, mark_bank, mark_rows, mark_sums, mark_known, changed_s, closed_theta, follows, room,
+    condition, counts, scatter, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows, room,
 ):  # fmt: skip
     """Take in samples (vehicles, samples, columns), and solve with every vehicle's running block if ``solves``.
 
@@ -394,7 +393,7 @@ def advance(  # type: ignore[no-untyped-def]
     model = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, gusts)
     for i in range(follows.size):
         filters = (coefficients[i], step[i])
-        block = (bank[i], rows[i], sums[i], roughness[i], closed_theta[i])
+        block = (bank[i], rows[i], sums[i], roughness[i])
         vehicle = (
             block,
             (theta[i], noise[i], noise_known[i], reserve[i], covariance[i], informed[i]),

@@ -5,18 +5,12 @@ is one, the kinematic row, which has no derivative. Real and imaginary parts lie
 (..., 2, frequencies), so that the processor takes several bins at once. All memory is the caller's.
 """
 
-import numpy as np
-
 from wingwatch.estimators.fourier_bank import NUISANCE
 from wingwatch.estimators.fourier_between import rate_of
-from wingwatch.estimators.fourier_nuisance import RIDGE, prior_of
+from wingwatch.estimators.fourier_nuisance import prior_of
 from wingwatch.estimators.hot import lean
-from wingwatch.estimators.symmetric import backward, cholesky, forward
 
-__all__ = ["eliminate", "normal_equations", "nuisance_of", "residual_of", "responses"]
-
-NOTHING = 1e-20
-"""Power of a trim column, relative to that of a ramp of one a second, below which it is rounding."""
+__all__ = ["normal_equations", "residual_of", "responses"]
 
 
 @lean
@@ -123,84 +117,24 @@ def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
 
 
 @lean
-def normal_equations(bank, response, plant, variances, share, work, product, m_full, b_full):  # type: ignore[no-untyped-def]
+def normal_equations(bank, response, plant, share, work, product, normal):  # type: ignore[no-untyped-def]
     """Normal equations of one block, the nuisance columns still in them, in present derivatives.
 
     Args:
         bank: regressors, as ``between_samples`` gives them; response: of ``responses``.
-        variances: of ``nuisance_variances``.
         share: of a whole block.
         work: of ``fourier_noise.weigh``; product: (2, frequencies).
-        m_full, b_full: become sum Re(R' W R) and sum Re(R' W y), the columns of the derivatives first.
+        normal: ``NormalWorkspace``; its matrix and vector become sum Re(R' W R), the nuisance columns' prior in it, and
+            sum Re(R' W y).
     """
     ns, nd = plant.derivatives.shape
     rows = work.weights.shape[0]
-    _normal_matrix(bank, work.weights, ns, nd, product, m_full)
-    _right_side(bank, work.weights, response, ns, nd, product, b_full)
+    _normal_matrix(bank, work.weights, ns, nd, product, normal.matrix)
+    _right_side(bank, work.weights, response, ns, nd, product, normal.vector)
     for k in range(rows):
         first = ns * nd + NUISANCE * k
         for c in range(NUISANCE):
-            m_full[first + c, first + c] += prior_of(variances[k, c], share)
-
-
-@lean
-def eliminate(m_full, b_full, theta, scale, span, p, root, size, crossed, rest, m, score):  # type: ignore[no-untyped-def]
-    """Schur complement on the nuisance columns, the last q of ``m_full``.
-
-    Over a whole number of periods a constant has no transform: what rounding leaves of it is no column.
-
-    Args:
-        p: how many columns are wanted.
-        root (q, q), size (q,): become the root of the nuisance columns' power, of unit diagonal, and their sizes.
-        crossed (q, p): becomes root^-1 of their products with the wanted columns.
-        rest (q, 1): becomes root^-1 of what they have to explain.
-        m (p, p), score (p,): become M and b - M theta, in referred derivatives.
-    """
-    q = size.size
-    for a in range(q):
-        column = a % NUISANCE
-        ramp = m_full[p + a - column + 2, p + a - column + 2] / (span * span)
-        own = m_full[p + a, p + a]
-        size[a] = np.sqrt(own) if column > 1 or own > NOTHING * ramp else np.inf
-    for a in range(q):
-        share = 1.0 / size[a]
-        for b in range(a + 1):
-            root[a, b] = m_full[p + a, p + b] * share / size[b]
-        root[a, a] += RIDGE
-        total = b_full[p + a]
-        for b in range(p):
-            total -= m_full[p + a, b] * theta[b] * scale[b]
-            crossed[a, b] = m_full[p + a, b] * share
-        rest[a, 0] = total * share
-    cholesky(root, 1e-3 * RIDGE, root)
-    forward(root, crossed)
-    forward(root, rest)
-    for a in range(p):
-        total = b_full[a]
-        for b in range(p):
-            total -= m_full[a, b] * theta[b] * scale[b]
-            m[a, b] = m_full[a, b]
-        for b in range(q):
-            total -= crossed[b, a] * rest[b, 0]
-            factor = crossed[b, a]
-            for c in range(p):
-                m[a, c] -= factor * crossed[b, c]
-        score[a] = total * scale[a]
-        for b in range(p):
-            m[a, b] *= scale[a] * scale[b]
-
-
-@lean
-def nuisance_of(root, size, crossed, rest, change, scale, nuisance):  # type: ignore[no-untyped-def]
-    """Nuisance values (q, 1) that belong to derivatives that differ by ``change`` (p,) from those of ``eliminate``."""
-    for a in range(size.size):
-        total = rest[a, 0]
-        for b in range(change.size):
-            total -= crossed[a, b] * scale[b] * change[b]
-        nuisance[a, 0] = total
-    backward(root, nuisance)
-    for a in range(size.size):
-        nuisance[a, 0] /= size[a]
+            normal.matrix[first + c, first + c] += prior_of(normal.variances[k, c], share)
 
 
 @lean

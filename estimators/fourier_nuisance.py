@@ -1,4 +1,4 @@
-"""What the nuisance columns of a Fourier block take from its bins; compiled.
+"""The nuisance columns of a Fourier block: eliminated, and what they take from its bins; compiled.
 
 Every row of a block has columns of its own whose values nobody wants (``fourier_bank.NUISANCE``). Known beforehand is
 how large they may be. Once they are fitted, less than the whole residual is left, and less of it goes with the
@@ -6,16 +6,23 @@ regressors than the noise model says of a bin. Derivation and equation numbers: 
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier_bank import NUISANCE
 from wingwatch.estimators.fourier_noise import AIR_LEVELS
 from wingwatch.estimators.hot import lean
+from wingwatch.estimators.symmetric import backward, cholesky, forward
 
 __all__ = [
     "NO_COLUMN",
-    "RIDGE",
+    "NormalWorkspace",
     "degrees_of_freedom",
-    "inverse_of_root",
+    "eliminate",
+    "normal_workspace",
+    "nuisance_of",
     "nuisance_variances",
     "prior_of",
     "reduce_weights",
@@ -27,9 +34,42 @@ NO_COLUMN = 1e20
 RIDGE = 1e-10
 """Added to the nuisance columns' power, each of unit power, before they are eliminated."""
 
+NOTHING = 1e-20
+"""Power of a trim column, relative to that of a ramp of one a second, below which it is rounding."""
+
 TURN, LAG = 1.0, 0.7
 """Standard deviations of what a gust's gradient does over what the span says, and of the logarithm of its time
 constant: the span filter is that of a wing in a gust that varies along it, and a gust meets wing and tail apart."""
+
+
+class NormalWorkspace(NamedTuple):
+    """Normal equations of one block: p columns of derivatives, then q = NUISANCE columns of every row.
+
+    Attributes:
+        matrix, vector: (p + q, p + q), (p + q,) sum Re(R' W R) with the nuisance columns' prior, sum Re(R' W y).
+        variances: (rows, NUISANCE) what is known beforehand of the nuisance columns.
+        size: (q,) roots of the nuisance columns' power; infinite where a column is none.
+        root, inverse: (q, q) Cholesky root of their power, each of unit power, and the inverse of that power.
+        crossed, rest: (q, p), (q, 1) root^-1 of their products with the derivatives' columns, and with the left side.
+        values: (q, 1) what they come out as.
+    """
+
+    matrix: NDArray[np.float64]
+    vector: NDArray[np.float64]
+    variances: NDArray[np.float64]
+    size: NDArray[np.float64]
+    root: NDArray[np.float64]
+    inverse: NDArray[np.float64]
+    crossed: NDArray[np.float64]
+    rest: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+
+def normal_workspace(derivatives: int, rows: int) -> NormalWorkspace:
+    """Memory for one structure."""
+    p, q = derivatives, NUISANCE * rows
+    shapes = ((p + q, p + q), p + q, (rows, NUISANCE), q, (q, q), (q, q), (q, p), (q, 1), (q, 1))
+    return NormalWorkspace(*(np.empty(shape) for shape in shapes))
 
 
 @lean
@@ -69,7 +109,69 @@ def prior_of(variance, share):  # type: ignore[no-untyped-def]
 
 
 @lean
-def inverse_of_root(root, out):  # type: ignore[no-untyped-def]
+def eliminate(normal, theta, scale, span, m, score):  # type: ignore[no-untyped-def]
+    """Schur complement on the nuisance columns.
+
+    Over a whole number of periods a constant has no transform: what rounding leaves of it is no column.
+
+    Args:
+        normal: with matrix and vector; all else but the values becomes what ``NormalWorkspace`` says.
+        theta, scale: referred derivatives that the block is linearised at, and what makes them present ones, (p,).
+        span: length of the block, s.
+        m (p, p), score (p,): become M and b - M theta, in referred derivatives.
+    """
+    p, q = theta.size, normal.size.size
+    matrix, size, root, crossed, rest = normal.matrix, normal.size, normal.root, normal.crossed, normal.rest
+    for a in range(q):
+        column = a % NUISANCE
+        ramp = matrix[p + a - column + 2, p + a - column + 2] / (span * span)
+        own = matrix[p + a, p + a]
+        size[a] = np.sqrt(own) if column > 1 or own > NOTHING * ramp else np.inf
+    for a in range(q):
+        share = 1.0 / size[a]
+        for b in range(a + 1):
+            root[a, b] = matrix[p + a, p + b] * share / size[b]
+        root[a, a] += RIDGE
+        total = normal.vector[p + a]
+        for b in range(p):
+            total -= matrix[p + a, b] * theta[b] * scale[b]
+            crossed[a, b] = matrix[p + a, b] * share
+        rest[a, 0] = total * share
+    cholesky(root, 1e-3 * RIDGE, root)
+    _inverse_of_root(root, normal.inverse)
+    forward(root, crossed)
+    forward(root, rest)
+    for a in range(p):
+        total = normal.vector[a]
+        for b in range(p):
+            total -= matrix[a, b] * theta[b] * scale[b]
+            m[a, b] = matrix[a, b]
+        for b in range(q):
+            total -= crossed[b, a] * rest[b, 0]
+            factor = crossed[b, a]
+            for c in range(p):
+                m[a, c] -= factor * crossed[b, c]
+        score[a] = total * scale[a]
+        for b in range(p):
+            m[a, b] *= scale[a] * scale[b]
+
+
+@lean
+def nuisance_of(normal, change, scale):  # type: ignore[no-untyped-def]
+    """Values that belong to derivatives that differ by ``change`` (p,) from those of ``eliminate``."""
+    size, values = normal.size, normal.values
+    for a in range(size.size):
+        total = normal.rest[a, 0]
+        for b in range(change.size):
+            total -= normal.crossed[a, b] * scale[b] * change[b]
+        values[a, 0] = total
+    backward(normal.root, values)
+    for a in range(size.size):
+        values[a, 0] /= size[a]
+
+
+@lean
+def _inverse_of_root(root, out):  # type: ignore[no-untyped-def]
     """(L L')^-1 of a lower triangular ``root`` L (n, n) into ``out``."""
     n = root.shape[0]
     for a in range(n):
@@ -94,31 +196,27 @@ def inverse_of_root(root, out):  # type: ignore[no-untyped-def]
 
 
 @lean
-def degrees_of_freedom(inverse, size, variances, share):  # type: ignore[no-untyped-def]
-    """How many real numbers the nuisance columns fit: tr(data (data + prior)^-1), (docs (19)).
-
-    Args:
-        inverse: (q, q) of the columns' power with their prior, each of unit power; size: (q,), their sizes.
-        variances: of ``nuisance_variances``.
-    """
+def degrees_of_freedom(normal, share):  # type: ignore[no-untyped-def]
+    """How many real numbers the nuisance columns fit, tr(data (data + prior)^-1); ``share`` is of a whole block."""
     taken = 0.0
-    for a in range(size.size):
-        if math.isinf(size[a]):
+    for a in range(normal.size.size):
+        size = normal.size[a]
+        if math.isinf(size):
             continue
-        prior = prior_of(variances[a // NUISANCE, a % NUISANCE], share) / (size[a] * size[a]) + RIDGE
-        taken += max(0.0, 1.0 - prior * inverse[a, a])
+        prior = prior_of(normal.variances[a // NUISANCE, a % NUISANCE], share) / (size * size) + RIDGE
+        taken += max(0.0, 1.0 - prior * normal.inverse[a, a])
     return taken
 
 
 @lean
-def reduce_weights(bank, first, inverse, size, work):  # type: ignore[no-untyped-def]
+def reduce_weights(bank, first, normal, work):  # type: ignore[no-untyped-def]
     """W becomes W - W P W / 2: what fitting the nuisance columns leaves of it, (docs (19)).
 
     P = C (C' W C + prior)^-1 C', C the columns of one bin. The columns' values are real, and a bin has two real parts.
 
     Args:
         bank: regressors; first: place of the first nuisance column in it.
-        inverse, size: as ``degrees_of_freedom`` has them.
+        normal: of ``eliminate``.
         work: ``NoiseWorkspace``, its ``weights`` and ``sums`` in place.
 
     Returns:
@@ -139,7 +237,7 @@ def reduce_weights(bank, first, inverse, size, work):  # type: ignore[no-untyped
                 a = NUISANCE * k + c
                 for m in range(rows):
                     b = NUISANCE * m + d
-                    factor = inverse[a, b] / (size[a] * size[b])
+                    factor = normal.inverse[a, b] / (normal.size[a] * normal.size[b])
                     if factor == 0.0:
                         continue
                     real, imaginary = fitted[k, m, 0], fitted[k, m, 1]

@@ -18,9 +18,7 @@ from wingwatch.estimators.fourier_directions import (
     reduce_information,
 )
 from wingwatch.estimators.fourier_equations import (
-    eliminate,
     normal_equations,
-    nuisance_of,
     residual_of,
     responses,
 )
@@ -30,18 +28,19 @@ from wingwatch.estimators.fourier_noise import (
     Plant,
     air_of,
     between_samples_variance,
-    expected_products,
-    noise_power,
     noise_variances,
     noise_workspace,
     weigh,
 )
 from wingwatch.estimators.fourier_nuisance import (
     degrees_of_freedom,
-    inverse_of_root,
+    eliminate,
+    normal_workspace,
+    nuisance_of,
     nuisance_variances,
     reduce_weights,
 )
+from wingwatch.estimators.fourier_products import expected_products, noise_power
 from wingwatch.estimators.hot import lean, part
 from wingwatch.estimators.symmetric import congruence, invert
 
@@ -92,7 +91,7 @@ def solution_room(ns: int, nu: int, nf: int, rows: int) -> tuple[Room, Room]:
     vectors (4, p), what it adds to the score and to the driven part, its evidence's score and the gusts' part of that;
     the noise variances that its residual shows.
     """
-    p, q = ns * (ns + nu), NUISANCE * rows
+    p = ns * (ns + nu)
     bins = (
         np.empty((2, ns + 2 * nu + 1 + NUISANCE + air_channels(ns, nu), 2, nf)),
         np.empty((2, ns + nu, 2, nf)),
@@ -101,20 +100,11 @@ def solution_room(ns: int, nu: int, nf: int, rows: int) -> tuple[Room, Room]:
         np.empty((rows, 2, nf)),
         np.empty((rows, 2, nf)),
     )
-    columns = (
-        np.empty((p + q, p + q)),
-        np.empty(p + q),
-        np.empty((q, p)),
-        np.empty((q, q)),
-        np.empty((2, q, 1)),
-        np.empty(q),
-        np.empty((q, q)),
-    )
-    states = (np.empty((ns, ns + nu)), np.empty(ns), np.empty(ns), np.empty(ns), np.empty((rows, NUISANCE)))
+    states = (np.empty((ns, ns + nu)), np.empty(ns), np.empty(ns), np.empty(ns))
     squares, lines = np.empty((4 + DIRECTION_SQUARES, p, p)), np.empty((7 + DIRECTION_LINES, p))
     told = (np.empty((5, p, p)), np.empty((4, p)), np.empty(2 * ns + 1 + nu + AIR_LEVELS))
     work = noise_workspace(ns, nu, rows, nf)
-    return (bins, columns, states, squares, lines, np.empty((p, 2)), work), told
+    return (bins, normal_workspace(p, rows), states, squares, lines, np.empty((p, 2)), work), told
 
 
 @lean
@@ -128,16 +118,17 @@ def _rough_noise(roughness, j, ns):  # type: ignore[no-untyped-def]
 
 
 @lean
-def start_noise(roughness, noise, ns, gusty):  # type: ignore[no-untyped-def]
+def start_noise(roughness, noise, ns, gust_m):  # type: ignore[no-untyped-def]
     """First variances from second differences, whose variance is 6 D for white noise; those of the air as of a breeze
-    that moves 1 m/s2 from sample to sample, which the first solutions correct; none where no gust is looked for."""
+    that moves 1 m/s2 from sample to sample, which the first solutions correct; none where gusts have no
+    length ``gust_m`` over which they act."""
     for j in range(ns + 1):
         least = 1e-8 if j in (0, ns) else 1e-10
         noise[j] = max(_rough_noise(roughness, j, ns), least)
     for k in range(ns):
         noise[ns + 1 + k] = noise[k]
     noise[noise.size - 3], noise[noise.size - 2], noise[noise.size - 1] = 1.0, 1e-4, 0.0
-    if not gusty:
+    if gust_m[1] == 0.0:
         noise[noise.size - 3] = 0.0
 
 
@@ -156,16 +147,17 @@ def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed
 
 
 @lean
-def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelerometer, ns, kinematic, gusty):  # type: ignore[no-untyped-def]
+def _believe(noise, fresh, noise_known, share, dt, roughness, plant, air):  # type: ignore[no-untyped-def]
     """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
 
     Sensors' noise is the same in all blocks, and white, so between half and all of the roughness (two standard
     deviations of chance allowed): what is more, is air or what a moment equation leaves out. Of the roughness of vane
     and accelerometer the gust has its part: a walk of variance D dt^2 a step leaves 2 D dt^2 in second differences,
-    white noise of variance R leaves 6 R, and the accelerometer feels the walk by ``slope``. Below any sensor's
-    resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s. Air changes: of earlier blocks little is believed.
+    white noise of variance R leaves 6 R, and the accelerometer feels the walk by the force's derivative. Below any
+    sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s. Air changes: of earlier blocks little is
+    believed.
     """
-    first = noise.size - AIR_LEVELS
+    first, ns, slope = noise.size - AIR_LEVELS, plant.lever.size, plant.derivatives[0, 0]
     gust_walk = noise[first] * dt * dt / 3.0
     for j in range(noise.size):
         if 2 * ns + 1 <= j < first:
@@ -176,7 +168,7 @@ def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelero
         if sensor:
             rough = _rough_noise(roughness, j, ns)
             most = rough * (1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0)))
-            if not kinematic:
+            if not plant.kinematic:
                 most = math.inf  # a reconstructed velocity's noise is no white noise
             least = 1e-8 if j in (0, ns) else 1e-10
             walk = gust_walk * (1.0 if j == 0 else (slope * slope if j == ns else 0.0))
@@ -184,8 +176,8 @@ def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelero
             fresh[j] = min(fresh[j], max(most, least))
         else:
             noise[j] = max(noise[j], SMALLEST_VARIANCE)
-    noise[ns + 1 if by_accelerometer else ns] = 0.0
-    if gusty:
+    noise[ns + 1 if plant.by_accelerometer else ns] = 0.0
+    if air.turn != 0.0:
         noise[ns + 1] = 0.0  # all that a force equation leaves out is the gust's rate
     noise[noise.size - 1] = between_samples_variance(noise[first], dt)
     if ns == 3:
@@ -193,25 +185,24 @@ def _believe(noise, fresh, noise_known, share, dt, roughness, slope, by_accelero
 
 
 @part
-def _plant(model, theta, scale, known, states):  # type: ignore[no-untyped-def]
-    """``Plant`` at ``theta``; the rolling of the air acts by the derivatives that are known without this block."""
+def _plant(model, theta, scale, kinematic, states):  # type: ignore[no-untyped-def]
+    """``Plant`` at ``theta``, in the arrays ``states``."""
     present, forward_speed, roll_column = states[0], states[1], states[2]
     ns, nd = present.shape
     for k in range(ns):
         for j in range(nd):
             present[k, j] = theta[k * nd + j] * scale[k * nd + j]
         roll_column[k] = present[k, 1] if model[6] else 0.0
-    return Plant(present, forward_speed, model[1], roll_column, model[2])
+    return Plant(present, forward_speed, model[1], roll_column, model[2], kinematic)
 
 
 @part
 def _form(model, block, theta, noise, power, share, room, told):  # type: ignore[no-untyped-def]
     """The block's equations at ``theta``, and what of them is signal."""
     omega, lever, _, exponents, settings, longitudinal, _, gust_m = model
-    _, rows, sums, roughness, known = block
+    _, rows, sums, roughness = block
     transforms, between, phase, product, response, _ = room[0]
-    m_full, b_full, crossed, root, rest, size, inverse = room[1]
-    squares, lines, work = room[3], room[4], room[6]
+    normal, squares, lines, work = room[1], room[3], room[4], room[6]
     matrices, vectors, _ = told
     ns, nu = lever.size, exponents.size - lever.size
     forward_speed, suspected = room[2][1], room[2][3]
@@ -219,7 +210,7 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
     n_noise, m = squares[0], matrices[4]
     span = rows[1, 0] - rows[0, 0]
     air = air_of(gust_m, sums[0] / sums[4], gust_m[2], longitudinal)
-    plant = _plant(model, theta, scale, known, room[2])
+    plant = _plant(model, theta, scale, work.weights.shape[0] > ns, room[2])
     between_samples(
         omega, transforms[0], phase, rows[0], rows[1], span / max(sums[4] - 1.0, 1.0), settings[7 + nu : 7 + 2 * nu],
         theta, scale, forward_speed, lever, ns, nu, between, transforms[1],
@@ -227,16 +218,14 @@ def _form(model, block, theta, noise, power, share, room, told):  # type: ignore
     weigh(omega, plant, air, noise, power, work)
     responses(omega, transforms[1], phase, rows[0], rows[1], plant, response)
     present_regressors(omega, transforms[1], (rows[0], sums), exponents, plant, air, work.believed, response)
-    nuisance_variances(plant, air, noise, power / span, room[2][4])
-    normal_equations(transforms[1], response, plant, room[2][4], share, work, product, m_full, b_full)
-    eliminate(m_full, b_full, theta, scale, span, theta.size, root, size, crossed, rest[0], m, score)
-    inverse_of_root(root, inverse)
+    nuisance_variances(plant, air, noise, power / span, normal.variances)
+    normal_equations(transforms[1], response, plant, share, work, product, normal)
+    eliminate(normal, theta, scale, span, m, score)
     noise_power(omega, plant, air, noise, power, work, n_noise)
-    bins = reduce_weights(transforms[1], ns + nu + 1, inverse, size, work)
+    bins = reduce_weights(transforms[1], ns + nu + 1, normal, work)
     expected_products(omega, plant, noise, power, work, g, driven)
     for a in range(scale.size):
         score[a] -= scale[a] * g[a]
-    for a in range(scale.size):
         driven[a] *= scale[a]
         for b in range(scale.size):
             n_noise[a, b] *= scale[a] * scale[b]
@@ -322,7 +311,7 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
     Args:
         model: omega, lever, by_accelerometer, exponents, settings, longitudinal, roll as ``FourierEstimator`` has them,
             and the lengths over which gusts are smoothed and by which the vane is ahead.
-        block: bank, rows, sums, roughness, and the derivatives that are known without it.
+        block: bank, rows, sums, roughness.
         theta, noise: at which the block is linearised; in place, unless ``asked`` is ``ALONE``.
         noise_known: of earlier blocks, and their weight.
         memory: sensitivity, information, vector and driven part of what is known without the block.
@@ -330,11 +319,10 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
         asked: ``ALONE``, ``LEARN``, ``MOVE`` or ``BEGIN``.
         room, told: of ``solution_room``; told becomes what the block says.
     """
-    omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, gust_m = model
-    bank, rows, sums, roughness, known = block
+    omega, lever, _, exponents, settings, longitudinal, roll, gust_m = model
+    bank, rows, sums, roughness = block
     transforms, _, phase, _, response, whitened = room[0]
-    _, _, crossed, root, rest, size, columns = room[1]
-    squares, lines, work = room[3], room[4], room[6]
+    normal, squares, lines, work = room[1], room[3], room[4], room[6]
     ns, nu = lever.size, exponents.size - lever.size
     span = rows[1, 0] - rows[0, 0]
     power = span * span / max(sums[4] - 1.0, 1.0)
@@ -357,27 +345,14 @@ def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, r
         for a in range(theta.size):
             change[a] = moved[a] - theta[a]
             theta[a] = moved[a]
-        nuisance_of(root, size, crossed, rest[0], change, scale, rest[1])
-        plant = _plant(model, theta, scale, known, room[2])
+        nuisance_of(normal, change, scale)
+        plant = _plant(model, theta, scale, work.weights.shape[0] > ns, room[2])
         weigh(omega, plant, air, noise, power, work)
-        residual_of(transforms[1], response, plant, rest[1], work.weights, whitened)
-        taken = degrees_of_freedom(columns, size, room[2][4], share)
-        taken += _learned(inverse, told[0][1])
+        residual_of(transforms[1], response, plant, normal.values, work.weights, whitened)
+        taken = degrees_of_freedom(normal, share) + _learned(inverse, told[0][1])
         left = 1.0 - taken / (2.0 * omega.size * share * whitened.shape[0])
         noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, work, told[2])
-        _believe(
-            noise,
-            told[2],
-            noise_known,
-            share,
-            power / span,
-            roughness,
-            plant.derivatives[0, 0],
-            by_accelerometer,
-            ns,
-            whitened.shape[0] > ns,
-            air.turn != 0.0,
-        )
+        _believe(noise, told[2], noise_known, share, power / span, roughness, plant, air)
     if asked >= MOVE:
         _covariance(
             inverse, memory[1], told[0][1], memory[3], told[1][1], prior[1], squares, lines[6], told[0][3]

@@ -178,16 +178,19 @@ def _move_centre(c, x, centre):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def in_body_axes(x, motion):  # type: ignore[no-untyped-def]
-    """Turn the velocity in ``motion`` (6,) from level axes along the flight path to body axes, in place.
+    """Turn the velocity in ``motion`` (6,), m/s, from level axes along the flight path to body axes, in place.
 
-    Eddies are of the air: they do not roll with the aircraft, which would take a force that no air has, omega x gust.
-    Rates of the air are those of body axes already.
+    Eddies are of the air: they do not roll with the aircraft, which would take an acceleration that no air has,
+    omega x gust (decision 18).
+    Rates of the air, rad/s, are those of body axes already. ``x`` is the rigid-body state (13,).
     """
     q0, q1, q2, q3 = x[6], x[7], x[8], x[9]
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation(q0, q1, q2, q3)
     north, east = r00 * x[3] + r01 * x[4] + r02 * x[5], r10 * x[3] + r11 * x[4] + r12 * x[5]
-    over = 1.0 / max(math.sqrt(north * north + east * east), _LEAST_SPEED_M_S)
-    along, across, down = motion[0] * over, motion[1] * over, motion[2]
+    level = math.sqrt(north * north + east * east)
+    if not level > _LEAST_SPEED_M_S:
+        north, east, level = 1.0, 0.0, 1.0  # straight up or down, the path has no direction over the ground
+    along, across, down = motion[0] / level, motion[1] / level, motion[2]
     to_north, to_east = along * north - across * east, along * east + across * north
     motion[0] = r00 * to_north + r10 * to_east + r20 * down
     motion[1] = r01 * to_north + r11 * to_east + r21 * down

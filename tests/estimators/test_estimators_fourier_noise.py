@@ -13,12 +13,11 @@ from wingwatch.estimators.fourier_noise import (
     Plant,
     air_of,
     between_samples_variance,
-    expected_products,
-    noise_power,
     noise_variances,
     noise_workspace,
     weigh,
 )
+from wingwatch.estimators.fourier_products import expected_products, noise_power
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 SPEED, POWER = 25.0, 0.2
@@ -50,7 +49,7 @@ def case(ns: int, longitudinal: bool, kinematic: bool = True, by_accelerometer: 
     noise[2 * ns + 1], noise[ns + 1] = 1e-4, 0.0
     noise[-AIR_LEVELS:] = 20.0, 0.3, 1e-3
     rolls = derivatives[:, 1].copy() if ns == 3 else np.zeros(ns)
-    plant = Plant(derivatives, forward, lever, rolls, by_accelerometer)
+    plant = Plant(derivatives, forward, lever, rolls, by_accelerometer, kinematic)
     turn = (-1.0 if longitudinal else 1.0) / SPEED
     return Case(plant, Air(turn, 0.15, 0.12, 0.02), noise, ns + (1 if kinematic else 0))
 

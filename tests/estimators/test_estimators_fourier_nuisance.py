@@ -10,8 +10,11 @@ from wingwatch.estimators.fourier_bank import NUISANCE
 from wingwatch.estimators.fourier_noise import AIR_LEVELS, Air, Plant, noise_workspace
 from wingwatch.estimators.fourier_nuisance import (
     NO_COLUMN,
+    NormalWorkspace,
     degrees_of_freedom,
-    inverse_of_root,
+    eliminate,
+    normal_workspace,
+    nuisance_of,
     nuisance_variances,
     prior_of,
     reduce_weights,
@@ -38,7 +41,7 @@ def weights(seed: int) -> NDArray[np.complex128]:
     return np.asarray(z @ z.conj().transpose(0, 2, 1))
 
 
-def normal(w: NDArray[np.complex128], c: NDArray[np.complex128], variances: Array) -> tuple[Array, Array]:
+def power_of(w: NDArray[np.complex128], c: NDArray[np.complex128], variances: Array) -> tuple[Array, Array]:
     """Re sum C' W C with the prior, of unit diagonal, and the sizes."""
     full = np.einsum("cf,fkm,df->kcmd", c.conj(), w, c).real.reshape(ROWS * NUISANCE, -1)
     full += np.diag([prior_of(v, 1.0) for v in variances.ravel()])
@@ -46,18 +49,41 @@ def normal(w: NDArray[np.complex128], c: NDArray[np.complex128], variances: Arra
     return full / np.outer(size, size), size
 
 
-def test_the_inverse_of_a_root() -> None:
-    z = np.random.default_rng(1).standard_normal((7, 9))
-    matrix, out = z @ z.T, np.empty((7, 7))
-    inverse_of_root(np.linalg.cholesky(matrix), out)
-    np.testing.assert_allclose(out @ matrix, np.eye(7), atol=1e-10)
+def eliminated(unit: Array, size: Array, variances: Array) -> NormalWorkspace:
+    """As ``eliminate`` leaves the workspace, of these nuisance columns and no derivatives."""
+    found = normal_workspace(0, ROWS)
+    found.variances[...], found.inverse[...], found.size[...] = variances, np.linalg.inv(unit), size
+    return found
+
+
+def test_elimination_leaves_the_inverse_and_what_the_derivatives_columns_keep() -> None:
+    """Beside numpy: Schur complement, the values that least squares has, the inverse of the columns' power."""
+    p, rows = 3, 2
+    q = NUISANCE * rows
+    rng = np.random.default_rng(1)
+    z = rng.standard_normal((p + q, 3 * (p + q)))
+    normal = normal_workspace(p, rows)
+    normal.matrix[...], normal.vector[...] = z @ z.T, rng.standard_normal(p + q)
+    full, right, theta, scale = normal.matrix.copy(), normal.vector.copy(), rng.standard_normal(p), np.ones(p)
+    m, score = np.empty((p, p)), np.empty(p)
+    eliminate(normal, theta, scale, 10.0, m, score)
+    cross, power = full[:p, p:], full[p:, p:]
+    unit = power / np.outer(normal.size, normal.size)
+    np.testing.assert_allclose(normal.inverse, np.linalg.inv(unit), rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(m, full[:p, :p] - cross @ np.linalg.solve(power, cross.T), rtol=1e-6)
+    left = right - full[:, :p] @ theta
+    np.testing.assert_allclose(score, left[:p] - cross @ np.linalg.solve(power, left[p:]), rtol=1e-6)
+    change = np.array([0.1, -0.2, 0.3])
+    nuisance_of(normal, change, scale)
+    want = np.linalg.solve(power, left[p:] - cross.T @ change)
+    np.testing.assert_allclose(normal.values[:, 0], want, rtol=1e-6, atol=1e-9)
 
 
 def test_columns_take_as_many_real_numbers_as_are_free() -> None:
     """Flat columns take one each, a column with a prior as much as the data say beside it, an absent one nothing."""
     _, c, variances = columns(2)
-    unit, size = normal(weights(2), c, variances)
-    taken = degrees_of_freedom(np.linalg.inv(unit), size, variances, 1.0)
+    unit, size = power_of(weights(2), c, variances)
+    taken = degrees_of_freedom(eliminated(unit, size, variances), 1.0)
     data = unit * np.outer(size, size) - np.diag([prior_of(v, 1.0) for v in variances.ravel()])
     present = variances.ravel() > 0.0
     both = np.diag([prior_of(v, 1.0) for v in variances.ravel()[present]]) + data[np.ix_(present, present)]
@@ -72,10 +98,10 @@ def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() ->
     """E[x' P r] with real columns fitted out of r, of 20,000 draws with E[r r'] = W^-1 and x a part of r."""
     bank, c, variances = columns(3)
     w = weights(3)
-    unit, size = normal(w, c, variances)
+    unit, size = power_of(w, c, variances)
     work = noise_workspace(STATES, 1, ROWS, BINS)
     work.weights[:, :, 0], work.weights[:, :, 1] = w.real.transpose(1, 2, 0), w.imag.transpose(1, 2, 0)
-    bins = reduce_weights(bank, FIRST, np.linalg.inv(unit), size, work)
+    bins = reduce_weights(bank, FIRST, eliminated(unit, size, variances), work)
     reduced = (work.weights[:, :, 0] + 1j * work.weights[:, :, 1]).transpose(2, 0, 1)
     np.testing.assert_allclose(work.sums, reduced.real.sum(axis=0)[:STATES, :STATES], rtol=1e-12)
     assert 1.0 < bins < BINS
@@ -99,7 +125,7 @@ def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() ->
 
 def test_what_is_known_of_columns_before_the_flight() -> None:
     derivatives = np.array([[-4.0, -1.0, -2.0], [-3.0, -5.0, -30.0]])
-    plant = Plant(derivatives, np.array([0.0, 25.0]), np.zeros(2), np.zeros(2), True)
+    plant = Plant(derivatives, np.array([0.0, 25.0]), np.zeros(2), np.zeros(2), True, True)
     air, noise = Air(-1.0 / 25.0, 0.15, 0.12, 0.0), np.full(2 * 2 + 2 + AIR_LEVELS, 1e-2)
     noise[0], noise[1], noise[-AIR_LEVELS] = 2e-2, 3e-2, 20.0
     found = np.empty((3, NUISANCE))

@@ -12,6 +12,8 @@ from scipy.stats import chi2
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.simulation import DiscreteGust, Scenario, Turbulence, TurbulenceModel, WindProfile
+from wingwatch.simulation.dynamics import quaternion
+from wingwatch.simulation.flight import in_body_axes
 from wingwatch.simulation.gusts import add_discrete_gusts, gust_rows
 from wingwatch.simulation.turbulence import (
     NORMALS,
@@ -460,3 +462,33 @@ def test_a_wind_that_veers_turns_clockwise_with_height() -> None:
     north, east, down = wind(1000.0 + 90.0, WindProfile(veer_rad_m=math.radians(1.0)))
     # a quarter turn to the right: what blew north blows east
     np.testing.assert_allclose([north, east, down], [8.0, 6.0, 0.5], atol=1e-12)
+
+
+# from level axes along the path to body axes
+
+
+def flying(roll_rad: float, pitch_rad: float, heading_rad: float) -> Array:
+    """A rigid-body state whose velocity lies along body x."""
+    state = np.zeros(13)
+    state[3], state[6:10] = SPEED, quaternion(roll_rad, pitch_rad, heading_rad)
+    return state
+
+
+@pytest.mark.parametrize(
+    ("roll_deg", "expected"),
+    [(0.0, (1.0, 2.0, 3.0)), (90.0, (1.0, 3.0, -2.0)), (180.0, (1.0, -2.0, -3.0)), (-90.0, (1.0, -3.0, 2.0))],
+)
+def test_a_gust_stays_with_the_air_when_the_aircraft_banks(
+    roll_deg: float, expected: tuple[float, float, float]
+) -> None:
+    motion = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+    in_body_axes(flying(math.radians(roll_deg), 0.0, 2.0), motion)
+    np.testing.assert_allclose(motion[:3], expected, atol=1e-12)
+    np.testing.assert_array_equal(motion[3:], [0.1, 0.2, 0.3])  # rates are those of body axes already
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 30.0, 90.0, -90.0])
+def test_a_turn_of_axes_keeps_a_gust_s_size(pitch_deg: float) -> None:
+    motion = np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
+    in_body_axes(flying(0.4, math.radians(pitch_deg), 2.0), motion)
+    assert np.linalg.norm(motion[:3]) == pytest.approx(math.sqrt(14.0))
