@@ -1,5 +1,7 @@
 """Diagnosis: what a simulation gets wrong against a measured flight, why, and how much better it is once mended."""
 
+from wingwatch.diagnosis.diagnose import diagnose
+from wingwatch.diagnosis.measured import DiagnosisError
 from wingwatch.diagnosis.result import (
     Cause,
     Diagnosis,
@@ -14,10 +16,12 @@ from wingwatch.diagnosis.result import (
 __all__ = [
     "Cause",
     "Diagnosis",
+    "DiagnosisError",
     "Gain",
     "Interval",
     "Misfit",
     "NotSeparable",
     "ParameterEstimate",
     "Traces",
+    "diagnose",
 ]

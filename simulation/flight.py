@@ -67,7 +67,7 @@ from wingwatch.simulation.turbulence import NORMALS, gust_step
 from wingwatch.simulation.wind import wind_at
 from wingwatch.telemetry import CHANNEL_INDEX
 
-__all__ = ["Fleet", "FleetState", "fly", "in_body_axes"]
+__all__ = ["Fleet", "FleetState", "fly", "in_body_axes", "report"]
 
 _TIME, _AIRSPEED, _RATES = (CHANNEL_INDEX[c] for c in ("time_s", "airspeed_true_m_s", "roll_rate_rad_s"))
 _FORCES, _ROLL = CHANNEL_INDEX["specific_force_x_m_s2"], CHANNEL_INDEX["roll_rad"]
@@ -229,7 +229,7 @@ def _wind_of_frame(s, wind, altitude, above):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _report(out, i, k, time_s, x, c, s, orders):  # type: ignore[no-untyped-def]
+def report(out, i, k, time_s, x, c, s, orders):  # type: ignore[no-untyped-def]
     """True values of every simulated column at the start ``x`` of the step whose setting ``s`` is."""
     p, q, r = x[10], x[11], x[12]
     pd, qd, rd = s[SPIN], s[SPIN + 1], s[SPIN + 2]
@@ -316,7 +316,7 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
                 start[:] = x
             advance(c, s, x, dt, k, middle, total)
             if sub == 0:
-                _report(out, i, sample, time_s, start, c, s, orders)
+                report(out, i, sample, time_s, start, c, s, orders)
             for j in range(6):
                 s[GUST + j] += s[RISE + j]
                 s[RISE + j] -= 8.0 * s[CURVE + j]

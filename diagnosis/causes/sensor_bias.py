@@ -1,0 +1,30 @@
+"""A channel that reads a constant too much."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject, output_index
+from wingwatch.diagnosis.measured import OUTPUTS
+from wingwatch.diagnosis.replay import BIAS, Model
+
+__all__ = ["candidates"]
+
+_SIZES = {"m_s": 1.0, "rad_s": 0.02, "m_s2": 0.3, "rad": 0.02}
+
+
+def candidates(subject: Subject) -> list[Candidate]:
+    """Each measured channel."""
+    return [_biased(name, subject) for name in OUTPUTS[:11] if subject.measures(name)]
+
+
+def _biased(name: str, subject: Subject) -> Candidate:
+    ending = next(e for e in ("m_s2", "rad_s", "m_s", "rad") if name.endswith(f"_{e}"))
+    unit, size = ending.replace("_", "/"), _SIZES[ending]
+    column = output_index(name)
+    noise = float(subject.flight.noise_std[column])
+
+    def change(model: Model, v: NDArray[np.float64]) -> None:
+        model.sensors[column, BIAS] += v[0]
+
+    parameter = FreeParameter("bias", unit, 0.1 * size, size, max(0.02 * size, 0.3 * noise))
+    return Candidate("sensor_bias", name, (parameter,), change, f"{name} reads {{0:+.4g}} {unit} too much")

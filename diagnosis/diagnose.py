@@ -1,0 +1,268 @@
+"""Diagnosis of a flight: misfit, causes, extended model, gain."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from wingwatch.aircraft import Aircraft, FlightCondition
+from wingwatch.diagnosis.candidate import Subject
+from wingwatch.diagnosis.causes import candidates
+from wingwatch.diagnosis.fit import Point, Problem, evaluate, fit, model_at, own_fitted, prepare
+from wingwatch.diagnosis.gain import gain_of, misfits
+from wingwatch.diagnosis.innovations import Noise
+from wingwatch.diagnosis.linear_aircraft import concise
+from wingwatch.diagnosis.measured import OUTPUTS
+from wingwatch.diagnosis.mended import extended
+from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
+from wingwatch.diagnosis.noise import first_noise
+from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, ParameterEstimate
+from wingwatch.diagnosis.search import Search, Tried, quiet, search, settled
+from wingwatch.diagnosis.separable import not_separable
+from wingwatch.diagnosis.subject import subject_of
+from wingwatch.diagnosis.traces import traces_of
+from wingwatch.telemetry import SampleBlock
+
+__all__ = ["diagnose"]
+
+Array = NDArray[np.float64]
+
+SYMBOLS: tuple[str, ...] = (
+    "z_w", "z_q", "z_eta", "m_w", "m_q", "m_eta", "y_v", "y_p", "y_r", "y_xi", "y_zeta",
+    "l_v", "l_p", "l_r", "l_xi", "l_zeta", "n_v", "n_p", "n_r", "n_xi", "n_zeta",
+)  # fmt: skip
+
+
+def _silent(what: str, part: float) -> None:
+    """No progress."""
+
+
+def diagnose(
+    flight: SampleBlock,
+    aircraft: Aircraft,
+    *,
+    kinds: Mapping[str, str] | None = None,
+    validate: SampleBlock | None = None,
+    source: str = "",
+    progress: Callable[[str, float], None] = _silent,
+) -> Diagnosis:
+    """What the simulation of an aircraft gets wrong against a measured flight, why, and what mending it gains.
+
+    Args:
+        flight: samples; airspeed, rates, accelerometers, attitude, altitude and the three surfaces are needed.
+        aircraft: its file, with mass, geometry and coefficients or derivatives at conditions.
+        kinds: ``command`` for surface columns that are commands; others are measured positions.
+        validate: another flight of the same aircraft, to measure the gain on; else windows left out.
+        source: the flight's name, for the report.
+        progress: told what is being done, and which part is done (0 to 1).
+
+    Raises:
+        DiagnosisError: a flight or an aircraft file that cannot be diagnosed; the sentence says why.
+
+    Example:
+        >>> from wingwatch.aircraft import load_aircraft
+        >>> from wingwatch.simulation import Scenario, doublet_schedule, parse_effect, simulate
+        >>> aerosonde = load_aircraft("aerosonde")
+        >>> inputs = (doublet_schedule(aerosonde, aerosonde.envelope.cruise),)
+        >>> hidden = (parse_effect("elevator_effectiveness:0.3@0"),)
+        >>> flown = simulate(Scenario(aerosonde, manoeuvres=inputs, effects=hidden), 20.0)
+        >>> diagnose(flown, aerosonde).causes[0].name
+        'elevator_effectiveness'
+    """
+    progress("reading the flight", 0.0)
+    subject = subject_of(flight, aircraft, kinds or {})
+    with threadpool_limits(1):
+        problem, point = _begun(subject)
+        found = search(problem, point, candidates(subject), progress)
+        progress("measuring the gain", 0.9)
+        other = None if validate is None else _begun(subject_of(validate, aircraft, kinds or {}))
+        return _told(source, problem, found, other)
+
+
+def _begun(subject: Subject) -> tuple[Problem, Point]:
+    """Windows, with moderate noise to begin with."""
+    sensors = first_noise(subject.flight).sensors
+    speed = float(np.nanmean(subject.flight.outputs[:, 0]))
+    return prepare(subject, Noise(sensors, np.array([0.02 * speed] * 3 + [0.05, 0.2, 0.2])))
+
+
+def _told(source: str, problem: Problem, found: Search, other: tuple[Problem, Point] | None) -> Diagnosis:
+    """Search and gain as a diagnosis."""
+    subject = problem.subject
+    before, after = replayed(problem, found.stated.point), replayed(problem, found.last.point)
+    noise = noise_variance(problem, found.last.point)
+    gain = _gain(problem, found, noise, other) if found.found else None
+    causes = tuple(_cause(problem, found, i, noise) for i in range(len(found.found)))
+    pays = gain is not None and any(change.high < 0.0 for change in gain.change.values())
+    model = extended(subject, found.last.point, _errors(found)) if pays else None
+    unexplained = _unexplained(problem, found)
+    return Diagnosis(
+        source=source,
+        aircraft=subject.aircraft,
+        misfit=misfits(before, noise, problem.used),
+        causes=causes,
+        ranking=_ranking(found),
+        unexplained_fraction=unexplained,
+        unexplained=_rest_in_words(found, unexplained),
+        gain=gain,
+        not_separable=not_separable(subject),
+        notes=_notes(subject, found, model),
+        model=model,
+        derivatives=_derivatives(problem, found),
+        traces=traces_of(problem, before, after, noise),
+        seconds=subject.flight.seconds,
+        windows=len(problem.windows),
+    )
+
+
+def _errors(found: Search) -> tuple[Array, ...]:
+    """Standard errors of the causes in the last model, cause by cause."""
+    errors, at, out = np.sqrt(np.diagonal(found.last.covariance)), 0, []
+    for values in found.last.point.values:
+        out.append(errors[at : at + len(values)])
+        at += len(values)
+    return tuple(out)
+
+
+def _cause(problem: Problem, found: Search, i: int, noise: Array) -> Cause:
+    """One that was taken, with its parameters as the last model has them."""
+    one, candidate = found.found[i], found.last.point.causes[i]
+    values, errors = found.last.point.values[i], _errors(found)[i]
+    return Cause(
+        name=candidate.name,
+        target=candidate.target,
+        parameters={
+            p.name: ParameterEstimate(float(v), float(e), p.unit)
+            for p, v, e in zip(candidate.parameters, values, errors, strict=True)
+        },
+        channels=_channels(problem, found, i, noise),
+        probability=_probability(one.best, one.tried),
+        gain=one.best.gain,
+        held_out_gain=one.held_out,
+        indistinguishable_from=tuple(t.candidate.label for t in one.alike),
+        text=candidate.says.format(*values),
+    )
+
+
+def _probability(best: Tried, tried: Sequence[Tried]) -> float:
+    """Of a cause among those that were fitted, and none."""
+    odds = np.exp(np.minimum(np.array([0.0, *(t.evidence for t in tried)]) - best.evidence, 0.0))
+    return float(1.0 / odds.sum())
+
+
+def _channels(problem: Problem, found: Search, i: int, noise: Array) -> tuple[str, ...]:
+    """Outputs whose misfit grows without the cause, most first."""
+    point = found.last.point
+    without = replace(
+        point,
+        causes=point.causes[:i] + point.causes[i + 1 :],
+        values=point.values[:i] + point.values[i + 1 :],
+    )
+    whole, less = replayed(problem, point), replayed(problem, without)
+    grown = {}
+    for k in problem.used:
+        square = [sum(float(((a - b) ** 2).sum()) for a, b in flown.pairs(k)) for flown in (whole, less)]
+        readings = sum(len(a) for a, _ in whole.pairs(k))
+        grown[OUTPUTS[k]] = (square[1] - square[0]) / max(readings * float(noise[k]), 1e-300)
+    most = max(grown.values(), default=0.0)
+    order = sorted(grown, key=lambda name: -grown[name])
+    return tuple(name for name in order if grown[name] > max(0.1 * most, 0.0))
+
+
+def _ranking(found: Search) -> tuple[tuple[str, float, float], ...]:
+    """Of the first round: label, gain, probability."""
+    tried = found.found[0].tried if found.found else found.rest
+    return tuple((t.candidate.label, t.gain, _probability(t, tried)) for t in tried)
+
+
+def _gain(problem: Problem, found: Search, noise: Array, other: tuple[Problem, Point] | None) -> Gain:
+    """On another flight, else on windows that the causes were not fitted to."""
+    if other is not None:
+        its, point = other
+        stated = settled(its, point).point
+        mended = replace(stated, causes=found.last.point.causes, values=found.last.point.values)
+        mended = own_fitted(its, mended)
+        return gain_of(replayed(its, stated), replayed(its, mended), noise, its.used, "another flight")
+    windows = range(len(problem.windows))
+    before, after = Replayed([], []), Replayed([], [])
+    for part in (0, 1):
+        kept = [w for w in windows if w % 2 == part] or list(windows)
+        left = [w for w in windows if w % 2 != part]
+        if not left:
+            continue
+        values = fit(problem.part(kept), found.last.point.part(kept), 4).point.values
+        its = problem.part(left)
+        before.extend(replayed(its, own_fitted(its, found.stated.point.part(left))))
+        after.extend(replayed(its, own_fitted(its, replace(found.last.point.part(left), values=values))))
+    return gain_of(before, after, noise, problem.used, "windows left out")
+
+
+def _unexplained(problem: Problem, found: Search) -> float:
+    """Part of the squared, weighted misfit beyond noise that is left, with sensors as stated and the air as found."""
+    noise = quiet(problem, found.last.point.noise)
+    left = []
+    for point in (found.stated.point, found.last.point):
+        evaluation = evaluate(problem, own_fitted(problem, replace(point, noise=noise)))
+        square = sum(float(b[:, 0, 0].sum()) for b in evaluation.blocks)
+        left.append(max(square - evaluation.readings, 0.0))
+    chance = 5.0 * np.sqrt(2.0 * evaluation.readings)
+    if left[0] < chance:
+        return 0.0
+    return float(min(1.0, left[1] / left[0])) if left[1] > chance else 0.0
+
+
+def _rest_in_words(found: Search, unexplained: float) -> str:
+    """What would follow what is left best."""
+    if unexplained == 0.0 or not found.rest:
+        return ""
+    best = found.rest[0]
+    if best.evidence <= 0.0:
+        return "what is left follows none of the causes that were tried"
+    return f"what is left follows {best.candidate.label} best, but not beyond doubt"
+
+
+def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str, ...]:
+    """What could not be answered."""
+    notes = []
+    if not subject.trims_known:
+        notes.append(
+            "the aircraft file states derivatives only: steady forces and moments are each window's own, and causes "
+            "that show in them alone cannot be found"
+        )
+    elif not subject.throttle_known:
+        notes.append(
+            "throttle or propulsion is not known: thrust is each window's own, and causes in it are not found"
+        )
+    absent = [OUTPUTS[k] for k in (9, 10) if k not in subject.flight.compared]
+    if absent:
+        notes.append(f"no {' and no '.join(absent)}: gusts are told from motion by the accelerometers alone")
+    gusts = found.last.point.noise.gusts[1:3]
+    if float(gusts.max()) > 0.3:
+        notes.append(
+            f"the air was rough: {gusts[0]:.1f} m/s across and {gusts[1]:.1f} m/s vertically, root mean square"
+        )
+    if found.found and model is None:
+        notes.append(
+            "no extended aircraft file: the gain on data left out is not sure, or the file has no place for it"
+        )
+    return tuple(notes)
+
+
+def _derivatives(problem: Problem, found: Search) -> Mapping[str, tuple[float, float]]:
+    """Concise derivatives of both models at the flight's mean condition."""
+    flight = problem.subject.flight
+    speed, alpha = (
+        float(np.nanmean(flight.outputs[:, 0])),
+        float(np.mean(problem.centres[:, 2] / problem.centres[:, 0])),
+    )
+    at = FlightCondition(
+        speed,
+        float(np.nanmean(flight.altitude_m)),
+        float(np.nanmean(flight.density_kg_m3)),
+        angle_of_attack_rad=alpha,
+    )
+    before = concise(problem.subject.model.row, at, SYMBOLS)
+    after = concise(model_at(problem, found.last.point).row, at, SYMBOLS)
+    return {s: (float(a), float(b)) for s, a, b in zip(SYMBOLS, before, after, strict=True)}

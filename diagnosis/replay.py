@@ -1,0 +1,287 @@
+"""Replay: the simulated aircraft flown open loop by the recorded surfaces and throttle, in windows.
+
+The air moves as it was estimated to move (``innovations``), on straight lines between samples. A surface whose
+position is measured moves on a line between samples; one of which only the command is known moves through the
+actuator of the aircraft file, as in ``wingwatch.simulation``.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wingwatch.diagnosis.measured import OUTPUTS, MeasuredFlight, Window
+from wingwatch.simulation.actuators import move_surfaces, servo_decay
+from wingwatch.simulation.dynamics import quaternion
+from wingwatch.simulation.flight import report
+from wingwatch.simulation.layout import (
+    CD_MIN,
+    CL_ZERO,
+    CM_ZERO,
+    CN_ZERO,
+    CY_ZERO,
+    PARAMETERS,
+    ROLL_ZERO,
+)
+from wingwatch.simulation.prepared import WIDTH, prepare
+from wingwatch.simulation.rigid_body import (
+    DENSITY,
+    DENSITY_ALTITUDE,
+    ELEVATOR,
+    GUST,
+    RISE,
+    SETTING_WIDTH,
+    SPIN,
+    THROTTLE,
+    advance,
+)
+from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
+
+__all__ = [
+    "AIR",
+    "DELAY",
+    "SCALE",
+    "START",
+    "TRIMS",
+    "Inputs",
+    "Model",
+    "body_state",
+    "fly_window",
+    "inputs_of",
+    "measured_start",
+    "sense",
+    "still",
+    "without_delays",
+]
+
+Array = NDArray[np.float64]
+
+START: tuple[str, ...] = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s", "roll_rad", "pitch_rad")
+"""What a window starts from, through still air."""
+
+TRIMS: tuple[str, ...] = ("CL_zero", "CY_zero", "Cl_zero", "Cm_zero", "Cn_zero", "CD_min")
+"""Constants that a window may have of its own, added to the aircraft's coefficients."""
+
+_TRIM_COLUMNS = np.array([CL_ZERO, CY_ZERO, ROLL_ZERO, CM_ZERO, CN_ZERO, CD_MIN])
+_COLUMNS = np.array([CHANNEL_INDEX[name] for name in OUTPUTS])
+_SURFACE_OUTPUTS = 11
+_PARAMETERS, _CHANNELS, _K = len(PARAMETERS), len(CHANNELS), len(OUTPUTS)
+
+AIR = 8
+"""Columns of the air's motion."""
+
+DELAY, BIAS, SCALE = range(3)
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One version of the simulation: aircraft and sensors.
+
+    Attributes:
+        row: parameters of the aircraft (``simulation.layout.PARAMETERS``).
+        sensors: of each output: delay s, bias in its unit, scale error; (len(OUTPUTS), 3).
+    """
+
+    row: Array
+    sensors: Array
+
+    def copy(self) -> "Model":
+        """One that may be changed."""
+        return Model(self.row.copy(), self.sensors.copy())
+
+
+class Inputs(NamedTuple):
+    """What moves the aircraft in one window.
+
+    Attributes:
+        flown: measured positions, (samples, 3), NaN where the actuator moves the surface.
+        commands: (samples, 3), NaN where unknown.
+        throttle: (samples,).
+        density: kg/m3, constant in the window; altitude: m.
+        air: motion of the air, body axes, (samples, 6), m/s and rad/s, then unmodelled angular accelerations in pitch
+            and yaw, rad/s2, at every sample and one behind the last: (samples + 1, 8).
+        dt: s; steps: of integration in a sample.
+    """
+
+    flown: Array
+    commands: Array
+    throttle: Array
+    density: float
+    altitude: float
+    air: Array
+    dt: float
+    steps: int
+
+
+def inputs_of(flight: MeasuredFlight, window: Window, steps: int, throttle_known: bool) -> Inputs:
+    """Recorded surfaces and throttle of a window."""
+    rows = slice(window.start, window.stop)
+    throttle = flight.throttle[rows] if throttle_known else np.zeros(window.stop - window.start)
+    return Inputs(
+        flight.flown[rows], flight.commands[rows], np.ascontiguousarray(throttle),
+        float(flight.density_kg_m3[rows].mean()), float(flight.altitude_m[rows].mean()),
+        np.zeros((len(throttle) + 1, AIR)), flight.dt_s, steps,
+    )  # fmt: skip
+
+
+def still(inputs: Inputs) -> Inputs:
+    """One sample of inputs, at their mean."""
+    flown, commands = (np.nan_to_num(a.mean(axis=0, keepdims=True)) for a in (inputs.flown, inputs.commands))
+    return inputs._replace(
+        flown=np.where(np.isfinite(inputs.flown).all(axis=0), flown, commands),
+        commands=np.full((1, 3), np.nan),
+        throttle=inputs.throttle.mean(keepdims=True),
+        air=np.zeros((2, AIR)),
+    )
+
+
+def body_state(start: Array, altitude_m: float) -> Array:
+    """Rigid-body state (13,) from ``START``."""
+    state = np.zeros(13)
+    state[2], state[3:6], state[10:13] = -altitude_m, start[:3], start[3:6]
+    state[6:10] = quaternion(float(start[6]), float(start[7]), 0.0)
+    return state
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def fly_window(rows, starts, trims, inputs, out, ends):  # type: ignore[no-untyped-def]
+    """Fly a window in several versions.
+
+    Args:
+        rows: parameters, (versions, parameters).
+        starts: rigid-body states, (versions, 13).
+        trims: added to the coefficients of ``TRIMS``, (versions, 6).
+        inputs: ``Inputs``.
+        out: true values of the outputs, (versions, samples, outputs), filled.
+        ends: rigid-body states one sample after the last, (versions, 13), filled.
+    """
+    c = np.zeros(WIDTH)
+    for version in range(rows.shape[0]):
+        c[:_PARAMETERS] = rows[version]
+        for j in range(6):
+            c[_TRIM_COLUMNS[j]] += trims[version, j]
+        prepare(c)
+        ends[version] = starts[version]
+        _fly(c, ends[version], inputs, out[version])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _fly(c, x, inputs, out):  # type: ignore[no-untyped-def]
+    """One version; ``c`` is a prepared working row, ``x`` the state, advanced in place."""
+    dt = inputs.dt / inputs.steps
+    s, orders, all_channels = np.zeros(SETTING_WIDTH), np.zeros(8), np.zeros((1, 1, _CHANNELS))
+    k, middle, total, start = np.empty(13), np.empty(13), np.empty(13), np.empty(13)
+    decay, servo, surface, servo_at_sample = np.empty(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    servo_decay(c, 0.5 * dt, decay)
+    for j in range(3):
+        known = inputs.flown[0, j] == inputs.flown[0, j]
+        servo[j] = inputs.flown[0, j] if known else inputs.commands[0, j]
+        surface[j] = servo[j]
+    s[DENSITY_ALTITUDE], s[DENSITY] = inputs.altitude, inputs.density
+    samples = out.shape[0]
+    for t in range(samples):
+        after = min(t + 1, samples - 1)
+        s[THROTTLE] = inputs.throttle[t]
+        for j in range(6):
+            s[GUST + j] = inputs.air[t, j]
+            s[RISE + j] = (inputs.air[t + 1, j] - inputs.air[t, j]) / inputs.steps
+        for j in range(3):
+            commanded = inputs.commands[t, j] == inputs.commands[t, j]
+            orders[j] = inputs.commands[t, j] if commanded else inputs.flown[t, j]
+        for sub in range(inputs.steps):
+            move_surfaces(c, s, servo, surface, orders, decay, 0.5 * dt)
+            if sub == 0:
+                servo_at_sample[:] = s[ELEVATOR : ELEVATOR + 3]
+                start[:] = x
+            for j in range(3):
+                if inputs.flown[t, j] == inputs.flown[t, j]:
+                    slope = inputs.flown[after, j] - inputs.flown[t, j]
+                    for stage in range(3):
+                        along = (sub + 0.5 * stage) / inputs.steps
+                        s[ELEVATOR + 3 * stage + j] = inputs.flown[t, j] + along * slope
+            advance(c, s, x, dt, k, middle, total)
+            if sub == 0:
+                s[SPIN + 1] += inputs.air[t, 6]
+                s[SPIN + 2] += inputs.air[t, 7]
+                report(all_channels, 0, 0, 0.0, start, c, s, orders)
+            along = (sub + 0.5) / inputs.steps
+            for j in range(2):
+                x[11 + j] += dt * ((1.0 - along) * inputs.air[t, 6 + j] + along * inputs.air[t + 1, 6 + j])
+            for j in range(6):
+                s[GUST + j] += s[RISE + j]
+        for j in range(_K):
+            out[t, j] = all_channels[0, 0, _COLUMNS[j]]
+        out[t, _SURFACE_OUTPUTS : _SURFACE_OUTPUTS + 3] = servo_at_sample
+
+
+def sense(true: Array, model: Model) -> Array:
+    """What sensors with the model's scale errors and biases read of true outputs (..., samples, outputs)."""
+    return np.asarray((1.0 + model.sensors[:, SCALE]) * true + model.sensors[:, BIAS])
+
+
+def without_delays(flight: MeasuredFlight, model: Model) -> Array:
+    """Measured outputs (samples, outputs) at the times that they are of, by the model's delays.
+
+    A shift of the whole flight's Fourier transform: noise keeps its variance, so no delay is preferred because it
+    smooths.
+    """
+    outputs = flight.outputs
+    late = np.flatnonzero(model.sensors[:, DELAY])
+    if late.size:
+        outputs = outputs.copy()
+        for k in late:
+            outputs[:, k] = _earlier(outputs[:, k], model.sensors[k, DELAY] / flight.dt_s)
+    return outputs
+
+
+def _earlier(column: Array, samples: float) -> Array:
+    """A column so many samples earlier; NaN where a value lies beside one."""
+    seen = np.isfinite(column)
+    if not seen.any():
+        return column
+    index = np.arange(column.size)
+    whole = np.interp(index, index[seen], column[seen])
+    line = whole[0] + (whole[-1] - whole[0]) * index / max(column.size - 1, 1)
+    turn = np.exp(2j * np.pi * np.fft.rfftfreq(column.size) * samples)
+    moved = np.fft.irfft(np.fft.rfft(whole - line) * turn, column.size)
+    moved += whole[0] + (whole[-1] - whole[0]) * (index + samples) / max(column.size - 1, 1)
+    at = index + samples
+    beside = seen[np.clip(np.floor(at).astype(int), 0, column.size - 1)]
+    beside &= seen[np.clip(np.ceil(at).astype(int), 0, column.size - 1)]
+    return np.where(beside, moved, np.nan)
+
+
+def measured_start(flight: MeasuredFlight, window: Window, row: Array) -> Array:
+    """``START`` from the first samples of a window; where no vane is, by the lift that the accelerometer shows."""
+    rows = slice(window.start, window.start + 5)
+    with np.errstate(all="ignore"):
+        speed, p, q, r, _, _, force_z, roll, pitch, alpha, beta = _first(flight.outputs[rows, :11])
+    if not math.isfinite(alpha):
+        alpha = _alpha_of_lift(row, force_z, float(flight.density_kg_m3[window.start]), float(speed))
+    if not math.isfinite(beta):
+        beta = 0.0
+    u, v, w = speed * math.cos(alpha) * math.cos(beta), speed * math.sin(beta), speed * math.sin(alpha)
+    return np.array([u, v, w * math.cos(beta), p, q, r, roll, pitch])
+
+
+def _first(rows: Array) -> Array:
+    """Values at the first of a few rows, by a straight line; NaN where a channel has none."""
+    out = np.full(rows.shape[1], np.nan)
+    for j in range(rows.shape[1]):
+        good = np.flatnonzero(np.isfinite(rows[:, j]))
+        if good.size >= 2:
+            out[j] = np.polyval(np.polyfit(good, rows[good, j], 1), 0.0)
+        elif good.size:
+            out[j] = rows[good[0], j]
+    return out
+
+
+def _alpha_of_lift(row: Array, force_z: float, density: float, speed: float) -> float:
+    if not math.isfinite(force_z):
+        return 0.0
+    index = {name: i for i, name in enumerate(PARAMETERS)}
+    lift = -force_z * row[index["mass_kg"]] / (0.5 * density * speed**2 * row[index["area_m2"]])
+    return float(np.clip((lift - row[index["CL_zero"]]) / row[index["CL_alpha"]], -0.3, 0.3))

@@ -1,0 +1,230 @@
+"""Which cause explains the misfit: screening, fits, forward selection.
+
+A candidate is screened by what one Gauss-Newton step promises: once with the noise as fitted to the present model, and
+once with quiet noise, as it would be for a correct model (noise fitted to a wrong model explains part of the error as
+noise). The best are fitted whole, each with its own noise. With the gain of log-likelihood g, k parameters, n blocks
+of two seconds and an inflation f of the scores' variance,
+
+    evidence = g / f - k / 2 ln n + ln odds,                                                                   (4)
+
+and the best cause is taken if its evidence is beyond the threshold and it pays on windows left out.
+docs/methods/diagnosis.md, section 4.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.diagnosis.candidate import Candidate
+from wingwatch.diagnosis.fit import (
+    Point,
+    Problem,
+    Solution,
+    evaluate,
+    fit,
+    inflation,
+    own_fitted,
+    reduce,
+    with_air,
+)
+from wingwatch.diagnosis.innovations import Noise
+from wingwatch.diagnosis.noise import first_noise, fit_noise
+
+__all__ = ["Found", "Search", "Tried", "held_out_gain", "search", "settled"]
+
+Array = NDArray[np.float64]
+
+Progress = Callable[[str, float], None]
+
+MOST_CAUSES = 4
+_SHORT_LIST = 6
+_WORTH_A_FIT = 0.1
+"""Part of the best one's promised gain below which a candidate is not fitted."""
+_THRESHOLD = 7.0
+"""Evidence that a cause needs: odds of a thousand to one."""
+_ALIKE = 3.0
+"""Difference of evidence within which causes cannot be told apart: odds of twenty to one."""
+_SURE = 3.0
+"""Standard errors that a parameter must be away from none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A candidate fitted beside the causes found before it.
+
+    Attributes:
+        candidate: which.
+        solution: the fit; the candidate's parameters come last.
+        evidence: equation (4), over the model without it; gain: g there.
+        value, error: its parameters.
+    """
+
+    candidate: Candidate
+    solution: Solution
+    evidence: float
+    gain: float
+    value: Array
+    error: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A cause that was taken, what it cannot be told from, and all that were tried beside it."""
+
+    best: Tried
+    alike: tuple[Tried, ...]
+    tried: tuple[Tried, ...]
+    held_out: float
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What was found.
+
+    Attributes:
+        stated: the model as stated, fitted to noise and starts.
+        found: causes in the order they were taken.
+        last: the model with all of them.
+        rest: the candidates of the last round, that were not taken.
+    """
+
+    stated: Solution
+    found: tuple[Found, ...]
+    last: Solution
+    rest: tuple[Tried, ...]
+
+
+def settled(problem: Problem, point: Point, rounds: int = 2) -> Solution:
+    """Starts, noise and air fitted in turn to the model of a point."""
+    for _ in range(rounds):
+        point = with_air(problem, fit_noise(problem, fit(problem, point).point))
+    solution = fit(problem, point)
+    return fit(problem, fit_noise(problem, solution.point), 2)
+
+
+def search(problem: Problem, point: Point, candidates: Sequence[Candidate], progress: Progress) -> Search:
+    """Causes that explain the misfit, most important first."""
+    progress("fitting the simulation as stated", 0.02)
+    stated = present = settled(problem, point)
+    found: list[Found] = []
+    rest: tuple[Tried, ...] = ()
+    for turn in range(MOST_CAUSES):
+        at = 0.05 + 0.2 * turn
+        progress("screening causes", at)
+        taken = {c.label for c in present.point.causes}
+        listed = _short_list(problem, present, [c for c in candidates if c.label not in taken])
+        tried = []
+        for i, candidate in enumerate(listed):
+            progress(f"fitting {candidate.label}", at + 0.02 + 0.15 * i / len(listed))
+            tried.append(_fitted(problem, present, candidate))
+        tried.sort(key=lambda t: -t.evidence)
+        rest = tuple(tried)
+        best = next((t for t in tried if _counts(t)), None)
+        if best is None:
+            break
+        held_out = held_out_gain(problem, best.solution)
+        if not held_out > 0.0:
+            break
+        alike = tuple(t for t in tried if t is not best and t.evidence > best.evidence - _ALIKE)
+        found.append(Found(best, alike, rest, held_out))
+        present = settled(problem, best.solution.point, 1)
+    return Search(stated, tuple(found), present, rest)
+
+
+def _counts(tried: Tried) -> bool:
+    least = np.array([p.least for p in tried.candidate.parameters])
+    size, sure = np.abs(tried.value) > least, np.abs(tried.value) > _SURE * tried.error
+    return bool(tried.evidence > _THRESHOLD and (size & sure).any())
+
+
+def quiet(problem: Problem, noise: Noise) -> Noise:
+    """Sensors as stated, gusts as fitted, next to no unmodelled moments."""
+    first = first_noise(problem.subject.flight)
+    return Noise(
+        first.sensors, np.concatenate([noise.gusts[:4], np.minimum(noise.gusts[4:], first.gusts[4:])])
+    )
+
+
+def _short_list(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Those that promise most, by either noise."""
+    chosen: dict[str, Candidate] = {}
+    for noise in (quiet(problem, present.point.noise), present.point.noise):
+        promised = _promises(problem, fit(problem, replace(present.point, noise=noise), 3), candidates)
+        order = sorted(range(len(candidates)), key=lambda i: -promised[i])
+        for i in order[:_SHORT_LIST]:
+            if promised[i] > max(_WORTH_A_FIT * promised[order[0]], 2.0):
+                chosen.setdefault(candidates[i].label, candidates[i])
+    return list(chosen.values())
+
+
+def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[float]:
+    """Gain of log-likelihood that one step along each candidate promises, causes in the model free."""
+    reduced = reduce(problem, present.point, evaluate(problem, present.point, candidates))
+    first, at = present.point.theta.size, present.point.theta.size
+    prior = np.array([p.spread**-2.0 for c in (*present.point.causes, *candidates) for p in c.parameters])
+    h, g = reduced.information + np.diag(prior), reduced.score
+    if first:
+        across = np.linalg.solve(h[:first, :first], h[:first, first:])
+        g = np.concatenate([g[:first], g[first:] - across.T @ g[:first]])
+        h = h.copy()
+        h[first:, first:] -= h[first:, :first] @ across
+    gains = []
+    for c in candidates:
+        part = slice(at, at + len(c.parameters))
+        at = part.stop
+        gains.append(0.5 * float(g[part] @ np.linalg.solve(h[part, part], g[part])))
+    return gains
+
+
+def _fitted(problem: Problem, present: Solution, candidate: Candidate) -> Tried:
+    """Far from the truth by quiet noise first, then with its own."""
+    zero = np.zeros(len(candidate.parameters))
+    point = replace(
+        present.point, causes=(*present.point.causes, candidate), values=(*present.point.values, zero),
+        noise=quiet(problem, present.point.noise),
+    )  # fmt: skip
+    solution = fit(problem, point, 8)
+    point = with_air(problem, fit_noise(problem, solution.point))
+    solution = fit(problem, fit_noise(problem, fit(problem, point, 4).point), 4)
+    count = len(candidate.parameters)
+    reduced = reduce(problem, solution.point, solution.evaluation)
+    inflated = inflation(reduced, slice(solution.point.theta.size - count, None))
+    gain = present.cost - solution.cost
+    blocks = sum(len(b) for b in solution.evaluation.blocks)
+    evidence = gain / inflated - 0.5 * count * math.log(max(blocks, 2)) + math.log(candidate.odds)
+    error = np.sqrt(np.diagonal(solution.covariance)[-count:])
+    return Tried(candidate, solution, float(evidence), float(gain), solution.point.values[-1], error)
+
+
+def held_out_gain(problem: Problem, solution: Solution) -> float:
+    """Part of the whitened misfit beyond noise that the last cause takes away on windows that it was not fitted to.
+
+    Its parameters are fitted to every second window and tried on the others, and the other way round.
+    """
+    windows = range(len(problem.windows))
+    if len(windows) < 2:
+        return 1.0
+    before = after = 0.0
+    for part in (0, 1):
+        fitted, tried = [w for w in windows if w % 2 == part], [w for w in windows if w % 2 != part]
+        found = fit(problem.part(fitted), solution.point.part(fitted), 4).point
+        other = problem.part(tried)
+        here = solution.point.part(tried)
+        without = replace(here, causes=here.causes[:-1], values=found.values[:-1])
+        before += _own_best(other, without)
+        after += _own_best(other, replace(here, values=found.values))
+    readings = float(sum(e.readings for e in (solution.evaluation,)))
+    return (
+        (before - after) / max(before - 0.5 * readings, 0.5 * (before - after), 1.0)
+        if before > after
+        else -1.0
+    )
+
+
+def _own_best(problem: Problem, point: Point) -> float:
+    """Half the sum of squared innovations, what belongs to windows at its best, nothing else."""
+    evaluation = evaluate(problem, model := own_fitted(problem, point))
+    return reduce(problem, model, evaluation).cost - evaluation.log_spread
