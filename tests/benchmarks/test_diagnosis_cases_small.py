@@ -1,0 +1,123 @@
+"""The cases of the diagnosis benchmark in small: same seed, same case; what is hidden shows; verdicts are fair."""
+
+from dataclasses import replace
+
+import diagnosis_cases as cases
+import diagnosis_hidden as hidden
+import numpy as np
+import pytest
+from diagnosis_run import Task, run
+from diagnosis_score import Verdict, confusion, figures, judged, same
+
+from wingwatch.diagnosis import Cause, Diagnosis, ParameterEstimate, Traces
+
+
+def cause(label: str, size: float = 0.0, error: float = 1.0, beside: tuple[str, ...] = ()) -> Cause:
+    name, _, target = label.removesuffix("]").partition("[")
+    return Cause(name, target, {"size": ParameterEstimate(size, error, "")}, (), 1.0, 10.0, 0.5, beside)
+
+
+def diagnosis(case: cases.Case, *causes: Cause) -> Diagnosis:
+    nothing = Traces(np.empty(0), {}, {}, {}, np.empty(0), {})
+    return Diagnosis(
+        "", case.aircraft, {}, causes, (), 0.0, "", None, (), (), None, {}, nothing, 60.0, 3
+    )  # fmt: skip
+
+
+def knows_all(case: cases.Case) -> Diagnosis:
+    """A finder that has read the answer."""
+    return diagnosis(case, *(cause(h.label, h.size, 0.01) for h in case.effects))
+
+
+def refuses(case: cases.Case) -> Diagnosis:
+    raise ValueError("no")
+
+
+@pytest.fixture(scope="module")
+def gyro() -> cases.Case:
+    return cases.FIXED["gyro-delay"]()
+
+
+@pytest.mark.parametrize("source", cases.SOURCES)
+def test_one_seed_is_one_case_and_another_another(source: cases.Source) -> None:
+    first, again, other = (cases.draw(source, seed) for seed in (4, 4, 5))
+    assert first.effects == again.effects
+    assert np.array_equal(first.flight.values, again.flight.values, equal_nan=True)
+    assert np.array_equal(first.held_out.values, again.held_out.values, equal_nan=True)
+    assert len(other.flight) != len(first.flight) or not np.array_equal(
+        first.flight.values, other.flight.values, equal_nan=True
+    )
+
+
+@pytest.mark.parametrize("source", cases.SOURCES)
+def test_a_hidden_effect_changes_the_flight_and_its_absence_does_not(source: cases.Source) -> None:
+    ill, well = cases.draw(source, 6), cases.draw(source, 6, "none")
+    two = cases.draw(source, 6, "two")
+    assert (len(ill.effects), len(well.effects), len(two.effects)) == (1, 0, 2)
+    assert ill.signal_to_noise >= hidden.LEAST_SIGNAL
+    assert well.signal_to_noise == 0.0
+    assert ill.aircraft == well.aircraft
+    assert ill.flight.values.shape == well.flight.values.shape
+    assert not np.array_equal(ill.flight.values, well.flight.values, equal_nan=True)
+    assert not np.array_equal(ill.flight.values, ill.held_out.values, equal_nan=True)
+
+
+def test_a_finder_that_knows_everything_scores_full_marks() -> None:
+    tasks = [Task("simulation", seed, effects) for seed in (2, 5) for effects in ("one", "none", "two")]
+    got = figures("simulation", list(run(tasks, knows_all)))
+    assert (got.one, got.two, got.healthy, got.refused) == (2, 2, 2, 0)
+    assert (got.named, got.first, got.alone, got.inside, got.quiet, got.both) == (100.0,) * 6
+
+
+def test_a_flight_that_is_refused_counts_as_that(gyro: cases.Case) -> None:
+    (verdict,) = run([Task(fixed="gyro-delay")], refuses)
+    assert verdict.refusal == "no"
+    assert not verdict.missed
+    assert figures("simulation", [verdict]).refused == 1
+
+
+@pytest.mark.parametrize(
+    ("causes", "named", "first", "alone"),
+    [
+        ((cause("sensor_delay[pitch_rate_rad_s]"),), True, True, True),
+        ((cause("sensor_delay[roll_rate_rad_s]"),), False, False, False),
+        ((cause("actuator_lag[elevator]", beside=("sensor_delay[pitch_rate_rad_s]",)),), True, False, False),
+        ((cause("sensor_delay[pitch_rate_rad_s]"), cause("icing")), True, True, False),
+        ((cause("icing"), cause("sensor_delay[pitch_rate_rad_s]")), False, False, False),
+        ((), False, False, False),
+    ],
+)
+def test_what_counts_as_named(
+    gyro: cases.Case, causes: tuple[Cause, ...], named: bool, first: bool, alone: bool
+) -> None:
+    verdict = judged(gyro, diagnosis(gyro, *causes), 1.0)
+    assert (verdict.named, verdict.first, verdict.alone) == ((named,), first, alone)
+    assert verdict.missed is not named
+
+
+def test_a_size_is_held_against_its_interval(gyro: cases.Case) -> None:
+    label = gyro.effects[0].label
+    for size, inside in ((0.06 + 0.0019, True), (0.06 + 0.0021, False)):
+        assert judged(gyro, diagnosis(gyro, cause(label, size, 0.001)), 1.0).inside is inside
+    assert judged(gyro, diagnosis(gyro, cause("icing", 0.06, 0.001)), 1.0).inside is None
+
+
+def test_a_claim_on_a_healthy_flight_is_a_miss(gyro: cases.Case) -> None:
+    well = replace(gyro, effects=())
+    claims, quiet = (judged(well, diagnosis(well, *c), 1.0) for c in ((cause("icing"),), ()))
+    assert claims.missed
+    assert not quiet.missed
+    assert figures("x", [claims, quiet]).quiet == 50.0
+    assert confusion([claims, quiet]) == {"none": {"icing": 1, "none": 1}}
+
+
+def test_names_of_one_and_the_same_change() -> None:
+    assert same("derivative[m_q]", "pitch_damping")
+    assert same("icing[all]", "icing")
+    assert not same("icing[wing]", "icing")
+    assert not same("derivative[m_w]", "cg_shift")
+
+
+def test_figures_of_nothing() -> None:
+    verdict = Verdict("", "x", 0, "a", "none", 0.0, (), ())
+    assert figures("x", [verdict]).named is None
