@@ -14,7 +14,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Literal
 
-from diagnosis_from_simulation import FlownCase, draw_simulation, made
+from diagnosis_draw import weakest_signal
+from diagnosis_from_simulation import SimulatedPlan, draw_simulation
 from diagnosis_hidden import Case, Hidden
 
 from wingwatch.aircraft import Aircraft, load_aircraft
@@ -55,7 +56,8 @@ def _fixed(name: str, library: str, *hidden: Hidden, turbulence: Literal["none",
     at = aircraft.envelope.cruise
     first = doublet_schedule(aircraft, at, AMPLITUDE_RAD, spacing_s=6.0)
     second = three_two_one_one_schedule(aircraft, at, AMPLITUDE_RAD)
-    case = made(FlownCase(1, aircraft, at, ((first,), second), turbulence=turbulence, name=name), hidden)
+    plan = SimulatedPlan(1, aircraft, at, ((first,), second), turbulence=turbulence, name=name)
+    case = plan.case(hidden, weakest_signal(plan, hidden))
     assert case is not None
     return case
 

@@ -10,17 +10,8 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from diagnosis_hidden import (
-    CATALOGUE,
-    LEAST_SIGNAL,
-    SURFACES,
-    Array,
-    Case,
-    Hidden,
-    bigger,
-    draw_hidden,
-    signal_to_noise,
-)
+from diagnosis_draw import drawn, flyable
+from diagnosis_hidden import CATALOGUE, SURFACES, Array, Case, Hidden
 
 from wingwatch.aircraft import (
     DUTCH_ROLL,
@@ -46,7 +37,7 @@ from wingwatch.simulation import (
 )
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
-__all__ = ["FlownCase", "draw_simulation", "drawn_manoeuvres", "made"]
+__all__ = ["SimulatedPlan", "draw_simulation"]
 
 AIRCRAFT = ("aerosonde", "twinotter", "ultrastick25e")
 RATE_HZ = 50
@@ -57,14 +48,11 @@ TURBULENCE: tuple[Turbulence, ...] = ("none", "light", "moderate")
 HOW_OFTEN = (0.5, 0.4, 0.1)
 COMMAND_ONLY = 0.1
 """Share of flights whose record has no measured surface positions."""
-ATTEMPTS = 40
 _NEEDS_POSITION = ("actuator_", "surface_")
-_LARGEST = {"roll_rad": 1.2, "pitch_rad": 0.8, "angle_of_attack_rad": 0.35, "sideslip_rad": 0.4}
-"""Beyond these a flight is not one that anybody would identify a model from."""
 
 
 @dataclass(frozen=True, slots=True)
-class FlownCase:
+class SimulatedPlan:
     """How a case is flown, all but its effects.
 
     Attributes:
@@ -87,18 +75,47 @@ class FlownCase:
     command_only: bool = False
     name: str = ""
 
-    def scenario(self, effects: Sequence[Effect], which: int, ideal: bool = False) -> Scenario:
+    def ideal(self, effects: Sequence[Hidden]) -> Array | None:
+        """The flight in still air without noise; None where the aircraft cannot have the effects or be flown."""
+        flights = self._flown([self._scenario(effects, 0, ideal=True)])
+        return None if flights is None else flights[0]
+
+    def case(self, effects: Sequence[Hidden], signal: float) -> Case | None:
+        """The case, None where the aircraft cannot have the effects or be flown."""
+        flights = self._flown([self._scenario(effects, which) for which in (0, 1)])
+        if flights is None:
+            return None
+        kind = "command" if self.command_only else "position"
+        return Case(
+            "simulation", self.seed, self.aircraft, SampleBlock(flights[0]), SampleBlock(flights[1]),
+            {f"{surface}_rad": kind for surface in SURFACES}, tuple(effects), self.turbulence, signal, self.name,
+        )  # fmt: skip
+
+    def _scenario(self, effects: Sequence[Hidden], which: int, ideal: bool = False) -> Scenario:
         """Of the flight (0) or the held-out one (1); ``ideal`` in still air without noise."""
         return Scenario(
             self.aircraft,
             self.condition.airspeed_true_m_s,
             self.condition.altitude_m,
             self.manoeuvres[which],
-            tuple(effects),
+            tuple(as_effect(hidden) for hidden in effects),
             "none" if ideal else self.turbulence,
             seed=2 * self.seed + which,
             noise=not ideal,
         )
+
+    def _flown(self, scenarios: Sequence[Scenario]) -> list[Array] | None:
+        """Flight tables, (samples, channels)."""
+        try:
+            fleet = FleetSimulation(scenarios, RATE_HZ, refine=REFINE)
+        except (AircraftDataError, TrimError):
+            return None
+        values = fleet.step(round(RATE_HZ * self.seconds))
+        if self.command_only:
+            for surface in SURFACES:
+                command = values[..., CHANNEL_INDEX[f"{surface}_command_rad"]]
+                values[..., CHANNEL_INDEX[f"{surface}_rad"]] = command
+        return list(values) if all(flyable(flight) for flight in values) else None
 
 
 @cache
@@ -113,19 +130,11 @@ def draw_simulation(seed: int, count: int) -> Case:
         RuntimeError: none of many draws could be flown and seen.
     """
     plan = _plan(np.random.default_rng([seed, 1]), seed)
-    rng = np.random.default_rng([seed, 2])
     rows = [r for r in CATALOGUE if not (plan.command_only and r.name.startswith(_NEEDS_POSITION))]
-    for _ in range(ATTEMPTS):
-        hidden: list[Hidden] = []
-        for _ in range(count):
-            hidden.append(draw_hidden(rng, rows, plan.aircraft, [h.name for h in hidden]))
-        case = _seen(plan, hidden)
-        if case is not None:
-            return case
-    raise RuntimeError(f"no effect of seed {seed} can be flown and seen in simulation; give another seed")
+    return drawn(plan, rows, np.random.default_rng([seed, 2]), count)
 
 
-def _plan(rng: np.random.Generator, seed: int) -> FlownCase:
+def _plan(rng: np.random.Generator, seed: int) -> SimulatedPlan:
     stated = _library(AIRCRAFT[rng.integers(len(AIRCRAFT))])
     louder = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
     noise = {column: louder * std for column, std in stated.sensors.noise_std.items()}
@@ -137,14 +146,14 @@ def _plan(rng: np.random.Generator, seed: int) -> FlownCase:
     seconds = float(rng.integers(60, 121))
     level = np.radians(rng.uniform(1.5, 4.0 if stated.name != "twinotter" else 3.0))
     turbulence = TURBULENCE[rng.choice(len(TURBULENCE), p=HOW_OFTEN)]
-    flights = [drawn_manoeuvres(rng, aircraft, condition, float(level), seconds) for _ in range(2)]
-    return FlownCase(
+    flights = [_manoeuvres(rng, aircraft, condition, float(level), seconds) for _ in range(2)]
+    return SimulatedPlan(
         seed, aircraft, condition, (flights[0], flights[1]), seconds, turbulence,
         command_only=bool(rng.random() < COMMAND_ONLY),
     )  # fmt: skip
 
 
-def drawn_manoeuvres(
+def _manoeuvres(
     rng: np.random.Generator,
     aircraft: Aircraft,
     condition: FlightCondition,
@@ -187,76 +196,6 @@ def _multisine(aircraft: Aircraft, amplitude_rad: float, length_s: float, start_
     return Multisine(SURFACES, (amplitude_rad,) * 3, dealt, phases, length_s, start_s, length_s)
 
 
-def _seen(plan: FlownCase, hidden: Sequence[Hidden]) -> Case | None:
-    """The case, with sizes raised until each effect is seen alone; None where that cannot be."""
-    try:
-        clean = _flown([plan.scenario((), 0, ideal=True)], plan)[0]
-        found, least = [], np.inf
-        for effect in hidden:
-            loud, signal = _raised(plan, effect, clean)
-            if loud is None:
-                return None
-            found.append(loud)
-            least = min(least, signal)
-        return made(plan, found, least if found else 0.0)
-    except (AircraftDataError, TrimError):
-        return None
-
-
-def _raised(plan: FlownCase, effect: Hidden, clean: Array) -> tuple[Hidden | None, float]:
-    """The effect with the size that is seen, and its signal; None where none is both seen and flown."""
-    loud: Hidden | None = effect
-    while loud is not None:
-        flown = _flown([plan.scenario((as_effect(loud),), 0, ideal=True)], plan)[0]
-        if not _flyable(flown):
-            return None, 0.0
-        signal = signal_to_noise(plan.aircraft, loud, flown, clean)
-        if signal >= LEAST_SIGNAL:
-            return loud, signal
-        loud = bigger(loud, CATALOGUE, plan.aircraft)
-    return None, 0.0
-
-
-def made(plan: FlownCase, hidden: Sequence[Hidden], signal: float | None = None) -> Case | None:
-    """The case of a plan with effects, None where its flights leave what is flyable.
-
-    Raises:
-        AircraftDataError, TrimError: effects that this aircraft cannot have or not be trimmed with.
-    """
-    effects = [as_effect(h) for h in hidden]
-    if signal is None:
-        clean = _flown([plan.scenario((), 0, ideal=True)], plan)[0]
-        alone = [_flown([plan.scenario((e,), 0, ideal=True)], plan)[0] for e in effects]
-        signal = min(
-            (signal_to_noise(plan.aircraft, h, x, clean) for h, x in zip(hidden, alone, strict=True)),
-            default=0.0,
-        )
-    flights = _flown([plan.scenario(effects, which) for which in (0, 1)], plan)
-    if not all(_flyable(flight) for flight in flights):
-        return None
-    return Case(
-        "simulation", plan.seed, plan.aircraft, SampleBlock(flights[0]), SampleBlock(flights[1]),
-        {f"{s}_rad": "command" if plan.command_only else "position" for s in SURFACES},
-        tuple(hidden), plan.turbulence, float(signal), plan.name,
-    )  # fmt: skip
-
-
 def as_effect(hidden: Hidden) -> Effect:
     """The simulation's own effect, there from the start."""
     return parse_effect(f"{hidden.label}:{hidden.size!r}@0")
-
-
-def _flown(scenarios: Sequence[Scenario], plan: FlownCase) -> list[Array]:
-    """Flight tables of scenarios, (samples, channels)."""
-    values = FleetSimulation(scenarios, RATE_HZ, refine=REFINE).step(round(RATE_HZ * plan.seconds))
-    if plan.command_only:
-        for surface in SURFACES:
-            values[..., CHANNEL_INDEX[f"{surface}_rad"]] = values[
-                ..., CHANNEL_INDEX[f"{surface}_command_rad"]
-            ]
-    return list(values)
-
-
-def _flyable(values: Array) -> bool:
-    """Whether a flight stays where one would identify a model from it."""
-    return all(bool((np.abs(values[:, CHANNEL_INDEX[name]]) < most).all()) for name, most in _LARGEST.items())

@@ -1,0 +1,315 @@
+"""Cases flown by JSBSim: its bundled aircraft, with effects by its own means.
+
+The aircraft are those of ``jsbsim_aircraft`` that a linear model describes (a constant force for the engine, no flight
+control system, no drag by sideslip, which would pitch an aircraft whose centre of gravity is off the plane of its
+forces). Servos are ours, and a loop that holds pitch and bank. The file has JSBSim's own linearised derivatives at the
+trim, geometry, mass and servos.
+
+Effects on the aircraft change JSBSim's configuration before it is loaded: aerodynamic functions scaled, mass and
+inertias, the place of the centre of gravity. The size of ``pitch_damping`` and ``derivative`` is the ratio of JSBSim's
+own linearised derivative after to before, minus 1 (a scaled coefficient is not all of it). Sensor effects are put on
+the recorded columns (``diagnosis_readings``).
+"""
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from diagnosis_air import Servo, gusts
+from diagnosis_draw import drawn, flyable
+from diagnosis_hidden import CATALOGUE, SURFACES, Array, Case, Hidden
+from diagnosis_inputs import KINDS, commands
+from diagnosis_jsbsim_flight import STEP_HZ, Holds, jsbsim_motion
+from diagnosis_readings import SENSOR_EFFECTS, Motion, readings
+from jsbsim_aircraft import AIRCRAFT, Subject
+from jsbsim_file import SLUG_FT2
+from jsbsim_peer import FT, SLUG, Peer
+
+from wingwatch.aircraft import (
+    LATERAL,
+    SHORT_PERIOD,
+    Actuator,
+    Actuators,
+    Aircraft,
+    ConditionEntry,
+    DerivativeEntry,
+    FlightCondition,
+    Geometry,
+    Mass,
+    Mode,
+    Sensors,
+    load_aircraft,
+)
+from wingwatch.telemetry import SampleBlock
+
+__all__ = ["JsbsimPlan", "as_stated", "draw_jsbsim", "subject_with"]
+
+NAMES: dict[str, tuple[float, float]] = {
+    "c172r": (0.9, 1.4), "c310": (0.9, 1.4), "pa28": (0.95, 1.4), "L17": (0.9, 1.0), "F80C": (0.9, 1.4),
+    "B17": (0.9, 1.4),
+}  # fmt: skip
+"""Aircraft whose accelerations the linear model describes to 3 % of their size after two degrees of doublets, and the
+airspeeds where that is so, over those of ``jsbsim_aircraft``."""
+WITHOUT = ("aero/coefficient/CDbeta",)
+EFFECTS = (
+    *(f"{surface}_effectiveness" for surface in SURFACES), "surface_offset", "cg_shift", "mass_inertia",
+    "pitch_damping", "actuator_lag", "actuator_rate_limit", "actuator_backlash", "derivative", *SENSOR_EFFECTS,
+)  # fmt: skip
+ROWS = tuple(row for row in CATALOGUE if row.name in EFFECTS)
+_SERVOS = ("actuator_", "surface_")
+STATED_ERROR = 0.1
+"""Standard error of a stated derivative, of its natural size."""
+HOW_OFTEN = {"none": 0.5, "light": 0.4, "moderate": 0.1}
+NOISE = load_aircraft("twinotter").sensors.noise_std
+HOLDS = Holds()
+
+_PROPERTIES = {
+    "beta": ("aero/beta-rad",),
+    "p": ("velocities/p-aero-rad_sec", "velocities/p-rad_sec"),
+    "q": ("velocities/q-aero-rad_sec", "velocities/q-rad_sec"),
+    "r": ("velocities/r-aero-rad_sec", "velocities/r-rad_sec"),
+    "elevator": ("fcs/elevator-pos-rad", "fcs/mag-elevator-pos-rad"),
+    "aileron": ("fcs/left-aileron-pos-rad", "fcs/right-aileron-pos-rad"),
+    "rudder": ("fcs/rudder-pos-rad",),
+    "alphadot": ("aero/alphadot-rad_sec",),
+}
+_AXIS = {"z": "LIFT", "y": "SIDE", "l": "ROLL", "m": "PITCH", "n": "YAW"}
+_INDEX = {
+    "w": "alpha", "v": "beta", "p": "p", "q": "q", "r": "r", "eta": "elevator", "xi": "aileron", "zeta": "rudder",
+}  # fmt: skip
+
+
+def _regressor(function: ET.Element) -> str:
+    """What an aerodynamic term goes with: a rate, an angle or a surface; ``alpha`` where only that is in it."""
+    named = {(element.text or "").strip() for element in function.iter("property")}
+    for regressor, properties in _PROPERTIES.items():
+        if named & set(properties):
+            return regressor
+    tables = {(element.text or "").strip() for element in function.iter("independentVar")}
+    return "alpha" if "aero/alpha-rad" in named | tables else ""
+
+
+def _scale(tree: ET.Element, axis: str, regressor: str, factor: float) -> None:
+    """Every term of an axis (of all, where it is empty) that goes with a regressor times a factor."""
+    for element in tree.findall("aerodynamics/axis"):
+        if axis and element.get("name") != axis:
+            continue
+        for function in element.findall("function"):
+            product = function.find("product")
+            if product is not None and _regressor(function) == regressor:
+                ET.SubElement(product, "value").text = repr(factor)
+
+
+def _shift_centre(tree: ET.Element, shift_m: float) -> None:
+    """The centre of gravity further aft, and with it the thrust that goes through it."""
+    for place in (
+        tree.find("mass_balance/location[@name='CG']"),
+        tree.find("external_reactions/force/location"),
+    ):
+        assert place is not None
+        along = place.find("x")
+        assert along is not None
+        unit = {"IN": FT / 12.0, "FT": FT, "M": 1.0}[place.get("unit", "IN")]
+        along.text = repr(float(along.text or "") + shift_m / unit)
+
+
+def _change(effects: Sequence[Hidden]) -> Callable[[ET.Element], None]:
+    """What effects do to a description."""
+
+    def change(tree: ET.Element) -> None:
+        for effect in effects:
+            if effect.name.endswith("_effectiveness"):
+                _scale(tree, "", effect.name.removesuffix("_effectiveness"), 1.0 - effect.size)
+            elif effect.name == "pitch_damping":
+                _scale(tree, "PITCH", "q", 1.0 + effect.size)
+            elif effect.name == "derivative":
+                row, index = effect.target.split("_")
+                _scale(tree, _AXIS[row], _INDEX[index], 1.0 + effect.size)
+            elif effect.name == "cg_shift":
+                _shift_centre(tree, effect.size)
+
+    return change
+
+
+def mass_of(peer: Peer) -> Mass:
+    """A loaded aircraft's mass and inertias."""
+    return Mass(
+        mass_kg=peer["inertia/mass-slugs"] * SLUG,
+        inertia_x_kg_m2=peer["inertia/ixx-slugs_ft2"] * SLUG_FT2,
+        inertia_y_kg_m2=peer["inertia/iyy-slugs_ft2"] * SLUG_FT2,
+        inertia_z_kg_m2=peer["inertia/izz-slugs_ft2"] * SLUG_FT2,
+        inertia_xz_kg_m2=-peer["inertia/ixz-slugs_ft2"] * SLUG_FT2,  # JSBSim keeps the tensor's element
+    )
+
+
+def _peer(name: str, effects: Sequence[Hidden], mass: Mass | None) -> Peer:
+    peer = Peer(name, rate_hz=STEP_HZ, without=WITHOUT, mass=mass, change=_change(effects))
+    # Adams and Bashforth's second order; the bundled Euler step makes a roll mode of 10 rad/s 2 % too slow.
+    peer["simulation/integrator/rate/rotational"] = peer["simulation/integrator/position/rotational"] = 3
+    return peer
+
+
+@lru_cache(maxsize=8)
+def subject_with(name: str, condition: FlightCondition, effects: tuple[Hidden, ...] = ()) -> Subject:
+    """A bundled aircraft with effects, trimmed.
+
+    Raises:
+        ValueError: no level flight there.
+    """
+    by_mass = [effect.size for effect in effects if effect.name == "mass_inertia"]
+    mass = None
+    if by_mass:
+        before = mass_of(_peer(name, (), None))
+        mass = Mass(**{key: value * (1.0 + by_mass[0]) for key, value in before.model_dump().items()})
+    return Subject(name, condition, _peer(name, effects, mass))
+
+
+def as_stated(name: str, condition: FlightCondition, effect: Hidden) -> Hidden:
+    """The effect with the size that JSBSim's own linearisation shows, where its size is that of a derivative."""
+    if effect.name not in ("pitch_damping", "derivative"):
+        return effect
+    symbol = "m_q" if effect.name == "pitch_damping" else effect.target
+    speed = condition.airspeed_true_m_s
+    before, after = (subject_with(name, condition, e).truth_at(speed)[0][symbol] for e in ((), (effect,)))
+    return replace(effect, size=after / before - 1.0)
+
+
+@dataclass(frozen=True)
+class JsbsimPlan:
+    """How a case is flown, all but its effects.
+
+    Attributes:
+        seed: of noise and gusts.
+        name: of the bundled aircraft.
+        condition: where it flies.
+        inputs: commands added to the trim's, rad, (samples, 3), of the flight and of the held-out one.
+        servo_hz: bandwidth of the servos, as the file has it.
+        holds: gains of the loop.
+        louder: noise over that of the Twin Otter's file.
+        turbulence: of both flights.
+        fixed: name of a fixed case.
+    """
+
+    seed: int
+    name: str
+    condition: FlightCondition
+    inputs: tuple[Array, Array]
+    servo_hz: float = 8.0
+    holds: Holds = HOLDS
+    louder: float = 1.0
+    turbulence: str = "none"
+    fixed: str = ""
+    _motions: dict[tuple[tuple[Hidden, ...], int, bool], Motion | None] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    """Flights that were flown, by effects, which of the two, and whether in still air."""
+
+    @cached_property
+    def aircraft(self) -> Aircraft:
+        """The file of the aircraft without effects."""
+        subject = subject_with(self.name, self.condition)
+        noise = {column: self.louder * std for column, std in NOISE.items()}
+        return stated_file(subject, self.servo_hz, noise)
+
+    def ideal(self, effects: Sequence[Hidden]) -> Array | None:
+        """The flight in still air without noise; None where it cannot be flown."""
+        return self._flown(effects, 0, ideal=True)
+
+    def case(self, effects: Sequence[Hidden], signal: float) -> Case | None:
+        """The case; None where it cannot be flown."""
+        flights = [self._flown(effects, which, ideal=False) for which in (0, 1)]
+        if flights[0] is None or flights[1] is None:
+            return None
+        stated = tuple(as_stated(self.name, self.condition, effect) for effect in effects)
+        return Case(
+            "jsbsim", self.seed, self.aircraft, SampleBlock(flights[0]), SampleBlock(flights[1]),
+            {f"{surface}_rad": "position" for surface in SURFACES}, stated, self.turbulence, signal, self.fixed,
+        )  # fmt: skip
+
+    def _flown(self, effects: Sequence[Hidden], which: int, ideal: bool) -> Array | None:
+        key = (_in_flight(effects), which, ideal or self.turbulence == "none")
+        if key not in self._motions:
+            self._motions[key] = self._motion(*key)
+        motion = self._motions[key]
+        chance = None if ideal else np.random.default_rng([self.seed, 6, which])
+        return None if motion is None else readings(motion, effects, self.aircraft.sensors.noise_std, chance)
+
+    def _motion(self, effects: Sequence[Hidden], which: int, still: bool) -> Motion | None:
+        ours = tuple(effect for effect in effects if not effect.name.startswith(_SERVOS))
+        try:
+            subject = subject_with(self.name, self.condition, ours)
+        except ValueError:  # no level flight
+            return None
+        servos = [Servo(self.servo_hz).under(effects, surface) for surface in SURFACES]
+        air = None
+        if not still:
+            chance = np.random.default_rng([self.seed, 5, which])
+            speed = self.condition.airspeed_true_m_s
+            air = gusts(chance, self.turbulence, speed, len(self.inputs[which]))
+        motion = jsbsim_motion(subject, self.inputs[which], servos, self.holds, air)
+        shift = sum(effect.size for effect in effects if effect.name == "cg_shift")
+        return replace(motion, sensors_ahead_m=shift) if flyable(motion.table) else None
+
+
+def _in_flight(effects: Sequence[Hidden]) -> tuple[Hidden, ...]:
+    """Those that change how the aircraft flies, not only what its sensors read."""
+    return tuple(effect for effect in effects if effect.name not in SENSOR_EFFECTS)
+
+
+def stated_file(subject: Subject, servo_hz: float, noise_std: dict[str, float]) -> Aircraft:
+    """The aircraft's file: JSBSim's linearised derivatives, its dimensions and mass, our servos."""
+    peer, at = subject.peer, subject.condition
+    table, alpha = subject.truth_at(at.airspeed_true_m_s)
+    entries = {
+        d: DerivativeEntry(value=table[d], standard_error=STATED_ERROR * float(size))
+        for structure in (SHORT_PERIOD, LATERAL)
+        for d, size in zip(structure.derivatives, subject.natural(structure), strict=True)
+    }
+    here = ConditionEntry(
+        airspeed_true_m_s=at.airspeed_true_m_s, altitude_m=at.altitude_m, angle_of_attack_rad=alpha,
+        provenance="a-priori", derivatives=entries,
+    )  # fmt: skip
+    servo = Actuator(bandwidth_hz=servo_hz)
+    return Aircraft(
+        format=1,
+        name=subject.name.lower(),
+        geometry=Geometry(
+            wing_area_m2=peer["metrics/Sw-sqft"] * FT**2,
+            span_m=peer["metrics/bw-ft"] * FT,
+            mean_chord_m=peer["metrics/cbarw-ft"] * FT,
+        ),
+        mass=mass_of(peer),
+        sensors=Sensors(noise_std=noise_std),
+        actuators=Actuators(elevator=servo, aileron=servo, rudder=servo),
+        modes={s.name: Mode(band_hz=subject.band_hz(s)) for s in (SHORT_PERIOD, LATERAL)},
+        conditions=(here,),
+    )
+
+
+def draw_jsbsim(seed: int, count: int) -> Case:
+    """A case with ``count`` effects; what is flown goes by the seed alone.
+
+    Raises:
+        RuntimeError: none of many draws could be flown and seen.
+    """
+    rng = np.random.default_rng([seed, 3])
+    name = list(NAMES)[rng.integers(len(NAMES))]
+    usual, (low, high) = AIRCRAFT[name], NAMES[name]
+    condition = FlightCondition(round(usual.airspeed_true_m_s * rng.uniform(low, high), 1), usual.altitude_m)
+    subject = subject_with(name, condition)
+    frequencies = (subject.frequency_rad_s(SHORT_PERIOD), subject.frequency_rad_s(LATERAL))
+    seconds, amplitude = float(rng.integers(60, 121)), math.radians(rng.uniform(1.0, 3.0))
+    inputs = [
+        commands(rng, KINDS[rng.integers(len(KINDS))], seconds, frequencies, amplitude) for _ in range(2)
+    ]
+    plan = JsbsimPlan(
+        seed, name, condition, (inputs[0], inputs[1]),
+        servo_hz=round(float(rng.uniform(4.0, 10.0)), 1),
+        holds=Holds(0.15 * rng.uniform(0.6, 1.5), 0.2 * rng.uniform(0.6, 1.5)),
+        louder=float(np.exp(rng.uniform(math.log(0.5), math.log(2.0)))),
+        turbulence=str(rng.choice(list(HOW_OFTEN), p=list(HOW_OFTEN.values()))),
+    )  # fmt: skip
+    return drawn(plan, ROWS, np.random.default_rng([seed, 4]), count)
