@@ -14,8 +14,8 @@ the recorded columns (``diagnosis_readings``).
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from diagnosis_air import Servo, gusts
@@ -23,8 +23,8 @@ from diagnosis_draw import drawn, flyable
 from diagnosis_hidden import CATALOGUE, SURFACES, Array, Case, Hidden
 from diagnosis_inputs import KINDS, commands
 from diagnosis_jsbsim_flight import STEP_HZ, Holds, jsbsim_motion
-from diagnosis_readings import SENSOR_EFFECTS, Motion, readings
-from jsbsim_aircraft import AIRCRAFT, Subject
+from diagnosis_readings import SENSOR_EFFECTS, Motion, Recorder
+from jsbsim_aircraft import AIRCRAFT, Subject, misfit
 from jsbsim_file import SLUG_FT2
 from jsbsim_peer import FT, SLUG, Peer
 
@@ -51,7 +51,7 @@ NAMES: dict[str, tuple[float, float]] = {
     "c172r": (0.9, 1.4), "c310": (0.9, 1.4), "pa28": (0.95, 1.4), "L17": (0.9, 1.0), "F80C": (0.9, 1.4),
     "B17": (0.9, 1.4),
 }  # fmt: skip
-"""Aircraft whose accelerations the linear model describes to 3 % of their size after two degrees of doublets, and the
+"""Aircraft whose accelerations the linear model describes to 5 % of their size after two degrees of doublets, and the
 airspeeds where that is so, over those of ``jsbsim_aircraft``."""
 WITHOUT = ("aero/coefficient/CDbeta",)
 EFFECTS = (
@@ -152,29 +152,26 @@ def _peer(name: str, effects: Sequence[Hidden], mass: Mass | None) -> Peer:
     return peer
 
 
-@lru_cache(maxsize=8)
-def subject_with(name: str, condition: FlightCondition, effects: tuple[Hidden, ...] = ()) -> Subject:
+def subject_with(name: str, condition: FlightCondition, effects: Sequence[Hidden] = ()) -> Subject:
     """A bundled aircraft with effects, trimmed.
 
     Raises:
         ValueError: no level flight there.
     """
-    by_mass = [effect.size for effect in effects if effect.name == "mass_inertia"]
+    heavier = next((effect.size for effect in effects if effect.name == "mass_inertia"), None)
     mass = None
-    if by_mass:
-        before = mass_of(_peer(name, (), None))
-        mass = Mass(**{key: value * (1.0 + by_mass[0]) for key, value in before.model_dump().items()})
+    if heavier is not None:
+        before = mass_of(Subject(name, condition, _peer(name, (), None)).peer)
+        mass = Mass(**{key: value * (1.0 + heavier) for key, value in before.model_dump().items()})
     return Subject(name, condition, _peer(name, effects, mass))
 
 
-def as_stated(name: str, condition: FlightCondition, effect: Hidden) -> Hidden:
+def as_stated(effect: Hidden, before: Subject, after: Subject) -> Hidden:
     """The effect with the size that JSBSim's own linearisation shows, where its size is that of a derivative."""
     if effect.name not in ("pitch_damping", "derivative"):
         return effect
-    symbol = "m_q" if effect.name == "pitch_damping" else effect.target
-    speed = condition.airspeed_true_m_s
-    before, after = (subject_with(name, condition, e).truth_at(speed)[0][symbol] for e in ((), (effect,)))
-    return replace(effect, size=after / before - 1.0)
+    symbol, speed = effect.target or "m_q", before.condition.airspeed_true_m_s
+    return replace(effect, size=after.truth_at(speed)[0][symbol] / before.truth_at(speed)[0][symbol] - 1.0)
 
 
 @dataclass(frozen=True)
@@ -202,45 +199,54 @@ class JsbsimPlan:
     louder: float = 1.0
     turbulence: str = "none"
     fixed: str = ""
-    _motions: dict[tuple[tuple[Hidden, ...], int, bool], Motion | None] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
-    """Flights that were flown, by effects, which of the two, and whether in still air."""
 
     @cached_property
     def aircraft(self) -> Aircraft:
         """The file of the aircraft without effects."""
-        subject = subject_with(self.name, self.condition)
         noise = {column: self.louder * std for column, std in NOISE.items()}
-        return stated_file(subject, self.servo_hz, noise)
+        return stated_file(self._subject(()), self.servo_hz, noise)
+
+    @cached_property
+    def _recorder(self) -> Recorder:
+        return Recorder(self._motion, self.seed, self.aircraft.sensors.noise_std, self.turbulence == "none")
+
+    @cached_property
+    def _subjects(self) -> dict[tuple[Hidden, ...], Subject]:
+        """Loaded aircraft of this plan alone: what JSBSim did before shows in the last digits of what it does next."""
+        return {}
+
+    def _subject(self, effects: Sequence[Hidden]) -> Subject:
+        key = tuple(e for e in effects if e.name not in SENSOR_EFFECTS and not e.name.startswith(_SERVOS))
+        if key not in self._subjects:
+            self._subjects[key] = subject_with(self.name, self.condition, key)
+        return self._subjects[key]
 
     def ideal(self, effects: Sequence[Hidden]) -> Array | None:
         """The flight in still air without noise; None where it cannot be flown."""
-        return self._flown(effects, 0, ideal=True)
+        return self._recorder.table(effects, 0, ideal=True)
 
     def case(self, effects: Sequence[Hidden], signal: float) -> Case | None:
         """The case; None where it cannot be flown."""
-        flights = [self._flown(effects, which, ideal=False) for which in (0, 1)]
+        flights = [self._recorder.table(effects, which) for which in (0, 1)]
         if flights[0] is None or flights[1] is None:
             return None
-        stated = tuple(as_stated(self.name, self.condition, effect) for effect in effects)
+        stated = tuple(as_stated(effect, self._subject(()), self._subject((effect,))) for effect in effects)
         return Case(
             "jsbsim", self.seed, self.aircraft, SampleBlock(flights[0]), SampleBlock(flights[1]),
             {f"{surface}_rad": "position" for surface in SURFACES}, stated, self.turbulence, signal, self.fixed,
+            self._misfit(effects),
         )  # fmt: skip
 
-    def _flown(self, effects: Sequence[Hidden], which: int, ideal: bool) -> Array | None:
-        key = (_in_flight(effects), which, ideal or self.turbulence == "none")
-        if key not in self._motions:
-            self._motions[key] = self._motion(*key)
-        motion = self._motions[key]
-        chance = None if ideal else np.random.default_rng([self.seed, 6, which])
-        return None if motion is None else readings(motion, effects, self.aircraft.sensors.noise_std, chance)
+    def _misfit(self, effects: Sequence[Hidden]) -> float:
+        """What the true linear model leaves of the held-out flight, the worse of the two structures."""
+        motion = self._recorder.motion(effects, 1)
+        assert motion is not None
+        subject = self._subject(effects)
+        return max(misfit(subject, s, motion.table, motion.spin) for s in (SHORT_PERIOD, LATERAL))
 
-    def _motion(self, effects: Sequence[Hidden], which: int, still: bool) -> Motion | None:
-        ours = tuple(effect for effect in effects if not effect.name.startswith(_SERVOS))
+    def _motion(self, effects: tuple[Hidden, ...], which: int, still: bool) -> Motion | None:
         try:
-            subject = subject_with(self.name, self.condition, ours)
+            subject = self._subject(effects)
         except ValueError:  # no level flight
             return None
         servos = [Servo(self.servo_hz).under(effects, surface) for surface in SURFACES]
@@ -252,11 +258,6 @@ class JsbsimPlan:
         motion = jsbsim_motion(subject, self.inputs[which], servos, self.holds, air)
         shift = sum(effect.size for effect in effects if effect.name == "cg_shift")
         return replace(motion, sensors_ahead_m=shift) if flyable(motion.table) else None
-
-
-def _in_flight(effects: Sequence[Hidden]) -> tuple[Hidden, ...]:
-    """Those that change how the aircraft flies, not only what its sensors read."""
-    return tuple(effect for effect in effects if effect.name not in SENSOR_EFFECTS)
 
 
 def stated_file(subject: Subject, servo_hz: float, noise_std: dict[str, float]) -> Aircraft:

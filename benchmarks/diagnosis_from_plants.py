@@ -9,7 +9,7 @@ noise.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from diagnosis_draw import drawn, flyable
 from diagnosis_hidden import CATALOGUE, SURFACES, Array, Case, Hidden, Range
 from diagnosis_inputs import KINDS, commands
 from diagnosis_plants import BASES, SURFACE_SYMBOLS, Plant, plant_motion
-from diagnosis_readings import SENSOR_EFFECTS, Motion, readings
+from diagnosis_readings import SENSOR_EFFECTS, Motion, Recorder
 
 from wingwatch.aircraft import (
     DUTCH_ROLL,
@@ -163,41 +163,33 @@ class PlantPlan:
     holds: tuple[float, float] = (0.1, 0.1)
     turbulence: str = "none"
     fixed: str = ""
-    _motions: dict[tuple[tuple[Hidden, ...], int, bool], Motion | None] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
 
     @cached_property
     def aircraft(self) -> Aircraft:
         """The file of the aircraft without effects."""
         return stated_plant(self.plant, self.kind, self.servo_hz, self.noise_std)
 
+    @cached_property
+    def _recorder(self) -> Recorder:
+        return Recorder(self._motion, self.seed, self.noise_std, self.turbulence == "none")
+
     def ideal(self, effects: Sequence[Hidden]) -> Array | None:
         """The flight in still air without noise; None where it cannot be flown."""
-        return self._flown(effects, 0, ideal=True)
+        return self._recorder.table(effects, 0, ideal=True)
 
     def case(self, effects: Sequence[Hidden], signal: float) -> Case | None:
         """The case; None where it cannot be flown."""
-        flights = [self._flown(effects, which, ideal=False) for which in (0, 1)]
+        flights = [self._recorder.table(effects, which) for which in (0, 1)]
         if flights[0] is None or flights[1] is None:
             return None
         n_p = self.plant.derivatives["n_p"]
         said = tuple(replace(e, size=n_p) if e.name == "roll_yaw_coupling" else e for e in effects)
         return Case(
             "plant", self.seed, self.aircraft, SampleBlock(flights[0]), SampleBlock(flights[1]),
-            {f"{surface}_rad": "position" for surface in SURFACES}, said, self.turbulence, signal, self.fixed,
+            {f"{surface}_rad": "position" for surface in SURFACES}, said, self.turbulence, signal, self.fixed, 0.0,
         )  # fmt: skip
 
-    def _flown(self, effects: Sequence[Hidden], which: int, ideal: bool) -> Array | None:
-        in_flight = tuple(effect for effect in effects if effect.name not in SENSOR_EFFECTS)
-        key = (in_flight, which, ideal or self.turbulence == "none")
-        if key not in self._motions:
-            self._motions[key] = self._motion(*key)
-        motion = self._motions[key]
-        chance = None if ideal else np.random.default_rng([self.seed, 6, which])
-        return None if motion is None else readings(motion, effects, self.noise_std, chance)
-
-    def _motion(self, effects: Sequence[Hidden], which: int, still: bool) -> Motion | None:
+    def _motion(self, effects: tuple[Hidden, ...], which: int, still: bool) -> Motion | None:
         air = None
         if not still:
             chance = np.random.default_rng([self.seed, 5, which])
@@ -233,7 +225,7 @@ def draw_plant(seed: int, count: int) -> Case:
     plan = PlantPlan(
         seed, plant, kind, (inputs[0], inputs[1]), {name: louder * std for name, std in quieter.items()},
         servo_hz=round(float(rng.uniform(4.0, 10.0)), 1),
-        holds=(float(rng.uniform(0.05, 0.2)), float(rng.uniform(0.05, 0.2))),
+        holds=(float(rng.uniform(0.05, 0.2)), float(rng.uniform(0.05, 0.2)) if kind == "full" else 0.0),
         turbulence=str(rng.choice(list(AIR), p=list(AIR.values()))),
     )  # fmt: skip
     rows = plant_rows(kind, plant.geometry is not None)

@@ -80,6 +80,8 @@ class Case:
         turbulence: ``none``, ``light`` or ``moderate``.
         signal_to_noise: of the least of the effects (``signal_to_noise``); 0 for a healthy case.
         name: of a fixed case; empty for one that was drawn.
+        true_model_misfit: what the linear model with the true derivatives leaves of the held-out flight's true
+            accelerations, of their standard deviation; NaN where it is not known. None of a plant.
     """
 
     source: str
@@ -92,6 +94,7 @@ class Case:
     turbulence: str
     signal_to_noise: float
     name: str = ""
+    true_model_misfit: float = math.nan
 
     @property
     def label(self) -> str:

@@ -30,7 +30,7 @@ from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
 __all__ = ["BASES", "SURFACE_SYMBOLS", "Plant", "plant_motion"]
 
 SURFACE_SYMBOLS = {"elevator": "eta", "aileron": "xi", "rudder": "zeta"}
-_STEPS = 4
+_STEPS = 2
 """Of Runge and Kutta's method a sample."""
 _STATE = ("v", "w", "p", "q", "r", "phi", "theta", "psi", "h")
 
@@ -93,8 +93,8 @@ BASES: Mapping[str, Plant] = {
         None, None,
     ),
 }  # fmt: skip
-"""Like an Aerosonde (thesis tables 7.2 and 7.7), a Twin Otter and the thesis's Jetstream (tables 9.5 and 9.7, what these
-leave open filled in by hand; y_v to n_zeta as printed)."""
+"""Like an Aerosonde (thesis tables 7.2 and 7.7), a Twin Otter, and the Jetstream: thesis tables 9.5 and 9.7 as printed,
+what they leave open filled in by hand."""
 
 
 class _Equations:

@@ -1,6 +1,6 @@
 """What sensors make of a flight, in a few lines of numpy: place, scale, delay, bias, noise; and effects on them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from wingwatch.telemetry import CHANNEL_INDEX
 
-__all__ = ["SENSOR_EFFECTS", "Motion", "readings"]
+__all__ = ["SENSOR_EFFECTS", "Motion", "Recorder", "readings"]
 
 SENSOR_EFFECTS = (
     "sensor_delay", "sensor_bias", "sensor_scale", "sensor_position", "airspeed_error", "vane_upwash",
@@ -90,3 +90,38 @@ def _spoil(out: Array, effect: Hidden) -> None:
         reading += effect.size
     else:
         reading *= 1.0 + effect.size
+
+
+class Recorder:
+    """Flight tables of one plan; what its sensors alone suffer is put on a flight that was flown before.
+
+    Args:
+        fly: the flight with effects (those that are not the sensors'), of the case (0) or held out (1), in still air or
+            not; None where it cannot be flown.
+        seed: of the noise.
+        noise_std: by column.
+        still: whether the plan's air is still anyway.
+    """
+
+    def __init__(
+        self,
+        fly: Callable[[tuple[Hidden, ...], int, bool], Motion | None],
+        seed: int,
+        noise_std: Mapping[str, float],
+        still: bool,
+    ) -> None:
+        self._fly, self._seed, self._noise_std, self._still = fly, seed, noise_std, still
+        self._flown: dict[tuple[tuple[Hidden, ...], int, bool], Motion | None] = {}
+
+    def motion(self, effects: Sequence[Hidden], which: int, ideal: bool = False) -> Motion | None:
+        """A flight; ``ideal`` in still air."""
+        key = (tuple(e for e in effects if e.name not in SENSOR_EFFECTS), which, ideal or self._still)
+        if key not in self._flown:
+            self._flown[key] = self._fly(*key)
+        return self._flown[key]
+
+    def table(self, effects: Sequence[Hidden], which: int, ideal: bool = False) -> Array | None:
+        """What is recorded of it, (samples, channels); ``ideal`` without noise."""
+        motion = self.motion(effects, which, ideal)
+        chance = None if ideal else np.random.default_rng([self._seed, 6, which])
+        return None if motion is None else readings(motion, effects, self._noise_std, chance)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from diagnosis_hidden import Case, Hidden
 
+from wingwatch.aircraft import DERIVATIVES
 from wingwatch.diagnosis import Cause, Diagnosis, ParameterEstimate
 
 __all__ = ["Figures", "Verdict", "confusion", "figures", "judged", "refused", "same"]
@@ -35,7 +36,7 @@ class Verdict:
 
     Attributes:
         case: name of a fixed case, else empty.
-        source, seed, aircraft, turbulence, signal_to_noise: of the case.
+        source, seed, aircraft, turbulence, signal_to_noise, true_model_misfit: of the case.
         hidden: labels, with their sizes in ``sizes``.
         said: labels of the causes found, in their order.
         not_told_from: labels that the first cause says it cannot be told from.
@@ -57,6 +58,7 @@ class Verdict:
     aircraft: str
     turbulence: str
     signal_to_noise: float
+    true_model_misfit: float
     hidden: tuple[str, ...]
     sizes: tuple[float, ...]
     said: tuple[str, ...] = ()
@@ -126,6 +128,7 @@ def _verdict(case: Case, **said: object) -> Verdict:
     about = {
         "case": case.name, "source": case.source, "seed": case.seed, "aircraft": case.aircraft.name,
         "turbulence": case.turbulence, "signal_to_noise": case.signal_to_noise,
+        "true_model_misfit": case.true_model_misfit,
         "hidden": tuple(h.label for h in case.effects), "sizes": tuple(h.size for h in case.effects),
     }  # fmt: skip
     return Verdict(**(about | said))  # type: ignore[arg-type]
@@ -135,14 +138,17 @@ def _size(causes: Sequence[Cause], hidden: Sequence[Hidden]) -> tuple[Hidden, Pa
     """The first hidden effect that is said by its own label, and what is said of its size."""
     for effect in hidden:
         for cause in causes:
-            if same(effect.label, cause.label) and cause.parameters:
-                return effect, _parameter(cause.parameters, effect)
+            estimate = _parameter(cause.parameters, effect)
+            if same(effect.label, cause.label) and estimate is not None:
+                return effect, estimate
     return None
 
 
-def _parameter(parameters: Mapping[str, ParameterEstimate], hidden: Hidden) -> ParameterEstimate:
-    """That of the hidden one's name, else the first."""
-    return parameters.get(hidden.parameter, next(iter(parameters.values())))
+def _parameter(parameters: Mapping[str, ParameterEstimate], hidden: Hidden) -> ParameterEstimate | None:
+    """That of the hidden one's name, else the first; a derivative goes by its name alone."""
+    if hidden.parameter in parameters or hidden.parameter in DERIVATIVES or not parameters:
+        return parameters.get(hidden.parameter)
+    return next(iter(parameters.values()))
 
 
 def _inside(hidden: Hidden, estimate: ParameterEstimate) -> bool:
