@@ -2,13 +2,13 @@
 
 The aircraft are those of ``jsbsim_aircraft`` that a linear model describes (a constant force for the engine, no flight
 control system, no drag by sideslip, which would pitch an aircraft whose centre of gravity is off the plane of its
-forces). Servos are ours, and a loop that holds pitch and bank. The file has JSBSim's own linearised derivatives at the
-trim, geometry, mass and servos.
+forces). Servos are ours, and a loop that holds pitch and bank. The file has geometry, mass, servos, and one of two:
+JSBSim's own linearised derivatives at the trim, or, of some aircraft, JSBSim's coefficients (``jsbsim_file``).
 
 Effects on the aircraft change JSBSim's configuration before it is loaded: aerodynamic functions scaled, mass and
-inertias, the place of the centre of gravity. The size of ``pitch_damping`` and ``derivative`` is the ratio of JSBSim's
-own linearised derivative after to before, minus 1 (a scaled coefficient is not all of it). Sensor effects are put on
-the recorded columns (``diagnosis_readings``).
+inertias, the place of the centre of gravity. The size of ``pitch_damping`` and ``derivative`` is the ratio of what the
+file states (JSBSim's linearised derivative, or the coefficient about the centre of gravity) after to before, minus 1: a
+scaled term is not all of it. Sensor effects are put on the recorded columns (``diagnosis_readings``).
 """
 
 import math
@@ -25,7 +25,7 @@ from diagnosis_inputs import KINDS, commands
 from diagnosis_jsbsim_flight import STEP_HZ, Holds, jsbsim_motion
 from diagnosis_readings import SENSOR_EFFECTS, Motion, Recorder
 from jsbsim_aircraft import AIRCRAFT, Subject, misfit
-from jsbsim_file import SLUG_FT2
+from jsbsim_file import SLUG_FT2, peer_aircraft
 from jsbsim_peer import FT, SLUG, Peer
 
 from wingwatch.aircraft import (
@@ -43,7 +43,7 @@ from wingwatch.aircraft import (
     Sensors,
     load_aircraft,
 )
-from wingwatch.telemetry import SampleBlock
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
 __all__ = ["JsbsimPlan", "as_stated", "draw_jsbsim", "subject_with"]
 
@@ -53,6 +53,8 @@ NAMES: dict[str, tuple[float, float]] = {
 }  # fmt: skip
 """Aircraft whose accelerations the linear model describes to 5 % of their size after two degrees of doublets, and the
 airspeeds where that is so, over those of ``jsbsim_aircraft``."""
+WITH_COEFFICIENTS = ("pa28", "L17", "B17")
+"""Those whose aerodynamics the aircraft file has words for, so that its linearisation is JSBSim's."""
 WITHOUT = ("aero/coefficient/CDbeta",)
 EFFECTS = (
     *(f"{surface}_effectiveness" for surface in SURFACES), "surface_offset", "cg_shift", "mass_inertia",
@@ -166,12 +168,23 @@ def subject_with(name: str, condition: FlightCondition, effects: Sequence[Hidden
     return Subject(name, condition, _peer(name, effects, mass))
 
 
-def as_stated(effect: Hidden, before: Subject, after: Subject) -> Hidden:
-    """The effect with the size that JSBSim's own linearisation shows, where its size is that of a derivative."""
+def as_stated(effect: Hidden, before: Subject, after: Subject, coefficients: bool = False) -> Hidden:
+    """The effect with the size that the aircraft's file would show, where its size is that of a derivative."""
     if effect.name not in ("pitch_damping", "derivative"):
         return effect
-    symbol, speed = effect.target or "m_q", before.condition.airspeed_true_m_s
-    return replace(effect, size=after.truth_at(speed)[0][symbol] / before.truth_at(speed)[0][symbol] - 1.0)
+    symbol = effect.target or "m_q"
+    old, new = (_stated(subject, symbol, coefficients) for subject in (before, after))
+    return replace(effect, size=new / old - 1.0)
+
+
+def _stated(subject: Subject, symbol: str, coefficients: bool) -> float:
+    """A derivative as a file states it: concise, or the coefficient behind it."""
+    if not coefficients:
+        return subject.truth_at(subject.condition.airspeed_true_m_s)[0][symbol]
+    row, index = symbol.split("_")
+    table = peer_aircraft(subject.peer, subject.trim).need_coefficients("the size of an effect")
+    group = getattr(table, {"z": "CL", "y": "CY", "l": "Cl", "m": "Cm", "n": "Cn"}[row])
+    return float(getattr(group, _INDEX[index]))
 
 
 @dataclass(frozen=True)
@@ -187,6 +200,7 @@ class JsbsimPlan:
         holds: gains of the loop.
         louder: noise over that of the Twin Otter's file.
         turbulence: of both flights.
+        coefficients: whether the file states coefficients instead of derivatives.
         fixed: name of a fixed case.
     """
 
@@ -198,13 +212,15 @@ class JsbsimPlan:
     holds: Holds = HOLDS
     louder: float = 1.0
     turbulence: str = "none"
+    coefficients: bool = False
     fixed: str = ""
 
     @cached_property
     def aircraft(self) -> Aircraft:
         """The file of the aircraft without effects."""
         noise = {column: self.louder * std for column, std in NOISE.items()}
-        return stated_file(self._subject(()), self.servo_hz, noise)
+        make = file_of_coefficients if self.coefficients else file_of_derivatives
+        return make(self._subject(()), self.servo_hz, noise)
 
     @cached_property
     def _recorder(self) -> Recorder:
@@ -230,7 +246,8 @@ class JsbsimPlan:
         flights = [self._recorder.table(effects, which) for which in (0, 1)]
         if flights[0] is None or flights[1] is None:
             return None
-        stated = tuple(as_stated(effect, self._subject(()), self._subject((effect,))) for effect in effects)
+        before = self._subject(())
+        stated = tuple(as_stated(e, before, self._subject((e,)), self.coefficients) for e in effects)
         return Case(
             "jsbsim", self.seed, self.aircraft, SampleBlock(flights[0]), SampleBlock(flights[1]),
             {f"{surface}_rad": "position" for surface in SURFACES}, stated, self.turbulence, signal, self.fixed,
@@ -256,11 +273,14 @@ class JsbsimPlan:
             speed = self.condition.airspeed_true_m_s
             air = gusts(chance, self.turbulence, speed, len(self.inputs[which]))
         motion = jsbsim_motion(subject, self.inputs[which], servos, self.holds, air)
+        # Half throttle is the thrust of the trim without effects, as the file of coefficients has it.
+        throttle = 0.5 * subject.trim.thrust_n / self._subject(()).trim.thrust_n
+        motion.table[:, CHANNEL_INDEX["throttle"]] = throttle
         shift = sum(effect.size for effect in effects if effect.name == "cg_shift")
         return replace(motion, sensors_ahead_m=shift) if flyable(motion.table) else None
 
 
-def stated_file(subject: Subject, servo_hz: float, noise_std: dict[str, float]) -> Aircraft:
+def file_of_derivatives(subject: Subject, servo_hz: float, noise_std: dict[str, float]) -> Aircraft:
     """The aircraft's file: JSBSim's linearised derivatives, its dimensions and mass, our servos."""
     peer, at = subject.peer, subject.condition
     table, alpha = subject.truth_at(at.airspeed_true_m_s)
@@ -273,20 +293,31 @@ def stated_file(subject: Subject, servo_hz: float, noise_std: dict[str, float]) 
         airspeed_true_m_s=at.airspeed_true_m_s, altitude_m=at.altitude_m, angle_of_attack_rad=alpha,
         provenance="a-priori", derivatives=entries,
     )  # fmt: skip
+    geometry = Geometry(
+        wing_area_m2=peer["metrics/Sw-sqft"] * FT**2,
+        span_m=peer["metrics/bw-ft"] * FT,
+        mean_chord_m=peer["metrics/cbarw-ft"] * FT,
+    )
+    bare = Aircraft(
+        format=1, name=subject.name.lower(), geometry=geometry, mass=mass_of(peer), conditions=(here,)
+    )
+    return _equipped(bare, subject, servo_hz, noise_std)
+
+
+def file_of_coefficients(subject: Subject, servo_hz: float, noise_std: dict[str, float]) -> Aircraft:
+    """The aircraft's file: JSBSim's coefficients about the centre of gravity, tables by their tangent at the trim."""
+    return _equipped(peer_aircraft(subject.peer, subject.trim), subject, servo_hz, noise_std)
+
+
+def _equipped(bare: Aircraft, subject: Subject, servo_hz: float, noise_std: dict[str, float]) -> Aircraft:
+    """With sensors, servos and analysis bands."""
     servo = Actuator(bandwidth_hz=servo_hz)
-    return Aircraft(
-        format=1,
-        name=subject.name.lower(),
-        geometry=Geometry(
-            wing_area_m2=peer["metrics/Sw-sqft"] * FT**2,
-            span_m=peer["metrics/bw-ft"] * FT,
-            mean_chord_m=peer["metrics/cbarw-ft"] * FT,
-        ),
-        mass=mass_of(peer),
-        sensors=Sensors(noise_std=noise_std),
-        actuators=Actuators(elevator=servo, aileron=servo, rudder=servo),
-        modes={s.name: Mode(band_hz=subject.band_hz(s)) for s in (SHORT_PERIOD, LATERAL)},
-        conditions=(here,),
+    return bare.model_copy(
+        update={
+            "sensors": Sensors(noise_std=noise_std),
+            "actuators": Actuators(elevator=servo, aileron=servo, rudder=servo),
+            "modes": {s.name: Mode(band_hz=subject.band_hz(s)) for s in (SHORT_PERIOD, LATERAL)},
+        }
     )
 
 
@@ -312,5 +343,6 @@ def draw_jsbsim(seed: int, count: int) -> Case:
         holds=Holds(0.15 * rng.uniform(0.6, 1.5), 0.2 * rng.uniform(0.6, 1.5)),
         louder=float(np.exp(rng.uniform(math.log(0.5), math.log(2.0)))),
         turbulence=str(rng.choice(list(HOW_OFTEN), p=list(HOW_OFTEN.values()))),
+        coefficients=name in WITH_COEFFICIENTS and bool(rng.random() < 0.5),
     )  # fmt: skip
     return drawn(plan, ROWS, np.random.default_rng([seed, 4]), count)

@@ -73,7 +73,12 @@ def jsbsim_motion(
             peer.set_controls(surfaces.at, trim.thrust_n)
             peer.fdm.run()
     _blow(peer, (0.0, 0.0, 0.0))  # else a later trim of the same aircraft meets the last gust
+    _add_air_data(table, through_air)
+    return Motion(table, spin, through_air)
+
+
+def _add_air_data(table: Array, through_air: Array) -> None:
+    """Airspeed and the vanes' angles from the velocity through the air, in place."""
     u, v, w = through_air.T
     table[:, _AIRSPEED] = np.sqrt(u * u + v * v + w * w)
     table[:, _VANES] = np.stack([np.arctan2(w, u), np.arctan2(v, np.hypot(u, w))], axis=1)
-    return Motion(table, spin, through_air)

@@ -102,54 +102,57 @@ class _Equations:
 
     def __init__(self, plant: Plant) -> None:
         at, d = plant.condition, plant.derivatives
-        self.forward, self.normal = at.forward_velocity_m_s, at.normal_velocity_m_s
-        self.trim_pitch = at.angle_of_attack_rad
-        self.d = d
-        self.z_q, self.y_p, self.y_r = (
-            d["z_q"] - self.forward,
-            d["y_p"] - self.normal,
-            d["y_r"] + self.forward,
-        )
+        u, w = at.forward_velocity_m_s, at.normal_velocity_m_s
+        self.forward, self.normal, self.trim_pitch = u, w, at.angle_of_attack_rad
         self.rolls, self.trim_elevator = plant.rolls, plant.trim_elevator_rad
+        known = {"z_q": u, "y_p": w, "y_r": -u}
+        own = {name: value - known.get(name, 0.0) for name, value in d.items()}
+        self.z, self.m = (tuple(own[f"{row}_{x}"] for x in ("w", "q", "eta")) for row in "zm")
+        self.side, self.roll, self.yaw = (
+            tuple(own[f"{row}_{x}"] for x in ("v", "p", "r", "xi", "zeta")) for row in "yln"
+        )
         x, y, z = (1.0, 1.0, 1.0)
         if plant.mass is not None:
             x, y, z = plant.mass.inertia_x_kg_m2, plant.mass.inertia_y_kg_m2, plant.mass.inertia_z_kg_m2
-        self.roll, self.pitch, self.yaw = (y - z) / x, (z - x) / y, (x - y) / z
+        self.gyroscopic = (y - z) / x, (z - x) / y, (x - y) / z
+        self.lift = -GRAVITY_M_S2 * math.cos(self.trim_pitch)
 
-    def forces(
-        self, x: Sequence[float], surface: Sequence[float], air: Sequence[float]
-    ) -> tuple[float, float]:
-        """Y and Z, m/s2; ``air`` is the velocity of the air to the right and down, m/s."""
-        d = self.d
-        v, w = x[0] - air[0], x[1] - self.normal - air[1]
-        p, q, r = x[2:5]
-        eta = surface[0] - self.trim_elevator
-        y = d["y_v"] * v + self.y_p * p + self.y_r * r + d["y_xi"] * surface[1] + d["y_zeta"] * surface[2]
-        z = d["z_w"] * w + self.z_q * q + d["z_eta"] * eta - GRAVITY_M_S2 * math.cos(self.trim_pitch)
-        return y, z
+    def loads(self, x: Sequence[float], surface: Sequence[float], air: Sequence[float]) -> tuple[float, ...]:
+        """Y, Z, m/s2, and moments over inertia l, m, n, rad/s2; ``air``: its velocity to the right and down, m/s."""
+        v, w, q = x[0] - air[0], x[1] - self.normal - air[1], x[3]
+        p, r, xi, zeta, eta = x[2], x[4], surface[1], surface[2], surface[0] - self.trim_elevator
+        (z_w, z_q, z_eta), (m_w, m_q, m_eta), side, roll, yaw = self.z, self.m, self.side, self.roll, self.yaw
+        return (
+            side[0] * v + side[1] * p + side[2] * r + side[3] * xi + side[4] * zeta,
+            z_w * w + z_q * q + z_eta * eta + self.lift,
+            roll[0] * v + roll[1] * p + roll[2] * r + roll[3] * xi + roll[4] * zeta,
+            m_w * w + m_q * q + m_eta * eta,
+            yaw[0] * v + yaw[1] * p + yaw[2] * r + yaw[3] * xi + yaw[4] * zeta,
+        )
 
     def rates(self, x: Sequence[float], surface: Sequence[float], air: Sequence[float]) -> list[float]:
         """d/dt of ``_STATE``."""
-        d, u = self.d, self.forward
-        v, w, p, q, r, phi, theta = x[:7]
-        y, z = self.forces(x, surface, air)
-        slip, normal, eta = v - air[0], w - self.normal - air[1], surface[0] - self.trim_elevator
-        moments = [
-            d[f"{row}_v"] * slip + d[f"{row}_p"] * p + d[f"{row}_r"] * r
-            + d[f"{row}_xi"] * surface[1] + d[f"{row}_zeta"] * surface[2] for row in "ln"
-        ]  # fmt: skip
-        sin_phi, cos_phi, cos_theta = math.sin(phi), math.cos(phi), math.cos(theta)
-        turn = q * sin_phi + r * cos_phi
+        u = self.forward
+        v, w, p, q, r, phi, theta, _, _ = x
+        y, z, roll, pitch, yaw = self.loads(x, surface, air)
+        by_x, by_y, by_z = self.gyroscopic
+        sin_phi, cos_phi, sin_theta, cos_theta = (
+            math.sin(phi),
+            math.cos(phi),
+            math.sin(theta),
+            math.cos(theta),
+        )
+        turn, down = q * sin_phi + r * cos_phi, GRAVITY_M_S2 * cos_theta
         return [
-            y + p * w - r * u + GRAVITY_M_S2 * cos_theta * sin_phi,
-            z + q * u - p * v + GRAVITY_M_S2 * cos_theta * cos_phi,
-            moments[0] + self.roll * q * r if self.rolls else 0.0,
-            d["m_w"] * normal + d["m_q"] * q + d["m_eta"] * eta + self.pitch * p * r,
-            moments[1] + self.yaw * p * q,
-            p + math.tan(theta) * turn if self.rolls else 0.0,
+            y + p * w - r * u + down * sin_phi,
+            z + q * u - p * v + down * cos_phi,
+            roll + by_x * q * r if self.rolls else 0.0,
+            pitch + by_y * p * r,
+            yaw + by_z * p * q,
+            p + sin_theta / cos_theta * turn if self.rolls else 0.0,
             q * cos_phi - r * sin_phi,
             turn / cos_theta,
-            u * math.sin(theta) - (v * sin_phi + w * cos_phi) * cos_theta,
+            u * sin_theta - (v * sin_phi + w * cos_phi) * cos_theta,
         ]
 
     def step(
@@ -192,7 +195,7 @@ def plant_motion(
         rows.append(x)
         positions.append(list(surfaces.at))
         commands.append(command)
-        forces.append(equations.forces(x, surfaces.at, blown))
+        forces.append(equations.loads(x, surfaces.at, blown)[:2])
         rates.append(equations.rates(x, surfaces.at, blown))
         for _ in range(_STEPS):
             moved = [list(surfaces.at)]

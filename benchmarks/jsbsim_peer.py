@@ -102,7 +102,7 @@ class PeerTrim:
 
 
 class Peer:
-    """A bundled aircraft loaded into JSBSim.
+    """A bundled aircraft loaded into JSBSim, ``description`` as it was loaded.
 
     Args:
         name: of the folder it is bundled in.
@@ -124,12 +124,12 @@ class Peer:
         change: Callable[[ET.Element], None] | None = None,
     ) -> None:
         self.name = name
-        description = bundled(name, mass, without)
+        self.description = bundled(name, mass, without)
         if change is not None:
-            change(description)
+            change(self.description)
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / name).mkdir()
-            ET.ElementTree(description).write(Path(folder) / name / f"{name}.xml")
+            ET.ElementTree(self.description).write(Path(folder) / name / f"{name}.xml")
             self.fdm = jsbsim.FGFDMExec(None)
             self.fdm.set_debug_level(0)
             self.fdm.set_aircraft_path(folder)

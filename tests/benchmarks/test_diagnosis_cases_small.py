@@ -1,12 +1,17 @@
 """The cases of the diagnosis benchmark in small: same seed, same case; what is hidden shows; verdicts are fair."""
 
+import json
+import runpy
+import sys
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import diagnosis_cases as cases
 import diagnosis_hidden as hidden
 import numpy as np
 import pytest
+from diagnosis_report import plain, report
 from diagnosis_run import Task, run
 from diagnosis_score import Verdict, confusion, figures, judged, same
 
@@ -65,7 +70,6 @@ def test_a_hidden_effect_changes_the_flight_and_its_absence_does_not(source: cas
     assert ill.flight.values.shape == well.flight.values.shape
     assert not np.array_equal(ill.flight.values, well.flight.values, equal_nan=True)
     assert not np.array_equal(ill.flight.values, ill.held_out.values, equal_nan=True)
-    assert not np.array_equal(well.flight.values, cases.draw("plant", SEED + 1).flight.values, equal_nan=True)
 
 
 def test_a_finder_that_knows_everything_scores_full_marks() -> None:
@@ -127,3 +131,42 @@ def test_names_of_one_and_the_same_change() -> None:
 def test_figures_of_nothing() -> None:
     verdict = Verdict("", "x", 0, "a", "none", 0.0, 0.0, (), ())
     assert figures("x", [verdict]).named is None
+
+
+def test_the_report_names_every_miss_and_every_refusal(gyro: cases.Case) -> None:
+    wrong = judged(gyro, diagnosis(gyro, cause("icing", beside=("cg_shift",))), 1.0)
+    off = judged(gyro, diagnosis(gyro, cause(gyro.effects[0].label, 0.1, 0.001)), 1.0)
+    no = replace(wrong, refusal="too short", source="plant", case="", seed=77)
+    text = "\n".join(report([wrong, off, no]))
+    assert "gyro-delay" in text
+    assert "said: icing (or cg_shift)" in text
+    assert "sensor_delay              icing 1, sensor_delay 1" in text
+    assert "too short" in text
+    assert "size 0.1 ± 0.001" in text
+    assert "refused: 1" in text
+    assert "missed: 1" in text
+    assert [row.split()[0] for row in report([wrong, off, no])[1:4]] == ["simulation", "plant", "all"]
+
+
+def test_json_has_null_for_what_is_not_a_number(gyro: cases.Case) -> None:
+    row = json.loads(json.dumps(plain(judged(gyro, diagnosis(gyro), 1.0)), allow_nan=False))
+    assert row["size"] is None
+    assert row["hidden"] == ["sensor_delay[pitch_rate_rad_s]"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--cases", "0"], "at least 1"),
+        (["--fixed", "flutter"], "give some of"),
+        (["--workers", "0"], "at least 1"),
+    ],
+)
+def test_bad_arguments_get_one_sentence(
+    arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["diagnosis.py", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(Path(hidden.__file__).with_name("diagnosis.py")), run_name="__main__")
+    assert ended.value.code == 2
+    assert words in capsys.readouterr().err

@@ -17,7 +17,7 @@ from diagnosis_readings import Motion, readings
 from jsbsim_aircraft import AIRCRAFT, misfit
 from scipy.signal import lsim
 
-from wingwatch.aircraft import GRAVITY_M_S2, LATERAL, SHORT_PERIOD
+from wingwatch.aircraft import GRAVITY_M_S2, LATERAL, SHORT_PERIOD, linearised_derivatives
 from wingwatch.telemetry import SampleBlock
 
 IDEAL = [Servo(1e6)] * 3
@@ -199,7 +199,7 @@ def test_a_healthy_bundled_aircraft_is_what_its_file_says(name: str) -> None:
     motion = jsbsim_motion(subject, inputs, [Servo(8.0)] * 3, Holds(), None)
     for structure in (SHORT_PERIOD, LATERAL):
         assert misfit(subject, structure, motion.table, motion.spin) < 0.055
-    (stated,) = bundled.stated_file(subject, 8.0, {}).conditions
+    (stated,) = bundled.file_of_derivatives(subject, 8.0, {}).conditions
     table, _ = subject.truth_at(condition.airspeed_true_m_s)
     assert all(entry.value == table[symbol] for symbol, entry in stated.derivatives.items())
 
@@ -243,6 +243,23 @@ def test_a_scaled_coefficient_is_stated_as_the_ratio_of_its_derivative(name: str
     # Never more than the coefficient's own, but where moments of forces beside the centre of gravity work against it.
     assert 0.05 < stated.size < 0.6
     assert found["z_w"] == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("name", bundled.WITH_COEFFICIENTS)
+def test_a_file_of_coefficients_has_jsbsim_s_own_derivatives(name: str) -> None:
+    at = AIRCRAFT[name]
+    file = bundled.file_of_coefficients(bundled.subject_with(name, at), 8.0, {})
+    for structure in (SHORT_PERIOD, LATERAL):
+        for symbol, value in linearised_derivatives(file, at, structure).items():
+            assert value == pytest.approx(linearised(name)[symbol], rel=0.005, abs=0.01), symbol
+
+
+@pytest.mark.parametrize("name", bundled.WITH_COEFFICIENTS)
+def test_a_scaled_coefficient_is_stated_as_its_own_ratio(name: str) -> None:
+    effect = Hidden("pitch_damping", "", "ratio", 0.3)
+    before, after = (bundled.subject_with(name, AIRCRAFT[name], e) for e in ((), (effect,)))
+    # Lift due to pitch rate acts beside the centre of gravity and has a share in the file's Cm_q.
+    assert bundled.as_stated(effect, before, after, coefficients=True).size == pytest.approx(0.3, abs=0.03)
 
 
 def test_a_heavier_aircraft_has_smaller_derivatives() -> None:
