@@ -87,11 +87,17 @@ STEPS = {"rad_s": 0.005, "rad": 0.002, "m_s2": 0.05, "m_s": 0.5, "m": 1.0}
 
 
 class Subject:
-    """One bundled aircraft at its trim, and its truth at airspeeds near it."""
+    """One bundled aircraft at its trim, and its truth at airspeeds near it.
 
-    def __init__(self, name: str) -> None:
-        self.name, self.condition = name, AIRCRAFT[name]
-        self.peer = Peer(name, rate_hz=JSBSIM_HZ)
+    Args:
+        name: of the aircraft.
+        condition: where it flies; that of ``AIRCRAFT`` where none is given.
+        peer: the loaded aircraft; as bundled where none is given.
+    """
+
+    def __init__(self, name: str, condition: FlightCondition | None = None, peer: Peer | None = None) -> None:
+        self.name, self.condition = name, condition or AIRCRAFT[name]
+        self.peer = peer or Peer(name, rate_hz=JSBSIM_HZ)
         self.trim = self.peer.trim(self.condition)
         self.truth_at = cache(self._truth_at)
 

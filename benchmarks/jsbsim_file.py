@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
 import numpy as np
-from jsbsim_peer import FT, SLUG, Peer, PeerTrim, bundled
+from jsbsim_peer import FT, SLUG, Peer, PeerTrim
 from reference_point import about_centre_of_gravity
 
 from wingwatch.aircraft import (
@@ -47,7 +47,7 @@ class _Aerodynamics:
 
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
-        tree = bundled(peer.name).find("aerodynamics")
+        tree = peer.description.find("aerodynamics")
         assert tree is not None
         self._functions = {f.get("name", ""): f for f in tree.findall("function")}
         self._terms: list[tuple[str, str, ET.Element]] = []

@@ -102,7 +102,7 @@ class PeerTrim:
 
 
 class Peer:
-    """A bundled aircraft loaded into JSBSim.
+    """A bundled aircraft loaded into JSBSim, ``description`` as it was loaded.
 
     Args:
         name: of the folder it is bundled in.
@@ -110,6 +110,7 @@ class Peer:
         rate_hz: of its integration.
         mass: in place of the bundled one.
         without: aerodynamic terms to leave out, by JSBSim's name.
+        change: alters the description before it is loaded.
     """
 
     def __init__(
@@ -120,11 +121,15 @@ class Peer:
         rate_hz: float = 500.0,
         mass: Mass | None = None,
         without: Sequence[str] = (),
+        change: Callable[[ET.Element], None] | None = None,
     ) -> None:
         self.name = name
+        self.description = bundled(name, mass, without)
+        if change is not None:
+            change(self.description)
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / name).mkdir()
-            ET.ElementTree(bundled(name, mass, without)).write(Path(folder) / name / f"{name}.xml")
+            ET.ElementTree(self.description).write(Path(folder) / name / f"{name}.xml")
             self.fdm = jsbsim.FGFDMExec(None)
             self.fdm.set_debug_level(0)
             self.fdm.set_aircraft_path(folder)
