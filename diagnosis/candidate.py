@@ -45,18 +45,22 @@ class Subject:
     """What is diagnosed.
 
     Attributes:
-        aircraft: its file.
+        aircraft: its file, made whole where it states derivatives without mass or geometry.
+        stated: its file as it is.
         flight: measured.
         model: the simulation as stated.
         throttle_known: whether thrust is simulated.
         trims_known: whether the file states forces and moments of steady flight, not only derivatives.
+        followed: states of ``START`` that the simulation has no equations for: they are taken from measurement.
     """
 
     aircraft: Aircraft
+    stated: Aircraft
     flight: MeasuredFlight
     model: Model
     throttle_known: bool
     trims_known: bool
+    followed: tuple[int, ...] = ()
 
     def measures(self, channel: str) -> bool:
         """Whether an output is compared."""

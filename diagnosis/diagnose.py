@@ -100,7 +100,7 @@ def _told(source: str, problem: Problem, found: Search, other: tuple[Problem, Po
     unexplained = _unexplained(problem, found)
     return Diagnosis(
         source=source,
-        aircraft=subject.aircraft,
+        aircraft=subject.stated,
         misfit=misfits(before, noise, problem.used),
         causes=causes,
         ranking=_ranking(found),

@@ -195,7 +195,7 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
         velocity = start[:3] * mean[0] / max(float(np.linalg.norm(start[:3])), 1.0)
         starts.append(start)
         centres.append(np.array([*velocity, 0.0, 0.0, 0.0, mean[7], mean[8]]))
-        inputs.append(inputs_of(flight, window, 4, subject.throttle_known))
+        inputs.append(inputs_of(flight, window, 4, subject.throttle_known, subject.followed))
     count = len(starts)
     groups = _groups(np.array(centres), np.array([i.density for i in inputs]))
     centres = [
@@ -217,6 +217,15 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     return replace(
         problem, inputs=tuple(i._replace(steps=n) for i, n in zip(inputs, steps, strict=True))
     ), point
+
+
+_SEEN_IN = {3: (1, 12), 6: (7,), 1: (5, 10), 5: (3, 13), 4: (2, 11), 7: (8,), 2: (6, 9), 0: (0, 4)}
+"""Outputs that a state of ``START`` shows in, which say nothing of the simulation where it is followed."""
+
+
+def _used(subject: Subject) -> tuple[int, ...]:
+    hidden = {k for j in subject.followed for k in _SEEN_IN[j]}
+    return tuple(k for k in subject.flight.compared if k not in hidden)
 
 
 _ALIKE = np.array([0.04, 0.04, 0.04, 1.0, 1.0, 1.0, 0.3, 0.15])
@@ -244,7 +253,8 @@ def _steps(linear: LinearModel, dt_s: float) -> int:
 def linear_at(problem: Problem, point: Point, w: int, model: Model) -> LinearModel:
     """Equation (1) of a model in a window."""
     span_m = problem.subject.aircraft.need_geometry("diagnosis").span_m
-    return linear_model(model, problem.centres[w], point.trims[w], problem.inputs[w], span_m)
+    linear = linear_model(model, problem.centres[w], point.trims[w], problem.inputs[w], span_m)
+    return linear.without(problem.subject.followed)
 
 
 def model_at(problem: Problem, point: Point) -> Model:

@@ -73,6 +73,15 @@ class LinearModel(NamedTuple):
     air: Array
     keep: Array
 
+    def without(self, followed: tuple[int, ...]) -> "LinearModel":
+        """With some of ``START`` held to what was measured."""
+        if not followed:
+            return self
+        f, noise, h = self.transition.copy(), self.noise.copy(), self.output.copy()
+        at = list(followed)
+        f[at] = f[:, at] = noise[at] = h[:, at] = 0.0
+        return self._replace(transition=f, noise=noise, output=h)
+
     def covariances(self, noise: "Noise") -> tuple[Array, Array]:
         """Of the processes' noise over a sample, and of the states before the first, (16, 16) each.
 

@@ -68,7 +68,7 @@ def row_of_derivatives(aircraft: Aircraft, entry: ConditionEntry) -> Array:
     at = replace(entry.condition)
     tables: dict[str, object] = {
         "force_axes": "stability", "CL": {"alpha": 5.0}, "CD": {"min": _DRAG, "oswald": 0.8},
-        **{name: {"beta": 0.0} for name in ("CY", "Cl", "Cn")}, "Cm": {"alpha": 0.0, "elevator": 0.0},
+        **{name: {"beta": 0.0} for name in ("CY", "Cl", "Cn")}, "Cm": {"alpha": 0.0, "q": 0.0, "elevator": 0.0},
     }  # fmt: skip
     row = parameter_row(type(aircraft).model_validate(aircraft.model_dump() | {"coefficients": tables}))
     pressure_n = 0.5 * at.air_density_kg_m3 * at.airspeed_true_m_s**2 * geometry.wing_area_m2

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 def extended(subject: Subject, point: Point, errors: Sequence[Array]) -> Aircraft | None:
     """The aircraft file with the causes of a point in it; None where it has a place for none of them."""
-    mended, any_place = subject.aircraft, False
+    mended, any_place = subject.stated, False
     for cause, values in zip(point.causes, point.values, strict=True):
         changed = cause.mend(mended, values)
         if changed is not None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wingwatch.diagnosis.measured import OUTPUTS, MeasuredFlight, Window
 from wingwatch.simulation.actuators import move_surfaces, servo_decay
-from wingwatch.simulation.dynamics import quaternion
+from wingwatch.simulation.dynamics import euler_angles, quaternion
 from wingwatch.simulation.flight import report
 from wingwatch.simulation.layout import (
     CD_MIN,
@@ -103,6 +103,7 @@ class Inputs(NamedTuple):
         density: kg/m3, constant in the window; altitude: m.
         air: motion of the air, body axes, (samples, 6), m/s and rad/s, then unmodelled angular accelerations in pitch
             and yaw, rad/s2, at every sample and one behind the last: (samples + 1, 8).
+        follow: of ``START``, (samples, 8): what is taken from measurement at every sample, NaN where it is simulated.
         dt: s; steps: of integration in a sample.
     """
 
@@ -112,19 +113,37 @@ class Inputs(NamedTuple):
     density: float
     altitude: float
     air: Array
+    follow: Array
     dt: float
     steps: int
 
 
-def inputs_of(flight: MeasuredFlight, window: Window, steps: int, throttle_known: bool) -> Inputs:
+def inputs_of(
+    flight: MeasuredFlight, window: Window, steps: int, throttle_known: bool, followed: tuple[int, ...] = ()
+) -> Inputs:
     """Recorded surfaces and throttle of a window."""
     rows = slice(window.start, window.stop)
     throttle = flight.throttle[rows] if throttle_known else np.zeros(window.stop - window.start)
     return Inputs(
         flight.flown[rows], flight.commands[rows], np.ascontiguousarray(throttle),
         float(flight.density_kg_m3[rows].mean()), float(flight.altitude_m[rows].mean()),
-        np.zeros((len(throttle) + 1, AIR)), flight.dt_s, steps,
+        np.zeros((len(throttle) + 1, AIR)), _followed(flight, window, followed), flight.dt_s, steps,
     )  # fmt: skip
+
+
+def _followed(flight: MeasuredFlight, window: Window, followed: tuple[int, ...]) -> Array:
+    """Measured states of a window, five samples' mean, where they are followed."""
+    rows = flight.outputs[window.start : window.stop]
+    out = np.full((len(rows), len(START)), np.nan)
+    if not followed:
+        return out
+    speed, alpha, beta = rows[:, 0], np.nan_to_num(rows[:, 9]), np.nan_to_num(rows[:, 10])
+    u, v, w = speed * np.cos(alpha) * np.cos(beta), speed * np.sin(beta), speed * np.sin(alpha) * np.cos(beta)
+    measured = np.column_stack([u, v, w, rows[:, 1:4], rows[:, 7:9]])
+    for j in followed:
+        padded = np.pad(measured[:, j], 2, mode="edge")
+        out[:, j] = np.convolve(padded, np.full(5, 0.2), mode="valid")
+    return out
 
 
 def still(inputs: Inputs) -> Inputs:
@@ -135,6 +154,7 @@ def still(inputs: Inputs) -> Inputs:
         commands=np.full((1, 3), np.nan),
         throttle=inputs.throttle.mean(keepdims=True),
         air=np.zeros((2, AIR)),
+        follow=np.full((1, len(START)), np.nan),
     )
 
 
@@ -184,6 +204,7 @@ def _fly(c, x, inputs, out):  # type: ignore[no-untyped-def]
     samples = out.shape[0]
     for t in range(samples):
         after = min(t + 1, samples - 1)
+        _follow(x, inputs.follow[t])
         s[THROTTLE] = inputs.throttle[t]
         for j in range(6):
             s[GUST + j] = inputs.air[t, j]
@@ -215,6 +236,29 @@ def _fly(c, x, inputs, out):  # type: ignore[no-untyped-def]
         for j in range(_K):
             out[t, j] = all_channels[0, 0, _COLUMNS[j]]
         out[t, _SURFACE_OUTPUTS : _SURFACE_OUTPUTS + 3] = servo_at_sample
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _follow(x, measured):  # type: ignore[no-untyped-def]
+    """Put states that are followed where they were measured."""
+    for j in range(3):
+        if measured[j] == measured[j]:
+            x[3 + j] = measured[j]
+        if measured[3 + j] == measured[3 + j]:
+            x[10 + j] = measured[3 + j]
+    if measured[6] == measured[6] or measured[7] == measured[7]:
+        roll, pitch, heading = euler_angles(x)
+        roll = measured[6] if measured[6] == measured[6] else roll
+        pitch = measured[7] if measured[7] == measured[7] else pitch
+        cr, sr, cp, sp = (
+            math.cos(0.5 * roll),
+            math.sin(0.5 * roll),
+            math.cos(0.5 * pitch),
+            math.sin(0.5 * pitch),
+        )
+        ch, sh = math.cos(0.5 * heading), math.sin(0.5 * heading)
+        x[6], x[7] = cr * cp * ch + sr * sp * sh, sr * cp * ch - cr * sp * sh
+        x[8], x[9] = cr * sp * ch + sr * cp * sh, cr * cp * sh - sr * sp * ch
 
 
 def sense(true: Array, model: Model) -> Array:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import Aircraft
+from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, Geometry, Mass
 from wingwatch.diagnosis.candidate import INDEX, Subject
 from wingwatch.diagnosis.linear_aircraft import entry_near, row_of_derivatives
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, MeasuredFlight, measure
@@ -17,6 +17,9 @@ __all__ = ["subject_of"]
 
 Array = NDArray[np.float64]
 
+_LONGITUDINAL, _SIDEWAYS, _ROLL = {0, 2, 4, 7}, {1, 3, 5, 6}, {3, 6}
+"""Places in ``START``: u, w, q, pitch; v, p, r, roll; p, roll."""
+
 
 def subject_of(block: SampleBlock, aircraft: Aircraft, kinds: Mapping[str, str]) -> Subject:
     """The subject of a flight.
@@ -24,31 +27,56 @@ def subject_of(block: SampleBlock, aircraft: Aircraft, kinds: Mapping[str, str])
     Raises:
         DiagnosisError: a flight or an aircraft file that cannot be replayed.
     """
-    for table in ("mass", "geometry"):
-        if getattr(aircraft, table) is None:
-            raise DiagnosisError(
-                f"aircraft {aircraft.name} states no [{table}]; a replay needs it, add that table"
-            )
+    stated, aircraft = aircraft, _whole(aircraft)
     flight = measure(block, aircraft, kinds)
-    row, trims_known = _row(aircraft, flight)
+    row, followed = _row(aircraft, flight)
+    trims_known = aircraft.coefficients is not None
     throttle_known = (
         trims_known and aircraft.propulsion is not None and bool(np.isfinite(_throttle(flight)).all())
     )
     model = Model(row, _sensors(aircraft))
     if not throttle_known:
         _without_thrust(model)
-    return Subject(aircraft, flight, model, throttle_known, trims_known)
+    return Subject(aircraft, stated, flight, model, throttle_known, trims_known, followed)
 
 
-def _row(aircraft: Aircraft, flight: MeasuredFlight) -> tuple[Array, bool]:
+def _whole(aircraft: Aircraft) -> Aircraft:
+    """With a mass and a geometry: derivatives alone are motion per motion, whatever the mass that goes with them."""
+    if aircraft.coefficients is None:
+        mass = Mass(mass_kg=1.0, inertia_x_kg_m2=1.0, inertia_y_kg_m2=1.0, inertia_z_kg_m2=1.0)
+        speed = max((c.airspeed_true_m_s for c in aircraft.conditions), default=25.0)
+        geometry = Geometry(wing_area_m2=1.0, span_m=max(0.15 * speed, 1.0), mean_chord_m=1.0)
+        return aircraft.model_copy(
+            update={"mass": aircraft.mass or mass, "geometry": aircraft.geometry or geometry}
+        )
+    for table in ("mass", "geometry"):
+        if getattr(aircraft, table) is None:
+            raise DiagnosisError(
+                f"aircraft {aircraft.name} states no [{table}]; a replay needs it, add that table"
+            )
+    return aircraft
+
+
+def _row(aircraft: Aircraft, flight: MeasuredFlight) -> tuple[Array, tuple[int, ...]]:
+    """Parameters, and the states that they have no equations for."""
     if aircraft.coefficients is not None:
-        return parameter_row(aircraft), True
+        return parameter_row(aircraft), ()
     entry = entry_near(aircraft, float(np.nanmean(flight.outputs[:, 0])))
     if entry is None:
         raise DiagnosisError(
             f"aircraft {aircraft.name} states neither [coefficients] nor [[conditions]]; there is nothing to simulate"
         )
-    return row_of_derivatives(aircraft, entry), False
+    followed: set[int] = set()
+    if not entry.covers(SHORT_PERIOD):
+        followed |= _LONGITUDINAL
+    if not entry.covers(LATERAL):
+        followed |= _ROLL if entry.covers(DUTCH_ROLL) else _SIDEWAYS
+    if followed >= _LONGITUDINAL | _SIDEWAYS:
+        raise DiagnosisError(
+            f"aircraft {aircraft.name} states no whole structure at {entry.airspeed_true_m_s:g} m/s; give all "
+            "derivatives of short_period, lateral or dutch_roll"
+        )
+    return row_of_derivatives(aircraft, entry), tuple(sorted(followed))
 
 
 def _throttle(flight: MeasuredFlight) -> Array:

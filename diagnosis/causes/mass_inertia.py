@@ -15,7 +15,9 @@ _RATIO = FreeParameter("change", "", 0.02, 0.2, 0.02, -0.7, 3.0)
 
 
 def candidates(subject: Subject) -> list[Candidate]:
-    """Always tried."""
+    """Where the file states a mass."""
+    if subject.stated.mass is None:
+        return []
     return [
         Candidate(
             "mass_inertia", "", (_RATIO,), lambda model, v: scale(model, _FACTORS, v[0]),
