@@ -247,7 +247,10 @@ class JsbsimPlan:
         if flights[0] is None or flights[1] is None:
             return None
         before = self._subject(())
-        stated = tuple(as_stated(e, before, self._subject((e,)), self.coefficients) for e in effects)
+        try:
+            stated = tuple(as_stated(e, before, self._subject((e,)), self.coefficients) for e in effects)
+        except ValueError:  # coefficients that no aircraft file can state
+            return None
         return Case(
             "jsbsim", self.seed, self.aircraft, SampleBlock(flights[0]), SampleBlock(flights[1]),
             {f"{surface}_rad": "position" for surface in SURFACES}, stated, self.turbulence, signal, self.fixed,
@@ -309,6 +312,17 @@ def file_of_coefficients(subject: Subject, servo_hz: float, noise_std: dict[str,
     return _equipped(peer_aircraft(subject.peer, subject.trim), subject, servo_hz, noise_std)
 
 
+def _has_coefficients(subject: Subject) -> bool:
+    """Whether the aircraft file has words for a bundled aircraft at its trim: no polar where drag falls with lift."""
+    if subject.name not in WITH_COEFFICIENTS:
+        return False
+    try:
+        peer_aircraft(subject.peer, subject.trim)
+    except ValueError:
+        return False
+    return True
+
+
 def _equipped(bare: Aircraft, subject: Subject, servo_hz: float, noise_std: dict[str, float]) -> Aircraft:
     """With sensors, servos and analysis bands."""
     servo = Actuator(bandwidth_hz=servo_hz)
@@ -343,6 +357,6 @@ def draw_jsbsim(seed: int, count: int) -> Case:
         holds=Holds(0.15 * rng.uniform(0.6, 1.5), 0.2 * rng.uniform(0.6, 1.5)),
         louder=float(np.exp(rng.uniform(math.log(0.5), math.log(2.0)))),
         turbulence=str(rng.choice(list(HOW_OFTEN), p=list(HOW_OFTEN.values()))),
-        coefficients=name in WITH_COEFFICIENTS and bool(rng.random() < 0.5),
+        coefficients=bool(rng.random() < 0.5) and _has_coefficients(subject),
     )  # fmt: skip
     return drawn(plan, ROWS, np.random.default_rng([seed, 4]), count)
