@@ -209,7 +209,7 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
         np.array(centres),
         np.array(starts),
         free,
-        flight.compared,
+        _used(subject),
     )
     air = tuple(np.zeros((w.stop - w.start, AIR)) for w in flight.windows)
     point = Point((), (), problem.starts.copy(), np.zeros((count, len(TRIMS))), noise, air)

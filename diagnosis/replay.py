@@ -1,8 +1,8 @@
 """Replay: the simulated aircraft flown open loop by the recorded surfaces and throttle, in windows.
 
-The air moves as it was estimated to move (``innovations``), on straight lines between samples. A surface whose
-position is measured moves on a line between samples; one of which only the command is known moves through the
-actuator of the aircraft file, as in ``wingwatch.simulation``.
+The air moves as it was estimated to move (``innovations``), on straight lines between samples. A surface
+whose position is measured moves between samples as its servo does, on a line where the command is not known; one of
+which only the command is known moves through the actuator of the aircraft file.
 """
 
 import math
@@ -131,8 +131,11 @@ def inputs_of(
     )  # fmt: skip
 
 
+_SLOW_S = 1.0
+
+
 def _followed(flight: MeasuredFlight, window: Window, followed: tuple[int, ...]) -> Array:
-    """Measured states of a window, five samples' mean, where they are followed."""
+    """Measured states of a window where they are followed: five samples' mean, of the forward speed two seconds'."""
     rows = flight.outputs[window.start : window.stop]
     out = np.full((len(rows), len(START)), np.nan)
     if not followed:
@@ -141,8 +144,9 @@ def _followed(flight: MeasuredFlight, window: Window, followed: tuple[int, ...])
     u, v, w = speed * np.cos(alpha) * np.cos(beta), speed * np.sin(beta), speed * np.sin(alpha) * np.cos(beta)
     measured = np.column_stack([u, v, w, rows[:, 1:4], rows[:, 7:9]])
     for j in followed:
-        padded = np.pad(measured[:, j], 2, mode="edge")
-        out[:, j] = np.convolve(padded, np.full(5, 0.2), mode="valid")
+        half = round(_SLOW_S / flight.dt_s) if j == 0 else 2
+        padded = np.pad(measured[:, j], half, mode="edge")
+        out[:, j] = np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
     return out
 
 
@@ -195,6 +199,7 @@ def _fly(c, x, inputs, out):  # type: ignore[no-untyped-def]
     s, orders, all_channels = np.zeros(SETTING_WIDTH), np.zeros(8), np.zeros((1, 1, _CHANNELS))
     k, middle, total, start = np.empty(13), np.empty(13), np.empty(13), np.empty(13)
     decay, servo, surface, servo_at_sample = np.empty(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    moved = np.empty((inputs.steps, 9))
     servo_decay(c, 0.5 * dt, decay)
     for j in range(3):
         known = inputs.flown[0, j] == inputs.flown[0, j]
@@ -214,15 +219,20 @@ def _fly(c, x, inputs, out):  # type: ignore[no-untyped-def]
             orders[j] = inputs.commands[t, j] if commanded else inputs.flown[t, j]
         for sub in range(inputs.steps):
             move_surfaces(c, s, servo, surface, orders, decay, 0.5 * dt)
+            moved[sub] = s[ELEVATOR : ELEVATOR + 9]
+        servo_at_sample[:] = moved[0, :3]
+        for sub in range(inputs.steps):
+            s[ELEVATOR : ELEVATOR + 9] = moved[sub]
             if sub == 0:
-                servo_at_sample[:] = s[ELEVATOR : ELEVATOR + 3]
                 start[:] = x
             for j in range(3):
                 if inputs.flown[t, j] == inputs.flown[t, j]:
-                    slope = inputs.flown[after, j] - inputs.flown[t, j]
+                    # the measured position at both samples, and between them the servo's way from one to the other
+                    slope = inputs.flown[after, j] - inputs.flown[t, j] - (surface[j] - servo_at_sample[j])
+                    off = inputs.flown[t, j] - servo_at_sample[j]
                     for stage in range(3):
                         along = (sub + 0.5 * stage) / inputs.steps
-                        s[ELEVATOR + 3 * stage + j] = inputs.flown[t, j] + along * slope
+                        s[ELEVATOR + 3 * stage + j] = moved[sub, 3 * stage + j] + off + along * slope
             advance(c, s, x, dt, k, middle, total)
             if sub == 0:
                 s[SPIN + 1] += inputs.air[t, 6]

@@ -40,13 +40,14 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 MOST_CAUSES = 4
-_SHORT_LIST = 6
+_SHORT_LIST = 4
 _WORTH_A_FIT = 0.1
 """Part of the best one's promised gain below which a candidate is not fitted."""
 _THRESHOLD = 7.0
 """Evidence that a cause needs: odds of a thousand to one."""
 _ALIKE = 3.0
 """Difference of evidence within which causes cannot be told apart: odds of twenty to one."""
+_FOLDS = 4
 _SURE = 3.0
 """Standard errors that a parameter must be away from none."""
 
@@ -58,7 +59,7 @@ class Tried:
     Attributes:
         candidate: which.
         solution: the fit; the candidate's parameters come last.
-        evidence: equation (4), over the model without it; gain: g there.
+        evidence: equation (4), over the model without it; gain, inflated: g and f there; cost: what is taken off.
         value, error: its parameters.
     """
 
@@ -66,6 +67,8 @@ class Tried:
     solution: Solution
     evidence: float
     gain: float
+    inflated: float
+    cost: float
     value: Array
     error: Array
 
@@ -117,9 +120,10 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         taken = {c.label for c in present.point.causes}
         listed = _short_list(problem, present, [c for c in candidates if c.label not in taken])
         tried = []
-        for i, candidate in enumerate(listed):
+        for i, (candidate, noise) in enumerate(listed):
             progress(f"fitting {candidate.label}", at + 0.02 + 0.15 * i / len(listed))
-            tried.append(_fitted(problem, present, candidate))
+            tried.append(_fitted(problem, present, candidate, noise))
+        tried = _judged(tried)
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)
         best = next((t for t in tried if _counts(t)), None)
@@ -148,15 +152,18 @@ def quiet(problem: Problem, noise: Noise) -> Noise:
     )
 
 
-def _short_list(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Those that promise most, by either noise."""
-    chosen: dict[str, Candidate] = {}
-    for noise in (quiet(problem, present.point.noise), present.point.noise):
+def _short_list(
+    problem: Problem, present: Solution, candidates: Sequence[Candidate]
+) -> list[tuple[Candidate, Noise]]:
+    """Those that promise most with noise as fitted, quiet, and in still air; and the noise to begin their fits with."""
+    chosen: dict[str, tuple[Candidate, Noise]] = {}
+    still = first_noise(problem.subject.flight)
+    for noise in (still, quiet(problem, present.point.noise), present.point.noise):
         promised = _promises(problem, fit(problem, replace(present.point, noise=noise), 3), candidates)
         order = sorted(range(len(candidates)), key=lambda i: -promised[i])
         for i in order[:_SHORT_LIST]:
             if promised[i] > max(_WORTH_A_FIT * promised[order[0]], 2.0):
-                chosen.setdefault(candidates[i].label, candidates[i])
+                chosen.setdefault(candidates[i].label, (candidates[i], noise))
     return list(chosen.values())
 
 
@@ -179,12 +186,12 @@ def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidat
     return gains
 
 
-def _fitted(problem: Problem, present: Solution, candidate: Candidate) -> Tried:
-    """Far from the truth by quiet noise first, then with its own."""
+def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: Noise) -> Tried:
+    """Far from the truth by the given noise first, then with its own."""
     zero = np.zeros(len(candidate.parameters))
     point = replace(
         present.point, causes=(*present.point.causes, candidate), values=(*present.point.values, zero),
-        noise=quiet(problem, present.point.noise),
+        noise=noise,
     )  # fmt: skip
     solution = fit(problem, point, 8)
     point = with_air(problem, fit_noise(problem, solution.point))
@@ -192,36 +199,39 @@ def _fitted(problem: Problem, present: Solution, candidate: Candidate) -> Tried:
     count = len(candidate.parameters)
     reduced = reduce(problem, solution.point, solution.evaluation)
     inflated = inflation(reduced, slice(solution.point.theta.size - count, None))
-    gain = present.cost - solution.cost
     blocks = sum(len(b) for b in solution.evaluation.blocks)
-    evidence = gain / inflated - 0.5 * count * math.log(max(blocks, 2)) + math.log(candidate.odds)
+    cost = 0.5 * count * math.log(max(blocks, 2)) - math.log(candidate.odds)
     error = np.sqrt(np.diagonal(solution.covariance)[-count:])
-    return Tried(candidate, solution, float(evidence), float(gain), solution.point.values[-1], error)
+    gain = present.cost - solution.cost
+    return Tried(candidate, solution, gain, gain, inflated, cost, solution.point.values[-1], error)
+
+
+def _judged(tried: Sequence[Tried]) -> list[Tried]:
+    """With evidence: the inflation is that of the fit that gains most, for it is of what this model leaves."""
+    if not tried:
+        return []
+    inflated = max(tried, key=lambda t: t.gain).inflated
+    return [replace(t, evidence=t.gain / inflated - t.cost) for t in tried]
 
 
 def held_out_gain(problem: Problem, solution: Solution) -> float:
     """Part of the whitened misfit beyond noise that the last cause takes away on windows that it was not fitted to.
 
-    Its parameters are fitted to every second window and tried on the others, and the other way round.
+    Its parameters are fitted to three quarters of the windows and tried on the last quarter, four times.
     """
     windows = range(len(problem.windows))
-    if len(windows) < 2:
+    folds = min(_FOLDS, len(windows))
+    if folds < 2:
         return 1.0
     before = after = 0.0
-    for part in (0, 1):
-        fitted, tried = [w for w in windows if w % 2 == part], [w for w in windows if w % 2 != part]
+    for part in range(folds):
+        fitted, tried = [w for w in windows if w % folds != part], [w for w in windows if w % folds == part]
         found = fit(problem.part(fitted), solution.point.part(fitted), 4).point
-        other = problem.part(tried)
-        here = solution.point.part(tried)
-        without = replace(here, causes=here.causes[:-1], values=found.values[:-1])
-        before += _own_best(other, without)
+        other, here = problem.part(tried), solution.point.part(tried)
+        before += _own_best(other, replace(here, causes=here.causes[:-1], values=found.values[:-1]))
         after += _own_best(other, replace(here, values=found.values))
-    readings = float(sum(e.readings for e in (solution.evaluation,)))
-    return (
-        (before - after) / max(before - 0.5 * readings, 0.5 * (before - after), 1.0)
-        if before > after
-        else -1.0
-    )
+    beyond = before - 0.5 * solution.evaluation.readings
+    return (before - after) / max(beyond, before - after, 1.0) if before > after else -1.0
 
 
 def _own_best(problem: Problem, point: Point) -> float:

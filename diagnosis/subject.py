@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, Geometry, Mass
+from wingwatch.aircraft import DUTCH_ROLL, GRAVITY_M_S2, LATERAL, SHORT_PERIOD, Aircraft, Geometry, Mass
 from wingwatch.diagnosis.candidate import INDEX, Subject
 from wingwatch.diagnosis.linear_aircraft import entry_near, row_of_derivatives
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, MeasuredFlight, measure
@@ -40,15 +40,27 @@ def subject_of(block: SampleBlock, aircraft: Aircraft, kinds: Mapping[str, str])
     return Subject(aircraft, stated, flight, model, throttle_known, trims_known, followed)
 
 
+_USUAL_LIFT = 0.5
+_GYRATION = (0.12, 0.9, 0.18)
+"""Radii of gyration in parts of span, chord and span."""
+
+
+def _lengths(geometry: Geometry) -> tuple[float, float, float]:
+    return geometry.span_m, geometry.mean_chord_m, geometry.span_m
+
+
 def _whole(aircraft: Aircraft) -> Aircraft:
     """With a mass and a geometry: derivatives alone are motion per motion, whatever the mass that goes with them."""
     if aircraft.coefficients is None:
-        mass = Mass(mass_kg=1.0, inertia_x_kg_m2=1.0, inertia_y_kg_m2=1.0, inertia_z_kg_m2=1.0)
         speed = max((c.airspeed_true_m_s for c in aircraft.conditions), default=25.0)
-        geometry = Geometry(wing_area_m2=1.0, span_m=max(0.15 * speed, 1.0), mean_chord_m=1.0)
-        return aircraft.model_copy(
-            update={"mass": aircraft.mass or mass, "geometry": aircraft.geometry or geometry}
+        span = max(0.15 * speed, 1.0)
+        geometry = aircraft.geometry or Geometry(
+            wing_area_m2=span**2 / 8.0, span_m=span, mean_chord_m=span / 8.0
         )
+        kg = 0.5 * speed**2 * geometry.wing_area_m2 * _USUAL_LIFT / GRAVITY_M_S2
+        roll, pitch, yaw = (kg * (a * b) ** 2 for a, b in zip(_GYRATION, _lengths(geometry), strict=True))
+        mass = Mass(mass_kg=kg, inertia_x_kg_m2=roll, inertia_y_kg_m2=pitch, inertia_z_kg_m2=yaw)
+        return aircraft.model_copy(update={"mass": aircraft.mass or mass, "geometry": geometry})
     for table in ("mass", "geometry"):
         if getattr(aircraft, table) is None:
             raise DiagnosisError(
@@ -66,7 +78,7 @@ def _row(aircraft: Aircraft, flight: MeasuredFlight) -> tuple[Array, tuple[int, 
         raise DiagnosisError(
             f"aircraft {aircraft.name} states neither [coefficients] nor [[conditions]]; there is nothing to simulate"
         )
-    followed: set[int] = set()
+    followed = {0}  # no such file states a force along x
     if not entry.covers(SHORT_PERIOD):
         followed |= _LONGITUDINAL
     if not entry.covers(LATERAL):

@@ -11,7 +11,8 @@ from wingwatch.diagnosis.replay import DELAY, Model
 __all__ = ["candidates"]
 
 _DELAY = FreeParameter("delay_s", "s", 0.004, 0.06, 0.003, -0.25, 0.28)
-_GROUPS = {"inertial": OUTPUTS[1:7], "vanes": OUTPUTS[9:11]}
+_GROUPS = {"inertial": OUTPUTS[1:9], "imu": OUTPUTS[1:7], "vanes": OUTPUTS[9:11]}
+"""Inertial: rates, forces and attitude."""
 
 
 def candidates(subject: Subject) -> list[Candidate]:
@@ -36,7 +37,7 @@ def _late(target: str, names: tuple[str, ...], odds: float) -> Candidate:
         delays |= {name: delays.get(name, 0.0) + float(v[0]) for name in names}
         return updated(aircraft, sensors=aircraft.sensors.model_dump() | {"delay_s": delays})  # type: ignore[no-any-return]
 
-    what = "the inertial sensors come" if target == "inertial" else f"{target} comes"
+    what = f"the {target} sensors come" if target in _GROUPS else f"{target} comes"
     return Candidate(
         "sensor_delay", target, (_DELAY,), change, f"{what} {{0:+.3f}} s later than the file says", mend, odds
     )
