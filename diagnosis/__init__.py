@@ -1,5 +1,6 @@
 """Diagnosis: what a simulation gets wrong against a measured flight, why, and how much better it is once mended."""
 
+from wingwatch.diagnosis.report import write_report
 from wingwatch.diagnosis.result import (
     Cause,
     Diagnosis,
@@ -10,6 +11,7 @@ from wingwatch.diagnosis.result import (
     ParameterEstimate,
     Traces,
 )
+from wingwatch.diagnosis.serialise import as_json
 
 __all__ = [
     "Cause",
@@ -20,4 +22,6 @@ __all__ = [
     "NotSeparable",
     "ParameterEstimate",
     "Traces",
+    "as_json",
+    "write_report",
 ]
