@@ -30,7 +30,10 @@ _MOST_RANKED = 10
 
 def show(console: Console, found: Diagnosis) -> None:
     """Print the answer, then what it rests on."""
-    console.print(f"[bold]{escape(headline(found))}[/]")
+    answer, gained = headline(found)
+    console.print(f"[bold]{escape(answer)}[/]")
+    if gained:
+        console.print(escape(gained))
     console.print(
         f"{escape(found.source)}  aircraft {found.aircraft.name}, {found.seconds:.0f} s in {found.windows} windows",
         style="dim",
@@ -39,7 +42,9 @@ def show(console: Console, found: Diagnosis) -> None:
     if found.ranking:
         console.print(_ranking(found))
     for cause in found.causes:
-        console.print(f"\n[bold]{escape(cause_title(cause))}[/]  probability {probability_text(cause.probability)}")
+        console.print(
+            f"\n[bold]{escape(cause_title(cause))}[/]  probability {probability_text(cause.probability)}"
+        )
         for line in _cause_lines(cause):
             console.print(f"  {escape(line)}")
     for group in found.not_separable:
@@ -71,7 +76,13 @@ def _misfits(found: Diagnosis) -> Table:
     for channel in by_misfit(found.misfit):
         m = found.misfit[channel]
         parts = ", ".join(percent(p) for p in (m.bias, m.variance, m.covariance))
-        row = number(m.r_squared), number(m.tic), parts, percent(m.noise_fraction), number(m.whiteness, 2)
+        row = (
+            number(m.r_squared),
+            number(m.tic),
+            parts,
+            percent(m.noise_fraction),
+            probability_text(m.whiteness),
+        )
         table.add_row(channel, *row, escape(_coherent(m)))
     return table
 

@@ -6,6 +6,7 @@ from html import escape
 from importlib.resources import files
 from pathlib import Path
 
+from wingwatch.diagnosis.page.markup import paragraph
 from wingwatch.diagnosis.page.sections import Page, sections
 from wingwatch.diagnosis.result import Diagnosis
 from wingwatch.diagnosis.summary import headline
@@ -34,6 +35,7 @@ def report_html(diagnosis: Diagnosis) -> str:
     page = Page()
     body = sections(diagnosis, page)
     title = f"Diagnosis of {diagnosis.source}" if diagnosis.source else "Diagnosis"
+    answer, gained = headline(diagnosis)
     about = (
         f"{diagnosis.source}, aircraft {diagnosis.aircraft.name}, {diagnosis.seconds:.0f} s in "
         f"{diagnosis.windows} windows"
@@ -44,8 +46,8 @@ def report_html(diagnosis: Diagnosis) -> str:
             f'<meta http-equiv="Content-Security-Policy" content="{escape(_POLICY)}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f"<title>{escape(title)}</title><style>{_own('report.css')}</style></head><body>",
-            f'<header><p class="soft">wingwatch diagnosis</p><h1>{escape(headline(diagnosis))}</h1>',
-            f'<p class="soft">{escape(about)}</p></header>',
+            f'<header><p class="soft">wingwatch diagnosis</p><h1>{escape(answer)}</h1>',
+            f'{paragraph(gained, "lead")}<p class="soft">{escape(about)}</p></header>',
             "<noscript><p>The pictures need JavaScript; every figure in them stands in the tables too.</p></noscript>",
             f"<main>{body}</main>",
             f'<script type="application/json" id="figures">{_figures(page)}</script>',

@@ -53,7 +53,7 @@ _NAMES: Mapping[str, str] = {
 }
 _CAUSES: Mapping[str, str] = {
     "cg_shift": "shift of the centre of gravity",
-    "mass_inertia": "mass and inertia",
+    "mass_inertia": "mass or inertia",
     "incidence_nonlinearity": "nonlinearity with angle of attack",
     "roll_yaw_coupling": "coupling of roll and yaw",
     "unknown": "unknown cause",
@@ -161,7 +161,7 @@ def change_text(change: Interval) -> str:
     interval = f" ({ends[0]:.0f} to {ends[1]:.0f})" if all(map(math.isfinite, ends)) else ""
     if change.high < 0.0 or change.low > 0.0:
         return f"{sign * change.value:.0f} % {'smaller' if sign < 0.0 else 'larger'}{interval}"
-    return f"{100.0 * change.value:+.0f} %{interval}"
+    return f"{round(100.0 * change.value) + 0:+d} %{interval}"
 
 
 def listed(words: Iterable[str]) -> str:
@@ -186,9 +186,9 @@ def by_misfit(misfits: Mapping[str, Misfit]) -> tuple[str, ...]:
     return tuple(sorted(misfits, key=order))
 
 
-def headline(diagnosis: Diagnosis) -> str:
-    """The answer in one or two sentences: what is wrong and why, and what the extension gains."""
-    return f"{_what_and_why(diagnosis)} {_gained(diagnosis)}".strip()
+def headline(diagnosis: Diagnosis) -> tuple[str, str]:
+    """The answer in two sentences: what is wrong and why; what the extension gains, empty where there is no cause."""
+    return _what_and_why(diagnosis), _gained(diagnosis)
 
 
 def _what_and_why(d: Diagnosis) -> str:

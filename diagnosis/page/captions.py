@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wingwatch.diagnosis.page.traces import excerpt_s
 from wingwatch.diagnosis.result import Diagnosis, Gain
 from wingwatch.diagnosis.summary import by_misfit, display, label_title, listed, number
 
@@ -15,9 +16,13 @@ def trace_caption(diagnosis: Diagnosis) -> str:
     worst = by_misfit(diagnosis.misfit)[0]
     misfit = diagnosis.misfit[worst]
     mended = ", solid colour the extended model" if diagnosis.traces.mended else ""
+    shown = excerpt_s(diagnosis.traces, worst)
+    where = (
+        "" if shown is None else " Shown are the 20 s where they part most, the strip is the whole flight."
+    )
     return (
         f"Dotted is the simulation as it stands{mended}; measured and simulated part most in {display(worst).name} "
-        f"(R2 {number(misfit.r_squared)}, Theil {number(misfit.tic)})."
+        f"(R2 {number(misfit.r_squared)}, Theil {number(misfit.tic)}).{where}"
     )
 
 
@@ -26,7 +31,8 @@ def misfit_caption(diagnosis: Diagnosis) -> str:
     misfits = diagnosis.misfit
     noisy = sum(m.noise_fraction >= _MOSTLY for m in misfits.values())
     return (
-        f"A bar as short as its diamond is as good as the sensors allow; {display(by_misfit(misfits)[0]).name} is "
+        f"From 0 (the same) to 1 (nothing in common), a bar as short as its diamond is as good as sensors "
+        f"allow; {display(by_misfit(misfits)[0]).name} is "
         f"missed most, and in {noisy} of {len(misfits)} channels noise is the larger part of the residual."
     )
 

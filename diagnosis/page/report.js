@@ -31,6 +31,7 @@
       if (width) layout.width = Math.min(width, place.closest(".grid") ? width / 2 - 12 : width);
       Plotly.react(place, resolved(figure.data, colour, figure.shared), layout, {
         responsive: true, displaylogo: false, scrollZoom: false,
+        displayModeBar: matchMedia("(hover: hover) and (min-width: 42rem)").matches ? undefined : false,
         modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
       });
     }

@@ -5,14 +5,14 @@ from html import escape
 from wingwatch.aircraft import MODEL_DERIVATIVES
 from wingwatch.diagnosis.page import captions
 from wingwatch.diagnosis.page.figures import (
-    Figure,
     gain_figure,
     misfit_figure,
     ranking_figure,
     spectrum_figures,
-    trace_figure,
 )
 from wingwatch.diagnosis.page.markup import items, paragraph, section, table
+from wingwatch.diagnosis.page.picture import Figure
+from wingwatch.diagnosis.page.traces import trace_figure
 from wingwatch.diagnosis.result import Cause, Diagnosis, Gain
 from wingwatch.diagnosis.summary import (
     by_misfit,
@@ -94,7 +94,7 @@ def _misfit(d: Diagnosis, page: Page) -> str:
         coherence = sorted(m.coherence.items(), key=lambda item: -item[1])[:2]
         with_whom = ", ".join(f"{display(name).name} {number(value, 2)}" for name, value in coherence) or "-"
         row = (display(channel).name, number(m.r_squared), number(m.tic), *shares)
-        rows.append((*row, number(m.whiteness, 2), with_whom))
+        rows.append((*row, probability_text(m.whiteness), with_whom))
     return section(
         "misfit",
         "Misfit of the simulation as it stands",
@@ -149,7 +149,9 @@ def _cause(cause: Cause) -> str:
         (parameter_title(name), with_error(p.value, p.standard_error), p.unit)
         for name, p in cause.parameters.items()
     ]
-    facts = [f"Probability {probability_text(cause.probability)}; log-likelihood gained {number(cause.gain)}."]
+    facts = [
+        f"Probability {probability_text(cause.probability)}; log-likelihood gained {number(cause.gain)}."
+    ]
     facts.append(
         f"On data left out it takes away {percent(cause.held_out_gain)} of the weighted squared misfit."
     )
