@@ -38,12 +38,13 @@ def diagnose_file(
     table = load_flight(flight, channel_map)
     other = None if validate is None else _cleaned(load_flight(validate, channel_map))
     try:
-        return diagnosis.diagnose(
+        found: Diagnosis = diagnosis.diagnose(  # type: ignore[attr-defined]  # until the numerics are in
             _cleaned(table), aircraft, kinds=table.kinds, validate=other, source=source or str(flight),
             progress=progress,
         )  # fmt: skip
-    except diagnosis.DiagnosisError as error:
+    except diagnosis.DiagnosisError as error:  # type: ignore[attr-defined]
         raise CommandError(" ".join(str(error).split())) from None
+    return found
 
 
 def _cleaned(table: FlightTable) -> SampleBlock:

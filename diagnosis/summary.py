@@ -161,7 +161,7 @@ def change_text(change: Interval) -> str:
     interval = f" ({ends[0]:.0f} to {ends[1]:.0f})" if all(map(math.isfinite, ends)) else ""
     if change.high < 0.0 or change.low > 0.0:
         return f"{sign * change.value:.0f} % {'smaller' if sign < 0.0 else 'larger'}{interval}"
-    return f"{round(100.0 * change.value) + 0:+d} %{interval}"
+    return f"{round(100.0 * change.value, 0) + 0.0:+.0f} %{interval}"
 
 
 def listed(words: Iterable[str]) -> str:

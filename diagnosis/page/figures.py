@@ -1,6 +1,7 @@
 """The report's pictures beside that of the flight: misfit, spectra, ranking of causes, gain."""
 
 import math
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ def spectrum_figures(diagnosis: Diagnosis) -> list[Figure]:
             | {"type": "log", "exponentformat": "power", "dtick": 1},
             "margin": {"t": TOP_PX, "b": BOTTOM_PX, "l": 70, "r": 10},
         }
-        title = f"Residual of {shown.name}"
+        title = f"Residual of {escape(shown.name)}"
         figures.append(Figure(f"spectrum-{channel}", title, data, layout, 330))
     return figures
 
@@ -133,7 +134,7 @@ def gain_figure(gain: Gain) -> Figure | None:
         "xaxis": axis_layout("change of the rms residual, %") | {"zeroline": True, "zerolinecolor": "$ink"},
         "yaxis": __category_axis(),
     }
-    return Figure("gain-picture", f"Gain on {gain.source}", data, layout, _bars_height(len(channels)))
+    return Figure("gain-picture", f"Gain on {escape(gain.source)}", data, layout, _bars_height(len(channels)))
 
 
 def __category_axis() -> dict[str, Any]:
@@ -151,4 +152,4 @@ def _wrapped(text: str, width: int = _LABEL_WIDTH) -> str:
         if lines[-1] and len(lines[-1]) + 1 + len(word) > width:
             lines.append("")
         lines[-1] = f"{lines[-1]} {word}".strip()
-    return "<br>".join(lines)
+    return "<br>".join(map(escape, lines))

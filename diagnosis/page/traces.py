@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ def trace_figure(diagnosis: Diagnosis) -> Figure | None:
         axis = _suffix(i)
         layout[f"yaxis{axis}"] = axis_layout() | {"domain": [1.0 - (i + 1) / rows, top], "nticks": 5}
         layout[f"xaxis{axis}"] = _time_axis(i, rows, shown)
-        layout["annotations"].append(_row_title(display(channel).axis, top))
+        layout["annotations"].append(_row_title(escape(display(channel).axis), top))
         kept = _kept(traces, channel, shown)
         data += _overlaid(traces, channel, i, kept)
         stamps = traces.time_s[kept]
