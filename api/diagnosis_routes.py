@@ -92,16 +92,7 @@ _REPORT: dict[int | str, dict[str, Any]] = {
 def diagnosis_router(door: Door) -> APIRouter:
     """The routes ``/diagnoses...``."""
     router = APIRouter(tags=["diagnoses"])
-
-    @router.post(
-        "/diagnoses", status_code=HTTPStatus.ACCEPTED, response_model=DiagnosisDocument, openapi_extra=_UPLOAD,
-        summary="Upload a flight to be diagnosed",
-    )  # fmt: skip
-    async def submit(request: Request, query: Annotated[DiagnosisQuery, Query()]) -> Response:
-        port = _port(door)
-        await _refuse_forms(request)
-        view = await _upload(request, port, query)
-        return _answer(view, HTTPStatus.ACCEPTED, {"Location": f"/v1/diagnoses/{view.id}"})
+    _add_upload(router, door)
 
     @router.get(
         "/diagnoses", response_model=DiagnosisList, summary="Diagnoses, newest first, without their results"
@@ -115,10 +106,7 @@ def diagnosis_router(door: Door) -> APIRouter:
         return _answer(_find(_port(door), diagnosis_id))
 
     @router.get(
-        "/diagnoses/{diagnosis_id}/report",
-        response_class=Response,
-        responses=_REPORT,
-        summary="Its report as a page",
+        "/diagnoses/{diagnosis_id}/report", response_class=Response, responses=_REPORT, summary="Its report"
     )
     def report(diagnosis_id: DiagnosisId) -> Response:
         return _report(_port(door), diagnosis_id)
@@ -133,6 +121,18 @@ def diagnosis_router(door: Door) -> APIRouter:
         return Response(status_code=HTTPStatus.NO_CONTENT)
 
     return router
+
+
+def _add_upload(router: APIRouter, door: Door) -> None:
+    @router.post(
+        "/diagnoses", status_code=HTTPStatus.ACCEPTED, response_model=DiagnosisDocument, openapi_extra=_UPLOAD,
+        summary="Upload a flight to be diagnosed",
+    )  # fmt: skip
+    async def submit(request: Request, query: Annotated[DiagnosisQuery, Query()]) -> Response:
+        port = _port(door)
+        await _refuse_forms(request)
+        view = await _upload(request, port, query)
+        return _answer(view, HTTPStatus.ACCEPTED, {"Location": f"/v1/diagnoses/{view.id}"})
 
 
 def _port(door: Door) -> DiagnosisPort:

@@ -15,7 +15,7 @@ def trace_caption(diagnosis: Diagnosis) -> str:
     """Which line is which, and where they part most."""
     worst = by_misfit(diagnosis.misfit)[0]
     misfit = diagnosis.misfit[worst]
-    mended = ", solid colour the extended model" if diagnosis.traces.mended else ""
+    mended = ", solid colour the extended model" if diagnosis.causes and diagnosis.traces.mended else ""
     shown = excerpt_s(diagnosis.traces, worst)
     where = (
         "" if shown is None else " Shown are the 20 s where they part most, the strip is the whole flight."
@@ -50,7 +50,7 @@ def spectrum_caption(diagnosis: Diagnosis) -> str:
         peak = int(np.nanargmax(ratio))
         left = (
             f" and {number(float(after[peak] / noise[peak]), 2)} times extended"
-            if np.isfinite(after[peak])
+            if diagnosis.causes and np.isfinite(after[peak])
             else ""
         )
         return (

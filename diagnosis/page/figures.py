@@ -73,7 +73,7 @@ def spectrum_figures(diagnosis: Diagnosis) -> list[Figure]:
             {"type": "scatter", "mode": "lines", "name": name, "line": line}
             | {"x": plain_numbers(hz[used]), "y": plain_numbers(shown.factor**2 * power[used])}
             for (name, line), power in zip(lines, spectra[channel], strict=True)
-            if np.isfinite(power[used]).any()
+            if np.isfinite(power[used]).any() and (diagnosis.causes or name != "extended")
         ]
         unit = f"({shown.unit})²" if "/" in shown.unit else f"{shown.unit}²" if shown.unit else "1"
         layout = {

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -26,7 +27,7 @@ _ROW_PX, _TITLE_PX, _OVERVIEW_PX = 165, 26, 60
 
 def trace_figure(diagnosis: Diagnosis) -> Figure | None:
     """A row per channel, those that are missed most first; a strip below shows the whole flight."""
-    traces = diagnosis.traces
+    traces = diagnosis.traces if diagnosis.causes else replace(diagnosis.traces, mended={})
     channels = [c for c in by_misfit(diagnosis.misfit) if c in traces.measured][:_MOST_CHANNELS]
     if not channels or not np.isfinite(traces.time_s).any():
         return None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from diagnosis_examples import AGREES, FOUND, NOTHING_FOUND
 
-from wingwatch.diagnosis import Diagnosis, NotSeparable, Traces, whole_file, write_report
+from wingwatch.diagnosis import Diagnosis, NotSeparable, Traces, write_report
 from wingwatch.diagnosis.page.traces import EXCERPT_S, excerpt_s
 from wingwatch.diagnosis.report import report_html
 
@@ -108,6 +108,13 @@ def test_texts_of_files_never_become_markup() -> None:
     assert figures(report_html(hostile))
 
 
+def test_without_a_cause_nothing_is_drawn_as_extended() -> None:
+    for diagnosis, drawn in ((FOUND, True), (NOTHING_FOUND, False)):
+        names = {trace.get("name") for figure in figures(report_html(diagnosis)) for trace in figure["data"]}
+        assert {"measured", "as it stands", "noise"} <= names
+        assert ("extended" in names) is drawn
+
+
 def test_a_picture_without_data_is_left_out() -> None:
     nothing = Traces(np.array([np.nan]), {}, {}, {}, np.array([]), {})
     drawn = figures(report_html(dataclasses.replace(AGREES, traces=nothing)))
@@ -116,8 +123,8 @@ def test_a_picture_without_data_is_left_out() -> None:
 
 def test_a_long_flight_is_thinned_but_not_where_it_is_shown() -> None:
     n = 200_000
-    t = 0.02 * np.arange(n)
-    signal = np.sin(t)
+    t = 0.02 * np.arange(n, dtype=np.float64)
+    signal = np.sin(t).astype(np.float64)
     signal[150_001] = 50.0
     traces = Traces(t, {"pitch_rate_rad_s": signal}, {"pitch_rate_rad_s": np.sin(t)}, {}, np.array([]), {})
     long = dataclasses.replace(
@@ -141,7 +148,7 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: p
     def interrupted(self: Path, target: Path) -> Path:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(whole_file.Path, "replace", interrupted)
+    monkeypatch.setattr(Path, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_report(AGREES, path)
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
