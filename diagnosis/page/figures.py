@@ -107,7 +107,7 @@ def ranking_figure(diagnosis: Diagnosis) -> Figure | None:
     layout = {
         "barmode": "overlay",
         "bargap": 0.35,
-        "xaxis": axis_layout("log-likelihood gained by this cause alone") | {"rangemode": "tozero"},
+        "xaxis": axis_layout("log-likelihood gained") | {"rangemode": "tozero", "tickangle": 0, "nticks": 4},
         "yaxis": __category_axis() | {"categoryorder": "array", "categoryarray": order},
         "margin": {"t": TOP_PX, "b": BOTTOM_PX, "l": 62, "r": 52},
     }
