@@ -95,6 +95,7 @@ from wingwatch.aircraft.modes import (
     natural_frequency_and_damping,
     state_matrix,
 )
+from wingwatch.aircraft.saving import aircraft_toml
 from wingwatch.aircraft.state_space import KnownTerms, change_form, form_scale, known_terms, state_space
 from wingwatch.aircraft.structures import (
     DUTCH_ROLL,
@@ -173,6 +174,7 @@ __all__ = [
     "AircraftDataError",
     "AircraftFileError",
     "load_aircraft",
+    "aircraft_toml",
     "parse_aircraft",
     "library_names",
     "Coefficients",

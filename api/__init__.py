@@ -2,7 +2,14 @@
 
 from wingwatch.api.app import create_app
 from wingwatch.api.encoding import encode_json
-from wingwatch.api.ports import EstimateRow, HistoryPort
+from wingwatch.api.ports import (
+    DiagnosisPort,
+    DiagnosisState,
+    DiagnosisView,
+    EstimateRow,
+    HistoryPort,
+    QueueFullError,
+)
 from wingwatch.api.schemas import (
     AlertDocument,
     VehicleDocument,
@@ -19,6 +26,10 @@ __all__ = [
     "serve",
     "AddressError",
     "PortInUse",
+    "DiagnosisPort",
+    "DiagnosisState",
+    "DiagnosisView",
+    "QueueFullError",
     "HistoryPort",
     "EstimateRow",
     "AlertDocument",

@@ -7,12 +7,13 @@ from fastapi import FastAPI
 
 from wingwatch.aircraft import Aircraft, library_names, load_aircraft
 from wingwatch.api.alert_routes import alert_router
+from wingwatch.api.diagnosis_routes import LARGEST_FLIGHT_BYTES, diagnosis_router
 from wingwatch.api.door import Door
 from wingwatch.api.events import EventStreams
 from wingwatch.api.fleet_routes import fleet_router
 from wingwatch.api.guards import BodyLimit, SafetyHeaders
 from wingwatch.api.page_files import pages_router
-from wingwatch.api.ports import HistoryPort
+from wingwatch.api.ports import DiagnosisPort, HistoryPort
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
 from wingwatch.api.service_routes import event_router, health_router
@@ -28,6 +29,7 @@ def create_app(
     version: str,
     *,
     aircraft: Callable[[str], Aircraft] | None = None,
+    diagnoses: DiagnosisPort | None = None,
     keep_alive_s: float = 10.0,
 ) -> FastAPI:
     """The REST application over a monitor.
@@ -39,13 +41,14 @@ def create_app(
         version: the service's version, shown on the status.
         aircraft: an aircraft by its announced name (ValueError with one sentence where there is none), for
             conventions other than concise; the library without.
+        diagnoses: jobs that diagnose uploaded flights; None where none are taken.
         keep_alive_s: silence after which an event stream carries a comment.
 
     Returns:
         an application whose ``state.close_streams()`` ends every event stream; ``HttpServer`` calls it.
     """
     streams = EventStreams(monitor, keep_alive_s)
-    door = Door(monitor, readiness, history, version, aircraft or _library_aircraft, streams)
+    door = Door(monitor, readiness, history, version, aircraft or _library_aircraft, streams, diagnoses)
     app = FastAPI(
         title="wingwatch",
         version=version,
@@ -55,11 +58,11 @@ def create_app(
         redirect_slashes=False,
     )
     app.state.close_streams = streams.close
-    for router in (fleet_router(door), alert_router(door), event_router(door)):
+    for router in (fleet_router(door), alert_router(door), event_router(door), diagnosis_router(door)):
         app.include_router(router, prefix="/v1", responses=PROBLEM_RESPONSES)
     app.include_router(health_router(door), responses=PROBLEM_RESPONSES)
     app.include_router(pages_router())
-    app.add_middleware(BodyLimit)
+    app.add_middleware(BodyLimit, larger={"/v1/diagnoses": LARGEST_FLIGHT_BYTES})
     install_problem_handlers(app)
     app.add_middleware(SafetyHeaders)
     _describe_problems(app)

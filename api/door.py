@@ -6,7 +6,7 @@ from http import HTTPStatus
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.api.events import EventStreams
-from wingwatch.api.ports import HistoryPort
+from wingwatch.api.ports import DiagnosisPort, HistoryPort
 from wingwatch.api.problems import ProblemError
 from wingwatch.monitor.views import MonitorPort, VehicleView
 
@@ -21,6 +21,7 @@ class Door:
         readiness: per part (``zenoh``, ``database``, ``http``) None or its problem, one sentence.
         history: None where estimates are not kept.
         aircraft: an aircraft by its announced name; ValueError with one sentence where there is none.
+        diagnoses: None where flights are not diagnosed.
     """
 
     monitor: MonitorPort
@@ -29,6 +30,7 @@ class Door:
     version: str
     aircraft: Callable[[str], Aircraft]
     streams: EventStreams
+    diagnoses: DiagnosisPort | None = None
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
         """One vehicle.

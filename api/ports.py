@@ -1,9 +1,19 @@
-"""What the REST door needs from others beside the monitor: the estimate history."""
+"""What the REST door needs from others beside the monitor: the estimate history, and jobs that diagnose flights."""
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Protocol
 
-__all__ = ["EstimateRow", "HistoryPort"]
+__all__ = [
+    "DiagnosisPort",
+    "DiagnosisState",
+    "DiagnosisUpload",
+    "DiagnosisView",
+    "EstimateRow",
+    "HistoryPort",
+    "QueueFullError",
+]
 
 
 class EstimateRow(Protocol):
@@ -51,4 +61,88 @@ class HistoryPort(Protocol):
         self, fleet: str, vehicle: str, from_s: float | None = None, to_s: float | None = None
     ) -> Sequence[EstimateRow]:
         """Estimates of one vehicle, ``from_s <= time_s <= to_s``, in any order; None leaves an end open."""
+        ...
+
+
+class DiagnosisState(StrEnum):
+    """Where a diagnosis stands."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisView:
+    """One diagnosis.
+
+    Attributes:
+        file: what the flight is called.
+        ahead: how many wait or run before it.
+        doing: what is being done.
+        progress: the fraction done.
+        problem: why it failed, one sentence; empty where it did not.
+        result: the ``diagnose`` object of the contract, once done.
+    """
+
+    id: str
+    state: DiagnosisState
+    aircraft: str
+    file: str
+    ahead: int
+    doing: str
+    progress: float
+    problem: str
+    result: Mapping[str, Any] | None
+
+
+class QueueFullError(Exception):
+    """No further diagnosis is taken now; one sentence."""
+
+
+class DiagnosisUpload(Protocol):
+    """A place in the queue whose flight is still coming in; either submit or discard it."""
+
+    def write(self, content: bytes) -> None:
+        """The flight file's next bytes."""
+        ...
+
+    def submit(self) -> DiagnosisView:
+        """The flight is whole: queue it."""
+        ...
+
+    def discard(self) -> None:
+        """Give the place back; nothing happens after a submit."""
+        ...
+
+
+class DiagnosisPort(Protocol):
+    """Jobs that diagnose flights, elsewhere than in the door's process. Every method is thread-safe."""
+
+    def open(self, aircraft: str, channel_map: str, file: str) -> DiagnosisUpload:
+        """Reserve a place in the queue.
+
+        Args:
+            aircraft: its name.
+            channel_map: TOML; empty for none.
+            file: what the flight is called.
+
+        Raises:
+            ValueError: no such aircraft, or no channel map; one sentence.
+            QueueFullError: as many wait as may.
+        """
+        ...
+
+    def diagnoses(self) -> Sequence[DiagnosisView]:
+        """All that are kept, newest first."""
+        ...
+
+    def report(self, diagnosis_id: str) -> bytes | None:
+        """The HTML report of one that is done; None without."""
+        ...
+
+    def remove(self, diagnosis_id: str) -> bool:
+        """Cancel one that waits or runs, forget one that has ended; False where there is none."""
         ...

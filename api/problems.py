@@ -142,7 +142,7 @@ async def _http(request: Request, error: Exception) -> Response:
         HTTPStatus.METHOD_NOT_ALLOWED: (
             f"{printable(request.method)} is not offered at {path}; use {allowed}."
         ),
-        HTTPStatus.REQUEST_ENTITY_TOO_LARGE: "The request's body is too large; at most 64 kB are read.",
+        HTTPStatus.REQUEST_ENTITY_TOO_LARGE: f"The request's body is too large; at most {error.detail} are read.",
         HTTPStatus.BAD_REQUEST: "The request's body cannot be read; send one JSON object encoded as UTF-8.",
     }
     detail = details.get(HTTPStatus(error.status_code), f"The request was refused: {error.detail}.")

@@ -26,6 +26,7 @@ examples:
   wingwatch estimate flight.csv --aircraft aerosonde --history estimates.csv
   wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml --json
   wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet
+  wingwatch diagnose flight.csv --aircraft aerosonde --report report.html
   wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
@@ -61,6 +62,7 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_estimate(commands)
     _add_monitor(commands)
     _add_condition(commands)
+    _add_diagnose(commands)
     _add_design_input(commands)
     return parser
 
@@ -260,6 +262,31 @@ def _add_simulate(commands: "_Commands[_Parser]") -> None:
     )
     add("--seed", type=int, default=0, help="of turbulence and noise (default: %(default)s)")
     add("--noiseless", action="store_true", help="sensors without noise")
+
+
+def _add_diagnose(commands: "_Commands[_Parser]") -> None:
+    parser = _command(
+        commands,
+        "diagnose",
+        "what the simulation of an aircraft gets wrong against a recorded flight, why, and the model extended",
+        "wingwatch diagnose flight.mat --aircraft ultrastick25e --map thor75.toml --report report.html",
+    )
+    _add_flight(parser)
+    parser.add_argument(
+        "--validate",
+        type=Path,
+        metavar="FLIGHT",
+        help="another flight, on which the extended model is judged (default: windows of FLIGHT left out)",
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.html", help="write the answer with pictures as one page"
+    )
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="OUT.toml",
+        help="write the extended aircraft file; nothing where none is offered",
+    )
 
 
 _DESIGN_EXAMPLES = """\

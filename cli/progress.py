@@ -41,6 +41,16 @@ class Progress:
             task = bar.add_task(what, total=total)
             yield lambda done: bar.update(task, completed=done)
 
+    @contextmanager
+    def follow(self) -> Iterator[Callable[[str, float], None]]:
+        """A bar that is set by what is being done and the fraction done."""
+        if not self._console.is_terminal:
+            yield lambda what, fraction: None
+            return
+        with Bar(console=self._console, transient=True) as bar:
+            task = bar.add_task("", total=1.0)
+            yield lambda what, fraction: bar.update(task, description=what, completed=fraction)
+
 
 def page() -> Console:
     """Where results for a person are written."""

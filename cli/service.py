@@ -13,6 +13,7 @@ import zenoh
 from wingwatch import __version__
 from wingwatch.api import HttpServer, create_app, listen
 from wingwatch.baselines import Database, DatabaseError, open_database
+from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.settings import ServeSettings
@@ -228,7 +229,15 @@ def running_service(
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
         pump = Pump(subscriber, monitor, arrived, prepare)
-        app = create_app(monitor, lambda: service.readiness(), database, __version__, aircraft=hangar.find)
+        diagnoses = stack.enter_context(DiagnosisJobs(hangar.find))
+        app = create_app(
+            monitor,
+            lambda: service.readiness(),
+            database,
+            __version__,
+            aircraft=hangar.find,
+            diagnoses=diagnoses,
+        )
         http = HttpServer(app, listening)
         service = Service(http, monitor, database, session, pump, store, link)
         stack.callback(pump.stop)

@@ -2,6 +2,7 @@
 
 from wingwatch.diagnosis.diagnose import diagnose
 from wingwatch.diagnosis.measured import DiagnosisError
+from wingwatch.diagnosis.report import write_report
 from wingwatch.diagnosis.result import (
     Cause,
     Diagnosis,
@@ -12,6 +13,7 @@ from wingwatch.diagnosis.result import (
     ParameterEstimate,
     Traces,
 )
+from wingwatch.diagnosis.serialise import as_json
 
 __all__ = [
     "Cause",
@@ -23,5 +25,7 @@ __all__ = [
     "NotSeparable",
     "ParameterEstimate",
     "Traces",
+    "as_json",
     "diagnose",
+    "write_report",
 ]

@@ -46,7 +46,7 @@ def diagnose(
     kinds: Mapping[str, str] | None = None,
     validate: SampleBlock | None = None,
     source: str = "",
-    progress: Callable[[str, float], None] = _silent,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis:
     """What the simulation of an aircraft gets wrong against a measured flight, why, and what mending it gains.
 
@@ -71,12 +71,13 @@ def diagnose(
         >>> diagnose(flown, aerosonde).causes[0].name
         'elevator_effectiveness'
     """
-    progress("reading the flight", 0.0)
+    tell = progress or _silent
+    tell("reading the flight", 0.0)
     subject = subject_of(flight, aircraft, kinds or {})
     with threadpool_limits(1):
         problem, point = _begun(subject)
-        found = search(problem, point, candidates(subject), progress)
-        progress("measuring the gain", 0.9)
+        found = search(problem, point, candidates(subject), tell)
+        tell("measuring the gain", 0.9)
         other = None if validate is None else _begun(subject_of(validate, aircraft, kinds or {}))
         return _told(source, problem, found, other)
 

@@ -9,7 +9,16 @@ from typing import Any
 
 import httpx
 
-from wingwatch.api import HistoryPort, HttpServer, create_app, listen
+from wingwatch.api import (
+    DiagnosisPort,
+    DiagnosisState,
+    DiagnosisView,
+    HistoryPort,
+    HttpServer,
+    QueueFullError,
+    create_app,
+    listen,
+)
 from wingwatch.monitor.views import (
     AlertAction,
     AlertState,
@@ -149,9 +158,70 @@ def served(
     history: HistoryPort | None = None,
     checks: Mapping[str, str | None] | None = None,
     keep_alive_s: float = 10.0,
+    diagnoses: DiagnosisPort | None = None,
 ) -> Generator[tuple[HttpServer, httpx.Client]]:
     """The application over the fake, on a real socket, with a client."""
     ready = checks if checks is not None else {"zenoh": None, "database": None, "http": None}
-    app = create_app(monitor, lambda: ready, history, VERSION, keep_alive_s=keep_alive_s)
+    app = create_app(monitor, lambda: ready, history, VERSION, keep_alive_s=keep_alive_s, diagnoses=diagnoses)
     with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
         yield server, client
+
+
+class FakeDiagnoses:
+    """Obeys DiagnosisPort; jobs stay as they are put."""
+
+    def __init__(self) -> None:
+        self.views: list[DiagnosisView] = []
+        self.uploads: list[FakeUpload] = []
+        self.full = False
+        self.page: bytes | None = None
+
+    def open(self, aircraft: str, channel_map: str, file: str) -> "FakeUpload":
+        if self.full:
+            raise QueueFullError(
+                "No further flight is taken: 4 flights wait already, the limit; try again later"
+            )
+        if aircraft != "aerosonde":
+            raise ValueError(f"aircraft {aircraft!r} is not known here")
+        self.uploads.append(FakeUpload(self, aircraft, channel_map, file))
+        return self.uploads[-1]
+
+    def diagnoses(self) -> Sequence[DiagnosisView]:
+        return self.views
+
+    def report(self, diagnosis_id: str) -> bytes | None:
+        return self.page
+
+    def remove(self, diagnosis_id: str) -> bool:
+        before = len(self.views)
+        self.views = [view for view in self.views if view.id != diagnosis_id]
+        return len(self.views) < before
+
+
+class FakeUpload:
+    """Obeys DiagnosisUpload."""
+
+    def __init__(self, port: FakeDiagnoses, aircraft: str, channel_map: str, file: str) -> None:
+        self.port, self.aircraft, self.channel_map, self.file = port, aircraft, channel_map, file
+        self.content = b""
+        self.ended = ""
+
+    def write(self, content: bytes) -> None:
+        self.content += content
+
+    def submit(self) -> DiagnosisView:
+        self.ended = "submitted"
+        view = diagnosis_view(f"d{len(self.port.views)}", aircraft=self.aircraft, file=self.file)
+        self.port.views.insert(0, view)
+        return view
+
+    def discard(self) -> None:
+        self.ended = self.ended or "discarded"
+
+
+def diagnosis_view(name: str, **changes: Any) -> DiagnosisView:
+    view = DiagnosisView(
+        id=name, state=DiagnosisState.QUEUED, aircraft="aerosonde", file="flight", ahead=0, doing="waiting",
+        progress=0.0, problem="", result=None,
+    )  # fmt: skip
+    return dataclasses.replace(view, **changes)

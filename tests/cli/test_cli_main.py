@@ -13,7 +13,7 @@ from wingwatch.cli import estimate_command
 from wingwatch.cli.main import main
 
 HELP_WITHIN_S = 0.3
-COMMANDS = ("demo", "serve", "publish", "simulate", "estimate", "monitor", "design-input")
+COMMANDS = ("demo", "serve", "publish", "simulate", "estimate", "monitor", "diagnose", "design-input")
 
 
 def test_help_names_every_command_with_examples(capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,7 +53,8 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "words"),
     [
         ([], "COMMAND"),
-        (["diagnose"], "'diagnose'"),
+        (["diagnosis"], "'diagnosis'"),
+        (["diagnose", "f.csv"], "--aircraft"),
         (["estimate", "f.csv"], "--aircraft"),
         (["estimate", "f.csv", "--aircraft", "aerosonde", "--estimator", "output"], "'output'"),
         (["estimate", "f.csv", "--aircraft", "aerosonde", "--colour"], "--colour"),

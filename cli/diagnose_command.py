@@ -1,0 +1,97 @@
+"""`wingwatch diagnose`: what a simulation gets wrong against a measured flight, why, and the model extended."""
+
+import argparse
+import datetime
+import os
+from pathlib import Path
+
+from wingwatch.aircraft import aircraft_toml, load_aircraft, parse_aircraft
+from wingwatch.cli.diagnose_page import show
+from wingwatch.cli.diagnosing import diagnose_file
+from wingwatch.cli.faults import CommandError, say
+from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.diagnosis import Diagnosis, as_json, write_report
+from wingwatch.diagnosis.summary import cause_title, parameter_text, probability_text
+from wingwatch.diagnosis.whole_file import write_whole
+
+__all__ = ["run"]
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Carry out the command."""
+    _check(arguments)
+    aircraft = load_aircraft(arguments.aircraft)
+    with Progress().follow() as progress:
+        found = diagnose_file(arguments.flight, aircraft, arguments.map, arguments.validate, progress)
+        if arguments.report is not None:
+            progress("writing the report", 1.0)
+            write_report(found, arguments.report)
+    model = _write_model(found, arguments.model)
+    if arguments.json:
+        files = {"report": _name(arguments.report), "model_file": _name(model)}
+        write_json(as_json(found) | files)
+        return 0
+    console = page()
+    show(console, found)
+    for what, path in (("report", arguments.report), ("extended aircraft file", model)):
+        if path is not None:
+            console.print(f"{what} in {path}", markup=False)
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Refuse before the work what could not be written after it."""
+    inputs = [p for p in (arguments.flight, arguments.map, arguments.validate) if p is not None]
+    inputs.append(Path(arguments.aircraft))
+    for option, out, suffixes in (
+        ("--report", arguments.report, (".html", ".htm")),
+        ("--model", arguments.model, (".toml",)),
+    ):
+        if out is None:
+            continue
+        if out.suffix.lower() not in suffixes:
+            raise CommandError(
+                f"{option} {out}: it is written as {' or '.join(suffixes)}; choose such a suffix"
+            )
+        if not out.parent.is_dir():
+            raise CommandError(f"{option} {out}: there is no folder {out.parent}; create it")
+        if out.is_dir() or not os.access(out.parent, os.W_OK):
+            raise CommandError(f"{option} {out}: no file can be written there; choose another place")
+        if any(out.resolve() == path.resolve() for path in inputs):
+            raise CommandError(f"{option} {out} is a file that is read; give another name")
+
+
+def _write_model(found: Diagnosis, path: Path | None) -> Path | None:
+    """The extended aircraft file, where there is one to offer and a place for it; the path if it was written."""
+    if path is None:
+        return None
+    if found.model is None:
+        say(f"--model: no extended model is offered, so {path} was not written")
+        return None
+    today = datetime.datetime.now(datetime.UTC).date()
+    text = aircraft_toml(found.model, _provenance(found, today))
+    parse_aircraft(text.encode(), str(path))  # what is handed out can be read
+    write_whole(path, text)
+    return path
+
+
+def _provenance(found: Diagnosis, today: datetime.date) -> str:
+    """What the file rests on: flight, date, causes with values and standard errors."""
+    lines = [
+        f"Aircraft {found.aircraft.name}, extended by `wingwatch diagnose` on {today.isoformat()}.",
+        f"Flight: {found.source}, {found.seconds:.0f} s in {found.windows} windows.",
+        "Causes, with standard errors:",
+    ]
+    for cause in found.causes:
+        lines.append(f"- {cause_title(cause)}, probability {probability_text(cause.probability)}")
+        lines += [f"    {parameter_text(name, p)}" for name, p in cause.parameters.items()]
+        if cause.indistinguishable_from:
+            lines.append(f"    not told from: {', '.join(cause.indistinguishable_from)}")
+    if found.gain is not None:
+        lines.append(f"Judged on {found.gain.source}.")
+    lines.append("Causes that an aircraft file cannot state, such as a sensor's bias, are not in it.")
+    return "\n".join(" ".join(line.split("\n")) for line in lines)
+
+
+def _name(path: Path | None) -> str | None:
+    return None if path is None else str(path)

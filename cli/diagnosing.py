@@ -1,0 +1,55 @@
+"""A flight file against the simulation of its aircraft: files in, a diagnosis out."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from wingwatch import diagnosis
+from wingwatch.aircraft import Aircraft
+from wingwatch.cli.faults import CommandError
+from wingwatch.diagnosis import Diagnosis
+from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
+
+__all__ = ["diagnose_file"]
+
+
+def diagnose_file(
+    flight: Path,
+    aircraft: Aircraft,
+    channel_map: Path | None = None,
+    validate: Path | None = None,
+    progress: Callable[[str, float], None] | None = None,
+    source: str = "",
+) -> Diagnosis:
+    """Read, clean and diagnose.
+
+    Args:
+        flight: CSV, Parquet or MATLAB file.
+        channel_map: of both flights.
+        validate: another flight, on which the gain is judged; parts of the first without.
+        progress: called with what is being done and the fraction done.
+        source: what the flight is called; its path if empty.
+
+    Raises:
+        CommandError: the flight cannot be diagnosed; one sentence.
+        TableError, MapError, FlightError: a file that cannot be read.
+    """
+    if progress is not None:
+        progress("reading the flight", 0.0)
+    table = load_flight(flight, channel_map)
+    other = None if validate is None else _cleaned(load_flight(validate, channel_map))
+    try:
+        found: Diagnosis = diagnosis.diagnose(
+            _cleaned(table), aircraft, kinds=table.kinds, validate=other, source=source or str(flight),
+            progress=progress,
+        )  # fmt: skip
+    except diagnosis.DiagnosisError as error:
+        raise CommandError(" ".join(str(error).split())) from None
+    return found
+
+
+def _cleaned(table: FlightTable) -> SampleBlock:
+    cleaner = Cleaner()
+    block = cleaner.clean(table.block).block
+    if not len(block):
+        raise CommandError(f"{table.source}: the cleaner accepted no sample ({cleaner.report.text})")
+    return block

@@ -1,0 +1,292 @@
+"""Uploaded flights diagnosed one after another, each in a process of its own; the service's part of it.
+
+The queue, the results and their age are bounded. Everything lies in a temporary folder that ends with the service.
+"""
+
+import json
+import logging
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+from uuid import uuid4
+
+from wingwatch.aircraft import Aircraft, aircraft_toml
+from wingwatch.api import DiagnosisState, DiagnosisView, QueueFullError
+from wingwatch.cli.diagnosis_process import DiagnosisProcess
+from wingwatch.cli.diagnosis_worker import AIRCRAFT, FLIGHT, MAP, REPORT, REQUEST, RESULT
+from wingwatch.telemetry.maps import parse_map
+
+__all__ = ["DiagnosisJobs", "JobLimits"]
+
+_LOG = logging.getLogger(__name__)
+_COMMAND = (sys.executable, "-m", "wingwatch.cli.diagnosis_worker")
+_LOOK_S = 30.0
+_JOIN_S = 2.0
+_OPEN = (DiagnosisState.QUEUED, DiagnosisState.RUNNING)
+
+
+@dataclass(frozen=True, slots=True)
+class JobLimits:
+    """How much may be going on.
+
+    Attributes:
+        waiting: flights that wait or come in.
+        kept: diagnoses that have ended.
+        kept_s: for how long those are kept.
+        longest_s: of one diagnosis.
+    """
+
+    waiting: int = 4
+    kept: int = 16
+    kept_s: float = 86_400.0
+    longest_s: float = 3600.0
+
+
+@dataclass(slots=True)
+class _Job:
+    """One diagnosis; its fields change under the lock."""
+
+    id: str
+    folder: Path
+    aircraft: str
+    file: str
+    state: DiagnosisState = DiagnosisState.QUEUED
+    doing: str = "waiting"
+    progress: float = 0.0
+    problem: str = ""
+    result: dict[str, Any] | None = field(default=None, repr=False)
+    ended_s: float = 0.0
+
+
+class DiagnosisJobs:
+    """Implements the door's ``DiagnosisPort``; use it in a ``with`` statement.
+
+    Args:
+        aircraft: by its name; ValueError with one sentence where there is none.
+        limits: of queue, results and time.
+        command: of a job's process, to which its folder is appended.
+        clock: monotonic seconds.
+    """
+
+    def __init__(
+        self,
+        aircraft: Callable[[str], Aircraft],
+        limits: JobLimits | None = None,
+        command: Sequence[str] = _COMMAND,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._aircraft = aircraft
+        self._limits = limits or JobLimits()
+        self._command = tuple(command)
+        self._clock = clock
+        self._jobs: dict[str, _Job] = {}  # in the order of their submission
+        self._incoming = 0
+        self._changed = threading.Condition()
+        self._process: DiagnosisProcess | None = None
+        self._ending = False
+        self._folder = Path()
+        self._thread = threading.Thread(target=self._run, name="wingwatch-diagnoses", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._folder = Path(tempfile.mkdtemp(prefix="wingwatch-diagnoses-"))
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._changed:
+            self._ending = True
+            if self._process is not None:
+                self._process.end()
+            self._changed.notify()
+        self._thread.join(_JOIN_S)
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    # -- what the door calls -------------------------------------------------------------------------
+
+    def open(self, aircraft: str, channel_map: str, file: str) -> "_Upload":
+        """Reserve a place in the queue; see ``DiagnosisPort``."""
+        known = self._aircraft(aircraft)
+        if channel_map:
+            parse_map(channel_map)
+        with self._changed:
+            waiting = self._incoming + sum(j.state is DiagnosisState.QUEUED for j in self._jobs.values())
+            if self._ending or waiting >= self._limits.waiting:
+                why = (
+                    "the service is stopping"
+                    if self._ending
+                    else f"{waiting} flights wait already, the limit"
+                )
+                raise QueueFullError(f"No further flight is taken: {why}; try again later")
+            self._incoming += 1
+        try:
+            job = self._prepared(known, channel_map, file)
+            return _Upload(self, job)
+        except BaseException:
+            self._give_back()
+            raise
+
+    def diagnoses(self) -> Sequence[DiagnosisView]:
+        """All that are kept, newest first."""
+        with self._changed:
+            self._forget_old()
+            ahead, views = 0, []
+            for job in self._jobs.values():
+                views.append(_view(job, ahead))
+                ahead += job.state in _OPEN
+            return views[::-1]
+
+    def report(self, diagnosis_id: str) -> bytes | None:
+        """The HTML report of one that is done."""
+        with self._changed:
+            job = self._jobs.get(diagnosis_id)
+            if job is None or job.state is not DiagnosisState.DONE:
+                return None
+        try:
+            return (job.folder / REPORT).read_bytes()
+        except FileNotFoundError:  # forgotten in this very moment
+            return None
+
+    def remove(self, diagnosis_id: str) -> bool:
+        """Cancel one that waits or runs, forget one that has ended."""
+        with self._changed:
+            job = self._jobs.get(diagnosis_id)
+            if job is None:
+                return False
+            if job.state is DiagnosisState.RUNNING and self._process is not None:
+                self._process.end()
+            if job.state in _OPEN:
+                self._end(job, DiagnosisState.CANCELLED)
+            else:
+                self._forget(job)
+            return True
+
+    # -- what an upload calls ------------------------------------------------------------------------
+
+    def _prepared(self, aircraft: Aircraft, channel_map: str, file: str) -> _Job:
+        """A job's folder with all but the flight."""
+        number = uuid4().hex
+        folder = self._folder / number
+        folder.mkdir()
+        (folder / AIRCRAFT).write_text(aircraft_toml(aircraft), encoding="utf-8")
+        (folder / REQUEST).write_text(json.dumps({"file": file}))
+        if channel_map:
+            (folder / MAP).write_text(channel_map, encoding="utf-8")
+        return _Job(number, folder, aircraft.name, file)
+
+    def _queue(self, job: _Job) -> DiagnosisView:
+        with self._changed:
+            self._jobs[job.id] = job
+            self._changed.notify()
+            return _view(job, sum(j.state in _OPEN for j in self._jobs.values()) - 1)
+
+    def _give_back(self) -> None:
+        with self._changed:
+            self._incoming -= 1
+
+    # -- the thread that runs them -------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while (job := self._await_next()) is not None:
+            try:
+                self._follow(job)
+            except Exception as error:  # one flight's fault must not end the queue
+                _LOG.exception("a diagnosis led to a fault of the program")
+                with self._changed:
+                    job.problem = f"internal error: {type(error).__name__}"
+                    self._end(job, DiagnosisState.FAILED)
+
+    def _await_next(self) -> _Job | None:
+        """The next job, now running; None at the end."""
+        with self._changed:
+            while not self._ending:
+                job = next((j for j in self._jobs.values() if j.state is DiagnosisState.QUEUED), None)
+                if job is not None:
+                    job.state, job.doing = DiagnosisState.RUNNING, "starting"
+                    return job
+                self._changed.wait(_LOOK_S)
+                self._forget_old()
+        return None
+
+    def _follow(self, job: _Job) -> None:
+        """Take what a job's process tells until it ends."""
+        with self._changed:
+            if job.state is not DiagnosisState.RUNNING or self._ending:  # cancelled before it began
+                return
+            command = [*self._command, str(job.folder)]
+            process = self._process = DiagnosisProcess(command, job.folder, self._limits.longest_s)
+        for told in process.lines():
+            with self._changed:
+                job.doing = str(told.get("doing", job.doing))
+                job.progress = float(told.get("progress", job.progress))
+                job.problem = str(told.get("problem", job.problem))
+        problem = process.problem()
+        with self._changed:
+            self._process = None
+            if job.state is not DiagnosisState.RUNNING:  # cancelled
+                return
+            if problem is None:
+                job.result = json.loads((job.folder / RESULT).read_text())
+                job.progress, job.doing = 1.0, "done"
+            job.problem = "" if problem is None else job.problem or problem
+            self._end(job, DiagnosisState.DONE if problem is None else DiagnosisState.FAILED)
+
+    def _end(self, job: _Job, state: DiagnosisState) -> None:
+        job.state, job.ended_s = state, self._clock()
+        (job.folder / FLIGHT).unlink(missing_ok=True)
+        self._forget_old()
+
+    def _forget_old(self) -> None:
+        ended = [j for j in self._jobs.values() if j.state not in _OPEN]
+        ended.sort(key=lambda j: j.ended_s, reverse=True)
+        oldest_s = self._clock() - self._limits.kept_s
+        for place, job in enumerate(ended):
+            if place >= self._limits.kept or job.ended_s < oldest_s:
+                self._forget(job)
+
+    def _forget(self, job: _Job) -> None:
+        self._jobs.pop(job.id, None)
+        shutil.rmtree(job.folder, ignore_errors=True)
+
+
+class _Upload:
+    """Implements the door's ``DiagnosisUpload``."""
+
+    def __init__(self, jobs: DiagnosisJobs, job: _Job) -> None:
+        self._jobs = jobs
+        self._job = job
+        self._file = (job.folder / FLIGHT).open("wb")
+        self._open = True
+
+    def write(self, content: bytes) -> None:
+        """The flight file's next bytes."""
+        self._file.write(content)
+
+    def submit(self) -> DiagnosisView:
+        """The flight is whole: queue it."""
+        self._file.close()
+        view = self._jobs._queue(self._job)
+        self._open = False
+        self._jobs._give_back()
+        return view
+
+    def discard(self) -> None:
+        """Give the place back; nothing happens after a submit."""
+        if not self._open:
+            return
+        self._open = False
+        self._file.close()
+        shutil.rmtree(self._job.folder, ignore_errors=True)
+        self._jobs._give_back()
+
+
+def _view(job: _Job, ahead: int) -> DiagnosisView:
+    return DiagnosisView(
+        job.id, job.state, job.aircraft, job.file, ahead if job.state in _OPEN else 0, job.doing, job.progress,
+        job.problem, job.result,
+    )  # fmt: skip

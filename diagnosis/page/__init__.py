@@ -1,0 +1,1 @@
+"""Parts of the report: its sections in words and tables, its pictures, and how they look."""

@@ -1,0 +1,220 @@
+"""The report's sections: what each says in words and tables, and where its pictures stand."""
+
+from html import escape
+
+from wingwatch.aircraft import MODEL_DERIVATIVES
+from wingwatch.diagnosis.page import captions
+from wingwatch.diagnosis.page.figures import (
+    gain_figure,
+    misfit_figure,
+    ranking_figure,
+    spectrum_figures,
+)
+from wingwatch.diagnosis.page.markup import items, paragraph, section, table
+from wingwatch.diagnosis.page.picture import Figure
+from wingwatch.diagnosis.page.traces import trace_figure
+from wingwatch.diagnosis.result import Cause, Diagnosis, Gain
+from wingwatch.diagnosis.summary import (
+    by_misfit,
+    cause_title,
+    change_text,
+    display,
+    label_title,
+    listed,
+    number,
+    parameter_title,
+    percent,
+    probability_text,
+    unexplained_text,
+    with_error,
+)
+
+__all__ = ["Page", "sections"]
+
+_MOST_RANKED = 20
+
+
+class Page:
+    """Collects the pictures that sections place.
+
+    Attributes:
+        figures: in the order in which they stand.
+    """
+
+    def __init__(self) -> None:
+        self.figures: list[Figure] = []
+
+    def place(self, figure: Figure | None, caption: str = "") -> str:
+        """The element in which a picture will be drawn, with its sentence; nothing without a picture."""
+        if figure is None:
+            return ""
+        self.figures.append(figure)
+        described = escape(f"{figure.title}. {caption}".strip(), quote=True)
+        return (
+            f'<figure><div class="picture" id="{escape(figure.name)}" role="img" aria-label="{described}" '
+            f'style="min-height:{figure.height_px}px"></div>'
+            + (f"<figcaption>{escape(caption)}</figcaption>" if caption else "")
+            + "</figure>"
+        )
+
+
+def sections(diagnosis: Diagnosis, page: Page) -> str:
+    """All sections below the answer, in their order."""
+    parts = [_traces(diagnosis, page), _misfit(diagnosis, page), _spectra(diagnosis, page)]
+    parts += [_ranking(diagnosis, page), _causes(diagnosis), _not_separable(diagnosis)]
+    parts += [_gain(diagnosis, page), _derivatives(diagnosis), _unexplained(diagnosis), _notes(diagnosis)]
+    return "".join(parts)
+
+
+def _traces(d: Diagnosis, page: Page) -> str:
+    figure = trace_figure(d)
+    if figure is None:
+        return ""
+    return section("flight", "The flight and its simulation", page.place(figure, captions.trace_caption(d)))
+
+
+def _misfit(d: Diagnosis, page: Page) -> str:
+    if not d.misfit:
+        return ""
+    head = (
+        "channel",
+        "R2",
+        "Theil",
+        "bias",
+        "variance",
+        "covariance",
+        "noise part",
+        "white",
+        "coherent with",
+    )
+    rows = []
+    for channel in by_misfit(d.misfit):
+        m = d.misfit[channel]
+        shares = (percent(m.bias), percent(m.variance), percent(m.covariance), percent(m.noise_fraction))
+        coherence = sorted(m.coherence.items(), key=lambda item: -item[1])[:2]
+        with_whom = ", ".join(f"{display(name).name} {number(value, 2)}" for name, value in coherence) or "-"
+        row = (display(channel).name, number(m.r_squared), number(m.tic), *shares)
+        rows.append((*row, probability_text(m.whiteness), with_whom))
+    return section(
+        "misfit",
+        "Misfit of the simulation as it stands",
+        page.place(misfit_figure(d), captions.misfit_caption(d)),
+        table(head, rows),
+        paragraph(
+            "R2 is the part of the measured variation that the simulation follows. Theil's coefficient is the rms "
+            "residual over the sum of the rms of both signals; its proportions say whether the mean (bias), the size "
+            "(variance) or the course (covariance) is wrong. The noise part of the residual no model takes away. "
+            "White is the probability of so correlated a residual, were it white. Coherent with: the signal with "
+            "which the residual goes together most, from 0 to 1.",
+            "legend",
+        ),
+    )  # fmt: skip
+
+
+def _spectra(d: Diagnosis, page: Page) -> str:
+    figures = [page.place(figure) for figure in spectrum_figures(d)]
+    if not figures:
+        return ""
+    grid = f'<div class="grid">{"".join(figures)}</div>'
+    return section(
+        "spectra", "Residuals over frequency", grid, paragraph(captions.spectrum_caption(d), "caption")
+    )
+
+
+def _ranking(d: Diagnosis, page: Page) -> str:
+    if not d.ranking:
+        return ""
+    found = {cause.label for cause in d.causes}
+    rows = [
+        (label_title(label), number(gain), probability_text(probability), "found" if label in found else "")
+        for label, gain, probability in d.ranking[:_MOST_RANKED]
+    ]
+    more = len(d.ranking) - len(rows)
+    return section(
+        "ranking",
+        "Causes that were tried",
+        page.place(ranking_figure(d), captions.ranking_caption(d)),
+        table(("cause", "log-likelihood gained alone", "probability", ""), rows),
+        paragraph(f"and {more} more that explain less", "legend") if more > 0 else "",
+    )
+
+
+def _causes(d: Diagnosis) -> str:
+    body = "".join(_cause(cause) for cause in d.causes)
+    return section("causes", "Causes found", body or paragraph("None is beyond doubt."))
+
+
+def _cause(cause: Cause) -> str:
+    rows = [
+        (parameter_title(name), with_error(p.value, p.standard_error), p.unit)
+        for name, p in cause.parameters.items()
+    ]
+    facts = [
+        f"Probability {probability_text(cause.probability)}; log-likelihood gained {number(cause.gain)}."
+    ]
+    facts.append(
+        f"On data left out it takes away {percent(cause.held_out_gain)} of the weighted squared misfit."
+    )
+    if cause.channels:
+        facts.append(f"Lowers the misfit of {listed(display(c).name for c in cause.channels)}.")
+    if cause.indistinguishable_from:
+        rivals = listed(label_title(label) for label in cause.indistinguishable_from)
+        facts.append(f"This flight does not tell it from {rivals}.")
+    if cause.separating_manoeuvre:
+        facts.append(f"What would: {cause.separating_manoeuvre}")
+    title = f"<h3>{escape(cause_title(cause))}</h3>"
+    values = table(("parameter", "value ± standard error", "unit"), rows) if rows else ""
+    return f'<article class="card">{title}{paragraph(cause.text)}{values}{items(facts)}</article>'  # fmt: skip
+
+
+def _not_separable(d: Diagnosis) -> str:
+    if not d.not_separable:
+        return ""
+    rows = [(listed(label_title(label) for label in group.causes), group.reason) for group in d.not_separable]
+    return section("inseparable", "What no flight can tell apart", table(("causes", "why"), rows))
+
+
+def _gain(d: Diagnosis, page: Page) -> str:
+    if d.gain is None:
+        why = (
+            "Without a cause there is no extended model." if not d.causes
+            else "No extended model is offered: it does not pay on data left out."
+        )  # fmt: skip
+        return section("gain", "Gain on data left out", paragraph(why))
+    picture = page.place(gain_figure(d.gain), captions.gain_caption(d.gain))
+    return section("gain", "Gain on data left out", picture, _gain_table(d.gain))
+
+
+def _gain_table(gain: Gain) -> str:
+    head = ("channel", "R2 before", "R2 after", "Theil before", "Theil after", "rms residual (95 % interval)")
+    rows = []
+    for channel in by_misfit(gain.before):
+        before, after = gain.before[channel], gain.after.get(channel)
+        if after is None:
+            continue
+        change = gain.change.get(channel)
+        figures = (before.r_squared, after.r_squared, before.tic, after.tic)
+        text = "-" if change is None else change_text(change)
+        rows.append((display(channel).name, *map(number, figures), text))
+    return table(head, rows)
+
+
+def _derivatives(d: Diagnosis) -> str:
+    if not d.derivatives:
+        return ""
+    rows = []
+    for symbol, (before, after) in d.derivatives.items():
+        known = MODEL_DERIVATIVES.get(symbol)
+        change = f"{100.0 * (after / before - 1.0):+.0f} %" if before != 0.0 else "-"
+        words = (known.unit, known.meaning) if known is not None else ("", "")
+        rows.append((symbol, number(before, 4), number(after, 4), change, *words))
+    head = ("derivative", "before", "after", "change", "unit", "meaning")
+    return section("derivatives", "Derivatives before and after", table(head, rows))
+
+
+def _unexplained(d: Diagnosis) -> str:
+    return section("unexplained", "What is unexplained", paragraph(unexplained_text(d)))
+
+
+def _notes(d: Diagnosis) -> str:
+    return section("notes", "Notes", items(d.notes)) if d.notes else ""

@@ -1,0 +1,249 @@
+"""What a diagnosis says in words: the answer in two sentences, and how channels, causes and figures are written.
+
+The terminal and the report share these, so that both say the same.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from wingwatch.diagnosis.result import Cause, Diagnosis, Interval, Misfit, ParameterEstimate
+
+__all__ = [
+    "Display",
+    "beyond_noise",
+    "by_misfit",
+    "cause_title",
+    "change_text",
+    "display",
+    "headline",
+    "label_title",
+    "listed",
+    "number",
+    "parameter_text",
+    "parameter_title",
+    "percent",
+    "probability_text",
+    "unexplained_text",
+    "with_error",
+]
+
+_ONLY_NOISE = 0.8
+"""A channel agrees where sensor noise explains at least this part of its residual's mean square."""
+
+_UNITS: Mapping[str, tuple[str, float]] = {
+    "_rad_s2": ("deg/s²", math.degrees(1.0)),
+    "_rad_s": ("deg/s", math.degrees(1.0)),
+    "_rad": ("deg", math.degrees(1.0)),
+    "_m_s2": ("m/s²", 1.0),
+    "_m_s": ("m/s", 1.0),
+    "_m": ("m", 1.0),
+    "_kg_m3": ("kg/m³", 1.0),
+    "_s": ("s", 1.0),
+    "_k": ("K", 1.0),
+}
+_NAMES: Mapping[str, str] = {
+    "airspeed_true": "true airspeed",
+    "airspeed_indicated": "indicated airspeed",
+    "specific_force_x": "forward specific force",
+    "specific_force_y": "lateral specific force",
+    "specific_force_z": "normal specific force",
+    "roll": "bank angle",
+    "pitch": "pitch attitude",
+}
+_CAUSES: Mapping[str, str] = {
+    "cg_shift": "shift of the centre of gravity",
+    "mass_inertia": "mass or inertia",
+    "incidence_nonlinearity": "nonlinearity with angle of attack",
+    "roll_yaw_coupling": "coupling of roll and yaw",
+    "unknown": "unknown cause",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """How a channel is shown to a person.
+
+    Attributes:
+        name: in words.
+        unit: shown unit; empty for a ratio.
+        factor: from the channel's SI unit to the shown one.
+    """
+
+    name: str
+    unit: str
+    factor: float
+
+    @property
+    def axis(self) -> str:
+        """Name with the unit, as an axis is titled."""
+        return f"{self.name}, {self.unit}" if self.unit else self.name
+
+
+def display(channel: str) -> Display:
+    """How a channel of the flight table is shown; degrees in place of radians."""
+    for suffix, (unit, factor) in _UNITS.items():
+        if channel.endswith(suffix):
+            stem = channel.removesuffix(suffix)
+            return Display(_NAMES.get(stem, stem.replace("_", " ")), unit, factor)
+    return Display(channel.replace("_", " "), "", 1.0)
+
+
+def probability_text(probability: float) -> str:
+    """A probability; next to 0 and 1 only on which side."""
+    if probability > 0.999:
+        return "> 0.999"
+    return "< 0.001" if probability < 0.001 else number(probability)
+
+
+def parameter_title(name: str) -> str:
+    """A parameter's name in words, without the unit that stands behind its value."""
+    shown = display(name.removesuffix("_kg"))
+    return shown.name
+
+
+def label_title(label: str) -> str:
+    """A cause's label in words: ``sensor_delay[pitch_rad]`` is "sensor delay of pitch attitude"."""
+    name, bracket, target = label.partition("[")
+    words = _CAUSES.get(name, name.replace("_", " "))
+    if not bracket:
+        return words
+    target = target.removesuffix("]")
+    if name == "derivative":
+        return f"derivative {target}"
+    shown = display(target)
+    return f"{words} of {shown.name if shown.unit else target.replace('_', ' ')}"
+
+
+def cause_title(cause: Cause) -> str:
+    """A cause's name and target in words."""
+    return label_title(cause.label)
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A figure with so many significant digits, a dash where it is not known."""
+    if not math.isfinite(value):
+        return "-"
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e" in text and 1.0 <= abs(value) < 1e6 else text
+
+
+def percent(part: float) -> str:
+    """A part as percent, a dash where it is not known."""
+    return f"{100.0 * part:.0f} %" if math.isfinite(part) else "-"
+
+
+def with_error(value: float, standard_error: float) -> str:
+    """Value ± standard error, to two digits of the error."""
+    if not math.isfinite(value):
+        return "-"
+    if not (math.isfinite(standard_error) and standard_error > 0.0):
+        return number(value, 4)
+    exponent = math.floor(math.log10(standard_error))
+    if not -5 <= exponent <= 4:
+        return f"{value:.3g} ± {standard_error:.2g}"
+    places = max(1 - exponent, 0)
+    return f"{value:.{places}f} ± {standard_error:.{places}f}"
+
+
+def parameter_text(name: str, parameter: ParameterEstimate) -> str:
+    """A parameter with its standard error and unit."""
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    return f"{parameter_title(name)} {with_error(parameter.value, parameter.standard_error)}{unit}"
+
+
+def change_text(change: Interval) -> str:
+    """A relative change with its 95 % interval: "43 % smaller (38 to 47)", or "+1 % (-2 to 4)" if it may be none."""
+    if not math.isfinite(change.value):
+        return "-"
+    sign = -100.0 if change.high < 0.0 else 100.0
+    ends = sorted((sign * change.low, sign * change.high))
+    interval = f" ({ends[0]:.0f} to {ends[1]:.0f})" if all(map(math.isfinite, ends)) else ""
+    if change.high < 0.0 or change.low > 0.0:
+        return f"{sign * change.value:.0f} % {'smaller' if sign < 0.0 else 'larger'}{interval}"
+    return f"{round(100.0 * change.value, 0) + 0.0:+.0f} %{interval}"
+
+
+def listed(words: Iterable[str]) -> str:
+    """ "a", "a and b", "a, b and c"."""
+    items = list(words)
+    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
+
+
+def beyond_noise(misfit: Misfit) -> float:
+    """Theil's coefficient of the residual beyond sensor noise: what a better model could still take away."""
+    noise = misfit.noise_fraction if math.isfinite(misfit.noise_fraction) else 0.0
+    return misfit.tic * math.sqrt(min(max(1.0 - noise, 0.0), 1.0)) if math.isfinite(misfit.tic) else 0.0
+
+
+def by_misfit(misfits: Mapping[str, Misfit]) -> tuple[str, ...]:
+    """Channels, those that a better model could improve most first, and those whose noise is not known last."""
+
+    def order(channel: str) -> tuple[bool, float]:
+        misfit = misfits[channel]
+        return not math.isfinite(misfit.noise_fraction), -beyond_noise(misfit)
+
+    return tuple(sorted(misfits, key=order))
+
+
+def headline(diagnosis: Diagnosis) -> tuple[str, str]:
+    """The answer in two sentences: what is wrong and why; what the extension gains, empty where there is no cause."""
+    return _what_and_why(diagnosis), _gained(diagnosis)
+
+
+def _what_and_why(d: Diagnosis) -> str:
+    wrong = [c for c in by_misfit(d.misfit) if not _agrees(d.misfit[c])]
+    most = listed(display(channel).name for channel in wrong[:2])
+    if d.causes:
+        causes = listed(_brief(c) for c in d.causes[:3])
+        more = f" and {len(d.causes) - 3} more" if len(d.causes) > 3 else ""
+        where = f" departs from this flight most in {most}" if most else " departs from this flight"
+        plural = "causes" if len(d.causes) > 1 else "cause"
+        return f"The simulation of {d.aircraft.name}{where}; {plural} found: {causes}{more}."
+    if not wrong:
+        return f"The simulation of {d.aircraft.name} agrees with this flight: what is left is sensor noise."
+    return (
+        f"The simulation of {d.aircraft.name} departs from this flight most in {most}, "
+        "but no cause is beyond doubt."
+    )
+
+
+def _agrees(misfit: Misfit) -> bool:
+    return misfit.noise_fraction >= _ONLY_NOISE
+
+
+def _brief(cause: Cause) -> str:
+    """A cause with its first parameter."""
+    for parameter in cause.parameters.values():
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        return f"{cause_title(cause)} ({with_error(parameter.value, parameter.standard_error)}{unit})"
+    return cause_title(cause)
+
+
+def _gained(d: Diagnosis) -> str:
+    if not d.causes:
+        return ""
+    if d.gain is None:
+        return "No extended model is offered, because it does not pay on data left out."
+    certain = [(c, i) for c, i in d.gain.change.items() if i.high < 0.0]
+    if not certain:
+        return f"On {d.gain.source} the extended model is not better beyond doubt in any channel."
+    certain.sort(key=lambda item: item[1].value)
+    return f"With the model extended, the residual on {d.gain.source} is {_changes(certain[:2])}."
+
+
+def _changes(best: Sequence[tuple[str, Interval]]) -> str:
+    return listed(f"{change_text(change)} in {display(channel).name}" for channel, change in best)
+
+
+def unexplained_text(diagnosis: Diagnosis) -> str:
+    """What the causes leave, in a sentence or two."""
+    fraction = diagnosis.unexplained_fraction
+    if not math.isfinite(fraction):
+        return diagnosis.unexplained or "How much is left unexplained is not known."
+    left = f"The causes found leave {percent(fraction)} of the misfit beyond noise unexplained."
+    if not diagnosis.causes:
+        left = "No cause was found, so all of the misfit beyond noise is unexplained."
+        if fraction <= 0.0:
+            left = "There is no misfit beyond noise."
+    return f"{left} {diagnosis.unexplained}".strip()
