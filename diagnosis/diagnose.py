@@ -147,10 +147,11 @@ def _cause(problem: Problem, found: Search, i: int, noise: Array) -> Cause:
     )
 
 
-def _probability(best: Tried, tried: Sequence[Tried]) -> float:
+def _probability(one: Tried, tried: Sequence[Tried]) -> float:
     """Of a cause among those that were fitted, and none."""
-    odds = np.exp(np.minimum(np.array([0.0, *(t.evidence for t in tried)]) - best.evidence, 0.0))
-    return float(1.0 / odds.sum())
+    evidence = np.array([0.0, *(t.evidence for t in tried)])
+    most = float(evidence.max())
+    return float(np.exp(one.evidence - most) / np.exp(evidence - most).sum())
 
 
 def _channels(problem: Problem, found: Search, i: int, noise: Array) -> tuple[str, ...]:
@@ -227,14 +228,15 @@ def _rest_in_words(found: Search, unexplained: float) -> str:
 def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str, ...]:
     """What could not be answered."""
     notes = []
-    if not subject.trims_known:
+    if subject.stated.coefficients is None:
         notes.append(
             "the aircraft file states derivatives only: steady forces and moments are each window's own, and causes "
-            "that show in them alone cannot be found"
+            "that show in them or in the forward motion cannot be found"
         )
     elif not subject.throttle_known:
         notes.append(
-            "throttle or propulsion is not known: thrust is each window's own, and causes in it are not found"
+            "throttle or propulsion is not known: steady forces and moments are each window's own, and causes that "
+            "show in them alone cannot be found"
         )
     absent = [OUTPUTS[k] for k in (9, 10) if k not in subject.flight.compared]
     if absent:

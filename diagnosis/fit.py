@@ -44,6 +44,7 @@ from wingwatch.diagnosis.replay import (
     sense,
     without_delays,
 )
+from wingwatch.diagnosis.trims import measured_trims
 
 __all__ = [
     "Evaluation",
@@ -97,6 +98,7 @@ class Problem:
         groups: which windows share equation (1), by the first of them, (windows,).
         centres: mean motion of each window's group, (windows, 8).
         starts: as the first samples of each have them, (windows, 8).
+        trims: as mean forces and moments of each have them, (windows, 6).
         free_trims: which of ``TRIMS`` each window has of its own.
         used: outputs that count.
     """
@@ -109,6 +111,7 @@ class Problem:
     starts: Array
     free_trims: tuple[int, ...]
     used: tuple[int, ...]
+    trims: Array
 
     def part(self, windows: Sequence[int]) -> "Problem":
         """Some of the windows."""
@@ -119,6 +122,7 @@ class Problem:
             groups=tuple([self.groups[v] for v in windows].index(self.groups[w]) for w in windows),
             centres=self.centres[list(windows)],
             starts=self.starts[list(windows)],
+            trims=self.trims[list(windows)],
         )
 
 
@@ -210,9 +214,15 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
         np.array(starts),
         free,
         _used(subject),
+        np.zeros((count, len(TRIMS))),
     )
+    trims = np.zeros((count, len(TRIMS)))
+    if free:
+        found = [measured_trims(flight, w, row, i) for w, i in zip(flight.windows, inputs, strict=True)]
+        trims[:, list(free)] = np.array(found)[:, list(free)]
+    problem = replace(problem, trims=trims)
     air = tuple(np.zeros((w.stop - w.start, AIR)) for w in flight.windows)
-    point = Point((), (), problem.starts.copy(), np.zeros((count, len(TRIMS))), noise, air)
+    point = Point((), (), problem.starts.copy(), trims.copy(), noise, air)
     steps = [_steps(linear_at(problem, point, w, subject.model), i.dt) for w, i in enumerate(inputs)]
     return replace(
         problem, inputs=tuple(i._replace(steps=n) for i, n in zip(inputs, steps, strict=True))
@@ -477,8 +487,10 @@ class Reduced:
 
 def _own_offset(problem: Problem, point: Point, w: int) -> Array:
     """What a window has of its own, less what was known of it beforehand."""
-    trims = point.trims[w, list(problem.free_trims)]
-    return np.concatenate([point.starts[w] - problem.starts[w], trims])
+    free = list(problem.free_trims)
+    return np.concatenate(
+        [point.starts[w] - problem.starts[w], point.trims[w, free] - problem.trims[w, free]]
+    )
 
 
 def reduce(problem: Problem, point: Point, evaluation: Evaluation) -> Reduced:

@@ -25,7 +25,7 @@ def not_separable(subject: Subject) -> tuple[NotSeparable, ...]:
     if subject.measures("angle_of_attack_rad"):
         sets.append(
             NotSeparable(
-                ("vane_upwash[angle_of_attack]", "derivative[z_w] with derivative[m_w]"),
+                ("vane_upwash[angle_of_attack]", "derivatives z_w and m_w together"),
                 "the vane alone says what the angle of attack is: a vane that turns too far and slopes of lift "
                 "and moment that are too small differ only in the geometry of the flight path",
             )

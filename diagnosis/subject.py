@@ -30,10 +30,9 @@ def subject_of(block: SampleBlock, aircraft: Aircraft, kinds: Mapping[str, str])
     stated, aircraft = aircraft, _whole(aircraft)
     flight = measure(block, aircraft, kinds)
     row, followed = _row(aircraft, flight)
-    trims_known = aircraft.coefficients is not None
-    throttle_known = (
-        trims_known and aircraft.propulsion is not None and bool(np.isfinite(_throttle(flight)).all())
-    )
+    thrust = aircraft.coefficients is not None and aircraft.propulsion is not None
+    throttle_known = thrust and bool(np.isfinite(_throttle(flight)).all())
+    trims_known = throttle_known  # without thrust no steady flight is simulated
     model = Model(row, _sensors(aircraft))
     if not throttle_known:
         _without_thrust(model)
