@@ -10,11 +10,20 @@ from threadpoolctl import threadpool_limits
 from wingwatch.aircraft import Aircraft, FlightCondition
 from wingwatch.diagnosis.candidate import Subject
 from wingwatch.diagnosis.causes import candidates
-from wingwatch.diagnosis.fit import Point, Problem, evaluate, fit, model_at, own_fitted, prepare
+from wingwatch.diagnosis.fit import (
+    Point,
+    Problem,
+    RunsAwayError,
+    evaluate,
+    fit,
+    model_at,
+    own_fitted,
+    prepare,
+)
 from wingwatch.diagnosis.gain import gain_of, misfits
 from wingwatch.diagnosis.innovations import Noise
 from wingwatch.diagnosis.linear_aircraft import concise
-from wingwatch.diagnosis.measured import OUTPUTS
+from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError
 from wingwatch.diagnosis.mended import extended
 from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
 from wingwatch.diagnosis.noise import first_noise
@@ -28,6 +37,9 @@ from wingwatch.telemetry import SampleBlock
 __all__ = ["diagnose"]
 
 Array = NDArray[np.float64]
+
+WINDOWS_S = (8.0, 5.0, 3.0)
+"""Lengths of windows: the first in which the simulation stays near the flight."""
 
 SYMBOLS: tuple[str, ...] = (
     "z_w", "z_q", "z_eta", "m_w", "m_q", "m_eta", "y_v", "y_p", "y_r", "y_xi", "y_zeta",
@@ -73,13 +85,25 @@ def diagnose(
     """
     tell = progress or _silent
     tell("reading the flight", 0.0)
-    subject = subject_of(flight, aircraft, kinds or {})
     with threadpool_limits(1):
-        problem, point = _begun(subject)
-        found = search(problem, point, candidates(subject), tell)
-        tell("measuring the gain", 0.9)
-        other = None if validate is None else _begun(subject_of(validate, aircraft, kinds or {}))
-        return _told(source, problem, found, other)
+        for window_s in WINDOWS_S:
+            subject = subject_of(flight, aircraft, kinds or {}, window_s)
+            try:
+                problem, point = _begun(subject)
+                found = search(problem, point, candidates(subject), tell)
+                tell("measuring the gain", 0.9)
+                other = (
+                    None
+                    if validate is None
+                    else _begun(subject_of(validate, aircraft, kinds or {}, window_s))
+                )
+                return _told(source, problem, found, other)
+            except RunsAwayError:
+                continue
+    raise DiagnosisError(
+        f"the simulation of aircraft {aircraft.name} runs away from the flight within {WINDOWS_S[-1]:g} s: nothing of it "
+        "fits; check that the file is of this aircraft, and the units and signs of the channel map"
+    )
 
 
 def _begun(subject: Subject) -> tuple[Problem, Point]:

@@ -51,6 +51,7 @@ __all__ = [
     "Point",
     "Problem",
     "Reduced",
+    "RunsAwayError",
     "Solution",
     "WORKERS",
     "evaluate",
@@ -85,6 +86,10 @@ WORKERS = 2
 _MOST_PASSES = 6
 _ENOUGH = 0.05
 """Gain of log-likelihood below which a step is not worth another pass."""
+
+
+class RunsAwayError(ArithmeticError):
+    """A simulation that leaves the flight so far that its numbers end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -436,8 +441,10 @@ def _predicted_slope(problem: Problem, w: int, measured: Array, innovations: Arr
 def _of_window(problem: Problem, point: Point, w: int, versions: _Versions) -> tuple[Array, float, int]:
     white, spread = _innovations(problem, point, w, versions)
     width = white.shape[-1]
-    if not np.isfinite(white).all():
+    known = np.asarray(np.isfinite(white.reshape(-1, width)).all(axis=0))
+    if not known[: 1 + own_count(problem)].all():
         return np.full((1, width, width), np.nan), np.nan, 0
+    white[..., ~known] = 0.0  # a version that runs away in this window says nothing here
     count = max(1, round(len(white) * problem.inputs[w].dt / _BLOCK_S))
     cuts = np.linspace(0, len(white), count + 1).round().astype(int)
     blocks = np.empty((count, width, width))
@@ -553,6 +560,8 @@ def _moved(problem: Problem, point: Point, reduced: Reduced, step: Array, part: 
 def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
     """The most likely parameters of the causes in the model, and starts."""
     evaluation = evaluate(problem, point)
+    if not np.isfinite(evaluation.log_spread):
+        raise RunsAwayError("the simulation runs away from the flight")
     reduced = reduce(problem, point, evaluation)
     prior = _prior(point.causes)
     for _ in range(passes):
@@ -564,7 +573,7 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
         while part > 0.1 and not better:
             there = _moved(problem, point, reduced, step, part)
             tried = evaluate(problem, there)
-            better = bool(_whole_cost(problem, tried, there, prior) < here)
+            better = bool(_whole_cost(problem, tried, there, prior) < here)  # not where it is not a number
             part *= 0.4
         if not better:
             break

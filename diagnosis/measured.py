@@ -12,7 +12,16 @@ from wingwatch.aircraft import Aircraft
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete
 from wingwatch.telemetry.conditioning import align
 
-__all__ = ["COMMANDS", "DiagnosisError", "MeasuredFlight", "OUTPUTS", "SURFACES", "Window", "measure"]
+__all__ = [
+    "COMMANDS",
+    "DiagnosisError",
+    "MeasuredFlight",
+    "OUTPUTS",
+    "SURFACES",
+    "WINDOW_S",
+    "Window",
+    "measure",
+]
 
 Array = NDArray[np.float64]
 
@@ -29,7 +38,7 @@ COMMANDS = ("elevator_command_rad", "aileron_command_rad", "rudder_command_rad")
 WINDOW_S = 8.0
 """Length of a window: longer than the fast modes, shorter than it takes small errors to become large motion."""
 
-SHORTEST_S = 4.0
+SHORTEST_S = 2.5
 MAX_GAP_S = 0.1
 SHORTEST_FLIGHT_S = 10.0
 LEAD_S = 0.3

@@ -22,6 +22,7 @@ from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.fit import (
     Point,
     Problem,
+    RunsAwayError,
     Solution,
     evaluate,
     fit,
@@ -122,7 +123,8 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         tried = []
         for i, (candidate, noise) in enumerate(listed):
             progress(f"fitting {candidate.label}", at + 0.02 + 0.15 * i / len(listed))
-            tried.append(_fitted(problem, present, candidate, noise))
+            one = _fitted(problem, present, candidate, noise)
+            tried += [] if one is None else [one]
         tried = _judged(tried)
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)
@@ -186,16 +188,18 @@ def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidat
     return gains
 
 
-def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: Noise) -> Tried:
-    """Far from the truth by the given noise first, then with its own."""
+def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: Noise) -> Tried | None:
+    """Far from the truth by the given noise first, then with its own; None where the simulation runs away."""
     zero = np.zeros(len(candidate.parameters))
     point = replace(
         present.point, causes=(*present.point.causes, candidate), values=(*present.point.values, zero),
         noise=noise,
     )  # fmt: skip
-    solution = fit(problem, point, 8)
-    point = with_air(problem, fit_noise(problem, solution.point))
-    solution = fit(problem, fit_noise(problem, fit(problem, point, 4).point), 4)
+    try:
+        point = with_air(problem, fit_noise(problem, fit(problem, point, 8).point))
+        solution = fit(problem, fit_noise(problem, fit(problem, point, 4).point), 4)
+    except RunsAwayError:
+        return None
     count = len(candidate.parameters)
     reduced = reduce(problem, solution.point, solution.evaluation)
     inflated = inflation(reduced, slice(solution.point.theta.size - count, None))

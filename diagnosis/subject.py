@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import DUTCH_ROLL, GRAVITY_M_S2, LATERAL, SHORT_PERIOD, Aircraft, Geometry, Mass
 from wingwatch.diagnosis.candidate import INDEX, Subject
 from wingwatch.diagnosis.linear_aircraft import entry_near, row_of_derivatives
-from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, MeasuredFlight, measure
+from wingwatch.diagnosis.measured import OUTPUTS, WINDOW_S, DiagnosisError, MeasuredFlight, measure
 from wingwatch.diagnosis.replay import Model
 from wingwatch.simulation.layout import parameter_row
 from wingwatch.telemetry import SampleBlock
@@ -21,14 +21,16 @@ _LONGITUDINAL, _SIDEWAYS, _ROLL = {0, 2, 4, 7}, {1, 3, 5, 6}, {3, 6}
 """Places in ``START``: u, w, q, pitch; v, p, r, roll; p, roll."""
 
 
-def subject_of(block: SampleBlock, aircraft: Aircraft, kinds: Mapping[str, str]) -> Subject:
+def subject_of(
+    block: SampleBlock, aircraft: Aircraft, kinds: Mapping[str, str], window_s: float = WINDOW_S
+) -> Subject:
     """The subject of a flight.
 
     Raises:
         DiagnosisError: a flight or an aircraft file that cannot be replayed.
     """
     stated, aircraft = aircraft, _whole(aircraft)
-    flight = measure(block, aircraft, kinds)
+    flight = measure(block, aircraft, kinds, window_s)
     row, followed = _row(aircraft, flight)
     thrust = aircraft.coefficients is not None and aircraft.propulsion is not None
     throttle_known = thrust and bool(np.isfinite(_throttle(flight)).all())
