@@ -47,6 +47,9 @@ STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, DUTCH_ROLL, LATER
 SOLUTION_INTERVAL_S = 0.5
 """Thesis 9.2: least squares at 2 Hz."""
 
+_SAME_TIME_S = 1e-6
+"""Stamps this close count as one: samplers round."""
+
 MOTION_S = 10.0
 """Time over which the motion is measured that the air's part is compared with: a block."""
 
@@ -205,12 +208,11 @@ class Chain:
             state.last_s = t
             if np.isnan(state.next_solution_s) or jumped:
                 state.next_solution_s = t + SOLUTION_INTERVAL_S
-            elif t >= state.next_solution_s - 1e-6:
+            elif t >= state.next_solution_s - _SAME_TIME_S:
                 self._take(state, block.values[start : k + 1])
                 start = k + 1
                 yield self._solve(state, t)
-                while state.next_solution_s <= t + 1e-6:
-                    state.next_solution_s += SOLUTION_INTERVAL_S
+                state.next_solution_s = _next_solution_s(state.next_solution_s, t)
         self._take(state, block.values[start:])
 
     def current(self, state: ChainState) -> Solution:
@@ -278,6 +280,12 @@ class Chain:
             fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
         evidence = mode.fourier.evidence(state.fourier[name])
         return ModeSolution(mode.structure, fourier, ekf, evidence, gained, rough, not mode.vane)
+
+
+def _next_solution_s(due_s: float, time_s: float) -> float:
+    """The first instant of the grid on which ``due_s`` lies that is later than ``time_s``."""
+    passed = np.floor((time_s + _SAME_TIME_S - due_s) / SOLUTION_INTERVAL_S)
+    return due_s + SOLUTION_INTERVAL_S * (1.0 + max(0.0, float(passed)))
 
 
 def _lately(state: ChainState, name: str, rough: bool) -> bool:

@@ -12,11 +12,12 @@ import numpy as np
 import orjson
 from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from wingwatch.telemetry.completion import complete
 from wingwatch.telemetry.protocol import vehicle_pb2
-from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, SampleBlock
+from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, MAX_TIME_S, SampleBlock
 
 __all__ = [
     "JSON",
@@ -37,6 +38,7 @@ JSON = "application/json"
 _JSON_ENCODINGS = (JSON, "text/json")
 _UNSAID_ENCODINGS = ("", "zenoh/bytes", "zenoh/string", "application/octet-stream", "text/plain")
 _MAX_SEQUENCE = 2**64 - 1
+_MAX_MASS_KG, _MAX_SHIFT_M = 1e6, 100.0  # beyond any aircraft
 _SHOWN_CHARACTERS = 60
 _NUMBER_TYPES = {float, int, type(None)}
 # protobuf's own JSON writes these numbers as text
@@ -99,8 +101,8 @@ class AircraftMessage(BaseModel):
 
     aircraft: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,127}$")]
     configuration: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")] = "clean"
-    mass_kg: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
-    cg_shift_m: Annotated[float, Field(allow_inf_nan=False)] | None = None
+    mass_kg: Annotated[float, Field(gt=0.0, le=_MAX_MASS_KG)] | None = None
+    cg_shift_m: Annotated[float, Field(ge=-_MAX_SHIFT_M, le=_MAX_SHIFT_M)] | None = None
 
 
 def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None = None) -> SensorsMessage:
@@ -132,6 +134,7 @@ def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None =
         raise MessageError("too_many_samples", text)
     values = np.full((samples, len(CHANNEL_NAMES)), np.nan)
     values[:, [CHANNEL_INDEX[name] for name in columns]] = np.array(list(columns.values()), np.float64).T
+    _demand_a_clock(values[:, CHANNEL_INDEX["time_s"]])
     given = tuple(name for name in CHANNEL_NAMES if name in columns)
     return SensorsMessage(sequence, complete(SampleBlock(values), given), given)
 
@@ -224,6 +227,14 @@ def is_json(payload: bytes, encoding: str, limits: MessageLimits) -> bool:
 def _demand_protobuf(encoding: str) -> None:
     if encoding != PROTOBUF:
         raise ValueError(f"messages are encoded as {PROTOBUF} or {JSON}, not {encoding!r}")
+
+
+def _demand_a_clock(time_s: NDArray[np.float64]) -> None:
+    """Stamps that no clock shows make a message worthless; every other value is judged sample by sample (cleaning)."""
+    beyond = time_s[np.isfinite(time_s) & (np.abs(time_s) > MAX_TIME_S)]
+    if beyond.size:
+        text = f"time_s holds {beyond[0]:.6g}, which no clock shows in seconds: stamps lie within {MAX_TIME_S:.0f}"
+        raise MessageError("bad_value", text)
 
 
 def _sensors_from_protobuf(payload: bytes) -> tuple[int, dict[str, list[Any]]]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Channel", "CHANNELS", "CHANNEL_INDEX", "CHANNEL_NAMES", "SampleBlock"]
+__all__ = ["Channel", "CHANNELS", "CHANNEL_INDEX", "CHANNEL_NAMES", "MAX_TIME_S", "SampleBlock"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,12 @@ class Channel:
     meaning: str
 
 
+MAX_TIME_S = 2.0**32
+"""Largest stamp, either sign: any clock in seconds, Unix time until 2106 among them. Stamps below it resolve half a
+microsecond; microseconds sent for seconds lie beyond."""
+
 CHANNELS: tuple[Channel, ...] = (
-    Channel("time_s", "s", -np.inf, np.inf, "time stamp of the source's clock"),
+    Channel("time_s", "s", -MAX_TIME_S, MAX_TIME_S, "time stamp of the source's clock"),
     Channel("airspeed_true_m_s", "m/s", -10.0, 400.0, "true airspeed"),
     Channel("airspeed_indicated_m_s", "m/s", -10.0, 400.0, "indicated airspeed"),
     Channel("roll_rate_rad_s", "rad/s", -35.0, 35.0, "roll rate, right wing down positive"),

@@ -131,6 +131,8 @@ class TestSensors:
             ({"columns": {"time_s": [1]}, "sequence": True}, "wrong_type", "sequence must be"),
             ({"columns": {"time_s": [0] * 1001}}, "too_many_samples", "1001 samples"),
             ({"columns": {"time_s": [float("nan")]}}, "malformed", "null, not NaN"),
+            ({"columns": {"time_s": [0.0, 9e15]}}, "bad_value", "time_s holds 9e+15"),
+            ({"columns": {"time_s": [-1.7e308]}}, "bad_value", "time_s holds -1.7e+308"),
         ],
     )
     def test_what_is_no_message_has_a_reason_and_a_sentence(
@@ -196,6 +198,8 @@ class TestAircraft:
             ({"aircraft": "a", "mass_kg": "11"}, "wrong_type", "mass_kg"),
             ({"aircraft": "a", "weight": 1}, "unknown_field", "no field 'weight'"),
             ({"aircraft": "a" * 5000}, "bad_value", "aircraft"),
+            ({"aircraft": "a", "mass_kg": 1e9}, "bad_value", "mass_kg"),
+            ({"aircraft": "a", "cg_shift_m": -1e9}, "bad_value", "cg_shift_m"),
         ],
     )
     def test_what_is_no_message_has_a_reason_and_a_sentence(
