@@ -30,6 +30,7 @@ from wingwatch.telemetry import (
     AircraftMessage,
     MessageError,
     SensorsMessage,
+    SequenceTracker,
     decode_aircraft,
     decode_sensors,
     derivations,
@@ -86,7 +87,7 @@ class _Vehicle:
     monitor: VehicleMonitor | None = None
     given: tuple[str, ...] = ()
     counts: dict[str, int] = field(default_factory=dict)
-    next_sequence: int | None = None
+    arrivals: SequenceTracker = field(default_factory=SequenceTracker)
     received_s: float | None = None
     asked_s: float = float("-inf")
     published_s: float = float("-inf")
@@ -96,6 +97,13 @@ class _Vehicle:
 
     def count(self, reason: str, times: int = 1) -> None:
         self.counts[reason] = self.counts.get(reason, 0) + times
+
+    @property
+    def all_counts(self) -> dict[str, int]:
+        """Of samples and of messages, without zeros."""
+        of_samples = {} if self.monitor is None else self.monitor.counts
+        numbers = {name: times for name, times in self.arrivals.counts.items() if times}
+        return {**of_samples, **self.counts, **numbers}
 
 
 class FleetMonitor:
@@ -169,8 +177,9 @@ class FleetMonitor:
         return []
 
     def _sampled(self, fleet: str, vehicle: str, known: _Vehicle, message: SensorsMessage) -> list[Any]:
+        if not known.arrivals.observe(message.sequence, message.stream, *message.span_s):
+            return []
         known.received_s = self._clock()
-        self._track(known, message.sequence)
         if known.aircraft is None:
             known.count("unannounced" if known.message is None else "unknown_aircraft", len(message.block))
             return ["ask"] if known.message is None else []
@@ -178,13 +187,6 @@ class FleetMonitor:
             known.monitor = self._new_monitor(fleet, vehicle, known, message)
         report = known.monitor.feed(message.block)
         return self._digest(fleet, vehicle, known, report)
-
-    @staticmethod
-    def _track(known: _Vehicle, sequence: int) -> None:
-        expected = known.next_sequence
-        if expected is not None and sequence > expected:
-            known.count("messages_lost", sequence - expected)
-        known.next_sequence = sequence + 1
 
     def _new_monitor(
         self, fleet: str, vehicle: str, known: _Vehicle, message: SensorsMessage
@@ -347,7 +349,7 @@ class FleetMonitor:
                 fleet=fleet, vehicle=vehicle, aircraft=known.message.aircraft if known.message else None,
                 configuration=known.message.configuration if known.message else None, state=VehicleState.UNKNOWN,
                 state_since_s=None, reason=reason, last_sample_time_s=None, basis=None,
-                basis_text="Nothing has been compared yet.", worst=None, counts=dict(known.counts),
+                basis_text="Nothing has been compared yet.", worst=None, counts=known.all_counts,
                 active_alerts=(), condition={},
             )  # fmt: skip
         view = known.monitor.view()
@@ -358,7 +360,7 @@ class FleetMonitor:
             for a in self._alerts.values()
             if (a.fleet, a.vehicle) == (fleet, vehicle) and a.id in view.active_alerts
         ]
-        return replace(view, counts={**view.counts, **known.counts}, active_alerts=tuple(active))
+        return replace(view, counts=known.all_counts, active_alerts=tuple(active))
 
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles ever heard of, worst state first."""

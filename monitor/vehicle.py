@@ -107,6 +107,11 @@ class VehicleMonitor:
         self._memory = _Memory()
 
     @property
+    def counts(self) -> dict[str, int]:
+        """Samples accepted and rejected, by reason."""
+        return dict(self.cleaner.report.counts)
+
+    @property
     def observable_s(self) -> float:
         """Seconds of flight in which something could be said."""
         return self._memory.observable_s
@@ -378,7 +383,7 @@ class VehicleMonitor:
             fleet=self.fleet, vehicle=self.vehicle, aircraft=self.aircraft.name, configuration=self.configuration,
             state=state or self.state, state_since_s=self._memory.state_since_s, reason=self.reason,
             last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
-            worst=self.worst(), counts=dict(self.cleaner.report.counts),
+            worst=self.worst(), counts=self.counts,
             active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
             air=self.air,
         )  # fmt: skip

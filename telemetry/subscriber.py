@@ -16,11 +16,10 @@ import zenoh
 
 from wingwatch.telemetry.keys import KEY_ROOT, KeyNameError, parse_key, vehicle_key
 
-__all__ = ["InboundMessage", "SensorSubscriber", "SequenceTracker"]
+__all__ = ["InboundMessage", "SensorSubscriber"]
 
 _ASK_AGAIN_S = 2.0
 _MAX_VEHICLES = 10_000
-_MOST_LOST = 1_000_000  # two days of ten-sample messages at 50 Hz; a longer leap is another count
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,33 +172,3 @@ class SensorSubscriber:
     def _answered(self, reply: Any) -> None:
         if reply.ok is not None:
             self._arrived(reply.ok)
-
-
-class SequenceTracker:
-    """Counts the messages of one publisher that never arrived, by the gaps in their numbers.
-
-    Attributes:
-        missing: messages lost so far.
-        restarts: times the publisher began again at 0, or leapt too far for a loss.
-        repeated: messages whose number had been there already.
-    """
-
-    def __init__(self) -> None:
-        self.missing = 0
-        self.restarts = 0
-        self.repeated = 0
-        self._next: int | None = None
-
-    def observe(self, sequence: int) -> int:
-        """Takes the number of a message that arrived; how many are missing right before it."""
-        expected, self._next = self._next, sequence + 1
-        if expected is None or sequence == expected:
-            return 0
-        if expected < sequence <= expected + _MOST_LOST:
-            self.missing += sequence - expected
-            return sequence - expected
-        if sequence == 0 or sequence > expected:
-            self.restarts += 1
-        else:
-            self.repeated += 1
-        return 0

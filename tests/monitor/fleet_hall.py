@@ -154,9 +154,14 @@ class Hall:
         self.fleet.receive("default", vehicle, "aircraft", encode_aircraft(message), PROTOBUF)
 
     def sample(
-        self, block: SampleBlock, sequence: int, vehicle: str = "uav", encoding: str = PROTOBUF
+        self,
+        block: SampleBlock,
+        sequence: int,
+        vehicle: str = "uav",
+        encoding: str = PROTOBUF,
+        stream: int | None = None,
     ) -> None:
-        payload = encode_sensors(sequence, block, encoding)
+        payload = encode_sensors(sequence, block, encoding, stream=stream)
         self.fleet.receive("default", vehicle, "sensors", payload, encoding)
 
     def raw(self, payload: bytes, encoding: str = JSON, stream: str = "sensors") -> None:

@@ -8,6 +8,8 @@ from fleet_hall import Hall, fly_doublets, second
 from numpy.typing import ArrayLike
 
 from wingwatch.aircraft import load_aircraft
+from wingwatch.api import vehicle_document
+from wingwatch.api.encoding import json_answer
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import SampleBlock
 
@@ -64,3 +66,59 @@ def test_solutions_stay_on_their_grid_after_a_short_gap(flight: SampleBlock) -> 
     grid = (np.array(times) - begin_s) % 0.5
     late = np.minimum(grid, 0.5 - grid)
     assert np.count_nonzero(late > 1e-6) == 1  # the first sample after the gap, then the grid again
+
+
+# -- numbers --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stream", [None, 17])
+def test_a_late_message_is_counted_and_changes_nothing(flight: SampleBlock, stream: int | None) -> None:
+    """A batch eight seconds late is no new clock: with it and without it the estimates are the same."""
+    halls = [Hall(), Hall()]
+    for late, hall in enumerate(halls):
+        hall.announce()
+        for k in range(30):
+            if k != 12:
+                hall.sample(second(flight, k), k, stream=stream)
+            if k == 20 and late:
+                hall.sample(second(flight, 12), 12, stream=stream)
+    without, with_late = halls
+    assert with_late.derivatives() == without.derivatives()
+    assert with_late.view().counts == {**without.view().counts, "messages_late": 1}
+    assert "clock_change" not in with_late.view().counts
+
+
+def test_a_publisher_started_again_is_followed_at_once_where_it_says_so(flight: SampleBlock) -> None:
+    hall = Hall()
+    hall.announce()
+    for stream in (17, 4):
+        for k in range(10):
+            hall.sample(second(flight, k), k, stream=stream)
+    counts = hall.view().counts
+    assert counts["accepted"] == 2 * 10 * 50
+    assert (counts["publisher_restarts"], counts["clock_change"]) == (1, 1)
+
+
+def test_a_publisher_started_again_without_a_stream_is_followed_once_messages_agree(
+    flight: SampleBlock,
+) -> None:
+    hall = Hall()
+    hall.announce()
+    for k in (*range(10), *range(10)):
+        hall.sample(second(flight, k), k)
+    counts = hall.view().counts
+    assert counts["accepted"] == (10 + 8) * 50
+    assert (counts["publisher_restarts"], counts["messages_repeated"]) == (1, 2)
+
+
+def test_numbers_that_no_publisher_reaches_leave_counts_that_json_carries(
+    hall: Hall, flight: SampleBlock
+) -> None:
+    hall.sample(second(flight, 0), 0)
+    hall.sample(second(flight, 1), 2**64 - 1)
+    hall.sample(second(flight, 2), 2**64 - 1)
+    hall.sample(second(flight, 3), 1)
+    counts = hall.view().counts
+    assert counts["messages_stray"] == 2
+    assert "messages_lost" not in counts
+    assert json_answer(vehicle_document(hall.view())).status_code == 200

@@ -107,8 +107,10 @@ class TestPublishing:
         assert same(samples_of(messages), block)
         tracker = SequenceTracker()
         for message in messages[1:]:
-            tracker.observe(decode_sensors(message.payload, message.encoding).sequence)
-        assert (tracker.missing, tracker.restarts, tracker.repeated) == (0, 0, 0)
+            decoded = decode_sensors(message.payload, message.encoding)
+            assert decoded.stream is not None
+            assert tracker.observe(decoded.sequence, decoded.stream, *decoded.span_s)
+        assert not any(tracker.counts.values())
         received = [message.received_s for message in messages]
         assert received == sorted(received)
 
@@ -461,15 +463,3 @@ class TestOpening:
         assert json.loads(config.get_json("scouting/multicast/enabled")) is False
         assert json.loads(config.get_json("transport/shared_memory/enabled")) is False
         assert json.loads(ZenohSettings.for_vehicle().config().get_json("listen/endpoints")) == []
-
-
-def test_sequence_gaps_are_counted_and_a_restart_is_none() -> None:
-    tracker = SequenceTracker()
-    assert [tracker.observe(number) for number in (5, 6, 9, 9, 10, 0, 1, 4)] == [0, 0, 2, 0, 0, 0, 0, 2]
-    assert (tracker.missing, tracker.restarts, tracker.repeated) == (4, 1, 1)
-
-
-def test_a_leap_too_far_for_a_loss_is_another_count() -> None:
-    tracker = SequenceTracker()
-    assert [tracker.observe(number) for number in (0, 2**64 - 1, 0, 1)] == [0, 0, 0, 0]
-    assert (tracker.missing, tracker.restarts, tracker.repeated) == (0, 2, 0)
