@@ -28,6 +28,7 @@ def create_app(
     version: str,
     *,
     aircraft: Callable[[str], Aircraft] | None = None,
+    counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict,
     keep_alive_s: float = 10.0,
 ) -> FastAPI:
     """The REST application over a monitor.
@@ -39,13 +40,14 @@ def create_app(
         version: the service's version, shown on the status.
         aircraft: an aircraft by its announced name (ValueError with one sentence where there is none), for
             conventions other than concise; the library without.
+        counters: of the service, by part, shown on the status.
         keep_alive_s: silence after which an event stream carries a comment.
 
     Returns:
         an application whose ``state.close_streams()`` ends every event stream; ``HttpServer`` calls it.
     """
     streams = EventStreams(monitor, keep_alive_s)
-    door = Door(monitor, readiness, history, version, aircraft or _library_aircraft, streams)
+    door = Door(monitor, readiness, history, version, aircraft or _library_aircraft, streams, counters)
     app = FastAPI(
         title="wingwatch",
         version=version,

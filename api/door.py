@@ -20,6 +20,7 @@ class Door:
     Attributes:
         readiness: per part (``zenoh``, ``database``, ``http``) None or its problem, one sentence.
         history: None where estimates are not kept.
+        counters: of the service, by part.
         aircraft: an aircraft by its announced name; ValueError with one sentence where there is none.
     """
 
@@ -29,6 +30,7 @@ class Door:
     version: str
     aircraft: Callable[[str], Aircraft]
     streams: EventStreams
+    counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
         """One vehicle.

@@ -130,10 +130,11 @@ class Service:
 
     def __init__(
         self, http: HttpServer, monitor: FleetMonitor, database: Database, session: zenoh.Session, pump: Pump,
-        store: DatabaseStore, settings: ZenohSettings,
+        store: DatabaseStore, settings: ZenohSettings, counters: Callable[[], Mapping[str, Mapping[str, int]]],
     ) -> None:  # fmt: skip
         self.monitor = monitor
         self.pump = pump
+        self.counters = counters
         self._http, self._database, self._session, self._store = http, database, session, store
         self._zenoh = settings
 
@@ -228,9 +229,26 @@ def running_service(
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
         pump = Pump(subscriber, monitor, arrived, prepare)
-        app = create_app(monitor, lambda: service.readiness(), database, __version__, aircraft=hangar.find)
+
+        def counters() -> Mapping[str, Mapping[str, int]]:
+            return {
+                "messages": subscriber.counts,
+                "monitor": dict(monitor.problems),
+                "loop": {"faults": pump.faults},
+                "store": store.counts,
+                "outputs": dict(outputs.dropped),
+            }
+
+        app = create_app(
+            monitor,
+            lambda: service.readiness(),
+            database,
+            __version__,
+            aircraft=hangar.find,
+            counters=counters,
+        )
         http = HttpServer(app, listening)
-        service = Service(http, monitor, database, session, pump, store, link)
+        service = Service(http, monitor, database, session, pump, store, link, counters)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)

@@ -56,8 +56,7 @@ class DatabaseStore:
         self._news = threading.Event()
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="wingwatch-store", daemon=True)
-        self.dropped_estimates = 0
-        self.dropped_alerts = 0
+        self._counts = {"dropped_estimates": 0, "dropped_alerts": 0}
         self.problem: str | None = None
 
     def __enter__(self) -> Self:
@@ -69,6 +68,12 @@ class DatabaseStore:
         self._end.set()
         self._news.set()
         self._thread.join()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What was dropped."""
+        with self._lock:
+            return dict(self._counts)
 
     # -- what the monitor asks --------------------------------------------------------------------
 
@@ -153,7 +158,7 @@ class DatabaseStore:
         with self._lock:
             room = _MOST_ESTIMATES - len(self._estimates)
             self._estimates += rows[:room]
-            self.dropped_estimates += max(0, len(rows) - room)
+            self._counts["dropped_estimates"] += max(0, len(rows) - room)
         self._news.set()
 
     # -- the thread that writes -------------------------------------------------------------------
@@ -209,10 +214,10 @@ class DatabaseStore:
             self._alerts = {**alerts, **self._alerts}
             while len(self._alerts) > _MOST_ALERTS:
                 self._alerts.pop(next(iter(self._alerts)))
-                self.dropped_alerts += 1
+                self._counts["dropped_alerts"] += 1
             self._references = {**references, **self._references}
             self._cells = {**cells, **self._cells}
-            self.dropped_estimates += estimates
+            self._counts["dropped_estimates"] += estimates
         sentence = str(error) if isinstance(error, DatabaseError) else f"{type(error).__name__}: {error}"
         if sentence != self.problem:
             _LOG.warning("not stored: %s", sentence)

@@ -273,7 +273,8 @@ class Chain:
         unseen = mode.fourier.unseen(state.fourier[name])
         ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier, unseen)
         mean, square, _ = state.motion[name]
-        share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
+        with np.errstate(over="ignore"):  # a filter that diverged: infinitely rough all right
+            share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
         rough = bool((share[1:] > ROUGH_SHARE).any())
         if not mode.vane:
             rough = _lately(state, name, rough and self._gusty(state))

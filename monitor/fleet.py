@@ -4,6 +4,7 @@ Who brings messages, where alerts are stored and where outputs are published is 
 the service, the demo and the tests.
 """
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +17,7 @@ from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
 from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.ports import Outputs, Store
 from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
@@ -30,7 +32,6 @@ from wingwatch.telemetry import (
     AircraftMessage,
     MessageError,
     SensorsMessage,
-    SequenceTracker,
     decode_aircraft,
     decode_sensors,
     derivations,
@@ -39,6 +40,9 @@ from wingwatch.telemetry import (
 __all__ = ["FleetMonitor", "FleetSettings", "Outputs", "Store"]
 
 VehicleKey = tuple[str, str]
+
+_LOG = logging.getLogger(__name__)
+_LOGGED_FAULTS = 10
 
 STATE_ORDER = (
     VehicleState.DEGRADED,
@@ -77,35 +81,6 @@ class FleetSettings:
     judge: JudgeConfig = field(default_factory=JudgeConfig)
 
 
-@dataclass(slots=True)
-class _Vehicle:
-    """A vehicle as the live loop knows it."""
-
-    message: AircraftMessage | None = None
-    aircraft: Aircraft | None = None
-    problem: str = ""
-    monitor: VehicleMonitor | None = None
-    given: tuple[str, ...] = ()
-    counts: dict[str, int] = field(default_factory=dict)
-    arrivals: SequenceTracker = field(default_factory=SequenceTracker)
-    received_s: float | None = None
-    asked_s: float = float("-inf")
-    published_s: float = float("-inf")
-    shown: VehicleState = VehicleState.UNKNOWN
-    history_s: float = float("-inf")
-    saved_blocks: int = 0
-
-    def count(self, reason: str, times: int = 1) -> None:
-        self.counts[reason] = self.counts.get(reason, 0) + times
-
-    @property
-    def all_counts(self) -> dict[str, int]:
-        """Of samples and of messages, without zeros."""
-        of_samples = {} if self.monitor is None else self.monitor.counts
-        numbers = {name: times for name, times in self.arrivals.counts.items() if times}
-        return {**of_samples, **self.counts, **numbers}
-
-
 class FleetMonitor:
     """All vehicles of a service; implements ``MonitorPort``.
 
@@ -130,7 +105,7 @@ class FleetMonitor:
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
         self._lock = threading.RLock()
-        self._vehicles: dict[VehicleKey, _Vehicle] = {}
+        self._vehicles: dict[VehicleKey, KnownVehicle] = {}
         self._alerts: dict[str, AlertView] = {}
         self._events: deque[Event] = deque(maxlen=self._settings.kept_events)
         self._event_id = 0
@@ -142,14 +117,18 @@ class FleetMonitor:
     # -- what comes in ------------------------------------------------------------------------
 
     def receive(self, fleet: str, vehicle: str, stream: str, payload: bytes, encoding: str) -> None:
-        """Take in one message; ``stream`` is ``sensors`` or ``aircraft``. Nothing a message holds can raise here."""
+        """Take in one message; ``stream`` is ``sensors`` or ``aircraft``. It raises nothing.
+
+        What a message holds that is no message is counted; what the program fails on is counted and shown in the
+        vehicle's state.
+        """
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
             if known is None:
                 if len(self._vehicles) >= self._settings.max_vehicles:
-                    self.problems["too_many_vehicles"] = self.problems.get("too_many_vehicles", 0) + 1
+                    self._count("too_many_vehicles")
                     return
-                known = self._vehicles.setdefault((fleet, vehicle), _Vehicle())
+                known = self._vehicles.setdefault((fleet, vehicle), KnownVehicle())
             try:
                 if stream == "aircraft":
                     news = self._announced(fleet, vehicle, known, decode_aircraft(payload, encoding))
@@ -158,9 +137,14 @@ class FleetMonitor:
             except MessageError as error:
                 known.count(f"message_{error.reason}")
                 return
+            except Exception as error:  # one vehicle's fault must neither end the watch nor pass for health
+                self._note_fault(fleet, vehicle, known, error)
+                return
         self._tell(fleet, vehicle, news)
 
-    def _announced(self, fleet: str, vehicle: str, known: _Vehicle, message: AircraftMessage) -> list[Any]:
+    def _announced(
+        self, fleet: str, vehicle: str, known: KnownVehicle, message: AircraftMessage
+    ) -> list[Any]:
         if message == known.message:
             return []
         changed = known.message is not None and (
@@ -176,8 +160,9 @@ class FleetMonitor:
             known.monitor = None
         return []
 
-    def _sampled(self, fleet: str, vehicle: str, known: _Vehicle, message: SensorsMessage) -> list[Any]:
+    def _sampled(self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage) -> list[Any]:
         if not known.arrivals.observe(message.sequence, message.stream, *message.span_s):
+            known.refused_s = self._clock()
             return []
         known.received_s = self._clock()
         if known.aircraft is None:
@@ -189,12 +174,11 @@ class FleetMonitor:
         return self._digest(fleet, vehicle, known, report)
 
     def _new_monitor(
-        self, fleet: str, vehicle: str, known: _Vehicle, message: SensorsMessage
+        self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage
     ) -> VehicleMonitor:
         aircraft, announced = known.aircraft, known.message
         if aircraft is None or announced is None:
             raise ValueError(f"vehicle {fleet}/{vehicle} has not been announced")
-        known.given = message.given
         store = self._store
         learned: Mapping[str, Reference] | None = None
         kept: Mapping[str, Envelope] | None = None
@@ -224,7 +208,7 @@ class FleetMonitor:
 
     # -- what it leads to ----------------------------------------------------------------------
 
-    def _digest(self, fleet: str, vehicle: str, known: _Vehicle, report: Report) -> list[Any]:
+    def _digest(self, fleet: str, vehicle: str, known: KnownVehicle, report: Report) -> list[Any]:
         monitor = known.monitor
         if monitor is None:
             return []
@@ -237,10 +221,11 @@ class FleetMonitor:
             value = monitor.derivatives(report.solutions[-1])
             news.append(value)
             self._event("derivatives", {"fleet": fleet, "vehicle": vehicle, "time_s": value["time_s"]})
-        if monitor.state is not known.shown:
-            known.shown = monitor.state
-            news.append(monitor.view())
-            self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(monitor.state)})
+        state, _ = known.standing(self._clock(), self._settings.stale_s)
+        if state is not known.shown:
+            known.shown = state
+            news.append(self._view(fleet, vehicle, known))
+            self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(state)})
         return news
 
     def _keep_alert(self, alert: AlertView) -> None:
@@ -261,7 +246,7 @@ class FleetMonitor:
             self._guarded(lambda: store.save_alert(kept))
 
     def _keep_history(
-        self, fleet: str, vehicle: str, known: _Vehicle, monitor: VehicleMonitor, report: Report
+        self, fleet: str, vehicle: str, known: KnownVehicle, monitor: VehicleMonitor, report: Report
     ) -> None:
         store = self._store
         if store is None:
@@ -292,9 +277,19 @@ class FleetMonitor:
         try:
             return action()
         except Exception as error:  # whatever a database raises must not stop the watch
-            self.problems["store"] = self.problems.get("store", 0) + 1
+            self._count("store")
             self._event("problem", {"what": "store", "text": str(error)})
             return None
+
+    def _note_fault(self, fleet: str, vehicle: str, known: KnownVehicle, error: Exception) -> None:
+        """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
+        known.note_fault(error, self._clock())
+        self._count("faults")
+        if self.problems["faults"] <= _LOGGED_FAULTS:
+            _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle)
+
+    def _count(self, problem: str) -> None:
+        self.problems[problem] = self.problems.get(problem, 0) + 1
 
     def _event(self, kind: str, data: Mapping[str, Any]) -> None:
         self._event_id += 1
@@ -337,30 +332,13 @@ class FleetMonitor:
 
     # -- what may be asked (MonitorPort) ---------------------------------------------------------
 
-    def _view(self, fleet: str, vehicle: str, known: _Vehicle) -> VehicleView:
-        silent = known.received_s is None or self._clock() - known.received_s > self._settings.stale_s
-        if known.monitor is None:
-            reason = known.problem or (
-                "samples arrive but the vehicle has not said what aircraft it is"
-                if known.message is None
-                else "announced; no samples yet"
-            )
-            return VehicleView(
-                fleet=fleet, vehicle=vehicle, aircraft=known.message.aircraft if known.message else None,
-                configuration=known.message.configuration if known.message else None, state=VehicleState.UNKNOWN,
-                state_since_s=None, reason=reason, last_sample_time_s=None, basis=None,
-                basis_text="Nothing has been compared yet.", worst=None, counts=known.all_counts,
-                active_alerts=(), condition={},
-            )  # fmt: skip
-        view = known.monitor.view()
-        if silent and view.state is not VehicleState.DEGRADED:
-            view = replace(view, state=VehicleState.STALE, reason="no samples are arriving")
-        active = [
-            a.id
-            for a in self._alerts.values()
-            if (a.fleet, a.vehicle) == (fleet, vehicle) and a.id in view.active_alerts
-        ]
-        return replace(view, counts=known.all_counts, active_alerts=tuple(active))
+    def _view(self, fleet: str, vehicle: str, known: KnownVehicle) -> VehicleView:
+        now_s = self._clock()
+        try:
+            return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._alerts)
+        except Exception as error:  # one vehicle that cannot be shown must not hide the others
+            self._note_fault(fleet, vehicle, known, error)
+            return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
 
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles ever heard of, worst state first."""

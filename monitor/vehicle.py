@@ -1,7 +1,7 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,9 @@ from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["Report", "VehicleMonitor", "surface_kinds"]
 
+
+LEAST_AIRSPEED_M_S = 1.0
+"""Slower is not flying: at rest an airspeed sensor reads noise about zero, of either sign, and estimation waits."""
 
 _CONDITION = ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad")
 
@@ -59,7 +62,8 @@ class _Memory:
     state: VehicleState = VehicleState.UNKNOWN
     state_since_s: float | None = None
     outside: str = ""
-    shelved: set[str] = field(default_factory=set)
+    too_slow: int = 0
+    resting: bool = False
 
 
 class VehicleMonitor:
@@ -108,8 +112,9 @@ class VehicleMonitor:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Samples accepted and rejected, by reason."""
-        return dict(self.cleaner.report.counts)
+        """Samples accepted and rejected, by reason; ``too_slow`` are accepted ones that were not estimated from."""
+        too_slow = {"too_slow": self._memory.too_slow} if self._memory.too_slow else {}
+        return {**self.cleaner.report.counts, **too_slow}
 
     @property
     def observable_s(self) -> float:
@@ -144,14 +149,27 @@ class VehicleMonitor:
             if changed is not None:
                 alerts.append(changed)
             self._update_state(solution)
+        if self._memory.resting and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
+            self._memory.state, self._memory.state_since_s = (
+                VehicleState.NOT_OBSERVABLE,
+                self.last_sample_time_s,
+            )
         return Report(solutions, alerts)
 
     def prepared(self, block: SampleBlock) -> SampleBlock:
-        """Samples as the chain takes them: cleaned, and without the delays that the aircraft file states.
+        """Samples as the chain takes them: cleaned, without the delays that the aircraft file states, and in flight.
 
-        They come late by the largest of these: what belongs to an instant has to have been seen.
+        They come late by the largest delay: what belongs to an instant has to have been seen. Samples slower than
+        ``LEAST_AIRSPEED_M_S`` are counted (``too_slow``) and left out.
         """
-        return self._aligner.feed(self.cleaner.clean(block).block)
+        aligned = self._aligner.feed(self.cleaner.clean(block).block)
+        flying = aligned.column("airspeed_true_m_s") >= LEAST_AIRSPEED_M_S
+        if flying.size:
+            self._memory.resting = not flying[-1]
+        if flying.all():
+            return aligned
+        self._memory.too_slow += int(np.count_nonzero(~flying))
+        return SampleBlock(aligned.values[flying])
 
     def _founded_by_file(self, nominal: FlightCondition | None) -> bool:
         """Whether every compared structure's expectation rests on flights of the type, not on numbers alone."""
@@ -360,6 +378,8 @@ class VehicleMonitor:
             return self.book.active.text
         if not self._compared:
             return self.basis_text
+        if self._memory.resting:
+            return f"the airspeed is below {LEAST_AIRSPEED_M_S:g} m/s: estimation waits"
         if self._memory.outside:
             return self._memory.outside
         if self._memory.latest is None:
@@ -385,7 +405,7 @@ class VehicleMonitor:
             last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
             worst=self.worst(), counts=self.counts,
             active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
-            air=self.air,
+            air=self.air, rejected_by_channel=dict(self.cleaner.report.by_channel),
         )  # fmt: skip
 
 

@@ -63,7 +63,7 @@ class SequenceTracker:
         if self._next is None:
             self._begin(sequence, stream)
         elif (doubt := self._doubt(sequence, stream, first_s)) is None:
-            self._go_on(sequence, stream)
+            self._go_on(sequence)
         elif self._agree(sequence, doubt[1]):
             self._count("publisher_restarts")
             self._begin(sequence, stream)
@@ -77,7 +77,7 @@ class SequenceTracker:
     def _doubt(self, sequence: int, stream: Stream | None, first_s: float) -> tuple[str, int] | None:
         """Why a message does not go on from those before, and how many like it are believed; None where it does."""
         expected, newer = self._next or 0, first_s > self._last_s
-        named = stream is not None and self._stream is not None
+        named = stream is not None
         if named and stream != self._stream:
             return ("messages_late", AGREEING_LATE if stream in self._former else 1)
         if sequence - expected > MOST_LOST:
@@ -108,13 +108,12 @@ class SequenceTracker:
         self._first, self._next, self._stream, self._last_s = sequence, sequence + 1, stream, nan
         self._gaps.clear()
 
-    def _go_on(self, sequence: int, stream: Stream | None) -> None:
+    def _go_on(self, sequence: int) -> None:
         expected = self._next or 0
         if sequence > expected:
             self._count("messages_lost", sequence - expected)
             self._gaps.append(range(expected, sequence))
         self._next = max(expected, sequence + 1)
-        self._stream = self._stream if stream is None else stream
 
     def _count(self, name: str, times: int = 1) -> None:
         self.counts[name] = min(self.counts[name] + times, _MOST_COUNTED)

@@ -149,9 +149,12 @@ def served(
     history: HistoryPort | None = None,
     checks: Mapping[str, str | None] | None = None,
     keep_alive_s: float = 10.0,
+    counters: Mapping[str, Mapping[str, int]] | None = None,
 ) -> Generator[tuple[HttpServer, httpx.Client]]:
     """The application over the fake, on a real socket, with a client."""
     ready = checks if checks is not None else {"zenoh": None, "database": None, "http": None}
-    app = create_app(monitor, lambda: ready, history, VERSION, keep_alive_s=keep_alive_s)
+    app = create_app(
+        monitor, lambda: ready, history, VERSION, counters=lambda: counters or {}, keep_alive_s=keep_alive_s
+    )
     with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
         yield server, client

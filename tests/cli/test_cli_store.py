@@ -92,7 +92,7 @@ def test_a_locked_database_holds_nobody_up_and_loses_no_alert(database: Database
         until(lambda: store.problem is not None)
         assert store.problem is not None
         assert "locked" in store.problem
-        assert store.dropped_estimates == 1
+        assert store.counts["dropped_estimates"] == 1
         store.save_alert(replace(ALERT, level="critical"))
         waiting = store.references("default", "uav1", "aerosonde", "clean")
         assert waiting["short_period"].blocks == 1
@@ -111,7 +111,7 @@ def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
     monkeypatch.setattr("wingwatch.cli.store._MOST_ESTIMATES", 3)
     store = DatabaseStore(database, lambda: 0.0)  # its thread does not run yet
     store.append_estimates([ESTIMATE] * 5)
-    assert store.dropped_estimates == 2
+    assert store.counts["dropped_estimates"] == 2
     with store:
         pass
     assert len(database.estimate_history("default", "uav1")) == 3

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import vehicle_document
 from wingwatch.api.encoding import json_answer
-from wingwatch.monitor import VehicleMonitor
-from wingwatch.telemetry import SampleBlock
+from wingwatch.monitor import FleetSettings, VehicleMonitor, VehicleState
+from wingwatch.simulation import ElevatorEffectiveness
+from wingwatch.telemetry import CHANNELS, SampleBlock
 
 AEROSONDE = load_aircraft("aerosonde")
 
@@ -28,9 +29,14 @@ def hall() -> Hall:
     return hall
 
 
+def having(block: SampleBlock, **columns: ArrayLike) -> SampleBlock:
+    """The block with other columns."""
+    return SampleBlock.from_columns({n: block.column(n) for n in block.present} | columns)
+
+
 def at(block: SampleBlock, time_s: ArrayLike) -> SampleBlock:
     """The block with other stamps."""
-    return SampleBlock.from_columns({n: block.column(n) for n in block.present} | {"time_s": time_s})
+    return having(block, time_s=time_s)
 
 
 # -- the clock ------------------------------------------------------------------------------------
@@ -122,3 +128,125 @@ def test_numbers_that_no_publisher_reaches_leave_counts_that_json_carries(
     assert counts["messages_stray"] == 2
     assert "messages_lost" not in counts
     assert json_answer(vehicle_document(hall.view())).status_code == 200
+
+
+# -- faults ---------------------------------------------------------------------------------------
+
+
+def test_a_vehicle_over_which_the_program_fails_is_not_healthy(
+    flight: SampleBlock, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    hall = Hall()
+    for name in ("uav", "other"):
+        hall.announce(name)
+        for k in range(20):
+            hall.sample(second(flight, k), k, vehicle=name)
+    before = hall.view().state
+    assert before in (VehicleState.HEALTHY, VehicleState.NOT_OBSERVABLE)
+
+    feed = VehicleMonitor.feed
+
+    def failing(monitor: VehicleMonitor, block: SampleBlock) -> object:
+        if monitor.vehicle == "uav":
+            raise ZeroDivisionError("a fault of the program")
+        return feed(monitor, block)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(VehicleMonitor, "feed", failing)
+        for k in range(20, 25):
+            hall.sample(second(flight, k), k)
+            hall.sample(second(flight, k), k, vehicle="other")
+        hall.fleet.tick()
+    view = hall.view()
+    assert view.state is VehicleState.UNKNOWN
+    assert view.reason == "the program failed on its samples 5 times, last with " + (
+        "ZeroDivisionError: a fault of the program"
+    )
+    assert view.counts["faults"] == hall.fleet.problems["faults"] == 5
+    assert VehicleState.UNKNOWN in hall.outputs.states()[-2:]
+    assert "samples of default/uav" in caplog.text
+    assert hall.view("other").state in (VehicleState.HEALTHY, VehicleState.NOT_OBSERVABLE)
+    hall.sample(second(flight, 25), 25)
+    assert hall.view().state is VehicleState.UNKNOWN  # one message that works does not make it healthy
+    hall.clock.now_s += 31.0
+    hall.sample(second(flight, 26), 26)
+    assert hall.view().state in (VehicleState.HEALTHY, VehicleState.NOT_OBSERVABLE)
+    assert hall.view().counts["faults"] == 5
+
+
+def test_an_alert_stands_through_faults_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    damaged = fly_doublets(110.0, ElevatorEffectiveness(0.6, 60.0))
+    hall = Hall()
+    hall.announce()
+    hall.fly(damaged, 0, 108)
+    monkeypatch.setattr(VehicleMonitor, "feed", lambda *_: 1 / 0)
+    hall.fly(damaged, 108, 110)
+    assert hall.view().state is VehicleState.DEGRADED
+    assert "Meanwhile the program failed on its samples 2 times" in hall.view().reason
+
+
+def test_a_vehicle_that_cannot_be_shown_hides_no_other(
+    hall: Hall, flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hall.fly(flight, 0, 2)
+    hall.sample(second(flight, 0), 0, vehicle="other")
+    monkeypatch.setattr(VehicleMonitor, "view", lambda *_: 1 / 0)
+    assert {v.vehicle: v.state for v in hall.fleet.vehicles()} == dict.fromkeys(
+        ("other", "uav"), VehicleState.UNKNOWN
+    )
+    assert "ZeroDivisionError" in hall.view().reason
+
+
+def test_a_vehicle_whose_messages_are_all_late_is_stale_and_says_why(hall: Hall, flight: SampleBlock) -> None:
+    hall.fly(flight, 0, 12)
+    hall.clock.now_s += FleetSettings().stale_s + 0.1
+    hall.sample(second(flight, 3), 3)
+    assert hall.view().state is VehicleState.STALE
+    assert hall.view().reason == "messages arrive, but none that can be used: see the counts"
+
+
+# -- values ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("airspeed_m_s", [-5.0, -0.2, 0.0, 0.9])
+def test_on_the_ground_estimation_waits(hall: Hall, flight: SampleBlock, airspeed_m_s: float) -> None:
+    """An airspeed sensor at rest reads a little below zero as often as above."""
+    rng = np.random.default_rng(2)
+    for k in range(12):
+        noise = rng.normal(0.0, 0.02, 50)
+        hall.sample(having(second(flight, k), airspeed_true_m_s=airspeed_m_s + noise), k)
+    view = hall.view()
+    assert view.state is VehicleState.NOT_OBSERVABLE
+    assert view.reason == "the airspeed is below 1 m/s: estimation waits"
+    assert (view.counts["accepted"], view.counts["too_slow"]) == (600, 600)
+    assert "faults" not in view.counts
+    hall.fly(at(flight, flight.time_s + 12.0), 12, 16)
+    assert hall.view().counts["too_slow"] == 600
+    assert hall.view().last_sample_time_s is not None
+
+
+def test_after_landing_a_vehicle_is_no_longer_healthy(flight: SampleBlock) -> None:
+    monitor = VehicleMonitor(AEROSONDE, "f", "v", flight.present, {}, new_id=lambda: "1")
+    monitor.feed(flight)
+    in_flight = monitor.state
+    taxiing = np.full(len(flight), -0.1)
+    monitor.feed(having(flight, time_s=flight.time_s + 30.0, airspeed_true_m_s=taxiing))
+    assert (in_flight, monitor.state) == (VehicleState.HEALTHY, VehicleState.NOT_OBSERVABLE)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_value_that_a_sensor_may_report_is_a_fault(flight: SampleBlock, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns = {}
+    for channel in CHANNELS:
+        if channel.name in flight.present and channel.name != "time_s" and rng.random() < 0.6:
+            ends = np.where(rng.random(len(flight)) < 0.5, channel.low, channel.high)
+            anything = rng.uniform(channel.low, channel.high, len(flight))
+            columns[channel.name] = (ends, anything, 0.0 * ends + channel.low)[rng.integers(3)]
+    hall = Hall()
+    hall.announce()
+    hall.fly(having(flight, **columns), 0, 30)
+    view = hall.view()
+    assert "faults" not in view.counts
+    assert view.counts["accepted"] == len(flight)
+    hall.derivatives()

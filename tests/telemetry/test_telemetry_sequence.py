@@ -61,6 +61,12 @@ def test_a_new_stream_is_a_restart_at_once_and_the_old_one_is_late_from_then_on(
     assert counted(tracker) == {"publisher_restarts": 1, "late": 2, "lost": 1}
 
 
+def test_a_stream_where_none_was_said_is_a_restart() -> None:
+    tracker = SequenceTracker()
+    assert all([*Publisher(tracker).send(0, 1), *Publisher(tracker, 7).send(0, 1, 2)])
+    assert counted(tracker) == {"publisher_restarts": 1}
+
+
 def test_of_one_stream_nothing_that_goes_back_is_a_restart() -> None:
     tracker = SequenceTracker()
     sender = Publisher(tracker, 7)
