@@ -47,6 +47,10 @@ STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, DUTCH_ROLL, LATER
 SOLUTION_INTERVAL_S = 0.5
 """Thesis 9.2: least squares at 2 Hz."""
 
+LEAST_ROWS = 5
+"""Samples since the last solution, none of them half a second from the one before, without which there is none: half a
+second at 10 Hz. A solution costs a thousand times what a sample does, so a message's cost goes with its samples."""
+
 _SAME_TIME_S = 1e-6
 """Stamps this close count as one: samplers round."""
 
@@ -121,6 +125,8 @@ class ChainState:
     air: AirState = field(default_factory=AirState)
     next_solution_s: float = float("nan")
     last_s: float = float("nan")
+    rows: int = 0
+    """Samples since the last solution or the last step too long for one."""
 
 
 def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
@@ -199,20 +205,22 @@ class Chain:
         )
 
     def advance(self, state: ChainState, block: SampleBlock) -> Iterator[Solution]:
-        """Take in clean samples; yields a solution at every half second of their clock."""
-        time_s = block.time_s
+        """Take in clean samples; yields a solution at every half second of their clock.
+
+        Samples slower than 10 Hz have to be ``LEAST_ROWS`` for a solution; at 2 Hz and slower there is none.
+        """
         start = 0
-        for k in range(len(block)):
-            t = float(time_s[k])
-            jumped = not 0.0 < t - state.last_s < 10.0 * SOLUTION_INTERVAL_S
-            state.last_s = t
-            if np.isnan(state.next_solution_s) or jumped:
+        for k, t in enumerate(block.time_s.tolist()):
+            step_s, state.last_s = t - state.last_s, t
+            state.rows = state.rows + 1 if 0.0 < step_s < SOLUTION_INTERVAL_S - _SAME_TIME_S else 1
+            if np.isnan(state.next_solution_s) or not 0.0 < step_s < 10.0 * SOLUTION_INTERVAL_S:
                 state.next_solution_s = t + SOLUTION_INTERVAL_S
-            elif t >= state.next_solution_s - _SAME_TIME_S:
+            elif t >= state.next_solution_s - _SAME_TIME_S and state.rows >= LEAST_ROWS:
                 self._take(state, block.values[start : k + 1])
                 start = k + 1
                 yield self._solve(state, t)
                 state.next_solution_s = _next_solution_s(state.next_solution_s, t)
+                state.rows = 0
         self._take(state, block.values[start:])
 
     def current(self, state: ChainState) -> Solution:

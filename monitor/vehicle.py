@@ -20,7 +20,14 @@ from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope
 from wingwatch.estimators import Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
-from wingwatch.monitor.chain import NO_VANE, Chain, ModeSolution, Solution, nominal_condition
+from wingwatch.monitor.chain import (
+    NO_VANE,
+    SOLUTION_INTERVAL_S,
+    Chain,
+    ModeSolution,
+    Solution,
+    nominal_condition,
+)
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
@@ -145,10 +152,10 @@ class VehicleMonitor:
         for solution in self.chain.advance(self._chain_state, clean):
             solutions.append(solution)
             changed = self._judge_solution(solution)
-            self._memory.latest = solution
+            before, self._memory.latest = self._memory.latest, solution
             if changed is not None:
                 alerts.append(changed)
-            self._update_state(solution)
+            self._update_state(solution, before)
         if self._memory.resting and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
             self._memory.state, self._memory.state_since_s = (
                 VehicleState.NOT_OBSERVABLE,
@@ -215,11 +222,12 @@ class VehicleMonitor:
         if memory is not None:
             self.chain.resume(self._chain_state, name, *memory)
 
-    def _update_state(self, solution: Solution) -> None:
+    def _update_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
         seen = any(_seen(solution.modes[s.name]) for s in self._compared)
         if seen:
-            m.observable_s += 0.5
+            slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
+            m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
         state = VehicleState.HEALTHY if seen and not m.outside else VehicleState.NOT_OBSERVABLE
         if self.book.active is not None:
             state = VehicleState.DEGRADED

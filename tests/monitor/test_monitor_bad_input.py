@@ -11,6 +11,7 @@ from wingwatch.aircraft import load_aircraft
 from wingwatch.api import vehicle_document
 from wingwatch.api.encoding import json_answer
 from wingwatch.monitor import FleetSettings, VehicleMonitor, VehicleState
+from wingwatch.monitor.chain import LEAST_ROWS
 from wingwatch.simulation import ElevatorEffectiveness
 from wingwatch.telemetry import CHANNELS, SampleBlock
 
@@ -72,6 +73,19 @@ def test_solutions_stay_on_their_grid_after_a_short_gap(flight: SampleBlock) -> 
     grid = (np.array(times) - begin_s) % 0.5
     late = np.minimum(grid, 0.5 - grid)
     assert np.count_nonzero(late > 1e-6) == 1  # the first sample after the gap, then the grid again
+
+
+@pytest.mark.parametrize("step_s", [0.02, 0.05, 0.1, 0.12, 0.25, 0.49, 0.5, 1.0, 4.9])
+def test_the_cost_of_a_message_goes_with_its_samples(flight: SampleBlock, step_s: float) -> None:
+    """A solution costs a thousand samples; stamps half a second apart once asked for one each."""
+    monitor = VehicleMonitor(AEROSONDE, "f", "v", flight.present, {}, new_id=lambda: "1")
+    block = SampleBlock(flight.values[:300])
+    report = monitor.feed(at(block, step_s * np.arange(300)))
+    assert len(report.solutions) <= 300 // LEAST_ROWS
+    if step_s <= 0.1:  # none is missing where the samples suffice
+        assert len(report.solutions) == pytest.approx(300 * step_s / 0.5, abs=2)
+    if step_s >= 0.5:
+        assert not report.solutions
 
 
 # -- numbers --------------------------------------------------------------------------------------
