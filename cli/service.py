@@ -228,6 +228,7 @@ def running_service(
         outputs.answer_from(monitor)
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
+        outputs.ask_through(subscriber.ask_aircraft)
         pump = Pump(subscriber, monitor, arrived, prepare)
 
         def counters() -> Mapping[str, Mapping[str, int]]:

@@ -19,6 +19,7 @@ from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.ports import Outputs, Store
+from wingwatch.monitor.roster import Roster, VehicleKey
 from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
@@ -39,10 +40,9 @@ from wingwatch.telemetry import (
 
 __all__ = ["FleetMonitor", "FleetSettings", "Outputs", "Store"]
 
-VehicleKey = tuple[str, str]
-
 _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
+_MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 STATE_ORDER = (
     VehicleState.DEGRADED,
@@ -66,7 +66,7 @@ class FleetSettings:
         stale_s: wall-clock time without samples after which a vehicle is stale.
         status_interval_s: how often an unchanged status is published.
         ask_interval_s: least time between two questions for a vehicle's aircraft.
-        max_vehicles: vehicles remembered; a flood of invented names cannot fill the memory.
+        max_vehicles: vehicles remembered (``Roster`` says who gives way).
         kept_events, kept_alerts: how many are kept in memory.
         history_interval_s: least sample time between two estimates kept for history.
     """
@@ -105,12 +105,14 @@ class FleetMonitor:
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
         self._lock = threading.RLock()
-        self._vehicles: dict[VehicleKey, KnownVehicle] = {}
+        self._vehicles = Roster(self._settings.max_vehicles, clock, self._alarmed)
+        self._forgotten = 0
+        self._asks_left = _MOST_ASKS
         self._alerts: dict[str, AlertView] = {}
         self._events: deque[Event] = deque(maxlen=self._settings.kept_events)
         self._event_id = 0
         self._apriori: dict[tuple[str, str], tuple[Aircraft, Mapping[str, Envelope]]] = {}
-        self.problems: dict[str, int] = {}
+        self._problems: dict[str, int] = {}
         if store is not None:
             self._alerts = {a.id: a for a in reversed(self._guarded(store.alerts) or ())}
 
@@ -123,12 +125,9 @@ class FleetMonitor:
         vehicle's state.
         """
         with self._lock:
-            known = self._vehicles.get((fleet, vehicle))
+            known = self._vehicles.heard((fleet, vehicle))
             if known is None:
-                if len(self._vehicles) >= self._settings.max_vehicles:
-                    self._count("too_many_vehicles")
-                    return
-                known = self._vehicles.setdefault((fleet, vehicle), KnownVehicle())
+                return
             try:
                 if stream == "aircraft":
                     news = self._announced(fleet, vehicle, known, decode_aircraft(payload, encoding))
@@ -156,6 +155,7 @@ class FleetMonitor:
         except ValueError as error:
             known.aircraft, known.problem = None, str(error)
             known.count("unknown_aircraft")
+        self._vehicles.sort((fleet, vehicle))
         if changed or known.aircraft is None:
             known.monitor = None
         return []
@@ -285,11 +285,25 @@ class FleetMonitor:
         """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
         known.note_fault(error, self._clock())
         self._count("faults")
-        if self.problems["faults"] <= _LOGGED_FAULTS:
+        if self._problems["faults"] <= _LOGGED_FAULTS:
             _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle)
 
     def _count(self, problem: str) -> None:
-        self.problems[problem] = self.problems.get(problem, 0) + 1
+        self._problems[problem] = self._problems.get(problem, 0) + 1
+
+    @property
+    def problems(self) -> dict[str, int]:
+        """What went wrong so far, by kind, without zeros."""
+        of_names = {
+            "vehicles_forgotten": self._vehicles.forgotten,
+            "too_many_vehicles": self._vehicles.refused,
+        }
+        return self._problems | {name: times for name, times in of_names.items() if times}
+
+    def _alarmed(self, key: VehicleKey) -> bool:
+        return any(
+            (a.fleet, a.vehicle) == key and a.state is not AlertState.CLEARED for a in self._alerts.values()
+        )
 
     def _event(self, kind: str, data: Mapping[str, Any]) -> None:
         self._event_id += 1
@@ -300,11 +314,7 @@ class FleetMonitor:
             return
         for item in news:
             if item == "ask":
-                now = self._clock()
-                known = self._vehicles[fleet, vehicle]
-                if now - known.asked_s >= self._settings.ask_interval_s:
-                    known.asked_s = now
-                    self.outputs.ask_aircraft(fleet, vehicle)
+                self._ask(self.outputs, fleet, vehicle)
             elif isinstance(item, AlertView):
                 self.outputs.announce(fleet, vehicle, "alerts", item)
             elif isinstance(item, VehicleView):
@@ -312,11 +322,22 @@ class FleetMonitor:
             else:
                 self.outputs.announce(fleet, vehicle, "derivatives", item)
 
+    def _ask(self, outputs: Outputs, fleet: str, vehicle: str) -> None:
+        now = self._clock()
+        known = self._vehicles.get((fleet, vehicle))
+        if known is None or now - known.asked_s < self._settings.ask_interval_s or self._asks_left <= 0:
+            return
+        known.asked_s = now
+        self._asks_left -= 1
+        outputs.ask_aircraft(fleet, vehicle)
+
     def tick(self) -> None:
         """To be called about once a second: staleness, and status for those who listen."""
         now = self._clock()
         due: list[tuple[str, str, VehicleView]] = []
         with self._lock:
+            self._asks_left = _MOST_ASKS
+            forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
             for (fleet, vehicle), known in self._vehicles.items():
                 view = self._view(fleet, vehicle, known)
                 changed = view.state is not known.shown
@@ -326,6 +347,8 @@ class FleetMonitor:
                 if changed or now - known.published_s >= self._settings.status_interval_s:
                     known.published_s = now
                     due.append((fleet, vehicle, view))
+        if forgotten:
+            _LOG.warning("%d vehicles were forgotten to make room for new names", forgotten)
         if self.outputs is not None:
             for fleet, vehicle, view in due:
                 self.outputs.announce(fleet, vehicle, "status", view)

@@ -23,7 +23,8 @@ class KnownVehicle:
         monitor: from its first samples on.
         arrivals: follows the numbers of its messages.
         counts: samples and messages that were not used, by reason.
-        received_s: wall clock at the last message that was used; refused_s: at the last one that was not.
+        heard_s: wall clock at the last message; received_s: at the last that was used; refused_s: at the last one
+            that was not.
         fault, fault_s: the program's last fault over this vehicle, and when.
         asked_s, published_s: when its aircraft was asked for, and its status published.
         shown: the state that was published last.
@@ -37,6 +38,7 @@ class KnownVehicle:
     monitor: VehicleMonitor | None = None
     arrivals: SequenceTracker = field(default_factory=SequenceTracker)
     counts: dict[str, int] = field(default_factory=dict)
+    heard_s: float = float("-inf")
     received_s: float | None = None
     refused_s: float = float("-inf")
     fault: str = ""

@@ -13,6 +13,7 @@ from wingwatch.monitor import (
     JudgeConfig,
     VehicleState,
 )
+from wingwatch.monitor.roster import KEPT_S
 from wingwatch.simulation import ElevatorEffectiveness
 from wingwatch.telemetry import JSON, PROTOBUF, MessageLimits, SampleBlock
 
@@ -115,13 +116,64 @@ def test_each_monitor_of_a_vehicle_keeps_what_it_learned(flight: SampleBlock) ->
     assert second_aircraft[0] < first  # fewer than the first had, and kept all the same
 
 
-def test_a_flood_of_names_is_bounded(flight: SampleBlock) -> None:
+def test_a_flood_of_names_is_bounded_and_the_longest_silent_give_way(
+    flight: SampleBlock, caplog: pytest.LogCaptureFixture
+) -> None:
     hall = Hall(FleetSettings(max_vehicles=3))
     for k in range(10):
         hall.sample(second(flight, 0), 0, vehicle=f"uav{k}")
-    assert [v.vehicle for v in hall.fleet.vehicles()] == ["uav0", "uav1", "uav2"]
-    assert hall.fleet.problems == {"too_many_vehicles": 7}
-    assert hall.fleet.derivatives("default", "uav9") is None
+    assert [v.vehicle for v in hall.fleet.vehicles()] == ["uav7", "uav8", "uav9"]
+    assert hall.fleet.problems == {"vehicles_forgotten": 7}
+    assert hall.fleet.derivatives("default", "uav0") is None
+    hall.fleet.tick()
+    hall.fleet.tick()
+    assert caplog.text.count("7 vehicles were forgotten") == 1
+
+
+def test_invented_names_shut_out_no_aircraft_and_push_out_none(flight: SampleBlock) -> None:
+    hall = Hall(FleetSettings(max_vehicles=5))
+    for name in ("real1", "real2"):
+        hall.announce(name)
+        hall.sample(second(flight, 0), 0, vehicle=name)
+    for k in range(20):
+        hall.clock.now_s += 1.0
+        hall.sample(second(flight, 0), 0, vehicle=f"junk{k}")
+    hall.announce("later")
+    hall.sample(second(flight, 0), 0, vehicle="later")
+    assert {v.vehicle for v in hall.fleet.vehicles()} == {"real1", "real2", "later", "junk18", "junk19"}
+    assert hall.view("later").counts["accepted"] == hall.view("real1").counts["accepted"] == PIECE
+
+
+def test_where_all_are_known_the_newcomer_waits_until_one_has_been_silent_for_long(
+    flight: SampleBlock,
+) -> None:
+    hall = Hall(FleetSettings(max_vehicles=2))
+    for name in ("one", "two", "three"):
+        hall.announce(name)
+        hall.clock.now_s += 1.0
+    assert {v.vehicle for v in hall.fleet.vehicles()} == {"one", "two"}
+    assert hall.fleet.problems == {"too_many_vehicles": 1}
+    hall.clock.now_s += KEPT_S - 1.5
+    hall.announce("three")
+    assert {v.vehicle for v in hall.fleet.vehicles()} == {"two", "three"}
+
+
+def test_a_vehicle_with_an_alert_never_gives_way(flight: SampleBlock) -> None:
+    hall = Hall(FleetSettings(max_vehicles=2), FakeStore(earlier=(OLD_ALERT,)))
+    hall.sample(second(flight, 0), 0, vehicle=OLD_ALERT.vehicle)
+    for k in range(5):
+        hall.sample(second(flight, 0), 0, vehicle=f"junk{k}")
+    assert {v.vehicle for v in hall.fleet.vehicles()} == {OLD_ALERT.vehicle, "junk4"}
+
+
+def test_questions_for_aircraft_are_bounded(flight: SampleBlock) -> None:
+    hall = Hall()
+    for k in range(300):
+        hall.sample(second(flight, 0), 0, vehicle=f"junk{k}")
+    assert len(hall.outputs.asked) == 100
+    hall.fleet.tick()
+    hall.sample(second(flight, 1), 1, vehicle="junk200")
+    assert hall.outputs.asked[-1] == ("default", "junk200")
 
 
 # -- what messages may hold -----------------------------------------------------------------------
