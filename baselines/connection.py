@@ -18,11 +18,12 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, IntegrityError
+from sqlalchemy.exc import ArgumentError, DataError, DBAPIError, IntegrityError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 __all__ = [
     "DatabaseError",
+    "RefusedError",
     "check_answers",
     "connect",
     "head_revision",
@@ -72,6 +73,10 @@ _POSTGRES_FAULTS = {
 
 class DatabaseError(RuntimeError):
     """The database cannot do what was asked; the text is one sentence for the operator."""
+
+
+class RefusedError(DatabaseError):
+    """The database works and will not take this entry; trying again helps at most once."""
 
 
 def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
@@ -189,8 +194,10 @@ def sentences(engine: Engine) -> Iterator[None]:
     """Turns faults of the database inside the block into ``DatabaseError``, one sentence each."""
     try:
         yield
+    except DataError as error:
+        raise RefusedError(f"{_name(engine)} cannot hold that entry ({_first_line(error)})") from error
     except IntegrityError as error:
-        raise DatabaseError(
+        raise RefusedError(
             f"{_name(engine)} already holds that entry, or another program wrote it at the same moment; "
             f"try again ({_first_line(error)})"
         ) from error

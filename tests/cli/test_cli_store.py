@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from wingwatch.aircraft import STRUCTURES
-from wingwatch.baselines import Database, EstimateRecord, Reference, open_database
+from wingwatch.baselines import (
+    AlertRecord,
+    Database,
+    DatabaseError,
+    EstimateRecord,
+    Reference,
+    RefusedError,
+    open_database,
+)
 from wingwatch.cli.store import DatabaseStore, alert_record, alert_view
 from wingwatch.monitor import AlertState, AlertView, EvidenceView
 
@@ -115,3 +123,55 @@ def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
     with store:
         pass
     assert len(database.estimate_history("default", "uav1")) == 3
+
+
+def test_an_insert_whose_reply_was_lost_is_repeated_once_and_holds_nothing_up(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The entry is there, and nobody has been told: the second time finds it, and all the rest is stored too."""
+    save = Database.save_alert
+    lost: list[AlertRecord] = []
+
+    def without_reply(self: Database, alert: AlertRecord) -> None:
+        save(self, alert)
+        if not lost:
+            lost.append(alert)
+            raise DatabaseError(
+                "the database cannot be reached (server closed the connection); start the server"
+            )
+
+    monkeypatch.setattr(Database, "save_alert", without_reply)
+    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        store.save_alert(ALERT)
+        until(lambda: bool(lost) and store.problem is None)
+        store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(1)})
+        store.append_estimates([ESTIMATE])
+    assert [a.id for a in database.alerts().items] == ["a1"]
+    assert database.estimate_history("default", "uav1") == (ESTIMATE,)
+    assert (store.counts["retries"], store.counts["refused"]) == (1, 0)
+
+
+def test_an_entry_that_the_database_refuses_is_given_up_and_the_others_do_not_wait(
+    database: Database, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    save = Database.save_alert
+
+    def refusing(self: Database, alert: AlertRecord) -> None:
+        if alert.id == "bad":
+            raise RefusedError("the database cannot hold that entry")
+        save(self, alert)
+
+    monkeypatch.setattr(Database, "save_alert", refusing)
+    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        store.save_alert(replace(ALERT, id="bad"))
+        store.save_alert(ALERT)
+        store.append_estimates([ESTIMATE])
+        until(lambda: store.counts["refused"] == 1 and store.problem is None)
+    assert [a.id for a in database.alerts().items] == ["a1"]
+    assert database.estimate_history("default", "uav1") == (ESTIMATE,)
+    assert store.counts == {
+        "retries": 5, "refused": 1, "dropped_estimates": 0, "dropped_alerts": 0, "dropped_memory": 0
+    }  # fmt: skip
+    assert "given up after 5 tries" in caplog.text
