@@ -40,6 +40,17 @@ VERSION_TABLE = "wingwatch_schema"
 CONNECT_TIMEOUT_S = 5
 """How long a PostgreSQL server may take to answer a new connection."""
 
+STATEMENT_TIMEOUT_S = 10.0
+"""How long PostgreSQL may work on one statement; migrations may take longer."""
+
+_LOST_SERVER = {
+    "keepalives_idle": 5,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 10_000,
+}
+"""A server that left the network without a word is given up after some 10 s, not after the system's 15 minutes."""
+
 CHECK_TIMEOUT_S = 0.5
 """How long a readiness check waits for the write lock of SQLite."""
 
@@ -94,7 +105,8 @@ def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
         event.listen(engine, "connect", _sqlite_session(busy_timeout_s))
         event.listen(engine, "begin", _sqlite_begin)
         return engine
-    wanted = (str(url.query.get("options", "")), f"-c lock_timeout={int(1000 * busy_timeout_s)}")
+    limits = {"lock_timeout": busy_timeout_s, "statement_timeout": STATEMENT_TIMEOUT_S}
+    wanted = (str(url.query.get("options", "")), *(f"-c {k}={int(1000 * s)}" for k, s in limits.items()))
     try:
         return create_engine(
             url,
@@ -102,6 +114,7 @@ def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
             pool_timeout=busy_timeout_s,
             connect_args={
                 "connect_timeout": CONNECT_TIMEOUT_S,
+                **_LOST_SERVER,
                 "options": " ".join(wanted).strip(),
             },
         )
@@ -152,6 +165,8 @@ def upgrade(engine: Engine) -> None:
         DatabaseError: a schema newer than this code, another program's database, or a fault of the database.
     """
     with sentences(engine), writing(engine).begin() as connection:
+        if connection.dialect.name == "postgresql":
+            connection.execute(text("SET LOCAL statement_timeout = 0"))
         one_writer(connection)
         current = _revision(connection)
         head = head_revision()

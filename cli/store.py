@@ -1,14 +1,15 @@
-"""The fleet's memory in the database, written behind the live path's back.
+"""The fleet's memory in the database, read and written behind the live path's back.
 
-Reading happens at once; writing is left to one thread. What is newer replaces what waits: of an alert, a reference
-and a cell only the latest version counts, so these can wait for a database that is locked as long as it takes. Every
-write may be repeated, for a reply can be lost; an entry that the database refuses while it works is given up after
-five tries, and the others do not wait for it. Every queue is bounded; what finds no room is dropped and counted, and
-estimates also when the database does not take them.
+Whoever calls here never waits for the database: one thread reads, another writes. What is newer replaces what waits: of
+an alert, a reference and a cell only the latest version counts, so these can wait for a database that is locked as long
+as it takes. Every write may be repeated, for a reply can be lost; an entry that the database refuses while it works is
+given up after five tries, and the others do not wait for it. Every queue is bounded; what finds no room is dropped and
+counted, and estimates also when the database does not take them.
 """
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Self
@@ -20,7 +21,6 @@ from wingwatch.baselines import (
     CellMemory,
     Database,
     DatabaseError,
-    Envelope,
     EstimateRecord,
     EvidenceRecord,
     Reference,
@@ -28,7 +28,7 @@ from wingwatch.baselines import (
     RefusedError,
 )
 from wingwatch.cli.baseline import stored_cells, stored_envelopes, stored_references
-from wingwatch.monitor import AlertState, AlertView, CellPlace, EvidenceView
+from wingwatch.monitor import AlertState, AlertView, CellPlace, EvidenceView, VehicleMemory
 
 __all__ = ["DatabaseStore", "alert_record", "alert_view"]
 
@@ -37,9 +37,13 @@ _PAGE = 1000
 _MOST_ALERTS = 10_000
 _MOST_ESTIMATES = 100_000
 _MOST_MEMORY = 50_000  # references, and cells: several hundred vehicles' worth
+_MOST_ASKED = 1000
 _MOST_TRIES = 5
 _RETRY_S = 1.0
 _END_S = 10.0
+
+_Asked = tuple[str, str, str, str]
+"""Fleet, vehicle, aircraft and configuration."""
 
 _Job = tuple[dict[Any, Any], Any, Callable[[Any, Any], None]]
 """What waits, which of it, and how it is written."""
@@ -63,47 +67,59 @@ class DatabaseStore:
         self._lock = threading.Lock()
         self._news = threading.Event()
         self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="wingwatch-store", daemon=True)
+        self._asked: dict[_Asked, Aircraft] = {}
+        self._recalled: dict[_Asked, VehicleMemory] = {}
+        self._question = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._run, name="wingwatch-store", daemon=True),
+            threading.Thread(target=self._answer, name="wingwatch-recall", daemon=True),
+        ]
         self._tries: dict[Any, int] = {}
         self._counts = dict.fromkeys(
-            ("retries", "refused", "dropped_estimates", "dropped_alerts", "dropped_memory"), 0
+            ("failed_reads", "retries", "refused", "dropped_estimates", "dropped_alerts", "dropped_memory"), 0
         )
-        self.problem: str | None = None
+        self.write_problem: str | None = None
+        self.read_problem: str | None = None
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         """Write what waits, once, and end; a database that does not answer is not waited for longer than 10 s."""
         self._end.set()
         self._news.set()
-        self._thread.join(_END_S)
+        self._question.set()
+        until_s = time.monotonic() + _END_S
+        for thread in self._threads:
+            thread.join(max(0.0, until_s - time.monotonic()))
+
+    @property
+    def problem(self) -> str | None:
+        """Why entries are not written, or what is kept not read; None while both work."""
+        return self.write_problem or self.read_problem
 
     @property
     def counts(self) -> dict[str, int]:
-        """Writes that were tried again, entries that the database refused for good, and what found no room."""
+        """Reads that failed, writes tried again, entries refused for good, and what found no room."""
         with self._lock:
             return dict(self._counts)
 
     # -- what the monitor asks --------------------------------------------------------------------
 
-    def references(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[str, Reference]:
-        """What earlier flights of the vehicle taught, by structure; what waits to be written included."""
-        found = stored_references(self._database, fleet, vehicle, aircraft, configuration)
+    def recall(
+        self, fleet: str, vehicle: str, aircraft: Aircraft, configuration: str
+    ) -> VehicleMemory | None:
+        """What is kept of a vehicle, what waits to be written included; None while it is being read."""
+        asked = (fleet, vehicle, aircraft.name, configuration)
         with self._lock:
-            for key, reference in self._references.items():
-                if (key.fleet, key.vehicle, key.aircraft, key.configuration) == (
-                    fleet, vehicle, aircraft, configuration
-                ):  # fmt: skip
-                    found[key.structure] = reference
+            found = self._recalled.pop(asked, None)
+            if found is None and len(self._asked) < _MOST_ASKED:
+                self._asked.setdefault(asked, aircraft)
+        if found is None:
+            self._question.set()
         return found
-
-    def envelopes(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
-        """Expectations of the database, by structure."""
-        return stored_envelopes(self._database, aircraft, configuration)
 
     def alerts(self) -> Sequence[AlertView]:
         """Alerts of earlier runs, newest first (at most ten thousand)."""
@@ -126,20 +142,6 @@ class DatabaseStore:
                 key = ReferenceKey(fleet, vehicle, aircraft, configuration, structure)
                 self._keep(self._references, key, reference)
         self._news.set()
-
-    def cells(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[CellPlace, CellMemory]:
-        """What cells of the envelope taught, with their age; what waits to be written included."""
-        now_s = self._wall_clock()
-        found = stored_cells(self._database, fleet, vehicle, aircraft, configuration, now_s)
-        with self._lock:
-            for (key, cell), (reference, learned_s) in self._cells.items():
-                if (key.fleet, key.vehicle, key.aircraft, key.configuration) == (
-                    fleet, vehicle, aircraft, configuration
-                ):  # fmt: skip
-                    found[key.structure, cell] = CellMemory(reference, max(0.0, now_s - learned_s))
-        return found
 
     def save_cells(
         self,
@@ -180,6 +182,56 @@ class DatabaseStore:
         while len(waiting) > _MOST_MEMORY:
             waiting.pop(next(iter(waiting)))
             self._counts["dropped_memory"] += 1
+
+    # -- the thread that reads --------------------------------------------------------------------
+
+    def _answer(self) -> None:
+        """Read for everybody who asked; a read that fails is tried again, and never passes for an empty one."""
+        while not self._end.is_set():
+            self._question.wait()
+            self._question.clear()
+            with self._lock:
+                asked = list(self._asked.items())
+            for key, aircraft in asked:
+                if self._end.is_set():
+                    return
+                try:
+                    found = self._read(key, aircraft)
+                except Exception as error:  # whatever a database raises must not end this thread
+                    self._not_read(error)
+                    break
+                self.read_problem = None
+                with self._lock:
+                    self._asked.pop(key)
+                    self._recalled[key] = found
+                    while len(self._recalled) > _MOST_ASKED:
+                        self._recalled.pop(next(iter(self._recalled)))
+
+    def _not_read(self, error: Exception) -> None:
+        with self._lock:
+            self._counts["failed_reads"] += 1
+        problem = _sentence(error)
+        if problem != self.read_problem:
+            _LOG.warning("not read: %s", problem)
+        self.read_problem = problem
+        self._end.wait(_RETRY_S)
+        self._question.set()
+
+    def _read(self, asked: _Asked, aircraft: Aircraft) -> VehicleMemory:
+        # What waits is looked at before the database: what is written in between is then seen there or here.
+        now_s = self._wall_clock()
+        with self._lock:
+            references = {k.structure: r for k, r in self._references.items() if _owner(k) == asked}
+            cells = {
+                (k.structure, cell): CellMemory(reference, max(0.0, now_s - learned_s))
+                for (k, cell), (reference, learned_s) in self._cells.items()
+                if _owner(k) == asked
+            }
+        return VehicleMemory(
+            stored_references(self._database, *asked) | references,
+            stored_envelopes(self._database, aircraft, asked[3]),
+            stored_cells(self._database, *asked, now_s) | cells,
+        )
 
     # -- the thread that writes -------------------------------------------------------------------
 
@@ -251,9 +303,9 @@ class DatabaseStore:
         return _sentence(error)
 
     def _say(self, problem: str | None) -> None:
-        if problem is not None and problem != self.problem:
+        if problem is not None and problem != self.write_problem:
             _LOG.warning("not stored: %s", problem)
-        self.problem = problem
+        self.write_problem = problem
 
     def _write_alert(self, _: str, alert: AlertView) -> None:
         now_s = self._wall_clock()
@@ -264,6 +316,10 @@ class DatabaseStore:
 
     def _write_cell(self, place: tuple[ReferenceKey, Cell], entry: tuple[Reference, float]) -> None:
         self._database.save_cell(*place, *entry)
+
+
+def _owner(key: ReferenceKey) -> _Asked:
+    return key.fleet, key.vehicle, key.aircraft, key.configuration
 
 
 def _of_the_entry(error: Exception) -> bool:

@@ -9,18 +9,19 @@ import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
+from wingwatch.baselines import EstimateRecord
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
-from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.known_vehicle import KnownVehicle
-from wingwatch.monitor.ports import Outputs, Store
+from wingwatch.monitor.monitors import MonitorMaker
+from wingwatch.monitor.ports import Outputs, Store, VehicleMemory
 from wingwatch.monitor.roster import Roster, VehicleKey
-from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
+from wingwatch.monitor.vehicle import Report, VehicleMonitor
 from wingwatch.monitor.views import (
     AlertAction,
     AlertState,
@@ -35,13 +36,13 @@ from wingwatch.telemetry import (
     SensorsMessage,
     decode_aircraft,
     decode_sensors,
-    derivations,
 )
 
-__all__ = ["FleetMonitor", "FleetSettings", "Outputs", "Store"]
+__all__ = ["FleetMonitor", "FleetSettings"]
 
 _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
+_MOST_HELD = 2000  # messages, of all vehicles together
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 STATE_ORDER = (
@@ -52,10 +53,6 @@ STATE_ORDER = (
     VehicleState.HEALTHY,
 )
 """Worst first."""
-
-
-_KEPT_TYPES = 64
-"""Aircraft types and configurations whose stated envelopes are kept: invented names cannot fill the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +66,7 @@ class FleetSettings:
         max_vehicles: vehicles remembered (``Roster`` says who gives way).
         kept_events, kept_alerts: how many are kept in memory.
         history_interval_s: least sample time between two estimates kept for history.
+        recall_patience_s: how long samples wait for what is kept of their vehicle before they are watched without.
     """
 
     stale_s: float = 5.0
@@ -78,6 +76,7 @@ class FleetSettings:
     kept_events: int = 1000
     kept_alerts: int = 10_000
     history_interval_s: float = 1.0
+    recall_patience_s: float = 2.0
     judge: JudgeConfig = field(default_factory=JudgeConfig)
 
 
@@ -101,7 +100,7 @@ class FleetMonitor:
         outputs: Outputs | None = None,
         settings: FleetSettings | None = None,
     ) -> None:
-        self._find, self._clock, self._new_id = find_aircraft, clock, new_id
+        self._find, self._clock = find_aircraft, clock
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
         self._lock = threading.RLock()
@@ -111,7 +110,8 @@ class FleetMonitor:
         self._alerts: dict[str, AlertView] = {}
         self._events: deque[Event] = deque(maxlen=self._settings.kept_events)
         self._event_id = 0
-        self._apriori: dict[tuple[str, str], tuple[Aircraft, Mapping[str, Envelope]]] = {}
+        self._maker = MonitorMaker(new_id, self._settings.judge)
+        self._held = 0
         self._problems: dict[str, int] = {}
         if store is not None:
             self._alerts = {a.id: a for a in reversed(self._guarded(store.alerts) or ())}
@@ -157,7 +157,7 @@ class FleetMonitor:
             known.count("unknown_aircraft")
         self._vehicles.sort((fleet, vehicle))
         if changed or known.aircraft is None:
-            known.monitor = None
+            known.start_anew()
         return []
 
     def _sampled(self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage) -> list[Any]:
@@ -168,43 +168,46 @@ class FleetMonitor:
         if known.aircraft is None:
             known.count("unannounced" if known.message is None else "unknown_aircraft", len(message.block))
             return ["ask"] if known.message is None else []
-        if known.monitor is None:
-            known.monitor = self._new_monitor(fleet, vehicle, known, message)
-        report = known.monitor.feed(message.block)
-        return self._digest(fleet, vehicle, known, report)
+        known.held.append(message)
+        self._held += 1
+        return self._feed(fleet, vehicle, known, known.monitor is None)
 
-    def _new_monitor(
-        self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage
-    ) -> VehicleMonitor:
-        aircraft, announced = known.aircraft, known.message
-        if aircraft is None or announced is None:
-            raise ValueError(f"vehicle {fleet}/{vehicle} has not been announced")
-        store = self._store
-        learned: Mapping[str, Reference] | None = None
-        kept: Mapping[str, Envelope] | None = None
-        cells: Mapping[CellPlace, CellMemory] | None = None
+    def _feed(self, fleet: str, vehicle: str, known: KnownVehicle, recall: bool) -> list[Any]:
+        """Hand over what is held, once there is a monitor; ``recall``: ask for what is kept if it is not read yet."""
+        if recall and not known.recalled:
+            self._recall(fleet, vehicle, known)
+        news: list[Any] = []
+        while known.monitor is not None and known.held:
+            self._held -= 1
+            report = known.monitor.feed(known.held.popleft().block)
+            news += self._digest(fleet, vehicle, known, report)
+        return news
+
+    def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
+        """Start the vehicle's monitor with what is kept of it, or without after a while, and then add it later."""
+        store, aircraft, announced = self._store, known.aircraft, known.message
+        if aircraft is None or announced is None or not (known.held or known.monitor):
+            return
+        memory: VehicleMemory | None = VehicleMemory()
         if store is not None:
-            configuration = announced.configuration
-            learned = self._guarded(lambda: store.references(fleet, vehicle, aircraft.name, configuration))
-            kept = self._guarded(lambda: store.envelopes(aircraft, configuration))
-            cells = self._guarded(lambda: store.cells(fleet, vehicle, aircraft.name, configuration))
-        # What the message carries counts, not what its few samples happen to hold: a vane may start late.
-        present = [*message.given, *derivations(message.given)]
-        known_type, apriori = self._apriori.get((aircraft.name, announced.configuration), (None, {}))
-        if known_type is not aircraft:
-            apriori = {}
-        monitor = VehicleMonitor(
-            aircraft, fleet, vehicle, present, surface_kinds(message.given),
-            configuration=announced.configuration, references=learned, envelopes={**apriori, **(kept or {})},
-            cells=cells, new_id=self._new_id, config=self._settings.judge,
-        )  # fmt: skip
-        stated = {k: v for k, v in monitor.chain.envelopes.items() if k not in (kept or {})}
-        # One type's vehicles share what its file says: linearised once, not once a vehicle.
-        self._apriori[aircraft.name, announced.configuration] = aircraft, {**apriori, **stated}
-        while len(self._apriori) > _KEPT_TYPES:
-            self._apriori.pop(next(iter(self._apriori)))
-        known.saved_blocks = _blocks(monitor)
-        return monitor
+            ask = partial(store.recall, fleet, vehicle, aircraft, announced.configuration)
+            memory = self._guarded(ask)
+        known.recalled = memory is not None
+        if known.monitor is not None:
+            if memory is not None:
+                known.monitor.adopt(memory)
+                known.saved_blocks = sum(r.blocks for r in memory.references.values())
+            return
+        now_s = self._clock()
+        known.recall_s = now_s if known.recall_s is None else known.recall_s
+        waiting = now_s - known.recall_s < self._settings.recall_patience_s and self._held < _MOST_HELD
+        if memory is None and waiting:
+            return
+        given = known.held[0].given
+        known.monitor = self._maker.make(
+            fleet, vehicle, aircraft, announced, given, memory or VehicleMemory()
+        )
+        known.saved_blocks = _blocks(known.monitor)
 
     # -- what it leads to ----------------------------------------------------------------------
 
@@ -261,6 +264,8 @@ class FleetMonitor:
             rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]
         if rows:
             self._guarded(lambda: store.append_estimates(rows))
+        if not known.recalled:
+            return  # nothing is written over what has not been read
         name, configuration = monitor.aircraft.name, monitor.configuration
         cells = monitor.cells.take_changed()
         if cells:
@@ -280,6 +285,14 @@ class FleetMonitor:
             self._count("store")
             self._event("problem", {"what": "store", "text": str(error)})
             return None
+
+    def _safely_fed(self, fleet: str, vehicle: str, known: KnownVehicle) -> list[Any]:
+        """What is held of a vehicle handed over, if it can be by now."""
+        try:
+            return [] if known.recalled else self._feed(fleet, vehicle, known, True)
+        except Exception as error:
+            self._note_fault(fleet, vehicle, known, error)
+            return []
 
     def _note_fault(self, fleet: str, vehicle: str, known: KnownVehicle, error: Exception) -> None:
         """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
@@ -335,10 +348,13 @@ class FleetMonitor:
         """To be called about once a second: staleness, and status for those who listen."""
         now = self._clock()
         due: list[tuple[str, str, VehicleView]] = []
+        late: list[tuple[str, str, list[Any]]] = []
         with self._lock:
             self._asks_left = _MOST_ASKS
+            self._held = sum(len(known.held) for _, known in self._vehicles.items())
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
             for (fleet, vehicle), known in self._vehicles.items():
+                late.append((fleet, vehicle, self._safely_fed(fleet, vehicle, known)))
                 view = self._view(fleet, vehicle, known)
                 changed = view.state is not known.shown
                 if changed:
@@ -347,6 +363,8 @@ class FleetMonitor:
                 if changed or now - known.published_s >= self._settings.status_interval_s:
                     known.published_s = now
                     due.append((fleet, vehicle, view))
+        for fleet, vehicle, news in late:
+            self._tell(fleet, vehicle, news)
         if forgotten:
             _LOG.warning("%d vehicles were forgotten to make room for new names", forgotten)
         if self.outputs is not None:

@@ -1,12 +1,13 @@
 """A vehicle as the live loop knows it: what it said it is, its monitor, its faults, and the state they make."""
 
+from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor.vehicle import VehicleMonitor
 from wingwatch.monitor.views import VehicleState, VehicleView
-from wingwatch.telemetry import AircraftMessage, SequenceTracker
+from wingwatch.telemetry import AircraftMessage, SensorsMessage, SequenceTracker
 
 __all__ = ["FAULT_SHOWN_S", "KnownVehicle"]
 
@@ -30,6 +31,9 @@ class KnownVehicle:
         shown: the state that was published last.
         history_s: sample time of the last estimate kept for history.
         saved_blocks: blocks that the references rest on that were kept last.
+        held: messages that wait for what is kept of the vehicle.
+        recalled: whether that has been read; until then nothing is written in its place.
+        recall_s: when it was asked for first.
     """
 
     message: AircraftMessage | None = None
@@ -48,6 +52,9 @@ class KnownVehicle:
     shown: VehicleState = VehicleState.UNKNOWN
     history_s: float = float("-inf")
     saved_blocks: int = 0
+    held: deque[SensorsMessage] = field(default_factory=deque)
+    recalled: bool = False
+    recall_s: float | None = None
 
     def count(self, reason: str, times: int = 1) -> None:
         """Count what was not used."""
@@ -57,6 +64,11 @@ class KnownVehicle:
         """Remember a fault of the program over this vehicle's samples."""
         self.count("faults")
         self.fault, self.fault_s = f"{type(error).__name__}: {error}"[:200], now_s
+
+    def start_anew(self) -> None:
+        """It is another aircraft from now on, or none that is known."""
+        self.monitor, self.recalled, self.recall_s = None, False, None
+        self.held.clear()
 
     @property
     def all_counts(self) -> dict[str, int]:
@@ -97,6 +109,8 @@ class KnownVehicle:
     def _unknown_because(self) -> str:
         if self.message is None:
             return "samples arrive but the vehicle has not said what aircraft it is"
+        if self.held:
+            return "what is kept of its earlier flights is being read"
         return self.problem or "announced; no samples yet"
 
     def view(
@@ -113,10 +127,15 @@ class KnownVehicle:
         if self.monitor is None:
             return self.bare_view(fleet, vehicle, state, reason or "")
         view = self.monitor.view()
+        unread = "" if self.recalled else " What is kept of its earlier flights has not been read yet."
         return replace(
-            view, state=state, reason=view.reason if reason is None else reason, counts=self.all_counts,
+            view,
+            state=state,
+            reason=view.reason if reason is None else reason,
+            basis_text=view.basis_text + unread,
+            counts=self.all_counts,
             active_alerts=tuple(name for name in view.active_alerts if name in alerts),
-        )  # fmt: skip
+        )
 
     def bare_view(self, fleet: str, vehicle: str, state: VehicleState, reason: str) -> VehicleView:
         """The vehicle without anything that its monitor says."""

@@ -30,6 +30,7 @@ from wingwatch.monitor.chain import (
 )
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
+from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 from wingwatch.telemetry.conditioning import AirQuality
@@ -143,6 +144,13 @@ class VehicleMonitor:
         """Stamp of the last sample used."""
         t = self._chain_state.last_s
         return t if np.isfinite(t) else None
+
+    def adopt(self, memory: VehicleMemory) -> None:
+        """Take in what is kept of the vehicle where it could not be read at the start; estimates go on as they are."""
+        self.chain.envelopes.update({k: e for k, e in memory.envelopes.items() if k in self.chain.envelopes})
+        founded = self._founded_by_file(nominal_condition(self.aircraft))
+        self.judge.adopt(self._judge_state, memory.references, founded)
+        self.cells.adopt(memory.cells)
 
     def feed(self, block: SampleBlock) -> Report:
         """Take in samples as they came (completed, not cleaned)."""

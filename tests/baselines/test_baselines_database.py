@@ -20,6 +20,7 @@ from wingwatch.baselines import (
     AlertRecord,
     Cell,
     Database,
+    DatabaseError,
     EstimateRecord,
     EvidenceRecord,
     Expectation,
@@ -28,6 +29,7 @@ from wingwatch.baselines import (
     ReferenceKey,
     open_database,
 )
+from wingwatch.baselines import connection as connection_module
 from wingwatch.baselines import database as database_module
 from wingwatch.baselines.connection import VERSION_TABLE, connect
 from wingwatch.baselines.tables import Base
@@ -402,3 +404,22 @@ def test_a_vehicle_keeps_a_bounded_number_of_cells(
     for k in range(5):
         database.save_cell(key, Cell(k, 0), Reference.empty(2), float(k))
     assert sorted(database.load_cells(key, 10.0)) == [Cell(2, 0), Cell(3, 0), Cell(4, 0)]
+
+
+def test_a_statement_that_takes_too_long_is_stopped(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """PostgreSQL stops it by the clock; SQLite, in this process, waits for a lock only."""
+    monkeypatch.setattr(connection_module, "STATEMENT_TIMEOUT_S", 0.2)
+    if "postgresql" not in url:
+        pytest.skip("SQLite has no statement that waits")
+    engine = connect(url, 1.0)
+    with (
+        pytest.raises(DatabaseError, match="took too long to answer"),
+        connection_module.sentences(engine),
+        engine.connect() as connection,
+    ):
+        connection.execute(text("SELECT pg_sleep(5)"))
+    with engine.connect() as connection:
+        assert connection.execute(text("SHOW lock_timeout")).scalar_one() == "1s"
+    engine.dispose()
+    with open_database(url) as database:  # migrations are not held to it
+        assert database.alerts().items == ()

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
+from wingwatch.baselines import EstimateRecord, Reference
 from wingwatch.monitor import (
     AlertState,
     AlertView,
     CellPlace,
     FleetMonitor,
     FleetSettings,
+    VehicleMemory,
     VehicleState,
     VehicleView,
 )
@@ -57,9 +58,11 @@ class Clock:
 
 @dataclass
 class FakeStore:
-    """Remembers what it is given; with ``broken`` every call fails as a locked database would."""
+    """Remembers what it is given; with ``broken`` every call fails, with ``unread`` nothing has been read yet."""
 
     broken: bool = False
+    unread: bool = False
+    known: Mapping[str, Reference] = field(default_factory=dict)
     earlier: Sequence[AlertView] = ()
     asked: list[tuple[str, str]] = field(default_factory=list)
     learned: list[tuple[str, int]] = field(default_factory=list)
@@ -71,28 +74,18 @@ class FakeStore:
         if self.broken:
             raise OSError("database is locked")
 
-    def references(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[str, Reference]:
+    def recall(
+        self, fleet: str, vehicle: str, aircraft: Aircraft, configuration: str
+    ) -> VehicleMemory | None:
         self._fail()
-        self.asked.append((aircraft, configuration))
-        return {}
-
-    def envelopes(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
-        self._fail()
-        return {}
+        self.asked.append((aircraft.name, configuration))
+        return None if self.unread else VehicleMemory(references=self.known)
 
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
     ) -> None:
         self._fail()
         self.learned.append((aircraft, max(r.blocks for r in references.values())))
-
-    def cells(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[CellPlace, CellMemory]:
-        self._fail()
-        return {}
 
     def save_cells(
         self,

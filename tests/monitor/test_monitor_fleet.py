@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from fleet_hall import OLD_ALERT, PIECE, FakeStore, Hall, fly_doublets, second
 
+from wingwatch.aircraft import SHORT_PERIOD
+from wingwatch.baselines import Reference
 from wingwatch.monitor import (
     AlertAction,
     AlertState,
@@ -230,7 +232,7 @@ def test_gaps_in_the_numbering_are_losses_and_a_restart_is_none(hall: Hall, flig
 
 
 def test_a_failing_store_is_counted_and_watching_goes_on(damaged: SampleBlock) -> None:
-    sound, broken = Hall(), Hall(store=FakeStore(broken=True))
+    sound, broken = Hall(), Hall(FleetSettings(recall_patience_s=0.0), FakeStore(broken=True))
     assert broken.fleet.problems == {"store": 1}  # alerts of earlier runs
     for hall in (sound, broken):
         hall.announce()
@@ -243,6 +245,54 @@ def test_a_failing_store_is_counted_and_watching_goes_on(damaged: SampleBlock) -
     said = [e.data["text"] for e in broken.fleet.events(0) if e.kind == "problem"]
     assert set(said) == {"database is locked"}
     assert sound.fleet.problems == {}
+
+
+def test_what_has_not_been_read_is_not_taken_for_nothing_and_not_written_over(flight: SampleBlock) -> None:
+    """One read that failed made 500 blocks into the two of that flight."""
+    k = len(SHORT_PERIOD.derivatives)
+    earlier = Reference(1e3 * np.eye(k), np.zeros(k), blocks=500, seconds=5000.0)
+    settings = FleetSettings(judge=JudgeConfig(remembered_blocks=2))
+    hall = Hall(settings, FakeStore(unread=True, known={"short_period": earlier}))
+    hall.announce()
+    hall.fly(flight, 0, 1)
+    assert hall.view().reason == "what is kept of its earlier flights is being read"
+    hall.clock.now_s += settings.recall_patience_s
+    hall.fly(flight, 1, 80)
+    assert hall.view().counts["accepted"] == 80 * PIECE  # those that waited among them
+    assert "has not been read yet" in hall.view().basis_text
+    assert (hall.store.learned, hall.store.cells_kept) == ([], {})
+    before = hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_q"]["value"]
+    hall.store.unread = False
+    hall.fleet.tick()
+    after = hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_q"]["value"]
+    assert after == before  # estimates go on
+    assert "has not been read yet" not in hall.view().basis_text
+    hall.fly(flight, 80, 100)
+    assert hall.store.learned
+    assert hall.store.learned[-1][1] > 500
+    assert hall.store.cells_kept
+
+
+def test_samples_wait_for_what_is_kept_and_then_lead_to_the_same(flight: SampleBlock) -> None:
+    at_once, waited = Hall(), Hall(store=FakeStore(unread=True))
+    for hall in (at_once, waited):
+        hall.announce()
+        hall.fly(flight, 0, 12)
+    assert waited.derivatives()["time_s"] is None
+    waited.store.unread = False
+    waited.fleet.tick()
+    assert waited.derivatives() == at_once.derivatives()
+    assert waited.view().counts == at_once.view().counts
+
+
+def test_what_waits_is_bounded_over_all_vehicles(
+    flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wingwatch.monitor.fleet._MOST_HELD", 5)
+    hall = Hall(store=FakeStore(unread=True))
+    hall.announce()
+    hall.fly(flight, 0, 12)
+    assert hall.view().counts["accepted"] == 12 * PIECE
 
 
 def test_history_is_kept_at_its_interval(flight: SampleBlock) -> None:
