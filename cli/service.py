@@ -130,13 +130,13 @@ class Service:
 
     def __init__(
         self, http: HttpServer, monitor: FleetMonitor, database: Database, session: zenoh.Session, pump: Pump,
-        store: DatabaseStore, settings: ZenohSettings, counters: Callable[[], Mapping[str, Mapping[str, int]]],
+        store: DatabaseStore, settings: ZenohSettings, subscriber: SensorSubscriber,
+        outputs: ZenohOutputs,
     ) -> None:  # fmt: skip
         self.monitor = monitor
         self.pump = pump
-        self.counters = counters
         self._http, self._database, self._session, self._store = http, database, session, store
-        self._zenoh = settings
+        self._zenoh, self._subscriber, self._outputs = settings, subscriber, outputs
 
     @property
     def url(self) -> str:
@@ -160,6 +160,16 @@ class Service:
             "database": self._database_problem(),
             "http": self._http.problem,
             "estimators": self.pump.problem,
+        }
+
+    def counters(self) -> Mapping[str, Mapping[str, int]]:
+        """What each part dropped or failed on."""
+        return {
+            "messages": self._subscriber.counts,
+            "monitor": self.monitor.problems,
+            "loop": {"faults": self.pump.faults},
+            "store": self._store.counts,
+            "outputs": dict(self._outputs.dropped),
         }
 
     def _zenoh_problem(self) -> str | None:
@@ -230,26 +240,16 @@ def running_service(
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
         outputs.ask_through(subscriber.ask_aircraft)
         pump = Pump(subscriber, monitor, arrived, prepare)
-
-        def counters() -> Mapping[str, Mapping[str, int]]:
-            return {
-                "messages": subscriber.counts,
-                "monitor": dict(monitor.problems),
-                "loop": {"faults": pump.faults},
-                "store": store.counts,
-                "outputs": dict(outputs.dropped),
-            }
-
         app = create_app(
             monitor,
             lambda: service.readiness(),
             database,
             __version__,
             aircraft=hangar.find,
-            counters=counters,
+            counters=lambda: service.counters(),
         )
         http = HttpServer(app, listening)
-        service = Service(http, monitor, database, session, pump, store, link, counters)
+        service = Service(http, monitor, database, session, pump, store, link, subscriber, outputs)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)

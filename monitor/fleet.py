@@ -192,10 +192,10 @@ class FleetMonitor:
         if store is not None:
             ask = partial(store.recall, fleet, vehicle, aircraft, announced.configuration)
             memory = self._guarded(ask)
-        known.recalled = memory is not None
         if known.monitor is not None:
             if memory is not None:
                 known.monitor.adopt(memory)
+                known.recalled = True
                 known.saved_blocks = sum(r.blocks for r in memory.references.values())
             return
         now_s = self._clock()
@@ -207,6 +207,7 @@ class FleetMonitor:
         known.monitor = self._maker.make(
             fleet, vehicle, aircraft, announced, given, memory or VehicleMemory()
         )
+        known.recalled = memory is not None
         known.saved_blocks = _blocks(known.monitor)
 
     # -- what it leads to ----------------------------------------------------------------------
@@ -297,6 +298,8 @@ class FleetMonitor:
     def _note_fault(self, fleet: str, vehicle: str, known: KnownVehicle, error: Exception) -> None:
         """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
         known.note_fault(error, self._clock())
+        if known.monitor is None:
+            known.held.clear()  # there is none to be made, and what waits for it must not grow
         self._count("faults")
         if self._problems["faults"] <= _LOGGED_FAULTS:
             _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle)

@@ -189,7 +189,7 @@ class Judge:
     def adopt(self, state: JudgeState, references: Mapping[str, Reference], founded: bool) -> None:
         """Take in what earlier flights taught, which could not be read at the start; ``init`` says what is what."""
         for name, learned in references.items():
-            if name in state.references:
+            if name in state.references and learned.vector.shape == state.references[name].vector.shape:
                 state.references[name] = learned.plus(state.references[name])
         own = all(r.blocks >= self.config.founded_blocks for r in state.references.values())
         state.identified = founded

@@ -199,6 +199,18 @@ def test_an_alert_stands_through_faults_and_says_so(monkeypatch: pytest.MonkeyPa
     assert "Meanwhile the program failed on its samples 2 times" in hall.view().reason
 
 
+def test_samples_do_not_pile_up_for_a_monitor_that_cannot_be_made(
+    hall: Hall, flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wingwatch.monitor.monitors.VehicleMonitor", lambda *_, **__: 1 / 0)
+    hall.fly(flight, 0, 3)
+    assert (hall.view().state, hall.view().counts["faults"]) == (VehicleState.UNKNOWN, 3)
+    monkeypatch.undo()
+    hall.clock.now_s += 31.0
+    hall.fly(flight, 3, 5)
+    assert hall.view().counts["accepted"] == 2 * 50
+
+
 def test_a_vehicle_that_cannot_be_shown_hides_no_other(
     hall: Hall, flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
