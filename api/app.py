@@ -30,6 +30,7 @@ def create_app(
     *,
     aircraft: Callable[[str], Aircraft] | None = None,
     diagnoses: DiagnosisPort | None = None,
+    counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict,
     keep_alive_s: float = 10.0,
 ) -> FastAPI:
     """The REST application over a monitor.
@@ -42,13 +43,16 @@ def create_app(
         aircraft: an aircraft by its announced name (ValueError with one sentence where there is none), for
             conventions other than concise; the library without.
         diagnoses: jobs that diagnose uploaded flights; None where none are taken.
+        counters: of the service, by part, shown on the status.
         keep_alive_s: silence after which an event stream carries a comment.
 
     Returns:
         an application whose ``state.close_streams()`` ends every event stream; ``HttpServer`` calls it.
     """
     streams = EventStreams(monitor, keep_alive_s)
-    door = Door(monitor, readiness, history, version, aircraft or _library_aircraft, streams, diagnoses)
+    door = Door(
+        monitor, readiness, history, version, aircraft or _library_aircraft, streams, counters, diagnoses
+    )
     app = FastAPI(
         title="wingwatch",
         version=version,

@@ -20,6 +20,7 @@ class Door:
     Attributes:
         readiness: per part (``zenoh``, ``database``, ``http``) None or its problem, one sentence.
         history: None where estimates are not kept.
+        counters: of the service, by part.
         aircraft: an aircraft by its announced name; ValueError with one sentence where there is none.
         diagnoses: None where flights are not diagnosed.
     """
@@ -30,6 +31,7 @@ class Door:
     version: str
     aircraft: Callable[[str], Aircraft]
     streams: EventStreams
+    counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict
     diagnoses: DiagnosisPort | None = None
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:

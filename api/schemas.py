@@ -1,5 +1,6 @@
 """The REST objects, and how the monitor's views become them."""
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
@@ -127,6 +128,9 @@ class VehicleDocument(_Answer):
     air: AirDocument | None = Field(
         default=None, description="gusts of the last half minute; null without a vane and before that"
     )
+    rejected_by_channel: dict[str, int] = Field(
+        default_factory=dict, description="samples refused as non-finite or out of range, by channel at fault"
+    )
 
 
 class VehicleList(_Answer):
@@ -190,6 +194,10 @@ class StatusDocument(_Answer):
     counts: dict[VehicleState, int] = Field(description="vehicles per state, every state listed")
     vehicles: list[VehicleDocument] = Field(description="worst first")
     alerts: list[AlertDocument] = Field(description="alerts that are not cleared, newest first")
+    counters: dict[str, dict[str, int]] = Field(
+        default_factory=dict,
+        description="of the service, by part: what went wrong or was dropped, and how often",
+    )
 
 
 class DerivativeValue(_OpenAnswer):
@@ -289,6 +297,7 @@ def vehicle_document(view: VehicleView) -> VehicleDocument:
         active_alerts=list(view.active_alerts),
         condition={key: quantity(value) for key, value in view.condition.items()},
         air=None if view.air is None else air_document(view.air),
+        rejected_by_channel=dict(view.rejected_by_channel),
     )
 
 
@@ -333,11 +342,15 @@ def alert_document(view: AlertView) -> AlertDocument:
 
 
 def status_document(
-    version: str, vehicles: list[VehicleDocument], alerts: list[AlertDocument]
+    version: str,
+    vehicles: list[VehicleDocument],
+    alerts: list[AlertDocument],
+    counters: Mapping[str, Mapping[str, int]],
 ) -> StatusDocument:
-    """The fleet's status from its vehicles and from those alerts that are not cleared."""
+    """The fleet's status from its vehicles, from those alerts that are not cleared, and the service's counters."""
     counts = {state: sum(v.state == state for v in vehicles) for state in VehicleState}
-    return StatusDocument(version=version, counts=counts, vehicles=vehicles, alerts=alerts)
+    parts = {part: dict(counters[part]) for part in counters}
+    return StatusDocument(version=version, counts=counts, vehicles=vehicles, alerts=alerts, counters=parts)
 
 
 def _worst(worst: WorstDerivative) -> WorstDocument:

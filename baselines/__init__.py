@@ -32,7 +32,7 @@ from wingwatch.baselines.records import (
 from wingwatch.baselines.reference import Reference
 
 if TYPE_CHECKING:
-    from wingwatch.baselines.database import Database, DatabaseError, open_database
+    from wingwatch.baselines.database import Database, DatabaseError, RefusedError, open_database
 
 __all__ = [
     "Expectation",
@@ -55,6 +55,7 @@ __all__ = [
     "open_database",
     "Database",
     "DatabaseError",
+    "RefusedError",
     "AlertPage",
     "AlertRecord",
     "EstimateRecord",
@@ -66,6 +67,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("Database", "DatabaseError", "open_database"):
+    if name in ("Database", "DatabaseError", "RefusedError", "open_database"):
         return getattr(import_module("wingwatch.baselines.database"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

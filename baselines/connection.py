@@ -18,11 +18,12 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, IntegrityError
+from sqlalchemy.exc import ArgumentError, DataError, DBAPIError, IntegrityError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 __all__ = [
     "DatabaseError",
+    "RefusedError",
     "check_answers",
     "connect",
     "head_revision",
@@ -38,6 +39,17 @@ VERSION_TABLE = "wingwatch_schema"
 
 CONNECT_TIMEOUT_S = 5
 """How long a PostgreSQL server may take to answer a new connection."""
+
+STATEMENT_TIMEOUT_S = 10.0
+"""How long PostgreSQL may work on one statement; migrations may take longer."""
+
+_LOST_SERVER = {
+    "keepalives_idle": 5,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 10_000,
+}
+"""A server that left the network without a word is given up after some 10 s, not after the system's 15 minutes."""
 
 CHECK_TIMEOUT_S = 0.5
 """How long a readiness check waits for the write lock of SQLite."""
@@ -74,6 +86,10 @@ class DatabaseError(RuntimeError):
     """The database cannot do what was asked; the text is one sentence for the operator."""
 
 
+class RefusedError(DatabaseError):
+    """The database works and will not take this entry; trying again helps at most once."""
+
+
 def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
     """Engine for a path of an SQLite file, or for a URL ``sqlite:///...`` or ``postgresql://...``.
 
@@ -89,7 +105,8 @@ def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
         event.listen(engine, "connect", _sqlite_session(busy_timeout_s))
         event.listen(engine, "begin", _sqlite_begin)
         return engine
-    wanted = (str(url.query.get("options", "")), f"-c lock_timeout={int(1000 * busy_timeout_s)}")
+    limits = {"lock_timeout": busy_timeout_s, "statement_timeout": STATEMENT_TIMEOUT_S}
+    wanted = (str(url.query.get("options", "")), *(f"-c {k}={int(1000 * s)}" for k, s in limits.items()))
     try:
         return create_engine(
             url,
@@ -97,6 +114,7 @@ def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
             pool_timeout=busy_timeout_s,
             connect_args={
                 "connect_timeout": CONNECT_TIMEOUT_S,
+                **_LOST_SERVER,
                 "options": " ".join(wanted).strip(),
             },
         )
@@ -147,6 +165,8 @@ def upgrade(engine: Engine) -> None:
         DatabaseError: a schema newer than this code, another program's database, or a fault of the database.
     """
     with sentences(engine), writing(engine).begin() as connection:
+        if connection.dialect.name == "postgresql":
+            connection.execute(text("SET LOCAL statement_timeout = 0"))
         one_writer(connection)
         current = _revision(connection)
         head = head_revision()
@@ -189,8 +209,10 @@ def sentences(engine: Engine) -> Iterator[None]:
     """Turns faults of the database inside the block into ``DatabaseError``, one sentence each."""
     try:
         yield
+    except DataError as error:
+        raise RefusedError(f"{_name(engine)} cannot hold that entry ({_first_line(error)})") from error
     except IntegrityError as error:
-        raise DatabaseError(
+        raise RefusedError(
             f"{_name(engine)} already holds that entry, or another program wrote it at the same moment; "
             f"try again ({_first_line(error)})"
         ) from error

@@ -12,11 +12,13 @@ from dataclasses import asdict, fields, replace
 from typing import Any
 
 from sqlalchemy import Engine, delete, insert, select, update
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from wingwatch.baselines.cells import Cell, CellMemory
 from wingwatch.baselines.connection import (
     DatabaseError,
+    RefusedError,
     check_answers,
     connect,
     one_writer,
@@ -37,7 +39,7 @@ from wingwatch.baselines.records import (
 from wingwatch.baselines.reference import Reference
 from wingwatch.baselines.tables import AlertRow, CellRow, EstimateRow, ExpectationRow, ReferenceRow
 
-__all__ = ["Database", "DatabaseError", "open_database"]
+__all__ = ["Database", "DatabaseError", "RefusedError", "open_database"]
 
 MAX_PAGE = 1000
 """Most alerts on one page."""
@@ -175,8 +177,15 @@ class Database:
             return tuple(_expectation(row) for row in session.scalars(query))
 
     def save_reference(self, key: ReferenceKey, reference: Reference, updated_at_s: float) -> None:
-        """Store a new version; the last ``MAX_REFERENCE_HISTORY`` versions stay as its history."""
+        """Store a new version; the last ``MAX_REFERENCE_HISTORY`` versions stay as its history.
+
+        The newest version again changes nothing: whoever does not know whether it was stored may repeat it.
+        """
+        newest = select(ReferenceRow).where(*_same_reference(key)).order_by(ReferenceRow.id.desc()).limit(1)
         with self._write() as session:
+            stored = session.scalar(newest)
+            if stored is not None and _taught(stored).to_dict() == reference.to_dict():
+                return
             session.add(ReferenceRow(**asdict(key), **reference.to_dict(), updated_at_s=updated_at_s))
             session.flush()
             oldest = (
@@ -240,26 +249,17 @@ class Database:
                 for row in session.scalars(query)
             }
 
-    def insert_alert(self, alert: AlertRecord) -> None:
-        """Store a new alert."""
-        with self._write() as session:
-            session.add(AlertRow(**_plain(alert)))
+    def save_alert(self, alert: AlertRecord) -> None:
+        """Store an alert in place of what was stored under its id; the date of its first version stays.
 
-    def update_alert(self, alert: AlertRecord) -> None:
-        """Replace a stored alert by its new version, found by its id.
-
-        Raises:
-            DatabaseError: no alert of that id is stored.
+        The same again changes nothing: whoever does not know whether it was stored may repeat it.
         """
+        values = _plain(alert)
+        newer = {name: value for name, value in values.items() if name not in ("id", "created_at_s")}
         with self._write() as session:
-            known = session.execute(
-                update(AlertRow)
-                .where(AlertRow.id == alert.id)
-                .values(_plain(alert))
-                .returning(AlertRow.serial)
-            ).one_or_none()
-            if known is None:
-                raise DatabaseError(f"alert {alert.id!r} is not in the database; insert it first")
+            dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
+            row = dialect.insert(AlertRow).values(values)
+            session.execute(row.on_conflict_do_update(index_elements=[AlertRow.id], set_=newer))
 
     def alert(self, alert_id: str) -> AlertRecord | None:
         """One alert; None if unknown."""

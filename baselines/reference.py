@@ -71,6 +71,21 @@ class Reference:
             raise ValueError(f"a block of {h.size} derivatives cannot join a reference of {self.vector.size}")
         return Reference(self.information + block, self.vector + h, self.blocks + 1, self.seconds + seconds)
 
+    def plus(self, other: "Reference") -> "Reference":
+        """Both together, of different flights of one aircraft.
+
+        Raises:
+            ValueError: they are of different structures.
+        """
+        if self.vector.shape != other.vector.shape:
+            raise ValueError(
+                f"references of {self.vector.size} and of {other.vector.size} derivatives do not add up"
+            )
+        return Reference(
+            self.information + other.information, self.vector + other.vector,
+            self.blocks + other.blocks, self.seconds + other.seconds,
+        )  # fmt: skip
+
     def posterior(
         self, prior_value: ArrayLike, prior_covariance: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -8,7 +8,7 @@ the query into a queue.
 import logging
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Self
 
 import zenoh
@@ -48,6 +48,7 @@ class ZenohOutputs:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._monitor: MonitorPort | None = None
+        self._ask: Callable[[str, str], None] | None = None
         self._latest: dict[tuple[str, str, ServiceStream], News] = {}
         self._alerts: deque[AlertView] = deque()
         self._queries: deque[Any] = deque()
@@ -80,6 +81,10 @@ class ZenohOutputs:
         key = service_alive_key(str(self._session.info.zid()))
         self._token = self._session.liveliness().declare_token(key)
 
+    def ask_through(self, ask: Callable[[str, str], None]) -> None:
+        """From now on vehicles are asked for their aircraft by ``ask(fleet, vehicle)``."""
+        self._ask = ask
+
     # -- what the monitor calls ---------------------------------------------------------------------
 
     def announce(self, fleet: str, vehicle: str, stream: str, value: News) -> None:
@@ -95,7 +100,9 @@ class ZenohOutputs:
         self._news.set()
 
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:
-        """Nothing to do here: the subscriber asks every vehicle whose aircraft it has not heard of."""
+        """Have the subscriber ask, which also takes the answer."""
+        if self._ask is not None:
+            self._ask(fleet, vehicle)
 
     # -- the thread that hands over -------------------------------------------------------------------
 

@@ -131,12 +131,13 @@ class Service:
 
     def __init__(
         self, http: HttpServer, monitor: FleetMonitor, database: Database, session: zenoh.Session, pump: Pump,
-        store: DatabaseStore, settings: ZenohSettings,
+        store: DatabaseStore, settings: ZenohSettings, subscriber: SensorSubscriber,
+        outputs: ZenohOutputs,
     ) -> None:  # fmt: skip
         self.monitor = monitor
         self.pump = pump
         self._http, self._database, self._session, self._store = http, database, session, store
-        self._zenoh = settings
+        self._zenoh, self._subscriber, self._outputs = settings, subscriber, outputs
 
     @property
     def url(self) -> str:
@@ -160,6 +161,16 @@ class Service:
             "database": self._database_problem(),
             "http": self._http.problem,
             "estimators": self.pump.problem,
+        }
+
+    def counters(self) -> Mapping[str, Mapping[str, int]]:
+        """What each part dropped or failed on."""
+        return {
+            "messages": self._subscriber.counts,
+            "monitor": self.monitor.problems,
+            "loop": {"faults": self.pump.faults},
+            "store": self._store.counts,
+            "outputs": dict(self._outputs.dropped),
         }
 
     def _zenoh_problem(self) -> str | None:
@@ -228,6 +239,7 @@ def running_service(
         outputs.answer_from(monitor)
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
+        outputs.ask_through(subscriber.ask_aircraft)
         pump = Pump(subscriber, monitor, arrived, prepare)
         diagnoses = stack.enter_context(DiagnosisJobs(hangar.find))
         app = create_app(
@@ -237,9 +249,10 @@ def running_service(
             __version__,
             aircraft=hangar.find,
             diagnoses=diagnoses,
+            counters=lambda: service.counters(),
         )
         http = HttpServer(app, listening)
-        service = Service(http, monitor, database, session, pump, store, link)
+        service = Service(http, monitor, database, session, pump, store, link, subscriber, outputs)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)

@@ -1,15 +1,18 @@
-"""The fleet's memory in the database, written behind the live path's back.
+"""The fleet's memory in the database, read and written behind the live path's back.
 
-Reading happens at once; writing is left to one thread. What is newer replaces what waits: of an alert, a reference
-and a cell only the latest version counts, so these can wait for a database that is locked as long as it takes.
-Every queue is bounded; what finds no room is dropped and counted, and estimates also when the database refuses them.
+Whoever calls here never waits for the database: one thread reads, another writes. What is newer replaces what waits: of
+an alert, a reference and a cell only the latest version counts, so these can wait for a database that is locked as long
+as it takes. Every write may be repeated, for a reply can be lost; an entry that the database refuses while it works is
+given up after five tries, and the others do not wait for it. Every queue is bounded; what finds no room is dropped and
+counted, and estimates also when the database does not take them.
 """
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Self
+from typing import Any, Self
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import (
@@ -18,14 +21,14 @@ from wingwatch.baselines import (
     CellMemory,
     Database,
     DatabaseError,
-    Envelope,
     EstimateRecord,
     EvidenceRecord,
     Reference,
     ReferenceKey,
+    RefusedError,
 )
 from wingwatch.cli.baseline import stored_cells, stored_envelopes, stored_references
-from wingwatch.monitor import AlertState, AlertView, CellPlace, EvidenceView
+from wingwatch.monitor import AlertState, AlertView, CellPlace, EvidenceView, VehicleMemory
 
 __all__ = ["DatabaseStore", "alert_record", "alert_view"]
 
@@ -33,7 +36,17 @@ _LOG = logging.getLogger(__name__)
 _PAGE = 1000
 _MOST_ALERTS = 10_000
 _MOST_ESTIMATES = 100_000
+_MOST_MEMORY = 50_000  # references, and cells: several hundred vehicles' worth
+_MOST_ASKED = 1000
+_MOST_TRIES = 5
 _RETRY_S = 1.0
+_END_S = 10.0
+
+_Asked = tuple[str, str, str, str]
+"""Fleet, vehicle, aircraft and configuration."""
+
+_Job = tuple[dict[Any, Any], Any, Callable[[Any, Any], None]]
+"""What waits, which of it, and how it is written."""
 
 
 class DatabaseStore:
@@ -47,7 +60,6 @@ class DatabaseStore:
     def __init__(self, database: Database, wall_clock: Callable[[], float]) -> None:
         self._database = database
         self._wall_clock = wall_clock
-        self._created_s: dict[str, float] = {}
         self._alerts: dict[str, AlertView] = {}
         self._references: dict[ReferenceKey, Reference] = {}
         self._cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float]] = {}
@@ -55,39 +67,59 @@ class DatabaseStore:
         self._lock = threading.Lock()
         self._news = threading.Event()
         self._end = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="wingwatch-store", daemon=True)
-        self.dropped_estimates = 0
-        self.dropped_alerts = 0
-        self.problem: str | None = None
+        self._asked: dict[_Asked, Aircraft] = {}
+        self._recalled: dict[_Asked, VehicleMemory] = {}
+        self._question = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._run, name="wingwatch-store", daemon=True),
+            threading.Thread(target=self._answer, name="wingwatch-recall", daemon=True),
+        ]
+        self._tries: dict[Any, int] = {}
+        self._counts = dict.fromkeys(
+            ("failed_reads", "retries", "refused", "dropped_estimates", "dropped_alerts", "dropped_memory"), 0
+        )
+        self.write_problem: str | None = None
+        self.read_problem: str | None = None
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Write what waits, once, and end."""
+        """Write what waits, once, and end; a database that does not answer is not waited for longer than 10 s."""
         self._end.set()
         self._news.set()
-        self._thread.join()
+        self._question.set()
+        until_s = time.monotonic() + _END_S
+        for thread in self._threads:
+            thread.join(max(0.0, until_s - time.monotonic()))
+
+    @property
+    def problem(self) -> str | None:
+        """Why entries are not written, or what is kept not read; None while both work."""
+        return self.write_problem or self.read_problem
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Reads that failed, writes tried again, entries refused for good, and what found no room."""
+        with self._lock:
+            return dict(self._counts)
 
     # -- what the monitor asks --------------------------------------------------------------------
 
-    def references(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[str, Reference]:
-        """What earlier flights of the vehicle taught, by structure; what waits to be written included."""
-        found = stored_references(self._database, fleet, vehicle, aircraft, configuration)
+    def recall(
+        self, fleet: str, vehicle: str, aircraft: Aircraft, configuration: str
+    ) -> VehicleMemory | None:
+        """What is kept of a vehicle, what waits to be written included; None while it is being read."""
+        asked = (fleet, vehicle, aircraft.name, configuration)
         with self._lock:
-            for key, reference in self._references.items():
-                if (key.fleet, key.vehicle, key.aircraft, key.configuration) == (
-                    fleet, vehicle, aircraft, configuration
-                ):  # fmt: skip
-                    found[key.structure] = reference
+            found = self._recalled.pop(asked, None)
+            if found is None and len(self._asked) < _MOST_ASKED:
+                self._asked.setdefault(asked, aircraft)
+        if found is None:
+            self._question.set()
         return found
-
-    def envelopes(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
-        """Expectations of the database, by structure."""
-        return stored_envelopes(self._database, aircraft, configuration)
 
     def alerts(self) -> Sequence[AlertView]:
         """Alerts of earlier runs, newest first (at most ten thousand)."""
@@ -99,7 +131,6 @@ class DatabaseStore:
             cursor = page.next
             if cursor is None:
                 break
-        self._created_s.update((record.id, record.created_at_s) for record in records)
         return [alert_view(record) for record in records]
 
     def save_references(
@@ -109,22 +140,8 @@ class DatabaseStore:
         with self._lock:
             for structure, reference in references.items():
                 key = ReferenceKey(fleet, vehicle, aircraft, configuration, structure)
-                self._references[key] = reference
+                self._keep(self._references, key, reference)
         self._news.set()
-
-    def cells(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[CellPlace, CellMemory]:
-        """What cells of the envelope taught, with their age; what waits to be written included."""
-        now_s = self._wall_clock()
-        found = stored_cells(self._database, fleet, vehicle, aircraft, configuration, now_s)
-        with self._lock:
-            for (key, cell), (reference, learned_s) in self._cells.items():
-                if (key.fleet, key.vehicle, key.aircraft, key.configuration) == (
-                    fleet, vehicle, aircraft, configuration
-                ):  # fmt: skip
-                    found[key.structure, cell] = CellMemory(reference, max(0.0, now_s - learned_s))
-        return found
 
     def save_cells(
         self,
@@ -139,13 +156,16 @@ class DatabaseStore:
         with self._lock:
             for (structure, cell), reference in cells.items():
                 key = ReferenceKey(fleet, vehicle, aircraft, configuration, structure)
-                self._cells[key, cell] = (reference, learned_s)
+                self._keep(self._cells, (key, cell), (reference, learned_s))
         self._news.set()
 
     def save_alert(self, alert: AlertView) -> None:
         """Keep an alert; one with the same id is replaced."""
         with self._lock:
             self._alerts[alert.id] = alert
+            while len(self._alerts) > _MOST_ALERTS:
+                self._alerts.pop(next(iter(self._alerts)))
+                self._counts["dropped_alerts"] += 1
         self._news.set()
 
     def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
@@ -153,8 +173,65 @@ class DatabaseStore:
         with self._lock:
             room = _MOST_ESTIMATES - len(self._estimates)
             self._estimates += rows[:room]
-            self.dropped_estimates += max(0, len(rows) - room)
+            self._counts["dropped_estimates"] += max(0, len(rows) - room)
         self._news.set()
+
+    def _keep(self, waiting: dict[Any, Any], key: Any, entry: Any) -> None:
+        """Let an entry wait in place of an older one; the lock is held."""
+        waiting[key] = entry
+        while len(waiting) > _MOST_MEMORY:
+            waiting.pop(next(iter(waiting)))
+            self._counts["dropped_memory"] += 1
+
+    # -- the thread that reads --------------------------------------------------------------------
+
+    def _answer(self) -> None:
+        """Read for everybody who asked; a read that fails is tried again, and never passes for an empty one."""
+        while not self._end.is_set():
+            self._question.wait()
+            self._question.clear()
+            with self._lock:
+                asked = list(self._asked.items())
+            for key, aircraft in asked:
+                if self._end.is_set():
+                    return
+                try:
+                    found = self._read(key, aircraft)
+                except Exception as error:  # whatever a database raises must not end this thread
+                    self._not_read(error)
+                    break
+                self.read_problem = None
+                with self._lock:
+                    self._asked.pop(key)
+                    self._recalled[key] = found
+                    while len(self._recalled) > _MOST_ASKED:
+                        self._recalled.pop(next(iter(self._recalled)))
+
+    def _not_read(self, error: Exception) -> None:
+        with self._lock:
+            self._counts["failed_reads"] += 1
+        problem = _sentence(error)
+        if problem != self.read_problem:
+            _LOG.warning("not read: %s", problem)
+        self.read_problem = problem
+        self._end.wait(_RETRY_S)
+        self._question.set()
+
+    def _read(self, asked: _Asked, aircraft: Aircraft) -> VehicleMemory:
+        # What waits is looked at before the database: what is written in between is then seen there or here.
+        now_s = self._wall_clock()
+        with self._lock:
+            references = {k.structure: r for k, r in self._references.items() if _owner(k) == asked}
+            cells = {
+                (k.structure, cell): CellMemory(reference, max(0.0, now_s - learned_s))
+                for (k, cell), (reference, learned_s) in self._cells.items()
+                if _owner(k) == asked
+            }
+        return VehicleMemory(
+            stored_references(self._database, *asked) | references,
+            stored_envelopes(self._database, aircraft, asked[3]),
+            stored_cells(self._database, *asked, now_s) | cells,
+        )
 
     # -- the thread that writes -------------------------------------------------------------------
 
@@ -171,63 +248,87 @@ class DatabaseStore:
                 self._news.set()
 
     def _write(self) -> bool:
-        """Write everything that waits; whether the database took it."""
+        """Write everything that waits; whether nothing of it has to be tried again."""
         with self._lock:
-            alerts, self._alerts = self._alerts, {}
-            references, self._references = self._references, {}
-            cells, self._cells = self._cells, {}
+            jobs: list[_Job] = [
+                *((self._alerts, key, self._write_alert) for key in self._alerts),
+                *((self._references, key, self._write_reference) for key in self._references),
+                *((self._cells, key, self._write_cell) for key in self._cells),
+            ]
             estimates, self._estimates = self._estimates, []
+        problem, down = None, False
+        for waiting, key, write in jobs:
+            try:
+                self._carry_out(waiting, key, write)
+            except Exception as error:  # whatever a database raises must not end this thread
+                problem, down = self._again(waiting, key, error), not _of_the_entry(error)
+                if down:
+                    break  # the others would fare no better
         try:
-            while alerts:
-                self._write_alert(next(iter(alerts.values())))
-                alerts.pop(next(iter(alerts)))
-            while references:
-                key, reference = next(iter(references.items()))
-                self._database.save_reference(key, reference, self._wall_clock())
-                references.pop(key)
-            while cells:
-                place, (memory, learned_s) = next(iter(cells.items()))
-                self._database.save_cell(*place, memory, learned_s)
-                cells.pop(place)
-            self._database.append_estimates(estimates)
-        except Exception as error:  # whatever a database raises must not end this thread
-            self._took_not(error, alerts, references, cells, len(estimates))
-            return False
-        self.problem = None
-        return True
-
-    def _took_not(
-        self,
-        error: Exception,
-        alerts: dict[str, AlertView],
-        references: dict[ReferenceKey, Reference],
-        cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float]],
-        estimates: int,
-    ) -> None:
-        """Put back what must not be lost, unless something newer waits there by now."""
+            if not down:
+                self._database.append_estimates(estimates)
+                estimates = []
+        except Exception as error:
+            problem = _sentence(error)
         with self._lock:
-            self._alerts = {**alerts, **self._alerts}
-            while len(self._alerts) > _MOST_ALERTS:
-                self._alerts.pop(next(iter(self._alerts)))
-                self.dropped_alerts += 1
-            self._references = {**references, **self._references}
-            self._cells = {**cells, **self._cells}
-            self.dropped_estimates += estimates
-        sentence = str(error) if isinstance(error, DatabaseError) else f"{type(error).__name__}: {error}"
-        if sentence != self.problem:
-            _LOG.warning("not stored: %s", sentence)
-        self.problem = sentence
+            self._counts["dropped_estimates"] += len(estimates)
+        self._say(problem)
+        return problem is None
 
-    def _write_alert(self, alert: AlertView) -> None:
+    def _carry_out(self, waiting: dict[Any, Any], key: Any, write: Callable[[Any, Any], None]) -> None:
+        """Write one entry; it waits no longer unless something newer has taken its place."""
+        entry = waiting.get(key)
+        if entry is None:
+            return
+        write(key, entry)
+        with self._lock:
+            self._tries.pop(key, None)
+            if waiting.get(key) is entry:
+                waiting.pop(key)
+
+    def _again(self, waiting: dict[Any, Any], key: Any, error: Exception) -> str:
+        """What happens to an entry that was not written: it waits on, unless the database refuses just this one."""
+        with self._lock:
+            self._counts["retries"] += 1
+            entry = waiting.pop(key, None)
+            tries = self._tries.get(key, 0) + _of_the_entry(error)
+            if tries >= _MOST_TRIES:
+                self._tries.pop(key, None)
+                self._counts["refused"] += 1
+                _LOG.error("not stored, and given up after %d tries: %s", tries, _sentence(error))
+            elif entry is not None:
+                waiting[key] = entry  # last: the others need not wait for it
+                if tries:
+                    self._tries[key] = tries
+        return _sentence(error)
+
+    def _say(self, problem: str | None) -> None:
+        if problem is not None and problem != self.write_problem:
+            _LOG.warning("not stored: %s", problem)
+        self.write_problem = problem
+
+    def _write_alert(self, _: str, alert: AlertView) -> None:
         now_s = self._wall_clock()
-        created_s = self._created_s.get(alert.id)
-        if created_s is None:
-            self._database.insert_alert(alert_record(alert, now_s, now_s))
-            self._created_s[alert.id] = now_s
-            while len(self._created_s) > 2 * _MOST_ALERTS:
-                self._created_s.pop(next(iter(self._created_s)))
-        else:
-            self._database.update_alert(alert_record(alert, created_s, now_s))
+        self._database.save_alert(alert_record(alert, now_s, now_s))
+
+    def _write_reference(self, key: ReferenceKey, reference: Reference) -> None:
+        self._database.save_reference(key, reference, self._wall_clock())
+
+    def _write_cell(self, place: tuple[ReferenceKey, Cell], entry: tuple[Reference, float]) -> None:
+        self._database.save_cell(*place, *entry)
+
+
+def _owner(key: ReferenceKey) -> _Asked:
+    return key.fleet, key.vehicle, key.aircraft, key.configuration
+
+
+def _of_the_entry(error: Exception) -> bool:
+    """Whether the entry is at fault, and not the database."""
+    return isinstance(error, RefusedError) or not isinstance(error, DatabaseError)
+
+
+def _sentence(error: Exception) -> str:
+    return str(error) if isinstance(error, DatabaseError) else f"{type(error).__name__}: {error}"
 
 
 def alert_record(alert: AlertView, created_at_s: float, updated_at_s: float) -> AlertRecord:

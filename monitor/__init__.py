@@ -5,7 +5,7 @@ from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import Chain, Solution
 from wingwatch.monitor.fleet import FleetMonitor, FleetSettings
 from wingwatch.monitor.judge import JudgeConfig
-from wingwatch.monitor.ports import Outputs, Store
+from wingwatch.monitor.ports import Outputs, Store, VehicleMemory
 from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
@@ -33,6 +33,7 @@ __all__ = [
     "FleetMonitor",
     "FleetSettings",
     "Store",
+    "VehicleMemory",
     "Outputs",
     "MonitorPort",
     "VehicleView",

@@ -20,6 +20,9 @@ WINDOW_S = 30.0
 _MOST_ROWS = 6000
 """The window at 200 Hz; of faster samples a shorter one is kept."""
 
+_LEAST_ROWS = 250
+"""The window at about 8 Hz; slower samples do not reach the band of the modes (0.5 to 3 Hz) with room to spare."""
+
 _KEPT = (*GUST_CHANNELS, *VANES)
 _INDEX = np.array([CHANNEL_INDEX[name] for name in _KEPT])
 
@@ -75,6 +78,8 @@ class AirWatch:
     def _found(self, stamps: Array, rows: NDArray[np.float32], time_s: float) -> AirQuality | None:
         with np.errstate(invalid="ignore"):
             inside = (stamps > time_s - WINDOW_S - 1e-6) & (stamps <= time_s)
+        if np.count_nonzero(inside) < _LEAST_ROWS:
+            return None
         there = {"time_s": stamps[inside]} | dict(zip(_KEPT, rows[inside].T.astype(np.float64), strict=True))
         try:
             return turbulence_intensity(SampleBlock.from_columns(there), self._config)

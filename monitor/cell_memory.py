@@ -66,13 +66,23 @@ class CellBook:
         self, coordinates: Mapping[str, Coordinates], kept: Mapping[CellPlace, CellMemory] | None = None
     ) -> None:
         self._coordinates = coordinates
-        self._accounts = {
-            place: _Account(memory.reference, None, memory.age_s)
-            for place, memory in (kept or {}).items()
-            if place[0] in coordinates and memory.reference.vector.size == _size(coordinates[place[0]])
-        }
+        self._accounts: dict[CellPlace, _Account] = {}
         self._visits: dict[str, _Visit] = {}
         self._changed: set[CellPlace] = set()
+        self.adopt(kept or {})
+
+    def adopt(self, kept: Mapping[CellPlace, CellMemory]) -> None:
+        """Take in what earlier flights left; what this one has taught meanwhile is added to it."""
+        for place, memory in kept.items():
+            coordinates = self._coordinates.get(place[0])
+            if coordinates is None or memory.reference.vector.size != _size(coordinates):
+                continue
+            own = self._accounts.get(place)
+            if own is None:
+                self._accounts[place] = _Account(memory.reference, None, memory.age_s)
+            else:
+                own.reference = memory.reference.plus(own.reference)
+                self._changed.add(place)
 
     def take_changed(self) -> dict[CellPlace, Reference]:
         """What has been learned since the last call."""

@@ -47,6 +47,13 @@ STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, DUTCH_ROLL, LATER
 SOLUTION_INTERVAL_S = 0.5
 """Thesis 9.2: least squares at 2 Hz."""
 
+LEAST_ROWS = 5
+"""Samples since the last solution, none of them half a second from the one before, without which there is none: half a
+second at 10 Hz. A solution costs a thousand times what a sample does, so a message's cost goes with its samples."""
+
+_SAME_TIME_S = 1e-6
+"""Stamps this close count as one: samplers round."""
+
 MOTION_S = 10.0
 """Time over which the motion is measured that the air's part is compared with: a block."""
 
@@ -118,6 +125,8 @@ class ChainState:
     air: AirState = field(default_factory=AirState)
     next_solution_s: float = float("nan")
     last_s: float = float("nan")
+    rows: int = 0
+    """Samples since the last solution or the last step too long for one."""
 
 
 def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
@@ -196,21 +205,22 @@ class Chain:
         )
 
     def advance(self, state: ChainState, block: SampleBlock) -> Iterator[Solution]:
-        """Take in clean samples; yields a solution at every half second of their clock."""
-        time_s = block.time_s
+        """Take in clean samples; yields a solution at every half second of their clock.
+
+        Samples slower than 10 Hz have to be ``LEAST_ROWS`` for a solution; at 2 Hz and slower there is none.
+        """
         start = 0
-        for k in range(len(block)):
-            t = float(time_s[k])
-            jumped = not 0.0 < t - state.last_s < 10.0 * SOLUTION_INTERVAL_S
-            state.last_s = t
-            if np.isnan(state.next_solution_s) or jumped:
+        for k, t in enumerate(block.time_s.tolist()):
+            step_s, state.last_s = t - state.last_s, t
+            state.rows = state.rows + 1 if 0.0 < step_s < SOLUTION_INTERVAL_S - _SAME_TIME_S else 1
+            if np.isnan(state.next_solution_s) or not 0.0 < step_s < 10.0 * SOLUTION_INTERVAL_S:
                 state.next_solution_s = t + SOLUTION_INTERVAL_S
-            elif t >= state.next_solution_s - 1e-6:
+            elif t >= state.next_solution_s - _SAME_TIME_S and state.rows >= LEAST_ROWS:
                 self._take(state, block.values[start : k + 1])
                 start = k + 1
                 yield self._solve(state, t)
-                while state.next_solution_s <= t + 1e-6:
-                    state.next_solution_s += SOLUTION_INTERVAL_S
+                state.next_solution_s = _next_solution_s(state.next_solution_s, t)
+                state.rows = 0
         self._take(state, block.values[start:])
 
     def current(self, state: ChainState) -> Solution:
@@ -271,13 +281,20 @@ class Chain:
         unseen = mode.fourier.unseen(state.fourier[name])
         ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier, unseen)
         mean, square, _ = state.motion[name]
-        share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
+        with np.errstate(over="ignore"):  # a filter that diverged: infinitely rough all right
+            share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
         rough = bool((share[1:] > ROUGH_SHARE).any())
         if not mode.vane:
             rough = _lately(state, name, rough and self._gusty(state))
             fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
         evidence = mode.fourier.evidence(state.fourier[name])
         return ModeSolution(mode.structure, fourier, ekf, evidence, gained, rough, not mode.vane)
+
+
+def _next_solution_s(due_s: float, time_s: float) -> float:
+    """The first instant of the grid on which ``due_s`` lies that is later than ``time_s``."""
+    passed = np.floor((time_s + _SAME_TIME_S - due_s) / SOLUTION_INTERVAL_S)
+    return due_s + SOLUTION_INTERVAL_S * (1.0 + max(0.0, float(passed)))
 
 
 def _lately(state: ChainState, name: str, rough: bool) -> bool:

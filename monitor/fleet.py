@@ -4,20 +4,24 @@ Who brings messages, where alerts are stored and where outputs are published is 
 the service, the demo and the tests.
 """
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
+from wingwatch.baselines import EstimateRecord
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
-from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.judge import JudgeConfig
-from wingwatch.monitor.ports import Outputs, Store
-from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
+from wingwatch.monitor.known_vehicle import KnownVehicle
+from wingwatch.monitor.monitors import MonitorMaker
+from wingwatch.monitor.ports import Outputs, Store, VehicleMemory
+from wingwatch.monitor.roster import Roster, VehicleKey
+from wingwatch.monitor.vehicle import Report, VehicleMonitor
 from wingwatch.monitor.views import (
     AlertAction,
     AlertState,
@@ -32,12 +36,14 @@ from wingwatch.telemetry import (
     SensorsMessage,
     decode_aircraft,
     decode_sensors,
-    derivations,
 )
 
-__all__ = ["FleetMonitor", "FleetSettings", "Outputs", "Store"]
+__all__ = ["FleetMonitor", "FleetSettings"]
 
-VehicleKey = tuple[str, str]
+_LOG = logging.getLogger(__name__)
+_LOGGED_FAULTS = 10
+_MOST_HELD = 2000  # messages, of all vehicles together
+_MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 STATE_ORDER = (
     VehicleState.DEGRADED,
@@ -49,10 +55,6 @@ STATE_ORDER = (
 """Worst first."""
 
 
-_KEPT_TYPES = 64
-"""Aircraft types and configurations whose stated envelopes are kept: invented names cannot fill the memory."""
-
-
 @dataclass(frozen=True, slots=True)
 class FleetSettings:
     """Limits of the live loop.
@@ -61,9 +63,10 @@ class FleetSettings:
         stale_s: wall-clock time without samples after which a vehicle is stale.
         status_interval_s: how often an unchanged status is published.
         ask_interval_s: least time between two questions for a vehicle's aircraft.
-        max_vehicles: vehicles remembered; a flood of invented names cannot fill the memory.
+        max_vehicles: vehicles remembered (``Roster`` says who gives way).
         kept_events, kept_alerts: how many are kept in memory.
         history_interval_s: least sample time between two estimates kept for history.
+        recall_patience_s: how long samples wait for what is kept of their vehicle before they are watched without.
     """
 
     stale_s: float = 5.0
@@ -73,29 +76,8 @@ class FleetSettings:
     kept_events: int = 1000
     kept_alerts: int = 10_000
     history_interval_s: float = 1.0
+    recall_patience_s: float = 2.0
     judge: JudgeConfig = field(default_factory=JudgeConfig)
-
-
-@dataclass(slots=True)
-class _Vehicle:
-    """A vehicle as the live loop knows it."""
-
-    message: AircraftMessage | None = None
-    aircraft: Aircraft | None = None
-    problem: str = ""
-    monitor: VehicleMonitor | None = None
-    given: tuple[str, ...] = ()
-    counts: dict[str, int] = field(default_factory=dict)
-    next_sequence: int | None = None
-    received_s: float | None = None
-    asked_s: float = float("-inf")
-    published_s: float = float("-inf")
-    shown: VehicleState = VehicleState.UNKNOWN
-    history_s: float = float("-inf")
-    saved_blocks: int = 0
-
-    def count(self, reason: str, times: int = 1) -> None:
-        self.counts[reason] = self.counts.get(reason, 0) + times
 
 
 class FleetMonitor:
@@ -118,30 +100,34 @@ class FleetMonitor:
         outputs: Outputs | None = None,
         settings: FleetSettings | None = None,
     ) -> None:
-        self._find, self._clock, self._new_id = find_aircraft, clock, new_id
+        self._find, self._clock = find_aircraft, clock
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
         self._lock = threading.RLock()
-        self._vehicles: dict[VehicleKey, _Vehicle] = {}
+        self._vehicles = Roster(self._settings.max_vehicles, clock, self._alarmed)
+        self._forgotten = 0
+        self._asks_left = _MOST_ASKS
         self._alerts: dict[str, AlertView] = {}
         self._events: deque[Event] = deque(maxlen=self._settings.kept_events)
         self._event_id = 0
-        self._apriori: dict[tuple[str, str], tuple[Aircraft, Mapping[str, Envelope]]] = {}
-        self.problems: dict[str, int] = {}
+        self._maker = MonitorMaker(new_id, self._settings.judge)
+        self._held = 0
+        self._problems: dict[str, int] = {}
         if store is not None:
             self._alerts = {a.id: a for a in reversed(self._guarded(store.alerts) or ())}
 
     # -- what comes in ------------------------------------------------------------------------
 
     def receive(self, fleet: str, vehicle: str, stream: str, payload: bytes, encoding: str) -> None:
-        """Take in one message; ``stream`` is ``sensors`` or ``aircraft``. Nothing a message holds can raise here."""
+        """Take in one message; ``stream`` is ``sensors`` or ``aircraft``. It raises nothing.
+
+        What a message holds that is no message is counted; what the program fails on is counted and shown in the
+        vehicle's state.
+        """
         with self._lock:
-            known = self._vehicles.get((fleet, vehicle))
+            known = self._vehicles.heard((fleet, vehicle))
             if known is None:
-                if len(self._vehicles) >= self._settings.max_vehicles:
-                    self.problems["too_many_vehicles"] = self.problems.get("too_many_vehicles", 0) + 1
-                    return
-                known = self._vehicles.setdefault((fleet, vehicle), _Vehicle())
+                return
             try:
                 if stream == "aircraft":
                     news = self._announced(fleet, vehicle, known, decode_aircraft(payload, encoding))
@@ -150,9 +136,14 @@ class FleetMonitor:
             except MessageError as error:
                 known.count(f"message_{error.reason}")
                 return
+            except Exception as error:  # one vehicle's fault must neither end the watch nor pass for health
+                self._note_fault(fleet, vehicle, known, error)
+                return
         self._tell(fleet, vehicle, news)
 
-    def _announced(self, fleet: str, vehicle: str, known: _Vehicle, message: AircraftMessage) -> list[Any]:
+    def _announced(
+        self, fleet: str, vehicle: str, known: KnownVehicle, message: AircraftMessage
+    ) -> list[Any]:
         if message == known.message:
             return []
         changed = known.message is not None and (
@@ -164,65 +155,64 @@ class FleetMonitor:
         except ValueError as error:
             known.aircraft, known.problem = None, str(error)
             known.count("unknown_aircraft")
+        self._vehicles.sort((fleet, vehicle))
         if changed or known.aircraft is None:
-            known.monitor = None
+            known.start_anew()
         return []
 
-    def _sampled(self, fleet: str, vehicle: str, known: _Vehicle, message: SensorsMessage) -> list[Any]:
+    def _sampled(self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage) -> list[Any]:
+        if not known.arrivals.observe(message.sequence, message.stream, *message.span_s):
+            known.refused_s = self._clock()
+            return []
         known.received_s = self._clock()
-        self._track(known, message.sequence)
         if known.aircraft is None:
             known.count("unannounced" if known.message is None else "unknown_aircraft", len(message.block))
             return ["ask"] if known.message is None else []
-        if known.monitor is None:
-            known.monitor = self._new_monitor(fleet, vehicle, known, message)
-        report = known.monitor.feed(message.block)
-        return self._digest(fleet, vehicle, known, report)
+        known.held.append(message)
+        self._held += 1
+        return self._feed(fleet, vehicle, known, known.monitor is None)
 
-    @staticmethod
-    def _track(known: _Vehicle, sequence: int) -> None:
-        expected = known.next_sequence
-        if expected is not None and sequence > expected:
-            known.count("messages_lost", sequence - expected)
-        known.next_sequence = sequence + 1
+    def _feed(self, fleet: str, vehicle: str, known: KnownVehicle, recall: bool) -> list[Any]:
+        """Hand over what is held, once there is a monitor; ``recall``: ask for what is kept if it is not read yet."""
+        if recall and not known.recalled:
+            self._recall(fleet, vehicle, known)
+        news: list[Any] = []
+        while known.monitor is not None and known.held:
+            self._held -= 1
+            report = known.monitor.feed(known.held.popleft().block)
+            news += self._digest(fleet, vehicle, known, report)
+        return news
 
-    def _new_monitor(
-        self, fleet: str, vehicle: str, known: _Vehicle, message: SensorsMessage
-    ) -> VehicleMonitor:
-        aircraft, announced = known.aircraft, known.message
-        if aircraft is None or announced is None:
-            raise ValueError(f"vehicle {fleet}/{vehicle} has not been announced")
-        known.given = message.given
-        store = self._store
-        learned: Mapping[str, Reference] | None = None
-        kept: Mapping[str, Envelope] | None = None
-        cells: Mapping[CellPlace, CellMemory] | None = None
+    def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
+        """Start the vehicle's monitor with what is kept of it, or without after a while, and then add it later."""
+        store, aircraft, announced = self._store, known.aircraft, known.message
+        if aircraft is None or announced is None or not (known.held or known.monitor):
+            return
+        memory: VehicleMemory | None = VehicleMemory()
         if store is not None:
-            configuration = announced.configuration
-            learned = self._guarded(lambda: store.references(fleet, vehicle, aircraft.name, configuration))
-            kept = self._guarded(lambda: store.envelopes(aircraft, configuration))
-            cells = self._guarded(lambda: store.cells(fleet, vehicle, aircraft.name, configuration))
-        # What the message carries counts, not what its few samples happen to hold: a vane may start late.
-        present = [*message.given, *derivations(message.given)]
-        known_type, apriori = self._apriori.get((aircraft.name, announced.configuration), (None, {}))
-        if known_type is not aircraft:
-            apriori = {}
-        monitor = VehicleMonitor(
-            aircraft, fleet, vehicle, present, surface_kinds(message.given),
-            configuration=announced.configuration, references=learned, envelopes={**apriori, **(kept or {})},
-            cells=cells, new_id=self._new_id, config=self._settings.judge,
-        )  # fmt: skip
-        stated = {k: v for k, v in monitor.chain.envelopes.items() if k not in (kept or {})}
-        # One type's vehicles share what its file says: linearised once, not once a vehicle.
-        self._apriori[aircraft.name, announced.configuration] = aircraft, {**apriori, **stated}
-        while len(self._apriori) > _KEPT_TYPES:
-            self._apriori.pop(next(iter(self._apriori)))
-        known.saved_blocks = _blocks(monitor)
-        return monitor
+            ask = partial(store.recall, fleet, vehicle, aircraft, announced.configuration)
+            memory = self._guarded(ask)
+        if known.monitor is not None:
+            if memory is not None:
+                known.monitor.adopt(memory)
+                known.recalled = True
+                known.saved_blocks = sum(r.blocks for r in memory.references.values())
+            return
+        now_s = self._clock()
+        known.recall_s = now_s if known.recall_s is None else known.recall_s
+        waiting = now_s - known.recall_s < self._settings.recall_patience_s and self._held < _MOST_HELD
+        if memory is None and waiting:
+            return
+        given = known.held[0].given
+        known.monitor = self._maker.make(
+            fleet, vehicle, aircraft, announced, given, memory or VehicleMemory()
+        )
+        known.recalled = memory is not None
+        known.saved_blocks = _blocks(known.monitor)
 
     # -- what it leads to ----------------------------------------------------------------------
 
-    def _digest(self, fleet: str, vehicle: str, known: _Vehicle, report: Report) -> list[Any]:
+    def _digest(self, fleet: str, vehicle: str, known: KnownVehicle, report: Report) -> list[Any]:
         monitor = known.monitor
         if monitor is None:
             return []
@@ -235,10 +225,11 @@ class FleetMonitor:
             value = monitor.derivatives(report.solutions[-1])
             news.append(value)
             self._event("derivatives", {"fleet": fleet, "vehicle": vehicle, "time_s": value["time_s"]})
-        if monitor.state is not known.shown:
-            known.shown = monitor.state
-            news.append(monitor.view())
-            self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(monitor.state)})
+        state, _ = known.standing(self._clock(), self._settings.stale_s)
+        if state is not known.shown:
+            known.shown = state
+            news.append(self._view(fleet, vehicle, known))
+            self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(state)})
         return news
 
     def _keep_alert(self, alert: AlertView) -> None:
@@ -259,7 +250,7 @@ class FleetMonitor:
             self._guarded(lambda: store.save_alert(kept))
 
     def _keep_history(
-        self, fleet: str, vehicle: str, known: _Vehicle, monitor: VehicleMonitor, report: Report
+        self, fleet: str, vehicle: str, known: KnownVehicle, monitor: VehicleMonitor, report: Report
     ) -> None:
         store = self._store
         if store is None:
@@ -274,6 +265,8 @@ class FleetMonitor:
             rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]
         if rows:
             self._guarded(lambda: store.append_estimates(rows))
+        if not known.recalled:
+            return  # nothing is written over what has not been read
         name, configuration = monitor.aircraft.name, monitor.configuration
         cells = monitor.cells.take_changed()
         if cells:
@@ -290,9 +283,43 @@ class FleetMonitor:
         try:
             return action()
         except Exception as error:  # whatever a database raises must not stop the watch
-            self.problems["store"] = self.problems.get("store", 0) + 1
+            self._count("store")
             self._event("problem", {"what": "store", "text": str(error)})
             return None
+
+    def _safely_fed(self, fleet: str, vehicle: str, known: KnownVehicle) -> list[Any]:
+        """What is held of a vehicle handed over, if it can be by now."""
+        try:
+            return [] if known.recalled else self._feed(fleet, vehicle, known, True)
+        except Exception as error:
+            self._note_fault(fleet, vehicle, known, error)
+            return []
+
+    def _note_fault(self, fleet: str, vehicle: str, known: KnownVehicle, error: Exception) -> None:
+        """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
+        known.note_fault(error, self._clock())
+        if known.monitor is None:
+            known.held.clear()  # there is none to be made, and what waits for it must not grow
+        self._count("faults")
+        if self._problems["faults"] <= _LOGGED_FAULTS:
+            _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle)
+
+    def _count(self, problem: str) -> None:
+        self._problems[problem] = self._problems.get(problem, 0) + 1
+
+    @property
+    def problems(self) -> dict[str, int]:
+        """What went wrong so far, by kind, without zeros."""
+        of_names = {
+            "vehicles_forgotten": self._vehicles.forgotten,
+            "too_many_vehicles": self._vehicles.refused,
+        }
+        return self._problems | {name: times for name, times in of_names.items() if times}
+
+    def _alarmed(self, key: VehicleKey) -> bool:
+        return any(
+            (a.fleet, a.vehicle) == key and a.state is not AlertState.CLEARED for a in self._alerts.values()
+        )
 
     def _event(self, kind: str, data: Mapping[str, Any]) -> None:
         self._event_id += 1
@@ -303,11 +330,7 @@ class FleetMonitor:
             return
         for item in news:
             if item == "ask":
-                now = self._clock()
-                known = self._vehicles[fleet, vehicle]
-                if now - known.asked_s >= self._settings.ask_interval_s:
-                    known.asked_s = now
-                    self.outputs.ask_aircraft(fleet, vehicle)
+                self._ask(self.outputs, fleet, vehicle)
             elif isinstance(item, AlertView):
                 self.outputs.announce(fleet, vehicle, "alerts", item)
             elif isinstance(item, VehicleView):
@@ -315,12 +338,26 @@ class FleetMonitor:
             else:
                 self.outputs.announce(fleet, vehicle, "derivatives", item)
 
+    def _ask(self, outputs: Outputs, fleet: str, vehicle: str) -> None:
+        now = self._clock()
+        known = self._vehicles.get((fleet, vehicle))
+        if known is None or now - known.asked_s < self._settings.ask_interval_s or self._asks_left <= 0:
+            return
+        known.asked_s = now
+        self._asks_left -= 1
+        outputs.ask_aircraft(fleet, vehicle)
+
     def tick(self) -> None:
         """To be called about once a second: staleness, and status for those who listen."""
         now = self._clock()
         due: list[tuple[str, str, VehicleView]] = []
+        late: list[tuple[str, str, list[Any]]] = []
         with self._lock:
+            self._asks_left = _MOST_ASKS
+            self._held = sum(len(known.held) for _, known in self._vehicles.items())
+            forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
             for (fleet, vehicle), known in self._vehicles.items():
+                late.append((fleet, vehicle, self._safely_fed(fleet, vehicle, known)))
                 view = self._view(fleet, vehicle, known)
                 changed = view.state is not known.shown
                 if changed:
@@ -329,36 +366,23 @@ class FleetMonitor:
                 if changed or now - known.published_s >= self._settings.status_interval_s:
                     known.published_s = now
                     due.append((fleet, vehicle, view))
+        for fleet, vehicle, news in late:
+            self._tell(fleet, vehicle, news)
+        if forgotten:
+            _LOG.warning("%d vehicles were forgotten to make room for new names", forgotten)
         if self.outputs is not None:
             for fleet, vehicle, view in due:
                 self.outputs.announce(fleet, vehicle, "status", view)
 
     # -- what may be asked (MonitorPort) ---------------------------------------------------------
 
-    def _view(self, fleet: str, vehicle: str, known: _Vehicle) -> VehicleView:
-        silent = known.received_s is None or self._clock() - known.received_s > self._settings.stale_s
-        if known.monitor is None:
-            reason = known.problem or (
-                "samples arrive but the vehicle has not said what aircraft it is"
-                if known.message is None
-                else "announced; no samples yet"
-            )
-            return VehicleView(
-                fleet=fleet, vehicle=vehicle, aircraft=known.message.aircraft if known.message else None,
-                configuration=known.message.configuration if known.message else None, state=VehicleState.UNKNOWN,
-                state_since_s=None, reason=reason, last_sample_time_s=None, basis=None,
-                basis_text="Nothing has been compared yet.", worst=None, counts=dict(known.counts),
-                active_alerts=(), condition={},
-            )  # fmt: skip
-        view = known.monitor.view()
-        if silent and view.state is not VehicleState.DEGRADED:
-            view = replace(view, state=VehicleState.STALE, reason="no samples are arriving")
-        active = [
-            a.id
-            for a in self._alerts.values()
-            if (a.fleet, a.vehicle) == (fleet, vehicle) and a.id in view.active_alerts
-        ]
-        return replace(view, counts={**view.counts, **known.counts}, active_alerts=tuple(active))
+    def _view(self, fleet: str, vehicle: str, known: KnownVehicle) -> VehicleView:
+        now_s = self._clock()
+        try:
+            return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._alerts)
+        except Exception as error:  # one vehicle that cannot be shown must not hide the others
+            self._note_fault(fleet, vehicle, known, error)
+            return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
 
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles ever heard of, worst state first."""

@@ -186,6 +186,15 @@ class Judge:
         own = all(r.blocks >= self.config.founded_blocks for r in learned.values())
         return JudgeState(learned, identified=founded, founded=founded or (own and bool(learned)))
 
+    def adopt(self, state: JudgeState, references: Mapping[str, Reference], founded: bool) -> None:
+        """Take in what earlier flights taught, which could not be read at the start; ``init`` says what is what."""
+        for name, learned in references.items():
+            if name in state.references and learned.vector.shape == state.references[name].vector.shape:
+                state.references[name] = learned.plus(state.references[name])
+        own = all(r.blocks >= self.config.founded_blocks for r in state.references.values())
+        state.identified = founded
+        state.founded = state.founded or founded or (own and bool(state.references))
+
     def mode_block(
         self, mode: ModeSolution, expectation: Expectation, condition: FlightCondition
     ) -> ModeBlock:

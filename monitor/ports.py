@@ -1,6 +1,7 @@
 """What the fleet needs from outside: where its memory is kept, and where its news go."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from wingwatch.aircraft import Aircraft
@@ -8,32 +9,41 @@ from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
 from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.views import AlertView, VehicleView
 
-__all__ = ["Outputs", "Store"]
+__all__ = ["Outputs", "Store", "VehicleMemory"]
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleMemory:
+    """What is kept of a vehicle; empty where nothing is.
+
+    Attributes:
+        references: what its earlier flights taught, by structure.
+        envelopes: expectations that take the place of its aircraft file's, by structure.
+        cells: what cells of the envelope taught, with their age.
+    """
+
+    references: Mapping[str, Reference] = field(default_factory=dict)
+    envelopes: Mapping[str, Envelope] = field(default_factory=dict)
+    cells: Mapping[CellPlace, CellMemory] = field(default_factory=dict)
 
 
 class Store(Protocol):
     """Where a fleet's memory is kept; every method may raise and is then counted, never fatal."""
 
-    def references(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[str, Reference]:
-        """What earlier flights of the vehicle taught, by structure."""
-        ...
+    def recall(
+        self, fleet: str, vehicle: str, aircraft: Aircraft, configuration: str
+    ) -> VehicleMemory | None:
+        """What is kept of a vehicle; None while it has not been read, and then it is to be asked for again.
 
-    def envelopes(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
-        """Expectations that are kept for an aircraft, by structure; they take the place of its file's."""
+        Called with the fleet's lock held: it returns at once, whatever the state of the database. A read that failed
+        is not an empty one.
+        """
         ...
 
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
     ) -> None:
         """Keep what the vehicle's flights taught."""
-        ...
-
-    def cells(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[CellPlace, CellMemory]:
-        """What cells of the envelope taught, with their age."""
         ...
 
     def save_cells(

@@ -1,7 +1,7 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,15 +20,26 @@ from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope
 from wingwatch.estimators import Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
-from wingwatch.monitor.chain import NO_VANE, Chain, ModeSolution, Solution, nominal_condition
+from wingwatch.monitor.chain import (
+    NO_VANE,
+    SOLUTION_INTERVAL_S,
+    Chain,
+    ModeSolution,
+    Solution,
+    nominal_condition,
+)
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
+from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["Report", "VehicleMonitor", "surface_kinds"]
 
+
+LEAST_AIRSPEED_M_S = 1.0
+"""Slower is not flying: at rest an airspeed sensor reads noise about zero, of either sign, and estimation waits."""
 
 _CONDITION = ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad")
 
@@ -59,7 +70,8 @@ class _Memory:
     state: VehicleState = VehicleState.UNKNOWN
     state_since_s: float | None = None
     outside: str = ""
-    shelved: set[str] = field(default_factory=set)
+    too_slow: int = 0
+    resting: bool = False
 
 
 class VehicleMonitor:
@@ -107,6 +119,12 @@ class VehicleMonitor:
         self._memory = _Memory()
 
     @property
+    def counts(self) -> dict[str, int]:
+        """Samples accepted and rejected, by reason; ``too_slow`` are accepted ones that were not estimated from."""
+        too_slow = {"too_slow": self._memory.too_slow} if self._memory.too_slow else {}
+        return {**self.cleaner.report.counts, **too_slow}
+
+    @property
     def observable_s(self) -> float:
         """Seconds of flight in which something could be said."""
         return self._memory.observable_s
@@ -127,6 +145,13 @@ class VehicleMonitor:
         t = self._chain_state.last_s
         return t if np.isfinite(t) else None
 
+    def adopt(self, memory: VehicleMemory) -> None:
+        """Take in what is kept of the vehicle where it could not be read at the start; estimates go on as they are."""
+        self.chain.envelopes.update({k: e for k, e in memory.envelopes.items() if k in self.chain.envelopes})
+        founded = self._founded_by_file(nominal_condition(self.aircraft))
+        self.judge.adopt(self._judge_state, memory.references, founded)
+        self.cells.adopt(memory.cells)
+
     def feed(self, block: SampleBlock) -> Report:
         """Take in samples as they came (completed, not cleaned)."""
         clean = self.prepared(block)
@@ -135,18 +160,31 @@ class VehicleMonitor:
         for solution in self.chain.advance(self._chain_state, clean):
             solutions.append(solution)
             changed = self._judge_solution(solution)
-            self._memory.latest = solution
+            before, self._memory.latest = self._memory.latest, solution
             if changed is not None:
                 alerts.append(changed)
-            self._update_state(solution)
+            self._update_state(solution, before)
+        if self._memory.resting and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
+            self._memory.state, self._memory.state_since_s = (
+                VehicleState.NOT_OBSERVABLE,
+                self.last_sample_time_s,
+            )
         return Report(solutions, alerts)
 
     def prepared(self, block: SampleBlock) -> SampleBlock:
-        """Samples as the chain takes them: cleaned, and without the delays that the aircraft file states.
+        """Samples as the chain takes them: cleaned, without the delays that the aircraft file states, and in flight.
 
-        They come late by the largest of these: what belongs to an instant has to have been seen.
+        They come late by the largest delay: what belongs to an instant has to have been seen. Samples slower than
+        ``LEAST_AIRSPEED_M_S`` are counted (``too_slow``) and left out.
         """
-        return self._aligner.feed(self.cleaner.clean(block).block)
+        aligned = self._aligner.feed(self.cleaner.clean(block).block)
+        flying = aligned.column("airspeed_true_m_s") >= LEAST_AIRSPEED_M_S
+        if flying.size:
+            self._memory.resting = not flying[-1]
+        if flying.all():
+            return aligned
+        self._memory.too_slow += int(np.count_nonzero(~flying))
+        return SampleBlock(aligned.values[flying])
 
     def _founded_by_file(self, nominal: FlightCondition | None) -> bool:
         """Whether every compared structure's expectation rests on flights of the type, not on numbers alone."""
@@ -192,11 +230,12 @@ class VehicleMonitor:
         if memory is not None:
             self.chain.resume(self._chain_state, name, *memory)
 
-    def _update_state(self, solution: Solution) -> None:
+    def _update_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
         seen = any(_seen(solution.modes[s.name]) for s in self._compared)
         if seen:
-            m.observable_s += 0.5
+            slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
+            m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
         state = VehicleState.HEALTHY if seen and not m.outside else VehicleState.NOT_OBSERVABLE
         if self.book.active is not None:
             state = VehicleState.DEGRADED
@@ -355,6 +394,8 @@ class VehicleMonitor:
             return self.book.active.text
         if not self._compared:
             return self.basis_text
+        if self._memory.resting:
+            return f"the airspeed is below {LEAST_AIRSPEED_M_S:g} m/s: estimation waits"
         if self._memory.outside:
             return self._memory.outside
         if self._memory.latest is None:
@@ -378,9 +419,9 @@ class VehicleMonitor:
             fleet=self.fleet, vehicle=self.vehicle, aircraft=self.aircraft.name, configuration=self.configuration,
             state=state or self.state, state_since_s=self._memory.state_since_s, reason=self.reason,
             last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
-            worst=self.worst(), counts=dict(self.cleaner.report.counts),
+            worst=self.worst(), counts=self.counts,
             active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
-            air=self.air,
+            air=self.air, rejected_by_channel=dict(self.cleaner.report.by_channel),
         )  # fmt: skip
 
 

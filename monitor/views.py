@@ -73,6 +73,7 @@ class VehicleView:
         active_alerts: ids of the alerts that are not cleared, worst first.
         condition: latest airspeed_true_m_s, altitude_m, air_density_kg_m3 (empty before the first sample).
         air: gusts of the last half minute; None without a vane and before there is half a minute.
+        rejected_by_channel: samples refused as non-finite or out of range, by channel at fault.
     """
 
     fleet: str
@@ -90,6 +91,7 @@ class VehicleView:
     active_alerts: Sequence[str]
     condition: Mapping[str, float]
     air: AirQuality | None = None
+    rejected_by_channel: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

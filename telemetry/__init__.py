@@ -37,8 +37,9 @@ from wingwatch.telemetry.messages import (
 from wingwatch.telemetry.publisher import FlightPublisher
 from wingwatch.telemetry.readers import RawTable, TableError, read_table
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, CHANNELS, Channel, SampleBlock
+from wingwatch.telemetry.sequence import SequenceTracker
 from wingwatch.telemetry.service_messages import ServiceStream, decode_service_object, encode_service_object
-from wingwatch.telemetry.subscriber import InboundMessage, SensorSubscriber, SequenceTracker
+from wingwatch.telemetry.subscriber import InboundMessage, SensorSubscriber
 from wingwatch.telemetry.zenoh_link import DEFAULT_ENDPOINT, LinkError, ZenohSettings, open_session
 
 __all__ = [

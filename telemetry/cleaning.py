@@ -215,10 +215,7 @@ class Cleaner:
     def _steps(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Steps between stamps, the first one from the last accepted row if there is one."""
         last = self._state.last_time_s
-        with np.errstate(
-            over="ignore"
-        ):  # between stamps near the largest floats; infinite is a jump all right
-            return np.diff(time_s) if last is None else np.diff(time_s, prepend=last)
+        return np.diff(time_s) if last is None else np.diff(time_s, prepend=last)
 
     def _accept_all(
         self, rows: NDArray[np.float64], rejected: dict[str, int], by_channel: dict[str, int]

@@ -12,11 +12,12 @@ import numpy as np
 import orjson
 from google.protobuf.message import DecodeError
 from google.protobuf.unknown_fields import UnknownFieldSet
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from wingwatch.telemetry.completion import complete
 from wingwatch.telemetry.protocol import vehicle_pb2
-from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, SampleBlock
+from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, MAX_TIME_S, SampleBlock
 
 __all__ = [
     "JSON",
@@ -37,6 +38,8 @@ JSON = "application/json"
 _JSON_ENCODINGS = (JSON, "text/json")
 _UNSAID_ENCODINGS = ("", "zenoh/bytes", "zenoh/string", "application/octet-stream", "text/plain")
 _MAX_SEQUENCE = 2**64 - 1
+_MAX_MASS_KG, _MAX_SHIFT_M = 1e6, 100.0  # beyond any aircraft
+_SENSORS_FIELDS = ("sequence", "stream", "columns")
 _SHOWN_CHARACTERS = 60
 _NUMBER_TYPES = {float, int, type(None)}
 # protobuf's own JSON writes these numbers as text
@@ -78,11 +81,19 @@ class SensorsMessage:
         sequence: the publisher's count of its messages, from 0.
         block: the samples, completed (``complete``).
         given: channels that the message itself carried.
+        stream: new at each start of the publisher; None where it says none.
     """
 
     sequence: int
     block: SampleBlock
     given: tuple[str, ...]
+    stream: int | float | None = None
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Earliest and latest stamp; NaN without any."""
+        stamps = self.block.time_s[np.isfinite(self.block.time_s)]
+        return (float(stamps.min()), float(stamps.max())) if stamps.size else (np.nan, np.nan)
 
 
 class AircraftMessage(BaseModel):
@@ -99,8 +110,8 @@ class AircraftMessage(BaseModel):
 
     aircraft: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,127}$")]
     configuration: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")] = "clean"
-    mass_kg: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
-    cg_shift_m: Annotated[float, Field(allow_inf_nan=False)] | None = None
+    mass_kg: Annotated[float, Field(gt=0.0, le=_MAX_MASS_KG)] | None = None
+    cg_shift_m: Annotated[float, Field(ge=-_MAX_SHIFT_M, le=_MAX_SHIFT_M)] | None = None
 
 
 def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None = None) -> SensorsMessage:
@@ -116,9 +127,9 @@ def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None =
     """
     limits = MessageLimits() if limits is None else limits
     if is_json(payload, encoding, limits):
-        sequence, columns = _sensors_from_json(payload)
+        sequence, stream, columns = _sensors_from_json(payload)
     else:
-        sequence, columns = _sensors_from_protobuf(payload)
+        sequence, stream, columns = _sensors_from_protobuf(payload)
     if "time_s" not in columns:
         raise MessageError("missing_time", "the sensors message has no time_s")
     lengths = {name: len(column) for name, column in columns.items()}
@@ -132,12 +143,17 @@ def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None =
         raise MessageError("too_many_samples", text)
     values = np.full((samples, len(CHANNEL_NAMES)), np.nan)
     values[:, [CHANNEL_INDEX[name] for name in columns]] = np.array(list(columns.values()), np.float64).T
+    _demand_a_clock(values[:, CHANNEL_INDEX["time_s"]])
     given = tuple(name for name in CHANNEL_NAMES if name in columns)
-    return SensorsMessage(sequence, complete(SampleBlock(values), given), given)
+    return SensorsMessage(sequence, complete(SampleBlock(values), given), given, stream)
 
 
 def encode_sensors(
-    sequence: int, block: SampleBlock, encoding: str = PROTOBUF, columns: Sequence[str] | None = None
+    sequence: int,
+    block: SampleBlock,
+    encoding: str = PROTOBUF,
+    columns: Sequence[str] | None = None,
+    stream: int | None = None,
 ) -> bytes:
     """A sensors message.
 
@@ -147,6 +163,7 @@ def encode_sensors(
         encoding: ``application/protobuf`` or ``application/json``.
         columns: channels to send; those with a finite value in this block where not given. Pieces of one
             flight must all send the same.
+        stream: new at each start of the publisher, 0 to 2^64 - 1.
 
     Raises:
         ValueError: an encoding that is neither.
@@ -154,9 +171,10 @@ def encode_sensors(
     names = block.present if columns is None else columns
     values = {name: block.column(name).tolist() for name in names}
     if encoding == JSON:
-        return orjson.dumps({"sequence": sequence, "columns": values})  # NaN becomes null
+        named = {} if stream is None else {"stream": stream}
+        return orjson.dumps({"sequence": sequence, **named, "columns": values})  # NaN becomes null
     _demand_protobuf(encoding)
-    message = vehicle_pb2.Sensors(sequence=sequence)
+    message = vehicle_pb2.Sensors(sequence=sequence, stream=stream)
     for name, column in values.items():
         getattr(message.columns, name).extend(column)
     return message.SerializeToString()
@@ -226,12 +244,21 @@ def _demand_protobuf(encoding: str) -> None:
         raise ValueError(f"messages are encoded as {PROTOBUF} or {JSON}, not {encoding!r}")
 
 
-def _sensors_from_protobuf(payload: bytes) -> tuple[int, dict[str, list[Any]]]:
+def _demand_a_clock(time_s: NDArray[np.float64]) -> None:
+    """Stamps that no clock shows make a message worthless; every other value is judged sample by sample (cleaning)."""
+    beyond = time_s[np.isfinite(time_s) & (np.abs(time_s) > MAX_TIME_S)]
+    if beyond.size:
+        text = f"time_s holds {beyond[0]:.6g}, which no clock shows in seconds: stamps lie within {MAX_TIME_S:.0f}"
+        raise MessageError("bad_value", text)
+
+
+def _sensors_from_protobuf(payload: bytes) -> tuple[int, int | None, dict[str, list[Any]]]:
     message = vehicle_pb2.Sensors()
     _parse(message, payload)
     if len(UnknownFieldSet(message.columns)):
         raise MessageError("unknown_column", "the message has a column with a number that is no channel's")
-    return message.sequence, {field.name: column[:] for field, column in message.columns.ListFields()}
+    stream = message.stream if message.HasField("stream") else None
+    return message.sequence, stream, {field.name: column[:] for field, column in message.columns.ListFields()}
 
 
 def _parse(message: vehicle_pb2.Sensors | vehicle_pb2.Aircraft, payload: bytes) -> None:
@@ -243,11 +270,11 @@ def _parse(message: vehicle_pb2.Sensors | vehicle_pb2.Aircraft, payload: bytes) 
         raise MessageError("unknown_field", "the message has a field that the schema does not know")
 
 
-def _sensors_from_json(payload: bytes) -> tuple[int, dict[str, list[Any]]]:
+def _sensors_from_json(payload: bytes) -> tuple[int, int | float | None, dict[str, list[Any]]]:
     fields = _json_object(payload, "sensors message")
     for name in fields:
-        if name not in ("sequence", "columns"):
-            raise _unknown_field(name, "sensors message", ("sequence", "columns"))
+        if name not in _SENSORS_FIELDS:
+            raise _unknown_field(name, "sensors message", _SENSORS_FIELDS)
     columns = fields.get("columns")
     if not isinstance(columns, dict):
         text = f"the sensors message's columns must be an object of lists, not {_shown(columns)}"
@@ -259,16 +286,29 @@ def _sensors_from_json(payload: bytes) -> tuple[int, dict[str, list[Any]]]:
         if not isinstance(column, list):
             raise MessageError("wrong_type", f"column {name} must be a list of numbers, not {_shown(column)}")
     numbers = {name: _numbers(name, column) for name, column in columns.items()}
-    return _sequence(fields.get("sequence", 0)), numbers
+    return _sequence(fields.get("sequence", 0)), _stream(fields.get("stream")), numbers
 
 
 def _sequence(value: Any) -> int:
-    """A message number; protobuf's own JSON writes 64-bit integers as text."""
-    if isinstance(value, str) and value.isascii() and value.isdigit() and len(value) <= 20:
-        value = int(value)
+    """A message number."""
+    value = _whole_number(value)
     if type(value) is not int or not 0 <= value <= _MAX_SEQUENCE:
         raise MessageError("wrong_type", f"sequence must be a whole number from 0, not {_shown(value)}")
     return value
+
+
+def _stream(value: Any) -> int | float | None:
+    """Any finite number: it is only compared."""
+    value = _whole_number(value)
+    if value is not None and not (type(value) in (int, float) and abs(value) <= _MAX_SEQUENCE):
+        raise MessageError("wrong_type", f"stream must be a number, not {_shown(value)}")
+    return value  # type: ignore[no-any-return]
+
+
+def _whole_number(value: Any) -> Any:
+    """Protobuf's own JSON writes 64-bit integers as text."""
+    text = isinstance(value, str) and value.isascii() and value.isdigit() and len(value) <= 20
+    return int(value) if text else value
 
 
 def _numbers(name: str, column: list[Any]) -> list[Any]:

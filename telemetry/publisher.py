@@ -1,5 +1,6 @@
 """Publishing: a flight into Zenoh as a vehicle sends it, in real time or as fast as the receiver takes it."""
 
+import secrets
 import time
 from collections.abc import Callable, Iterator, Sequence
 from threading import Lock
@@ -17,6 +18,7 @@ from wingwatch.telemetry.zenoh_link import LinkError
 __all__ = ["FlightPublisher"]
 
 _MAX_SAMPLES_PER_MESSAGE = 200  # every channel of 200 samples is 48 kB, below the receiver's 64 kB
+_STREAM_BITS = 53  # what JSON carries exactly
 _LONGEST_PAUSE_S = 10.0
 _LOOK_AGAIN_S = 0.01
 
@@ -24,7 +26,8 @@ _LOOK_AGAIN_S = 0.01
 class FlightPublisher:
     """One vehicle on the network; use it in a ``with`` statement.
 
-    It holds the vehicle's liveliness token, answers queries for the aircraft, and counts its messages from 0.
+    It holds the vehicle's liveliness token, answers queries for the aircraft, and counts its messages from 0
+    under a stream number of its own.
 
     Args:
         session: an open session.
@@ -32,6 +35,7 @@ class FlightPublisher:
         vehicle: name of the vehicle.
         aircraft: what the vehicle is.
         samples_per_message: samples in one message; fewer are quicker to arrive, more are cheaper.
+        stream: number of this start of the publisher; a random one if not given.
         clock: monotonic seconds.
         sleep: waits that many seconds.
 
@@ -48,6 +52,7 @@ class FlightPublisher:
         aircraft: AircraftMessage,
         *,
         samples_per_message: int = 10,
+        stream: int | None = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -62,6 +67,8 @@ class FlightPublisher:
         self._clock = clock
         self._sleep = sleep
         self._sequence = 0
+        # Drawn, not read from a clock: one without a battery starts at the same time whenever it starts.
+        self._stream = secrets.randbits(_STREAM_BITS) if stream is None else stream
         self._lock = Lock()
         self._aircraft_payload = encode_aircraft(aircraft)
         self._sensors = session.declare_publisher(
@@ -159,7 +166,7 @@ class FlightPublisher:
             self._sensors.put(self._next_payload(piece, names))
 
     def _next_payload(self, piece: SampleBlock, names: Sequence[str]) -> bytes:
-        payload = encode_sensors(self._sequence, piece, PROTOBUF, names)
+        payload = encode_sensors(self._sequence, piece, PROTOBUF, names, self._stream)
         self._sequence += 1
         return payload
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Channel", "CHANNELS", "CHANNEL_INDEX", "CHANNEL_NAMES", "SampleBlock"]
+__all__ = ["Channel", "CHANNELS", "CHANNEL_INDEX", "CHANNEL_NAMES", "MAX_TIME_S", "SampleBlock"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,12 @@ class Channel:
     meaning: str
 
 
+MAX_TIME_S = 2.0**32
+"""Largest stamp, either sign: any clock in seconds, Unix time until 2106 among them. Stamps below it resolve half a
+microsecond; microseconds sent for seconds lie beyond."""
+
 CHANNELS: tuple[Channel, ...] = (
-    Channel("time_s", "s", -np.inf, np.inf, "time stamp of the source's clock"),
+    Channel("time_s", "s", -MAX_TIME_S, MAX_TIME_S, "time stamp of the source's clock"),
     Channel("airspeed_true_m_s", "m/s", -10.0, 400.0, "true airspeed"),
     Channel("airspeed_indicated_m_s", "m/s", -10.0, 400.0, "indicated airspeed"),
     Channel("roll_rate_rad_s", "rad/s", -35.0, 35.0, "roll rate, right wing down positive"),
@@ -49,11 +53,11 @@ CHANNELS: tuple[Channel, ...] = (
     Channel("elevator_rad", "rad", -1.6, 1.6, "elevator, trailing edge down positive"),
     Channel("aileron_rad", "rad", -1.6, 1.6, "half of right minus left aileron"),
     Channel("rudder_rad", "rad", -1.6, 1.6, "rudder, trailing edge left positive"),
-    Channel("angle_of_attack_rad", "rad", -1.6, 1.6, "angle of attack at the vane"),
-    Channel("sideslip_rad", "rad", -1.6, 1.6, "sideslip at the vane"),
+    Channel("angle_of_attack_rad", "rad", -1.57, 1.57, "angle of attack at the vane, short of a right angle"),
+    Channel("sideslip_rad", "rad", -1.57, 1.57, "sideslip at the vane, short of a right angle"),
     Channel("throttle", "", -1.0, 1.5, "throttle, 0 to 1"),
     Channel("altitude_m", "m", -1000.0, 40000.0, "altitude above mean sea level"),
-    Channel("air_density_kg_m3", "kg/m3", 0.0, 2.0, "air density"),
+    Channel("air_density_kg_m3", "kg/m3", 0.001, 2.0, "air density"),
     Channel("outside_air_temperature_k", "K", 150.0, 350.0, "outside air temperature"),
     Channel("elevator_command_rad", "rad", -1.6, 1.6, "commanded elevator"),
     Channel("aileron_command_rad", "rad", -1.6, 1.6, "commanded aileron"),

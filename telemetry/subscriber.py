@@ -16,11 +16,7 @@ import zenoh
 
 from wingwatch.telemetry.keys import KEY_ROOT, KeyNameError, parse_key, vehicle_key
 
-__all__ = ["InboundMessage", "SensorSubscriber", "SequenceTracker"]
-
-_ASK_AGAIN_S = 2.0
-_MAX_VEHICLES = 10_000
-_MOST_LOST = 1_000_000  # two days of ten-sample messages at 50 Hz; a longer leap is another count
+__all__ = ["InboundMessage", "SensorSubscriber"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +43,8 @@ class InboundMessage:
 class SensorSubscriber:
     """Subscribes the sensors and aircraft streams of every vehicle; use it in a ``with`` statement.
 
-    A vehicle whose samples come without its aircraft having been heard of is asked for it, so it does not
-    matter who started first.
+    All vehicles are asked for their aircraft at the start, and any one by ``ask_aircraft``, so it does not matter who
+    started first.
 
     Args:
         session: an open session.
@@ -79,8 +75,6 @@ class SensorSubscriber:
         self._waiting_bytes = 0
         self._counts = {"received": 0, "overflow": 0, "bad_key": 0}
         self._lock = Lock()
-        self._announced: set[tuple[str, str]] = set()
-        self._asked_s: dict[tuple[str, str], float] = {}
         self._subscribers = [
             session.declare_subscriber(
                 f"{KEY_ROOT}/*/*/{stream}", zenoh.handlers.Callback(self._arrived, indirect=False)
@@ -118,9 +112,11 @@ class SensorSubscriber:
         with self._lock:
             taken = [self._waiting.popleft() for _ in range(min(max_items, len(self._waiting)))]
             self._waiting_bytes -= sum(len(message.payload) for message in taken)
-        for message in taken:
-            self._note_aircraft(message)
         return taken
+
+    def ask_aircraft(self, fleet: str, vehicle: str) -> None:
+        """Ask a vehicle what aircraft it is; the answer comes as a message. Never called in Zenoh's thread."""
+        self._ask(vehicle_key(fleet, vehicle, "aircraft"))
 
     def _arrived(self, sample: zenoh.Sample) -> None:
         if sample.kind != zenoh.SampleKind.PUT:
@@ -152,54 +148,9 @@ class SensorSubscriber:
         with self._lock:
             self._counts[name] += 1
 
-    def _note_aircraft(self, message: InboundMessage) -> None:
-        """Remembers who has announced an aircraft, and asks those who send samples without."""
-        name = (message.fleet, message.vehicle)
-        if message.stream == "aircraft":
-            if len(self._announced) < _MAX_VEHICLES:
-                self._announced.add(name)
-            self._asked_s.pop(name, None)
-        elif name not in self._announced:
-            asked_s = self._asked_s.get(name)
-            if asked_s is None and len(self._asked_s) >= _MAX_VEHICLES:
-                return
-            if asked_s is None or message.received_s - asked_s >= _ASK_AGAIN_S:
-                self._asked_s[name] = message.received_s
-                self._ask(vehicle_key(*name, "aircraft"))
-
     def _ask(self, key: str) -> None:
         self._session.get(key, self._answered, target=zenoh.QueryTarget.ALL)
 
     def _answered(self, reply: Any) -> None:
         if reply.ok is not None:
             self._arrived(reply.ok)
-
-
-class SequenceTracker:
-    """Counts the messages of one publisher that never arrived, by the gaps in their numbers.
-
-    Attributes:
-        missing: messages lost so far.
-        restarts: times the publisher began again at 0, or leapt too far for a loss.
-        repeated: messages whose number had been there already.
-    """
-
-    def __init__(self) -> None:
-        self.missing = 0
-        self.restarts = 0
-        self.repeated = 0
-        self._next: int | None = None
-
-    def observe(self, sequence: int) -> int:
-        """Takes the number of a message that arrived; how many are missing right before it."""
-        expected, self._next = self._next, sequence + 1
-        if expected is None or sequence == expected:
-            return 0
-        if expected < sequence <= expected + _MOST_LOST:
-            self.missing += sequence - expected
-            return sequence - expected
-        if sequence == 0 or sequence > expected:
-            self.restarts += 1
-        else:
-            self.repeated += 1
-        return 0

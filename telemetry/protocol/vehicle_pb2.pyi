@@ -7,12 +7,14 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class Sensors(_message.Message):
-    __slots__ = ("sequence", "columns")
+    __slots__ = ("sequence", "columns", "stream")
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    STREAM_FIELD_NUMBER: _ClassVar[int]
     sequence: int
     columns: SensorColumns
-    def __init__(self, sequence: _Optional[int] = ..., columns: _Optional[_Union[SensorColumns, _Mapping]] = ...) -> None: ...
+    stream: int
+    def __init__(self, sequence: _Optional[int] = ..., columns: _Optional[_Union[SensorColumns, _Mapping]] = ..., stream: _Optional[int] = ...) -> None: ...
 
 class SensorColumns(_message.Message):
     __slots__ = ("time_s", "airspeed_true_m_s", "airspeed_indicated_m_s", "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2", "roll_rad", "pitch_rad", "heading_rad", "elevator_rad", "aileron_rad", "rudder_rad", "angle_of_attack_rad", "sideslip_rad", "throttle", "altitude_m", "air_density_kg_m3", "outside_air_temperature_k", "elevator_command_rad", "aileron_command_rad", "rudder_command_rad", "aileron_left_rad", "aileron_right_rad", "roll_demand_rad", "pitch_demand_rad", "airspeed_demand_m_s", "altitude_demand_m")

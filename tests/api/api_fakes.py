@@ -159,10 +159,19 @@ def served(
     checks: Mapping[str, str | None] | None = None,
     keep_alive_s: float = 10.0,
     diagnoses: DiagnosisPort | None = None,
+    counters: Mapping[str, Mapping[str, int]] | None = None,
 ) -> Generator[tuple[HttpServer, httpx.Client]]:
     """The application over the fake, on a real socket, with a client."""
     ready = checks if checks is not None else {"zenoh": None, "database": None, "http": None}
-    app = create_app(monitor, lambda: ready, history, VERSION, keep_alive_s=keep_alive_s, diagnoses=diagnoses)
+    app = create_app(
+        monitor,
+        lambda: ready,
+        history,
+        VERSION,
+        counters=lambda: counters or {},
+        keep_alive_s=keep_alive_s,
+        diagnoses=diagnoses,
+    )
     with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
         yield server, client
 

@@ -126,6 +126,12 @@ def test_the_check_of_answers_can_fail(client: httpx.Client) -> None:
     assert len(misfits(status, schema, description)) == 3
 
 
+def test_status_carries_the_counters_of_every_part() -> None:
+    counters = {"messages": {"received": 2**53 - 1, "overflow": 0}, "monitor": {"faults": 3}}
+    with served(fleet(), counters=counters) as (_, client):
+        assert get(client, "/v1/status")["counters"] == counters
+
+
 def test_status_is_worst_first_with_counts_and_standing_alerts(client: httpx.Client) -> None:
     status = get(client, "/v1/status")
     assert status["version"] == VERSION

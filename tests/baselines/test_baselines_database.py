@@ -29,6 +29,7 @@ from wingwatch.baselines import (
     ReferenceKey,
     open_database,
 )
+from wingwatch.baselines import connection as connection_module
 from wingwatch.baselines import database as database_module
 from wingwatch.baselines.connection import VERSION_TABLE, connect
 from wingwatch.baselines.tables import Base
@@ -136,7 +137,7 @@ def test_migrations_make_the_schema_of_the_tables(database: Database, url: str) 
 
 def test_opening_again_keeps_what_is_there(url: str) -> None:
     with open_database(url) as first:
-        first.insert_alert(alert())
+        first.save_alert(alert())
     with open_database(url) as second:
         assert second.alert("a1") is not None
         second.check()
@@ -215,48 +216,49 @@ def test_a_reference_comes_back_bit_for_bit_and_keeps_its_history(database: Data
 def test_the_history_of_a_reference_is_bounded(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(database_module, "MAX_REFERENCE_HISTORY", 3)
     for i in range(5):
-        database.save_reference(KEY, Reference.empty(1), float(i))
+        database.save_reference(KEY, Reference.empty(1).add([[1.0]], [0.0], float(i)), float(i))
     assert [v.updated_at_s for v in database.reference_history(KEY)] == [2.0, 3.0, 4.0]
 
 
 def test_an_alert_comes_back_whole(database: Database) -> None:
-    database.insert_alert(alert())
+    database.save_alert(alert())
     assert same(database.alert("a1"), alert())
     assert database.alert("unknown") is None
 
 
 def test_an_alert_of_unknown_size_keeps_its_nan(database: Database) -> None:
     unexplained = alert(size=math.nan, size_standard_error=math.inf, probability=math.nan, kind="unexplained")
-    database.insert_alert(unexplained)
+    database.save_alert(unexplained)
     assert same(database.alert("a1"), unexplained)
 
 
-def test_an_updated_alert_replaces_its_former_self(database: Database) -> None:
-    database.insert_alert(alert())
-    database.insert_alert(alert("a2"))
+def test_an_alert_saved_again_replaces_its_former_self_and_keeps_its_place_and_date(
+    database: Database,
+) -> None:
+    database.save_alert(alert())
+    database.save_alert(alert("a2"))
     cleared = alert(state="cleared", cleared_s=99.5, updated_at_s=1.7e9 + 5, note=("ops: gone",))
-    database.update_alert(cleared)
+    database.save_alert(replace(cleared, created_at_s=1.7e9 + 5))
     assert same(database.alert("a1"), cleared)
     assert same(database.alert("a2"), alert("a2"))
+    assert [a.id for a in database.alerts().items] == ["a2", "a1"]
 
 
-def test_an_unknown_alert_cannot_be_updated(database: Database) -> None:
-    with pytest.raises(DatabaseError, match="'a1' is not in the database"):
-        database.update_alert(alert())
-
-
-def test_the_same_alert_cannot_be_inserted_twice(database: Database) -> None:
-    database.insert_alert(alert())
-    with pytest.raises(DatabaseError, match="already holds that entry"):
-        database.insert_alert(alert())
+def test_what_is_saved_twice_is_there_once(database: Database) -> None:
+    """Whoever lost the reply to a write cannot know whether it was done."""
+    learned = Reference.empty(2).add(np.eye(2), np.ones(2), 10.0)
+    for _ in range(2):
+        database.save_alert(alert())
+        database.save_reference(KEY, learned, 100.0)
     assert len(database.alerts().items) == 1
+    assert len(database.reference_history(KEY)) == 1
 
 
 def test_alerts_are_filtered_by_every_field_given(database: Database) -> None:
-    database.insert_alert(alert("a"))
-    database.insert_alert(alert("b", state="cleared"))
-    database.insert_alert(alert("c", vehicle="uav-2", raised_s=70.0))
-    database.insert_alert(alert("d", fleet="north", kind="damage"))
+    database.save_alert(alert("a"))
+    database.save_alert(alert("b", state="cleared"))
+    database.save_alert(alert("c", vehicle="uav-2", raised_s=70.0))
+    database.save_alert(alert("d", fleet="north", kind="damage"))
 
     def ids(**filters: object) -> list[str]:
         return [x.id for x in database.alerts(**filters).items]  # type: ignore[arg-type]
@@ -273,10 +275,10 @@ def test_alerts_are_filtered_by_every_field_given(database: Database) -> None:
 
 def test_pages_give_every_alert_once_while_new_ones_arrive(database: Database) -> None:
     for i in range(5):
-        database.insert_alert(alert(f"a{i}"))
+        database.save_alert(alert(f"a{i}"))
     page = database.alerts(limit=2)
     seen = [x.id for x in page.items]
-    database.insert_alert(alert("late"))
+    database.save_alert(alert("late"))
     while page.next is not None:
         page = database.alerts(limit=2, cursor=page.next)
         seen += [x.id for x in page.items]
@@ -344,7 +346,7 @@ def test_many_threads_may_use_one_database(database: Database) -> None:
         try:
             for i in range(10):
                 database.append_estimates([estimate(float(i), f"v{n}")])
-                database.insert_alert(alert(f"{n}-{i}"))
+                database.save_alert(alert(f"{n}-{i}"))
                 database.put_expectation(entry(value=(float(n),) * 6))
                 database.alerts(limit=5)
                 database.check()
@@ -365,7 +367,7 @@ def test_many_threads_may_use_one_database(database: Database) -> None:
 
 
 def test_stored_numbers_are_plain_json(database: Database, url: str) -> None:
-    database.insert_alert(alert())
+    database.save_alert(alert())
     engine = connect(url, 1.0)
     with engine.connect() as connection:
         stored = connection.execute(text("SELECT CAST(evidence AS VARCHAR) FROM alert")).scalar_one()
@@ -402,3 +404,22 @@ def test_a_vehicle_keeps_a_bounded_number_of_cells(
     for k in range(5):
         database.save_cell(key, Cell(k, 0), Reference.empty(2), float(k))
     assert sorted(database.load_cells(key, 10.0)) == [Cell(2, 0), Cell(3, 0), Cell(4, 0)]
+
+
+def test_a_statement_that_takes_too_long_is_stopped(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """PostgreSQL stops it by the clock; SQLite, in this process, waits for a lock only."""
+    monkeypatch.setattr(connection_module, "STATEMENT_TIMEOUT_S", 0.2)
+    if "postgresql" not in url:
+        pytest.skip("SQLite has no statement that waits")
+    engine = connect(url, 1.0)
+    with (
+        pytest.raises(DatabaseError, match="took too long to answer"),
+        connection_module.sentences(engine),
+        engine.connect() as connection,
+    ):
+        connection.execute(text("SELECT pg_sleep(5)"))
+    with engine.connect() as connection:
+        assert connection.execute(text("SHOW lock_timeout")).scalar_one() == "1s"
+    engine.dispose()
+    with open_database(url) as database:  # migrations are not held to it
+        assert database.alerts().items == ()

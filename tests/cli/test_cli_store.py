@@ -1,6 +1,7 @@
 """The fleet's memory: what the monitor hands over comes back, and a database that fails holds nobody up."""
 
 import sqlite3
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -9,10 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wingwatch.aircraft import STRUCTURES
-from wingwatch.baselines import Database, EstimateRecord, Reference, open_database
+from wingwatch.aircraft import STRUCTURES, load_aircraft
+from wingwatch.baselines import (
+    AlertRecord,
+    Database,
+    DatabaseError,
+    EstimateRecord,
+    Reference,
+    ReferenceKey,
+    RefusedError,
+    open_database,
+)
 from wingwatch.cli.store import DatabaseStore, alert_record, alert_view
-from wingwatch.monitor import AlertState, AlertView, EvidenceView
+from wingwatch.monitor import AlertState, AlertView, EvidenceView, VehicleMemory
 
 ALERT = AlertView(
     id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
@@ -25,6 +35,7 @@ ESTIMATE = EstimateRecord(
     (25.0, 1000.0, 1.1, 0.05),
 )  # fmt: skip
 PATIENCE_S = 10.0
+AEROSONDE = load_aircraft("aerosonde")
 
 
 @pytest.fixture
@@ -38,6 +49,19 @@ def until(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.01)
+
+
+def recalled(store: DatabaseStore, vehicle: str) -> VehicleMemory:
+    """What is kept of a vehicle, once it has been read."""
+    found: list[VehicleMemory] = []
+
+    def read() -> bool:
+        memory = store.recall("default", vehicle, AEROSONDE, "clean")
+        found.extend([] if memory is None else [memory])
+        return bool(found)
+
+    until(read)
+    return found[0]
 
 
 def reference(blocks: int) -> Reference:
@@ -62,9 +86,9 @@ def test_everything_handed_over_is_there_after_the_end(database: Database) -> No
         store.append_estimates([ESTIMATE])
     with DatabaseStore(database, lambda: 2000.0) as later:
         assert later.alerts() == [ALERT]
-        learned = later.references("default", "uav1", "aerosonde", "clean")
+        learned = recalled(later, "uav1").references
         assert {name: r.blocks for name, r in learned.items()} == {"short_period": 2}
-        assert later.references("default", "uav2", "aerosonde", "clean") == {}
+        assert recalled(later, "uav2") == VehicleMemory()
     assert database.estimate_history("default", "uav1") == (ESTIMATE,)
 
 
@@ -92,10 +116,9 @@ def test_a_locked_database_holds_nobody_up_and_loses_no_alert(database: Database
         until(lambda: store.problem is not None)
         assert store.problem is not None
         assert "locked" in store.problem
-        assert store.dropped_estimates == 1
+        assert store.counts["dropped_estimates"] == 1
         store.save_alert(replace(ALERT, level="critical"))
-        waiting = store.references("default", "uav1", "aerosonde", "clean")
-        assert waiting["short_period"].blocks == 1
+        assert recalled(store, "uav1").references["short_period"].blocks == 1  # though it is not written yet
         other.execute("ROLLBACK")
         other.close()
         until(lambda: store.problem is None)
@@ -111,7 +134,99 @@ def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
     monkeypatch.setattr("wingwatch.cli.store._MOST_ESTIMATES", 3)
     store = DatabaseStore(database, lambda: 0.0)  # its thread does not run yet
     store.append_estimates([ESTIMATE] * 5)
-    assert store.dropped_estimates == 2
+    assert store.counts["dropped_estimates"] == 2
     with store:
         pass
     assert len(database.estimate_history("default", "uav1")) == 3
+
+
+def test_an_insert_whose_reply_was_lost_is_repeated_once_and_holds_nothing_up(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The entry is there, and nobody has been told: the second time finds it, and all the rest is stored too."""
+    save = Database.save_alert
+    lost: list[AlertRecord] = []
+
+    def without_reply(self: Database, alert: AlertRecord) -> None:
+        save(self, alert)
+        if not lost:
+            lost.append(alert)
+            raise DatabaseError(
+                "the database cannot be reached (server closed the connection); start the server"
+            )
+
+    monkeypatch.setattr(Database, "save_alert", without_reply)
+    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        store.save_alert(ALERT)
+        until(lambda: bool(lost) and store.problem is None)
+        store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(1)})
+        store.append_estimates([ESTIMATE])
+    assert [a.id for a in database.alerts().items] == ["a1"]
+    assert database.estimate_history("default", "uav1") == (ESTIMATE,)
+    assert (store.counts["retries"], store.counts["refused"]) == (1, 0)
+
+
+def test_an_entry_that_the_database_refuses_is_given_up_and_the_others_do_not_wait(
+    database: Database, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    save = Database.save_alert
+
+    def refusing(self: Database, alert: AlertRecord) -> None:
+        if alert.id == "bad":
+            raise RefusedError("the database cannot hold that entry")
+        save(self, alert)
+
+    monkeypatch.setattr(Database, "save_alert", refusing)
+    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        store.save_alert(replace(ALERT, id="bad"))
+        store.save_alert(ALERT)
+        store.append_estimates([ESTIMATE])
+        until(lambda: store.counts["refused"] == 1 and store.problem is None)
+    assert [a.id for a in database.alerts().items] == ["a1"]
+    assert database.estimate_history("default", "uav1") == (ESTIMATE,)
+    assert store.counts == {
+        "failed_reads": 0, "retries": 5, "refused": 1, "dropped_estimates": 0, "dropped_alerts": 0, "dropped_memory": 0
+    }  # fmt: skip
+    assert "given up after 5 tries" in caplog.text
+
+
+def test_a_read_that_fails_is_no_empty_one_and_is_tried_again(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    load, faults = Database.load_reference, [3]
+
+    def failing(self: Database, key: ReferenceKey) -> Reference | None:
+        if faults[0]:
+            faults[0] -= 1
+            raise DatabaseError("the database took too long to answer")
+        return load(self, key)
+
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(500)})
+    monkeypatch.setattr(Database, "load_reference", failing)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        assert store.recall("default", "uav1", AEROSONDE, "clean") is None
+        assert recalled(store, "uav1").references["short_period"].blocks == 500
+        assert store.counts["failed_reads"] == 3
+        assert store.problem is None
+
+
+def test_a_database_that_does_not_answer_holds_nobody_up(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a frozen server does: neither an answer nor an error."""
+    thawed = threading.Event()
+    monkeypatch.setattr(Database, "load_reference", lambda *_: thawed.wait(PATIENCE_S) and None)
+    monkeypatch.setattr("wingwatch.cli.store._END_S", 0.1)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        began = time.monotonic()
+        for k in range(5):
+            assert store.recall("default", f"uav{k}", AEROSONDE, "clean") is None
+        took_s = time.monotonic() - began
+    ended_s = time.monotonic() - began
+    thawed.set()
+    assert took_s < 0.1
+    assert ended_s < 1.0

@@ -81,6 +81,29 @@ def test_every_bad_message_is_counted_by_its_reason_and_good_ones_still_count(
     assert seen["accepted"] == len(block) - sum(rejected.values())
 
 
+def test_stamps_that_no_clock_shows_and_impossible_numbers_hold_nobody_up(
+    tmp_path: Path, block: SampleBlock
+) -> None:
+    far = SampleBlock(block.values[:20].copy())
+    far.values[:, 0] = 9e15 + 2.0 * np.arange(20)
+    with service_in(tmp_path) as (service, endpoint):
+        with open_session(ZenohSettings.for_vehicle((endpoint,))) as session:
+            put(session, AIRCRAFT, encode_aircraft(AircraftMessage(aircraft="aerosonde")))
+            put(session, SENSORS, encode_sensors(0, far))
+            for sequence in (0, 2**64 - 1, 2**64 - 1):
+                put(session, SENSORS, encode_sensors(sequence, SampleBlock(block.values[:10])))
+            publish(session, "uav1", block)
+        until_last(service, "uav1", block)
+        status = get(service, "/v1/status")
+        assert get(service, "/health/live")["live"]
+    (vehicle,) = status["vehicles"]
+    seen = vehicle["counts"]
+    assert (seen["message_bad_value"], seen["messages_stray"], seen["publisher_restarts"]) == (1, 2, 1)
+    assert set(status["counters"]) == {"messages", "monitor", "loop", "store", "outputs"}
+    assert status["counters"]["messages"]["overflow"] == 0
+    assert status["counters"]["loop"] == {"faults": 0}
+
+
 def test_a_vehicle_that_nobody_announced_is_counted_and_asked(tmp_path: Path, block: SampleBlock) -> None:
     with service_in(tmp_path) as (service, endpoint):
         with open_session(ZenohSettings.for_vehicle((endpoint,))) as session:

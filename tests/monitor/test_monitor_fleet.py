@@ -1,202 +1,33 @@
 """The live loop with a clock, a store and outputs made by hand, and messages as a vehicle would send them."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import count
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from fleet_hall import OLD_ALERT, PIECE, FakeStore, Hall, fly_doublets, second
 
-from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
+from wingwatch.aircraft import SHORT_PERIOD
+from wingwatch.baselines import Reference
 from wingwatch.monitor import (
     AlertAction,
     AlertState,
-    AlertView,
-    CellPlace,
-    FleetMonitor,
     FleetSettings,
     JudgeConfig,
     VehicleState,
-    VehicleView,
 )
-from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
-from wingwatch.telemetry import (
-    JSON,
-    PROTOBUF,
-    AircraftMessage,
-    MessageLimits,
-    SampleBlock,
-    encode_aircraft,
-    encode_sensors,
-)
-
-AEROSONDE = load_aircraft("aerosonde")
-TWIN = AEROSONDE.model_copy(update={"name": "twin"})
-HANGAR = {"aerosonde": AEROSONDE, "twin": TWIN}
-PIECE = 50
-"""Samples a message: one second."""
-
-OLD_ALERT = AlertView(
-    id="old", fleet="default", vehicle="gone", kind="icing", cause="icing", level="watch",
-    state=AlertState.ACTIVE, raised_s=10.0, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.95,
-    basis="a-priori", text="Icing.", evidence=(),
-)  # fmt: skip
-
-
-def find(name: str) -> Aircraft:
-    if name not in HANGAR:
-        raise ValueError(f"aircraft {name} is not known; known are {', '.join(HANGAR)}")
-    return HANGAR[name]
-
-
-@dataclass
-class Clock:
-    now_s: float = 1000.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
-@dataclass
-class FakeStore:
-    """Remembers what it is given; with ``broken`` every call fails as a locked database would."""
-
-    broken: bool = False
-    earlier: Sequence[AlertView] = ()
-    asked: list[tuple[str, str]] = field(default_factory=list)
-    learned: list[tuple[str, int]] = field(default_factory=list)
-    alerts_kept: list[AlertView] = field(default_factory=list)
-    rows: list[EstimateRecord] = field(default_factory=list)
-    cells_kept: dict[CellPlace, Reference] = field(default_factory=dict)
-
-    def _fail(self) -> None:
-        if self.broken:
-            raise OSError("database is locked")
-
-    def references(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[str, Reference]:
-        self._fail()
-        self.asked.append((aircraft, configuration))
-        return {}
-
-    def envelopes(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
-        self._fail()
-        return {}
-
-    def save_references(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
-    ) -> None:
-        self._fail()
-        self.learned.append((aircraft, max(r.blocks for r in references.values())))
-
-    def cells(
-        self, fleet: str, vehicle: str, aircraft: str, configuration: str
-    ) -> Mapping[CellPlace, CellMemory]:
-        self._fail()
-        return {}
-
-    def save_cells(
-        self,
-        fleet: str,
-        vehicle: str,
-        aircraft: str,
-        configuration: str,
-        cells: Mapping[CellPlace, Reference],
-    ) -> None:
-        self._fail()
-        self.cells_kept.update(cells)
-
-    def save_alert(self, alert: AlertView) -> None:
-        self._fail()
-        self.alerts_kept.append(alert)
-
-    def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
-        self._fail()
-        self.rows.extend(rows)
-
-    def alerts(self) -> Sequence[AlertView]:
-        self._fail()
-        return self.earlier
-
-
-@dataclass
-class FakeOutputs:
-    """Keeps what was announced and who was asked."""
-
-    said: list[tuple[str, Any]] = field(default_factory=list)
-    asked: list[tuple[str, str]] = field(default_factory=list)
-
-    def announce(
-        self, fleet: str, vehicle: str, stream: str, value: Mapping[str, Any] | VehicleView | AlertView
-    ) -> None:
-        self.said.append((stream, value))
-
-    def ask_aircraft(self, fleet: str, vehicle: str) -> None:
-        self.asked.append((fleet, vehicle))
-
-    def states(self) -> list[VehicleState]:
-        return [v.state for stream, v in self.said if stream == "status"]
-
-
-class Hall:
-    """A fleet monitor with everything around it."""
-
-    def __init__(self, settings: FleetSettings | None = None, store: FakeStore | None = None) -> None:
-        self.clock, self.outputs = Clock(), FakeOutputs()
-        self.store = store or FakeStore()
-        ids = count(1)
-        self.fleet = FleetMonitor(
-            find, self.clock, lambda: f"a{next(ids)}", self.store, self.outputs, settings
-        )
-        self.sequence = count()
-
-    def announce(self, vehicle: str = "uav", aircraft: str = "aerosonde", **rest: Any) -> None:
-        message = AircraftMessage(aircraft=aircraft, **rest)
-        self.fleet.receive("default", vehicle, "aircraft", encode_aircraft(message), PROTOBUF)
-
-    def sample(
-        self, block: SampleBlock, sequence: int, vehicle: str = "uav", encoding: str = PROTOBUF
-    ) -> None:
-        payload = encode_sensors(sequence, block, encoding)
-        self.fleet.receive("default", vehicle, "sensors", payload, encoding)
-
-    def raw(self, payload: bytes, encoding: str = JSON, stream: str = "sensors") -> None:
-        self.fleet.receive("default", "uav", stream, payload, encoding)
-
-    def fly(self, flight: SampleBlock, from_s: int, to_s: int) -> None:
-        """Whole seconds of a flight, a message each, with running numbers."""
-        for k in range(from_s, to_s):
-            self.sample(second(flight, k), next(self.sequence))
-
-    def view(self, vehicle: str = "uav") -> VehicleView:
-        return next(v for v in self.fleet.vehicles() if v.vehicle == vehicle)
-
-    def derivatives(self) -> Mapping[str, Any]:
-        found = self.fleet.derivatives("default", "uav")
-        assert found is not None
-        return found
-
-
-def second(flight: SampleBlock, k: int) -> SampleBlock:
-    return SampleBlock(flight.values[k * PIECE : (k + 1) * PIECE])
-
-
-def _flight(seconds: float, *effects: ElevatorEffectiveness) -> SampleBlock:
-    schedule = doublet_schedule(AEROSONDE, FlightCondition(25.0, 1000.0), np.deg2rad(2.0))
-    return simulate(Scenario(AEROSONDE, manoeuvres=(schedule,), effects=effects, seed=3), seconds)
+from wingwatch.monitor.roster import KEPT_S
+from wingwatch.simulation import ElevatorEffectiveness
+from wingwatch.telemetry import JSON, PROTOBUF, MessageLimits, SampleBlock
 
 
 @pytest.fixture(scope="module")
 def flight() -> SampleBlock:
-    return _flight(100.0)
+    return fly_doublets(100.0)
 
 
 @pytest.fixture(scope="module")
 def damaged() -> SampleBlock:
-    return _flight(110.0, ElevatorEffectiveness(0.6, 60.0))
+    return fly_doublets(110.0, ElevatorEffectiveness(0.6, 60.0))
 
 
 @pytest.fixture
@@ -287,13 +118,64 @@ def test_each_monitor_of_a_vehicle_keeps_what_it_learned(flight: SampleBlock) ->
     assert second_aircraft[0] < first  # fewer than the first had, and kept all the same
 
 
-def test_a_flood_of_names_is_bounded(flight: SampleBlock) -> None:
+def test_a_flood_of_names_is_bounded_and_the_longest_silent_give_way(
+    flight: SampleBlock, caplog: pytest.LogCaptureFixture
+) -> None:
     hall = Hall(FleetSettings(max_vehicles=3))
     for k in range(10):
         hall.sample(second(flight, 0), 0, vehicle=f"uav{k}")
-    assert [v.vehicle for v in hall.fleet.vehicles()] == ["uav0", "uav1", "uav2"]
-    assert hall.fleet.problems == {"too_many_vehicles": 7}
-    assert hall.fleet.derivatives("default", "uav9") is None
+    assert [v.vehicle for v in hall.fleet.vehicles()] == ["uav7", "uav8", "uav9"]
+    assert hall.fleet.problems == {"vehicles_forgotten": 7}
+    assert hall.fleet.derivatives("default", "uav0") is None
+    hall.fleet.tick()
+    hall.fleet.tick()
+    assert caplog.text.count("7 vehicles were forgotten") == 1
+
+
+def test_invented_names_shut_out_no_aircraft_and_push_out_none(flight: SampleBlock) -> None:
+    hall = Hall(FleetSettings(max_vehicles=5))
+    for name in ("real1", "real2"):
+        hall.announce(name)
+        hall.sample(second(flight, 0), 0, vehicle=name)
+    for k in range(20):
+        hall.clock.now_s += 1.0
+        hall.sample(second(flight, 0), 0, vehicle=f"junk{k}")
+    hall.announce("later")
+    hall.sample(second(flight, 0), 0, vehicle="later")
+    assert {v.vehicle for v in hall.fleet.vehicles()} == {"real1", "real2", "later", "junk18", "junk19"}
+    assert hall.view("later").counts["accepted"] == hall.view("real1").counts["accepted"] == PIECE
+
+
+def test_where_all_are_known_the_newcomer_waits_until_one_has_been_silent_for_long(
+    flight: SampleBlock,
+) -> None:
+    hall = Hall(FleetSettings(max_vehicles=2))
+    for name in ("one", "two", "three"):
+        hall.announce(name)
+        hall.clock.now_s += 1.0
+    assert {v.vehicle for v in hall.fleet.vehicles()} == {"one", "two"}
+    assert hall.fleet.problems == {"too_many_vehicles": 1}
+    hall.clock.now_s += KEPT_S - 1.5
+    hall.announce("three")
+    assert {v.vehicle for v in hall.fleet.vehicles()} == {"two", "three"}
+
+
+def test_a_vehicle_with_an_alert_never_gives_way(flight: SampleBlock) -> None:
+    hall = Hall(FleetSettings(max_vehicles=2), FakeStore(earlier=(OLD_ALERT,)))
+    hall.sample(second(flight, 0), 0, vehicle=OLD_ALERT.vehicle)
+    for k in range(5):
+        hall.sample(second(flight, 0), 0, vehicle=f"junk{k}")
+    assert {v.vehicle for v in hall.fleet.vehicles()} == {OLD_ALERT.vehicle, "junk4"}
+
+
+def test_questions_for_aircraft_are_bounded(flight: SampleBlock) -> None:
+    hall = Hall()
+    for k in range(300):
+        hall.sample(second(flight, 0), 0, vehicle=f"junk{k}")
+    assert len(hall.outputs.asked) == 100
+    hall.fleet.tick()
+    hall.sample(second(flight, 1), 1, vehicle="junk200")
+    assert hall.outputs.asked[-1] == ("default", "junk200")
 
 
 # -- what messages may hold -----------------------------------------------------------------------
@@ -350,7 +232,7 @@ def test_gaps_in_the_numbering_are_losses_and_a_restart_is_none(hall: Hall, flig
 
 
 def test_a_failing_store_is_counted_and_watching_goes_on(damaged: SampleBlock) -> None:
-    sound, broken = Hall(), Hall(store=FakeStore(broken=True))
+    sound, broken = Hall(), Hall(FleetSettings(recall_patience_s=0.0), FakeStore(broken=True))
     assert broken.fleet.problems == {"store": 1}  # alerts of earlier runs
     for hall in (sound, broken):
         hall.announce()
@@ -363,6 +245,54 @@ def test_a_failing_store_is_counted_and_watching_goes_on(damaged: SampleBlock) -
     said = [e.data["text"] for e in broken.fleet.events(0) if e.kind == "problem"]
     assert set(said) == {"database is locked"}
     assert sound.fleet.problems == {}
+
+
+def test_what_has_not_been_read_is_not_taken_for_nothing_and_not_written_over(flight: SampleBlock) -> None:
+    """One read that failed made 500 blocks into the two of that flight."""
+    k = len(SHORT_PERIOD.derivatives)
+    earlier = Reference(1e3 * np.eye(k), np.zeros(k), blocks=500, seconds=5000.0)
+    settings = FleetSettings(judge=JudgeConfig(remembered_blocks=2))
+    hall = Hall(settings, FakeStore(unread=True, known={"short_period": earlier}))
+    hall.announce()
+    hall.fly(flight, 0, 1)
+    assert hall.view().reason == "what is kept of its earlier flights is being read"
+    hall.clock.now_s += settings.recall_patience_s
+    hall.fly(flight, 1, 80)
+    assert hall.view().counts["accepted"] == 80 * PIECE  # those that waited among them
+    assert "has not been read yet" in hall.view().basis_text
+    assert (hall.store.learned, hall.store.cells_kept) == ([], {})
+    before = hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_q"]["value"]
+    hall.store.unread = False
+    hall.fleet.tick()
+    after = hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_q"]["value"]
+    assert after == before  # estimates go on
+    assert "has not been read yet" not in hall.view().basis_text
+    hall.fly(flight, 80, 100)
+    assert hall.store.learned
+    assert hall.store.learned[-1][1] > 500
+    assert hall.store.cells_kept
+
+
+def test_samples_wait_for_what_is_kept_and_then_lead_to_the_same(flight: SampleBlock) -> None:
+    at_once, waited = Hall(), Hall(store=FakeStore(unread=True))
+    for hall in (at_once, waited):
+        hall.announce()
+        hall.fly(flight, 0, 12)
+    assert waited.derivatives()["time_s"] is None
+    waited.store.unread = False
+    waited.fleet.tick()
+    assert waited.derivatives() == at_once.derivatives()
+    assert waited.view().counts == at_once.view().counts
+
+
+def test_what_waits_is_bounded_over_all_vehicles(
+    flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wingwatch.monitor.fleet._MOST_HELD", 5)
+    hall = Hall(store=FakeStore(unread=True))
+    hall.announce()
+    hall.fly(flight, 0, 12)
+    assert hall.view().counts["accepted"] == 12 * PIECE
 
 
 def test_history_is_kept_at_its_interval(flight: SampleBlock) -> None:

@@ -129,8 +129,13 @@ class TestSensors:
             ({"columns": {"time_s": [1]}, "sequence": 1.5}, "wrong_type", "sequence must be"),
             ({"columns": {"time_s": [1]}, "sequence": 2**64}, "wrong_type", "sequence must be"),
             ({"columns": {"time_s": [1]}, "sequence": True}, "wrong_type", "sequence must be"),
+            ({"columns": {"time_s": [1]}, "stream": "new"}, "wrong_type", "stream must be a number"),
+            ({"columns": {"time_s": [1]}, "stream": True}, "wrong_type", "stream must be a number"),
+            ({"columns": {"time_s": [1]}, "stream": 1e300}, "wrong_type", "stream must be a number"),
             ({"columns": {"time_s": [0] * 1001}}, "too_many_samples", "1001 samples"),
             ({"columns": {"time_s": [float("nan")]}}, "malformed", "null, not NaN"),
+            ({"columns": {"time_s": [0.0, 9e15]}}, "bad_value", "time_s holds 9e+15"),
+            ({"columns": {"time_s": [-1.7e308]}}, "bad_value", "time_s holds -1.7e+308"),
         ],
     )
     def test_what_is_no_message_has_a_reason_and_a_sentence(
@@ -139,6 +144,17 @@ class TestSensors:
         problem = rejected(as_json(message))
         assert problem.reason == reason
         assert said in str(problem)
+
+    @BOTH
+    def test_the_stream_is_optional_and_comes_back(self, encoding: str) -> None:
+        for stream in (None, 0, 17, 2**64 - 1):
+            payload = encode_sensors(3, flight_block(2), encoding, stream=stream)
+            assert decode_sensors(payload, encoding).stream == stream
+
+    def test_any_number_names_a_stream(self) -> None:
+        for sent, stream in (("1.5", 1.5), ("-3", -3), ('"18446744073709551615"', 2**64 - 1), ("null", None)):
+            payload = f'{{"stream": {sent}, "columns": {{"time_s": [1]}}}}'
+            assert decode_sensors(payload.encode(), JSON).stream == stream
 
     def test_a_null_is_a_missing_value(self) -> None:
         block = decode_sensors(b'{"columns": {"time_s": [1, 2], "pitch_rad": [null, 0.5]}}', JSON).block
@@ -196,6 +212,8 @@ class TestAircraft:
             ({"aircraft": "a", "mass_kg": "11"}, "wrong_type", "mass_kg"),
             ({"aircraft": "a", "weight": 1}, "unknown_field", "no field 'weight'"),
             ({"aircraft": "a" * 5000}, "bad_value", "aircraft"),
+            ({"aircraft": "a", "mass_kg": 1e9}, "bad_value", "mass_kg"),
+            ({"aircraft": "a", "cg_shift_m": -1e9}, "bad_value", "cg_shift_m"),
         ],
     )
     def test_what_is_no_message_has_a_reason_and_a_sentence(

@@ -107,8 +107,10 @@ class TestPublishing:
         assert same(samples_of(messages), block)
         tracker = SequenceTracker()
         for message in messages[1:]:
-            tracker.observe(decode_sensors(message.payload, message.encoding).sequence)
-        assert (tracker.missing, tracker.restarts, tracker.repeated) == (0, 0, 0)
+            decoded = decode_sensors(message.payload, message.encoding)
+            assert decoded.stream is not None
+            assert tracker.observe(decoded.sequence, decoded.stream, *decoded.span_s)
+        assert not any(tracker.counts.values())
         received = [message.received_s for message in messages]
         assert received == sorted(received)
 
@@ -269,13 +271,12 @@ class TestWhoIsThere:
         assert (message.stream, message.vehicle) == ("aircraft", "uav1")
         assert decode_aircraft(message.payload, message.encoding) == AEROSONDE
 
-    def test_samples_of_a_vehicle_never_announced_make_it_asked(
+    def test_a_vehicle_that_is_asked_for_its_aircraft_answers_by_a_message(
         self, endpoint: str, service: zenoh.Session
     ) -> None:
-        now = [0.0]
         asked = []
         with (
-            SensorSubscriber(service, lambda: now[0]) as subscriber,
+            SensorSubscriber(service, time.monotonic) as subscriber,
             open_session(vehicle(endpoint)) as session,
         ):
 
@@ -284,20 +285,13 @@ class TestWhoIsThere:
                     asked.append(str(query.key_expr))
                     query.reply(query.key_expr, b'{"aircraft": "late"}', encoding=JSON)
 
-            key = vehicle_key("f", "uav1", "sensors")
-            with session.declare_publisher(key) as publisher:
-                until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]
-                with session.declare_queryable(vehicle_key("f", "uav1", "aircraft"), answer):
-                    until(lambda: bool([r for r in service.get("wingwatch/v1/*/*/aircraft") if r.ok]))
-                    asked.clear()
-                    publisher.put(b'{"columns": {"time_s": [1]}}', encoding=JSON)
-                    collect(subscriber, 1)
-                    (message,) = collect(subscriber, 1)
-                    assert message.stream == "aircraft"
-                    assert asked == ["wingwatch/v1/f/uav1/aircraft"]
-                    publisher.put(b'{"columns": {"time_s": [2]}}', encoding=JSON)
-                    collect(subscriber, 1)
-                    assert len(asked) == 1
+            with session.declare_queryable(vehicle_key("f", "uav1", "aircraft"), answer):
+                until(lambda: bool([r for r in service.get("wingwatch/v1/*/*/aircraft") if r.ok]))
+                asked.clear()
+                subscriber.ask_aircraft("f", "uav1")
+                (message,) = collect(subscriber, 1)
+        assert (message.stream, message.vehicle) == ("aircraft", "uav1")
+        assert asked == ["wingwatch/v1/f/uav1/aircraft"]
 
 
 class TestStrangers:
@@ -461,15 +455,3 @@ class TestOpening:
         assert json.loads(config.get_json("scouting/multicast/enabled")) is False
         assert json.loads(config.get_json("transport/shared_memory/enabled")) is False
         assert json.loads(ZenohSettings.for_vehicle().config().get_json("listen/endpoints")) == []
-
-
-def test_sequence_gaps_are_counted_and_a_restart_is_none() -> None:
-    tracker = SequenceTracker()
-    assert [tracker.observe(number) for number in (5, 6, 9, 9, 10, 0, 1, 4)] == [0, 0, 2, 0, 0, 0, 0, 2]
-    assert (tracker.missing, tracker.restarts, tracker.repeated) == (4, 1, 1)
-
-
-def test_a_leap_too_far_for_a_loss_is_another_count() -> None:
-    tracker = SequenceTracker()
-    assert [tracker.observe(number) for number in (0, 2**64 - 1, 0, 1)] == [0, 0, 0, 0]
-    assert (tracker.missing, tracker.restarts, tracker.repeated) == (0, 2, 0)

@@ -1,0 +1,148 @@
+"""A vehicle as the live loop knows it: what it said it is, its monitor, its faults, and the state they make."""
+
+from collections import deque
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.monitor.vehicle import VehicleMonitor
+from wingwatch.monitor.views import VehicleState, VehicleView
+from wingwatch.telemetry import AircraftMessage, SensorsMessage, SequenceTracker
+
+__all__ = ["FAULT_SHOWN_S", "KnownVehicle"]
+
+FAULT_SHOWN_S = 30.0
+"""Wall-clock time for which a fault is shown after the last one: three blocks, so that no block passes in silence."""
+
+
+@dataclass(slots=True)
+class KnownVehicle:
+    """One vehicle of the fleet.
+
+    Attributes:
+        message: what it said it is; aircraft: that aircraft where it is known here; problem: why it is not.
+        monitor: from its first samples on.
+        arrivals: follows the numbers of its messages.
+        counts: samples and messages that were not used, by reason.
+        heard_s: wall clock at the last message; received_s: at the last that was used; refused_s: at the last one
+            that was not.
+        fault, fault_s: the program's last fault over this vehicle, and when.
+        asked_s, published_s: when its aircraft was asked for, and its status published.
+        shown: the state that was published last.
+        history_s: sample time of the last estimate kept for history.
+        saved_blocks: blocks that the references rest on that were kept last.
+        held: messages that wait for what is kept of the vehicle.
+        recalled: whether that has been read; until then nothing is written in its place.
+        recall_s: when it was asked for first.
+    """
+
+    message: AircraftMessage | None = None
+    aircraft: Aircraft | None = None
+    problem: str = ""
+    monitor: VehicleMonitor | None = None
+    arrivals: SequenceTracker = field(default_factory=SequenceTracker)
+    counts: dict[str, int] = field(default_factory=dict)
+    heard_s: float = float("-inf")
+    received_s: float | None = None
+    refused_s: float = float("-inf")
+    fault: str = ""
+    fault_s: float = float("-inf")
+    asked_s: float = float("-inf")
+    published_s: float = float("-inf")
+    shown: VehicleState = VehicleState.UNKNOWN
+    history_s: float = float("-inf")
+    saved_blocks: int = 0
+    held: deque[SensorsMessage] = field(default_factory=deque)
+    recalled: bool = False
+    recall_s: float | None = None
+
+    def count(self, reason: str, times: int = 1) -> None:
+        """Count what was not used."""
+        self.counts[reason] = self.counts.get(reason, 0) + times
+
+    def note_fault(self, error: Exception, now_s: float) -> None:
+        """Remember a fault of the program over this vehicle's samples."""
+        self.count("faults")
+        self.fault, self.fault_s = f"{type(error).__name__}: {error}"[:200], now_s
+
+    def start_anew(self) -> None:
+        """It is another aircraft from now on, or none that is known."""
+        self.monitor, self.recalled, self.recall_s = None, False, None
+        self.held.clear()
+
+    @property
+    def all_counts(self) -> dict[str, int]:
+        """Of samples and of messages, without zeros."""
+        of_samples = {} if self.monitor is None else self.monitor.counts
+        numbers = {name: times for name, times in self.arrivals.counts.items() if times}
+        return {**of_samples, **self.counts, **numbers}
+
+    def standing(self, now_s: float, stale_s: float) -> tuple[VehicleState, str | None]:
+        """State, and its reason where that is not the monitor's own.
+
+        An alert stands through silence and faults; neither passes for health.
+        """
+        faulty = now_s - self.fault_s <= FAULT_SHOWN_S
+        if self.monitor is not None and self.monitor.state is VehicleState.DEGRADED:
+            return (
+                VehicleState.DEGRADED,
+                f"{self.monitor.reason} Meanwhile {self.fault_text}" if faulty else None,
+            )
+        if faulty:
+            return VehicleState.UNKNOWN, self.fault_text
+        if self.monitor is None:
+            return VehicleState.UNKNOWN, self._unknown_because
+        if self.received_s is None or now_s - self.received_s > stale_s:
+            if now_s - self.refused_s <= stale_s:
+                return VehicleState.STALE, "messages arrive, but none that can be used: see the counts"
+            return VehicleState.STALE, "no samples are arriving"
+        return self.monitor.state, None
+
+    @property
+    def fault_text(self) -> str:
+        """The program's faults over this vehicle in one clause."""
+        return (
+            f"the program failed on its samples {self.counts.get('faults', 0)} times, last with {self.fault}"
+        )
+
+    @property
+    def _unknown_because(self) -> str:
+        if self.message is None:
+            return "samples arrive but the vehicle has not said what aircraft it is"
+        if self.held:
+            return "what is kept of its earlier flights is being read"
+        return self.problem or "announced; no samples yet"
+
+    def view(
+        self, fleet: str, vehicle: str, now_s: float, stale_s: float, alerts: Collection[str]
+    ) -> VehicleView:
+        """The vehicle as an operator sees it.
+
+        Args:
+            now_s: wall clock.
+            stale_s: silence after which it is stale.
+            alerts: ids of all that are kept.
+        """
+        state, reason = self.standing(now_s, stale_s)
+        if self.monitor is None:
+            return self.bare_view(fleet, vehicle, state, reason or "")
+        view = self.monitor.view()
+        unread = "" if self.recalled else " What is kept of its earlier flights has not been read yet."
+        return replace(
+            view,
+            state=state,
+            reason=view.reason if reason is None else reason,
+            basis_text=view.basis_text + unread,
+            counts=self.all_counts,
+            active_alerts=tuple(name for name in view.active_alerts if name in alerts),
+        )
+
+    def bare_view(self, fleet: str, vehicle: str, state: VehicleState, reason: str) -> VehicleView:
+        """The vehicle without anything that its monitor says."""
+        message = self.message
+        return VehicleView(
+            fleet=fleet, vehicle=vehicle, aircraft=message.aircraft if message else None,
+            configuration=message.configuration if message else None, state=state, state_since_s=None,
+            reason=reason, last_sample_time_s=None, basis=None, basis_text="Nothing has been compared yet.",
+            worst=None, counts=self.all_counts, active_alerts=(), condition={},
+        )  # fmt: skip

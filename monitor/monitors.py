@@ -1,0 +1,60 @@
+"""Makes the monitor of a vehicle from what it said it is, what its messages carry, and what is kept of it."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.baselines import Envelope
+from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.vehicle import VehicleMonitor, surface_kinds
+from wingwatch.telemetry import AircraftMessage, derivations
+
+__all__ = ["MonitorMaker"]
+
+_KEPT_TYPES = 64
+"""Aircraft types and configurations whose stated envelopes are kept: invented names cannot fill the memory."""
+
+
+class MonitorMaker:
+    """Makes monitors; what vehicles of one type share is worked out once.
+
+    Args:
+        new_id: makes alert ids.
+        judge: settings of the test.
+    """
+
+    def __init__(self, new_id: Callable[[], str], judge: JudgeConfig) -> None:
+        self._new_id, self._judge = new_id, judge
+        self._apriori: dict[tuple[str, str], tuple[Aircraft, Mapping[str, Envelope]]] = {}
+
+    def make(
+        self,
+        fleet: str,
+        vehicle: str,
+        aircraft: Aircraft,
+        announced: AircraftMessage,
+        given: Sequence[str],
+        memory: VehicleMemory,
+    ) -> VehicleMonitor:
+        """A monitor at the start of a flight.
+
+        Args:
+            given: channels that the vehicle's messages carry: these count, not what its first few samples happen to
+                hold, for a vane may start late.
+            memory: what is kept of its earlier flights.
+        """
+        place = (aircraft.name, announced.configuration)
+        known_type, apriori = self._apriori.get(place, (None, {}))
+        if known_type is not aircraft:
+            apriori = {}
+        monitor = VehicleMonitor(
+            aircraft, fleet, vehicle, [*given, *derivations(given)], surface_kinds(given),
+            configuration=announced.configuration, references=memory.references,
+            envelopes={**apriori, **memory.envelopes}, cells=memory.cells, new_id=self._new_id, config=self._judge,
+        )  # fmt: skip
+        stated = {k: v for k, v in monitor.chain.envelopes.items() if k not in memory.envelopes}
+        # One type's vehicles share what its file says: linearised once, not once a vehicle.
+        self._apriori[place] = aircraft, {**apriori, **stated}
+        while len(self._apriori) > _KEPT_TYPES:
+            self._apriori.pop(next(iter(self._apriori)))
+        return monitor

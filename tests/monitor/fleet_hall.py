@@ -1,0 +1,183 @@
+"""A fleet monitor with a clock, a store and outputs made by hand, and messages as a vehicle would send them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
+from wingwatch.baselines import EstimateRecord, Reference
+from wingwatch.monitor import (
+    AlertState,
+    AlertView,
+    CellPlace,
+    FleetMonitor,
+    FleetSettings,
+    VehicleMemory,
+    VehicleState,
+    VehicleView,
+)
+from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
+from wingwatch.telemetry import (
+    JSON,
+    PROTOBUF,
+    AircraftMessage,
+    SampleBlock,
+    encode_aircraft,
+    encode_sensors,
+)
+
+AEROSONDE = load_aircraft("aerosonde")
+TWIN = AEROSONDE.model_copy(update={"name": "twin"})
+HANGAR = {"aerosonde": AEROSONDE, "twin": TWIN}
+PIECE = 50
+"""Samples a message: one second."""
+
+OLD_ALERT = AlertView(
+    id="old", fleet="default", vehicle="gone", kind="icing", cause="icing", level="watch",
+    state=AlertState.ACTIVE, raised_s=10.0, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.95,
+    basis="a-priori", text="Icing.", evidence=(),
+)  # fmt: skip
+
+
+def find(name: str) -> Aircraft:
+    if name not in HANGAR:
+        raise ValueError(f"aircraft {name} is not known; known are {', '.join(HANGAR)}")
+    return HANGAR[name]
+
+
+@dataclass
+class Clock:
+    now_s: float = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@dataclass
+class FakeStore:
+    """Remembers what it is given; with ``broken`` every call fails, with ``unread`` nothing has been read yet."""
+
+    broken: bool = False
+    unread: bool = False
+    known: Mapping[str, Reference] = field(default_factory=dict)
+    earlier: Sequence[AlertView] = ()
+    asked: list[tuple[str, str]] = field(default_factory=list)
+    learned: list[tuple[str, int]] = field(default_factory=list)
+    alerts_kept: list[AlertView] = field(default_factory=list)
+    rows: list[EstimateRecord] = field(default_factory=list)
+    cells_kept: dict[CellPlace, Reference] = field(default_factory=dict)
+
+    def _fail(self) -> None:
+        if self.broken:
+            raise OSError("database is locked")
+
+    def recall(
+        self, fleet: str, vehicle: str, aircraft: Aircraft, configuration: str
+    ) -> VehicleMemory | None:
+        self._fail()
+        self.asked.append((aircraft.name, configuration))
+        return None if self.unread else VehicleMemory(references=self.known)
+
+    def save_references(
+        self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
+    ) -> None:
+        self._fail()
+        self.learned.append((aircraft, max(r.blocks for r in references.values())))
+
+    def save_cells(
+        self,
+        fleet: str,
+        vehicle: str,
+        aircraft: str,
+        configuration: str,
+        cells: Mapping[CellPlace, Reference],
+    ) -> None:
+        self._fail()
+        self.cells_kept.update(cells)
+
+    def save_alert(self, alert: AlertView) -> None:
+        self._fail()
+        self.alerts_kept.append(alert)
+
+    def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
+        self._fail()
+        self.rows.extend(rows)
+
+    def alerts(self) -> Sequence[AlertView]:
+        self._fail()
+        return self.earlier
+
+
+@dataclass
+class FakeOutputs:
+    """Keeps what was announced and who was asked."""
+
+    said: list[tuple[str, Any]] = field(default_factory=list)
+    asked: list[tuple[str, str]] = field(default_factory=list)
+
+    def announce(
+        self, fleet: str, vehicle: str, stream: str, value: Mapping[str, Any] | VehicleView | AlertView
+    ) -> None:
+        self.said.append((stream, value))
+
+    def ask_aircraft(self, fleet: str, vehicle: str) -> None:
+        self.asked.append((fleet, vehicle))
+
+    def states(self) -> list[VehicleState]:
+        return [v.state for stream, v in self.said if stream == "status"]
+
+
+class Hall:
+    """A fleet monitor with everything around it."""
+
+    def __init__(self, settings: FleetSettings | None = None, store: FakeStore | None = None) -> None:
+        self.clock, self.outputs = Clock(), FakeOutputs()
+        self.store = store or FakeStore()
+        ids = count(1)
+        self.fleet = FleetMonitor(
+            find, self.clock, lambda: f"a{next(ids)}", self.store, self.outputs, settings
+        )
+        self.sequence = count()
+
+    def announce(self, vehicle: str = "uav", aircraft: str = "aerosonde", **rest: Any) -> None:
+        message = AircraftMessage(aircraft=aircraft, **rest)
+        self.fleet.receive("default", vehicle, "aircraft", encode_aircraft(message), PROTOBUF)
+
+    def sample(
+        self,
+        block: SampleBlock,
+        sequence: int,
+        vehicle: str = "uav",
+        encoding: str = PROTOBUF,
+        stream: int | None = None,
+    ) -> None:
+        payload = encode_sensors(sequence, block, encoding, stream=stream)
+        self.fleet.receive("default", vehicle, "sensors", payload, encoding)
+
+    def raw(self, payload: bytes, encoding: str = JSON, stream: str = "sensors") -> None:
+        self.fleet.receive("default", "uav", stream, payload, encoding)
+
+    def fly(self, flight: SampleBlock, from_s: int, to_s: int) -> None:
+        """Whole seconds of a flight, a message each, with running numbers."""
+        for k in range(from_s, to_s):
+            self.sample(second(flight, k), next(self.sequence))
+
+    def view(self, vehicle: str = "uav") -> VehicleView:
+        return next(v for v in self.fleet.vehicles() if v.vehicle == vehicle)
+
+    def derivatives(self) -> Mapping[str, Any]:
+        found = self.fleet.derivatives("default", "uav")
+        assert found is not None
+        return found
+
+
+def second(flight: SampleBlock, k: int) -> SampleBlock:
+    return SampleBlock(flight.values[k * PIECE : (k + 1) * PIECE])
+
+
+def fly_doublets(seconds: float, *effects: ElevatorEffectiveness) -> SampleBlock:
+    schedule = doublet_schedule(AEROSONDE, FlightCondition(25.0, 1000.0), np.deg2rad(2.0))
+    return simulate(Scenario(AEROSONDE, manoeuvres=(schedule,), effects=effects, seed=3), seconds)
