@@ -90,6 +90,8 @@ def diagnose(
             subject = subject_of(flight, aircraft, kinds or {}, window_s)
             try:
                 problem, point = _begun(subject)
+                if window_s > WINDOWS_S[-1] and not _stays_near(problem, point):
+                    continue
                 found = search(problem, point, candidates(subject), tell)
                 tell("measuring the gain", 0.9)
                 other = (
@@ -104,6 +106,19 @@ def diagnose(
         f"the simulation of aircraft {aircraft.name} runs away from the flight within {WINDOWS_S[-1]:g} s: nothing "
         "fits; check that the file is of this aircraft, and the units and signs of the channel map"
     )
+
+
+_ATTITUDE_AND_RATES = (1, 2, 3, 7, 8)
+
+
+def _stays_near(problem: Problem, point: Point) -> bool:
+    """Whether rates and attitude stay nearer to the flight than it moves itself, in the median of them."""
+    flown, ratios = replayed(problem, fit(problem, point).point), []
+    for k in set(_ATTITUDE_AND_RATES) & set(problem.used):
+        off = sum(float(((a - b) ** 2).sum()) for a, b in flown.pairs(k))
+        moved = sum(float(((a - a.mean()) ** 2).sum()) for a, _ in flown.pairs(k))
+        ratios.append(off / moved if moved > 0.0 else 0.0)
+    return bool(np.median(ratios) < 1.0)
 
 
 def _begun(subject: Subject) -> tuple[Problem, Point]:

@@ -351,8 +351,13 @@ def with_air(problem: Problem, point: Point) -> Point:
     def of_window(w: int) -> Array:
         linear = linear_at(problem, point, problem.groups[w], model)
         read = simulate(problem, point, w, [model], linear)[0]
+        if not np.isfinite(read).all():
+            return np.zeros_like(point.air[w])
         residual = residual_of(problem, point, w, measured, read, linear)
-        return estimate_air(linear, point.noise, residual, problem.used, lead_of(problem, w))
+        found = estimate_air(linear, point.noise, residual, problem.used, lead_of(problem, w))
+        blown = replace(point, air=(*point.air[:w], found, *point.air[w + 1 :]))
+        flies = bool(np.isfinite(simulate(problem, blown, w, [model], linear)).all())
+        return found if flies else np.zeros_like(found)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         return replace(point, air=tuple(pool.map(of_window, range(len(problem.inputs)))))
@@ -412,18 +417,23 @@ def _innovations(problem: Problem, point: Point, w: int, versions: _Versions) ->
     linear, gains = filters[0]
     read = simulate(problem, point, w, versions.models, linear)
     own = own_columns(problem, point, w, base, linear, read[0])
-    residual = residual_of(problem, point, w, versions.measured, read[0], linear)
+    runs_away = [not bool(np.isfinite(one).all()) for one in read]
+    residual = residual_of(problem, point, w, versions.measured, np.nan_to_num(read[0]), linear)
     together = np.concatenate([residual[..., None], own], axis=-1)
     first, spread = whiten(linear, point.noise, together, problem.used, lead, gains)
     columns = [first]
     slope = _predicted_slope(problem, w, versions.measured, first[..., 0])
     for i in range(1, len(versions.models)):
         model, (its, its_gains) = versions.models[i], filters[i]
-        residual = residual_of(problem, point, w, versions.measured, read[i], its)
+        residual = residual_of(problem, point, w, versions.measured, np.nan_to_num(read[i]), its)
         residual += (model.sensors[:, DELAY] - base.sensors[:, DELAY]) * slope
         e, _ = whiten(its, point.noise, residual[..., None], problem.used, lead, its_gains)
         columns.append((first[..., :1] - e) / versions.steps[i - 1])
-    return np.concatenate(columns, axis=-1) / spread[..., None], spread
+    white = np.concatenate(columns, axis=-1) / spread[..., None]
+    white[..., [own.shape[-1] + i for i in range(1, len(read)) if runs_away[i]]] = np.nan
+    if runs_away[0]:
+        white[..., 0] = np.nan
+    return white, spread
 
 
 def _predicted_slope(problem: Problem, w: int, measured: Array, innovations: Array) -> Array:
@@ -441,7 +451,7 @@ def _predicted_slope(problem: Problem, w: int, measured: Array, innovations: Arr
 def _of_window(problem: Problem, point: Point, w: int, versions: _Versions) -> tuple[Array, float, int]:
     white, spread = _innovations(problem, point, w, versions)
     width = white.shape[-1]
-    known = np.asarray(np.isfinite(white.reshape(-1, width)).all(axis=0))
+    known = np.array([bool(np.isfinite(white[..., c]).all()) for c in range(width)])
     if not known[: 1 + own_count(problem)].all():
         return np.full((1, width, width), np.nan), np.nan, 0
     white[..., ~known] = 0.0  # a version that runs away in this window says nothing here

@@ -17,6 +17,7 @@ from wingwatch.diagnosis.fit import (
     WORKERS,
     Point,
     Problem,
+    RunsAwayError,
     lead_of,
     linear_at,
     model_at,
@@ -97,6 +98,8 @@ def _residual_and_own(
     linear = linear_at(problem, point, problem.groups[w], model)
     read = simulate(problem, point, w, [model], linear)[0]
     own = own_columns(problem, point, w, model, linear, read)
+    if not (np.isfinite(read).all() and np.isfinite(own).all()):
+        raise RunsAwayError("the simulation runs away from the flight")
     residual = residual_of(problem, point, w, measured, read, linear)
     return linear, np.concatenate([residual[..., None], own], axis=-1)
 

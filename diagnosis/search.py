@@ -124,6 +124,8 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         for i, (candidate, noise) in enumerate(listed):
             progress(f"fitting {candidate.label}", at + 0.02 + 0.15 * i / len(listed))
             one = _fitted(problem, present, candidate, noise)
+            if one is None or one.gain <= 0.0:  # lost on the way: nearer to the present model, then
+                one = _fitted(problem, present, candidate, present.point.noise) or one
             tried += [] if one is None else [one]
         tried = _judged(tried)
         tried.sort(key=lambda t: -t.evidence)

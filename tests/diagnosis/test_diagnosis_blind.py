@@ -1,0 +1,42 @@
+"""Effects hidden in flights are found, and nothing is found where nothing is hidden.
+
+The flights are those of ``benchmarks/diagnosis_cases``, which shares no code with the diagnosis; the benchmark flies
+hundreds, here are a few fixed ones.
+"""
+
+import pytest
+from diagnosis_cases import FIXED
+from diagnosis_score import judged
+
+from wingwatch.diagnosis import Diagnosis, diagnose
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+
+def told(name: str) -> Diagnosis:
+    case = FIXED[name]()
+    found = diagnose(case.flight, case.aircraft, kinds=case.kinds)
+    if case.effects:
+        verdict = judged(case, found, 0.0)
+        assert verdict.first, (name, verdict.said)
+    return found
+
+
+@pytest.mark.parametrize("name", ["weak-elevator", "airspeed-scale", "slow-actuator", "vane-ahead"])
+def test_what_is_hidden_in_a_simulated_flight_is_named_first(name: str) -> None:
+    found = told(name)
+    assert found.gain is not None
+    assert found.gain.source == "windows left out"
+    assert min(change.value for change in found.gain.change.values()) < -0.05
+
+
+@pytest.mark.parametrize("name", ["jsbsim-weak-elevator", "dutch-roll-only"])
+def test_what_is_hidden_in_a_flight_of_others_is_named_first(name: str) -> None:
+    assert told(name).causes[0].held_out_gain > 0.0
+
+
+def test_nothing_is_claimed_where_nothing_is_hidden() -> None:
+    found = told("nothing")
+    assert found.causes == ()
+    assert found.model is None
+    assert found.gain is None

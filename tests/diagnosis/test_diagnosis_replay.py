@@ -1,0 +1,167 @@
+"""Replay and innovations: a perfect simulation leaves sensor noise, a wrong one does not."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import STRUCTURES, FlightCondition, load_aircraft
+from wingwatch.diagnosis.candidate import Subject
+from wingwatch.diagnosis.causes import candidates
+from wingwatch.diagnosis.fit import Point, Problem, evaluate, filter_of, fit, prepare, reduce
+from wingwatch.diagnosis.innovations import air_response, estimate_air, whiten
+from wingwatch.diagnosis.linear_aircraft import concise, row_of_derivatives
+from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, measure
+from wingwatch.diagnosis.misfit import replayed
+from wingwatch.diagnosis.noise import first_noise, fit_noise
+from wingwatch.diagnosis.replay import DELAY, Model, without_delays
+from wingwatch.diagnosis.subject import subject_of
+from wingwatch.simulation import Scenario, doublet_schedule, linearise, simulate
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
+
+Array = NDArray[np.float64]
+
+AEROSONDE = load_aircraft("aerosonde")
+CRUISE = FlightCondition(25.0, 1000.0)
+
+
+@cache
+def flown(noise: bool = True, seconds: float = 20.0) -> SampleBlock:
+    inputs = (doublet_schedule(AEROSONDE, CRUISE, spacing_s=3.0, start_s=2.0),)
+    return simulate(Scenario(AEROSONDE, manoeuvres=inputs, noise=noise, seed=5), seconds)
+
+
+def problem_of(block: SampleBlock) -> tuple[Subject, Problem, Point]:
+    subject = subject_of(block, AEROSONDE, {})
+    problem, point = prepare(subject, first_noise(subject.flight))
+    return subject, problem, point
+
+
+def test_a_replay_of_a_clean_flight_follows_it() -> None:
+    _, problem, point = problem_of(flown(noise=False))
+    both = replayed(problem, fit(problem, point).point)
+    for name in ("pitch_rate_rad_s", "roll_rate_rad_s", "yaw_rate_rad_s", "specific_force_z_m_s2"):
+        k = OUTPUTS.index(name)
+        off = np.concatenate([a - b for a, b in both.pairs(k)])
+        moved = np.concatenate([a - a.mean() for a, _ in both.pairs(k)])
+        assert np.std(off) < 0.01 * np.std(moved), name
+
+
+def test_innovations_of_a_right_simulation_are_the_sensors_noise() -> None:
+    subject, problem, point = problem_of(flown())
+    point = fit_noise(problem, fit(problem, point).point)
+    fitted = point.noise.sensors[list(problem.used)] / subject.flight.noise_std[list(problem.used)]
+    np.testing.assert_allclose(fitted, 1.0, atol=0.12)  # 1000 samples: 2 %, and stated noise is exact
+    evaluation = evaluate(problem, point)
+    square = sum(float(b[:, 0, 0].sum()) for b in evaluation.blocks)
+    assert square / evaluation.readings == pytest.approx(1.0, abs=0.04)
+
+
+def test_equation_1_predicts_what_a_small_change_of_the_start_does() -> None:
+    subject, problem, point = problem_of(flown(noise=False))
+    linear, _ = filter_of(problem, point, 0, subject.model)
+    for j, size in ((2, 0.05), (3, 0.01), (4, 0.01), (5, 0.01)):
+        starts = point.starts.copy()
+        starts[0, j] += size
+        moved = replayed(problem, replace(point, starts=starts)).simulated[0]
+        change = (moved - replayed(problem, point).simulated[0])[:50]
+        x = np.zeros(len(linear.transition))
+        x[j] = size
+        said = []
+        for _ in change:
+            said.append(linear.output @ x)
+            x = linear.transition @ x
+        k = int(np.argmax(np.abs(change).max(axis=0) / subject.flight.noise_std))
+        np.testing.assert_allclose(np.array(said)[:, k], change[:, k], atol=0.03 * np.abs(change[:, k]).max())
+
+
+def test_air_that_is_estimated_explains_what_it_did() -> None:
+    subject, problem, point = problem_of(flown(noise=False))
+    noise = replace(point.noise, gusts=np.array([1.0, 1.0, 1.0, 0.05, 0.2, 0.2]))
+    linear, _ = filter_of(problem, point, 0, subject.model)
+    rng, states = np.random.default_rng(1), np.zeros((400, 8))
+    for t in range(1, 400):
+        states[t, 2] = 0.99 * states[t - 1, 2] + 0.14 * rng.standard_normal()  # vertical gust
+    response = air_response(linear, states)
+    found = estimate_air(linear, noise, response, problem.used, 0)
+    assert np.corrcoef(found[20:, 2], states[20:, 2])[0, 1] > 0.99
+    white, spread = whiten(linear, noise, response[..., None], problem.used, 0)
+    assert float(np.mean((white[..., 0] / spread) ** 2)) < 1.0
+
+
+def test_a_delay_is_a_shift_that_keeps_the_noise() -> None:
+    subject, _, _ = problem_of(flown())
+    sensors = np.zeros((len(OUTPUTS), 3))
+    k = OUTPUTS.index("pitch_rate_rad_s")
+    sensors[k, DELAY] = 2.5 * subject.flight.dt_s
+    moved = without_delays(subject.flight, Model(subject.model.row, sensors))[:, k]
+    inner = slice(50, -50)
+    assert np.std(np.diff(moved[inner], 3)) == pytest.approx(
+        np.std(np.diff(subject.flight.outputs[inner, k], 3)), rel=0.05
+    )
+    sensors[k, DELAY] = 3.0 * subject.flight.dt_s
+    whole = without_delays(subject.flight, Model(subject.model.row, sensors))[:, k]
+    np.testing.assert_allclose(whole[100:-100], subject.flight.outputs[103:-97, k], atol=2e-3)
+
+
+def test_derivatives_alone_make_an_aircraft_that_has_them() -> None:
+    table = {s: v for name in ("short_period", "lateral") for s, v in _linearised(name).items()}
+    entry = {
+        "airspeed_true_m_s": 25.0, "altitude_m": 1000.0, "provenance": "a-priori", "angle_of_attack_rad": 0.05,
+        "derivatives": {s: {"value": v, "standard_error": 1.0} for s, v in table.items()},
+    }  # fmt: skip
+    whole = AEROSONDE.model_dump() | {"coefficients": None, "conditions": [entry]}
+    bare = type(AEROSONDE).model_validate(whole)
+    row = row_of_derivatives(bare, bare.conditions[0])
+    found = concise(row, bare.conditions[0].condition, tuple(table))
+    np.testing.assert_allclose(found, list(table.values()), rtol=1e-6, atol=1e-6)
+
+
+def _linearised(name: str) -> dict[str, float]:
+    return linearise(AEROSONDE, CRUISE, STRUCTURES[name])
+
+
+def test_information_of_two_windows_is_the_sum_of_theirs() -> None:
+    _, problem, point = problem_of(flown())
+    further = candidates(problem.subject)[:5]
+    both = reduce(problem, point, evaluate(problem, point, further)).information
+    parts = [
+        reduce(
+            problem.part([w]), point.part([w]), evaluate(problem.part([w]), point.part([w]), further)
+        ).information
+        for w in range(len(problem.windows))
+    ]
+    np.testing.assert_allclose(sum(parts), both, rtol=0.02, atol=1e-3 * np.abs(both).max())
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ("short", "needs 10 s"),
+        ("no pitch rate", "has no pitch_rate_rad_s"),
+        ("no rudder", "neither rudder_rad nor rudder_command_rad"),
+    ],
+)
+def test_a_flight_that_cannot_be_replayed_is_refused_in_one_sentence(change: str, sentence: str) -> None:
+    values = flown().values.copy()
+    if change == "short":
+        values = values[:300]
+    elif change == "no pitch rate":
+        values[:, CHANNEL_INDEX["pitch_rate_rad_s"]] = math.nan
+    else:
+        values[:, [CHANNEL_INDEX["rudder_rad"], CHANNEL_INDEX["rudder_command_rad"]]] = math.nan
+    with pytest.raises(DiagnosisError, match=sentence):
+        measure(SampleBlock(values), AEROSONDE, {})
+
+
+@pytest.mark.parametrize("table", ["mass", "geometry"])
+def test_an_aircraft_that_cannot_be_flown_is_refused_in_one_sentence(table: str) -> None:
+    bare = AEROSONDE.model_copy(update={table: None})
+    with pytest.raises(DiagnosisError, match=f"states no .{table}."):
+        subject_of(flown(), bare, {})
+    nothing = AEROSONDE.model_copy(update={"coefficients": None, "conditions": ()})
+    with pytest.raises(DiagnosisError, match="nothing to simulate"):
+        subject_of(flown(), nothing, {})
