@@ -14,6 +14,7 @@ from wingwatch.diagnosis.fit import (
     Point,
     Problem,
     RunsAwayError,
+    Solution,
     evaluate,
     fit,
     model_at,
@@ -92,7 +93,10 @@ def diagnose(
                 problem, point = _begun(subject)
                 if window_s > WINDOWS_S[-1] and not _stays_near(problem, point):
                     continue
-                found = search(problem, point, candidates(subject), tell)
+                active = _most_active(problem)
+                part = problem.part(active)
+                found = search(part, point.part(active), candidates(subject), tell)
+                found = _over(problem, point, found) if len(active) < len(problem.windows) else found
                 tell("measuring the gain", 0.9)
                 other = (
                     None
@@ -106,6 +110,32 @@ def diagnose(
         f"the simulation of aircraft {aircraft.name} runs away from the flight within {WINDOWS_S[-1]:g} s: nothing "
         "fits; check that the file is of this aircraft, and the units and signs of the channel map"
     )
+
+
+MOST_WINDOWS = 12
+"""Windows in which causes are looked for: those in which the surfaces move most. The gain is measured on all."""
+
+
+def _most_active(problem: Problem) -> list[int]:
+    """Windows for the search, in the order of their time."""
+    moved = []
+    for i in problem.inputs:
+        surfaces = np.where(np.isfinite(i.flown), i.flown, i.commands)
+        moved.append(surfaces.std(axis=0))
+    usual = np.maximum(np.mean(moved, axis=0), 1e-9)
+    order = np.argsort([-float((m / usual).sum()) for m in moved], kind="stable")
+    return sorted(int(w) for w in order[:MOST_WINDOWS])
+
+
+def _over(problem: Problem, point: Point, found: Search) -> Search:
+    """What was found in some windows, over all of them."""
+
+    def whole(solution: Solution) -> Solution:
+        at = solution.point
+        everywhere = replace(point, causes=at.causes, values=at.values, noise=at.noise)
+        return replace(solution, point=own_fitted(problem, everywhere))
+
+    return replace(found, stated=whole(found.stated), last=whole(found.last))
 
 
 _ATTITUDE_AND_RATES = (1, 2, 3, 7, 8)

@@ -192,6 +192,12 @@ class Solution:
     evaluation: Evaluation
 
 
+def _mean(rows: Array) -> Array:
+    """Of each column's finite values; 0 where there is none."""
+    there = np.isfinite(rows)
+    return np.asarray(np.where(there, rows, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1))
+
+
 def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     """Windows and what each starts from, as measured."""
     flight, row = subject.flight, subject.model.row
@@ -199,8 +205,7 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     inputs, centres, starts = [], [], []
     for window in flight.windows:
         start = measured_start(flight, window, row)
-        with np.errstate(all="ignore"):
-            mean = np.nanmean(flight.outputs[window.start : window.stop], axis=0)
+        mean = _mean(flight.outputs[window.start : window.stop])
         velocity = start[:3] * mean[0] / max(float(np.linalg.norm(start[:3])), 1.0)
         starts.append(start)
         centres.append(np.array([*velocity, 0.0, 0.0, 0.0, mean[7], mean[8]]))
@@ -348,6 +353,7 @@ def with_air(problem: Problem, point: Point) -> Point:
     model = model_at(problem, point)
     measured = without_delays(problem.subject.flight, model)
 
+    @np.errstate(all="ignore")
     def of_window(w: int) -> Array:
         linear = linear_at(problem, point, problem.groups[w], model)
         read = simulate(problem, point, w, [model], linear)[0]
@@ -448,6 +454,7 @@ def _predicted_slope(problem: Problem, w: int, measured: Array, innovations: Arr
     return slope
 
 
+@np.errstate(all="ignore")  # what runs away is told by its numbers
 def _of_window(problem: Problem, point: Point, w: int, versions: _Versions) -> tuple[Array, float, int]:
     white, spread = _innovations(problem, point, w, versions)
     width = white.shape[-1]
@@ -639,6 +646,8 @@ def own_fitted(problem: Problem, point: Point) -> Point:
         reduced = reduce(problem, point, evaluate(problem, point))
         starts, trims = point.starts.copy(), point.trims.copy()
         for w, (alone, _) in enumerate(reduced.own):
+            if not np.isfinite(alone).all():
+                continue  # it runs away in this window
             starts[w] += alone[: starts.shape[1]]
             trims[w, list(problem.free_trims)] += alone[starts.shape[1] :]
         point = replace(point, starts=starts, trims=trims)

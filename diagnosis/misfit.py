@@ -111,6 +111,7 @@ def _whiteness(residuals: list[Array]) -> float:
     return float(chi2.sf(n * (n + 2) * q, _LAGS))
 
 
+@np.errstate(all="ignore")  # a signal that does not move has no coherence
 def _coherences(flown: Replayed, k: int) -> dict[str, float]:
     """Mean squared coherence below 5 Hz of the residual with surfaces and states."""
     out = {}
@@ -120,7 +121,8 @@ def _coherences(flown: Replayed, k: int) -> dict[str, float]:
             there = np.isfinite(a[:, k]) & np.isfinite(a[:, j])
             if there.sum() >= 128 and np.ptp(a[there, j]) > 0.0 and j != k:
                 hz, value = coherence(a[there, k] - b[there, k], a[there, j], nperseg=64)
-                parts.append(float(np.nanmean(value[1 : max(2, round(len(hz) * 0.2))])))
+                seen = value[1 : max(2, round(len(hz) * 0.2))]
+                parts += [float(seen[np.isfinite(seen)].mean())] if np.isfinite(seen).any() else []
         if parts:
             out[name] = float(np.mean(parts))
     return out

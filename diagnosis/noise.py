@@ -92,6 +92,7 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     return replace(point, noise=_noise_at(eta, used, point.noise))
 
 
+@np.errstate(all="ignore")
 def _residual_and_own(
     problem: Problem, point: Point, w: int, model: Model, measured: Array
 ) -> tuple[LinearModel, Array]:
@@ -117,6 +118,7 @@ def _sums(
         linear, lead = columns[group][0], lead_of(problem, group)
         return [settled_gains(linear, one, problem.used, lead, longest) for one in noises]
 
+    @np.errstate(all="ignore")
     def of_window(w: int) -> tuple[float, Array, Array]:
         gains = found[problem.groups[w]]
         residual, white, s = _at_its_best(problem, columns[w], w, noises[0], gains[0])

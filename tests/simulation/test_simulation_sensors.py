@@ -262,13 +262,12 @@ def test_a_column_as_fast_as_the_table_has_every_reading() -> None:
 
 
 def test_the_service_works_on_the_rows_that_a_slow_required_column_leaves() -> None:
-    values = read([scenario({"rate_hz": {SPEED: 10.0}})], table(500, {SPEED: np.full(500, 25.0)}))[0]
+    flown = {SPEED: np.full(500, 25.0), "air_density_kg_m3": np.full(500, 1.1)}
+    values = read([scenario({"rate_hz": {SPEED: 10.0}})], table(500, flown))[0]
     result = Cleaner().clean(SampleBlock(values))
     assert result.report.accepted == 100
     assert result.report.by_channel == {SPEED: 400}
-    held = read(
-        [scenario({"rate_hz": {SPEED: 10.0}}, slow_columns="held")], table(500, {SPEED: np.full(500, 25.0)})
-    )[0]
+    held = read([scenario({"rate_hz": {SPEED: 10.0}}, slow_columns="held")], table(500, flown))[0]
     assert Cleaner().clean(SampleBlock(held)).report.accepted == 500
 
 
