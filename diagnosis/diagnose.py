@@ -232,7 +232,7 @@ def _channels(problem: Problem, found: Search, i: int, noise: Array) -> tuple[st
         values=point.values[:i] + point.values[i + 1 :],
     )
     whole, less = replayed(problem, point), replayed(problem, without)
-    grown = {}
+    grown: dict[str, float] = {}
     for k in problem.used:
         square = [sum(float(((a - b) ** 2).sum()) for a, b in flown.pairs(k)) for flown in (whole, less)]
         readings = sum(len(a) for a, _ in whole.pairs(k))
@@ -310,6 +310,11 @@ def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str
     absent = [OUTPUTS[k] for k in (9, 10) if k not in subject.flight.compared]
     if absent:
         notes.append(f"no {' and no '.join(absent)}: gusts are told from motion by the accelerometers alone")
+    if found.lost:
+        notes.append(
+            "no further cause is claimed: the simulation is so far from this flight that fits did not find their way; "
+            "mend what is known to be wrong first, or give a shorter, gentler part of the flight"
+        )
     gusts = found.last.point.noise.gusts[1:3]
     if float(gusts.max()) > 0.3:
         notes.append(

@@ -49,6 +49,8 @@ _THRESHOLD = 7.0
 _ALIKE = 3.0
 """Difference of evidence within which causes cannot be told apart: odds of twenty to one."""
 _FOLDS = 4
+_LOST = 10.0
+"""Log-likelihood below the present model's at which a fit has not found its way."""
 _SURE = 3.0
 """Standard errors that a parameter must be away from none."""
 
@@ -93,12 +95,14 @@ class Search:
         found: causes in the order they were taken.
         last: the model with all of them.
         rest: the candidates of the last round, that were not taken.
+        lost: whether fits did not find their way, so that nothing further may be claimed.
     """
 
     stated: Solution
     found: tuple[Found, ...]
     last: Solution
     rest: tuple[Tried, ...]
+    lost: bool = False
 
 
 def settled(problem: Problem, point: Point, rounds: int = 2) -> Solution:
@@ -115,6 +119,7 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
     stated = present = settled(problem, point)
     found: list[Found] = []
     rest: tuple[Tried, ...] = ()
+    lost = False
     for turn in range(MOST_CAUSES):
         at = 0.05 + 0.2 * turn
         progress("screening causes", at)
@@ -130,6 +135,9 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         tried = _judged(tried)
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)
+        if sum(t.gain < -_LOST for t in tried) > 0.5 * len(tried):
+            lost = True  # every candidate contains the present model: fits that end below it have not found their way
+            break
         best = next((t for t in tried if _counts(t)), None)
         if best is None:
             break
@@ -139,7 +147,7 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         alike = tuple(t for t in tried if t is not best and t.evidence > best.evidence - _ALIKE)
         found.append(Found(best, alike, rest, held_out))
         present = settled(problem, best.solution.point, 1)
-    return Search(stated, tuple(found), present, rest)
+    return Search(stated, tuple(found), present, rest, lost)
 
 
 def _counts(tried: Tried) -> bool:
