@@ -28,7 +28,7 @@ from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError
 from wingwatch.diagnosis.mended import extended
 from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
 from wingwatch.diagnosis.noise import first_noise
-from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, ParameterEstimate
+from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Misfit, ParameterEstimate
 from wingwatch.diagnosis.search import Search, Tried, quiet, search, settled
 from wingwatch.diagnosis.separable import not_separable
 from wingwatch.diagnosis.subject import subject_of
@@ -178,7 +178,7 @@ def _told(source: str, problem: Problem, found: Search, other: tuple[Problem, Po
         unexplained=_rest_in_words(found, unexplained),
         gain=gain,
         not_separable=not_separable(subject),
-        notes=_notes(subject, found, model),
+        notes=(*_notes(subject, found, model), *_another_aircraft(misfits(after, noise, problem.used))),
         model=model,
         derivatives=_derivatives(problem, found),
         traces=traces_of(problem, before, after, noise),
@@ -325,6 +325,18 @@ def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str
             "no extended aircraft file: the gain on data left out is not sure, or the file has no place for it"
         )
     return tuple(notes)
+
+
+def _another_aircraft(after: Mapping[str, Misfit]) -> tuple[str, ...]:
+    """A note where even the mended simulation does not follow the rates."""
+    rates = [
+        after[name].r_squared for name in OUTPUTS[1:4] if name in after and after[name].noise_fraction < 0.9
+    ]
+    if len(rates) < 2 or np.median(rates) > 0.0:
+        return ()
+    return (
+        "even mended, the simulation does not follow the rates of this flight; is the file of this aircraft?",
+    )
 
 
 def _derivatives(problem: Problem, found: Search) -> Mapping[str, tuple[float, float]]:
