@@ -10,17 +10,8 @@ from threadpoolctl import threadpool_limits
 from wingwatch.aircraft import Aircraft, FlightCondition
 from wingwatch.diagnosis.candidate import Subject
 from wingwatch.diagnosis.causes import candidates
-from wingwatch.diagnosis.fit import (
-    Point,
-    Problem,
-    RunsAwayError,
-    Solution,
-    evaluate,
-    fit,
-    model_at,
-    own_fitted,
-    prepare,
-)
+from wingwatch.diagnosis.evaluation import evaluate
+from wingwatch.diagnosis.fit import Solution, fit, own_fitted
 from wingwatch.diagnosis.gain import gain_of, misfits
 from wingwatch.diagnosis.innovations import Noise
 from wingwatch.diagnosis.linear_aircraft import concise
@@ -28,6 +19,7 @@ from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError
 from wingwatch.diagnosis.mended import extended
 from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
 from wingwatch.diagnosis.noise import first_noise
+from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError, model_at, prepare
 from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Misfit, ParameterEstimate
 from wingwatch.diagnosis.search import Search, Tried, quiet, search, settled
 from wingwatch.diagnosis.separable import not_separable

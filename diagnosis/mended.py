@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft, ConditionEntry, DerivativeEntry
 from wingwatch.diagnosis.candidate import Subject, updated
-from wingwatch.diagnosis.fit import Point
 from wingwatch.diagnosis.linear_aircraft import concise, entry_near
+from wingwatch.diagnosis.problem import Point
 from wingwatch.diagnosis.replay import Model
 
 __all__ = ["extended"]

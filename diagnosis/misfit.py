@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 from scipy.signal import coherence
 from scipy.stats import chi2
 
-from wingwatch.diagnosis.fit import Point, Problem, filter_of, model_at, simulate
 from wingwatch.diagnosis.innovations import air_response
 from wingwatch.diagnosis.measured import OUTPUTS
+from wingwatch.diagnosis.problem import Point, Problem, model_at
 from wingwatch.diagnosis.replay import without_delays
 from wingwatch.diagnosis.result import Misfit
+from wingwatch.diagnosis.windows import filter_of, simulate
 
 __all__ = ["Replayed", "misfit_of", "noise_variance", "replayed"]
 

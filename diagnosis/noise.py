@@ -13,22 +13,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.diagnosis.fit import (
-    WORKERS,
-    Point,
-    Problem,
-    RunsAwayError,
-    lead_of,
-    linear_at,
-    model_at,
-    own_columns,
-    own_prior,
-    residual_of,
-    simulate,
-)
+from wingwatch.diagnosis.evaluation import own_prior
 from wingwatch.diagnosis.innovations import Gains, LinearModel, Noise, settled_gains, whiten
 from wingwatch.diagnosis.measured import MeasuredFlight
+from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, lead_of, linear_at, model_at
 from wingwatch.diagnosis.replay import Model, without_delays
+from wingwatch.diagnosis.windows import own_columns, residual_of, simulate
 
 __all__ = ["first_noise", "fit_noise"]
 

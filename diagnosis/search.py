@@ -19,20 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate
-from wingwatch.diagnosis.fit import (
-    Point,
-    Problem,
-    RunsAwayError,
-    Solution,
-    evaluate,
-    fit,
-    inflation,
-    own_fitted,
-    reduce,
-    with_air,
-)
+from wingwatch.diagnosis.evaluation import evaluate, reduce
+from wingwatch.diagnosis.fit import Solution, fit, inflation, own_fitted
 from wingwatch.diagnosis.innovations import Noise
 from wingwatch.diagnosis.noise import first_noise, fit_noise
+from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
+from wingwatch.diagnosis.windows import with_air
 
 __all__ = ["Found", "Search", "Tried", "held_out_gain", "search", "settled"]
 

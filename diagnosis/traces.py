@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from wingwatch.diagnosis.fit import Problem
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.misfit import Replayed
+from wingwatch.diagnosis.problem import Problem
 from wingwatch.diagnosis.result import Traces
 
 __all__ = ["traces_of"]

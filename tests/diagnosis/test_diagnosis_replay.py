@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import STRUCTURES, FlightCondition, load_aircraft
 from wingwatch.diagnosis.candidate import Subject
 from wingwatch.diagnosis.causes import candidates
-from wingwatch.diagnosis.fit import Point, Problem, evaluate, filter_of, fit, prepare, reduce
+from wingwatch.diagnosis.evaluation import evaluate, reduce
+from wingwatch.diagnosis.fit import fit
 from wingwatch.diagnosis.innovations import air_response, estimate_air, whiten
 from wingwatch.diagnosis.linear_aircraft import concise, row_of_derivatives
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, measure
 from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
+from wingwatch.diagnosis.problem import Point, Problem, prepare
 from wingwatch.diagnosis.replay import DELAY, Model, without_delays
 from wingwatch.diagnosis.subject import subject_of
+from wingwatch.diagnosis.windows import filter_of
 from wingwatch.simulation import Scenario, doublet_schedule, linearise, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
