@@ -2,19 +2,22 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.diagnosis.measured import OUTPUTS, MeasuredFlight
 from wingwatch.diagnosis.replay import Model
 from wingwatch.simulation.layout import PARAMETERS
 
-__all__ = ["INDEX", "Candidate", "FreeParameter", "Subject", "no_change", "output_index", "scale"]
+__all__ = ["INDEX", "Candidate", "FreeParameter", "Subject", "no_change", "output_index", "scale", "updated"]
 
 Array = NDArray[np.float64]
+
+_Table = TypeVar("_Table", bound=BaseModel)
 
 INDEX: Mapping[str, int] = {name: i for i, name in enumerate(PARAMETERS)}
 
@@ -114,6 +117,6 @@ def scale(model: Model, factors: Mapping[str, float], size: float) -> None:
         model.row[INDEX[name]] *= 1.0 + factor * size
 
 
-def updated(record: Any, **changes: Any) -> Any:
+def updated(record: _Table, **changes: object) -> _Table:
     """A table of the aircraft file with other entries, checked again."""
     return type(record).model_validate(record.model_dump() | changes)

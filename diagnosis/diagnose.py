@@ -11,12 +11,12 @@ from wingwatch.aircraft import Aircraft, FlightCondition
 from wingwatch.diagnosis.candidate import Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.evaluation import evaluate
+from wingwatch.diagnosis.extension import extended
 from wingwatch.diagnosis.fit import Solution, fit, own_fitted
 from wingwatch.diagnosis.gain import gain_of, misfits
 from wingwatch.diagnosis.innovations import Noise
 from wingwatch.diagnosis.linear_aircraft import concise
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError
-from wingwatch.diagnosis.mended import extended
 from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
 from wingwatch.diagnosis.noise import first_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError, model_at, prepare
@@ -76,32 +76,40 @@ def diagnose(
         >>> diagnose(flown, aerosonde).causes[0].name
         'elevator_effectiveness'
     """
-    tell = progress or _silent
-    tell("reading the flight", 0.0)
+    report = progress or _silent
+    report("reading the flight", 0.0)
+    flights = (flight, validate)
     with threadpool_limits(1):
         for window_s in WINDOWS_S:
-            subject = subject_of(flight, aircraft, kinds or {}, window_s)
+            subjects = [subject_of(f, aircraft, kinds or {}, window_s) for f in flights if f is not None]
             try:
-                problem, point = _begun(subject)
-                if window_s > WINDOWS_S[-1] and not _stays_near(problem, point):
-                    continue
-                active = _most_active(problem)
-                part = problem.part(active)
-                found = search(part, point.part(active), candidates(subject), tell)
-                found = _over(problem, point, found) if len(active) < len(problem.windows) else found
-                tell("measuring the gain", 0.9)
-                other = (
-                    None
-                    if validate is None
-                    else _begun(subject_of(validate, aircraft, kinds or {}, window_s))
-                )
-                return _told(source, problem, found, other)
+                if (found := _in_windows(subjects, source, report, window_s == WINDOWS_S[-1])) is not None:
+                    return found
             except RunsAwayError:
                 continue
     raise DiagnosisError(
         f"the simulation of aircraft {aircraft.name} runs away from the flight within {WINDOWS_S[-1]:g} s: nothing "
         "fits; check that the file is of this aircraft, and the units and signs of the channel map"
     )
+
+
+def _in_windows(
+    subjects: Sequence[Subject], source: str, report: Callable[[str, float], None], shortest: bool
+) -> Diagnosis | None:
+    """The diagnosis of the first subject, judged on the second if there is one; None where it asks for shorter windows.
+
+    Raises:
+        RunsAwayError: the simulation leaves the flight so far that its numbers end.
+    """
+    problem, point = _begun(subjects[0])
+    if not shortest and not _stays_near(problem, point):
+        return None
+    active = _most_active(problem)
+    found = search(problem.part(active), point.part(active), candidates(subjects[0]), report)
+    if len(active) < len(problem.windows):
+        found = _over(problem, point, found)
+    report("measuring the gain", 0.9)
+    return _assembled(source, problem, found, _begun(subjects[1]) if len(subjects) > 1 else None)
 
 
 MOST_WINDOWS = 12
@@ -146,11 +154,13 @@ def _stays_near(problem: Problem, point: Point) -> bool:
 def _begun(subject: Subject) -> tuple[Problem, Point]:
     """Windows, with moderate noise to begin with."""
     sensors = first_noise(subject.flight).sensors
-    speed = float(np.nanmean(subject.flight.outputs[:, 0]))
+    speed = subject.flight.airspeed_m_s
     return prepare(subject, Noise(sensors, np.array([0.02 * speed] * 3 + [0.05, 0.2, 0.2])))
 
 
-def _told(source: str, problem: Problem, found: Search, other: tuple[Problem, Point] | None) -> Diagnosis:
+def _assembled(
+    source: str, problem: Problem, found: Search, other: tuple[Problem, Point] | None
+) -> Diagnosis:
     """Search and gain as a diagnosis."""
     subject = problem.subject
     before, after = replayed(problem, found.stated.point), replayed(problem, found.last.point)
@@ -215,6 +225,7 @@ def _probability(one: Tried, tried: Sequence[Tried]) -> float:
     return float(np.exp(one.evidence - most) / np.exp(evidence - most).sum())
 
 
+@np.errstate(all="ignore")  # without the cause the simulation may run away
 def _channels(problem: Problem, found: Search, i: int, noise: Array) -> tuple[str, ...]:
     """Outputs whose misfit grows without the cause, most first."""
     point = found.last.point
@@ -335,7 +346,7 @@ def _derivatives(problem: Problem, found: Search) -> Mapping[str, tuple[float, f
     """Concise derivatives of both models at the flight's mean condition."""
     flight = problem.subject.flight
     speed, alpha = (
-        float(np.nanmean(flight.outputs[:, 0])),
+        flight.airspeed_m_s,
         float(np.mean(problem.centres[:, 2] / problem.centres[:, 0])),
     )
     at = FlightCondition(

@@ -1,30 +1,81 @@
-"""The aircraft file with a cause in it."""
+"""The extended aircraft file: every cause that has a place in it."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import replace
 
-from wingwatch.aircraft import Aircraft
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["with_added", "with_coefficients"]
+from wingwatch.aircraft import Aircraft, ConditionEntry, DerivativeEntry
+from wingwatch.diagnosis.candidate import Subject, updated
+from wingwatch.diagnosis.linear_aircraft import concise, entry_near
+from wingwatch.diagnosis.problem import Point
+from wingwatch.diagnosis.replay import Model
+
+__all__ = ["extended"]
+
+Array = NDArray[np.float64]
 
 
-def with_coefficients(aircraft: Aircraft, factors: Mapping[str, float], size: float) -> Aircraft | None:
-    """Coefficients times 1 + factor times size; None where the file states none."""
-    c = aircraft.coefficients
-    if c is None:
+def extended(subject: Subject, point: Point, errors: Sequence[Array]) -> Aircraft | None:
+    """The aircraft file with the causes of a point in it; None where it has a place for none of them."""
+    mended, any_place = subject.stated, False
+    for cause, values in zip(point.causes, point.values, strict=True):
+        changed = cause.mend(mended, values)
+        if changed is not None:
+            mended, any_place = changed, True
+    if subject.aircraft.coefficients is None:
+        entry = _identified(subject, point, errors)
+        if entry is not None:
+            conditions = (*mended.conditions, entry)
+            mended, any_place = mended.model_copy(update={"conditions": conditions}), True
+    return mended if any_place else None
+
+
+def _identified(subject: Subject, point: Point, errors: Sequence[Array]) -> ConditionEntry | None:
+    """The stated condition with the derivatives of the mended model; None where these are as before."""
+    speed = subject.flight.airspeed_m_s
+    stated = entry_near(subject.aircraft, speed)
+    if stated is None:
         return None
-    stated = {name: getattr(getattr(c, name[:2]), name[3:]) for name in factors}
-    return with_added(aircraft, {name: factors[name] * float(size) * value for name, value in stated.items()})
-
-
-def with_added(aircraft: Aircraft, added: Mapping[str, float]) -> Aircraft | None:
-    """Coefficients with something added; None where the file states none or has no place for one."""
-    if aircraft.coefficients is None:
+    model = subject.model.copy()
+    for cause, values in zip(point.causes, point.values, strict=True):
+        cause.change(model, values)
+    symbols = tuple(stated.derivatives)
+    at = replace(stated.condition)
+    before, after = concise(subject.model.row, at, symbols), concise(model.row, at, symbols)
+    if np.allclose(before, after, rtol=1e-6):
         return None
-    tables = aircraft.coefficients.model_dump()
-    for name, value in added.items():
-        table, field = name[:2], name[3:]
-        if field not in tables[table]:
-            return None
-        tables[table][field] += float(value)
-    mended: Aircraft = type(aircraft).model_validate(aircraft.model_dump() | {"coefficients": tables})
-    return mended
+    spread = _spread(subject, point, errors, symbols)
+    found = {
+        s: DerivativeEntry(
+            value=stated.derivatives[s].value + float(a - b),
+            standard_error=float(e) if e > 0.0 else stated.derivatives[s].standard_error,
+        )
+        for s, a, b, e in zip(symbols, after, before, spread, strict=True)
+    }
+    entry: ConditionEntry = updated(
+        stated, provenance="identified", source="wingwatch diagnose", derivatives=found
+    )
+    return entry
+
+
+def _spread(subject: Subject, point: Point, errors: Sequence[Array], symbols: tuple[str, ...]) -> Array:
+    """Standard errors of the derivatives by those of the causes' parameters, each alone."""
+    entry = entry_near(subject.aircraft, subject.flight.airspeed_m_s)
+    at = replace(entry.condition) if entry is not None else None
+    square = np.zeros(len(symbols))
+    if at is None:
+        return square
+
+    def at_values(i: int, values: Array) -> Array:
+        model: Model = subject.model.copy()
+        for j, cause in enumerate(point.causes):
+            cause.change(model, values if j == i else point.values[j])
+        return concise(model.row, at, symbols)
+
+    for i, (values, error) in enumerate(zip(point.values, errors, strict=True)):
+        for k in range(len(values)):
+            step = np.eye(len(values))[k] * error[k]
+            square += (0.5 * (at_values(i, values + step) - at_values(i, values - step))) ** 2
+    return np.sqrt(square)

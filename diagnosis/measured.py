@@ -20,6 +20,7 @@ __all__ = [
     "SURFACES",
     "WINDOW_S",
     "Window",
+    "finite_mean",
     "measure",
 ]
 
@@ -92,9 +93,20 @@ class MeasuredFlight:
         return tuple(int(k) for k in np.flatnonzero(np.isfinite(self.outputs).any(axis=0)))
 
     @property
+    def airspeed_m_s(self) -> float:
+        """Mean true airspeed."""
+        return float(np.nanmean(self.outputs[:, 0]))
+
+    @property
     def seconds(self) -> float:
         """Of all windows."""
         return sum(w.stop - w.start for w in self.windows) * self.dt_s
+
+
+def finite_mean(rows: Array) -> Array:
+    """Mean of each column's finite values; 0 where there is none."""
+    there = np.isfinite(rows)
+    return np.asarray(np.where(there, rows, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1))
 
 
 def measure(

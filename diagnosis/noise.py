@@ -39,7 +39,7 @@ _LEAST_OF_STATED = 0.2
 
 def first_noise(flight: MeasuredFlight) -> Noise:
     """Stated sensor noise, next to no gusts."""
-    speed = float(np.nanmean(flight.outputs[:, 0]))
+    speed = flight.airspeed_m_s
     sensors = np.where(np.isfinite(flight.noise_std), flight.noise_std, 1.0)
     return Noise(sensors, np.array([2e-3 * speed] * 3 + [1e-3, 0.02, 0.02]))
 

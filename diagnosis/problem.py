@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate, Subject
 from wingwatch.diagnosis.innovations import LinearModel, Noise, fastest_rad_s, linear_model
-from wingwatch.diagnosis.measured import LEAD_S, Window
+from wingwatch.diagnosis.measured import LEAD_S, Window, finite_mean
 from wingwatch.diagnosis.replay import AIR, TRIMS, Inputs, Model, inputs_of, measured_start
 from wingwatch.diagnosis.trims import measured_trims
 
@@ -93,12 +93,6 @@ class Point:
         return np.concatenate([np.zeros(0), *self.values])
 
 
-def _mean(rows: Array) -> Array:
-    """Of each column's finite values; 0 where there is none."""
-    there = np.isfinite(rows)
-    return np.asarray(np.where(there, rows, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1))
-
-
 def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     """Windows and what each starts from, as measured."""
     flight, row = subject.flight, subject.model.row
@@ -106,7 +100,7 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     inputs, centres, starts = [], [], []
     for window in flight.windows:
         start = measured_start(flight, window, row)
-        mean = _mean(flight.outputs[window.start : window.stop])
+        mean = finite_mean(flight.outputs[window.start : window.stop])
         velocity = start[:3] * mean[0] / max(float(np.linalg.norm(start[:3])), 1.0)
         starts.append(start)
         centres.append(np.array([*velocity, 0.0, 0.0, 0.0, mean[7], mean[8]]))
@@ -116,22 +110,14 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     centres = [
         np.mean([c for c, g in zip(centres, groups, strict=True) if g == group], axis=0) for group in groups
     ]
-    problem = Problem(
-        subject,
-        flight.windows,
-        tuple(inputs),
-        groups,
-        np.array(centres),
-        np.array(starts),
-        free,
-        _used(subject),
-        np.zeros((count, len(TRIMS))),
-    )
     trims = np.zeros((count, len(TRIMS)))
     if free:
         found = [measured_trims(flight, w, row, i) for w, i in zip(flight.windows, inputs, strict=True)]
         trims[:, list(free)] = np.array(found)[:, list(free)]
-    problem = replace(problem, trims=trims)
+    problem = Problem(
+        subject, flight.windows, tuple(inputs), groups, np.array(centres), np.array(starts), free, _used(subject),
+        trims,
+    )  # fmt: skip
     air = tuple(np.zeros((w.stop - w.start, AIR)) for w in flight.windows)
     point = Point((), (), problem.starts.copy(), trims.copy(), noise, air)
     steps = [_steps(linear_at(problem, point, w, subject.model), i.dt) for w, i in enumerate(inputs)]

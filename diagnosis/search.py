@@ -1,8 +1,8 @@
 """Which cause explains the misfit: screening, fits, forward selection.
 
-A candidate is screened by what one Gauss-Newton step promises: once with the noise as fitted to the present model, and
-once with quiet noise, as it would be for a correct model (noise fitted to a wrong model explains part of the error as
-noise). The best are fitted whole, each with its own noise. With the gain of log-likelihood g, k parameters, n blocks
+A candidate is screened by what one Gauss-Newton step promises, by three noises: as fitted to the present model, quiet,
+and in still air (noise fitted to a wrong model explains part of the error as noise). The best are fitted whole, each
+with its own noise. With the gain of log-likelihood g, k parameters, n blocks
 of two seconds and an inflation f of the scores' variance,
 
     evidence = g / f - k / 2 ln n + ln odds,                                                                   (4)
@@ -120,10 +120,10 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         tried = []
         for i, (candidate, noise) in enumerate(listed):
             progress(f"fitting {candidate.label}", at + 0.02 + 0.15 * i / len(listed))
-            one = _fitted(problem, present, candidate, noise)
-            if one is None or one.gain <= 0.0:  # lost on the way: nearer to the present model, then
-                one = _fitted(problem, present, candidate, present.point.noise) or one
-            tried += [] if one is None else [one]
+            fits = [_fitted(problem, present, candidate, noise)]
+            if fits[0] is None or fits[0].gain <= 0.0:  # lost on the way: nearer to the present model, then
+                fits.append(_fitted(problem, present, candidate, present.point.noise))
+            tried += sorted((f for f in fits if f is not None), key=lambda f: -f.gain)[:1]
         tried = _judged(tried)
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)

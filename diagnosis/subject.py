@@ -74,7 +74,7 @@ def _row(aircraft: Aircraft, flight: MeasuredFlight) -> tuple[Array, tuple[int, 
     """Parameters, and the states that they have no equations for."""
     if aircraft.coefficients is not None:
         return parameter_row(aircraft), ()
-    entry = entry_near(aircraft, float(np.nanmean(flight.outputs[:, 0])))
+    entry = entry_near(aircraft, flight.airspeed_m_s)
     if entry is None:
         raise DiagnosisError(
             f"aircraft {aircraft.name} states neither [coefficients] nor [[conditions]]; there is nothing to simulate"

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import INDEX
-from wingwatch.diagnosis.measured import MeasuredFlight, Window
+from wingwatch.diagnosis.measured import MeasuredFlight, Window, finite_mean
 from wingwatch.diagnosis.replay import TRIMS, Inputs, body_state, measured_start
 from wingwatch.simulation.dynamics import derivatives
 
@@ -18,8 +18,7 @@ _POINTS = 16
 def measured_trims(flight: MeasuredFlight, window: Window, row: Array, inputs: Inputs) -> Array:
     """Coefficients of ``TRIMS`` that make mean forces and moments those that were measured, (6,)."""
     starts = np.linspace(window.start, window.stop - 6, _POINTS).round().astype(int)
-    off = np.nanmean([_lacking(flight, int(k), window, row, inputs) for k in starts], axis=0)
-    return np.where(np.isfinite(off), off, 0.0)
+    return finite_mean(np.array([_lacking(flight, int(k), window, row, inputs) for k in starts]))
 
 
 def _lacking(flight: MeasuredFlight, k: int, window: Window, row: Array, inputs: Inputs) -> Array:
@@ -34,7 +33,7 @@ def _lacking(flight: MeasuredFlight, k: int, window: Window, row: Array, inputs:
     )  # fmt: skip
     ahead = flight.outputs[k : k + 6]
     turning = (ahead[-1, 1:4] - ahead[0, 1:4]) / (5.0 * flight.dt_s) - rates[10:13]
-    pushed = np.nanmean(ahead[:, 4:7], axis=0) - force
+    pushed = ahead[:, 4:7].mean(axis=0) - force
     pressure_area = 0.5 * inputs.density * float(state[:3] @ state[:3]) * row[INDEX["area_m2"]]
     fx, fy, fz = pushed * row[INDEX["mass_kg"]] / pressure_area
     inertia = np.array([row[INDEX[f"inertia_{axis}"]] for axis in "xyz"])

@@ -45,4 +45,4 @@ class _Mended:
         if stated is None:
             return None
         actuator = stated.model_dump() | {"backlash_rad": stated.backlash_rad + float(v[0])}
-        return updated(aircraft, actuators=aircraft.actuators.model_dump() | {self.surface: actuator})  # type: ignore[no-any-return]
+        return updated(aircraft, actuators=aircraft.actuators.model_dump() | {self.surface: actuator})

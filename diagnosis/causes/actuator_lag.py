@@ -53,4 +53,4 @@ class _Mended:
         bandwidth = {"bandwidth_hz": 1.0 / (2.0 * math.pi * max(before_s + float(v[0]), 1e-4))}
         actuator = bandwidth if stated is None else stated.model_dump() | bandwidth
         actuators = aircraft.actuators.model_dump() | {self.surface: actuator}
-        return updated(aircraft, actuators=actuators)  # type: ignore[no-any-return]
+        return updated(aircraft, actuators=actuators)

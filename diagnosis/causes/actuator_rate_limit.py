@@ -54,4 +54,4 @@ class _Mended:
         if stated is None or v[0] <= 0.0:
             return None
         actuator = stated.model_dump() | {"rate_limit_rad_s": 1.0 / float(v[0])}
-        return updated(aircraft, actuators=aircraft.actuators.model_dump() | {self.surface: actuator})  # type: ignore[no-any-return]
+        return updated(aircraft, actuators=aircraft.actuators.model_dump() | {self.surface: actuator})

@@ -1,7 +1,7 @@
 """An aileron with less or more effect than the file says: all of its coefficients alike."""
 
 from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject, scale
-from wingwatch.diagnosis.extension import with_coefficients
+from wingwatch.diagnosis.coefficients import with_coefficients
 
 __all__ = ["candidates"]
 

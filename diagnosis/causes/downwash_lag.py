@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.diagnosis.candidate import INDEX, Candidate, FreeParameter, Subject
-from wingwatch.diagnosis.extension import with_added
+from wingwatch.diagnosis.coefficients import with_added
 from wingwatch.diagnosis.replay import Model
 
 __all__ = ["candidates"]

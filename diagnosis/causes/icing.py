@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from wingwatch.aircraft import ICING_FACTORS
 from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject, scale
-from wingwatch.diagnosis.extension import with_coefficients
+from wingwatch.diagnosis.coefficients import with_coefficients
 
 __all__ = ["candidates"]
 

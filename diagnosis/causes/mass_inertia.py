@@ -31,4 +31,4 @@ def _mend(aircraft: Aircraft, v: NDArray[np.float64]) -> Aircraft | None:
     if mass is None:
         return None
     changed = {name: value * (1.0 + float(v[0])) for name, value in mass.model_dump().items()}
-    return updated(aircraft, mass=changed)  # type: ignore[no-any-return]
+    return updated(aircraft, mass=changed)

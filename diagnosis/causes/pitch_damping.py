@@ -1,7 +1,7 @@
 """Pitch damping that is not what the file says."""
 
 from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject, scale
-from wingwatch.diagnosis.extension import with_coefficients
+from wingwatch.diagnosis.coefficients import with_coefficients
 
 __all__ = ["candidates"]
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import INDEX, Candidate, FreeParameter, Subject, scale
-from wingwatch.diagnosis.extension import with_coefficients
+from wingwatch.diagnosis.coefficients import with_coefficients
 from wingwatch.diagnosis.replay import Model
 
 __all__ = ["candidates"]

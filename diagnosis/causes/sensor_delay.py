@@ -35,7 +35,7 @@ def _late(target: str, names: tuple[str, ...], odds: float) -> Candidate:
         if any(delays.get(name, 0.0) + v[0] < 0.0 for name in names):
             return None
         delays |= {name: delays.get(name, 0.0) + float(v[0]) for name in names}
-        return updated(aircraft, sensors=aircraft.sensors.model_dump() | {"delay_s": delays})  # type: ignore[no-any-return]
+        return updated(aircraft, sensors=aircraft.sensors.model_dump() | {"delay_s": delays})
 
     what = f"the {target} sensors come" if target in _GROUPS else f"{target} comes"
     return Candidate(

@@ -31,7 +31,7 @@ def _moved(place: str, span: float) -> Candidate:
         key = f"{sensor}_position_m"
         position = list(getattr(aircraft.sensors, key))
         position["xyz".index(axis)] += float(v[0])
-        return updated(aircraft, sensors=aircraft.sensors.model_dump() | {key: position})  # type: ignore[no-any-return]
+        return updated(aircraft, sensors=aircraft.sensors.model_dump() | {key: position})
 
     where = {"x": "forward", "y": "right", "z": "down"}[axis]
     parameter = FreeParameter("distance_m", "m", 0.01 * span, 0.2 * span, 0.005 * span, -100.0, 100.0)

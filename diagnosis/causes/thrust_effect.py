@@ -37,4 +37,4 @@ def _mend(aircraft: Aircraft, v: NDArray[np.float64]) -> Aircraft | None:
     if p is None:
         return None
     moved = p.model_dump() | {"thrust_line_z_m": p.thrust_line_z_m + float(v[0])}
-    return updated(aircraft, propulsion=moved)  # type: ignore[no-any-return]
+    return updated(aircraft, propulsion=moved)

@@ -4,6 +4,9 @@ The flights are those of ``benchmarks/diagnosis_cases``, which shares no code wi
 hundreds, here are a few fixed ones.
 """
 
+import doctest
+import importlib
+
 import pytest
 from diagnosis_cases import FIXED
 from diagnosis_score import judged
@@ -40,3 +43,9 @@ def test_nothing_is_claimed_where_nothing_is_hidden() -> None:
     assert found.causes == ()
     assert found.model is None
     assert found.gain is None
+
+
+def test_the_example_of_the_library_runs() -> None:
+    outcome = doctest.testmod(importlib.import_module("wingwatch.diagnosis.diagnose"))
+    assert outcome.attempted > 0
+    assert outcome.failed == 0
