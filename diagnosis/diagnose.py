@@ -14,7 +14,6 @@ from wingwatch.diagnosis.evaluation import evaluate
 from wingwatch.diagnosis.extension import extended
 from wingwatch.diagnosis.fit import Solution, fit, own_fitted
 from wingwatch.diagnosis.gain import gain_of, misfits
-from wingwatch.diagnosis.innovations import Noise
 from wingwatch.diagnosis.linear_aircraft import concise
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError
 from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
@@ -153,9 +152,9 @@ def _stays_near(problem: Problem, point: Point) -> bool:
 
 def _begun(subject: Subject) -> tuple[Problem, Point]:
     """Windows, with moderate noise to begin with."""
-    sensors = first_noise(subject.flight).sensors
     speed = subject.flight.airspeed_m_s
-    return prepare(subject, Noise(sensors, np.array([0.02 * speed] * 3 + [0.05, 0.2, 0.2])))
+    moderate = np.array([0.02 * speed] * 3 + [0.05, 0.2, 0.2])
+    return prepare(subject, replace(first_noise(subject.flight), gusts=moderate))
 
 
 def _assembled(

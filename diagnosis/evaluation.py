@@ -16,11 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate
-from wingwatch.diagnosis.innovations import Gains, LinearModel, whiten
-from wingwatch.diagnosis.measured import OUTPUTS
-from wingwatch.diagnosis.problem import WORKERS, Point, Problem, lead_of, model_at
+from wingwatch.diagnosis.innovations import (
+    Change,
+    Filter,
+    Mask,
+    change_of,
+    kalman_filter,
+    sensitivities,
+    whiten,
+)
+from wingwatch.diagnosis.linear_model import LinearModel
+from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
 from wingwatch.diagnosis.replay import DELAY, SCALE, Model, without_delays
-from wingwatch.diagnosis.windows import START_STEPS, filter_of, own_columns, residual_of, simulate
+from wingwatch.diagnosis.windows import START_STEPS, all_seen, own_columns, residual_of, seen_in, simulate
 
 __all__ = ["Evaluation", "Reduced", "evaluate", "own_offset", "own_prior", "reduce"]
 
@@ -39,13 +47,18 @@ class Evaluation:
 
     Attributes:
         blocks: of each window, (blocks, columns, columns).
-        log_spread: sum of the ln of innovations' standard deviations.
+        deviations: standard deviations of the innovations that they were divided by, of each window, (samples, used).
         readings: how many innovations.
     """
 
     blocks: tuple[Array, ...]
-    log_spread: float
+    deviations: tuple[Array, ...]
     readings: int
+
+    @property
+    def log_spread(self) -> float:
+        """Sum of the ln of standard deviations; not a number where the simulation runs away."""
+        return float(sum(np.log(d).sum() for d in self.deviations))
 
 
 def _versions(problem: Problem, point: Point, further: Sequence[Candidate]) -> tuple[list[Model], Array]:
@@ -71,75 +84,108 @@ def _versions(problem: Problem, point: Point, further: Sequence[Candidate]) -> t
 
 @dataclass(frozen=True, slots=True)
 class _Versions:
-    """The model at a point, then one step along each parameter; equation (1) and gains of each, by group."""
+    """The model at a point, then one step along each parameter.
+
+    Attributes:
+        linear: equation (1) of each by group; None: as of the first.
+        filters: of the first by group, and its changes, where no reading is missing.
+    """
 
     models: list[Model]
     steps: Array
     measured: Array
-    filters: dict[int, list[tuple[LinearModel, Gains]]]
+    linear: dict[int, list[LinearModel | None]]
+    filters: dict[int, tuple[Filter, Change]]
 
 
 def _prepared(problem: Problem, point: Point, models: list[Model], steps: Array) -> _Versions:
-    def filters(group: int) -> list[tuple[LinearModel, Gains]]:
+    def of_group(group: int) -> tuple[list[LinearModel | None], tuple[Filter, Change]]:
         base = models[0]
-        out = [filter_of(problem, point, group, base)]
+        linear: list[LinearModel | None] = [linear_at(problem, group, base, point.noise)]
         for model in models[1:]:
             same = np.array_equal(model.row, base.row)
             same = same and np.array_equal(model.sensors[:, SCALE], base.sensors[:, SCALE])
-            out.append(out[0] if same else filter_of(problem, point, group, model))
-        return out
+            linear.append(None if same else linear_at(problem, group, model, point.noise))
+        return linear, _filters(problem, point, linear, steps, all_seen(problem, group))
 
     groups = tuple(dict.fromkeys(problem.groups))
     with ThreadPoolExecutor(WORKERS) as pool:
-        found = dict(zip(groups, pool.map(filters, groups), strict=True))
-    return _Versions(models, steps, without_delays(problem.subject.flight, models[0]), found)
+        found = dict(zip(groups, pool.map(of_group, groups), strict=True))
+    measured = without_delays(problem.subject.flight, models[0])
+    return _Versions(
+        models, steps, measured, {g: f[0] for g, f in found.items()}, {g: f[1] for g, f in found.items()}
+    )
 
 
-def _innovations(problem: Problem, point: Point, w: int, versions: _Versions) -> tuple[Array, Array]:
-    """Whitened residual, own columns, parameters' columns (readings, columns), and standard deviations (readings,)."""
-    base, lead = versions.models[0], lead_of(problem, w)
-    filters = versions.filters[problem.groups[w]]
-    linear, gains = filters[0]
-    read = simulate(problem, point, w, versions.models, linear)
-    own = own_columns(problem, point, w, base, linear, read[0])
+def _filters(
+    problem: Problem, point: Point, linear: Sequence[LinearModel | None], steps: Array, seen: Mask
+) -> tuple[Filter, Change]:
+    """Filter of the first version, and its changes."""
+    assert linear[0] is not None
+    base = kalman_filter(linear[0], point.noise, problem.used, seen)
+    others = [
+        None if one is None else kalman_filter(one, point.noise, problem.used, seen, base)
+        for one in linear[1:]
+    ]
+    return base, change_of(base, others, steps)
+
+
+def _innovations(
+    problem: Problem, point: Point, w: int, versions: _Versions, weights: Array | None
+) -> tuple[Array, Array]:
+    """Whitened residual, own columns, parameters' columns (samples, used, columns), and what they were divided by."""
+    base, group, used = versions.models[0], problem.groups[w], list(problem.used)
+    seen, filters = seen_in(problem, w, versions.measured), versions.filters[group]
+    if not np.array_equal(seen, all_seen(problem, group)[: len(seen)]):
+        filters = _filters(problem, point, versions.linear[group], versions.steps, seen)
+    filtering, change = filters
+    read = simulate(problem, point, w, versions.models)
+    own = own_columns(problem, point, w, base, read[0])
     runs_away = [not bool(np.isfinite(one).all()) for one in read]
-    residual = residual_of(problem, point, w, versions.measured, np.nan_to_num(read[0]), linear)
-    together = np.concatenate([residual[..., None], own], axis=-1)
-    first, spread = whiten(linear, point.noise, together, problem.used, lead, gains)
-    columns = [first]
-    slope = _predicted_slope(problem, w, versions.measured, first[..., 0])
-    for i in range(1, len(versions.models)):
-        model, (its, its_gains) = versions.models[i], filters[i]
-        residual = residual_of(problem, point, w, versions.measured, np.nan_to_num(read[i]), its)
-        residual += (model.sensors[:, DELAY] - base.sensors[:, DELAY]) * slope
-        e, _ = whiten(its, point.noise, residual[..., None], problem.used, lead, its_gains)
-        columns.append((first[..., :1] - e) / versions.steps[i - 1])
-    white = np.concatenate(columns, axis=-1) / spread[..., None]
+    read = np.nan_to_num(read)
+    linear = [one or filtering.linear for one in versions.linear[group]]
+    residual = np.array([
+        residual_of(problem, point, w, versions.measured, its, one)
+        for its, one in zip(read, linear, strict=True)
+    ])  # fmt: skip
+    path = whiten(filtering, residual[0], seen)
+    by_theta = (residual[1:] - residual[0]) / versions.steps[:, None, None]
+    slope = _predicted_slope(problem, w, versions.measured, path.innovations)
+    for i, model in enumerate(versions.models[1:]):
+        late = model.sensors[used, DELAY] - base.sensors[used, DELAY]
+        if late.any():
+            by_theta[i] += late * slope / versions.steps[i]
+    columns = np.concatenate([-own[:, used], np.moveaxis(by_theta, 0, -1)], axis=-1)
+    psi = -sensitivities(filtering, path, change, columns)
+    deviation = path.deviation if weights is None else weights
+    white = np.concatenate([path.innovations[..., None], psi], axis=-1) / deviation[..., None]
     white[..., [own.shape[-1] + i for i in range(1, len(read)) if runs_away[i]]] = np.nan
     if runs_away[0]:
         white[..., 0] = np.nan
-    return white, spread
+    return white, deviation
 
 
 def _predicted_slope(problem: Problem, w: int, measured: Array, innovations: Array) -> Array:
-    """Time derivative of the outputs as predicted from the past, (samples, outputs): what a small delay takes away.
+    """Time derivative of the outputs as predicted from the past, (samples, used): what a small delay takes away.
 
     The measured one would hold the noise's own derivative, which a delay moves but does not change.
     """
-    window, used = problem.windows[w], list(problem.used)
-    slope = np.zeros((window.stop - window.start, len(OUTPUTS)))
-    predicted = measured[window.start : window.stop, used] - innovations
-    slope[1:, used] = np.nan_to_num(np.diff(predicted, axis=0)) / problem.inputs[w].dt
+    window = problem.windows[w]
+    slope = np.zeros_like(innovations)
+    predicted = measured[window.start : window.stop, list(problem.used)] - innovations
+    slope[1:] = np.nan_to_num(np.diff(predicted, axis=0)) / problem.inputs[w].dt
     return slope
 
 
 @np.errstate(all="ignore")  # what runs away is told by its numbers
-def _of_window(problem: Problem, point: Point, w: int, versions: _Versions) -> tuple[Array, float, int]:
-    white, spread = _innovations(problem, point, w, versions)
+def _of_window(
+    problem: Problem, point: Point, w: int, versions: _Versions, weights: Array | None
+) -> tuple[Array, Array, int]:
+    white, deviation = _innovations(problem, point, w, versions, weights)
     width = white.shape[-1]
     known = np.array([bool(np.isfinite(white[..., c]).all()) for c in range(width)])
     if not known[: 1 + own_count(problem)].all():
-        return np.full((1, width, width), np.nan), np.nan, 0
+        return np.full((1, width, width), np.nan), np.full_like(deviation, np.nan), 0
     white[..., ~known] = 0.0  # a version that runs away in this window says nothing here
     count = max(1, round(len(white) * problem.inputs[w].dt / _BLOCK_S))
     cuts = np.linspace(0, len(white), count + 1).round().astype(int)
@@ -147,16 +193,32 @@ def _of_window(problem: Problem, point: Point, w: int, versions: _Versions) -> t
     for b in range(count):
         rows = white[cuts[b] : cuts[b + 1]].reshape(-1, width)
         blocks[b] = rows.T @ rows
-    return blocks, float(np.log(spread).sum()), int((white[..., 0] != 0.0).sum())
+    return blocks, deviation, int((white[..., 0] != 0.0).sum())
 
 
-def evaluate(problem: Problem, point: Point, further: Sequence[Candidate] = ()) -> Evaluation:
-    """Sums at a point, with columns for the parameters in the model and for further candidates."""
+def evaluate(
+    problem: Problem,
+    point: Point,
+    further: Sequence[Candidate] = (),
+    weights: Sequence[Array] | None = None,
+) -> Evaluation:
+    """Sums at a point.
+
+    Args:
+        problem: the flight.
+        point: the model.
+        further: candidates that get columns beside the parameters in the model.
+        weights: standard deviations to divide by, of each window (samples, used); without them the point's own.
+    """
     models, steps = _versions(problem, point, further)
     versions = _prepared(problem, point, models, steps)
+
+    def of_window(w: int) -> tuple[Array, Array, int]:
+        return _of_window(problem, point, w, versions, None if weights is None else weights[w])
+
     with ThreadPoolExecutor(WORKERS) as pool:
-        parts = list(pool.map(lambda w: _of_window(problem, point, w, versions), range(len(problem.inputs))))
-    return Evaluation(tuple(p[0] for p in parts), float(sum(p[1] for p in parts)), sum(p[2] for p in parts))
+        parts = list(pool.map(of_window, range(len(problem.inputs))))
+    return Evaluation(tuple(p[0] for p in parts), tuple(p[1] for p in parts), sum(p[2] for p in parts))
 
 
 def own_count(problem: Problem) -> int:

@@ -64,10 +64,15 @@ def _moved(problem: Problem, point: Point, reduced: Reduced, step: Array, part: 
 
 
 def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
-    """The most likely parameters of the causes in the model, and starts."""
+    """The parameters of the causes in the model, and starts, that predict best (Ljung 1999, section 7.2).
+
+    Innovations are weighed by the standard deviations of the model to begin with: what a step does to them by gusts
+    that it would let in more is no evidence of a parameter.
+    """
     evaluation = evaluate(problem, point)
     if not np.isfinite(evaluation.log_spread):
         raise RunsAwayError("the simulation runs away from the flight")
+    weights, moved = evaluation.deviations, False
     reduced = reduce(problem, point, evaluation)
     prior = _prior(point.causes)
     for _ in range(passes):
@@ -78,16 +83,19 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
         part, better = 1.0, False
         while part > 0.1 and not better:
             there = _moved(problem, point, reduced, step, part)
-            tried = evaluate(problem, there)
+            tried = evaluate(problem, there, weights=weights)
             better = bool(_whole_cost(problem, tried, there, prior) < here)  # not where it is not a number
             part *= 0.4
         if not better:
             break
         gained = here - _whole_cost(problem, tried, there, prior)
-        point, evaluation = there, tried
+        point, evaluation, moved = there, tried, True
         reduced = reduce(problem, point, evaluation)
         if gained < _ENOUGH or promised < _ENOUGH:
             break
+    if moved:
+        evaluation = evaluate(problem, point)
+        reduced = reduce(problem, point, evaluation)
     return Solution(point, reduced.cost, _covariance(reduced, point, prior), evaluation)
 
 

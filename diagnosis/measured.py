@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,6 +72,7 @@ class MeasuredFlight:
         throttle: (samples,), NaN where unknown.
         density_kg_m3, altitude_m: (samples,).
         noise_std: of each output, as the aircraft file states it, else from the samples' roughness.
+        surface_noise_std: of the positions that are flown, likewise, NaN where none is; (3,).
         windows: those that are used.
         held: whether a surface moves between samples as a command does: held, not on a line; (3,).
     """
@@ -85,6 +86,7 @@ class MeasuredFlight:
     density_kg_m3: Array
     altitude_m: Array
     noise_std: Array
+    surface_noise_std: Array
     windows: tuple[Window, ...]
 
     @property
@@ -145,7 +147,7 @@ def measure(
         )
     flight = MeasuredFlight(
         time_s, dt_s, outputs, flown, commands, others[:, 0], others[:, 1], others[:, 2],
-        _noise(outputs, aircraft), windows,
+        _noise(outputs, OUTPUTS, aircraft), _noise(flown, SURFACES, aircraft), windows,
     )  # fmt: skip
     if flight.seconds < SHORTEST_FLIGHT_S:
         raise DiagnosisError(
@@ -233,10 +235,10 @@ def _windows(
     return tuple(windows)
 
 
-def _noise(outputs: Array, aircraft: Aircraft) -> Array:
+def _noise(outputs: Array, names: Sequence[str], aircraft: Aircraft) -> Array:
     """Stated standard deviations, else by third differences; at least 1e-4 of a channel's own spread."""
     noise = np.full(outputs.shape[1], np.nan)
-    for j, name in enumerate(OUTPUTS):
+    for j, name in enumerate(names):
         column = outputs[:, j]
         if not np.isfinite(column).any():
             continue

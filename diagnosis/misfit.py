@@ -3,23 +3,26 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.signal import coherence
+from scipy.signal import detrend
+from scipy.signal.windows import hann
 from scipy.stats import chi2
 
-from wingwatch.diagnosis.innovations import air_response
+from wingwatch.diagnosis.innovations import response
 from wingwatch.diagnosis.measured import OUTPUTS
-from wingwatch.diagnosis.problem import Point, Problem, model_at
-from wingwatch.diagnosis.replay import without_delays
+from wingwatch.diagnosis.problem import Point, Problem, linear_at, model_at
+from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, without_delays
 from wingwatch.diagnosis.result import Misfit
-from wingwatch.diagnosis.windows import filter_of, simulate
+from wingwatch.diagnosis.windows import simulate
 
 __all__ = ["Replayed", "misfit_of", "noise_variance", "replayed"]
 
 Array = NDArray[np.float64]
 
 _LAGS = 25
-_BAND_HZ = 5.0
+_BAND = 0.2
+"""Part of the frequencies up to half the sample rate that counts in a coherence."""
 _DRIVERS: Mapping[str, int] = {
     "elevator": 11, "aileron": 12, "rudder": 13, "roll rate": 1, "pitch rate": 2, "yaw rate": 3,
     "angle of attack": 9, "sideslip": 10,
@@ -54,8 +57,10 @@ def replayed(problem: Problem, point: Point) -> Replayed:
     measured = without_delays(problem.subject.flight, model)
     windows, simulated = [], []
     for w, window in enumerate(problem.windows):
-        linear, _ = filter_of(problem, point, problem.groups[w], model)
-        read = simulate(problem, point, w, [model], linear)[0] - air_response(linear, point.air[w])
+        linear = linear_at(problem, problem.groups[w], model, point.noise)
+        answered = response(linear, point.disturbed[w])
+        answered[:, SURFACE_OUTPUTS : SURFACE_OUTPUTS + 3] = 0.0
+        read = simulate(problem, point, w, [model])[0] - answered
         windows.append(measured[window.start : window.stop])
         simulated.append(read)
     return Replayed(windows, simulated)
@@ -66,7 +71,7 @@ def noise_variance(problem: Problem, point: Point) -> Array:
     model = model_at(problem, point)
     total, readings = np.zeros(len(OUTPUTS)), 0
     for group in dict.fromkeys(problem.groups):
-        linear, _ = filter_of(problem, point, group, model)
+        linear = linear_at(problem, group, model, point.noise)
         process, spread = linear.covariances(point.noise)
         for _ in range(problem.windows[group].stop - problem.windows[group].start):
             total += np.einsum("ki,ij,kj->k", linear.output, spread, linear.output)
@@ -112,18 +117,28 @@ def _whiteness(residuals: list[Array]) -> float:
     return float(chi2.sf(n * (n + 2) * q, _LAGS))
 
 
+_SEGMENT = 64
+
+
 @np.errstate(all="ignore")  # a signal that does not move has no coherence
 def _coherences(flown: Replayed, k: int) -> dict[str, float]:
-    """Mean squared coherence below 5 Hz of the residual with surfaces and states."""
-    out = {}
-    for name, j in _DRIVERS.items():
-        parts = []
-        for a, b in zip(flown.measured, flown.simulated, strict=True):
-            there = np.isfinite(a[:, k]) & np.isfinite(a[:, j])
-            if there.sum() >= 128 and np.ptp(a[there, j]) > 0.0 and j != k:
-                hz, value = coherence(a[there, k] - b[there, k], a[there, j], nperseg=64)
-                seen = value[1 : max(2, round(len(hz) * 0.2))]
-                parts += [float(seen[np.isfinite(seen)].mean())] if np.isfinite(seen).any() else []
-        if parts:
-            out[name] = float(np.mean(parts))
-    return out
+    """Mean squared coherence of the residual with surfaces and states."""
+    found: dict[str, list[float]] = {name: [] for name in _DRIVERS}
+    for a, b in zip(flown.measured, flown.simulated, strict=True):
+        drivers = {name: j for name, j in _DRIVERS.items() if j != k}
+        rows = np.column_stack([a[:, k] - b[:, k], a[:, list(drivers.values())]])
+        there = np.any(np.isfinite(rows), axis=0)
+        rows = rows[:, there]
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if len(rows) < 2 * _SEGMENT or not there[0]:
+            continue
+        names = [name for name, seen in zip(drivers, there[1:], strict=True) if seen]
+        segments = sliding_window_view(rows, _SEGMENT, axis=0)[:: _SEGMENT // 2]
+        lines = np.fft.rfft(detrend(segments, type="constant") * hann(_SEGMENT, sym=False))
+        lines = lines[..., 1 : max(2, round(lines.shape[-1] * _BAND))]
+        power, across = (np.abs(lines) ** 2).sum(axis=0), (lines[:, :1].conj() * lines[:, 1:]).sum(axis=0)
+        value = np.abs(across) ** 2 / (power[:1] * power[1:])
+        for name, row, moved in zip(names, value, np.ptp(rows[:, 1:], axis=0), strict=True):
+            if moved > 0.0 and np.isfinite(row).any():
+                found[name].append(float(row[np.isfinite(row)].mean()))
+    return {name: float(np.mean(values)) for name, values in found.items() if values}

@@ -8,23 +8,31 @@ and Fisher's scoring goes downhill. A broad prior keeps what the data do not kno
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.evaluation import own_prior
-from wingwatch.diagnosis.innovations import Gains, LinearModel, Noise, settled_gains, whiten
+from wingwatch.diagnosis.innovations import (
+    Change,
+    Filter,
+    Mask,
+    Path,
+    change_of,
+    kalman_filter,
+    sensitivities,
+    whiten,
+)
+from wingwatch.diagnosis.linear_model import LinearModel, Noise
 from wingwatch.diagnosis.measured import MeasuredFlight
-from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, lead_of, linear_at, model_at
-from wingwatch.diagnosis.replay import Model, without_delays
-from wingwatch.diagnosis.windows import own_columns, residual_of, simulate
+from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, linear_at, model_at
+from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, Model, without_delays
+from wingwatch.diagnosis.windows import all_seen, own_columns, residual_of, seen_in, simulate
 
 __all__ = ["first_noise", "fit_noise"]
 
 Array = NDArray[np.float64]
-
-_Columns = tuple[LinearModel, Array]
 
 _STEP = 1e-3
 _SPREAD = 3.0
@@ -32,44 +40,59 @@ _SPREAD = 3.0
 _LONGEST = 1.0
 _MOST_PASSES = 12
 _ENOUGH = 0.1
-_GUSTS = 6
+_GUSTS = 5
 _LEAST_OF_STATED = 0.2
 """Sensors are not believed to be better than this part of what is stated or of their own roughness."""
+_LEAST_OF_GUSTS = 0.01
+_LEAST_GRADIENTS, _MOST_GRADIENTS = 0.03, 2.0
+_LEAST_LAG, _MOST_LAG = 0.2, 20.0
+"""Bounds, as parts of what is thought first."""
 
 
 def first_noise(flight: MeasuredFlight) -> Noise:
     """Stated sensor noise, next to no gusts."""
     speed = flight.airspeed_m_s
     sensors = np.where(np.isfinite(flight.noise_std), flight.noise_std, 1.0)
-    return Noise(sensors, np.array([2e-3 * speed] * 3 + [1e-3, 0.02, 0.02]))
+    surfaces = np.nan_to_num(flight.surface_noise_std)
+    return Noise(sensors, np.array([2e-3 * speed] * 3 + [1e-3, 0.02, 0.02]), surfaces)
+
+
+def _eta_of(noise: Noise, used: tuple[int, ...]) -> Array:
+    """Logarithms of what is fitted: sensors that count, gusts but those along the path, how they are felt."""
+    felt = [noise.gradients, noise.lag_s]
+    return np.asarray(np.log(np.concatenate([noise.sensors[list(used)], noise.gusts[1:], felt])))
 
 
 def _noise_at(eta: Array, used: tuple[int, ...], noise: Noise) -> Noise:
-    sensors = noise.sensors.copy()
+    """Gusts along the path are as strong as those up and down: turbulence is isotropic."""
+    sensors, last = noise.sensors.copy(), len(used) + _GUSTS
     sensors[list(used)] = np.exp(eta[: len(used)])
-    return Noise(sensors, np.exp(eta[len(used) :]))
+    gusts = np.exp(eta[len(used) : last])
+    gradients, lag_s = np.exp(eta[last:])
+    return Noise(sensors, np.concatenate([gusts[1:2], gusts]), noise.surfaces, float(gradients), float(lag_s))
 
 
 def fit_noise(problem: Problem, point: Point) -> Point:
     """The point with the most likely noise for its residuals, what belongs to a window at its best."""
     used = problem.used
-    prior = np.log(
-        np.concatenate([first_noise(problem.subject.flight).sensors[list(used)], point.noise.gusts])
-    )
-    prior[len(used) :] = np.log(first_noise(problem.subject.flight).gusts)
-    least = prior + np.log(_LEAST_OF_STATED)
-    least[len(used) :] = prior[len(used) :] - 6.0
-    eta = np.log(np.concatenate([point.noise.sensors[list(used)], point.noise.gusts]))
+    first = first_noise(problem.subject.flight)
+    prior, eta = _eta_of(first, used), _eta_of(point.noise, used)
+    least = prior + np.log([
+        *(_LEAST_OF_STATED if k < SURFACE_OUTPUTS else _LEAST_OF_GUSTS for k in used),
+        *([_LEAST_OF_GUSTS] * _GUSTS), _LEAST_GRADIENTS, _LEAST_LAG,
+    ])  # fmt: skip
+    most = np.full(len(eta), np.inf)
+    most[-2:] = prior[-2:] + np.log([_MOST_GRADIENTS, _MOST_LAG])
     model = model_at(problem, point)
-    measured = without_delays(problem.subject.flight, model)
-    columns = [_residual_and_own(problem, point, w, model, measured) for w in range(len(problem.inputs))]
-    cost, score, information = _sums(problem, columns, eta, prior, point.noise)
+    flown = _flown(problem, point, model)
+    cost, score, information = _sums(problem, model, flown, eta, prior, point.noise)
     damping = 0.0
     for _ in range(_MOST_PASSES):
-        step = np.linalg.solve(information + damping * np.diag(np.diagonal(information)), score)
-        step = np.clip(step, -_LONGEST, _LONGEST)
-        tried = np.maximum(eta + step, least)
-        there = _sums(problem, columns, tried, prior, point.noise)
+        free = ~((eta <= least) & (score < 0.0) | (eta >= most) & (score > 0.0))
+        step, h = np.zeros(len(eta)), information + damping * np.diag(np.diagonal(information))
+        step[free] = np.clip(np.linalg.solve(h[free][:, free], score[free]), -_LONGEST, _LONGEST)
+        tried = np.clip(eta + step, least, most)
+        there = _sums(problem, model, flown, tried, prior, point.noise)
         if there[0] < cost:
             gained, damping = cost - there[0], damping / 4.0
             eta, (cost, score, information) = tried, there
@@ -82,62 +105,91 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     return replace(point, noise=_noise_at(eta, used, point.noise))
 
 
+@dataclass(frozen=True, slots=True)
+class _Flown:
+    """A window flown by the model of a point.
+
+    Attributes:
+        residual: as it would be undisturbed, (samples, used); seen: which readings count.
+        own: what belongs to the window, (samples, used, own).
+    """
+
+    residual: Array
+    seen: Mask
+    own: Array
+
+
 @np.errstate(all="ignore")
-def _residual_and_own(
-    problem: Problem, point: Point, w: int, model: Model, measured: Array
-) -> tuple[LinearModel, Array]:
-    linear = linear_at(problem, point, problem.groups[w], model)
-    read = simulate(problem, point, w, [model], linear)[0]
-    own = own_columns(problem, point, w, model, linear, read)
-    if not (np.isfinite(read).all() and np.isfinite(own).all()):
-        raise RunsAwayError("the simulation runs away from the flight")
-    residual = residual_of(problem, point, w, measured, read, linear)
-    return linear, np.concatenate([residual[..., None], own], axis=-1)
+def _flown(problem: Problem, point: Point, model: Model) -> list[_Flown]:
+    used = list(problem.used)
+    measured = without_delays(problem.subject.flight, model)
+    linear = {g: linear_at(problem, g, model, point.noise) for g in dict.fromkeys(problem.groups)}
+    out = []
+    for w, group in enumerate(problem.groups):
+        read = simulate(problem, point, w, [model])[0]
+        own = own_columns(problem, point, w, model, read)
+        if not (np.isfinite(read).all() and np.isfinite(own).all()):
+            raise RunsAwayError("the simulation runs away from the flight")
+        residual = residual_of(problem, point, w, measured, read, linear[group])
+        out.append(_Flown(residual, seen_in(problem, w, measured), own[:, used]))
+    return out
+
+
+def _filters(
+    problem: Problem, linear: list[LinearModel], noises: list[Noise], seen: Mask
+) -> tuple[Filter, Change, Array]:
+    """Filter by the first noise, its changes, and those of the logarithms of its deviations (samples, used, eta)."""
+    base = kalman_filter(linear[0], noises[0], problem.used, seen)
+    others = [
+        kalman_filter(its, noise, problem.used, seen, base)
+        for its, noise in zip(linear[1:], noises[1:], strict=True)
+    ]
+    spreads = np.stack([np.log(other.deviation / base.deviation) / _STEP for other in others], axis=-1)
+    return base, change_of(base, others, np.full(len(others), _STEP)), spreads
 
 
 def _sums(
-    problem: Problem, columns: list[_Columns], eta: Array, prior: Array, noise: Noise
+    problem: Problem, model: Model, flown: list[_Flown], eta: Array, prior: Array, noise: Noise
 ) -> tuple[float, Array, Array]:
     """Cost, gradient downwards, information; what belongs to a window at its best."""
-    at = [eta, *(eta + _STEP * row for row in np.eye(len(eta)))]
-    noises = [_noise_at(one, problem.used, noise) for one in at]
+    noises = [_noise_at(one, problem.used, noise) for one in (eta, *(eta + _STEP * np.eye(len(eta))))]
     groups = tuple(dict.fromkeys(problem.groups))
-    longest = max(w.stop - w.start for w in problem.windows)
 
-    def gains_of(group: int) -> list[Gains]:
-        linear, lead = columns[group][0], lead_of(problem, group)
-        return [settled_gains(linear, one, problem.used, lead, longest) for one in noises]
+    def of_group(group: int) -> tuple[list[LinearModel], tuple[Filter, Change, Array]]:
+        linear = [linear_at(problem, group, model, noises[0])] * (len(noises) - 2)
+        linear += [linear_at(problem, group, model, one) for one in noises[-2:]]  # how gusts are felt
+        return linear, _filters(problem, linear, noises, all_seen(problem, group))
 
     @np.errstate(all="ignore")
     def of_window(w: int) -> tuple[float, Array, Array]:
-        gains = found[problem.groups[w]]
-        residual, white, s = _at_its_best(problem, columns[w], w, noises[0], gains[0])
-        psi, sigma = np.empty((len(eta), s.size)), np.empty((len(eta), s.size))
-        for i in range(len(eta)):
-            e, spread = whiten(
-                columns[w][0], noises[1 + i], residual, problem.used, lead_of(problem, w), gains[1 + i]
-            )
-            psi[i], sigma[i] = (e.ravel() / s - white) / _STEP, np.log(spread.ravel() / s) / _STEP
-        cost = 0.5 * float(white @ white) + float(np.log(s).sum())
-        return cost, sigma @ (white**2 - (white != 0.0)) - psi @ white, psi @ psi.T + 2.0 * sigma @ sigma.T
+        it, group = flown[w], problem.groups[w]
+        linear, filters = found[group]
+        if not np.array_equal(it.seen, all_seen(problem, group)[: len(it.seen)]):
+            filters = _filters(problem, linear, noises, it.seen)
+        filtering, change, spreads = filters
+        path = _at_its_best(problem, it, filtering)
+        psi = sensitivities(filtering, path, change, np.zeros((*path.innovations.shape, len(eta))))
+        psi = (psi / path.deviation[..., None])[it.seen]
+        sigma = spreads[np.minimum(np.arange(len(it.seen)), len(spreads) - 1)][it.seen]
+        white = (path.innovations / path.deviation)[it.seen]
+        cost = 0.5 * float(white @ white) + float(np.log(path.deviation).sum())
+        return cost, sigma.T @ (white**2 - 1.0) - psi.T @ white, psi.T @ psi + 2.0 * sigma.T @ sigma
 
     with ThreadPoolExecutor(WORKERS) as pool:
-        found = dict(zip(groups, pool.map(gains_of, groups), strict=True))
-        parts = list(pool.map(of_window, range(len(columns))))
+        found = dict(zip(groups, pool.map(of_group, groups), strict=True))
+        parts = list(pool.map(of_window, range(len(flown))))
     off = eta - prior
     cost = sum(p[0] for p in parts) + 0.5 * float(off @ off) / _SPREAD**2
     information = sum((p[2] for p in parts), np.diag(np.full(len(eta), _SPREAD**-2.0)))
     return cost, sum((p[1] for p in parts), -off / _SPREAD**2), information
 
 
-def _at_its_best(
-    problem: Problem, columns: _Columns, w: int, noise: Noise, gains: Gains
-) -> tuple[Array, Array, Array]:
-    """Residual (samples, outputs, 1) less what the window's own explains, whitened, and standard deviations."""
-    linear, rows = columns
-    innovations, spread = whiten(linear, noise, rows, problem.used, lead_of(problem, w), gains)
-    s = spread.ravel()
-    white = innovations.reshape(s.size, -1) / s[:, None]
-    own = white[:, 1:]
-    move = np.linalg.solve(own.T @ own + np.diag(own_prior(problem)), own.T @ white[:, 0])
-    return rows[..., :1] - rows[..., 1:] @ move[:, None], white[:, 0] - own @ move, s
+def _at_its_best(problem: Problem, it: _Flown, filtering: Filter) -> Path:
+    """Innovations less what the window's own explains."""
+    path = whiten(filtering, it.residual, it.seen)
+    nothing = change_of(filtering, (), np.zeros(0))
+    own = sensitivities(filtering, path, nothing, it.own)
+    white = (path.innovations / path.deviation).ravel()
+    own = (own / path.deviation[..., None]).reshape(white.size, -1)
+    move = np.linalg.solve(own.T @ own + np.diag(own_prior(problem)), own.T @ white)
+    return whiten(filtering, it.residual - it.own @ move, it.seen)

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate, Subject
-from wingwatch.diagnosis.innovations import LinearModel, Noise, fastest_rad_s, linear_model
+from wingwatch.diagnosis.linear_model import DISTURBANCES, LinearModel, Noise, fastest_rad_s, linear_model
 from wingwatch.diagnosis.measured import LEAD_S, Window, finite_mean
-from wingwatch.diagnosis.replay import AIR, TRIMS, Inputs, Model, inputs_of, measured_start
+from wingwatch.diagnosis.replay import TRIMS, Inputs, Model, inputs_of, measured_start
 from wingwatch.diagnosis.trims import measured_trims
 
 __all__ = ["WORKERS", "Point", "Problem", "RunsAwayError", "lead_of", "linear_at", "model_at", "prepare"]
@@ -72,7 +72,7 @@ class Point:
         causes: candidates that are in the model; values: of each one's parameters.
         starts: (windows, 8); trims: (windows, 6).
         noise: standard deviations.
-        air: estimated states of the air in each window, (samples, 8) each.
+        disturbed: air and surfaces' noise as estimated in each window, (samples, 11) each (``linear_model``).
     """
 
     causes: tuple[Candidate, ...]
@@ -80,12 +80,14 @@ class Point:
     starts: Array
     trims: Array
     noise: Noise
-    air: tuple[Array, ...]
+    disturbed: tuple[Array, ...]
 
     def part(self, windows: Sequence[int]) -> "Point":
         """For some of the windows."""
-        air = tuple(self.air[w] for w in windows)
-        return replace(self, starts=self.starts[list(windows)], trims=self.trims[list(windows)], air=air)
+        disturbed = tuple(self.disturbed[w] for w in windows)
+        return replace(
+            self, starts=self.starts[list(windows)], trims=self.trims[list(windows)], disturbed=disturbed
+        )
 
     @property
     def theta(self) -> Array:
@@ -96,7 +98,10 @@ class Point:
 def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     """Windows and what each starts from, as measured."""
     flight, row = subject.flight, subject.model.row
-    free = (*(() if subject.trims_known else range(5)), *(() if subject.throttle_known else (5,)))
+    unknown = (*(() if subject.trims_known else range(5)), *(() if subject.throttle_known else (5,)))
+    free = tuple(
+        k for k in unknown if k != 5 or 0 not in subject.followed
+    )  # drag shows in the forward motion alone
     inputs, centres, starts = [], [], []
     for window in flight.windows:
         start = measured_start(flight, window, row)
@@ -111,16 +116,16 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
         np.mean([c for c, g in zip(centres, groups, strict=True) if g == group], axis=0) for group in groups
     ]
     trims = np.zeros((count, len(TRIMS)))
-    if free:
+    if unknown:
         found = [measured_trims(flight, w, row, i) for w, i in zip(flight.windows, inputs, strict=True)]
-        trims[:, list(free)] = np.array(found)[:, list(free)]
+        trims[:, list(unknown)] = np.array(found)[:, list(unknown)]
     problem = Problem(
         subject, flight.windows, tuple(inputs), groups, np.array(centres), np.array(starts), free, _used(subject),
         trims,
     )  # fmt: skip
-    air = tuple(np.zeros((w.stop - w.start, AIR)) for w in flight.windows)
+    air = tuple(np.zeros((w.stop - w.start, DISTURBANCES)) for w in flight.windows)
     point = Point((), (), problem.starts.copy(), trims.copy(), noise, air)
-    steps = [_steps(linear_at(problem, point, w, subject.model), i.dt) for w, i in enumerate(inputs)]
+    steps = [_steps(linear_at(problem, w, subject.model, noise), i.dt) for w, i in enumerate(inputs)]
     return replace(
         problem, inputs=tuple(i._replace(steps=n) for i, n in zip(inputs, steps, strict=True))
     ), point
@@ -157,10 +162,10 @@ def _steps(linear: LinearModel, dt_s: float) -> int:
     return min(max(1, int(np.ceil(fastest_rad_s(linear, dt_s) * dt_s / _LARGEST_PRODUCT))), 50)
 
 
-def linear_at(problem: Problem, point: Point, w: int, model: Model) -> LinearModel:
+def linear_at(problem: Problem, w: int, model: Model, noise: Noise) -> LinearModel:
     """Equation (1) of a model in a window."""
     span_m = problem.subject.aircraft.need_geometry("diagnosis").span_m
-    linear = linear_model(model, problem.centres[w], point.trims[w], problem.inputs[w], span_m)
+    linear = linear_model(model, problem.centres[w], problem.trims[w], problem.inputs[w], span_m, noise)
     return linear.without(problem.subject.followed)
 
 

@@ -45,6 +45,7 @@ __all__ = [
     "DELAY",
     "SCALE",
     "START",
+    "SURFACE_OUTPUTS",
     "TRIMS",
     "Inputs",
     "Model",
@@ -67,7 +68,7 @@ TRIMS: tuple[str, ...] = ("CL_zero", "CY_zero", "Cl_zero", "Cm_zero", "Cn_zero",
 
 _TRIM_COLUMNS = np.array([CL_ZERO, CY_ZERO, ROLL_ZERO, CM_ZERO, CN_ZERO, CD_MIN])
 _COLUMNS = np.array([CHANNEL_INDEX[name] for name in OUTPUTS])
-_SURFACE_OUTPUTS = 11
+SURFACE_OUTPUTS = 11
 _PARAMETERS, _CHANNELS, _K = len(PARAMETERS), len(CHANNELS), len(OUTPUTS)
 
 AIR = 8
@@ -151,10 +152,10 @@ def _followed(flight: MeasuredFlight, window: Window, followed: tuple[int, ...])
 
 
 def still(inputs: Inputs) -> Inputs:
-    """One sample of inputs, at their mean."""
+    """One sample of inputs, at their mean; surfaces at its end, too."""
     flown, commands = (np.nan_to_num(a.mean(axis=0, keepdims=True)) for a in (inputs.flown, inputs.commands))
     return inputs._replace(
-        flown=np.where(np.isfinite(inputs.flown).all(axis=0), flown, commands),
+        flown=np.repeat(np.where(np.isfinite(inputs.flown).all(axis=0), flown, commands), 2, axis=0),
         commands=np.full((1, 3), np.nan),
         throttle=inputs.throttle.mean(keepdims=True),
         air=np.zeros((2, AIR)),
@@ -208,7 +209,7 @@ def _fly(c, x, inputs, out):  # type: ignore[no-untyped-def]
     s[DENSITY_ALTITUDE], s[DENSITY] = inputs.altitude, inputs.density
     samples = out.shape[0]
     for t in range(samples):
-        after = min(t + 1, samples - 1)
+        after = min(t + 1, inputs.flown.shape[0] - 1)
         _follow(x, inputs.follow[t])
         s[THROTTLE] = inputs.throttle[t]
         for j in range(6):
@@ -245,7 +246,7 @@ def _fly(c, x, inputs, out):  # type: ignore[no-untyped-def]
                 s[GUST + j] += s[RISE + j]
         for j in range(_K):
             out[t, j] = all_channels[0, 0, _COLUMNS[j]]
-        out[t, _SURFACE_OUTPUTS : _SURFACE_OUTPUTS + 3] = servo_at_sample
+        out[t, SURFACE_OUTPUTS : SURFACE_OUTPUTS + 3] = servo_at_sample
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.fit import Solution, fit, inflation, own_fitted
-from wingwatch.diagnosis.innovations import Noise
+from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.noise import first_noise, fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
-from wingwatch.diagnosis.windows import with_air
+from wingwatch.diagnosis.windows import with_disturbance
 
 __all__ = ["Found", "Search", "Tried", "held_out_gain", "search", "settled"]
 
@@ -100,7 +100,7 @@ class Search:
 def settled(problem: Problem, point: Point, rounds: int = 2) -> Solution:
     """Starts, noise and air fitted in turn to the model of a point."""
     for _ in range(rounds):
-        point = with_air(problem, fit_noise(problem, fit(problem, point).point))
+        point = with_disturbance(problem, fit_noise(problem, fit(problem, point).point))
     solution = fit(problem, point)
     return fit(problem, fit_noise(problem, solution.point), 2)
 
@@ -124,7 +124,7 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
             if fits[0] is None or fits[0].gain <= 0.0:  # lost on the way: nearer to the present model, then
                 fits.append(_fitted(problem, present, candidate, present.point.noise))
             tried += sorted((f for f in fits if f is not None), key=lambda f: -f.gain)[:1]
-        tried = _judged(tried)
+        tried = _judged([_beyond_chance(problem, present, t) for t in tried])
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)
         if sum(t.gain < -_LOST for t in tried) > 0.5 * len(tried):
@@ -151,9 +151,8 @@ def _counts(tried: Tried) -> bool:
 def quiet(problem: Problem, noise: Noise) -> Noise:
     """Sensors as stated, gusts as fitted, next to no unmodelled moments."""
     first = first_noise(problem.subject.flight)
-    return Noise(
-        first.sensors, np.concatenate([noise.gusts[:4], np.minimum(noise.gusts[4:], first.gusts[4:])])
-    )
+    gusts = np.concatenate([noise.gusts[:4], np.minimum(noise.gusts[4:], first.gusts[4:])])
+    return replace(first, gusts=gusts, gradients=noise.gradients, lag_s=noise.lag_s)
 
 
 def _short_list(
@@ -198,7 +197,7 @@ def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: No
         noise=noise,
     )  # fmt: skip
     try:
-        point = with_air(problem, fit_noise(problem, fit(problem, point, 8).point))
+        point = with_disturbance(problem, fit_noise(problem, fit(problem, point, 8).point))
         solution = fit(problem, fit_noise(problem, fit(problem, point, 4).point), 4)
     except RunsAwayError:
         return None
@@ -210,6 +209,22 @@ def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: No
     error = np.sqrt(np.diagonal(solution.covariance)[-count:])
     gain = present.cost - solution.cost
     return Tried(candidate, solution, gain, gain, inflated, cost, solution.point.values[-1], error)
+
+
+def _beyond_chance(problem: Problem, present: Solution, one: Tried) -> Tried:
+    """With the gain over the present model at its best, about the same motion and begun with the same noise, too.
+
+    The fits of both may end at different noise, and fly through different air: that is no evidence.
+    """
+    if one.gain < _THRESHOLD:
+        return one
+    at = one.solution.point
+    point = replace(at, causes=at.causes[:-1], values=at.values[:-1])
+    try:
+        nested = fit(problem, fit_noise(problem, fit(problem, point).point), 4)
+    except RunsAwayError:
+        return one
+    return replace(one, gain=one.gain - max(present.cost - nested.cost, 0.0))
 
 
 def _judged(tried: Sequence[Tried]) -> list[Tried]:

@@ -7,12 +7,31 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.diagnosis.innovations import Gains, LinearModel, air_response, estimate_air, settled_gains
+from wingwatch.diagnosis.innovations import Mask, estimate_disturbance, response
+from wingwatch.diagnosis.linear_model import LinearModel
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, lead_of, linear_at, model_at
-from wingwatch.diagnosis.replay import AIR, Inputs, Model, body_state, fly_window, sense, without_delays
+from wingwatch.diagnosis.replay import (
+    AIR,
+    SURFACE_OUTPUTS,
+    Inputs,
+    Model,
+    body_state,
+    fly_window,
+    sense,
+    without_delays,
+)
 
-__all__ = ["START_STEPS", "TRIM_STEPS", "filter_of", "own_columns", "residual_of", "simulate", "with_air"]
+__all__ = [
+    "START_STEPS",
+    "TRIM_STEPS",
+    "all_seen",
+    "own_columns",
+    "residual_of",
+    "seen_in",
+    "simulate",
+    "with_disturbance",
+]
 
 Array = NDArray[np.float64]
 
@@ -20,13 +39,14 @@ START_STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])
 TRIM_STEPS = np.array([1e-3, 1e-3, 1e-4, 1e-4, 1e-4, 1e-4])
 
 
-def _inputs(problem: Problem, point: Point, w: int, linear: LinearModel) -> Inputs:
-    """Of a window, through the air as estimated."""
-    air = point.air[w] @ linear.air[:, -AIR:].T
-    return problem.inputs[w]._replace(air=np.vstack([air, air[-1:]]))
+def _inputs(problem: Problem, point: Point, w: int) -> Inputs:
+    """Of a window, as disturbed as estimated."""
+    disturbed, inputs = point.disturbed[w], problem.inputs[w]
+    air = disturbed[:, :AIR]
+    return inputs._replace(air=np.vstack([air, air[-1:]]), flown=inputs.flown + disturbed[:, AIR:])
 
 
-def simulate(problem: Problem, point: Point, w: int, models: Sequence[Model], linear: LinearModel) -> Array:
+def simulate(problem: Problem, point: Point, w: int, models: Sequence[Model]) -> Array:
     """What each version's sensors read in a window, (versions, samples, outputs)."""
     start = body_state(point.starts[w], problem.inputs[w].altitude)
     rows = np.array([m.row for m in models])
@@ -34,7 +54,7 @@ def simulate(problem: Problem, point: Point, w: int, models: Sequence[Model], li
     out = np.empty((len(models), window.stop - window.start, len(OUTPUTS)))
     count = len(models)
     fly_window(
-        rows, np.tile(start, (count, 1)), np.tile(point.trims[w], (count, 1)), _inputs(problem, point, w, linear), out,
+        rows, np.tile(start, (count, 1)), np.tile(point.trims[w], (count, 1)), _inputs(problem, point, w), out,
         np.empty((count, 13)),
     )  # fmt: skip
     for i, model in enumerate(models):
@@ -42,9 +62,7 @@ def simulate(problem: Problem, point: Point, w: int, models: Sequence[Model], li
     return out
 
 
-def own_columns(
-    problem: Problem, point: Point, w: int, base: Model, linear: LinearModel, read: Array
-) -> Array:
+def own_columns(problem: Problem, point: Point, w: int, base: Model, read: Array) -> Array:
     """Change of the outputs with a window's start and free trims, (samples, outputs, own)."""
     altitude, free = problem.inputs[w].altitude, problem.free_trims
     count = len(START_STEPS) + len(free)
@@ -56,7 +74,7 @@ def own_columns(
     out = np.empty((count, *read.shape))
     fly_window(
         np.tile(base.row, (count, 1)), np.array([body_state(s, altitude) for s in starts]), trims,
-        _inputs(problem, point, w, linear), out, np.empty((count, 13)),
+        _inputs(problem, point, w), out, np.empty((count, 13)),
     )  # fmt: skip
     steps = np.concatenate([START_STEPS, TRIM_STEPS[list(free)]])
     return np.asarray(np.moveaxis((sense(out, base) - read) / steps[:, None, None], 0, -1))
@@ -65,35 +83,49 @@ def own_columns(
 def residual_of(
     problem: Problem, point: Point, w: int, measured: Array, read: Array, linear: LinearModel
 ) -> Array:
-    """Residual of a window (samples, outputs), as it would be without the estimated air."""
+    """Residual of a window as it would be undisturbed, (samples, used); 0 where nothing was measured."""
+    window, used = problem.windows[w], list(problem.used)
+    answered = response(linear, point.disturbed[w])
+    answered[:, SURFACE_OUTPUTS : SURFACE_OUTPUTS + 3] = 0.0  # a servo does not feel the noise of its sensor
+    residual = np.nan_to_num(measured[window.start : window.stop]) - read + answered
+    return np.ascontiguousarray(residual[:, used])
+
+
+def seen_in(problem: Problem, w: int, measured: Array) -> Mask:
+    """Which readings of a window count, (samples, used)."""
     window = problem.windows[w]
-    return np.asarray(measured[window.start : window.stop] - read + air_response(linear, point.air[w]))
+    seen = np.isfinite(measured[window.start : window.stop, list(problem.used)])
+    seen[: lead_of(problem, w)] = False
+    return seen
 
 
-def filter_of(problem: Problem, point: Point, group: int, model: Model) -> tuple[LinearModel, Gains]:
-    """Equation (1) of a group of windows, and its gains."""
-    linear = linear_at(problem, point, group, model)
+def all_seen(problem: Problem, group: int) -> Mask:
+    """Of windows of a group that miss no reading, (samples of the longest, used)."""
     alike = [w for w, g in zip(problem.windows, problem.groups, strict=True) if g == group]
-    samples = max(w.stop - w.start for w in alike)
-    return linear, settled_gains(linear, point.noise, problem.used, lead_of(problem, group), samples)
+    seen = np.ones((max(w.stop - w.start for w in alike), len(problem.used)), dtype=np.bool_)
+    seen[: lead_of(problem, group)] = False
+    return seen
 
 
-def with_air(problem: Problem, point: Point) -> Point:
-    """The point with the air estimated anew."""
+def with_disturbance(problem: Problem, point: Point) -> Point:
+    """The point with air and surfaces' noise estimated anew."""
     model = model_at(problem, point)
     measured = without_delays(problem.subject.flight, model)
 
     @np.errstate(all="ignore")
     def of_window(w: int) -> Array:
-        linear = linear_at(problem, point, problem.groups[w], model)
-        read = simulate(problem, point, w, [model], linear)[0]
+        linear = linear_at(problem, problem.groups[w], model, point.noise)
+        read = simulate(problem, point, w, [model])[0]
         if not np.isfinite(read).all():
-            return np.zeros_like(point.air[w])
-        residual = residual_of(problem, point, w, measured, read, linear)
-        found = estimate_air(linear, point.noise, residual, problem.used, lead_of(problem, w))
-        blown = replace(point, air=(*point.air[:w], found, *point.air[w + 1 :]))
-        flies = bool(np.isfinite(simulate(problem, blown, w, [model], linear)).all())
+            return np.zeros_like(point.disturbed[w])
+        residual = np.full_like(read, np.nan)
+        residual[:, list(problem.used)] = residual_of(problem, point, w, measured, read, linear)
+        window = problem.windows[w]
+        residual[~np.isfinite(measured[window.start : window.stop])] = np.nan
+        found = estimate_disturbance(linear, point.noise, residual, problem.used, lead_of(problem, w))
+        disturbed = (*point.disturbed[:w], found, *point.disturbed[w + 1 :])
+        flies = bool(np.isfinite(simulate(problem, replace(point, disturbed=disturbed), w, [model])).all())
         return found if flies else np.zeros_like(found)
 
     with ThreadPoolExecutor(WORKERS) as pool:
-        return replace(point, air=tuple(pool.map(of_window, range(len(problem.inputs)))))
+        return replace(point, disturbed=tuple(pool.map(of_window, range(len(problem.inputs)))))

@@ -13,15 +13,14 @@ from wingwatch.diagnosis.candidate import Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.fit import fit
-from wingwatch.diagnosis.innovations import air_response, estimate_air, whiten
+from wingwatch.diagnosis.innovations import air_response, estimate_air, kalman_filter, whiten
 from wingwatch.diagnosis.linear_aircraft import concise, row_of_derivatives
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, measure
 from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
-from wingwatch.diagnosis.problem import Point, Problem, prepare
+from wingwatch.diagnosis.problem import Point, Problem, linear_at, prepare
 from wingwatch.diagnosis.replay import DELAY, Model, without_delays
 from wingwatch.diagnosis.subject import subject_of
-from wingwatch.diagnosis.windows import filter_of
 from wingwatch.simulation import Scenario, doublet_schedule, linearise, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
@@ -65,7 +64,7 @@ def test_innovations_of_a_right_simulation_are_the_sensors_noise() -> None:
 
 def test_equation_1_predicts_what_a_small_change_of_the_start_does() -> None:
     subject, problem, point = problem_of(flown(noise=False))
-    linear, _ = filter_of(problem, point, 0, subject.model)
+    linear = linear_at(problem, 0, subject.model, point.noise)
     for j, size in ((2, 0.05), (3, 0.01), (4, 0.01), (5, 0.01)):
         starts = point.starts.copy()
         starts[0, j] += size
@@ -84,15 +83,16 @@ def test_equation_1_predicts_what_a_small_change_of_the_start_does() -> None:
 def test_air_that_is_estimated_explains_what_it_did() -> None:
     subject, problem, point = problem_of(flown(noise=False))
     noise = replace(point.noise, gusts=np.array([1.0, 1.0, 1.0, 0.05, 0.2, 0.2]))
-    linear, _ = filter_of(problem, point, 0, subject.model)
-    rng, states = np.random.default_rng(1), np.zeros((400, 8))
+    linear = linear_at(problem, 0, subject.model, point.noise)
+    rng, states = np.random.default_rng(1), np.zeros((400, 13))
     for t in range(1, 400):
         states[t, 2] = 0.99 * states[t - 1, 2] + 0.14 * rng.standard_normal()  # vertical gust
     response = air_response(linear, states)
     found = estimate_air(linear, noise, response, problem.used, 0)
     assert np.corrcoef(found[20:, 2], states[20:, 2])[0, 1] > 0.99
-    white, spread = whiten(linear, noise, response[..., None], problem.used, 0)
-    assert float(np.mean((white[..., 0] / spread) ** 2)) < 1.0
+    seen = np.ones((400, len(problem.used)), dtype=np.bool_)
+    path = whiten(kalman_filter(linear, noise, problem.used, seen), response[:, list(problem.used)], seen)
+    assert float(np.mean((path.innovations / path.deviation) ** 2)) < 1.0
 
 
 def test_a_delay_is_a_shift_that_keeps_the_noise() -> None:

@@ -1,0 +1,248 @@
+"""How small disturbances move a simulated aircraft and the air around it, over one sample.
+
+About a window's mean motion the residual of a perfect simulation through still air obeys
+
+    x' = Phi x + Gamma g + noise,   r = H x + D g + e,                                                         (1)
+
+x the eight states of ``replay.START``, e white sensor noise, and g what disturbs the replay: velocities u, v, w of the
+air and its roll rate p are first-order Markov processes (Dryden's of MIL-F-8785C), pitch and yaw rate of the air follow
+from the gradients of w and v along the path, as much as the aircraft feels of them; unmodelled angular accelerations in
+pitch and yaw are Markov processes too; and a surface whose measured position is flown is off by its sensor's noise.
+docs/methods/diagnosis.md, section 2.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
+
+from wingwatch.diagnosis.measured import OUTPUTS
+from wingwatch.diagnosis.replay import (
+    AIR,
+    SCALE,
+    SURFACE_OUTPUTS,
+    Inputs,
+    Model,
+    body_state,
+    fly_window,
+    still,
+)
+from wingwatch.simulation.dynamics import euler_angles
+
+__all__ = [
+    "DISTURBANCES",
+    "DRIVEN",
+    "STATES",
+    "WIDTH",
+    "LinearModel",
+    "Noise",
+    "fastest_rad_s",
+    "linear_model",
+]
+
+Array = NDArray[np.float64]
+
+STATES, _K = 8, len(OUTPUTS)
+_U, _V, _W, _V_FELT, _W_FELT, _V_LATE, _W_LATE, _P, _PITCH, _YAW, _SURFACES = range(STATES, STATES + 11)
+"""Places of what disturbs: velocities, the same as felt, the same late, roll rate, angular accelerations, the first
+surface."""
+WIDTH = _SURFACES + 3
+"""Of the states of equation (1)."""
+DRIVEN = np.array([_U, _V, _W, _P, _PITCH, _YAW, _SURFACES, _SURFACES + 1, _SURFACES + 2])
+"""Which of them noise drives."""
+_STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
+DISTURBANCES = AIR + 3
+"""What disturbs the replay: ``Inputs.air``, then the noise of the surfaces' sensors."""
+_DISTURBED = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
+
+GUST_SCALE_M = 100.0
+"""Scale length of gusts."""
+
+
+class LinearModel(NamedTuple):
+    """Equation (1) over one sample.
+
+    Attributes:
+        transition: (21, 21); noise: of the processes' noise, (21, 9); output: (outputs, 21).
+        disturbance: ``Inputs.air`` and the surfaces by the states, (11, 21).
+        keep: of the Markov processes over a sample, (9,).
+        first, last: what a disturbance at the start and at the end of a sample does to the motion, (8, 11).
+        direct: what it does to the outputs, (outputs, 11).
+    """
+
+    transition: Array
+    noise: Array
+    output: Array
+    disturbance: Array
+    keep: Array
+    first: Array
+    last: Array
+    direct: Array
+
+    def without(self, followed: tuple[int, ...]) -> "LinearModel":
+        """With some of ``START`` held to what was measured."""
+        if not followed:
+            return self
+        f, noise, h = self.transition.copy(), self.noise.copy(), self.output.copy()
+        at = list(followed)
+        first, last = self.first.copy(), self.last.copy()
+        f[at] = f[:, at] = noise[at] = h[:, at] = first[at] = last[at] = 0.0
+        return self._replace(transition=f, noise=noise, output=h, first=first, last=last)
+
+    def covariances(self, noise: "Noise") -> tuple[Array, Array]:
+        """Of the processes' noise over a sample, and of the states before the first, (21, 21) each.
+
+        Before the first sample the air is as it is long after its beginning.
+        """
+        variance = np.concatenate([noise.gusts, noise.surfaces]) ** 2 * (1.0 - self.keep**2)
+        process = (self.noise * variance) @ self.noise.T
+        start, air = np.zeros((WIDTH, WIDTH)), slice(STATES, None)
+        start[air, air] = solve_discrete_lyapunov(self.transition[air, air], process[air, air])
+        return process, start
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations.
+
+    Attributes:
+        sensors: of each output, in its unit, (outputs,); of a surface: of its way by the actuator of the file.
+        gusts: of the air, u, v, w, m/s, p, rad/s, and of unmodelled angular accelerations q, r, rad/s2, (6,).
+        surfaces: of the sensors whose positions are flown, rad, (3,).
+        gradients: how much of the air's gradients along the path the aircraft feels; 1: all, as MIL-F-8785C has it.
+        lag_s: time constant with which a gust's lift comes (Kuessner's effect, mean over the wing).
+    """
+
+    sensors: Array
+    gusts: Array
+    surfaces: Array
+    gradients: float = 1.0
+    lag_s: float = 0.01
+
+
+def linear_model(
+    model: Model, mean: Array, trims: Array, inputs: Inputs, span_m: float, noise: Noise
+) -> LinearModel:
+    """Equation (1) about a mean motion, by central differences of the replay.
+
+    Args:
+        model: the simulation.
+        mean: of ``START`` in the window, (8,).
+        trims: of the window, (6,).
+        inputs: of the window; their mean is held.
+        span_m: of the wing.
+        noise: how gusts are felt.
+    """
+    held = still(inputs)
+    states = np.array(
+        [body_state(s, inputs.altitude) for s in (*(mean + np.diag(_STEPS)), *(mean - np.diag(_STEPS)))]
+    )
+    phi, h = np.empty((STATES, STATES)), np.empty((_K, STATES))
+    first, last = np.empty((STATES, DISTURBANCES)), np.empty((STATES, DISTURBANCES))
+    d = np.empty((_K, DISTURBANCES))
+    _differences(model.row, states, body_state(mean, inputs.altitude), trims, held, (phi, h, first, last, d))
+    gain = 1.0 + model.sensors[:, SCALE, None]
+    speed = max(float(np.linalg.norm(mean[:3])), 1.0)
+    flown = np.isfinite(inputs.flown).all(axis=0)
+    for j in range(3):
+        d[SURFACE_OUTPUTS + j, AIR + j] = -1.0  # a position that reads too much is less than it reads
+    for by_disturbance in (first, last, d):
+        by_disturbance[:, AIR:] *= flown
+    by_states, moves, driven, keep = _disturbances(inputs.dt, speed, span_m, noise)
+    transition, output = moves.copy(), np.zeros((_K, WIDTH))
+    transition[:STATES, :STATES], output[:, :STATES] = phi, h
+    transition[:STATES] += first @ by_states + last @ by_states @ moves
+    driven[:STATES] += last @ by_states @ driven
+    output += d @ by_states
+    return LinearModel(transition, driven, gain * output, by_states, keep, first, last, gain * d)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _differences(row, states, centre, trims, held, out):  # type: ignore[no-untyped-def]
+    """Central differences over one sample with the states, then with what disturbs at its start and end."""
+    phi, h, first, last, d = out
+    rows, read, trim = row.reshape(1, row.size), np.empty((1, 1, _K)), trims.reshape(1, trims.size)
+    below, start, end = np.empty(_K), np.empty((1, 13)), np.empty((1, 13))
+    before, after = np.empty(STATES), np.empty(STATES)
+    for j in range(STATES):
+        for side in range(2):
+            start[0] = states[j + side * STATES]
+            fly_window(rows, start, trim, held, read, end)
+            if side == 0:
+                _coordinates(end[0], after)
+                below[:] = read[0, 0]
+        _coordinates(end[0], before)
+        phi[:, j] = (after - before) / (2.0 * _STEPS[j])
+        h[:, j] = (below - read[0, 0]) / (2.0 * _STEPS[j])
+    start[0] = centre
+    for j in range(DISTURBANCES):
+        for at in range(2):
+            for side in range(2):
+                disturbed = held.air if j < AIR else held.flown
+                column = j if j < AIR else j - AIR
+                usual = disturbed[at, column]
+                disturbed[at, column] += _DISTURBED[j] * (1.0 - 2.0 * side)
+                fly_window(rows, start, trim, held, read, end)
+                disturbed[at, column] = usual
+                if side == 0:
+                    _coordinates(end[0], after)
+                    below[:] = read[0, 0]
+            _coordinates(end[0], before)
+            gamma = first if at == 0 else last
+            gamma[:, j] = (after - before) / (2.0 * _DISTURBED[j])
+            if at == 0:
+                d[:, j] = (below - read[0, 0]) / (2.0 * _DISTURBED[j])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _coordinates(x, out):  # type: ignore[no-untyped-def]
+    """``START`` of a rigid-body state (13,) into ``out`` (8,)."""
+    out[:3], out[3:6] = x[3:6], x[10:13]
+    roll, pitch, _ = euler_angles(x)
+    out[6], out[7] = roll, pitch
+
+
+def _disturbances(dt: float, speed: float, span_m: float, noise: Noise) -> tuple[Array, Array, Array, Array]:
+    """What disturbs by the states (11, 21); its part of the transition (21, 21) and of the noise (21, 9); what the
+    processes keep over a sample (9,).
+
+    A gust across the path is felt with a lag. A gradient along the path is felt over a length of the wing: q = (w -
+    w_late) / (V tau), tau w_late' = w - w_late. Both follow what they lag behind on straight lines between samples.
+    """
+    slow, quick = math.exp(-dt * speed / GUST_SCALE_M), math.exp(-dt * math.pi * speed / (4.0 * span_m))
+    keep = np.array([slow, slow, slow, quick, quick, quick, 0.0, 0.0, 0.0])
+    moves, driven = np.zeros((WIDTH, WIDTH)), np.eye(WIDTH)[:, DRIVEN]
+    moves[DRIVEN, DRIVEN] = keep
+    by_states = np.zeros((DISTURBANCES, WIDTH))
+    by_states[[0, 1, 2, 3, 6, 7, 8, 9, 10], [_U, _V_FELT, _W_FELT, *DRIVEN[3:]]] = 1.0
+    for now, felt, late, lengths, rate, sign in (
+        (_V, _V_FELT, _V_LATE, 3.0, 5, 1.0),
+        (_W, _W_FELT, _W_LATE, 4.0, 4, -1.0),
+    ):
+        _lags(moves, driven, felt, now, dt / noise.lag_s)
+        lag_s = lengths * span_m / (math.pi * speed)
+        _lags(moves, driven, late, felt, dt / lag_s)
+        by_states[rate, felt] = sign * noise.gradients / (speed * lag_s)
+        by_states[rate, late] = -by_states[rate, felt]
+    return by_states, moves, driven, keep
+
+
+def _lags(moves: Array, driven: Array, late: int, now: int, part: float) -> None:
+    """A state follows another with a lag of which a sample is a part, on straight lines between samples; in place."""
+    stays = math.exp(-part)
+    end = 1.0 - (1.0 - stays) / part
+    moves[late] = end * moves[now]
+    moves[late, now] += 1.0 - stays - end
+    moves[late, late] += stays
+    driven[late] = end * driven[now]
+
+
+def fastest_rad_s(linear: LinearModel, dt_s: float) -> float:
+    """Size of the fastest eigenvalue of the motion."""
+    values = np.linalg.eigvals(linear.transition[:STATES, :STATES])
+    moving = values[np.abs(values) > 1e-9]  # a state that is followed has none
+    return float(np.abs(np.log(moving)).max(initial=0.0)) / dt_s
