@@ -32,6 +32,7 @@ class FreeParameter:
         spread: standard deviation of what is expected of such a fault.
         least: size below which the cause makes no difference that matters.
         low, high: limits.
+        inverse: whether it is one over what is reported, which is infinite where the cause is absent.
     """
 
     name: str
@@ -41,6 +42,7 @@ class FreeParameter:
     least: float
     low: float = -np.inf
     high: float = np.inf
+    inverse: bool = False
 
 
 @dataclass(frozen=True, slots=True)

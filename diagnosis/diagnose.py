@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wingwatch.aircraft import Aircraft, FlightCondition
-from wingwatch.diagnosis.candidate import Subject
+from wingwatch.diagnosis.candidate import FreeParameter, Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.evaluation import evaluate
 from wingwatch.diagnosis.extension import extended
@@ -205,7 +205,7 @@ def _cause(problem: Problem, found: Search, i: int, noise: Array) -> Cause:
         name=candidate.name,
         target=candidate.target,
         parameters={
-            p.name: ParameterEstimate(float(v), float(e), p.unit)
+            p.name: _reported(p, float(v), float(e))
             for p, v, e in zip(candidate.parameters, values, errors, strict=True)
         },
         channels=_channels(problem, found, i, noise),
@@ -215,6 +215,12 @@ def _cause(problem: Problem, found: Search, i: int, noise: Array) -> Cause:
         indistinguishable_from=tuple(t.candidate.label for t in one.alike),
         text=candidate.says.format(*values),
     )
+
+
+def _reported(parameter: FreeParameter, value: float, error: float) -> ParameterEstimate:
+    if parameter.inverse and value != 0.0:
+        value, error = 1.0 / value, error / value**2
+    return ParameterEstimate(value, error, parameter.unit)
 
 
 def _probability(one: Tried, tried: Sequence[Tried]) -> float:

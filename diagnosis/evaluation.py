@@ -5,7 +5,7 @@ filter, psi = -d(e)/d(theta) by differences, so that what a gust does to the out
 judged. Standard deviations are those of the model at hand. What belongs to one window, its start and its trims, is
 eliminated there:
 
-    H = sum over windows (H_tt - H_tl H_ll^-1 H_lt),   g likewise.                                             (2)
+    H = sum over windows (H_tt - H_tl H_ll^-1 H_lt),   g likewise.                                             (4)
 """
 
 from collections.abc import Sequence
@@ -233,7 +233,7 @@ def own_prior(problem: Problem) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Reduced:
-    """Equation (2): cost, gradient downwards, information of the parameters; and what each window's own would move.
+    """Equation (4): cost, gradient downwards, information of the parameters; and what each window's own would move.
 
     Attributes:
         cost: minus log-likelihood, own parameters at their best.

@@ -2,7 +2,7 @@
 
 With innovations e of standard deviation s at logarithms eta of the standard deviations,
 
-    cost = sum (e^2 / 2 s^2 + ln s),   d(e)/d(eta) and d(ln s)/d(eta) by differences,                           (3)
+    cost = sum (e^2 / 2 s^2 + ln s),   d(e)/d(eta) and d(ln s)/d(eta) by differences,                           (5)
 
 and Fisher's scoring goes downhill. A broad prior keeps what the data do not know where it was.
 """

@@ -5,7 +5,7 @@ and in still air (noise fitted to a wrong model explains part of the error as no
 with its own noise. With the gain of log-likelihood g, k parameters, n blocks
 of two seconds and an inflation f of the scores' variance,
 
-    evidence = g / f - k / 2 ln n + ln odds,                                                                   (4)
+    evidence = g / f - k / 2 ln n + ln odds,                                                                   (6)
 
 and the best cause is taken if its evidence is beyond the threshold and it pays on windows left out.
 docs/methods/diagnosis.md, section 4.
@@ -13,6 +13,7 @@ docs/methods/diagnosis.md, section 4.
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.fit import Solution, fit, inflation, own_fitted
 from wingwatch.diagnosis.linear_model import Noise
+from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
 from wingwatch.diagnosis.windows import with_disturbance
@@ -34,6 +36,8 @@ Progress = Callable[[str, float], None]
 
 MOST_CAUSES = 4
 _SHORT_LIST = 4
+_AGAIN = 3
+"""Fits from whose noise the present model is fitted again."""
 _WORTH_A_FIT = 0.1
 """Part of the best one's promised gain below which a candidate is not fitted."""
 _THRESHOLD = 7.0
@@ -45,6 +49,8 @@ _LOST = 10.0
 """Log-likelihood below the present model's at which a fit has not found its way."""
 _SURE = 3.0
 """Standard errors that a parameter must be away from none."""
+_MATTERS = 0.03
+"""Change of an output by a cause, of what the output moves: a simulation is as right as that where nothing is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +60,7 @@ class Tried:
     Attributes:
         candidate: which.
         solution: the fit; the candidate's parameters come last.
-        evidence: equation (4), over the model without it; gain, inflated: g and f there; cost: what is taken off.
+        evidence: equation (6), over the model without it; gain, inflated: g and f there; cost: what is taken off.
         value, error: its parameters.
     """
 
@@ -124,17 +130,18 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
             if fits[0] is None or fits[0].gain <= 0.0:  # lost on the way: nearer to the present model, then
                 fits.append(_fitted(problem, present, candidate, present.point.noise))
             tried += sorted((f for f in fits if f is not None), key=lambda f: -f.gain)[:1]
-        tried = _judged([_beyond_chance(problem, present, t) for t in tried])
+        astray = sum(t.gain < -_LOST for t in tried) > 0.5 * len(tried)
+        tried = _judged(_over_the_best(problem, present, tried))
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)
-        if sum(t.gain < -_LOST for t in tried) > 0.5 * len(tried):
+        if astray:
             lost = True  # every candidate contains the present model: fits that end below it have not found their way
             break
         best = next((t for t in tried if _counts(t)), None)
         if best is None:
             break
         held_out = held_out_gain(problem, best.solution)
-        if not held_out > 0.0:
+        if not held_out > 0.0 or not _matters(problem, best.solution):
             break
         alike = tuple(t for t in tried if t is not best and t.evidence > best.evidence - _ALIKE)
         found.append(Found(best, alike, rest, held_out))
@@ -211,20 +218,19 @@ def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: No
     return Tried(candidate, solution, gain, gain, inflated, cost, solution.point.values[-1], error)
 
 
-def _beyond_chance(problem: Problem, present: Solution, one: Tried) -> Tried:
-    """With the gain over the present model at its best, about the same motion and begun with the same noise, too.
+def _over_the_best(problem: Problem, present: Solution, tried: Sequence[Tried]) -> list[Tried]:
+    """With gains over the present model at its best: also fitted about the motion and from the noise where fits ended.
 
     The fits of both may end at different noise, and fly through different air: that is no evidence.
     """
-    if one.gain < _THRESHOLD:
-        return one
-    at = one.solution.point
-    point = replace(at, causes=at.causes[:-1], values=at.values[:-1])
-    try:
-        nested = fit(problem, fit_noise(problem, fit(problem, point).point), 4)
-    except RunsAwayError:
-        return one
-    return replace(one, gain=one.gain - max(present.cost - nested.cost, 0.0))
+    cost = present.cost
+    for one in sorted(tried, key=lambda t: -t.gain)[:_AGAIN]:
+        if one.gain > _THRESHOLD:
+            at = one.solution.point
+            point = replace(at, causes=at.causes[:-1], values=at.values[:-1])
+            with suppress(RunsAwayError):
+                cost = min(cost, fit(problem, fit_noise(problem, fit(problem, point).point), 4).cost)
+    return [replace(t, gain=t.gain - (present.cost - cost)) for t in tried]
 
 
 def _judged(tried: Sequence[Tried]) -> list[Tried]:
@@ -253,6 +259,22 @@ def held_out_gain(problem: Problem, solution: Solution) -> float:
         after += _own_best(other, replace(here, values=found.values))
     beyond = before - 0.5 * solution.evaluation.readings
     return (before - after) / max(beyond, before - after, 1.0) if before > after else -1.0
+
+
+@np.errstate(all="ignore")  # without the cause the simulation may run away: that matters
+def _matters(problem: Problem, solution: Solution) -> bool:
+    """Whether the last cause changes any output by a part of its motion that matters (root mean squares)."""
+    point = solution.point
+    without = own_fitted(problem, replace(point, causes=point.causes[:-1], values=point.values[:-1]))
+    pair = replayed(problem, point), replayed(problem, without)
+    for k in problem.used:
+        changed = moved = 0.0
+        for (y, one), (_, other) in zip(pair[0].pairs(k), pair[1].pairs(k), strict=True):
+            changed += float(((one - other) ** 2).sum())
+            moved += float(((y - y.mean()) ** 2).sum())
+        if not changed < _MATTERS**2 * moved:
+            return True
+    return False
 
 
 def _own_best(problem: Problem, point: Point) -> float:

@@ -1,4 +1,4 @@
-"""A servo whose rate is limited more than the file says; the parameter is one over the limit, so that 0 is none."""
+"""A servo whose rate is limited more than the file says; fitted is one over the limit, so that 0 is none."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ def candidates(subject: Subject) -> list[Candidate]:
             / subject.flight.dt_s
         )
         slow = 1.0 / max(fastest, 0.2)
-        added = FreeParameter("slowness_s_rad", "s/rad", slow, 2.0, 0.05, 0.0, 100.0)
+        added = FreeParameter("rate_limit_rad_s", "rad/s", slow, 2.0, 0.05, 0.0, 100.0, inverse=True)
         found.append(
             Candidate(
                 "actuator_rate_limit", surface, (added,), _Limited(surface),

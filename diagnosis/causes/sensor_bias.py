@@ -13,8 +13,9 @@ _SIZES = {"m_s": 1.0, "rad_s": 0.02, "m_s2": 0.3, "rad": 0.02}
 
 
 def candidates(subject: Subject) -> list[Candidate]:
-    """Each measured channel."""
-    return [_biased(name, subject) for name in OUTPUTS[:11] if subject.measures(name)]
+    """Each measured channel; where steady forces and moments are each window's own, those that do not show as such."""
+    known = OUTPUTS[:11] if subject.trims_known else OUTPUTS[:4]
+    return [_biased(name, subject) for name in known if subject.measures(name)]
 
 
 def _biased(name: str, subject: Subject) -> Candidate:

@@ -13,14 +13,16 @@ from wingwatch.diagnosis.candidate import Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.fit import fit
-from wingwatch.diagnosis.innovations import air_response, estimate_air, kalman_filter, whiten
+from wingwatch.diagnosis.innovations import estimate_disturbance, kalman_filter, response, whiten
 from wingwatch.diagnosis.linear_aircraft import concise, row_of_derivatives
+from wingwatch.diagnosis.linear_model import DISTURBANCES
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, measure
 from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, linear_at, prepare
 from wingwatch.diagnosis.replay import DELAY, Model, without_delays
 from wingwatch.diagnosis.subject import subject_of
+from wingwatch.diagnosis.windows import simulate as fly
 from wingwatch.simulation import Scenario, doublet_schedule, linearise, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
@@ -56,7 +58,8 @@ def test_innovations_of_a_right_simulation_are_the_sensors_noise() -> None:
     subject, problem, point = problem_of(flown())
     point = fit_noise(problem, fit(problem, point).point)
     fitted = point.noise.sensors[list(problem.used)] / subject.flight.noise_std[list(problem.used)]
-    np.testing.assert_allclose(fitted, 1.0, atol=0.12)  # 1000 samples: 2 %, and stated noise is exact
+    np.testing.assert_allclose(fitted[:11], 1.0, atol=0.12)  # 1000 samples: 2 %, and stated noise is exact
+    assert (fitted[11:] < 0.2).all()  # servos are as stated: what positions lack is their sensors' noise
     evaluation = evaluate(problem, point)
     square = sum(float(b[:, 0, 0].sum()) for b in evaluation.blocks)
     assert square / evaluation.readings == pytest.approx(1.0, abs=0.04)
@@ -83,16 +86,52 @@ def test_equation_1_predicts_what_a_small_change_of_the_start_does() -> None:
 def test_air_that_is_estimated_explains_what_it_did() -> None:
     subject, problem, point = problem_of(flown(noise=False))
     noise = replace(point.noise, gusts=np.array([1.0, 1.0, 1.0, 0.05, 0.2, 0.2]))
-    linear = linear_at(problem, 0, subject.model, point.noise)
-    rng, states = np.random.default_rng(1), np.zeros((400, 13))
+    linear = linear_at(problem, 0, subject.model, noise)
+    rng, blown = np.random.default_rng(1), np.zeros((400, DISTURBANCES))
     for t in range(1, 400):
-        states[t, 2] = 0.99 * states[t - 1, 2] + 0.14 * rng.standard_normal()  # vertical gust
-    response = air_response(linear, states)
-    found = estimate_air(linear, noise, response, problem.used, 0)
-    assert np.corrcoef(found[20:, 2], states[20:, 2])[0, 1] > 0.99
+        blown[t, 2] = 0.99 * blown[t - 1, 2] + 0.14 * rng.standard_normal()  # vertical gust
+    answer = response(linear, blown)
+    found = estimate_disturbance(linear, noise, answer, problem.used, 0)
+    assert np.corrcoef(found[20:, 2], blown[20:, 2])[0, 1] > 0.99
     seen = np.ones((400, len(problem.used)), dtype=np.bool_)
-    path = whiten(kalman_filter(linear, noise, problem.used, seen), response[:, list(problem.used)], seen)
+    path = whiten(kalman_filter(linear, noise, problem.used, seen), answer[:, list(problem.used)], seen)
     assert float(np.mean((path.innovations / path.deviation) ** 2)) < 1.0
+
+
+@pytest.mark.parametrize("column", [2, 8, 9, 10])
+def test_a_small_disturbance_moves_the_replay_as_equation_1_says(column: int) -> None:
+    subject, problem, point = problem_of(flown(noise=False))
+    samples = len(point.disturbed[0])
+    disturbed = np.zeros((samples, DISTURBANCES))
+    disturbed[:, column] = 1e-3 * np.sin(0.1 * np.arange(samples))
+    calm = replace(point, disturbed=tuple(np.zeros_like(d) for d in point.disturbed))
+    moved = fly(problem, replace(calm, disturbed=(disturbed, *calm.disturbed[1:])), 0, [subject.model])[0]
+    change = (moved - fly(problem, calm, 0, [subject.model])[0])[:100]
+    said = response(linear_at(problem, 0, subject.model, point.noise), disturbed)[:100]
+    for k in range(1, 7):
+        size = np.abs(change[:, k]).max()
+        if size > 0.1 * subject.flight.noise_std[k]:
+            np.testing.assert_allclose(said[:, k], change[:, k], atol=0.05 * size)
+
+
+def test_the_gradient_is_that_of_the_cost() -> None:
+    subject, problem, point = problem_of(flown())
+    point = fit(problem, point).point
+    chosen = [
+        c for c in candidates(subject) if c.label in ("pitch_damping", "sensor_bias[angle_of_attack_rad]")
+    ]
+    point = replace(point, causes=tuple(chosen), values=tuple(np.zeros(1) for _ in chosen))
+    here = evaluate(problem, point)
+    score = reduce(problem, point, here).score
+    for i, step in enumerate((1e-3, 1e-5)):
+        cost = []
+        for side in (-1.0, 1.0):
+            values = tuple(np.array([side * step]) if j == i else np.zeros(1) for j in range(2))
+            there = evaluate(problem, replace(point, values=values), weights=here.deviations)
+            cost.append(reduce(problem, replace(point, values=values), there).cost)
+        assert (cost[0] - cost[1]) / (2.0 * step) == pytest.approx(
+            score[i], rel=0.02, abs=0.02 * abs(score).max()
+        )
 
 
 def test_a_delay_is_a_shift_that_keeps_the_noise() -> None:
