@@ -47,6 +47,8 @@ _ALIKE = 3.0
 _FOLDS = 4
 _LOST = 10.0
 """Log-likelihood below the present model's at which a fit has not found its way."""
+_SCATTER = 0.1
+"""The same as a part of the best fit's gain: beside a great error all fits end at other noise."""
 _SURE = 3.0
 """Standard errors that a parameter must be away from none."""
 _MATTERS = 0.03
@@ -130,7 +132,8 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
             if fits[0] is None or fits[0].gain <= 0.0:  # lost on the way: nearer to the present model, then
                 fits.append(_fitted(problem, present, candidate, present.point.noise))
             tried += sorted((f for f in fits if f is not None), key=lambda f: -f.gain)[:1]
-        astray = sum(t.gain < -_LOST for t in tried) > 0.5 * len(tried)
+        most = max((t.gain for t in tried), default=0.0)
+        astray = sum(t.gain < -max(_LOST, _SCATTER * most) for t in tried) > 0.5 * len(tried)
         tried = _judged(_over_the_best(problem, present, tried))
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)
