@@ -200,8 +200,13 @@ def _what_and_why(d: Diagnosis) -> str:
         where = f" departs from this flight most in {most}" if most else " departs from this flight"
         plural = "causes" if len(d.causes) > 1 else "cause"
         return f"The simulation of {d.aircraft.name}{where}; {plural} found: {causes}{more}."
-    if not wrong:
+    if not wrong and d.unexplained_fraction == 0.0:
         return f"The simulation of {d.aircraft.name} agrees with this flight: what is left is sensor noise."
+    if not wrong:
+        return (
+            f"The simulation of {d.aircraft.name} departs from this flight by more than its sensors' noise, but by no "
+            "more than gusts and unmodelled moments of the size that was found; no cause is beyond doubt."
+        )
     return (
         f"The simulation of {d.aircraft.name} departs from this flight most in {most}, "
         "but no cause is beyond doubt."

@@ -40,6 +40,8 @@ def test_the_answer_where_nothing_was_found_or_nothing_is_wrong() -> None:
         "The simulation of aerosonde agrees with this flight: what is left is sensor noise.",
         "",
     )
+    gusts = dataclasses.replace(AGREES, unexplained_fraction=1.0)
+    assert "by no more than gusts and unmodelled moments" in headline(gusts)[0]
 
 
 def test_an_extension_that_does_not_pay_is_said() -> None:
