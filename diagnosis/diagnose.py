@@ -218,6 +218,7 @@ def _cause(problem: Problem, found: Search, i: int, noise: Array) -> Cause:
 
 
 def _reported(parameter: FreeParameter, value: float, error: float) -> ParameterEstimate:
+    """In the unit that is reported, the error by its derivative."""
     if parameter.inverse and value != 0.0:
         value, error = 1.0 / value, error / value**2
     return ParameterEstimate(value, error, parameter.unit)

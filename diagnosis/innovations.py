@@ -1,9 +1,9 @@
 """The residual of a replay, whitened: what sensor noise, gusts and unmodelled moments can do is taken out of it.
 
 A Kalman filter of equation (1) (``linear_model``) turns the residual into independent innovations. It looks back only,
-so what an autopilot makes of a gust is no evidence of anything. Gusts are large motions:
-so the replay flies through the air as it is estimated, the linear response to that air is added to its residual, and
-(1) is linear in what the estimate misses alone. With x the states, the outputs k one after another,
+so what an autopilot makes of a gust is no evidence of anything. Gusts are large motions. So the replay flies through
+the air as it is estimated, the linear response to that air is added to its residual, and only what the estimate misses
+is linearised. With x the states, the outputs k one after another,
 
     e_k = r_k - h_k x,   x <- x + K_k e_k;   after the last output   x' = Phi x.                                (2)
 
@@ -30,10 +30,10 @@ __all__ = [
     "Change",
     "Filter",
     "Path",
-    "response",
     "change_of",
     "estimate_disturbance",
     "kalman_filter",
+    "response",
     "sensitivities",
     "whiten",
 ]
@@ -80,7 +80,7 @@ def kalman_filter(
     output = np.ascontiguousarray(linear.output[index])
     holds_from = int(np.flatnonzero(np.r_[True, (seen[1:] != seen[:-1]).any(axis=1)])[-1])
     count = _settle(
-        linear.transition, output, process, noise.sensors[index] ** 2, start, seen, gain, deviation,
+        linear.transition, output, (process, noise.sensors[index] ** 2, start), seen, gain, deviation,
         holds_from if like is None else samples,
     )  # fmt: skip
     return Filter(linear, output, gain[:count], deviation[:count])
@@ -222,8 +222,12 @@ def _differentiate(f, h, gains, gain_changes, moved, columns, path, first):  # t
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _settle(f, h, process, variance, p, seen, gain, deviation, holds_from):  # type: ignore[no-untyped-def]
-    """Gains and deviations of every sample until they hold; how many samples these are."""
+def _settle(f, h, covariances, seen, gain, deviation, holds_from):  # type: ignore[no-untyped-def]
+    """Gains and deviations of every sample until they hold; how many samples these are.
+
+    Covariances of the processes' noise (n, n), of the outputs' (used,), of the states before the first sample (n, n).
+    """
+    process, variance, p = covariances
     samples, outputs = deviation.shape
     n = f.shape[0]
     new, work, transposed = np.zeros(n), np.zeros((n, n)), np.ascontiguousarray(f.T)
@@ -260,7 +264,7 @@ def estimate_disturbance(
 
 
 def response(linear: LinearModel, disturbance: Array) -> Array:
-    """What a disturbance (samples, 11) alone does to the outputs by (1), (samples, outputs)."""
+    """What a disturbance (samples, 11) alone does to the simulated outputs by (1), (samples, outputs)."""
     out = np.empty((len(disturbance), _K))
     _respond(
         np.ascontiguousarray(linear.transition[:STATES, :STATES]), np.ascontiguousarray(linear.output[:, :STATES]),

@@ -57,7 +57,7 @@ DRIVEN = np.array([_U, _V, _W, _P, _PITCH, _YAW, _SURFACES, _SURFACES + 1, _SURF
 _STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
 DISTURBANCES = AIR + 3
 """What disturbs the replay: ``Inputs.air``, then the noise of the surfaces' sensors."""
-_DISTURBED = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
+_DISTURBANCE_STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
 
 GUST_SCALE_M = 100.0
 """Scale length of gusts."""
@@ -71,7 +71,7 @@ class LinearModel(NamedTuple):
         disturbance: ``Inputs.air`` and the surfaces by the states, (11, 21).
         keep: of the Markov processes over a sample, (9,).
         first, last: what a disturbance at the start and at the end of a sample does to the motion, (8, 11).
-        direct: what it does to the outputs, (outputs, 11).
+        direct: what it does to the simulated outputs, (outputs, 11): a servo does not feel the noise of its sensor.
     """
 
     transition: Array
@@ -148,16 +148,19 @@ def linear_model(
     gain = 1.0 + model.sensors[:, SCALE, None]
     speed = max(float(np.linalg.norm(mean[:3])), 1.0)
     flown = np.isfinite(inputs.flown).all(axis=0)
-    for j in range(3):
-        d[SURFACE_OUTPUTS + j, AIR + j] = -1.0  # a position that reads too much is less than it reads
     for by_disturbance in (first, last, d):
         by_disturbance[:, AIR:] *= flown
+    d[SURFACE_OUTPUTS:, AIR:] = 0.0  # a servo follows its command, not its sensor
+    seen = d.copy()
+    seen[SURFACE_OUTPUTS:, AIR:] = -np.diag(
+        flown.astype(np.float64)
+    )  # the disturbance is position less reading
     by_states, moves, driven, keep = _disturbances(inputs.dt, speed, span_m, noise)
     transition, output = moves.copy(), np.zeros((_K, WIDTH))
     transition[:STATES, :STATES], output[:, :STATES] = phi, h
     transition[:STATES] += first @ by_states + last @ by_states @ moves
     driven[:STATES] += last @ by_states @ driven
-    output += d @ by_states
+    output += seen @ by_states
     return LinearModel(transition, driven, gain * output, by_states, keep, first, last, gain * d)
 
 
@@ -185,7 +188,7 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
                 disturbed = held.air if j < AIR else held.flown
                 column = j if j < AIR else j - AIR
                 usual = disturbed[at, column]
-                disturbed[at, column] += _DISTURBED[j] * (1.0 - 2.0 * side)
+                disturbed[at, column] += _DISTURBANCE_STEPS[j] * (1.0 - 2.0 * side)
                 fly_window(rows, start, trim, held, read, end)
                 disturbed[at, column] = usual
                 if side == 0:
@@ -193,9 +196,9 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
                     below[:] = read[0, 0]
             _coordinates(end[0], before)
             gamma = first if at == 0 else last
-            gamma[:, j] = (after - before) / (2.0 * _DISTURBED[j])
+            gamma[:, j] = (after - before) / (2.0 * _DISTURBANCE_STEPS[j])
             if at == 0:
-                d[:, j] = (below - read[0, 0]) / (2.0 * _DISTURBED[j])
+                d[:, j] = (below - read[0, 0]) / (2.0 * _DISTURBANCE_STEPS[j])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from wingwatch.diagnosis.innovations import response
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.problem import Point, Problem, linear_at, model_at
-from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, without_delays
+from wingwatch.diagnosis.replay import without_delays
 from wingwatch.diagnosis.result import Misfit
 from wingwatch.diagnosis.windows import simulate
 
@@ -58,9 +58,7 @@ def replayed(problem: Problem, point: Point) -> Replayed:
     windows, simulated = [], []
     for w, window in enumerate(problem.windows):
         linear = linear_at(problem, problem.groups[w], model, point.noise)
-        answered = response(linear, point.disturbed[w])
-        answered[:, SURFACE_OUTPUTS : SURFACE_OUTPUTS + 3] = 0.0
-        read = simulate(problem, point, w, [model])[0] - answered
+        read = simulate(problem, point, w, [model])[0] - response(linear, point.disturbed[w])
         windows.append(measured[window.start : window.stop])
         simulated.append(read)
     return Replayed(windows, simulated)

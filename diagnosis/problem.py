@@ -99,9 +99,8 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     """Windows and what each starts from, as measured."""
     flight, row = subject.flight, subject.model.row
     unknown = (*(() if subject.trims_known else range(5)), *(() if subject.throttle_known else (5,)))
-    free = tuple(
-        k for k in unknown if k != 5 or 0 not in subject.followed
-    )  # drag shows in the forward motion alone
+    hidden = (5,) if 0 in subject.followed else ()  # drag shows in the forward motion alone
+    free = tuple(k for k in unknown if k not in hidden)
     inputs, centres, starts = [], [], []
     for window in flight.windows:
         start = measured_start(flight, window, row)
@@ -123,8 +122,8 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
         subject, flight.windows, tuple(inputs), groups, np.array(centres), np.array(starts), free, _used(subject),
         trims,
     )  # fmt: skip
-    air = tuple(np.zeros((w.stop - w.start, DISTURBANCES)) for w in flight.windows)
-    point = Point((), (), problem.starts.copy(), trims.copy(), noise, air)
+    calm = tuple(np.zeros((w.stop - w.start, DISTURBANCES)) for w in flight.windows)
+    point = Point((), (), problem.starts.copy(), trims.copy(), noise, calm)
     steps = [_steps(linear_at(problem, w, subject.model, noise), i.dt) for w, i in enumerate(inputs)]
     return replace(
         problem, inputs=tuple(i._replace(steps=n) for i, n in zip(inputs, steps, strict=True))

@@ -13,7 +13,6 @@ from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, lead_of, linear_at, model_at
 from wingwatch.diagnosis.replay import (
     AIR,
-    SURFACE_OUTPUTS,
     Inputs,
     Model,
     body_state,
@@ -86,7 +85,6 @@ def residual_of(
     """Residual of a window as it would be undisturbed, (samples, used); 0 where nothing was measured."""
     window, used = problem.windows[w], list(problem.used)
     answered = response(linear, point.disturbed[w])
-    answered[:, SURFACE_OUTPUTS : SURFACE_OUTPUTS + 3] = 0.0  # a servo does not feel the noise of its sensor
     residual = np.nan_to_num(measured[window.start : window.stop]) - read + answered
     return np.ascontiguousarray(residual[:, used])
 

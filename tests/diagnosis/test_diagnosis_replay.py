@@ -9,8 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import STRUCTURES, FlightCondition, load_aircraft
-from wingwatch.diagnosis.candidate import Subject
+from wingwatch.diagnosis import search
+from wingwatch.diagnosis.candidate import FreeParameter, Subject
 from wingwatch.diagnosis.causes import candidates
+from wingwatch.diagnosis.diagnose import _reported
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.fit import fit
 from wingwatch.diagnosis.innovations import estimate_disturbance, kalman_filter, response, whiten
@@ -21,6 +23,7 @@ from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, linear_at, prepare
 from wingwatch.diagnosis.replay import DELAY, Model, without_delays
+from wingwatch.diagnosis.result import ParameterEstimate
 from wingwatch.diagnosis.subject import subject_of
 from wingwatch.diagnosis.windows import simulate as fly
 from wingwatch.simulation import Scenario, doublet_schedule, linearise, simulate
@@ -112,6 +115,20 @@ def test_a_small_disturbance_moves_the_replay_as_equation_1_says(column: int) ->
         size = np.abs(change[:, k]).max()
         if size > 0.1 * subject.flight.noise_std[k]:
             np.testing.assert_allclose(said[:, k], change[:, k], atol=0.05 * size)
+
+
+@pytest.mark.parametrize(("lost", "matters"), [(0.3, True), (0.002, False)])
+def test_a_cause_that_changes_next_to_nothing_does_not_matter(lost: float, matters: bool) -> None:
+    subject, problem, point = problem_of(flown())
+    weak = next(c for c in candidates(subject) if c.label == "elevator_effectiveness")
+    solution = fit(problem, point)
+    point = replace(solution.point, causes=(weak,), values=(np.array([lost]),))
+    assert search._matters(problem, replace(solution, point=point)) is matters
+
+
+def test_a_rate_limit_is_reported_as_a_limit() -> None:
+    parameter = FreeParameter("rate_limit_rad_s", "rad/s", 0.1, 1.0, 0.1, inverse=True)
+    assert _reported(parameter, 4.0, 0.4) == ParameterEstimate(0.25, pytest.approx(0.025), "rad/s")
 
 
 def test_the_gradient_is_that_of_the_cost() -> None:
