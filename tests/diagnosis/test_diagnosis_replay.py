@@ -23,7 +23,6 @@ from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, linear_at, prepare
 from wingwatch.diagnosis.replay import DELAY, Model, without_delays
-from wingwatch.diagnosis.result import ParameterEstimate
 from wingwatch.diagnosis.subject import subject_of
 from wingwatch.diagnosis.windows import simulate as fly
 from wingwatch.simulation import Scenario, doublet_schedule, linearise, simulate
