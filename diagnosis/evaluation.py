@@ -28,7 +28,14 @@ from wingwatch.diagnosis.innovations import (
 from wingwatch.diagnosis.linear_model import LinearModel
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
 from wingwatch.diagnosis.replay import DELAY, SCALE, Model, without_delays
-from wingwatch.diagnosis.windows import START_STEPS, all_seen, own_columns, residual_of, seen_in, simulate
+from wingwatch.diagnosis.windows import (
+    START_STEPS,
+    all_seen,
+    residual_of,
+    seen_in,
+    simulate,
+    with_own_columns,
+)
 
 __all__ = ["Evaluation", "Reduced", "evaluate", "own_offset", "own_prior", "reduce"]
 
@@ -140,7 +147,7 @@ def _innovations(
         filters = _filters(problem, point, versions.linear[group], versions.steps, seen)
     filtering, change = filters
     read = simulate(problem, point, w, versions.models)
-    own = own_columns(problem, point, w, base, read[0])
+    own = point.own[w]
     runs_away = [not bool(np.isfinite(one).all()) for one in read]
     read = np.nan_to_num(read)
     linear = [one or filtering.linear for one in versions.linear[group]]
@@ -206,10 +213,11 @@ def evaluate(
 
     Args:
         problem: the flight.
-        point: the model.
+        point: the model; its own columns are computed if it has none.
         further: candidates that get columns beside the parameters in the model.
         weights: standard deviations to divide by, of each window (samples, used); without them the point's own.
     """
+    point = point if point.own else with_own_columns(problem, point)
     models, steps = _versions(problem, point, further)
     versions = _prepared(problem, point, models, steps)
 

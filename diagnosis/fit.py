@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.evaluation import Evaluation, Reduced, evaluate, own_offset, own_prior, reduce
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
-from wingwatch.diagnosis.windows import START_STEPS
+from wingwatch.diagnosis.windows import START_STEPS, with_own_columns
 
 __all__ = ["Solution", "fit", "inflation", "own_fitted"]
 
@@ -69,6 +69,7 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
     Innovations are weighed by the standard deviations of the model to begin with: what a step does to them by gusts
     that it would let in more is no evidence of a parameter.
     """
+    point = point if point.own else with_own_columns(problem, point)
     evaluation = evaluate(problem, point)
     if not np.isfinite(evaluation.log_spread):
         raise RunsAwayError("the simulation runs away from the flight")
@@ -94,6 +95,7 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
         if gained < _ENOUGH or promised < _ENOUGH:
             break
     if moved:
+        point = with_own_columns(problem, point)
         evaluation = evaluate(problem, point)
         reduced = reduce(problem, point, evaluation)
     return Solution(point, reduced.cost, _covariance(reduced, point, prior), evaluation)
@@ -140,6 +142,7 @@ def inflation(reduced: Reduced, part: slice | Array) -> float:
 def own_fitted(problem: Problem, point: Point) -> Point:
     """The point with starts and trims of its windows at their best, causes held."""
     for _ in range(2):
+        point = with_own_columns(problem, point)
         reduced = reduce(problem, point, evaluate(problem, point))
         starts, trims = point.starts.copy(), point.trims.copy()
         for w, (alone, _) in enumerate(reduced.own):

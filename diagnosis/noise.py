@@ -8,17 +8,16 @@ and Fisher's scoring goes downhill. A broad prior keeps what the data do not kno
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.diagnosis.evaluation import own_prior
 from wingwatch.diagnosis.innovations import (
     Change,
     Filter,
     Mask,
-    Path,
     change_of,
     kalman_filter,
     sensitivities,
@@ -28,7 +27,7 @@ from wingwatch.diagnosis.linear_model import LinearModel, Noise
 from wingwatch.diagnosis.measured import MeasuredFlight
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, linear_at, model_at
 from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, Model, without_delays
-from wingwatch.diagnosis.windows import all_seen, own_columns, residual_of, seen_in, simulate
+from wingwatch.diagnosis.windows import all_seen, residual_of, seen_in, simulate
 
 __all__ = ["first_noise", "fit_noise"]
 
@@ -73,7 +72,10 @@ def _noise_at(eta: Array, used: tuple[int, ...], noise: Noise) -> Noise:
 
 
 def fit_noise(problem: Problem, point: Point) -> Point:
-    """The point with the most likely noise for its residuals, what belongs to a window at its best."""
+    """The point with the most likely noise for its residuals.
+
+    What belongs to a window is held: in a Gaussian likelihood the information of means and of spreads is orthogonal.
+    """
     used = problem.used
     first = first_noise(problem.subject.flight)
     prior, eta = _eta_of(first, used), _eta_of(point.noise, used)
@@ -105,33 +107,28 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     return replace(point, noise=_noise_at(eta, used, point.noise))
 
 
-@dataclass(frozen=True, slots=True)
-class _Flown:
+class _Flown(NamedTuple):
     """A window flown by the model of a point.
 
     Attributes:
         residual: as it would be undisturbed, (samples, used); seen: which readings count.
-        own: what belongs to the window, (samples, used, own).
     """
 
     residual: Array
     seen: Mask
-    own: Array
 
 
 @np.errstate(all="ignore")
 def _flown(problem: Problem, point: Point, model: Model) -> list[_Flown]:
-    used = list(problem.used)
     measured = without_delays(problem.subject.flight, model)
     linear = {g: linear_at(problem, g, model, point.noise) for g in dict.fromkeys(problem.groups)}
     out = []
     for w, group in enumerate(problem.groups):
         read = simulate(problem, point, w, [model])[0]
-        own = own_columns(problem, point, w, model, read)
-        if not (np.isfinite(read).all() and np.isfinite(own).all()):
+        if not np.isfinite(read).all():
             raise RunsAwayError("the simulation runs away from the flight")
         residual = residual_of(problem, point, w, measured, read, linear[group])
-        out.append(_Flown(residual, seen_in(problem, w, measured), own[:, used]))
+        out.append(_Flown(residual, seen_in(problem, w, measured)))
     return out
 
 
@@ -151,7 +148,7 @@ def _filters(
 def _sums(
     problem: Problem, model: Model, flown: list[_Flown], eta: Array, prior: Array, noise: Noise
 ) -> tuple[float, Array, Array]:
-    """Cost, gradient downwards, information; what belongs to a window at its best."""
+    """Cost, gradient downwards, information."""
     noises = [_noise_at(one, problem.used, noise) for one in (eta, *(eta + _STEP * np.eye(len(eta))))]
     groups = tuple(dict.fromkeys(problem.groups))
 
@@ -167,7 +164,7 @@ def _sums(
         if not np.array_equal(it.seen, all_seen(problem, group)[: len(it.seen)]):
             filters = _filters(problem, linear, noises, it.seen)
         filtering, change, spreads = filters
-        path = _at_its_best(problem, it, filtering)
+        path = whiten(filtering, it.residual, it.seen)
         psi = sensitivities(filtering, path, change, np.zeros((*path.innovations.shape, len(eta))))
         psi = (psi / path.deviation[..., None])[it.seen]
         sigma = spreads[np.minimum(np.arange(len(it.seen)), len(spreads) - 1)][it.seen]
@@ -182,14 +179,3 @@ def _sums(
     cost = sum(p[0] for p in parts) + 0.5 * float(off @ off) / _SPREAD**2
     information = sum((p[2] for p in parts), np.diag(np.full(len(eta), _SPREAD**-2.0)))
     return cost, sum((p[1] for p in parts), -off / _SPREAD**2), information
-
-
-def _at_its_best(problem: Problem, it: _Flown, filtering: Filter) -> Path:
-    """Innovations less what the window's own explains."""
-    path = whiten(filtering, it.residual, it.seen)
-    nothing = change_of(filtering, (), np.zeros(0))
-    own = sensitivities(filtering, path, nothing, it.own)
-    white = (path.innovations / path.deviation).ravel()
-    own = (own / path.deviation[..., None]).reshape(white.size, -1)
-    move = np.linalg.solve(own.T @ own + np.diag(own_prior(problem)), own.T @ white)
-    return whiten(filtering, it.residual - it.own @ move, it.seen)

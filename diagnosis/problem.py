@@ -73,6 +73,8 @@ class Point:
         starts: (windows, 8); trims: (windows, 6).
         noise: standard deviations.
         disturbed: air and surfaces' noise as estimated in each window, (samples, 11) each (``linear_model``).
+        own: change of each window's outputs with its start and free trims, (samples, outputs, own) each, as it was when
+            last computed (``windows.with_own_columns``): it changes little with all else; empty before.
     """
 
     causes: tuple[Candidate, ...]
@@ -81,13 +83,16 @@ class Point:
     trims: Array
     noise: Noise
     disturbed: tuple[Array, ...]
+    own: tuple[Array, ...] = ()
 
     def part(self, windows: Sequence[int]) -> "Point":
         """For some of the windows."""
-        disturbed = tuple(self.disturbed[w] for w in windows)
+        index = list(windows)
         return replace(
-            self, starts=self.starts[list(windows)], trims=self.trims[list(windows)], disturbed=disturbed
-        )
+            self, starts=self.starts[index], trims=self.trims[index],
+            disturbed=tuple(self.disturbed[w] for w in index),
+            own=tuple(self.own[w] for w in index) if self.own else (),
+        )  # fmt: skip
 
     @property
     def theta(self) -> Array:

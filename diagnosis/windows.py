@@ -25,11 +25,11 @@ __all__ = [
     "START_STEPS",
     "TRIM_STEPS",
     "all_seen",
-    "own_columns",
     "residual_of",
     "seen_in",
     "simulate",
     "with_disturbance",
+    "with_own_columns",
 ]
 
 Array = NDArray[np.float64]
@@ -61,7 +61,19 @@ def simulate(problem: Problem, point: Point, w: int, models: Sequence[Model]) ->
     return out
 
 
-def own_columns(problem: Problem, point: Point, w: int, base: Model, read: Array) -> Array:
+def with_own_columns(problem: Problem, point: Point) -> Point:
+    """The point with the change of outputs with starts and trims computed anew."""
+    model = model_at(problem, point)
+
+    @np.errstate(all="ignore")  # what runs away is told by its numbers
+    def of_window(w: int) -> Array:
+        return _own_columns(problem, point, w, model)
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return replace(point, own=tuple(pool.map(of_window, range(len(problem.inputs)))))
+
+
+def _own_columns(problem: Problem, point: Point, w: int, base: Model) -> Array:
     """Change of the outputs with a window's start and free trims, (samples, outputs, own)."""
     altitude, free = problem.inputs[w].altitude, problem.free_trims
     count = len(START_STEPS) + len(free)
@@ -70,11 +82,13 @@ def own_columns(problem: Problem, point: Point, w: int, base: Model, read: Array
     trims = np.tile(point.trims[w], (count, 1))
     for i, k in enumerate(free):
         trims[len(START_STEPS) + i, k] += TRIM_STEPS[k]
-    out = np.empty((count, *read.shape))
+    window = problem.windows[w]
+    out = np.empty((count, window.stop - window.start, len(OUTPUTS)))
     fly_window(
         np.tile(base.row, (count, 1)), np.array([body_state(s, altitude) for s in starts]), trims,
         _inputs(problem, point, w), out, np.empty((count, 13)),
     )  # fmt: skip
+    read = simulate(problem, point, w, [base])[0]
     steps = np.concatenate([START_STEPS, TRIM_STEPS[list(free)]])
     return np.asarray(np.moveaxis((sense(out, base) - read) / steps[:, None, None], 0, -1))
 
