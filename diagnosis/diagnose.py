@@ -142,7 +142,7 @@ _ATTITUDE_AND_RATES = (1, 2, 3, 7, 8)
 
 def _stays_near(problem: Problem, point: Point) -> bool:
     """Whether rates and attitude stay nearer to the flight than it moves itself, in the median of them."""
-    flown, ratios = replayed(problem, fit(problem, point).point), []
+    flown, ratios = replayed(problem, point), []
     for k in set(_ATTITUDE_AND_RATES) & set(problem.used):
         off = sum(float(((a - b) ** 2).sum()) for a, b in flown.pairs(k))
         moved = sum(float(((a - a.mean()) ** 2).sum()) for a, _ in flown.pairs(k))
@@ -263,7 +263,6 @@ def _gain(problem: Problem, found: Search, noise: Array, other: tuple[Problem, P
         its, point = other
         stated = settled(its, point).point
         mended = replace(stated, causes=found.last.point.causes, values=found.last.point.values)
-        mended = own_fitted(its, mended)
         return gain_of(replayed(its, stated), replayed(its, mended), noise, its.used, "another flight")
     windows = range(len(problem.windows))
     before, after = Replayed([], []), Replayed([], [])
@@ -274,8 +273,8 @@ def _gain(problem: Problem, found: Search, noise: Array, other: tuple[Problem, P
             continue
         values = fit(problem.part(kept), found.last.point.part(kept), 4).point.values
         its = problem.part(left)
-        before.extend(replayed(its, own_fitted(its, found.stated.point.part(left))))
-        after.extend(replayed(its, own_fitted(its, replace(found.last.point.part(left), values=values))))
+        before.extend(replayed(its, found.stated.point.part(left)))
+        after.extend(replayed(its, replace(found.last.point.part(left), values=values)))
     return gain_of(before, after, noise, problem.used, "windows left out")
 
 

@@ -1,9 +1,8 @@
-"""Whitened sums of all windows at a point, and what belongs to one window taken out of them.
+"""Innovations of all windows at a point, summed; and what belongs to one window taken out of the sums.
 
-Every version of the model has its own filter (``innovations``): with e(theta) the innovations of its replay by its own
-filter, psi = -d(e)/d(theta) by differences, so that what a gust does to the outputs is predicted by the version that is
-judged. Standard deviations are those of the model at hand. What belongs to one window, its start and its trims, is
-eliminated there:
+Every version of the model has its own filter (``innovations``). With e(theta) the innovations by it, psi =
+-d(e)/d(theta) by differences, so that what a gust does to the outputs is predicted by the version that is judged. What
+belongs to one window, its trims, is eliminated there:
 
     H = sum over windows (H_tt - H_tl H_ll^-1 H_lt),   g likewise.                                             (4)
 """
@@ -16,33 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate
-from wingwatch.diagnosis.innovations import (
-    Change,
-    Filter,
-    Mask,
-    change_of,
-    kalman_filter,
-    sensitivities,
-    whiten,
-)
+from wingwatch.diagnosis.innovations import Filter, Mask, kalman_filter
 from wingwatch.diagnosis.linear_model import LinearModel
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
 from wingwatch.diagnosis.replay import DELAY, SCALE, Model, without_delays
-from wingwatch.diagnosis.windows import (
-    START_STEPS,
-    all_seen,
-    residual_of,
-    seen_in,
-    simulate,
-    with_own_columns,
-)
+from wingwatch.diagnosis.windows import all_seen, fly_filtered, own_changes, seen_in
 
-__all__ = ["Evaluation", "Reduced", "evaluate", "own_offset", "own_prior", "reduce"]
+__all__ = ["Evaluation", "Reduced", "evaluate", "own_columns", "own_offset", "own_prior", "reduce"]
 
 Array = NDArray[np.float64]
-
-_START_SPREAD = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1, 0.1, 0.1])
-"""How far a window's start may be from what its first samples say."""
 
 _TRIM_SPREAD = np.array([1.0, 0.3, 0.05, 0.2, 0.05, 0.3])
 _BLOCK_S = 2.0
@@ -56,11 +37,13 @@ class Evaluation:
         blocks: of each window, (blocks, columns, columns).
         deviations: standard deviations of the innovations that they were divided by, of each window, (samples, used).
         readings: how many innovations.
+        own: ``own_columns`` that were used.
     """
 
     blocks: tuple[Array, ...]
     deviations: tuple[Array, ...]
     readings: int
+    own: tuple[Array, ...]
 
     @property
     def log_spread(self) -> float:
@@ -94,26 +77,27 @@ class _Versions:
     """The model at a point, then one step along each parameter.
 
     Attributes:
+        measured: the flight's outputs at the times that they are of by each, (samples, outputs).
         linear: equation (1) of each by group; None: as of the first.
-        filters: of the first by group, and its changes, where no reading is missing.
+        filters: of each by group, where no reading is missing.
     """
 
     models: list[Model]
     steps: Array
     measured: Array
     linear: dict[int, list[LinearModel | None]]
-    filters: dict[int, tuple[Filter, Change]]
+    filters: dict[int, list[Filter]]
 
 
 def _prepared(problem: Problem, point: Point, models: list[Model], steps: Array) -> _Versions:
-    def of_group(group: int) -> tuple[list[LinearModel | None], tuple[Filter, Change]]:
+    def of_group(group: int) -> tuple[list[LinearModel | None], list[Filter]]:
         base = models[0]
         linear: list[LinearModel | None] = [linear_at(problem, group, base, point.noise)]
         for model in models[1:]:
             same = np.array_equal(model.row, base.row)
             same = same and np.array_equal(model.sensors[:, SCALE], base.sensors[:, SCALE])
             linear.append(None if same else linear_at(problem, group, model, point.noise))
-        return linear, _filters(problem, point, linear, steps, all_seen(problem, group))
+        return linear, _filters(problem, point, linear, all_seen(problem, group))
 
     groups = tuple(dict.fromkeys(problem.groups))
     with ThreadPoolExecutor(WORKERS) as pool:
@@ -125,51 +109,40 @@ def _prepared(problem: Problem, point: Point, models: list[Model], steps: Array)
 
 
 def _filters(
-    problem: Problem, point: Point, linear: Sequence[LinearModel | None], steps: Array, seen: Mask
-) -> tuple[Filter, Change]:
-    """Filter of the first version, and its changes."""
+    problem: Problem, point: Point, linear: Sequence[LinearModel | None], seen: Mask
+) -> list[Filter]:
+    """Of every version."""
     assert linear[0] is not None
     base = kalman_filter(linear[0], point.noise, problem.used, seen)
-    others = [
-        None if one is None else kalman_filter(one, point.noise, problem.used, seen, base)
-        for one in linear[1:]
-    ]
-    return base, change_of(base, others, steps)
+    return [base, *(
+        base if one is None else kalman_filter(one, point.noise, problem.used, seen, base) for one in linear[1:]
+    )]  # fmt: skip
 
 
-def _innovations(
-    problem: Problem, point: Point, w: int, versions: _Versions, weights: Array | None
-) -> tuple[Array, Array]:
-    """Whitened residual, own columns, parameters' columns (samples, used, columns), and what they were divided by."""
-    base, group, used = versions.models[0], problem.groups[w], list(problem.used)
-    seen, filters = seen_in(problem, w, versions.measured), versions.filters[group]
-    if not np.array_equal(seen, all_seen(problem, group)[: len(seen)]):
-        filters = _filters(problem, point, versions.linear[group], versions.steps, seen)
-    filtering, change = filters
-    read = simulate(problem, point, w, versions.models)
-    own = point.own[w]
-    runs_away = [not bool(np.isfinite(one).all()) for one in read]
-    read = np.nan_to_num(read)
-    linear = [one or filtering.linear for one in versions.linear[group]]
-    residual = np.array([
-        residual_of(problem, point, w, versions.measured, its, one)
-        for its, one in zip(read, linear, strict=True)
-    ])  # fmt: skip
-    path = whiten(filtering, residual[0], seen)
-    by_theta = (residual[1:] - residual[0]) / versions.steps[:, None, None]
+def _filters_of(problem: Problem, point: Point, w: int, versions: _Versions) -> list[Filter]:
+    """Of a window, whatever readings it misses."""
+    group, seen = problem.groups[w], seen_in(problem, w, versions.measured)
+    if np.array_equal(seen, all_seen(problem, group)[: len(seen)]):
+        return versions.filters[group]
+    return _filters(problem, point, versions.linear[group], seen)
+
+
+def _innovations(problem: Problem, point: Point, w: int, versions: _Versions) -> tuple[Array, Array, Array]:
+    """Innovations, their deviations (samples, used), and what the parameters change, (samples, used, parameters)."""
+    filters, trims = _filters_of(problem, point, w, versions), point.trims[w]
+    base = versions.models[0]
+    path = fly_filtered(problem, w, base, trims, filters[0], versions.measured)
+    psi = np.empty((*path.innovations.shape, len(versions.steps)))
     slope = _predicted_slope(problem, w, versions.measured, path.innovations)
-    for i, model in enumerate(versions.models[1:]):
-        late = model.sensors[used, DELAY] - base.sensors[used, DELAY]
+    rows = slice(problem.windows[w].start, problem.windows[w].stop)
+    for i, (model, filtering) in enumerate(zip(versions.models[1:], filters[1:], strict=True)):
+        measured, late = versions.measured, model.sensors[:, DELAY] - base.sensors[:, DELAY]
         if late.any():
-            by_theta[i] += late * slope / versions.steps[i]
-    columns = np.concatenate([-own[:, used], np.moveaxis(by_theta, 0, -1)], axis=-1)
-    psi = -sensitivities(filtering, path, change, columns)
-    deviation = path.deviation if weights is None else weights
-    white = np.concatenate([path.innovations[..., None], psi], axis=-1) / deviation[..., None]
-    white[..., [own.shape[-1] + i for i in range(1, len(read)) if runs_away[i]]] = np.nan
-    if runs_away[0]:
-        white[..., 0] = np.nan
-    return white, deviation
+            measured = measured.copy()
+            measured[rows, list(problem.used)] += late[list(problem.used)] * slope
+        changed = fly_filtered(problem, w, model, trims, filtering, measured).innovations
+        psi[..., i] = (path.innovations - changed) / versions.steps[i]
+    return path.innovations, path.deviation, psi
 
 
 def _predicted_slope(problem: Problem, w: int, measured: Array, innovations: Array) -> Array:
@@ -184,11 +157,29 @@ def _predicted_slope(problem: Problem, w: int, measured: Array, innovations: Arr
     return slope
 
 
-@np.errstate(all="ignore")  # what runs away is told by its numbers
+def own_columns(problem: Problem, point: Point) -> tuple[Array, ...]:
+    """Of each window, what its free trims take from its innovations, (samples, used, trims)."""
+    if not problem.free_trims:
+        return tuple(np.zeros((w.stop - w.start, len(problem.used), 0)) for w in problem.windows)
+    model = model_at(problem, point)
+    versions = _prepared(problem, point, [model], np.zeros(0))
+
+    @np.errstate(all="ignore")  # what runs away is told by its numbers
+    def of_window(w: int) -> Array:
+        filtering = _filters_of(problem, point, w, versions)[0]
+        return -own_changes(problem, point, w, model, filtering, versions.measured)
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return tuple(pool.map(of_window, range(len(problem.windows))))
+
+
+@np.errstate(all="ignore")
 def _of_window(
-    problem: Problem, point: Point, w: int, versions: _Versions, weights: Array | None
+    problem: Problem, point: Point, w: int, versions: _Versions, own: Array, weights: Array | None
 ) -> tuple[Array, Array, int]:
-    white, deviation = _innovations(problem, point, w, versions, weights)
+    innovations, deviation, psi = _innovations(problem, point, w, versions)
+    deviation = deviation if weights is None else weights
+    white = np.concatenate([innovations[..., None], own, psi], axis=-1) / deviation[..., None]
     width = white.shape[-1]
     known = np.array([bool(np.isfinite(white[..., c]).all()) for c in range(width)])
     if not known[: 1 + own_count(problem)].all():
@@ -207,36 +198,41 @@ def evaluate(
     problem: Problem,
     point: Point,
     further: Sequence[Candidate] = (),
+    *,
     weights: Sequence[Array] | None = None,
+    own: Sequence[Array] | None = None,
 ) -> Evaluation:
     """Sums at a point.
 
     Args:
         problem: the flight.
-        point: the model; its own columns are computed if it has none.
+        point: the model.
         further: candidates that get columns beside the parameters in the model.
         weights: standard deviations to divide by, of each window (samples, used); without them the point's own.
+        own: ``own_columns`` of a point nearby; without them the point's own.
     """
-    point = point if point.own else with_own_columns(problem, point)
     models, steps = _versions(problem, point, further)
     versions = _prepared(problem, point, models, steps)
+    columns = own_columns(problem, point) if own is None else own
 
     def of_window(w: int) -> tuple[Array, Array, int]:
-        return _of_window(problem, point, w, versions, None if weights is None else weights[w])
+        return _of_window(problem, point, w, versions, columns[w], None if weights is None else weights[w])
 
     with ThreadPoolExecutor(WORKERS) as pool:
         parts = list(pool.map(of_window, range(len(problem.inputs))))
-    return Evaluation(tuple(p[0] for p in parts), tuple(p[1] for p in parts), sum(p[2] for p in parts))
+    return Evaluation(
+        tuple(p[0] for p in parts), tuple(p[1] for p in parts), sum(p[2] for p in parts), tuple(columns)
+    )
 
 
 def own_count(problem: Problem) -> int:
     """Parameters that a window has of its own."""
-    return len(START_STEPS) + len(problem.free_trims)
+    return len(problem.free_trims)
 
 
 def own_prior(problem: Problem) -> Array:
     """Information that is known of a window's own parameters beforehand: nearly none."""
-    return np.asarray(np.concatenate([_START_SPREAD, _TRIM_SPREAD[list(problem.free_trims)]]) ** -2.0)
+    return np.asarray(_TRIM_SPREAD[list(problem.free_trims)] ** -2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,9 +257,7 @@ class Reduced:
 def own_offset(problem: Problem, point: Point, w: int) -> Array:
     """What a window has of its own, less what was known of it beforehand."""
     free = list(problem.free_trims)
-    return np.concatenate(
-        [point.starts[w] - problem.starts[w], point.trims[w, free] - problem.trims[w, free]]
-    )
+    return np.asarray(point.trims[w, free] - problem.trims[w, free])
 
 
 def reduce(problem: Problem, point: Point, evaluation: Evaluation) -> Reduced:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.evaluation import Evaluation, Reduced, evaluate, own_offset, own_prior, reduce
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
-from wingwatch.diagnosis.windows import START_STEPS, with_own_columns
 
 __all__ = ["Solution", "fit", "inflation", "own_fitted"]
 
@@ -55,21 +54,18 @@ def _moved(problem: Problem, point: Point, reduced: Reduced, step: Array, part: 
     for v in point.values:
         values.append(theta[at : at + len(v)])
         at += len(v)
-    starts, trims = point.starts.copy(), point.trims.copy()
+    trims = point.trims.copy()
     for w, (alone, by_theta) in enumerate(reduced.own):
-        move = part * alone - by_theta @ taken
-        starts[w] += move[: len(START_STEPS)]
-        trims[w, list(problem.free_trims)] += move[len(START_STEPS) :]
-    return replace(point, values=tuple(values), starts=starts, trims=trims)
+        trims[w, list(problem.free_trims)] += part * alone - by_theta @ taken
+    return replace(point, values=tuple(values), trims=trims)
 
 
 def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
-    """The parameters of the causes in the model, and starts, that predict best (Ljung 1999, section 7.2).
+    """The parameters of the causes in the model, and trims, that predict best (Ljung 1999, section 7.2).
 
     Innovations are weighed by the standard deviations of the model to begin with: what a step does to them by gusts
     that it would let in more is no evidence of a parameter.
     """
-    point = point if point.own else with_own_columns(problem, point)
     evaluation = evaluate(problem, point)
     if not np.isfinite(evaluation.log_spread):
         raise RunsAwayError("the simulation runs away from the flight")
@@ -84,7 +80,7 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
         part, better = 1.0, False
         while part > 0.1 and not better:
             there = _moved(problem, point, reduced, step, part)
-            tried = evaluate(problem, there, weights=weights)
+            tried = evaluate(problem, there, weights=weights, own=evaluation.own)
             better = bool(_whole_cost(problem, tried, there, prior) < here)  # not where it is not a number
             part *= 0.4
         if not better:
@@ -95,7 +91,6 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
         if gained < _ENOUGH or promised < _ENOUGH:
             break
     if moved:
-        point = with_own_columns(problem, point)
         evaluation = evaluate(problem, point)
         reduced = reduce(problem, point, evaluation)
     return Solution(point, reduced.cost, _covariance(reduced, point, prior), evaluation)
@@ -140,15 +135,15 @@ def inflation(reduced: Reduced, part: slice | Array) -> float:
 
 
 def own_fitted(problem: Problem, point: Point) -> Point:
-    """The point with starts and trims of its windows at their best, causes held."""
+    """The point with trims of its windows at their best, causes held."""
+    if not problem.free_trims:
+        return point
     for _ in range(2):
-        point = with_own_columns(problem, point)
         reduced = reduce(problem, point, evaluate(problem, point))
-        starts, trims = point.starts.copy(), point.trims.copy()
+        trims = point.trims.copy()
         for w, (alone, _) in enumerate(reduced.own):
             if not np.isfinite(alone).all():
                 continue  # it runs away in this window
-            starts[w] += alone[: starts.shape[1]]
-            trims[w, list(problem.free_trims)] += alone[starts.shape[1] :]
-        point = replace(point, starts=starts, trims=trims)
+            trims[w, list(problem.free_trims)] += alone
+        point = replace(point, trims=trims)
     return point

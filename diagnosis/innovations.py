@@ -1,16 +1,16 @@
-"""The residual of a replay, whitened: what sensor noise, gusts and unmodelled moments can do is taken out of it.
+"""Innovations of a flight: what a version of the simulation, corrected by all readings before, says wrongly.
 
-A Kalman filter of equation (1) (``linear_model``) turns the residual into independent innovations. It looks back only,
-so what an autopilot makes of a gust is no evidence of anything. Gusts are large motions. So the replay flies through
-the air as it is estimated, the linear response to that air is added to its residual, and only what the estimate misses
-is linearised. With x the states, the outputs k one after another,
+The simulation itself predicts from sample to sample, flying through the air as it is known so far; every reading
+corrects its states and the air by the gains of a Kalman filter of equation (1) (``linear_model``). So only what is not
+known yet is linearised. The filter looks back only: what an autopilot makes of a gust is no evidence of anything. With
+the simulation f, g, its states and the air x, the outputs k one after another,
 
-    e_k = r_k - h_k x,   x <- x + K_k e_k;   after the last output   x' = Phi x.                                (2)
+    e_k = y_k - g_k(x) - h_k dx,   dx <- dx + K_k e_k;   after the last output   x' = f(x + dx).                (2)
 
-A parameter changes the replay and the filter; the innovations change by the derivative of (2), for all parameters c
-side by side:
+This is the filter error method (Maine and Iliff 1981; Jategaonkar 2015, chapter 5). What changes the filter alone
+changes the innovations by the derivative of (2), linearised, for all such parameters c side by side:
 
-    e_k,c = r_k,c - h_k,c x - h_k x_c,   x_c <- x_c + K_k,c e_k + K_k e_k,c;   x_c' = Phi x_c + Phi_c x.        (3)
+    e_k,c = - h_k,c x - h_k x_c,   x_c <- x_c + K_k,c e_k + K_k e_k,c;   x_c' = Phi x_c + Phi_c x.              (3)
 
 docs/methods/diagnosis.md, section 2.
 """
@@ -24,24 +24,34 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.linear_model import STATES, WIDTH, LinearModel, Noise
-from wingwatch.diagnosis.measured import OUTPUTS
+from wingwatch.diagnosis.replay import (
+    BIAS,
+    SCALE,
+    Inputs,
+    Model,
+    follow,
+    move,
+    read_sensors,
+    ready,
+    set_attitude,
+    with_trims,
+    work_space,
+)
+from wingwatch.simulation.dynamics import euler_angles
 
 __all__ = [
     "Change",
     "Filter",
     "Path",
     "change_of",
-    "estimate_disturbance",
+    "fly",
     "kalman_filter",
-    "response",
     "sensitivities",
-    "whiten",
 ]
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_K = len(OUTPUTS)
 _HOLDS = 1e-4
 """Relative change of gains below which they hold."""
 
@@ -51,11 +61,12 @@ class Filter(NamedTuple):
 
     Attributes:
         linear: equation (1).
-        output: its outputs that count, (used, 21).
+        used: outputs that count, (used,); output: equation (1)'s, (used, 21).
         gain: (samples, used, 21), the last one holds from then on; deviation: of the innovations, (samples, used).
     """
 
     linear: LinearModel
+    used: NDArray[np.int64]
     output: Array
     gain: Array
     deviation: Array
@@ -83,7 +94,7 @@ def kalman_filter(
         linear.transition, output, (process, noise.sensors[index] ** 2, start), seen, gain, deviation,
         holds_from if like is None else samples,
     )  # fmt: skip
-    return Filter(linear, output, gain[:count], deviation[:count])
+    return Filter(linear, index, output, gain[:count], deviation[:count])
 
 
 class Change(NamedTuple):
@@ -117,12 +128,13 @@ def change_of(base: Filter, others: Sequence[Filter | None], steps: Array) -> Ch
 
 
 class Path(NamedTuple):
-    """Innovations of a window, and x of equation (2) on the way.
+    """A window flown with its filter.
 
     Attributes:
         innovations: (samples, used), 0 where nothing was measured; deviation: of them, 1 there.
         seen: where something was measured.
-        before: x before each output, (samples, used, 21); after: the last, (samples, 21).
+        before: states of the air before each output, (samples, used, 21), 0 of the motion; after: the last, (samples,
+            21).
     """
 
     innovations: Array
@@ -132,70 +144,91 @@ class Path(NamedTuple):
     after: Array
 
 
-def whiten(filtering: Filter, residual: Array, seen: Mask) -> Path:
-    """Innovations of a residual (samples, used), of which the readings count that are ``seen`` (samples, used)."""
-    samples, used = residual.shape
+def fly(
+    filtering: Filter, model: Model, start: Array, trims: Array, inputs: Inputs, measured: Array, seen: Mask
+) -> Path:
+    """A window flown by a version of the simulation, its states corrected by every reading: equation (2).
+
+    Args:
+        filtering: of the version.
+        model: the version.
+        start: rigid-body state (13,); trims: of the window, (6,).
+        inputs: of the window.
+        measured: the outputs that count, (samples, used); seen: which readings count.
+    """
+    samples, used = measured.shape
     path = Path(
-        np.zeros((samples, used)), np.ones((samples, used)), seen, np.empty((samples, used, WIDTH)),
-        np.empty((samples, WIDTH)),
+        np.zeros((samples, used)), np.ones((samples, used)), seen, np.zeros((samples, used, WIDTH)),
+        np.zeros((samples, WIDTH)),
     )  # fmt: skip
-    _whiten(
-        filtering.linear.transition, filtering.output, filtering.gain, filtering.deviation, residual, path
-    )
+    linear = filtering.linear
+    air = np.ascontiguousarray(linear.disturbance[:, STATES:])
+    moves = np.ascontiguousarray(linear.transition[STATES:, STATES:])
+    _fly(
+        (model.row, model.sensors, start, trims), inputs, measured, filtering.used, (air, moves, filtering.output),
+        filtering.gain, filtering.deviation, path,
+    )  # fmt: skip
     return path
 
 
-def sensitivities(filtering: Filter, path: Path, change: Change, columns: Array) -> Array:
-    """Change of a window's innovations by parameters, equation (3).
-
-    Args:
-        filtering: of the window.
-        path: its innovations.
-        change: of the filter, for the last parameters; the first ones do not change it.
-        columns: of the residual, (samples, used, parameters).
-    """
-    columns = np.array(columns)
-    samples, used, width = columns.shape
-    first = width - change.output.shape[-1]
+def sensitivities(filtering: Filter, path: Path, change: Change) -> Array:
+    """Change of a window's innovations by what changes its filter alone, (samples, used, parameters): equation (3)."""
+    samples, used, width = *path.innovations.shape, change.output.shape[-1]
+    columns = np.zeros((samples, used, width))
     for k in range(used):
-        columns[:, k, first:] -= path.before[:, k] @ change.output[k]
-    moved = (path.after @ change.transition.reshape(WIDTH, -1)).reshape(samples, WIDTH, width - first)
+        columns[:, k] -= path.before[:, k] @ change.output[k]
+    moved = (path.after @ change.transition.reshape(WIDTH, -1)).reshape(samples, WIDTH, width)
     _differentiate(
-        filtering.linear.transition,
-        filtering.output,
-        filtering.gain,
-        change.gain,
-        moved,
-        columns,
-        path,
-        first,
+        filtering.linear.transition, filtering.output, filtering.gain, change.gain, moved, columns, path
     )
     return columns
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _whiten(f, h, gains, deviations, residual, path):  # type: ignore[no-untyped-def]
-    """Equation (2)."""
-    samples, outputs = residual.shape
-    x = np.zeros(f.shape[0])
+def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # type: ignore[no-untyped-def]
+    """Equation (2): the prediction by the simulation itself, the correction by the gains of equation (1)."""
+    row, sensors, start, trims = version
+    air, moves, h = linear
+    samples, outputs = measured.shape
+    c, work, x = with_trims(row, trims), work_space(inputs.steps), start.copy()
+    blown, dx, read = np.zeros(moves.shape[0]), np.zeros(STATES + moves.shape[0]), np.empty(sensors.shape[0])
+    ready(c, inputs, work)
+    here = air @ blown
     for t in range(samples):
         at = min(t, gains.shape[0] - 1)
-        for k in range(outputs):
-            path.before[t, k] = x
-            if path.seen[t, k]:
-                e = residual[t, k]
-                for i in range(x.size):
-                    e -= h[k, i] * x[i]
-                for i in range(x.size):
-                    x[i] += gains[at, k, i] * e
-                path.innovations[t, k], path.deviation[t, k] = e, deviations[at, k]
-        path.after[t] = x
-        x = f @ x
+        follow(x, inputs.follow[t])
+        read_sensors(c, x, inputs, t, work, here, read)
+        dx[:] = 0.0
+        for i in range(outputs):
+            for j in range(blown.size):
+                path.before[t, i, STATES + j] = blown[j] + dx[STATES + j]
+            if path.seen[t, i]:
+                k = used[i]
+                e = measured[t, i] - (1.0 + sensors[k, SCALE]) * read[k] - sensors[k, BIAS]
+                for j in range(dx.size):
+                    e -= h[i, j] * dx[j]
+                for j in range(dx.size):
+                    dx[j] += gains[at, i, j] * e
+                path.innovations[t, i], path.deviation[t, i] = e, deviations[at, i]
+        for j in range(blown.size):
+            blown[j] += dx[STATES + j]
+            path.after[t, STATES + j] = blown[j]
+        for j in range(3):
+            x[3 + j] += dx[j]
+            x[10 + j] += dx[3 + j]
+        if dx[6] != 0.0 or dx[7] != 0.0:
+            roll, pitch, _ = euler_angles(x)
+            set_attitude(x, roll + dx[6], pitch + dx[7])
+        here = air @ blown
+        blown = moves @ blown
+        there = air @ blown
+        move(c, x, inputs, t, work, here, there)
+        here = there
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _differentiate(f, h, gains, gain_changes, moved, columns, path, first):  # type: ignore[no-untyped-def]
-    """Equation (3), in place: columns of the residual become columns of the innovations."""
+def _differentiate(f, h, gains, gain_changes, moved, columns, path):  # type: ignore[no-untyped-def]
+    """Equation (3), in place: columns begin with what the changed outputs make of the states."""
     samples, outputs, width = columns.shape
     n = f.shape[0]
     x = np.zeros((n, width))
@@ -212,13 +245,10 @@ def _differentiate(f, h, gains, gain_changes, moved, columns, path, first):  # t
                     for c in range(width):
                         e[c] -= h[k, i] * x[i, c]
             for i in range(n):
-                change = gain_changes[at, k, i]
                 for c in range(width):
-                    x[i, c] += gains[at, k, i] * e[c]
-                for c in range(first, width):
-                    x[i, c] += change[c - first] * here
+                    x[i, c] += gains[at, k, i] * e[c] + gain_changes[at, k, i, c] * here
         x = f @ x
-        x[:, first:] += moved[t]
+        x += moved[t]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -250,37 +280,6 @@ def _settle(f, h, covariances, seen, gain, deviation, holds_from):  # type: igno
     return samples
 
 
-def estimate_disturbance(
-    linear: LinearModel, noise: Noise, residual: Array, used: Sequence[int], lead: int
-) -> Array:
-    """Disturbance (samples, 11) that explains a residual (samples, outputs) best, looking back and ahead."""
-    process, start = linear.covariances(noise)
-    index = np.array(used)
-    states = _smooth(
-        linear.transition, np.ascontiguousarray(linear.output[index]), process, noise.sensors[index] ** 2, start,
-        np.ascontiguousarray(residual[:, index]), lead,
-    )  # fmt: skip
-    return np.asarray(states[:, STATES:] @ linear.disturbance[:, STATES:].T)
-
-
-def response(linear: LinearModel, disturbance: Array) -> Array:
-    """What a disturbance (samples, 11) alone does to the simulated outputs by (1), (samples, outputs)."""
-    out = np.empty((len(disturbance), _K))
-    _respond(
-        np.ascontiguousarray(linear.transition[:STATES, :STATES]), np.ascontiguousarray(linear.output[:, :STATES]),
-        linear.first, linear.last, linear.direct, disturbance, out,
-    )  # fmt: skip
-    return out
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _respond(f, h, first, last, direct, disturbance, out):  # type: ignore[no-untyped-def]
-    x = np.zeros(f.shape[0])
-    for t in range(out.shape[0]):
-        out[t] = h @ x + direct @ disturbance[t]
-        x = f @ x + first @ disturbance[t] + last @ disturbance[min(t + 1, out.shape[0] - 1)]
-
-
 @njit(cache=True, error_model="numpy", nogil=True)
 def _gain(p, h, variance, gains, new, deviations, k):  # type: ignore[no-untyped-def]
     """Gain of one output, and p after it; returns the relative change of the innovation's deviation."""
@@ -305,39 +304,3 @@ def _gain(p, h, variance, gains, new, deviations, k):  # type: ignore[no-untyped
         for j in range(n):
             p[i, j] -= moved * new[j]
     return change
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _smooth(f, h, process, variance, p, residual, lead):  # type: ignore[no-untyped-def]
-    """States by Rauch, Tung and Striebel's smoother in Bryson and Frazier's form, (samples, n).
-
-    Backward adjoint: lambda over the samples behind, so that no covariance is inverted.
-    """
-    samples, outputs = residual.shape
-    n = f.shape[0]
-    predicted, spreads = np.zeros((samples, n)), np.zeros((samples, n, n))
-    gains, scales, errors = (
-        np.zeros((samples, outputs, n)),
-        np.zeros((samples, outputs)),
-        np.zeros((samples, outputs)),
-    )
-    x, new, deviations = np.zeros(n), np.zeros(n), np.ones(outputs)
-    for t in range(samples):
-        predicted[t], spreads[t] = x, p
-        for k in range(outputs):
-            if t < lead or residual[t, k] != residual[t, k]:
-                continue
-            _gain(p, h, variance[k], gains[t], new, deviations, k)
-            scales[t, k] = 1.0 / (deviations[k] * deviations[k])
-            errors[t, k] = residual[t, k] - np.dot(h[k], x)
-            x += gains[t, k] * errors[t, k]
-        x = f @ x
-        p = f @ p @ f.T + process
-    out, behind = np.empty((samples, n)), np.zeros(n)
-    for t in range(samples - 1, -1, -1):
-        behind = f.T @ behind
-        for k in range(outputs - 1, -1, -1):
-            if scales[t, k] > 0.0:
-                behind = behind + h[k] * (errors[t, k] * scales[t, k] - np.dot(gains[t, k], behind))
-        out[t] = predicted[t] + spreads[t] @ behind
-    return out

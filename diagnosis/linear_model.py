@@ -23,18 +23,22 @@ from scipy.linalg import solve_discrete_lyapunov
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.replay import (
     AIR,
+    DISTURBANCES,
     SCALE,
     SURFACE_OUTPUTS,
     Inputs,
     Model,
     body_state,
-    fly_window,
+    move,
+    read_sensors,
+    ready,
     still,
+    with_trims,
+    work_space,
 )
 from wingwatch.simulation.dynamics import euler_angles
 
 __all__ = [
-    "DISTURBANCES",
     "DRIVEN",
     "STATES",
     "WIDTH",
@@ -55,9 +59,10 @@ WIDTH = _SURFACES + 3
 DRIVEN = np.array([_U, _V, _W, _P, _PITCH, _YAW, _SURFACES, _SURFACES + 1, _SURFACES + 2])
 """Which of them noise drives."""
 _STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
-DISTURBANCES = AIR + 3
-"""What disturbs the replay: ``Inputs.air``, then the noise of the surfaces' sensors."""
 _DISTURBANCE_STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
+
+_START_SPREAD = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1, 0.1, 0.1])
+"""How far a window's start may be from what its first samples say."""
 
 GUST_SCALE_M = 100.0
 """Scale length of gusts."""
@@ -68,10 +73,8 @@ class LinearModel(NamedTuple):
 
     Attributes:
         transition: (21, 21); noise: of the processes' noise, (21, 9); output: (outputs, 21).
-        disturbance: ``Inputs.air`` and the surfaces by the states, (11, 21).
+        disturbance: ``replay.DISTURBANCES`` by the states, (11, 21).
         keep: of the Markov processes over a sample, (9,).
-        first, last: what a disturbance at the start and at the end of a sample does to the motion, (8, 11).
-        direct: what it does to the simulated outputs, (outputs, 11): a servo does not feel the noise of its sensor.
     """
 
     transition: Array
@@ -79,9 +82,6 @@ class LinearModel(NamedTuple):
     output: Array
     disturbance: Array
     keep: Array
-    first: Array
-    last: Array
-    direct: Array
 
     def without(self, followed: tuple[int, ...]) -> "LinearModel":
         """With some of ``START`` held to what was measured."""
@@ -89,18 +89,19 @@ class LinearModel(NamedTuple):
             return self
         f, noise, h = self.transition.copy(), self.noise.copy(), self.output.copy()
         at = list(followed)
-        first, last = self.first.copy(), self.last.copy()
-        f[at] = f[:, at] = noise[at] = h[:, at] = first[at] = last[at] = 0.0
-        return self._replace(transition=f, noise=noise, output=h, first=first, last=last)
+        f[at] = f[:, at] = noise[at] = h[:, at] = 0.0
+        return self._replace(transition=f, noise=noise, output=h)
 
     def covariances(self, noise: "Noise") -> tuple[Array, Array]:
         """Of the processes' noise over a sample, and of the states before the first, (21, 21) each.
 
-        Before the first sample the air is as it is long after its beginning.
+        Before the first sample the air is as it is long after its beginning, and next to nothing is known of the
+        motion.
         """
         variance = np.concatenate([noise.gusts, noise.surfaces]) ** 2 * (1.0 - self.keep**2)
         process = (self.noise * variance) @ self.noise.T
         start, air = np.zeros((WIDTH, WIDTH)), slice(STATES, None)
+        start[:STATES, :STATES] = np.diag(_START_SPREAD**2)
         start[air, air] = solve_discrete_lyapunov(self.transition[air, air], process[air, air])
         return process, start
 
@@ -150,55 +151,55 @@ def linear_model(
     flown = np.isfinite(inputs.flown).all(axis=0)
     for by_disturbance in (first, last, d):
         by_disturbance[:, AIR:] *= flown
-    d[SURFACE_OUTPUTS:, AIR:] = 0.0  # a servo follows its command, not its sensor
-    seen = d.copy()
-    seen[SURFACE_OUTPUTS:, AIR:] = -np.diag(
-        flown.astype(np.float64)
-    )  # the disturbance is position less reading
+    # a servo follows its command, not its sensor; the disturbance is position less reading
+    d[SURFACE_OUTPUTS:, AIR:] = -np.diag(flown.astype(np.float64))
     by_states, moves, driven, keep = _disturbances(inputs.dt, speed, span_m, noise)
     transition, output = moves.copy(), np.zeros((_K, WIDTH))
     transition[:STATES, :STATES], output[:, :STATES] = phi, h
     transition[:STATES] += first @ by_states + last @ by_states @ moves
     driven[:STATES] += last @ by_states @ driven
-    output += seen @ by_states
-    return LinearModel(transition, driven, gain * output, by_states, keep, first, last, gain * d)
+    output += d @ by_states
+    return LinearModel(transition, driven, gain * output, by_states, keep)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _differences(row, states, centre, trims, held, out):  # type: ignore[no-untyped-def]
     """Central differences over one sample with the states, then with what disturbs at its start and end."""
     phi, h, first, last, d = out
-    rows, read, trim = row.reshape(1, row.size), np.empty((1, 1, _K)), trims.reshape(1, trims.size)
-    below, start, end = np.empty(_K), np.empty((1, 13)), np.empty((1, 13))
+    c, work = with_trims(row, trims), work_space(held.steps)
+    below, read, x = np.empty(_K), np.empty(_K), np.empty(13)
     before, after = np.empty(STATES), np.empty(STATES)
+    here, there = np.zeros(DISTURBANCES), np.zeros(DISTURBANCES)
     for j in range(STATES):
         for side in range(2):
-            start[0] = states[j + side * STATES]
-            fly_window(rows, start, trim, held, read, end)
+            x[:] = states[j + side * STATES]
+            ready(c, held, work)
+            read_sensors(c, x, held, 0, work, here, read)
+            move(c, x, held, 0, work, here, there)
             if side == 0:
-                _coordinates(end[0], after)
-                below[:] = read[0, 0]
-        _coordinates(end[0], before)
+                _coordinates(x, after)
+                below[:] = read
+        _coordinates(x, before)
         phi[:, j] = (after - before) / (2.0 * _STEPS[j])
-        h[:, j] = (below - read[0, 0]) / (2.0 * _STEPS[j])
-    start[0] = centre
+        h[:, j] = (below - read) / (2.0 * _STEPS[j])
     for j in range(DISTURBANCES):
         for at in range(2):
+            disturbed = here if at == 0 else there
             for side in range(2):
-                disturbed = held.air if j < AIR else held.flown
-                column = j if j < AIR else j - AIR
-                usual = disturbed[at, column]
-                disturbed[at, column] += _DISTURBANCE_STEPS[j] * (1.0 - 2.0 * side)
-                fly_window(rows, start, trim, held, read, end)
-                disturbed[at, column] = usual
+                x[:] = centre
+                disturbed[j] = _DISTURBANCE_STEPS[j] * (1.0 - 2.0 * side)
+                ready(c, held, work)
+                read_sensors(c, x, held, 0, work, here, read)
+                move(c, x, held, 0, work, here, there)
+                disturbed[j] = 0.0
                 if side == 0:
-                    _coordinates(end[0], after)
-                    below[:] = read[0, 0]
-            _coordinates(end[0], before)
+                    _coordinates(x, after)
+                    below[:] = read
+            _coordinates(x, before)
             gamma = first if at == 0 else last
             gamma[:, j] = (after - before) / (2.0 * _DISTURBANCE_STEPS[j])
             if at == 0:
-                d[:, j] = (below - read[0, 0]) / (2.0 * _DISTURBANCE_STEPS[j])
+                d[:, j] = (below - read) / (2.0 * _DISTURBANCE_STEPS[j])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

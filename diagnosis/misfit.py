@@ -1,6 +1,7 @@
 """How far the simulation is from the flight, by channel."""
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -9,12 +10,12 @@ from scipy.signal import detrend
 from scipy.signal.windows import hann
 from scipy.stats import chi2
 
-from wingwatch.diagnosis.innovations import response
+from wingwatch.diagnosis.linear_model import STATES
 from wingwatch.diagnosis.measured import OUTPUTS
-from wingwatch.diagnosis.problem import Point, Problem, linear_at, model_at
-from wingwatch.diagnosis.replay import without_delays
+from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
+from wingwatch.diagnosis.replay import Model, without_delays
 from wingwatch.diagnosis.result import Misfit
-from wingwatch.diagnosis.windows import simulate
+from wingwatch.diagnosis.windows import TRIM_STEPS, open_loop
 
 __all__ = ["Replayed", "misfit_of", "noise_variance", "replayed"]
 
@@ -52,16 +53,47 @@ class Replayed:
 
 
 def replayed(problem: Problem, point: Point) -> Replayed:
-    """Every window flown by the model of a point; what the estimated air does is left out."""
-    model = model_at(problem, point)
+    """Every window flown open loop through still air by the model of a point, from the start that follows it best.
+
+    Starts and free trims of each window are fitted by least squares, outputs weighed by what sensor noise and gusts
+    make of them.
+    """
+    model, weight = model_at(problem, point), noise_variance(problem, point) ** -0.5
     measured = without_delays(problem.subject.flight, model)
-    windows, simulated = [], []
-    for w, window in enumerate(problem.windows):
-        linear = linear_at(problem, problem.groups[w], model, point.noise)
-        read = simulate(problem, point, w, [model])[0] - response(linear, point.disturbed[w])
-        windows.append(measured[window.start : window.stop])
-        simulated.append(read)
-    return Replayed(windows, simulated)
+    windows = [measured[w.start : w.stop] for w in problem.windows]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        simulated = pool.map(lambda w: _best(problem, point, w, model, weight), range(len(windows)))
+        return Replayed(windows, list(simulated))
+
+
+_PASSES = 3
+_STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])
+
+
+@np.errstate(all="ignore")  # a simulation that runs away is shown as it is
+def _best(problem: Problem, point: Point, w: int, model: Model, weight: Array) -> Array:
+    """A window open loop, (samples, outputs)."""
+    window, used, free = problem.windows[w], list(problem.used), list(problem.free_trims)
+    measured = without_delays(problem.subject.flight, model)[window.start : window.stop, used]
+    seen, count = np.isfinite(measured), len(_STEPS)
+    steps = np.concatenate([_STEPS, TRIM_STEPS[free]])
+    place = np.concatenate([problem.starts[w], point.trims[w, free]])
+    best, least = np.empty(0), np.inf
+    for _ in range(_PASSES + 1):
+        places = np.vstack([place, place + np.diag(steps)])
+        trims = np.tile(point.trims[w], (len(places), 1))
+        trims[:, free] = places[:, count:]
+        read = open_loop(problem, w, model, places[:, :count], trims)
+        off = ((measured - read[0][:, used]) * weight[used])[seen]
+        cost = float(off @ off)
+        if best.size and not cost < least:
+            break
+        best, least = read[0], cost
+        columns = ((read[1:] - read[0])[..., used] * weight[used])[:, seen].T / steps
+        if not np.isfinite(columns).all():
+            break
+        place = place + np.linalg.lstsq(columns, off, rcond=1e-9)[0]
+    return best
 
 
 def noise_variance(problem: Problem, point: Point) -> Array:
@@ -71,6 +103,7 @@ def noise_variance(problem: Problem, point: Point) -> Array:
     for group in dict.fromkeys(problem.groups):
         linear = linear_at(problem, group, model, point.noise)
         process, spread = linear.covariances(point.noise)
+        spread[:STATES, :STATES] = 0.0  # starts are fitted
         for _ in range(problem.windows[group].stop - problem.windows[group].start):
             total += np.einsum("ki,ij,kj->k", linear.output, spread, linear.output)
             spread = linear.transition @ spread @ linear.transition.T + process

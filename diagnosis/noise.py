@@ -9,7 +9,6 @@ and Fisher's scoring goes downhill. A broad prior keeps what the data do not kno
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +20,12 @@ from wingwatch.diagnosis.innovations import (
     change_of,
     kalman_filter,
     sensitivities,
-    whiten,
 )
 from wingwatch.diagnosis.linear_model import LinearModel, Noise
 from wingwatch.diagnosis.measured import MeasuredFlight
-from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, linear_at, model_at
+from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
 from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, Model, without_delays
-from wingwatch.diagnosis.windows import all_seen, residual_of, seen_in, simulate
+from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
 
 __all__ = ["first_noise", "fit_noise"]
 
@@ -86,15 +84,14 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     most = np.full(len(eta), np.inf)
     most[-2:] = prior[-2:] + np.log([_MOST_GRADIENTS, _MOST_LAG])
     model = model_at(problem, point)
-    flown = _flown(problem, point, model)
-    cost, score, information = _sums(problem, model, flown, eta, prior, point.noise)
+    cost, score, information = _sums(problem, model, point, eta, prior)
     damping = 0.0
     for _ in range(_MOST_PASSES):
         free = ~((eta <= least) & (score < 0.0) | (eta >= most) & (score > 0.0))
         step, h = np.zeros(len(eta)), information + damping * np.diag(np.diagonal(information))
         step[free] = np.clip(np.linalg.solve(h[free][:, free], score[free]), -_LONGEST, _LONGEST)
         tried = np.clip(eta + step, least, most)
-        there = _sums(problem, model, flown, tried, prior, point.noise)
+        there = _sums(problem, model, point, tried, prior)
         if there[0] < cost:
             gained, damping = cost - there[0], damping / 4.0
             eta, (cost, score, information) = tried, there
@@ -105,31 +102,6 @@ def fit_noise(problem: Problem, point: Point) -> Point:
             if damping > 100.0:
                 break
     return replace(point, noise=_noise_at(eta, used, point.noise))
-
-
-class _Flown(NamedTuple):
-    """A window flown by the model of a point.
-
-    Attributes:
-        residual: as it would be undisturbed, (samples, used); seen: which readings count.
-    """
-
-    residual: Array
-    seen: Mask
-
-
-@np.errstate(all="ignore")
-def _flown(problem: Problem, point: Point, model: Model) -> list[_Flown]:
-    measured = without_delays(problem.subject.flight, model)
-    linear = {g: linear_at(problem, g, model, point.noise) for g in dict.fromkeys(problem.groups)}
-    out = []
-    for w, group in enumerate(problem.groups):
-        read = simulate(problem, point, w, [model])[0]
-        if not np.isfinite(read).all():
-            raise RunsAwayError("the simulation runs away from the flight")
-        residual = residual_of(problem, point, w, measured, read, linear[group])
-        out.append(_Flown(residual, seen_in(problem, w, measured)))
-    return out
 
 
 def _filters(
@@ -146,10 +118,11 @@ def _filters(
 
 
 def _sums(
-    problem: Problem, model: Model, flown: list[_Flown], eta: Array, prior: Array, noise: Noise
+    problem: Problem, model: Model, point: Point, eta: Array, prior: Array
 ) -> tuple[float, Array, Array]:
     """Cost, gradient downwards, information."""
-    noises = [_noise_at(one, problem.used, noise) for one in (eta, *(eta + _STEP * np.eye(len(eta))))]
+    measured = without_delays(problem.subject.flight, model)
+    noises = [_noise_at(one, problem.used, point.noise) for one in (eta, *(eta + _STEP * np.eye(len(eta))))]
     groups = tuple(dict.fromkeys(problem.groups))
 
     def of_group(group: int) -> tuple[list[LinearModel], tuple[Filter, Change, Array]]:
@@ -159,22 +132,22 @@ def _sums(
 
     @np.errstate(all="ignore")
     def of_window(w: int) -> tuple[float, Array, Array]:
-        it, group = flown[w], problem.groups[w]
+        group, seen = problem.groups[w], seen_in(problem, w, measured)
         linear, filters = found[group]
-        if not np.array_equal(it.seen, all_seen(problem, group)[: len(it.seen)]):
-            filters = _filters(problem, linear, noises, it.seen)
+        if not np.array_equal(seen, all_seen(problem, group)[: len(seen)]):
+            filters = _filters(problem, linear, noises, seen)
         filtering, change, spreads = filters
-        path = whiten(filtering, it.residual, it.seen)
-        psi = sensitivities(filtering, path, change, np.zeros((*path.innovations.shape, len(eta))))
-        psi = (psi / path.deviation[..., None])[it.seen]
-        sigma = spreads[np.minimum(np.arange(len(it.seen)), len(spreads) - 1)][it.seen]
-        white = (path.innovations / path.deviation)[it.seen]
+        path = fly_filtered(problem, w, model, point.trims[w], filtering, measured)
+        psi = sensitivities(filtering, path, change)
+        psi = (psi / path.deviation[..., None])[seen]
+        sigma = spreads[np.minimum(np.arange(len(seen)), len(spreads) - 1)][seen]
+        white = (path.innovations / path.deviation)[seen]
         cost = 0.5 * float(white @ white) + float(np.log(path.deviation).sum())
         return cost, sigma.T @ (white**2 - 1.0) - psi.T @ white, psi.T @ psi + 2.0 * sigma.T @ sigma
 
     with ThreadPoolExecutor(WORKERS) as pool:
         found = dict(zip(groups, pool.map(of_group, groups), strict=True))
-        parts = list(pool.map(of_window, range(len(flown))))
+        parts = list(pool.map(of_window, range(len(problem.windows))))
     off = eta - prior
     cost = sum(p[0] for p in parts) + 0.5 * float(off @ off) / _SPREAD**2
     information = sum((p[2] for p in parts), np.diag(np.full(len(eta), _SPREAD**-2.0)))

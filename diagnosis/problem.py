@@ -1,4 +1,4 @@
-"""A flight cut into windows, ready to be fitted; and a point: causes in the model, and what each window starts from."""
+"""A flight cut into windows, ready to be fitted; and a point: causes in the model, trims and noise."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate, Subject
-from wingwatch.diagnosis.linear_model import DISTURBANCES, LinearModel, Noise, fastest_rad_s, linear_model
+from wingwatch.diagnosis.linear_model import LinearModel, Noise, fastest_rad_s, linear_model
 from wingwatch.diagnosis.measured import LEAD_S, Window, finite_mean
 from wingwatch.diagnosis.replay import TRIMS, Inputs, Model, inputs_of, measured_start
 from wingwatch.diagnosis.trims import measured_trims
@@ -66,33 +66,22 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A model and what each window starts from.
+    """A model, what each window has of its own, and noise.
 
     Attributes:
         causes: candidates that are in the model; values: of each one's parameters.
-        starts: (windows, 8); trims: (windows, 6).
+        trims: of each window, (windows, 6).
         noise: standard deviations.
-        disturbed: air and surfaces' noise as estimated in each window, (samples, 11) each (``linear_model``).
-        own: change of each window's outputs with its start and free trims, (samples, outputs, own) each, as it was when
-            last computed (``windows.with_own_columns``): it changes little with all else; empty before.
     """
 
     causes: tuple[Candidate, ...]
     values: tuple[Array, ...]
-    starts: Array
     trims: Array
     noise: Noise
-    disturbed: tuple[Array, ...]
-    own: tuple[Array, ...] = ()
 
     def part(self, windows: Sequence[int]) -> "Point":
         """For some of the windows."""
-        index = list(windows)
-        return replace(
-            self, starts=self.starts[index], trims=self.trims[index],
-            disturbed=tuple(self.disturbed[w] for w in index),
-            own=tuple(self.own[w] for w in index) if self.own else (),
-        )  # fmt: skip
+        return replace(self, trims=self.trims[list(windows)])
 
     @property
     def theta(self) -> Array:
@@ -127,8 +116,7 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
         subject, flight.windows, tuple(inputs), groups, np.array(centres), np.array(starts), free, _used(subject),
         trims,
     )  # fmt: skip
-    calm = tuple(np.zeros((w.stop - w.start, DISTURBANCES)) for w in flight.windows)
-    point = Point((), (), problem.starts.copy(), trims.copy(), noise, calm)
+    point = Point((), (), trims.copy(), noise)
     steps = [_steps(linear_at(problem, w, subject.model, noise), i.dt) for w, i in enumerate(inputs)]
     return replace(
         problem, inputs=tuple(i._replace(steps=n) for i, n in zip(inputs, steps, strict=True))

@@ -1,8 +1,8 @@
-"""Replay: the simulated aircraft flown open loop by the recorded surfaces and throttle, in windows.
+"""Replay: the simulated aircraft flown by the recorded surfaces and throttle, in windows, sample by sample.
 
-The air moves as it was estimated to move (``innovations``), on straight lines between samples. A surface
-whose position is measured moves between samples as its servo does, on a line where the command is not known; one of
-which only the command is known moves through the actuator of the aircraft file.
+What disturbs it (``DISTURBANCES``) moves on straight lines between samples. A surface whose position is measured moves
+between samples as its servo does, on a line where the command is not known; one of which only the command is known
+moves through the actuator of the aircraft file.
 """
 
 import math
@@ -37,12 +37,15 @@ from wingwatch.simulation.rigid_body import (
     SPIN,
     THROTTLE,
     advance,
+    rates,
 )
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
 
 __all__ = [
     "AIR",
+    "BIAS",
     "DELAY",
+    "DISTURBANCES",
     "SCALE",
     "START",
     "SURFACE_OUTPUTS",
@@ -51,11 +54,18 @@ __all__ = [
     "Model",
     "body_state",
     "fly_window",
+    "follow",
     "inputs_of",
     "measured_start",
+    "move",
+    "read_sensors",
+    "ready",
     "sense",
+    "set_attitude",
     "still",
+    "with_trims",
     "without_delays",
+    "work_space",
 ]
 
 Array = NDArray[np.float64]
@@ -72,7 +82,10 @@ SURFACE_OUTPUTS = 11
 _PARAMETERS, _CHANNELS, _K = len(PARAMETERS), len(CHANNELS), len(OUTPUTS)
 
 AIR = 8
-"""Columns of the air's motion."""
+"""Of what disturbs: motion of the air, body axes, u, v, w, m/s, p, q, r, rad/s; unmodelled angular accelerations in
+pitch and yaw, rad/s2."""
+DISTURBANCES = AIR + 3
+"""What disturbs the replay: the air, then the noise of the surfaces' sensors, rad."""
 
 DELAY, BIAS, SCALE = range(3)
 
@@ -102,8 +115,6 @@ class Inputs(NamedTuple):
         commands: (samples, 3), NaN where unknown.
         throttle: (samples,).
         density: kg/m3, constant in the window; altitude: m.
-        air: motion of the air, body axes, (samples, 6), m/s and rad/s, then unmodelled angular accelerations in pitch
-            and yaw, rad/s2, at every sample and one behind the last: (samples + 1, 8).
         follow: of ``START``, (samples, 8): what is taken from measurement at every sample, NaN where it is simulated.
         dt: s; steps: of integration in a sample.
     """
@@ -113,7 +124,6 @@ class Inputs(NamedTuple):
     throttle: Array
     density: float
     altitude: float
-    air: Array
     follow: Array
     dt: float
     steps: int
@@ -128,7 +138,7 @@ def inputs_of(
     return Inputs(
         flight.flown[rows], flight.commands[rows], np.ascontiguousarray(throttle),
         float(flight.density_kg_m3[rows].mean()), float(flight.altitude_m[rows].mean()),
-        np.zeros((len(throttle) + 1, AIR)), _followed(flight, window, followed), flight.dt_s, steps,
+        _followed(flight, window, followed), flight.dt_s, steps,
     )  # fmt: skip
 
 
@@ -158,7 +168,6 @@ def still(inputs: Inputs) -> Inputs:
         flown=np.repeat(np.where(np.isfinite(inputs.flown).all(axis=0), flown, commands), 2, axis=0),
         commands=np.full((1, 3), np.nan),
         throttle=inputs.throttle.mean(keepdims=True),
-        air=np.zeros((2, AIR)),
         follow=np.full((1, len(START)), np.nan),
     )
 
@@ -171,9 +180,115 @@ def body_state(start: Array, altitude_m: float) -> Array:
     return state
 
 
+class Work(NamedTuple):
+    """Where a replay keeps what it needs from sample to sample.
+
+    Attributes:
+        setting: of the step (``rigid_body.SETTING``); orders: (8,); channels: (1, 1, channels).
+        k, middle, total: of the integration, (13,).
+        decay, servo, surface, servo_at_sample: of each surface, (3,); moved: by the servos in a sample, (steps, 9).
+    """
+
+    setting: Array
+    orders: Array
+    channels: Array
+    k: Array
+    middle: Array
+    total: Array
+    decay: Array
+    servo: Array
+    surface: Array
+    servo_at_sample: Array
+    moved: Array
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
-def fly_window(rows, starts, trims, inputs, out, ends):  # type: ignore[no-untyped-def]
-    """Fly a window in several versions.
+def work_space(steps):  # type: ignore[no-untyped-def]
+    """``Work`` for as many steps of integration in a sample."""
+    return Work(
+        np.zeros(SETTING_WIDTH), np.zeros(8), np.zeros((1, 1, _CHANNELS)), np.empty(13), np.empty(13), np.empty(13),
+        np.empty(3), np.zeros(3), np.zeros(3), np.zeros(3), np.empty((steps, 9)),
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def with_trims(row, trims):  # type: ignore[no-untyped-def]
+    """A prepared working row of parameters (parameters,) and a window's trims (6,)."""
+    c = np.zeros(WIDTH)
+    c[:_PARAMETERS] = row
+    for j in range(6):
+        c[_TRIM_COLUMNS[j]] += trims[j]
+    prepare(c)
+    return c
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def ready(c, inputs, work):  # type: ignore[no-untyped-def]
+    """Work space before the first sample of a window."""
+    servo_decay(c, 0.5 * inputs.dt / inputs.steps, work.decay)
+    for j in range(3):
+        known = inputs.flown[0, j] == inputs.flown[0, j]
+        work.servo[j] = inputs.flown[0, j] if known else inputs.commands[0, j]
+        work.surface[j] = work.servo[j]
+    work.setting[DENSITY_ALTITUDE], work.setting[DENSITY] = inputs.altitude, inputs.density
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def read_sensors(c, x, inputs, t, work, here, out):  # type: ignore[no-untyped-def]
+    """True values of the outputs (outputs,) at sample ``t``, where ``here`` (11,) disturbs; servos advance."""
+    s, half_step_s = work.setting, 0.5 * inputs.dt / inputs.steps
+    s[THROTTLE] = inputs.throttle[t]
+    for j in range(3):
+        commanded = inputs.commands[t, j] == inputs.commands[t, j]
+        work.orders[j] = inputs.commands[t, j] if commanded else inputs.flown[t, j]
+    for sub in range(inputs.steps):
+        move_surfaces(c, s, work.servo, work.surface, work.orders, work.decay, half_step_s)
+        work.moved[sub] = s[ELEVATOR : ELEVATOR + 9]
+    for j in range(3):
+        work.servo_at_sample[j] = work.moved[0, j]
+        known = inputs.flown[t, j] == inputs.flown[t, j]
+        s[ELEVATOR + j] = inputs.flown[t, j] + here[AIR + j] if known else work.moved[0, j]
+    for j in range(6):
+        s[GUST + j], s[RISE + j] = here[j], 0.0
+    rates(c, s, x, 0, 0.0, work.k)
+    s[SPIN + 1] += here[6]
+    s[SPIN + 2] += here[7]
+    report(work.channels, 0, 0, 0.0, x, c, s, work.orders)
+    for j in range(_K):
+        out[j] = work.channels[0, 0, _COLUMNS[j]]
+    for j in range(3):
+        out[SURFACE_OUTPUTS + j] = work.servo_at_sample[j]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def move(c, x, inputs, t, work, here, there):  # type: ignore[no-untyped-def]
+    """The state (13,) from sample ``t``, where ``here`` disturbs, to the next, where ``there`` does, (11,) each."""
+    s, dt = work.setting, inputs.dt / inputs.steps
+    after = min(t + 1, inputs.flown.shape[0] - 1)
+    for j in range(6):
+        s[GUST + j], s[RISE + j] = here[j], (there[j] - here[j]) / inputs.steps
+    for sub in range(inputs.steps):
+        s[ELEVATOR : ELEVATOR + 9] = work.moved[sub]
+        for j in range(3):
+            if inputs.flown[t, j] == inputs.flown[t, j]:
+                # the measured position at both samples, and between them the servo's way from one to the other
+                start, end = inputs.flown[t, j] + here[AIR + j], inputs.flown[after, j] + there[AIR + j]
+                slope = end - start - (work.surface[j] - work.servo_at_sample[j])
+                off = start - work.servo_at_sample[j]
+                for stage in range(3):
+                    along = (sub + 0.5 * stage) / inputs.steps
+                    s[ELEVATOR + 3 * stage + j] = work.moved[sub, 3 * stage + j] + off + along * slope
+        advance(c, s, x, dt, work.k, work.middle, work.total)
+        along = (sub + 0.5) / inputs.steps
+        for j in range(2):
+            x[11 + j] += dt * ((1.0 - along) * here[6 + j] + along * there[6 + j])
+        for j in range(6):
+            s[GUST + j] += s[RISE + j]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def fly_window(rows, starts, trims, inputs, out):  # type: ignore[no-untyped-def]
+    """Fly a window open loop through still air in several versions.
 
     Args:
         rows: parameters, (versions, parameters).
@@ -181,76 +296,19 @@ def fly_window(rows, starts, trims, inputs, out, ends):  # type: ignore[no-untyp
         trims: added to the coefficients of ``TRIMS``, (versions, 6).
         inputs: ``Inputs``.
         out: true values of the outputs, (versions, samples, outputs), filled.
-        ends: rigid-body states one sample after the last, (versions, 13), filled.
     """
-    c = np.zeros(WIDTH)
+    work, calm = work_space(inputs.steps), np.zeros(DISTURBANCES)
     for version in range(rows.shape[0]):
-        c[:_PARAMETERS] = rows[version]
-        for j in range(6):
-            c[_TRIM_COLUMNS[j]] += trims[version, j]
-        prepare(c)
-        ends[version] = starts[version]
-        _fly(c, ends[version], inputs, out[version])
+        c, x = with_trims(rows[version], trims[version]), starts[version].copy()
+        ready(c, inputs, work)
+        for t in range(out.shape[1]):
+            follow(x, inputs.follow[t])
+            read_sensors(c, x, inputs, t, work, calm, out[version, t])
+            move(c, x, inputs, t, work, calm, calm)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _fly(c, x, inputs, out):  # type: ignore[no-untyped-def]
-    """One version; ``c`` is a prepared working row, ``x`` the state, advanced in place."""
-    dt = inputs.dt / inputs.steps
-    s, orders, all_channels = np.zeros(SETTING_WIDTH), np.zeros(8), np.zeros((1, 1, _CHANNELS))
-    k, middle, total, start = np.empty(13), np.empty(13), np.empty(13), np.empty(13)
-    decay, servo, surface, servo_at_sample = np.empty(3), np.zeros(3), np.zeros(3), np.zeros(3)
-    moved = np.empty((inputs.steps, 9))
-    servo_decay(c, 0.5 * dt, decay)
-    for j in range(3):
-        known = inputs.flown[0, j] == inputs.flown[0, j]
-        servo[j] = inputs.flown[0, j] if known else inputs.commands[0, j]
-        surface[j] = servo[j]
-    s[DENSITY_ALTITUDE], s[DENSITY] = inputs.altitude, inputs.density
-    samples = out.shape[0]
-    for t in range(samples):
-        after = min(t + 1, inputs.flown.shape[0] - 1)
-        _follow(x, inputs.follow[t])
-        s[THROTTLE] = inputs.throttle[t]
-        for j in range(6):
-            s[GUST + j] = inputs.air[t, j]
-            s[RISE + j] = (inputs.air[t + 1, j] - inputs.air[t, j]) / inputs.steps
-        for j in range(3):
-            commanded = inputs.commands[t, j] == inputs.commands[t, j]
-            orders[j] = inputs.commands[t, j] if commanded else inputs.flown[t, j]
-        for sub in range(inputs.steps):
-            move_surfaces(c, s, servo, surface, orders, decay, 0.5 * dt)
-            moved[sub] = s[ELEVATOR : ELEVATOR + 9]
-        servo_at_sample[:] = moved[0, :3]
-        for sub in range(inputs.steps):
-            s[ELEVATOR : ELEVATOR + 9] = moved[sub]
-            if sub == 0:
-                start[:] = x
-            for j in range(3):
-                if inputs.flown[t, j] == inputs.flown[t, j]:
-                    # the measured position at both samples, and between them the servo's way from one to the other
-                    slope = inputs.flown[after, j] - inputs.flown[t, j] - (surface[j] - servo_at_sample[j])
-                    off = inputs.flown[t, j] - servo_at_sample[j]
-                    for stage in range(3):
-                        along = (sub + 0.5 * stage) / inputs.steps
-                        s[ELEVATOR + 3 * stage + j] = moved[sub, 3 * stage + j] + off + along * slope
-            advance(c, s, x, dt, k, middle, total)
-            if sub == 0:
-                s[SPIN + 1] += inputs.air[t, 6]
-                s[SPIN + 2] += inputs.air[t, 7]
-                report(all_channels, 0, 0, 0.0, start, c, s, orders)
-            along = (sub + 0.5) / inputs.steps
-            for j in range(2):
-                x[11 + j] += dt * ((1.0 - along) * inputs.air[t, 6 + j] + along * inputs.air[t + 1, 6 + j])
-            for j in range(6):
-                s[GUST + j] += s[RISE + j]
-        for j in range(_K):
-            out[t, j] = all_channels[0, 0, _COLUMNS[j]]
-        out[t, SURFACE_OUTPUTS : SURFACE_OUTPUTS + 3] = servo_at_sample
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _follow(x, measured):  # type: ignore[no-untyped-def]
+def follow(x, measured):  # type: ignore[no-untyped-def]
     """Put states that are followed where they were measured."""
     for j in range(3):
         if measured[j] == measured[j]:
@@ -258,18 +316,20 @@ def _follow(x, measured):  # type: ignore[no-untyped-def]
         if measured[3 + j] == measured[3 + j]:
             x[10 + j] = measured[3 + j]
     if measured[6] == measured[6] or measured[7] == measured[7]:
-        roll, pitch, heading = euler_angles(x)
+        roll, pitch, _ = euler_angles(x)
         roll = measured[6] if measured[6] == measured[6] else roll
         pitch = measured[7] if measured[7] == measured[7] else pitch
-        cr, sr, cp, sp = (
-            math.cos(0.5 * roll),
-            math.sin(0.5 * roll),
-            math.cos(0.5 * pitch),
-            math.sin(0.5 * pitch),
-        )
-        ch, sh = math.cos(0.5 * heading), math.sin(0.5 * heading)
-        x[6], x[7] = cr * cp * ch + sr * sp * sh, sr * cp * ch - cr * sp * sh
-        x[8], x[9] = cr * sp * ch + sr * cp * sh, cr * cp * sh - sr * sp * ch
+        set_attitude(x, roll, pitch)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def set_attitude(x, roll, pitch):  # type: ignore[no-untyped-def]
+    """Roll and pitch angle of a rigid-body state (13,), the heading kept."""
+    _, _, heading = euler_angles(x)
+    cr, sr, cp, sp = math.cos(0.5 * roll), math.sin(0.5 * roll), math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    ch, sh = math.cos(0.5 * heading), math.sin(0.5 * heading)
+    x[6], x[7] = cr * cp * ch + sr * sp * sh, sr * cp * ch - cr * sp * sh
+    x[8], x[9] = cr * sp * ch + sr * cp * sh, cr * cp * sh - sr * sp * ch
 
 
 def sense(true: Array, model: Model) -> Array:

@@ -26,7 +26,6 @@ from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
-from wingwatch.diagnosis.windows import with_disturbance
 
 __all__ = ["Found", "Search", "Tried", "held_out_gain", "search", "settled"]
 
@@ -106,9 +105,9 @@ class Search:
 
 
 def settled(problem: Problem, point: Point, rounds: int = 2) -> Solution:
-    """Starts, noise and air fitted in turn to the model of a point."""
+    """Causes, trims and noise fitted in turn."""
     for _ in range(rounds):
-        point = with_disturbance(problem, fit_noise(problem, fit(problem, point).point))
+        point = fit_noise(problem, fit(problem, point).point)
     solution = fit(problem, point)
     return fit(problem, fit_noise(problem, solution.point), 2)
 
@@ -207,7 +206,7 @@ def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: No
         noise=noise,
     )  # fmt: skip
     try:
-        point = with_disturbance(problem, fit_noise(problem, fit(problem, point, 8).point))
+        point = fit_noise(problem, fit(problem, point, 8).point)
         solution = fit(problem, fit_noise(problem, fit(problem, point, 4).point), 4)
     except RunsAwayError:
         return None
@@ -268,7 +267,7 @@ def held_out_gain(problem: Problem, solution: Solution) -> float:
 def _matters(problem: Problem, solution: Solution) -> bool:
     """Whether the last cause changes any output by a part of its motion that matters (root mean squares)."""
     point = solution.point
-    without = own_fitted(problem, replace(point, causes=point.causes[:-1], values=point.values[:-1]))
+    without = replace(point, causes=point.causes[:-1], values=point.values[:-1])
     pair = replayed(problem, point), replayed(problem, without)
     for k in problem.used:
         changed = moved = 0.0
