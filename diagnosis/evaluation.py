@@ -25,7 +25,7 @@ __all__ = ["Evaluation", "Reduced", "evaluate", "own_columns", "own_offset", "ow
 
 Array = NDArray[np.float64]
 
-_TRIM_SPREAD = np.array([1.0, 0.3, 0.05, 0.2, 0.05, 0.3])
+_TRIM_SPREAD = np.array([1.0, 0.3, 0.05, 0.2, 0.05, 1.0])
 _BLOCK_S = 2.0
 
 

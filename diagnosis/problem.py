@@ -93,7 +93,7 @@ def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     """Windows and what each starts from, as measured."""
     flight, row = subject.flight, subject.model.row
     unknown = (*(() if subject.trims_known else range(5)), *(() if subject.throttle_known else (5,)))
-    hidden = (5,) if 0 in subject.followed else ()  # drag shows in the forward motion alone
+    hidden = (5,) if 0 in subject.followed else ()  # thrust shows in the forward motion alone
     free = tuple(k for k in unknown if k not in hidden)
     inputs, centres, starts = [], [], []
     for window in flight.windows:

@@ -13,18 +13,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.diagnosis.measured import OUTPUTS, MeasuredFlight, Window
 from wingwatch.simulation.actuators import move_surfaces, servo_decay
 from wingwatch.simulation.dynamics import euler_angles, quaternion
 from wingwatch.simulation.flight import report
 from wingwatch.simulation.layout import (
-    CD_MIN,
     CL_ZERO,
     CM_ZERO,
     CN_ZERO,
     CY_ZERO,
+    MASS,
     PARAMETERS,
     ROLL_ZERO,
+    THRUST_MAX,
 )
 from wingwatch.simulation.prepared import WIDTH, prepare
 from wingwatch.simulation.rigid_body import (
@@ -73,10 +75,13 @@ Array = NDArray[np.float64]
 START: tuple[str, ...] = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s", "roll_rad", "pitch_rad")
 """What a window starts from, through still air."""
 
-TRIMS: tuple[str, ...] = ("CL_zero", "CY_zero", "Cl_zero", "Cm_zero", "Cn_zero", "CD_min")
-"""Constants that a window may have of its own, added to the aircraft's coefficients."""
+TRIMS: tuple[str, ...] = ("CL_zero", "CY_zero", "Cl_zero", "Cm_zero", "Cn_zero", "thrust_to_weight")
+"""Constants that a window may have of its own: added to the aircraft's coefficients, and thrust where it is not known.
 
-_TRIM_COLUMNS = np.array([CL_ZERO, CY_ZERO, ROLL_ZERO, CM_ZERO, CN_ZERO, CD_MIN])
+Thrust, not drag: drag turns with the flow, and is a side force in sideslip.
+"""
+
+_TRIM_COLUMNS = np.array([CL_ZERO, CY_ZERO, ROLL_ZERO, CM_ZERO, CN_ZERO])
 _COLUMNS = np.array([CHANNEL_INDEX[name] for name in OUTPUTS])
 SURFACE_OUTPUTS = 11
 _PARAMETERS, _CHANNELS, _K = len(PARAMETERS), len(CHANNELS), len(OUTPUTS)
@@ -113,7 +118,7 @@ class Inputs(NamedTuple):
     Attributes:
         flown: measured positions, (samples, 3), NaN where the actuator moves the surface.
         commands: (samples, 3), NaN where unknown.
-        throttle: (samples,).
+        throttle: (samples,); 1 where thrust is a window's own.
         density: kg/m3, constant in the window; altitude: m.
         follow: of ``START``, (samples, 8): what is taken from measurement at every sample, NaN where it is simulated.
         dt: s; steps: of integration in a sample.
@@ -134,7 +139,7 @@ def inputs_of(
 ) -> Inputs:
     """Recorded surfaces and throttle of a window."""
     rows = slice(window.start, window.stop)
-    throttle = flight.throttle[rows] if throttle_known else np.zeros(window.stop - window.start)
+    throttle = flight.throttle[rows] if throttle_known else np.ones(window.stop - window.start)
     return Inputs(
         flight.flown[rows], flight.commands[rows], np.ascontiguousarray(throttle),
         float(flight.density_kg_m3[rows].mean()), float(flight.altitude_m[rows].mean()),
@@ -216,8 +221,9 @@ def with_trims(row, trims):  # type: ignore[no-untyped-def]
     """A prepared working row of parameters (parameters,) and a window's trims (6,)."""
     c = np.zeros(WIDTH)
     c[:_PARAMETERS] = row
-    for j in range(6):
+    for j in range(_TRIM_COLUMNS.size):
         c[_TRIM_COLUMNS[j]] += trims[j]
+    c[THRUST_MAX] += trims[5] * c[MASS] * GRAVITY_M_S2
     prepare(c)
     return c
 

@@ -97,9 +97,10 @@ def _throttle(flight: MeasuredFlight) -> Array:
 
 
 def _without_thrust(model: Model) -> None:
-    """Thrust is what a window's own drag makes it."""
-    for name in ("electric", "slipstream_share", "thrust_share"):
+    """Thrust is a window's own, through the centre of gravity."""
+    for name in ("electric", "slipstream_share", "thrust_max_n", "thrust_line_z_m"):
         model.row[INDEX[name]] = 0.0
+    model.row[INDEX["thrust_share"]] = 1.0
 
 
 def _sensors(aircraft: Aircraft) -> Array:
