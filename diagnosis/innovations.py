@@ -260,7 +260,7 @@ def _settle(f, h, covariances, seen, gain, deviation, holds_from):  # type: igno
     process, variance, p = covariances
     samples, outputs = deviation.shape
     n = f.shape[0]
-    new, work, transposed = np.zeros(n), np.zeros((n, n)), np.ascontiguousarray(f.T)
+    new, half, whole = np.zeros(n), np.zeros((n, n)), np.zeros((n, n))
     gains, deviations = np.zeros((outputs, n)), np.ones(outputs)
     for t in range(samples):
         change = 0.0
@@ -272,12 +272,29 @@ def _settle(f, h, covariances, seen, gain, deviation, holds_from):  # type: igno
                     gain[t, k, i] = gains[k, i]
         if change < _HOLDS and t > holds_from:
             return t + 1
-        np.dot(f, p, work)
-        np.dot(work, transposed, p)
+        _times(f, p, half)
+        for i in range(n):
+            for j in range(n):
+                whole[i, j] = half[j, i]
+        _times(f, whole, p)
         for i in range(n):
             for j in range(n):
                 p[i, j] += process[i, j]
     return samples
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _times(f, p, out):  # type: ignore[no-untyped-def]
+    """f p into ``out``; two thirds of f are nothing."""
+    n = p.shape[0]
+    for i in range(n):
+        for j in range(n):
+            out[i, j] = 0.0
+        for k in range(n):
+            weight = f[i, k]
+            if weight != 0.0:
+                for j in range(n):
+                    out[i, j] += weight * p[k, j]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

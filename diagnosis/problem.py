@@ -132,8 +132,9 @@ def _used(subject: Subject) -> tuple[int, ...]:
     return tuple(k for k in subject.flight.compared if k not in hidden)
 
 
-_ALIKE = np.array([0.04, 0.04, 0.04, 1.0, 1.0, 1.0, 0.3, 0.15])
-"""Motion within which one equation (1) holds: velocities in parts of the speed, rad/s, rad."""
+_ALIKE = np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 0.6, 0.3])
+"""Motion within which the gains of one equation (1) do: velocities in parts of the speed, rad/s, rad."""
+_ALIKE_DENSITY = 0.1
 
 
 def _groups(centres: Array, densities: Array) -> tuple[int, ...]:
@@ -143,7 +144,7 @@ def _groups(centres: Array, densities: Array) -> tuple[int, ...]:
         reach = _ALIKE * np.where(np.arange(8) < 3, np.linalg.norm(centre[:3]), 1.0)
         first = [
             g for g in dict.fromkeys(groups)
-            if (np.abs(centres[g] - centre) < reach).all() and abs(densities[g] / densities[w] - 1.0) < 0.04
+            if (np.abs(centres[g] - centre) < reach).all() and abs(densities[g] / densities[w] - 1.0) < _ALIKE_DENSITY
         ]  # fmt: skip
         groups.append(first[0] if first else w)
     return tuple(groups)
