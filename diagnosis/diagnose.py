@@ -318,11 +318,6 @@ def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str
     absent = [OUTPUTS[k] for k in (9, 10) if k not in subject.flight.compared]
     if absent:
         notes.append(f"no {' and no '.join(absent)}: gusts are told from motion by the accelerometers alone")
-    if found.lost:
-        notes.append(
-            "no further cause is claimed: the simulation is so far from this flight that fits did not find their way; "
-            "mend what is known to be wrong first, or give a shorter, gentler part of the flight"
-        )
     gusts = found.last.point.noise.gusts[1:3]
     if float(gusts.max()) > 0.3:
         notes.append(

@@ -93,6 +93,8 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
     if moved:
         evaluation = evaluate(problem, point)
         reduced = reduce(problem, point, evaluation)
+    if not np.isfinite(reduced.cost):
+        raise RunsAwayError("the simulation runs away from the flight")
     return Solution(point, reduced.cost, _covariance(reduced, point, prior), evaluation)
 
 

@@ -89,12 +89,15 @@ class Point:
         return np.concatenate([np.zeros(0), *self.values])
 
 
+_SHOWS_IN = (2, 1, 3, 4, 5, 0)
+"""The place in ``START`` of the motion that each of ``TRIMS`` shows in: where it is followed, nothing tells the trim."""
+
+
 def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     """Windows and what each starts from, as measured."""
     flight, row = subject.flight, subject.model.row
     unknown = (*(() if subject.trims_known else range(5)), *(() if subject.throttle_known else (5,)))
-    hidden = (5,) if 0 in subject.followed else ()  # thrust shows in the forward motion alone
-    free = tuple(k for k in unknown if k not in hidden)
+    free = tuple(k for k in unknown if _SHOWS_IN[k] not in subject.followed)
     inputs, centres, starts = [], [], []
     for window in flight.windows:
         start = measured_start(flight, window, row)

@@ -13,7 +13,6 @@ docs/methods/diagnosis.md, section 4.
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,19 +34,17 @@ Progress = Callable[[str, float], None]
 
 MOST_CAUSES = 4
 _SHORT_LIST = 4
-_AGAIN = 3
-"""Fits from whose noise the present model is fitted again."""
 _WORTH_A_FIT = 0.1
 """Part of the best one's promised gain below which a candidate is not fitted."""
+_WORTH_ITS_NOISE = 0.3
+"""Part of the best one's gain by the same noise below which a candidate does not get noise of its own."""
+_LEAST_GAIN = 2.0
+"""Of log-likelihood, of a candidate that is fitted."""
 _THRESHOLD = 7.0
 """Evidence that a cause needs: odds of a thousand to one."""
 _ALIKE = 3.0
 """Difference of evidence within which causes cannot be told apart: odds of twenty to one."""
 _FOLDS = 4
-_LOST = 10.0
-"""Log-likelihood below the present model's at which a fit has not found its way."""
-_SCATTER = 0.1
-"""The same as a part of the best fit's gain: beside a great error all fits end at other noise."""
 _SURE = 3.0
 """Standard errors that a parameter must be away from none."""
 _MATTERS = 0.03
@@ -94,14 +91,12 @@ class Search:
         found: causes in the order they were taken.
         last: the model with all of them.
         rest: the candidates of the last round, that were not taken.
-        lost: whether fits did not find their way, so that nothing further may be claimed.
     """
 
     stated: Solution
     found: tuple[Found, ...]
     last: Solution
     rest: tuple[Tried, ...]
-    lost: bool = False
 
 
 def settled(problem: Problem, point: Point, rounds: int = 2) -> Solution:
@@ -118,27 +113,20 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
     stated = present = settled(problem, point)
     found: list[Found] = []
     rest: tuple[Tried, ...] = ()
-    lost = False
     for turn in range(MOST_CAUSES):
         at = 0.05 + 0.2 * turn
         progress("screening causes", at)
         taken = {c.label for c in present.point.causes}
         listed = _short_list(problem, present, [c for c in candidates if c.label not in taken])
         tried = []
-        for i, (candidate, noise) in enumerate(listed):
-            progress(f"fitting {candidate.label}", at + 0.02 + 0.15 * i / len(listed))
-            fits = [_fitted(problem, present, candidate, noise)]
-            if fits[0] is None or fits[0].gain <= 0.0:  # lost on the way: nearer to the present model, then
-                fits.append(_fitted(problem, present, candidate, present.point.noise))
-            tried += sorted((f for f in fits if f is not None), key=lambda f: -f.gain)[:1]
-        most = max((t.gain for t in tried), default=0.0)
-        astray = sum(t.gain < -max(_LOST, _SCATTER * most) for t in tried) > 0.5 * len(tried)
-        tried = _judged(_over_the_best(problem, present, tried))
+        for i, begun in enumerate(listed):
+            progress(f"fitting {begun.causes[-1].label}", at + 0.02 + 0.15 * i / len(listed))
+            found_here = _fitted(problem, present, begun)
+            if found_here is not None:
+                tried.append(found_here)
+        tried = _judged(tried)
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)
-        if astray:
-            lost = True  # every candidate contains the present model: fits that end below it have not found their way
-            break
         best = next((t for t in tried if _counts(t)), None)
         if best is None:
             break
@@ -148,7 +136,7 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         alike = tuple(t for t in tried if t is not best and t.evidence > best.evidence - _ALIKE)
         found.append(Found(best, alike, rest, held_out))
         present = settled(problem, best.solution.point, 1)
-    return Search(stated, tuple(found), present, rest, lost)
+    return Search(stated, tuple(found), present, rest)
 
 
 def _counts(tried: Tried) -> bool:
@@ -164,19 +152,31 @@ def quiet(problem: Problem, noise: Noise) -> Noise:
     return replace(first, gusts=gusts, gradients=noise.gradients, lag_s=noise.lag_s)
 
 
-def _short_list(
-    problem: Problem, present: Solution, candidates: Sequence[Candidate]
-) -> list[tuple[Candidate, Noise]]:
-    """Those that promise most with noise as fitted, quiet, and in still air; and the noise to begin their fits with."""
-    chosen: dict[str, tuple[Candidate, Noise]] = {}
-    still = first_noise(problem.subject.flight)
-    for noise in (still, quiet(problem, present.point.noise), present.point.noise):
-        promised = _promises(problem, fit(problem, replace(present.point, noise=noise), 3), candidates)
-        order = sorted(range(len(candidates)), key=lambda i: -promised[i])
-        for i in order[:_SHORT_LIST]:
-            if promised[i] > max(_WORTH_A_FIT * promised[order[0]], 2.0):
-                chosen.setdefault(candidates[i].label, (candidates[i], noise))
+def _short_list(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[Point]:
+    """Those that gain most with noise as fitted, quiet, and in still air, as fitted by that noise."""
+    chosen: dict[str, Point] = {}
+    fitted, still = present.point.noise, first_noise(problem.subject.flight)
+    for noise in (fitted, quiet(problem, fitted), still):
+        before = fit(problem, replace(present.point, noise=noise), 3)
+        promised = _promises(problem, before, candidates)
+        order = sorted(range(len(candidates)), key=lambda i: -promised[i])[:_SHORT_LIST]
+        least = max(_WORTH_A_FIT * promised[order[0]], _LEAST_GAIN)
+        begun = [_begun(problem, before, candidates[i]) for i in order if promised[i] > least]
+        gains = [(before.cost - after.cost, after.point) for after in begun if after is not None]
+        least = max(_WORTH_ITS_NOISE * max((gain for gain, _ in gains), default=0.0), _LEAST_GAIN)
+        for gain, point in gains:
+            if gain > least:
+                chosen.setdefault(point.causes[-1].label, point)
     return list(chosen.values())
+
+
+def _begun(problem: Problem, before: Solution, candidate: Candidate) -> Solution | None:
+    """A candidate fitted beside a model by the model's noise; None where the simulation runs away."""
+    at, zero = before.point, np.zeros(len(candidate.parameters))
+    try:
+        return fit(problem, replace(at, causes=(*at.causes, candidate), values=(*at.values, zero)), 3)
+    except RunsAwayError:
+        return None
 
 
 def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[float]:
@@ -198,17 +198,19 @@ def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidat
     return gains
 
 
-def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: Noise) -> Tried | None:
-    """Far from the truth by the given noise first, then with its own; None where the simulation runs away."""
-    zero = np.zeros(len(candidate.parameters))
-    point = replace(
-        present.point, causes=(*present.point.causes, candidate), values=(*present.point.values, zero),
-        noise=noise,
-    )  # fmt: skip
+def _fitted(problem: Problem, present: Solution, begun: Point) -> Tried | None:
+    """The last cause of a point fitted with its own noise; None where that ends below the model without it.
+
+    Every candidate contains the present model. A fit that ends below it began at noise that is not this flight's.
+    """
+    candidate = begun.causes[-1]
     try:
-        point = fit_noise(problem, fit(problem, point, 8).point)
-        solution = fit(problem, fit_noise(problem, fit(problem, point, 4).point), 4)
+        solution = fit(problem, fit_noise(problem, begun), 4)
+        if present.cost - solution.cost > _THRESHOLD:
+            solution = fit(problem, fit_noise(problem, solution.point), 4)
     except RunsAwayError:
+        return None
+    if solution.cost > present.cost:
         return None
     count = len(candidate.parameters)
     reduced = reduce(problem, solution.point, solution.evaluation)
@@ -218,21 +220,6 @@ def _fitted(problem: Problem, present: Solution, candidate: Candidate, noise: No
     error = np.sqrt(np.diagonal(solution.covariance)[-count:])
     gain = present.cost - solution.cost
     return Tried(candidate, solution, gain, gain, inflated, cost, solution.point.values[-1], error)
-
-
-def _over_the_best(problem: Problem, present: Solution, tried: Sequence[Tried]) -> list[Tried]:
-    """With gains over the present model at its best: also fitted about the motion and from the noise where fits ended.
-
-    The fits of both may end at different noise, and fly through different air: that is no evidence.
-    """
-    cost = present.cost
-    for one in sorted(tried, key=lambda t: -t.gain)[:_AGAIN]:
-        if one.gain > _THRESHOLD:
-            at = one.solution.point
-            point = replace(at, causes=at.causes[:-1], values=at.values[:-1])
-            with suppress(RunsAwayError):
-                cost = min(cost, fit(problem, fit_noise(problem, fit(problem, point).point), 4).cost)
-    return [replace(t, gain=t.gain - (present.cost - cost)) for t in tried]
 
 
 def _judged(tried: Sequence[Tried]) -> list[Tried]:
