@@ -90,7 +90,7 @@ class Point:
 
 
 _SHOWS_IN = (2, 1, 3, 4, 5, 0)
-"""The place in ``START`` of the motion that each of ``TRIMS`` shows in: where it is followed, nothing tells the trim."""
+"""The place in ``START`` of the motion that each of ``TRIMS`` shows in; where it is followed nothing tells the trim."""
 
 
 def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:

@@ -13,6 +13,7 @@ docs/methods/diagnosis.md, section 4.
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -110,7 +111,8 @@ def settled(problem: Problem, point: Point, rounds: int = 2) -> Solution:
 def search(problem: Problem, point: Point, candidates: Sequence[Candidate], progress: Progress) -> Search:
     """Causes that explain the misfit, most important first."""
     progress("fitting the simulation as stated", 0.02)
-    stated = present = settled(problem, point)
+    origins = (point, replace(point, noise=first_noise(problem.subject.flight)))
+    stated = present = min((settled(problem, one) for one in origins), key=lambda solution: solution.cost)
     found: list[Found] = []
     rest: tuple[Tried, ...] = ()
     for turn in range(MOST_CAUSES):
@@ -124,7 +126,7 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
             found_here = _fitted(problem, present, begun)
             if found_here is not None:
                 tried.append(found_here)
-        tried = _judged(tried)
+        tried = _judged(_over_the_best(problem, present, tried))
         tried.sort(key=lambda t: -t.evidence)
         rest = tuple(tried)
         best = next((t for t in tried if _counts(t)), None)
@@ -205,9 +207,9 @@ def _fitted(problem: Problem, present: Solution, begun: Point) -> Tried | None:
     """
     candidate = begun.causes[-1]
     try:
-        solution = fit(problem, fit_noise(problem, begun), 4)
+        solution = fit(problem, fit_noise(problem, begun))
         if present.cost - solution.cost > _THRESHOLD:
-            solution = fit(problem, fit_noise(problem, solution.point), 4)
+            solution = fit(problem, fit_noise(problem, solution.point))
     except RunsAwayError:
         return None
     if solution.cost > present.cost:
@@ -220,6 +222,22 @@ def _fitted(problem: Problem, present: Solution, begun: Point) -> Tried | None:
     error = np.sqrt(np.diagonal(solution.covariance)[-count:])
     gain = present.cost - solution.cost
     return Tried(candidate, solution, gain, gain, inflated, cost, solution.point.values[-1], error)
+
+
+def _over_the_best(problem: Problem, present: Solution, tried: Sequence[Tried]) -> list[Tried]:
+    """With gains over the present model at its best: fitted again from the noise at which the best fit ended.
+
+    A likelihood of noise can have more than one maximum; another one is no evidence of a cause.
+    """
+    best = max(tried, key=lambda t: t.gain, default=None)
+    if best is None or best.gain < _THRESHOLD:
+        return list(tried)
+    at = best.solution.point
+    again = replace(at, causes=at.causes[:-1], values=at.values[:-1])
+    with suppress(RunsAwayError):
+        missed = present.cost - settled(problem, again, 1).cost
+        return [replace(t, gain=t.gain - max(missed, 0.0)) for t in tried]
+    return list(tried)
 
 
 def _judged(tried: Sequence[Tried]) -> list[Tried]:
