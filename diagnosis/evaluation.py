@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.innovations import Filter, Mask, kalman_filter
@@ -78,6 +79,7 @@ class _Versions:
 
     Attributes:
         measured: the flight's outputs at the times that they are of by each, (samples, outputs).
+        slopes: of the outputs that are later by some version, (samples, outputs).
         linear: equation (1) of each by group; None: as of the first.
         filters: of each by group, where no reading is missing.
     """
@@ -85,6 +87,7 @@ class _Versions:
     models: list[Model]
     steps: Array
     measured: Array
+    slopes: Array
     linear: dict[int, list[LinearModel | None]]
     filters: dict[int, list[Filter]]
 
@@ -103,9 +106,11 @@ def _prepared(problem: Problem, point: Point, models: list[Model], steps: Array)
     with ThreadPoolExecutor(WORKERS) as pool:
         found = dict(zip(groups, pool.map(of_group, groups), strict=True))
     measured = without_delays(problem.subject.flight, models[0])
-    return _Versions(
-        models, steps, measured, {g: f[0] for g, f in found.items()}, {g: f[1] for g, f in found.items()}
-    )
+    late = np.zeros(len(models[0].sensors), dtype=np.bool_)
+    for model in models[1:]:
+        late |= model.sensors[:, DELAY] != models[0].sensors[:, DELAY]
+    linear, filters = {g: f[0] for g, f in found.items()}, {g: f[1] for g, f in found.items()}
+    return _Versions(models, steps, measured, _slopes(problem, measured, late), linear, filters)
 
 
 def _filters(
@@ -133,28 +138,32 @@ def _innovations(problem: Problem, point: Point, w: int, versions: _Versions) ->
     base = versions.models[0]
     path = fly_filtered(problem, w, base, trims, filters[0], versions.measured)
     psi = np.empty((*path.innovations.shape, len(versions.steps)))
-    slope = _predicted_slope(problem, w, versions.measured, path.innovations)
-    rows = slice(problem.windows[w].start, problem.windows[w].stop)
     for i, (model, filtering) in enumerate(zip(versions.models[1:], filters[1:], strict=True)):
         measured, late = versions.measured, model.sensors[:, DELAY] - base.sensors[:, DELAY]
         if late.any():
-            measured = measured.copy()
-            measured[rows, list(problem.used)] += late[list(problem.used)] * slope
+            measured = measured + late * versions.slopes
         changed = fly_filtered(problem, w, model, trims, filtering, measured).innovations
         psi[..., i] = (path.innovations - changed) / versions.steps[i]
     return path.innovations, path.deviation, psi
 
 
-def _predicted_slope(problem: Problem, w: int, measured: Array, innovations: Array) -> Array:
-    """Time derivative of the outputs as predicted from the past, (samples, used): what a small delay takes away.
+_SMOOTHED = 9
+"""Samples: short beside the motion; what is left of white noise in the slope is an eighth of it in a sample."""
 
-    The measured one would hold the noise's own derivative, which a delay moves but does not change.
+
+def _slopes(problem: Problem, measured: Array, late: NDArray[np.bool_]) -> Array:
+    """Time derivative of the outputs that may be late, smoothed, (samples, outputs); 0 of the others.
+
+    The smoothing has no phase. So the slope of white noise is not correlated with the noise itself, however the filter
+    colours both, and a right delay is left where it is.
     """
-    window = problem.windows[w]
-    slope = np.zeros_like(innovations)
-    predicted = measured[window.start : window.stop, list(problem.used)] - innovations
-    slope[1:] = np.nan_to_num(np.diff(predicted, axis=0)) / problem.inputs[w].dt
-    return slope
+    slopes, index = np.zeros_like(measured), np.arange(len(measured))
+    for k in np.flatnonzero(late):
+        seen = np.isfinite(measured[:, k])
+        if seen.any():
+            whole = np.interp(index, index[seen], measured[seen, k])
+            slopes[:, k] = savgol_filter(whole, _SMOOTHED, 2, deriv=1, delta=problem.subject.flight.dt_s)
+    return slopes
 
 
 def own_columns(problem: Problem, point: Point) -> tuple[Array, ...]:

@@ -118,7 +118,7 @@ class Inputs(NamedTuple):
     Attributes:
         flown: measured positions, (samples, 3), NaN where the actuator moves the surface.
         commands: (samples, 3), NaN where unknown.
-        throttle: (samples,); 1 where thrust is a window's own.
+        throttle: (samples,); over its mean in the window where thrust is the window's own, 1 if it is not recorded.
         density: kg/m3, constant in the window; altitude: m.
         follow: of ``START``, (samples, 8): what is taken from measurement at every sample, NaN where it is simulated.
         dt: s; steps: of integration in a sample.
@@ -139,12 +139,21 @@ def inputs_of(
 ) -> Inputs:
     """Recorded surfaces and throttle of a window."""
     rows = slice(window.start, window.stop)
-    throttle = flight.throttle[rows] if throttle_known else np.ones(window.stop - window.start)
+    throttle = flight.throttle[rows] if throttle_known else _throttle_shape(flight.throttle[rows])
     return Inputs(
         flight.flown[rows], flight.commands[rows], np.ascontiguousarray(throttle),
         float(flight.density_kg_m3[rows].mean()), float(flight.altitude_m[rows].mean()),
         _followed(flight, window, followed), flight.dt_s, steps,
     )  # fmt: skip
+
+
+_IDLE = 0.05
+
+
+def _throttle_shape(throttle: Array) -> Array:
+    """The course of a thrust of mean 1 that follows the throttle, as it does without [propulsion]."""
+    mean = float(throttle.mean())
+    return throttle / mean if mean > _IDLE else np.ones(len(throttle))
 
 
 _SLOW_S = 1.0
