@@ -1,4 +1,4 @@
-"""Fit of a model to all windows: Gauss-Newton on whitened residuals. docs/methods/diagnosis.md, section 3."""
+"""Fit of a model to all windows: Gauss-Newton on innovations. docs/methods/diagnosis.md, section 3."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

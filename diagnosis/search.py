@@ -1,8 +1,8 @@
 """Which cause explains the misfit: screening, fits, forward selection.
 
 A candidate is screened by what one Gauss-Newton step promises, by three noises: as fitted to the present model, quiet,
-and in still air (noise fitted to a wrong model explains part of the error as noise). The best are fitted whole, each
-with its own noise. With the gain of log-likelihood g, k parameters, n blocks
+and in still air (noise fitted to a wrong model explains part of the error as noise). The best are fitted by that noise,
+and the best of these with noise of their own. With the gain of log-likelihood g, k parameters, n blocks
 of two seconds and an inflation f of the scores' variance,
 
     evidence = g / f - k / 2 ln n + ln odds,                                                                   (6)
@@ -88,7 +88,7 @@ class Search:
     """What was found.
 
     Attributes:
-        stated: the model as stated, fitted to noise and starts.
+        stated: the model as stated, with trims and noise fitted.
         found: causes in the order they were taken.
         last: the model with all of them.
         rest: the candidates of the last round, that were not taken.
