@@ -75,6 +75,7 @@ class LinearModel(NamedTuple):
         transition: (21, 21); noise: of the processes' noise, (21, 9); output: (outputs, 21).
         disturbance: ``replay.DISTURBANCES`` by the states, (11, 21).
         keep: of the Markov processes over a sample, (9,).
+        within: what the air's mean way off the straight line within a sample does to the motion, (8, 6).
     """
 
     transition: Array
@@ -82,24 +83,33 @@ class LinearModel(NamedTuple):
     output: Array
     disturbance: Array
     keep: Array
+    within: Array
 
     def without(self, followed: tuple[int, ...]) -> "LinearModel":
         """With some of ``START`` held to what was measured."""
         if not followed:
             return self
-        f, noise, h = self.transition.copy(), self.noise.copy(), self.output.copy()
+        f, noise, h, within = (
+            self.transition.copy(),
+            self.noise.copy(),
+            self.output.copy(),
+            self.within.copy(),
+        )
         at = list(followed)
-        f[at] = f[:, at] = noise[at] = h[:, at] = 0.0
-        return self._replace(transition=f, noise=noise, output=h)
+        f[at] = f[:, at] = noise[at] = h[:, at] = within[at] = 0.0
+        return self._replace(transition=f, noise=noise, output=h, within=within)
 
     def covariances(self, noise: "Noise") -> tuple[Array, Array]:
         """Of the processes' noise over a sample, and of the states before the first, (21, 21) each.
 
+        White noise that has moved a process from one value to the next has left the straight line between them, in
+        the mean over the sample by a twelfth of its variance (Brownian bridge), whatever both values are.
         Before the first sample the air is as it is long after its beginning, and next to nothing is known of the
         motion.
         """
         variance = np.concatenate([noise.gusts, noise.surfaces]) ** 2 * (1.0 - self.keep**2)
         process = (self.noise * variance) @ self.noise.T
+        process[:STATES, :STATES] += (self.within * variance[:6] / 12.0) @ self.within.T
         start, air = np.zeros((WIDTH, WIDTH)), slice(STATES, None)
         start[:STATES, :STATES] = np.diag(_START_SPREAD**2)
         start[air, air] = solve_discrete_lyapunov(self.transition[air, air], process[air, air])
@@ -159,7 +169,8 @@ def linear_model(
     transition[:STATES] += first @ by_states + last @ by_states @ moves
     driven[:STATES] += last @ by_states @ driven
     output += d @ by_states
-    return LinearModel(transition, driven, gain * output, by_states, keep)
+    within = (first + last) @ by_states[:, [_U, _V_FELT, _W_FELT, _P, _PITCH, _YAW]]
+    return LinearModel(transition, driven, gain * output, by_states, keep, within)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
