@@ -273,12 +273,15 @@ def _matters(problem: Problem, solution: Solution) -> bool:
     """Whether the last cause changes any output by a part of its motion that matters (root mean squares)."""
     point = solution.point
     without = replace(point, causes=point.causes[:-1], values=point.values[:-1])
-    pair = replayed(problem, point), replayed(problem, without)
+    one, other = replayed(problem, point), replayed(problem, without)
     for k in problem.used:
         changed = moved = 0.0
-        for (y, one), (_, other) in zip(pair[0].pairs(k), pair[1].pairs(k), strict=True):
-            changed += float(((one - other) ** 2).sum())
-            moved += float(((y - y.mean()) ** 2).sum())
+        for w in range(len(problem.windows)):
+            # a delay changes what was measured when
+            off = [it.measured[w][:, k] - it.simulated[w][:, k] for it in (one, other)]
+            measured = one.measured[w][:, k]
+            changed += float(np.nansum((off[0] - off[1]) ** 2))
+            moved += float(np.nansum((measured - np.nanmean(measured)) ** 2))
         if not changed < _MATTERS**2 * moved:
             return True
     return False

@@ -164,6 +164,15 @@ def test_a_cause_that_changes_next_to_nothing_does_not_matter(lost: float, matte
     assert search._matters(problem, replace(solution, point=point)) is matters
 
 
+def test_a_delay_matters_though_it_changes_nothing_that_is_simulated() -> None:
+    subject, problem, point = problem_of(flown())
+    late = next(c for c in candidates(subject) if c.label == "sensor_delay[pitch_rate_rad_s]")
+    solution = fit(problem, point)
+    for delay_s, matters in ((0.05, True), (0.0005, False)):
+        delayed = replace(solution.point, causes=(late,), values=(np.array([delay_s]),))
+        assert search._matters(problem, replace(solution, point=delayed)) is matters
+
+
 def test_a_rate_limit_is_reported_as_a_limit() -> None:
     parameter = FreeParameter("rate_limit_rad_s", "rad/s", 0.1, 1.0, 0.1, inverse=True)
     said = _reported(parameter, 4.0, 0.4)
