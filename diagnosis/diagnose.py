@@ -20,7 +20,7 @@ from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
 from wingwatch.diagnosis.noise import first_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError, model_at, prepare
 from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Misfit, ParameterEstimate
-from wingwatch.diagnosis.search import Search, Tried, quiet, search, settled
+from wingwatch.diagnosis.search import Search, Tried, first_settled, quiet, search
 from wingwatch.diagnosis.separable import not_separable
 from wingwatch.diagnosis.subject import subject_of
 from wingwatch.diagnosis.traces import traces_of
@@ -261,7 +261,7 @@ def _gain(problem: Problem, found: Search, noise: Array, other: tuple[Problem, P
     """On another flight, else on windows that the causes were not fitted to."""
     if other is not None:
         its, point = other
-        stated = settled(its, point).point
+        stated = first_settled(its, point).point
         mended = replace(stated, causes=found.last.point.causes, values=found.last.point.values)
         return gain_of(replayed(its, stated), replayed(its, mended), noise, its.used, "another flight")
     windows = range(len(problem.windows))

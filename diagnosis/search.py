@@ -27,7 +27,7 @@ from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
 
-__all__ = ["Found", "Search", "Tried", "held_out_gain", "search", "settled"]
+__all__ = ["Found", "Search", "Tried", "first_settled", "held_out_gain", "search", "settled"]
 
 Array = NDArray[np.float64]
 
@@ -108,11 +108,26 @@ def settled(problem: Problem, point: Point, rounds: int = 2) -> Solution:
     return fit(problem, fit_noise(problem, solution.point), 2)
 
 
+def first_settled(problem: Problem, point: Point) -> Solution:
+    """A model settled from the noise of a point and from still air, whichever ends better.
+
+    Raises:
+        RunsAwayError: the simulation leaves the flight from both: a filter of one noise may, where that of another
+            holds.
+    """
+    ends = []
+    for noise in (point.noise, first_noise(problem.subject.flight)):
+        with suppress(RunsAwayError):
+            ends.append(settled(problem, replace(point, noise=noise)))
+    if not ends:
+        raise RunsAwayError("the simulation runs away from the flight")
+    return min(ends, key=lambda solution: solution.cost)
+
+
 def search(problem: Problem, point: Point, candidates: Sequence[Candidate], progress: Progress) -> Search:
     """Causes that explain the misfit, most important first."""
     progress("fitting the simulation as stated", 0.02)
-    origins = (point, replace(point, noise=first_noise(problem.subject.flight)))
-    stated = present = min((settled(problem, one) for one in origins), key=lambda solution: solution.cost)
+    stated = present = first_settled(problem, point)
     found: list[Found] = []
     rest: tuple[Tried, ...] = ()
     for turn in range(MOST_CAUSES):
