@@ -14,13 +14,13 @@ from wingwatch.diagnosis.candidate import FreeParameter, Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.diagnose import _reported
 from wingwatch.diagnosis.evaluation import evaluate, reduce
-from wingwatch.diagnosis.fit import fit
+from wingwatch.diagnosis.fit import Solution, fit
 from wingwatch.diagnosis.linear_aircraft import concise, row_of_derivatives
 from wingwatch.diagnosis.linear_model import STATES, WIDTH
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, measure
 from wingwatch.diagnosis.misfit import replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise
-from wingwatch.diagnosis.problem import Point, Problem, linear_at, prepare
+from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError, linear_at, prepare
 from wingwatch.diagnosis.replay import (
     DELAY,
     TRIMS,
@@ -171,6 +171,22 @@ def test_a_delay_matters_though_it_changes_nothing_that_is_simulated() -> None:
     for delay_s, matters in ((0.05, True), (0.0005, False)):
         delayed = replace(solution.point, causes=(late,), values=(np.array([delay_s]),))
         assert search._matters(problem, replace(solution, point=delayed)) is matters
+
+
+def test_a_model_that_runs_away_from_one_noise_is_settled_from_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, problem, point = problem_of(flown())
+    loud = replace(point, noise=replace(point.noise, gusts=10.0 * point.noise.gusts))
+
+    def runs_away_from_loud(problem: Problem, at: Point) -> Solution:
+        if at.noise is loud.noise:
+            raise RunsAwayError("away")
+        return fit(problem, at, 1)
+
+    monkeypatch.setattr(search, "settled", runs_away_from_loud)
+    found = search.first_settled(problem, loud)
+    np.testing.assert_array_equal(found.point.noise.gusts, point.noise.gusts)
 
 
 def test_a_rate_limit_is_reported_as_a_limit() -> None:
