@@ -111,8 +111,8 @@ class Change(NamedTuple):
     gain: Array
 
 
-def change_of(base: Filter, others: Sequence[Filter | None], steps: Array) -> Change:
-    """Differences of filters by their steps; None: the parameter does not change the filter."""
+def change_of(base: Filter, others: Sequence[Filter], steps: Array) -> Change:
+    """Differences of filters by their steps."""
     samples, used, _ = base.gain.shape
     change = Change(
         np.zeros((WIDTH, WIDTH, len(others))),
@@ -120,10 +120,9 @@ def change_of(base: Filter, others: Sequence[Filter | None], steps: Array) -> Ch
         np.zeros((samples, used, WIDTH, len(others))),
     )
     for i, other in enumerate(others):
-        if other is not None:
-            change.transition[..., i] = (other.linear.transition - base.linear.transition).T / steps[i]
-            change.output[..., i] = (other.output - base.output) / steps[i]
-            change.gain[..., i] = (other.gain - base.gain) / steps[i]
+        change.transition[..., i] = (other.linear.transition - base.linear.transition).T / steps[i]
+        change.output[..., i] = (other.output - base.output) / steps[i]
+        change.gain[..., i] = (other.gain - base.gain) / steps[i]
     return change
 
 

@@ -62,7 +62,9 @@ def replayed(problem: Problem, point: Point) -> Replayed:
     measured = without_delays(problem.subject.flight, model)
     windows = [measured[w.start : w.stop] for w in problem.windows]
     with ThreadPoolExecutor(WORKERS) as pool:
-        simulated = pool.map(lambda w: _best(problem, point, w, model, weight), range(len(windows)))
+        simulated = pool.map(
+            lambda w: _best(problem, point, w, model, windows[w], weight), range(len(windows))
+        )
         return Replayed(windows, list(simulated))
 
 
@@ -71,10 +73,10 @@ _STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])
 
 
 @np.errstate(all="ignore")  # a simulation that runs away is shown as it is
-def _best(problem: Problem, point: Point, w: int, model: Model, weight: Array) -> Array:
-    """A window open loop, (samples, outputs)."""
-    window, used, free = problem.windows[w], list(problem.used), list(problem.free_trims)
-    measured = without_delays(problem.subject.flight, model)[window.start : window.stop, used]
+def _best(problem: Problem, point: Point, w: int, model: Model, rows: Array, weight: Array) -> Array:
+    """A window open loop that follows its measured ``rows`` best, (samples, outputs) both."""
+    used, free = list(problem.used), list(problem.free_trims)
+    measured = rows[:, used]
     seen, count = np.isfinite(measured), len(_STEPS)
     steps = np.concatenate([_STEPS, TRIM_STEPS[free]])
     place = np.concatenate([problem.starts[w], point.trims[w, free]])
