@@ -156,13 +156,13 @@ class _Equations:
         ]
 
     def step(
-        self, x: list[float], surface: Sequence[Sequence[float]], air: Sequence[float], dt: float
+        self, x: list[float], surface: Sequence[Sequence[float]], air: Sequence[Sequence[float]], dt: float
     ) -> list[float]:
-        """One step of Runge and Kutta's method; surfaces at its start, middle and end, the air steady."""
-        k1 = self.rates(x, surface[0], air)
-        k2 = self.rates([a + 0.5 * dt * b for a, b in zip(x, k1, strict=True)], surface[1], air)
-        k3 = self.rates([a + 0.5 * dt * b for a, b in zip(x, k2, strict=True)], surface[1], air)
-        k4 = self.rates([a + dt * b for a, b in zip(x, k3, strict=True)], surface[2], air)
+        """One step of Runge and Kutta's method; surfaces and air at its start, middle and end."""
+        k1 = self.rates(x, surface[0], air[0])
+        k2 = self.rates([a + 0.5 * dt * b for a, b in zip(x, k1, strict=True)], surface[1], air[1])
+        k3 = self.rates([a + 0.5 * dt * b for a, b in zip(x, k2, strict=True)], surface[1], air[1])
+        k4 = self.rates([a + dt * b for a, b in zip(x, k3, strict=True)], surface[2], air[2])
         return [
             a + dt / 6.0 * (b + 2.0 * c + 2.0 * d + e)
             for a, b, c, d, e in zip(x, k1, k2, k3, k4, strict=True)
@@ -179,7 +179,7 @@ def plant_motion(
         inputs: added to the trim's commands, rad, (samples, 3).
         servos: of elevator, aileron and rudder.
         holds: elevator and aileron per radian off the trim's pitch and bank.
-        air: velocity of the air to the right and down, m/s, (samples, 2), still where None.
+        air: velocity of the air to the right and down, m/s, (samples, 2), on straight lines between; still where None.
     """
     equations, dt = _Equations(plant), 1.0 / (RATE_HZ * _STEPS)
     surfaces = Surfaces(servos, (plant.trim_elevator_rad, 0.0, 0.0), 0.5 * dt)
@@ -188,7 +188,8 @@ def plant_motion(
     x[1], x[6], x[8] = equations.normal, equations.trim_pitch, plant.condition.altitude_m
     rows, rates, commands, positions, forces = [], [], [], [], []
     gust = np.zeros((len(inputs), 2)) if air is None else air
-    for added, blown in zip(inputs.tolist(), gust.tolist(), strict=True):
+    for added, here, there in zip(inputs.tolist(), gust, [*gust[1:], gust[-1]], strict=True):
+        blown = here.tolist()
         command = [trimmed + more for trimmed, more in zip(level, added, strict=True)]
         command[0] += holds[0] * (x[6] - equations.trim_pitch)
         command[1] += holds[1] * x[5]
@@ -197,12 +198,14 @@ def plant_motion(
         commands.append(command)
         forces.append(equations.loads(x, surfaces.at, blown)[:2])
         rates.append(equations.rates(x, surfaces.at, blown))
-        for _ in range(_STEPS):
+        for part in range(_STEPS):
+            along = (part + np.array([0.0, 0.5, 1.0]))[:, None] / _STEPS
+            air_now = (here + along * (there - here)).tolist()
             moved = [list(surfaces.at)]
             for _ in range(2):
                 surfaces.move(command)
                 moved.append(list(surfaces.at))
-            x = equations.step(x, moved, blown, dt)
+            x = equations.step(x, moved, air_now, dt)
     record = [np.array(part) for part in (rows, rates, commands, positions, forces)]
     return _recorded(plant, equations, record, gust)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wingwatch.aircraft import Aircraft, FlightCondition
-from wingwatch.diagnosis.candidate import FreeParameter, Subject
+from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.evaluation import evaluate
 from wingwatch.diagnosis.extension import extended
@@ -20,7 +20,7 @@ from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
 from wingwatch.diagnosis.noise import first_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError, model_at, prepare
 from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Misfit, ParameterEstimate
-from wingwatch.diagnosis.search import Search, Tried, first_settled, quiet, search
+from wingwatch.diagnosis.search import Search, Tried, quiet, search
 from wingwatch.diagnosis.separable import not_separable
 from wingwatch.diagnosis.subject import subject_of
 from wingwatch.diagnosis.traces import traces_of
@@ -164,10 +164,9 @@ def _assembled(
     subject = problem.subject
     before, after = replayed(problem, found.stated.point), replayed(problem, found.last.point)
     noise = noise_variance(problem, found.last.point)
-    gain = _gain(problem, found, noise, other) if found.found else None
-    causes = tuple(_cause(problem, found, i, noise) for i in range(len(found.found)))
-    pays = gain is not None and any(change.high < 0.0 for change in gain.change.values())
-    model = extended(subject, found.last.point, _errors(found)) if pays else None
+    causes = tuple(_cause(problem, found, i, noise) for i, one in enumerate(found.found) if one.matters)
+    gain = _gain(problem, found, noise, other) if causes else None
+    model = extended(subject, found.last.point, _errors(found)) if gain is not None and gain.pays else None
     unexplained = _unexplained(problem, found)
     return Diagnosis(
         source=source,
@@ -253,7 +252,7 @@ def _channels(problem: Problem, found: Search, i: int, noise: Array) -> tuple[st
 
 def _ranking(found: Search) -> tuple[tuple[str, float, float], ...]:
     """Of the first round: label, gain, probability."""
-    tried = found.found[0].tried if found.found else found.rest
+    tried = next((one.tried for one in found.found if one.matters), found.rest)
     return tuple((t.candidate.label, t.gain, _probability(t, tried)) for t in tried)
 
 
@@ -261,7 +260,7 @@ def _gain(problem: Problem, found: Search, noise: Array, other: tuple[Problem, P
     """On another flight, else on windows that the causes were not fitted to."""
     if other is not None:
         its, point = other
-        stated = first_settled(its, point).point
+        stated = own_fitted(its, replace(point, noise=found.last.point.noise))
         mended = replace(stated, causes=found.last.point.causes, values=found.last.point.values)
         return gain_of(replayed(its, stated), replayed(its, mended), noise, its.used, "another flight")
     windows = range(len(problem.windows))
@@ -302,6 +301,11 @@ def _rest_in_words(found: Search, unexplained: float) -> str:
     return f"what is left follows {best.candidate.label} best, but not beyond doubt"
 
 
+def _last(found: Search) -> tuple[tuple[Candidate, ...], tuple[Array, ...]]:
+    """Causes of the last model and their values."""
+    return found.last.point.causes, found.last.point.values
+
+
 def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str, ...]:
     """What could not be answered."""
     notes = []
@@ -323,10 +327,16 @@ def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str
         notes.append(
             f"the air was rough: {gusts[0]:.1f} m/s across and {gusts[1]:.1f} m/s vertically, root mean square"
         )
-    if found.found and model is None:
+    if any(one.matters for one in found.found) and model is None:
         notes.append(
-            "no extended aircraft file: the gain on data left out is not sure, or the file has no place for it"
+            "no extended aircraft file: on data left out no output is surely better and none worse, or the file has no "
+            "place for the causes"
         )
+    minor = [
+        c.says.format(*v) for c, v, one in zip(*_last(found), found.found, strict=True) if not one.matters
+    ]
+    if minor:
+        notes.append(f"known, but too small to matter: {'; '.join(minor)}")
     return tuple(notes)
 
 

@@ -13,16 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.innovations import Filter, Mask, kalman_filter
 from wingwatch.diagnosis.linear_model import LinearModel
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
-from wingwatch.diagnosis.replay import DELAY, SCALE, Model, without_delays
-from wingwatch.diagnosis.windows import all_seen, fly_filtered, own_changes, seen_in
+from wingwatch.diagnosis.replay import DELAY, SCALE, Model, smoothed, without_delays
+from wingwatch.diagnosis.windows import TRIM_STEPS, all_seen, fly_filtered, seen_in
 
-__all__ = ["Evaluation", "Reduced", "evaluate", "own_columns", "own_offset", "own_prior", "reduce"]
+__all__ = ["Evaluation", "Reduced", "evaluate", "own_offset", "own_prior", "reduce"]
 
 Array = NDArray[np.float64]
 
@@ -38,7 +37,7 @@ class Evaluation:
         blocks: of each window, (blocks, columns, columns).
         deviations: standard deviations of the innovations that they were divided by, of each window, (samples, used).
         readings: how many innovations.
-        own: ``own_columns`` that were used.
+        own: of each window, what its free trims take from the innovations, (samples, used, trims).
     """
 
     blocks: tuple[Array, ...]
@@ -132,11 +131,22 @@ def _filters_of(problem: Problem, point: Point, w: int, versions: _Versions) -> 
     return _filters(problem, point, versions.linear[group], seen)
 
 
-def _innovations(problem: Problem, point: Point, w: int, versions: _Versions) -> tuple[Array, Array, Array]:
-    """Innovations, their deviations (samples, used), and what the parameters change, (samples, used, parameters)."""
+def _innovations(
+    problem: Problem, point: Point, w: int, versions: _Versions, own: Array | None
+) -> tuple[Array, Array, Array, Array]:
+    """Innovations, their deviations (samples, used), what free trims and what the parameters take from them.
+
+    The last two are (samples, used, trims) and (samples, used, parameters).
+    """
     filters, trims = _filters_of(problem, point, w, versions), point.trims[w]
     base = versions.models[0]
     path = fly_filtered(problem, w, base, trims, filters[0], versions.measured)
+    if own is None:
+        own = np.empty((*path.innovations.shape, own_count(problem)))
+        for i, k in enumerate(problem.free_trims):
+            moved = trims + TRIM_STEPS[k] * (np.arange(len(trims)) == k)
+            changed = fly_filtered(problem, w, base, moved, filters[0], versions.measured).innovations
+            own[..., i] = (path.innovations - changed) / TRIM_STEPS[k]
     psi = np.empty((*path.innovations.shape, len(versions.steps)))
     for i, (model, filtering) in enumerate(zip(versions.models[1:], filters[1:], strict=True)):
         measured, late = versions.measured, model.sensors[:, DELAY] - base.sensors[:, DELAY]
@@ -144,11 +154,7 @@ def _innovations(problem: Problem, point: Point, w: int, versions: _Versions) ->
             measured = measured + late * versions.slopes
         changed = fly_filtered(problem, w, model, trims, filtering, measured).innovations
         psi[..., i] = (path.innovations - changed) / versions.steps[i]
-    return path.innovations, path.deviation, psi
-
-
-_SMOOTHED = 9
-"""Samples: short beside the motion; what is left of white noise in the slope is an eighth of it in a sample."""
+    return path.innovations, path.deviation, own, psi
 
 
 def _slopes(problem: Problem, measured: Array, late: NDArray[np.bool_]) -> Array:
@@ -157,42 +163,24 @@ def _slopes(problem: Problem, measured: Array, late: NDArray[np.bool_]) -> Array
     The smoothing has no phase. So the slope of white noise is not correlated with the noise itself, however the filter
     colours both, and a right delay is left where it is.
     """
-    slopes, index = np.zeros_like(measured), np.arange(len(measured))
+    slopes = np.zeros_like(measured)
     for k in np.flatnonzero(late):
-        seen = np.isfinite(measured[:, k])
-        if seen.any():
-            whole = np.interp(index, index[seen], measured[seen, k])
-            slopes[:, k] = savgol_filter(whole, _SMOOTHED, 2, deriv=1, delta=problem.subject.flight.dt_s)
+        if np.isfinite(measured[:, k]).any():
+            slopes[:, k] = smoothed(measured[:, k], problem.subject.flight.dt_s, 1)
     return slopes
-
-
-def own_columns(problem: Problem, point: Point) -> tuple[Array, ...]:
-    """Of each window, what its free trims take from its innovations, (samples, used, trims)."""
-    if not problem.free_trims:
-        return tuple(np.zeros((w.stop - w.start, len(problem.used), 0)) for w in problem.windows)
-    model = model_at(problem, point)
-    versions = _prepared(problem, point, [model], np.zeros(0))
-
-    @np.errstate(all="ignore")  # what runs away is told by its numbers
-    def of_window(w: int) -> Array:
-        filtering = _filters_of(problem, point, w, versions)[0]
-        return -own_changes(problem, point, w, model, filtering, versions.measured)
-
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return tuple(pool.map(of_window, range(len(problem.windows))))
 
 
 @np.errstate(all="ignore")
 def _of_window(
-    problem: Problem, point: Point, w: int, versions: _Versions, own: Array, weights: Array | None
-) -> tuple[Array, Array, int]:
-    innovations, deviation, psi = _innovations(problem, point, w, versions)
+    problem: Problem, point: Point, w: int, versions: _Versions, own: Array | None, weights: Array | None
+) -> tuple[Array, Array, int, Array]:
+    innovations, deviation, own, psi = _innovations(problem, point, w, versions, own)
     deviation = deviation if weights is None else weights
     white = np.concatenate([innovations[..., None], own, psi], axis=-1) / deviation[..., None]
     width = white.shape[-1]
     known = np.array([bool(np.isfinite(white[..., c]).all()) for c in range(width)])
     if not known[: 1 + own_count(problem)].all():
-        return np.full((1, width, width), np.nan), np.full_like(deviation, np.nan), 0
+        return np.full((1, width, width), np.nan), np.full_like(deviation, np.nan), 0, own
     white[..., ~known] = 0.0  # a version that runs away in this window says nothing here
     count = max(1, round(len(white) * problem.inputs[w].dt / _BLOCK_S))
     cuts = np.linspace(0, len(white), count + 1).round().astype(int)
@@ -200,7 +188,7 @@ def _of_window(
     for b in range(count):
         rows = white[cuts[b] : cuts[b + 1]].reshape(-1, width)
         blocks[b] = rows.T @ rows
-    return blocks, deviation, int((white[..., 0] != 0.0).sum())
+    return blocks, deviation, int((white[..., 0] != 0.0).sum()), own
 
 
 def evaluate(
@@ -218,19 +206,28 @@ def evaluate(
         point: the model.
         further: candidates that get columns beside the parameters in the model.
         weights: standard deviations to divide by, of each window (samples, used); without them the point's own.
-        own: ``own_columns`` of a point nearby; without them the point's own.
+        own: what free trims take from the innovations at a point nearby; without them the point's own.
     """
     models, steps = _versions(problem, point, further)
     versions = _prepared(problem, point, models, steps)
-    columns = own_columns(problem, point) if own is None else own
 
-    def of_window(w: int) -> tuple[Array, Array, int]:
-        return _of_window(problem, point, w, versions, columns[w], None if weights is None else weights[w])
+    def of_window(w: int) -> tuple[Array, Array, int, Array]:
+        return _of_window(
+            problem,
+            point,
+            w,
+            versions,
+            None if own is None else own[w],
+            None if weights is None else weights[w],
+        )
 
     with ThreadPoolExecutor(WORKERS) as pool:
         parts = list(pool.map(of_window, range(len(problem.inputs))))
     return Evaluation(
-        tuple(p[0] for p in parts), tuple(p[1] for p in parts), sum(p[2] for p in parts), tuple(columns)
+        tuple(p[0] for p in parts),
+        tuple(p[1] for p in parts),
+        sum(p[2] for p in parts),
+        tuple(p[3] for p in parts),
     )
 
 

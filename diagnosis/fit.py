@@ -60,13 +60,24 @@ def _moved(problem: Problem, point: Point, reduced: Reduced, step: Array, part: 
     return replace(point, values=tuple(values), trims=trims)
 
 
-def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
+def fit(
+    problem: Problem, point: Point, passes: int = _MOST_PASSES, own: Sequence[Array] | None = None
+) -> Solution:
     """The parameters of the causes in the model, and trims, that predict best (Ljung 1999, section 7.2).
 
     Innovations are weighed by the standard deviations of the model to begin with: what a step does to them by gusts
     that it would let in more is no evidence of a parameter.
+
+    Args:
+        problem: the flight.
+        point: where to begin.
+        passes: at most.
+        own: ``Evaluation.own`` of a point nearby with the same noise.
+
+    Raises:
+        RunsAwayError: the simulation leaves the flight.
     """
-    evaluation = evaluate(problem, point)
+    evaluation = evaluate(problem, point, own=own)
     if not np.isfinite(evaluation.log_spread):
         raise RunsAwayError("the simulation runs away from the flight")
     weights, moved = evaluation.deviations, False
@@ -76,7 +87,8 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
         pull = reduced.score - prior * point.theta
         step = np.asarray(np.linalg.solve(reduced.information + np.diag(prior), pull), dtype=np.float64)
         here = _whole_cost(problem, evaluation, point, prior)
-        promised = _promised(evaluation, reduced, here)
+        if _promised(evaluation, reduced, here) < _ENOUGH:
+            break
         part, better = 1.0, False
         while part > 0.1 and not better:
             there = _moved(problem, point, reduced, step, part)
@@ -88,10 +100,10 @@ def fit(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Solution:
         gained = here - _whole_cost(problem, tried, there, prior)
         point, evaluation, moved = there, tried, True
         reduced = reduce(problem, point, evaluation)
-        if gained < _ENOUGH or promised < _ENOUGH:
+        if gained < _ENOUGH:
             break
     if moved:
-        evaluation = evaluate(problem, point)
+        evaluation = evaluate(problem, point, own=evaluation.own)
         reduced = reduce(problem, point, evaluation)
     if not np.isfinite(reduced.cost):
         raise RunsAwayError("the simulation runs away from the flight")

@@ -195,7 +195,7 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
     here = air @ blown
     for t in range(samples):
         at = min(t, gains.shape[0] - 1)
-        follow(x, inputs.follow[t])
+        follow(x, inputs.follow[t], inputs.follow[t])
         read_sensors(c, x, inputs, t, work, here, read)
         dx[:] = 0.0
         for i in range(outputs):

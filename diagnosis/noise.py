@@ -23,11 +23,11 @@ from wingwatch.diagnosis.innovations import (
 )
 from wingwatch.diagnosis.linear_model import LinearModel, Noise
 from wingwatch.diagnosis.measured import MeasuredFlight
-from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
+from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, linear_at, model_at
 from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, Model, without_delays
 from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
 
-__all__ = ["first_noise", "fit_noise"]
+__all__ = ["first_noise", "fit_noise", "near_noise"]
 
 Array = NDArray[np.float64]
 
@@ -36,13 +36,14 @@ _SPREAD = 3.0
 """Of the logarithms, beforehand."""
 _LONGEST = 1.0
 _MOST_PASSES = 12
-_ENOUGH = 0.1
+_ENOUGH = 0.5
+"""Of log-likelihood, gained or promised by a step, below which it is not worth another."""
 _GUSTS = 5
 _LEAST_OF_STATED = 0.2
 """Sensors are not believed to be better than this part of what is stated or of their own roughness."""
 _LEAST_OF_GUSTS = 0.01
 _LEAST_GRADIENTS, _MOST_GRADIENTS = 0.03, 2.0
-_LEAST_LAG, _MOST_LAG = 0.2, 20.0
+_LEAST_LAG, _MOST_LAG = 0.01, 20.0
 """Bounds, as parts of what is thought first."""
 
 
@@ -88,8 +89,9 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     damping = 0.0
     for _ in range(_MOST_PASSES):
         free = ~((eta <= least) & (score < 0.0) | (eta >= most) & (score > 0.0))
-        step, h = np.zeros(len(eta)), information + damping * np.diag(np.diagonal(information))
-        step[free] = np.clip(np.linalg.solve(h[free][:, free], score[free]), -_LONGEST, _LONGEST)
+        step, damping = _step(information, score, free, damping)
+        if 0.0 <= 0.5 * float(score @ step) < _ENOUGH:
+            break
         tried = np.clip(eta + step, least, most)
         there = _sums(problem, model, point, tried, prior)
         if there[0] < cost:
@@ -102,6 +104,58 @@ def fit_noise(problem: Problem, point: Point) -> Point:
             if damping > 100.0:
                 break
     return replace(point, noise=_noise_at(eta, used, point.noise))
+
+
+_GUST_LEVELS = (0.002, 0.006, 0.02, 0.06)
+"""Of gusts that are tried first, as parts of the speed; the air rolls with ``_ROLL_OF_GUSTS`` rad/s of them."""
+_ROLL_OF_GUSTS = 2.5
+_MOMENT_LEVELS = (0.02, 0.2)
+"""Of unmodelled angular accelerations, rad/s2."""
+
+
+def near_noise(problem: Problem, point: Point) -> Point:
+    """The point with the most likely of a few levels of noise, sensors as stated: where a fit begins.
+
+    Raises:
+        RunsAwayError: the simulation leaves the flight by all of them.
+    """
+    first, model = first_noise(problem.subject.flight), model_at(problem, point)
+    measured, speed = without_delays(problem.subject.flight, model), problem.subject.flight.airspeed_m_s
+    levels = [
+        np.array([part * speed] * 3 + [_ROLL_OF_GUSTS * part, moment, moment])
+        for part in _GUST_LEVELS for moment in _MOMENT_LEVELS
+    ]  # fmt: skip
+
+    @np.errstate(all="ignore")
+    def cost(gusts: Array) -> float:
+        noise, total = replace(first, gusts=gusts), 0.0
+        filters = {}
+        for w, group in enumerate(problem.groups):
+            if group not in filters:
+                linear = linear_at(problem, group, model, noise)
+                filters[group] = kalman_filter(linear, noise, problem.used, all_seen(problem, group))
+            path = fly_filtered(problem, w, model, point.trims[w], filters[group], measured)
+            seen = path.seen
+            total += float(
+                (0.5 * (path.innovations / path.deviation) ** 2 + np.log(path.deviation))[seen].sum()
+            )
+        return total
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        costs = np.array(list(pool.map(cost, levels)))
+    if not np.isfinite(costs).any():
+        raise RunsAwayError("the simulation runs away from the flight")
+    return replace(point, noise=replace(first, gusts=levels[int(np.nanargmin(costs))]))
+
+
+def _step(information: Array, score: Array, free: Mask, damping: float) -> tuple[Array, float]:
+    """A step uphill, and the damping with which it is short enough (Levenberg and Marquardt)."""
+    h, step = information[free][:, free], np.zeros(len(score))
+    while True:
+        step[free] = np.linalg.solve(h + damping * np.diag(np.diagonal(h)), score[free])
+        if np.abs(step).max(initial=0.0) <= _LONGEST:
+            return step, damping
+        damping = max(2.0 * damping, 0.01)
 
 
 def _filters(

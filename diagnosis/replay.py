@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.diagnosis.measured import OUTPUTS, MeasuredFlight, Window
@@ -64,6 +65,7 @@ __all__ = [
     "ready",
     "sense",
     "set_attitude",
+    "smoothed",
     "still",
     "with_trims",
     "without_delays",
@@ -157,10 +159,12 @@ def _throttle_shape(throttle: Array) -> Array:
 
 
 _SLOW_S = 1.0
+SMOOTHED = 9
+"""Samples of a parabola: short beside the motion; a quarter of the variance of white noise is left."""
 
 
 def _followed(flight: MeasuredFlight, window: Window, followed: tuple[int, ...]) -> Array:
-    """Measured states of a window where they are followed: five samples' mean, of the forward speed two seconds'."""
+    """Measured states of a window where they are followed, smoothed without phase; the forward speed over 2 s."""
     rows = flight.outputs[window.start : window.stop]
     out = np.full((len(rows), len(START)), np.nan)
     if not followed:
@@ -169,10 +173,22 @@ def _followed(flight: MeasuredFlight, window: Window, followed: tuple[int, ...])
     u, v, w = speed * np.cos(alpha) * np.cos(beta), speed * np.sin(beta), speed * np.sin(alpha) * np.cos(beta)
     measured = np.column_stack([u, v, w, rows[:, 1:4], rows[:, 7:9]])
     for j in followed:
-        half = round(_SLOW_S / flight.dt_s) if j == 0 else 2
-        padded = np.pad(measured[:, j], half, mode="edge")
-        out[:, j] = np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+        if j == 0:
+            half = round(_SLOW_S / flight.dt_s)
+            padded = np.pad(measured[:, j], half, mode="edge")
+            out[:, j] = np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+        else:
+            out[:, j] = smoothed(measured[:, j])
     return out
+
+
+def smoothed(column: Array, dt_s: float = 1.0, derivative: int = 0) -> Array:
+    """A column, or its time derivative, by a parabola through ``SMOOTHED`` samples; gaps on straight lines."""
+    seen, index = np.isfinite(column), np.arange(len(column))
+    if not seen.any():
+        return column
+    whole = np.interp(index, index[seen], column[seen])
+    return np.asarray(savgol_filter(whole, SMOOTHED, 2, deriv=derivative, delta=dt_s))
 
 
 def still(inputs: Inputs) -> Inputs:
@@ -280,6 +296,7 @@ def move(c, x, inputs, t, work, here, there):  # type: ignore[no-untyped-def]
     """The state (13,) from sample ``t``, where ``here`` disturbs, to the next, where ``there`` does, (11,) each."""
     s, dt = work.setting, inputs.dt / inputs.steps
     after = min(t + 1, inputs.flown.shape[0] - 1)
+    follow(x, inputs.follow[t], inputs.follow[min(after, inputs.follow.shape[0] - 1)])
     for j in range(6):
         s[GUST + j], s[RISE + j] = here[j], (there[j] - here[j]) / inputs.steps
     for sub in range(inputs.steps):
@@ -317,23 +334,23 @@ def fly_window(rows, starts, trims, inputs, out):  # type: ignore[no-untyped-def
         c, x = with_trims(rows[version], trims[version]), starts[version].copy()
         ready(c, inputs, work)
         for t in range(out.shape[1]):
-            follow(x, inputs.follow[t])
+            follow(x, inputs.follow[t], inputs.follow[t])
             read_sensors(c, x, inputs, t, work, calm, out[version, t])
             move(c, x, inputs, t, work, calm, calm)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def follow(x, measured):  # type: ignore[no-untyped-def]
-    """Put states that are followed where they were measured."""
+def follow(x, here, there):  # type: ignore[no-untyped-def]
+    """Put states that are followed midway between two measurements (8,): over a sample a state is what it is then."""
     for j in range(3):
-        if measured[j] == measured[j]:
-            x[3 + j] = measured[j]
-        if measured[3 + j] == measured[3 + j]:
-            x[10 + j] = measured[3 + j]
-    if measured[6] == measured[6] or measured[7] == measured[7]:
+        if here[j] == here[j]:
+            x[3 + j] = 0.5 * (here[j] + there[j])
+        if here[3 + j] == here[3 + j]:
+            x[10 + j] = 0.5 * (here[3 + j] + there[3 + j])
+    if here[6] == here[6] or here[7] == here[7]:
         roll, pitch, _ = euler_angles(x)
-        roll = measured[6] if measured[6] == measured[6] else roll
-        pitch = measured[7] if measured[7] == measured[7] else pitch
+        roll = 0.5 * (here[6] + there[6]) if here[6] == here[6] else roll
+        pitch = 0.5 * (here[7] + there[7]) if here[7] == here[7] else pitch
         set_attitude(x, roll, pitch)
 
 

@@ -112,6 +112,12 @@ class Gain:
     after: Mapping[str, Misfit]
     change: Mapping[str, Interval]
 
+    @property
+    def pays(self) -> bool:
+        """Whether some channel is surely better, and none surely worse."""
+        changes = self.change.values()
+        return any(c.high < 0.0 for c in changes) and not any(c.low > 0.0 for c in changes)
+
 
 @dataclass(frozen=True, slots=True)
 class Traces:

@@ -7,6 +7,7 @@ of two seconds and an inflation f of the scores' variance,
 
     evidence = g / f - k / 2 ln n + ln odds,                                                                   (6)
 
+where g counts what small errors of all coefficients would explain with the cause and without it (``small_errors``),
 and the best cause is taken if its evidence is beyond the threshold and it pays on windows left out.
 docs/methods/diagnosis.md, section 4.
 """
@@ -15,26 +16,32 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate
+from wingwatch.diagnosis.causes import of_sensors
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.fit import Solution, fit, inflation, own_fitted
 from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.misfit import replayed
-from wingwatch.diagnosis.noise import first_noise, fit_noise
+from wingwatch.diagnosis.noise import first_noise, fit_noise, near_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
+from wingwatch.diagnosis.small_errors import small_errors
 
-__all__ = ["Found", "Search", "Tried", "first_settled", "held_out_gain", "search", "settled"]
+__all__ = ["Found", "Search", "Tried", "held_out_gain", "search", "settled"]
 
 Array = NDArray[np.float64]
 
 Progress = Callable[[str, float], None]
 
 MOST_CAUSES = 4
+_MOST_ROUNDS_OF_SEARCH = 6
 _SHORT_LIST = 4
+_MOST_ROUNDS, _GAIN_OF_A_ROUND = 3, 1.0
+"""Of fits of parameters and noise in turn, and the gain of log-likelihood that another one is worth."""
 _WORTH_A_FIT = 0.1
 """Part of the best one's promised gain below which a candidate is not fitted."""
 _WORTH_ITS_NOISE = 0.3
@@ -59,8 +66,9 @@ class Tried:
     Attributes:
         candidate: which.
         solution: the fit; the candidate's parameters come last.
-        evidence: equation (6), over the model without it; gain, inflated: g and f there; cost: what is taken off.
-        value, error: its parameters.
+        evidence: equation (6), over the model without it; gain, inflated: g, without small errors, and f there; cost:
+            what is taken off.
+        value, error: its parameters, beside small errors.
     """
 
     candidate: Candidate
@@ -75,12 +83,19 @@ class Tried:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A cause that was taken, what it cannot be told from, and all that were tried beside it."""
+    """A cause that was taken.
+
+    Attributes:
+        best: it; alike: what it cannot be told from; tried: all that were tried beside it.
+        held_out: ``held_out_gain``.
+        matters: whether it changes what is measured by a part that matters; else it is known and no cause of anything.
+    """
 
     best: Tried
     alike: tuple[Tried, ...]
     tried: tuple[Tried, ...]
     held_out: float
+    matters: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,25 +115,29 @@ class Search:
     rest: tuple[Tried, ...]
 
 
-def settled(problem: Problem, point: Point, rounds: int = 2) -> Solution:
-    """Causes, trims and noise fitted in turn."""
-    for _ in range(rounds):
-        point = fit_noise(problem, fit(problem, point).point)
+def settled(problem: Problem, point: Point) -> Solution:
+    """Causes, trims and noise fitted in turn, until neither gains."""
     solution = fit(problem, point)
-    return fit(problem, fit_noise(problem, solution.point), 2)
+    for _ in range(_MOST_ROUNDS):
+        before = solution.cost
+        solution = fit(problem, fit_noise(problem, solution.point))
+        if not before - solution.cost > _GAIN_OF_A_ROUND:
+            break
+    return solution
 
 
-def first_settled(problem: Problem, point: Point) -> Solution:
-    """A model settled from the noise of a point and from still air, whichever ends better.
+def settled_anew(problem: Problem, point: Point) -> Solution:
+    """Settled from the noise of a point and from the likeliest of a few levels, whichever ends better.
+
+    A likelihood of noise can have several maxima.
 
     Raises:
-        RunsAwayError: the simulation leaves the flight from both: a filter of one noise may, where that of another
-            holds.
+        RunsAwayError: the simulation leaves the flight from both.
     """
     ends = []
-    for noise in (point.noise, first_noise(problem.subject.flight)):
+    for begin in (lambda: point, lambda: near_noise(problem, point)):
         with suppress(RunsAwayError):
-            ends.append(settled(problem, replace(point, noise=noise)))
+            ends.append(settled(problem, begin()))
     if not ends:
         raise RunsAwayError("the simulation runs away from the flight")
     return min(ends, key=lambda solution: solution.cost)
@@ -127,39 +146,93 @@ def first_settled(problem: Problem, point: Point) -> Solution:
 def search(problem: Problem, point: Point, candidates: Sequence[Candidate], progress: Progress) -> Search:
     """Causes that explain the misfit, most important first."""
     progress("fitting the simulation as stated", 0.02)
-    stated = present = first_settled(problem, point)
+    stated = present = settled(problem, near_noise(problem, point))
     found: list[Found] = []
     rest: tuple[Tried, ...] = ()
-    for turn in range(MOST_CAUSES):
-        at = 0.05 + 0.2 * turn
+    for turn in range(_MOST_ROUNDS_OF_SEARCH):
+        at = 0.05 + 0.8 * turn / _MOST_ROUNDS_OF_SEARCH
         progress("screening causes", at)
         taken = {c.label for c in present.point.causes}
         listed = _short_list(problem, present, [c for c in candidates if c.label not in taken])
         tried = []
         for i, begun in enumerate(listed):
-            progress(f"fitting {begun.causes[-1].label}", at + 0.02 + 0.15 * i / len(listed))
+            progress(f"fitting {begun.causes[-1].label}", at + 0.02 + 0.1 * i / len(listed))
             found_here = _fitted(problem, present, begun)
             if found_here is not None:
                 tried.append(found_here)
-        tried = _judged(_over_the_best(problem, present, tried))
-        tried.sort(key=lambda t: -t.evidence)
-        rest = tuple(tried)
-        best = next((t for t in tried if _counts(t)), None)
+        rest = tuple(_judged(problem, present, _over_the_best(problem, present, tried)))
+        best = next((t for t in map(partial(_taken, problem, rest), rest) if t is not None), None)
         if best is None:
             break
-        held_out = held_out_gain(problem, best.solution)
-        if not held_out > 0.0 or not _matters(problem, best.solution):
+        found.append(best)
+        present = settled_anew(problem, best.best.solution.point)
+        if sum(f.matters for f in found) == MOST_CAUSES:
             break
-        alike = tuple(t for t in tried if t is not best and t.evidence > best.evidence - _ALIKE)
-        found.append(Found(best, alike, rest, held_out))
-        present = settled(problem, best.solution.point, 1)
-    return Search(stated, tuple(found), present, rest)
+    found, last = _sure(problem, found, present)
+    return Search(stated, tuple(found), last, rest)
+
+
+def _sure(problem: Problem, found: list[Found], present: Solution) -> tuple[list[Found], Solution]:
+    """Causes that are still beyond doubt beside all others and small errors, and the model with these."""
+    while True:
+        last, at, doubt = _beside_small_errors(problem, present), 0, []
+        errors = np.sqrt(np.diagonal(last.covariance))
+        for cause, values in zip(last.point.causes, last.point.values, strict=True):
+            size = np.abs(values) / np.maximum(_SURE * errors[at : at + len(values)], _least(cause))
+            doubt.append(float(size.max()))
+            at += len(values)
+        if not doubt or min(doubt) > 1.0:
+            return found, last
+        out = int(np.argmin(doubt))
+        point = present.point
+        kept = [i for i in range(len(found)) if i != out]
+        found = [found[i] for i in kept]
+        less = replace(
+            point, causes=tuple(point.causes[i] for i in kept), values=tuple(point.values[i] for i in kept)
+        )
+        present = settled(problem, less)
+
+
+def _taken(problem: Problem, tried: Sequence[Tried], one: Tried) -> Found | None:
+    """One of those that were tried, if it is to be believed.
+
+    What is measured a little wrong is taken so that the rest is seen right. Where the aircraft is a little wrong, small
+    errors of all coefficients stand for it.
+    """
+    if not _counts(one):
+        return None
+    matters = _matters(problem, one.solution)
+    if not matters and not of_sensors(one.candidate):
+        return None
+    held_out = held_out_gain(problem, one.solution)
+    if not held_out > 0.0:
+        return None
+    alike = tuple(t for t in tried if t is not one and t.evidence > one.evidence - _ALIKE)
+    return Found(one, alike, tuple(tried), held_out, matters)
+
+
+def _beside_small_errors(problem: Problem, solution: Solution) -> Solution:
+    """With the causes where they are most likely beside small errors of all coefficients, and their covariance then."""
+    point = solution.point
+    if not point.causes:
+        return solution
+    inflated = inflation(reduce(problem, point, solution.evaluation), slice(None))
+    beside, at, values = small_errors(problem, solution).beside(inflated), 0, []
+    for cause, v in zip(point.causes, point.values, strict=True):
+        low, high = (np.array([getattr(p, side) for p in cause.parameters]) for side in ("low", "high"))
+        values.append(np.clip(v + beside.step[at : at + len(v)], low, high))
+        at += len(v)
+    moved = own_fitted(problem, replace(point, values=tuple(values)))
+    return replace(solution, point=moved, covariance=beside.covariance)
 
 
 def _counts(tried: Tried) -> bool:
-    least = np.array([p.least for p in tried.candidate.parameters])
-    size, sure = np.abs(tried.value) > least, np.abs(tried.value) > _SURE * tried.error
-    return bool(tried.evidence > _THRESHOLD and (size & sure).any())
+    size = np.abs(tried.value) > np.maximum(_SURE * tried.error, _least(tried.candidate))
+    return bool(tried.evidence > _THRESHOLD and size.any())
+
+
+def _least(candidate: Candidate) -> Array:
+    return np.array([p.least for p in candidate.parameters])
 
 
 def quiet(problem: Problem, noise: Noise) -> Noise:
@@ -191,14 +264,17 @@ def _begun(problem: Problem, before: Solution, candidate: Candidate) -> Solution
     """A candidate fitted beside a model by the model's noise; None where the simulation runs away."""
     at, zero = before.point, np.zeros(len(candidate.parameters))
     try:
-        return fit(problem, replace(at, causes=(*at.causes, candidate), values=(*at.values, zero)), 3)
+        begun = replace(at, causes=(*at.causes, candidate), values=(*at.values, zero))
+        return fit(problem, begun, 3, before.evaluation.own)
     except RunsAwayError:
         return None
 
 
 def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[float]:
     """Gain of log-likelihood that one step along each candidate promises, causes in the model free."""
-    reduced = reduce(problem, present.point, evaluate(problem, present.point, candidates))
+    reduced = reduce(
+        problem, present.point, evaluate(problem, present.point, candidates, own=present.evaluation.own)
+    )
     first, at = present.point.theta.size, present.point.theta.size
     prior = np.array([p.spread**-2.0 for c in (*present.point.causes, *candidates) for p in c.parameters])
     h, g = reduced.information + np.diag(prior), reduced.score
@@ -224,7 +300,7 @@ def _fitted(problem: Problem, present: Solution, begun: Point) -> Tried | None:
     try:
         solution = fit(problem, fit_noise(problem, begun))
         if present.cost - solution.cost > _THRESHOLD:
-            solution = fit(problem, fit_noise(problem, solution.point))
+            solution = settled(problem, solution.point)
     except RunsAwayError:
         return None
     if solution.cost > present.cost:
@@ -234,8 +310,8 @@ def _fitted(problem: Problem, present: Solution, begun: Point) -> Tried | None:
     inflated = inflation(reduced, slice(solution.point.theta.size - count, None))
     blocks = sum(len(b) for b in solution.evaluation.blocks)
     cost = 0.5 * count * math.log(max(blocks, 2)) - math.log(candidate.odds)
-    error = np.sqrt(np.diagonal(solution.covariance)[-count:])
-    gain = present.cost - solution.cost
+    cost += 0.5 * float(np.sum((solution.point.values[-1] / [p.spread for p in candidate.parameters]) ** 2))
+    gain, error = present.cost - solution.cost, np.sqrt(np.diagonal(solution.covariance)[-count:])
     return Tried(candidate, solution, gain, gain, inflated, cost, solution.point.values[-1], error)
 
 
@@ -250,17 +326,42 @@ def _over_the_best(problem: Problem, present: Solution, tried: Sequence[Tried]) 
     at = best.solution.point
     again = replace(at, causes=at.causes[:-1], values=at.values[:-1])
     with suppress(RunsAwayError):
-        missed = present.cost - settled(problem, again, 1).cost
+        missed = present.cost - settled(problem, again).cost
         return [replace(t, gain=t.gain - max(missed, 0.0)) for t in tried]
     return list(tried)
 
 
-def _judged(tried: Sequence[Tried]) -> list[Tried]:
-    """With evidence: the inflation is that of the fit that gains most, for it is of what this model leaves."""
+_MORE_BESIDE = 0.1
+"""Small errors explain at most this part of the best gain more beside a cause than without it."""
+
+
+def _judged(problem: Problem, present: Solution, tried: Sequence[Tried]) -> list[Tried]:
+    """With evidence, best first: small errors are fitted beside those that may be best or alike.
+
+    The inflation is that of the fit that gains most, for it is of what this model leaves.
+    """
     if not tried:
         return []
-    inflated = max(tried, key=lambda t: t.gain).inflated
-    return [replace(t, evidence=t.gain / inflated - t.cost) for t in tried]
+    most = max(tried, key=lambda t: t.gain)
+    without = small_errors(problem, present).beside(most.inflated).gain
+    judged: list[Tried] = []
+    for t in sorted(tried, key=lambda t: t.cost - t.gain / most.inflated):
+        plain = t.gain / most.inflated - t.cost
+        at_most = plain + _MORE_BESIDE * most.gain / most.inflated
+        if judged and at_most < max(j.evidence for j in judged) - _ALIKE:
+            judged.append(replace(t, evidence=plain))
+            continue
+        beside = small_errors(problem, t.solution).beside(most.inflated)
+        count = len(t.candidate.parameters)
+        judged.append(
+            replace(
+                t,
+                evidence=plain + beside.gain - without,
+                value=t.solution.point.values[-1] + beside.step[-count:],
+                error=np.sqrt(np.diagonal(beside.covariance)[-count:]),
+            )
+        )
+    return sorted(judged, key=lambda t: -t.evidence)
 
 
 def held_out_gain(problem: Problem, solution: Solution) -> float:

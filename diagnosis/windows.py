@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 
 from wingwatch.diagnosis.innovations import Filter, Mask, Path, fly
 from wingwatch.diagnosis.measured import OUTPUTS
-from wingwatch.diagnosis.problem import Point, Problem, lead_of
+from wingwatch.diagnosis.problem import Problem, lead_of
 from wingwatch.diagnosis.replay import Model, body_state, fly_window, sense
 
-__all__ = ["TRIM_STEPS", "all_seen", "fly_filtered", "open_loop", "own_changes", "seen_in"]
+__all__ = ["TRIM_STEPS", "all_seen", "fly_filtered", "open_loop", "seen_in"]
 
 Array = NDArray[np.float64]
 
@@ -32,20 +32,6 @@ def fly_filtered(
     readings = np.ascontiguousarray(measured[window.start : window.stop, list(problem.used)])
     start = body_state(problem.starts[w], inputs.altitude)
     return fly(filtering, model, start, trims, inputs, readings, seen_in(problem, w, measured))
-
-
-def own_changes(
-    problem: Problem, point: Point, w: int, model: Model, filtering: Filter, measured: Array
-) -> Array:
-    """Change of a window's innovations with its free trims, (samples, used, trims)."""
-    before = fly_filtered(problem, w, model, point.trims[w], filtering, measured).innovations
-    out = np.empty((*before.shape, len(problem.free_trims)))
-    for i, k in enumerate(problem.free_trims):
-        trims = point.trims[w].copy()
-        trims[k] += TRIM_STEPS[k]
-        after = fly_filtered(problem, w, model, trims, filtering, measured).innovations
-        out[..., i] = (after - before) / TRIM_STEPS[k]
-    return out
 
 
 def seen_in(problem: Problem, w: int, measured: Array) -> Mask:

@@ -28,7 +28,7 @@ from wingwatch.diagnosis.causes import (
     wing_damage,
 )
 
-__all__ = ["CAUSES", "candidates"]
+__all__ = ["CAUSES", "candidates", "coefficients_of", "of_motion", "of_sensors"]
 
 CAUSES = (
     actuator_backlash,
@@ -61,3 +61,18 @@ CAUSES = (
 def candidates(subject: Subject) -> list[Candidate]:
     """Every cause that this aircraft and flight can have."""
     return [candidate for cause in CAUSES for candidate in cause.candidates(subject)]
+
+
+def coefficients_of(subject: Subject) -> list[Candidate]:
+    """Every coefficient that the simulation has: derivatives, then constants and thrust."""
+    return [c for cause in (derivative, pitch_damping, thrust_loss) for c in cause.candidates(subject)]
+
+
+def of_motion(coefficient: Candidate) -> bool:
+    """Whether one of ``coefficients_of`` is a derivative, not a constant of steady flight."""
+    return coefficient.name == "pitch_damping" or coefficient.target in derivative.COEFFICIENT
+
+
+def of_sensors(cause: Candidate) -> bool:
+    """Whether a cause is how something is measured, not how the aircraft flies."""
+    return cause.name.startswith("sensor_") or cause.name in ("vane_upwash", "airspeed_error")

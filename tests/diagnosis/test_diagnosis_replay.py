@@ -9,12 +9,14 @@ import pytest
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import STRUCTURES, FlightCondition, load_aircraft
+from wingwatch.diagnosis import noise as noise_levels
 from wingwatch.diagnosis import search
-from wingwatch.diagnosis.candidate import FreeParameter, Subject
+from wingwatch.diagnosis.candidate import INDEX, FreeParameter, Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.diagnose import _reported
 from wingwatch.diagnosis.evaluation import evaluate, reduce
-from wingwatch.diagnosis.fit import Solution, fit
+from wingwatch.diagnosis.fit import fit
+from wingwatch.diagnosis.innovations import Filter, Path, kalman_filter
 from wingwatch.diagnosis.linear_aircraft import concise, row_of_derivatives
 from wingwatch.diagnosis.linear_model import STATES, WIDTH
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError, measure
@@ -26,6 +28,7 @@ from wingwatch.diagnosis.replay import (
     TRIMS,
     Model,
     body_state,
+    fly_window,
     move,
     read_sensors,
     ready,
@@ -33,8 +36,9 @@ from wingwatch.diagnosis.replay import (
     without_delays,
     work_space,
 )
+from wingwatch.diagnosis.small_errors import SmallErrors
 from wingwatch.diagnosis.subject import subject_of
-from wingwatch.diagnosis.windows import open_loop
+from wingwatch.diagnosis.windows import all_seen, fly_filtered, open_loop
 from wingwatch.simulation import Scenario, doublet_schedule, linearise, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
@@ -173,20 +177,81 @@ def test_a_delay_matters_though_it_changes_nothing_that_is_simulated() -> None:
         assert search._matters(problem, replace(solution, point=delayed)) is matters
 
 
-def test_a_model_that_runs_away_from_one_noise_is_settled_from_the_other(
-    monkeypatch: pytest.MonkeyPatch,
+def test_a_fit_begins_at_the_noise_that_is_likeliest_of_a_few() -> None:
+    for air in ("none", "moderate"):
+        inputs = (doublet_schedule(AEROSONDE, CRUISE, spacing_s=3.0, start_s=2.0),)
+        _, problem, point = problem_of(
+            simulate(Scenario(AEROSONDE, manoeuvres=inputs, turbulence=air, seed=5), 20.0)
+        )
+        gusts = noise_levels.near_noise(problem, point).noise.gusts
+        speed = CRUISE.airspeed_true_m_s
+        assert (gusts[1] > 0.01 * speed) == (air == "moderate"), air
+
+
+@pytest.mark.parametrize("all_of_them", [False, True])
+def test_a_noise_from_which_the_simulation_runs_away_is_passed_over(
+    monkeypatch: pytest.MonkeyPatch, all_of_them: bool
 ) -> None:
     _, problem, point = problem_of(flown())
-    loud = replace(point, noise=replace(point.noise, gusts=10.0 * point.noise.gusts))
+    usual = fly_filtered
+    chosen = noise_levels.near_noise(problem, point).noise
 
-    def runs_away_from_loud(problem: Problem, at: Point) -> Solution:
-        if at.noise is loud.noise:
-            raise RunsAwayError("away")
-        return fit(problem, at, 1)
+    def runs_away(
+        problem: Problem, w: int, model: Model, trims: Array, filtering: Filter, read: Array
+    ) -> Path:
+        path = usual(problem, w, model, trims, filtering, read)
+        here = filtering.deviation[-1]
+        away = all_of_them or np.allclose(here, deviation, rtol=1e-9)
+        return path._replace(innovations=np.full_like(path.innovations, np.nan)) if away else path
 
-    monkeypatch.setattr(search, "settled", runs_away_from_loud)
-    found = search.first_settled(problem, loud)
-    np.testing.assert_array_equal(found.point.noise.gusts, point.noise.gusts)
+    linear = linear_at(problem, 0, problem.subject.model, chosen)
+    deviation = kalman_filter(linear, chosen, problem.used, all_seen(problem, 0)).deviation[-1]
+    monkeypatch.setattr(noise_levels, "fly_filtered", runs_away)
+    if all_of_them:
+        with pytest.raises(RunsAwayError):
+            noise_levels.near_noise(problem, point)
+    else:
+        other = noise_levels.near_noise(problem, point).noise
+        assert not np.array_equal(other.gusts, chosen.gusts)
+
+
+def test_a_state_that_is_followed_moves_on_a_straight_line_between_samples() -> None:
+    subject, problem, point = problem_of(flown(noise=False))
+    inputs, count = problem.inputs[0], 100
+    follow = np.full_like(inputs.follow, np.nan)
+    follow[:, 3] = 0.5 * inputs.dt * np.arange(len(follow))  # roll rate
+    follow[:, 4:6] = follow[:, 7] = 0.0
+    start = body_state(np.array([25.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), inputs.altitude)
+    out, row = np.empty((1, len(inputs.flown), len(OUTPUTS))), subject.model.row.copy()
+    row[[i for name, i in INDEX.items() if name.startswith("Cl_")]] = 0.0  # no equation for what is followed
+    fly_window(row[None], start[None], point.trims[:1], inputs._replace(follow=follow), out)
+    time_s = inputs.dt * np.arange(count)
+    np.testing.assert_allclose(out[0, :count, 7], 0.25 * time_s**2, rtol=0.005)  # held: 1 % short
+
+
+def test_small_errors_of_everything_widen_an_interval_as_far_as_they_move_the_cause() -> None:
+    rng = np.random.default_rng(11)
+    along = rng.standard_normal((400, 13))  # by a cause, and by twelve coefficients that resemble it
+    along[:, 1:] += 0.5 * along[:, :1]
+    along /= 2.0
+    constant = np.arange(12) >= 9
+    for size in (0.0, 0.5):
+        inside = alone = none = 0
+        for _ in range(200):
+            errors = size * rng.standard_normal(12) * ~constant
+            residual = along[:, 1:] @ errors + rng.standard_normal(400)
+            found = SmallErrors(along.T @ residual, along.T @ along, 1, constant)
+            beside = found.beside(1.0)
+            inside += bool(abs(beside.step[0]) < 1.96 * np.sqrt(beside.covariance[0, 0]))
+            plain = float(along[:, 0] @ residual / (along[:, 0] @ along[:, 0]))
+            alone += bool(abs(plain) < 1.96 * float(along[:, 0] @ along[:, 0]) ** -0.5)
+            none += bool(beside.levels[0] < 0.1)
+        assert 180 <= inside <= 198, size
+        if size:
+            assert alone < 100
+            assert none == 0
+        else:
+            assert none > 150
 
 
 def test_a_rate_limit_is_reported_as_a_limit() -> None:
