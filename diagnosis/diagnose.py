@@ -22,6 +22,7 @@ from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError, model_at,
 from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Misfit, ParameterEstimate
 from wingwatch.diagnosis.search import Search, Tried, quiet, search
 from wingwatch.diagnosis.separable import not_separable
+from wingwatch.diagnosis.separating import separating_manoeuvre
 from wingwatch.diagnosis.subject import subject_of
 from wingwatch.diagnosis.traces import traces_of
 from wingwatch.telemetry import SampleBlock
@@ -212,6 +213,11 @@ def _cause(problem: Problem, found: Search, i: int, noise: Array) -> Cause:
         gain=one.best.gain,
         held_out_gain=one.held_out,
         indistinguishable_from=tuple(t.candidate.label for t in one.alike),
+        separating_manoeuvre=separating_manoeuvre(
+            problem, found.last.point, i, [t.candidate for t in one.alike]
+        )
+        if one.alike
+        else "",
         text=candidate.says.format(*values),
     )
 

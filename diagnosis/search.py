@@ -135,9 +135,9 @@ def settled_anew(problem: Problem, point: Point) -> Solution:
         RunsAwayError: the simulation leaves the flight from both.
     """
     ends = []
-    for begin in (lambda: point, lambda: near_noise(problem, point)):
+    for anew in (False, True):
         with suppress(RunsAwayError):
-            ends.append(settled(problem, begin()))
+            ends.append(settled(problem, near_noise(problem, point) if anew else point))
     if not ends:
         raise RunsAwayError("the simulation runs away from the flight")
     return min(ends, key=lambda solution: solution.cost)
