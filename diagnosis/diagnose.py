@@ -17,9 +17,10 @@ from wingwatch.diagnosis.gain import gain_of, misfits
 from wingwatch.diagnosis.linear_aircraft import concise
 from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError
 from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
+from wingwatch.diagnosis.missing_terms import missing_terms
 from wingwatch.diagnosis.noise import first_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError, model_at, prepare
-from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Misfit, ParameterEstimate
+from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Misfit, MissingTerm, ParameterEstimate
 from wingwatch.diagnosis.search import Search, Tried, quiet, search
 from wingwatch.diagnosis.separable import not_separable
 from wingwatch.diagnosis.separating import separating_manoeuvre
@@ -106,10 +107,12 @@ def _in_windows(
         return None
     active = _most_active(problem)
     found = search(problem.part(active), point.part(active), candidates(subjects[0]), report)
+    report("looking for missing terms", 0.88)
+    terms = missing_terms(problem.part(active), found.last)
     if len(active) < len(problem.windows):
         found = _over(problem, point, found)
     report("measuring the gain", 0.9)
-    return _assembled(source, problem, found, _begun(subjects[1]) if len(subjects) > 1 else None)
+    return _assembled(source, problem, found, terms, _begun(subjects[1]) if len(subjects) > 1 else None)
 
 
 MOST_WINDOWS = 12
@@ -159,7 +162,11 @@ def _begun(subject: Subject) -> tuple[Problem, Point]:
 
 
 def _assembled(
-    source: str, problem: Problem, found: Search, other: tuple[Problem, Point] | None
+    source: str,
+    problem: Problem,
+    found: Search,
+    terms: tuple[MissingTerm, ...],
+    other: tuple[Problem, Point] | None,
 ) -> Diagnosis:
     """Search and gain as a diagnosis."""
     subject = problem.subject
@@ -176,7 +183,7 @@ def _assembled(
         causes=causes,
         ranking=_ranking(found),
         unexplained_fraction=unexplained,
-        unexplained=_rest_in_words(found, unexplained),
+        unexplained=_rest_in_words(found, terms, unexplained),
         gain=gain,
         not_separable=not_separable(subject),
         notes=(*_notes(subject, found, model), *_another_aircraft(misfits(after, noise, problem.used))),
@@ -185,6 +192,7 @@ def _assembled(
         traces=traces_of(problem, before, after, noise),
         seconds=subject.flight.seconds,
         windows=len(problem.windows),
+        missing_terms=terms,
     )
 
 
@@ -297,8 +305,14 @@ def _unexplained(problem: Problem, found: Search) -> float:
     return float(min(1.0, left[1] / left[0])) if left[1] > chance else 0.0
 
 
-def _rest_in_words(found: Search, unexplained: float) -> str:
+def _rest_in_words(found: Search, terms: Sequence[MissingTerm], unexplained: float) -> str:
     """What would follow what is left best."""
+    if terms:
+        each = [
+            f"{t.coefficient} changes by {t.value:.3g} +- {t.standard_error:.1g} times {t.signal}"
+            for t in terms
+        ]
+        return f"what is left follows a term that the simulation does not have: {', or '.join(each)}"
     if unexplained == 0.0 or not found.rest:
         return ""
     best = found.rest[0]

@@ -7,7 +7,7 @@ belongs to one window, its trims, is eliminated there:
     H = sum over windows (H_tt - H_tl H_ll^-1 H_lt),   g likewise.                                             (4)
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate
-from wingwatch.diagnosis.innovations import Filter, Mask, kalman_filter
+from wingwatch.diagnosis.innovations import Filter, Mask, Path, kalman_filter
 from wingwatch.diagnosis.linear_model import LinearModel
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
 from wingwatch.diagnosis.replay import DELAY, SCALE, Model, smoothed, without_delays
@@ -24,6 +24,8 @@ from wingwatch.diagnosis.windows import TRIM_STEPS, all_seen, fly_filtered, seen
 __all__ = ["Evaluation", "Reduced", "evaluate", "own_offset", "own_prior", "reduce"]
 
 Array = NDArray[np.float64]
+
+Columns = Callable[[int, Filter, Path], Array]
 
 _TRIM_SPREAD = np.array([1.0, 0.3, 0.05, 0.2, 0.05, 1.0])
 _BLOCK_S = 2.0
@@ -132,7 +134,7 @@ def _filters_of(problem: Problem, point: Point, w: int, versions: _Versions) -> 
 
 
 def _innovations(
-    problem: Problem, point: Point, w: int, versions: _Versions, own: Array | None
+    problem: Problem, point: Point, w: int, versions: _Versions, own: Array | None, columns: Columns | None
 ) -> tuple[Array, Array, Array, Array]:
     """Innovations, their deviations (samples, used), what free trims and what the parameters take from them.
 
@@ -154,6 +156,8 @@ def _innovations(
             measured = measured + late * versions.slopes
         changed = fly_filtered(problem, w, model, trims, filtering, measured).innovations
         psi[..., i] = (path.innovations - changed) / versions.steps[i]
+    if columns is not None:
+        psi = np.concatenate([psi, columns(w, filters[0], path)], axis=-1)
     return path.innovations, path.deviation, own, psi
 
 
@@ -172,9 +176,15 @@ def _slopes(problem: Problem, measured: Array, late: NDArray[np.bool_]) -> Array
 
 @np.errstate(all="ignore")
 def _of_window(
-    problem: Problem, point: Point, w: int, versions: _Versions, own: Array | None, weights: Array | None
+    problem: Problem,
+    point: Point,
+    w: int,
+    versions: _Versions,
+    own: Array | None,
+    weights: Array | None,
+    columns: Columns | None,
 ) -> tuple[Array, Array, int, Array]:
-    innovations, deviation, own, psi = _innovations(problem, point, w, versions, own)
+    innovations, deviation, own, psi = _innovations(problem, point, w, versions, own, columns)
     deviation = deviation if weights is None else weights
     white = np.concatenate([innovations[..., None], own, psi], axis=-1) / deviation[..., None]
     width = white.shape[-1]
@@ -198,6 +208,7 @@ def evaluate(
     *,
     weights: Sequence[Array] | None = None,
     own: Sequence[Array] | None = None,
+    columns: Columns | None = None,
 ) -> Evaluation:
     """Sums at a point.
 
@@ -207,19 +218,14 @@ def evaluate(
         further: candidates that get columns beside the parameters in the model.
         weights: standard deviations to divide by, of each window (samples, used); without them the point's own.
         own: what free trims take from the innovations at a point nearby; without them the point's own.
+        columns: of a window (index, filter, path), what further terms take from its innovations, (samples, used, n).
     """
     models, steps = _versions(problem, point, further)
     versions = _prepared(problem, point, models, steps)
 
     def of_window(w: int) -> tuple[Array, Array, int, Array]:
-        return _of_window(
-            problem,
-            point,
-            w,
-            versions,
-            None if own is None else own[w],
-            None if weights is None else weights[w],
-        )
+        known, weight = None if own is None else own[w], None if weights is None else weights[w]
+        return _of_window(problem, point, w, versions, known, weight, columns)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         parts = list(pool.map(of_window, range(len(problem.inputs))))

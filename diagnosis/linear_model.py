@@ -29,6 +29,7 @@ from wingwatch.diagnosis.replay import (
     Inputs,
     Model,
     body_state,
+    motion_of,
     move,
     read_sensors,
     ready,
@@ -36,7 +37,6 @@ from wingwatch.diagnosis.replay import (
     with_trims,
     work_space,
 )
-from wingwatch.simulation.dynamics import euler_angles
 
 __all__ = [
     "DRIVEN",
@@ -188,9 +188,9 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
             read_sensors(c, x, held, 0, work, here, read)
             move(c, x, held, 0, work, here, there)
             if side == 0:
-                _coordinates(x, after)
+                motion_of(x, after)
                 below[:] = read
-        _coordinates(x, before)
+        motion_of(x, before)
         phi[:, j] = (after - before) / (2.0 * _STEPS[j])
         h[:, j] = (below - read) / (2.0 * _STEPS[j])
     for j in range(DISTURBANCES):
@@ -204,21 +204,13 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
                 move(c, x, held, 0, work, here, there)
                 disturbed[j] = 0.0
                 if side == 0:
-                    _coordinates(x, after)
+                    motion_of(x, after)
                     below[:] = read
-            _coordinates(x, before)
+            motion_of(x, before)
             gamma = first if at == 0 else last
             gamma[:, j] = (after - before) / (2.0 * _DISTURBANCE_STEPS[j])
             if at == 0:
                 d[:, j] = (below - read) / (2.0 * _DISTURBANCE_STEPS[j])
-
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def _coordinates(x, out):  # type: ignore[no-untyped-def]
-    """``START`` of a rigid-body state (13,) into ``out`` (8,)."""
-    out[:3], out[3:6] = x[3:6], x[10:13]
-    roll, pitch, _ = euler_angles(x)
-    out[6], out[7] = roll, pitch
 
 
 def _disturbances(dt: float, speed: float, span_m: float, noise: Noise) -> tuple[Array, Array, Array, Array]:

@@ -60,6 +60,7 @@ __all__ = [
     "follow",
     "inputs_of",
     "measured_start",
+    "motion_of",
     "move",
     "read_sensors",
     "ready",
@@ -208,6 +209,14 @@ def body_state(start: Array, altitude_m: float) -> Array:
     state[2], state[3:6], state[10:13] = -altitude_m, start[:3], start[3:6]
     state[6:10] = quaternion(float(start[6]), float(start[7]), 0.0)
     return state
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def motion_of(x, out):  # type: ignore[no-untyped-def]
+    """``START`` of a rigid-body state (13,) into ``out`` (8,)."""
+    out[:3], out[3:6] = x[3:6], x[10:13]
+    roll, pitch, _ = euler_angles(x)
+    out[6], out[7] = roll, pitch
 
 
 class Work(NamedTuple):

@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
 
-__all__ = ["Cause", "Diagnosis", "Gain", "Interval", "Misfit", "NotSeparable", "ParameterEstimate", "Traces"]
+__all__ = [
+    "Cause",
+    "Diagnosis",
+    "Gain",
+    "Interval",
+    "Misfit",
+    "MissingTerm",
+    "NotSeparable",
+    "ParameterEstimate",
+    "Traces",
+]
 
 Array = NDArray[np.float64]
 
@@ -89,6 +99,24 @@ class NotSeparable:
 
 
 @dataclass(frozen=True, slots=True)
+class MissingTerm:
+    """A term that the simulation lacks and what is left follows.
+
+    Attributes:
+        coefficient: ``CL``, ``CY``, ``Cl``, ``Cm`` or ``Cn``.
+        signal: what of the motion: angles in rad about their means, rates times span or chord over twice the speed.
+        value, standard_error: of the coefficient for one of the signal.
+        gain: of log-likelihood.
+    """
+
+    coefficient: str
+    signal: str
+    value: float
+    standard_error: float
+    gain: float
+
+
+@dataclass(frozen=True, slots=True)
 class Interval:
     """A figure with its 95 % interval."""
 
@@ -157,6 +185,7 @@ class Diagnosis:
         derivatives: concise derivatives before and after, by symbol.
         traces: for pictures.
         seconds: of flight that were used; windows: how many.
+        missing_terms: that what is left follows beyond doubt, best first.
     """
 
     source: str
@@ -174,3 +203,4 @@ class Diagnosis:
     traces: Traces
     seconds: float
     windows: int
+    missing_terms: tuple[MissingTerm, ...] = ()

@@ -26,6 +26,16 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "unexplained_fraction": _number(d.unexplained_fraction),
         "unexplained": d.unexplained,
+        "missing_terms": [
+            {
+                "coefficient": t.coefficient,
+                "signal": t.signal,
+                "value": _number(t.value),
+                "standard_error": _number(t.standard_error),
+                "gain": _number(t.gain),
+            }
+            for t in d.missing_terms
+        ],
         "gain": _gain(d.gain),
         "not_separable": [{"causes": list(s.causes), "reason": s.reason} for s in d.not_separable],
         "derivatives": {
