@@ -11,8 +11,7 @@ import sys
 from pathlib import Path
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.cli.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
-from wingwatch.cli.progress import Progress
+from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
 from wingwatch.telemetry import load_flight
 
 STRUCTURES = ("short_period", "lateral")
@@ -31,7 +30,7 @@ def main() -> int:
         return 2
     table, aircraft = load_flight(given.flight, given.channel_map), load_aircraft(given.aircraft)
     found = {
-        name: estimate_offline(table, aircraft, name, Progress(), structures=STRUCTURES).modes
+        name: estimate_offline(table, aircraft, name, structures=STRUCTURES).modes
         for name in OFFLINE_ESTIMATORS
     }
     print(f"{'':8}" + "".join(f"{name:>44}" for name in found))

@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from wingwatch.cli.condition_report import Conditioned, condition
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import load
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.diagnosis.condition_report import Conditioned, condition
 from wingwatch.estimators import StaticDerivatives
 from wingwatch.telemetry import write_flight
 from wingwatch.telemetry.conditioning import AirQuality, Parameter
@@ -26,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     if out is not None:
         _check_out(out, arguments.flight)
     flight, aircraft = load(arguments.flight, arguments.map, arguments.aircraft)
-    found = condition(flight, aircraft, arguments.second_imu, Progress())
+    found = condition(flight, aircraft, arguments.second_imu, Progress().track)
     if not found.samples:
         raise CommandError(f"{flight.source}: the cleaner accepted no sample ({found.cleaning_text})")
     if out is not None and found.corrected is not None:

@@ -14,8 +14,8 @@ from wingwatch.cli.estimate_history import HistoryWriter
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import Watched, watch
 from wingwatch.cli.joined_flights import joined
-from wingwatch.cli.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import FlightTable, load_flight
 
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _run_offline(arguments: argparse.Namespace, flight: FlightTable, aircraft: Aircraft) -> None:
     """By an estimator that takes the flight whole."""
     solved = estimate_offline(
-        flight, aircraft, arguments.estimator, Progress(),
+        flight, aircraft, arguments.estimator, Progress().track,
         structures=arguments.structure, form=arguments.form or "accelerometer",
     )  # fmt: skip
     counted = Watched(solved.monitor, flight, ())

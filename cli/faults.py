@@ -40,6 +40,7 @@ def _loaded_sentence_types() -> tuple[type[BaseException], ...]:
         "wingwatch.telemetry.keys": ("KeyNameError",),
         "wingwatch.telemetry.zenoh_link": ("LinkError",),
         "wingwatch.baselines.connection": ("DatabaseError",),
+        "wingwatch.diagnosis.measured": ("DiagnosisError",),
         "wingwatch.api.server": ("AddressError",),
     }
     return tuple(

@@ -133,7 +133,7 @@ class Path(NamedTuple):
         innovations: (samples, used), 0 where nothing was measured; deviation: of them, 1 there.
         seen: where something was measured.
         before: states of the air before each output, (samples, used, 21), 0 of the motion; after: the last, (samples,
-            21).
+            21); empty where they were not asked for.
     """
 
     innovations: Array
@@ -144,7 +144,15 @@ class Path(NamedTuple):
 
 
 def fly(
-    filtering: Filter, model: Model, start: Array, trims: Array, inputs: Inputs, measured: Array, seen: Mask
+    filtering: Filter,
+    model: Model,
+    start: Array,
+    trims: Array,
+    inputs: Inputs,
+    measured: Array,
+    seen: Mask,
+    *,
+    air_too: bool = False,
 ) -> Path:
     """A window flown by a version of the simulation, its states corrected by every reading: equation (2).
 
@@ -154,11 +162,13 @@ def fly(
         start: rigid-body state (13,); trims: of the window, (6,).
         inputs: of the window.
         measured: the outputs that count, (samples, used); seen: which readings count.
+        air_too: whether states of the air are recorded; else they are empty.
     """
     samples, used = measured.shape
+    recorded = samples if air_too else 0
     path = Path(
-        np.zeros((samples, used)), np.ones((samples, used)), seen, np.zeros((samples, used, WIDTH)),
-        np.zeros((samples, WIDTH)),
+        np.zeros((samples, used)), np.ones((samples, used)), seen, np.zeros((recorded, used, WIDTH)),
+        np.zeros((recorded, WIDTH)),
     )  # fmt: skip
     linear = filtering.linear
     air = np.ascontiguousarray(linear.disturbance[:, STATES:])
@@ -191,16 +201,17 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
     samples, outputs = measured.shape
     c, work, x = with_trims(row, trims), work_space(inputs.steps), start.copy()
     blown, dx, read = np.zeros(moves.shape[0]), np.zeros(STATES + moves.shape[0]), np.empty(sensors.shape[0])
+    here, there, later = np.zeros(air.shape[0]), np.zeros(air.shape[0]), np.zeros(blown.size)
     ready(c, inputs, work)
-    here = air @ blown
     for t in range(samples):
         at = min(t, gains.shape[0] - 1)
         follow(x, inputs.follow[t], inputs.follow[t])
         read_sensors(c, x, inputs, t, work, here, read)
         dx[:] = 0.0
         for i in range(outputs):
-            for j in range(blown.size):
-                path.before[t, i, STATES + j] = blown[j] + dx[STATES + j]
+            if path.before.shape[0] > 0:
+                for j in range(blown.size):
+                    path.before[t, i, STATES + j] = blown[j] + dx[STATES + j]
             if path.seen[t, i]:
                 k = used[i]
                 e = measured[t, i] - (1.0 + sensors[k, SCALE]) * read[k] - sensors[k, BIAS]
@@ -211,18 +222,30 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
                 path.innovations[t, i], path.deviation[t, i] = e, deviations[at, i]
         for j in range(blown.size):
             blown[j] += dx[STATES + j]
-            path.after[t, STATES + j] = blown[j]
+        if path.after.shape[0] > 0:
+            path.after[t, STATES:] = blown
         for j in range(3):
             x[3 + j] += dx[j]
             x[10 + j] += dx[3 + j]
         if dx[6] != 0.0 or dx[7] != 0.0:
             roll, pitch, _ = euler_angles(x)
             set_attitude(x, roll + dx[6], pitch + dx[7])
-        here = air @ blown
-        blown = moves @ blown
-        there = air @ blown
+        _multiply(air, blown, here)
+        _multiply(moves, blown, later)
+        blown[:] = later
+        _multiply(air, blown, there)
         move(c, x, inputs, t, work, here, there)
-        here = there
+        here[:] = there
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _multiply(matrix, vector, out):  # type: ignore[no-untyped-def]
+    """Their product into ``out``; a library's call costs more than so small a product."""
+    for i in range(matrix.shape[0]):
+        total = 0.0
+        for j in range(vector.size):
+            total += matrix[i, j] * vector[j]
+        out[i] = total
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

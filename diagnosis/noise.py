@@ -191,7 +191,7 @@ def _sums(
         if not np.array_equal(seen, all_seen(problem, group)[: len(seen)]):
             filters = _filters(problem, linear, noises, seen)
         filtering, change, spreads = filters
-        path = fly_filtered(problem, w, model, point.trims[w], filtering, measured)
+        path = fly_filtered(problem, w, model, point.trims[w], filtering, measured, air_too=True)
         psi = sensitivities(filtering, path, change)
         psi = (psi / path.deviation[..., None])[seen]
         sigma = spreads[np.minimum(np.arange(len(seen)), len(spreads) - 1)][seen]

@@ -25,13 +25,22 @@ def open_loop(problem: Problem, w: int, model: Model, starts: Array, trims: Arra
 
 
 def fly_filtered(
-    problem: Problem, w: int, model: Model, trims: Array, filtering: Filter, measured: Array
+    problem: Problem,
+    w: int,
+    model: Model,
+    trims: Array,
+    filtering: Filter,
+    measured: Array,
+    *,
+    air_too: bool = False,
 ) -> Path:
     """A window flown with its filter, by trims (6,); ``measured``: (samples, outputs) of the whole flight."""
     window, inputs = problem.windows[w], problem.inputs[w]
     readings = np.ascontiguousarray(measured[window.start : window.stop, list(problem.used)])
     start = body_state(problem.starts[w], inputs.altitude)
-    return fly(filtering, model, start, trims, inputs, readings, seen_in(problem, w, measured))
+    return fly(
+        filtering, model, start, trims, inputs, readings, seen_in(problem, w, measured), air_too=air_too
+    )
 
 
 def seen_in(problem: Problem, w: int, measured: Array) -> Mask:

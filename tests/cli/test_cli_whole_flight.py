@@ -9,7 +9,7 @@ from cli_flights import demo_block, run, with_column, without
 
 from wingwatch.aircraft import MODEL_STRUCTURES, STRUCTURES
 from wingwatch.cli.arguments import build_parser
-from wingwatch.cli.offline_estimates import OFFLINE_ESTIMATORS
+from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS
 from wingwatch.estimators import FORMS
 from wingwatch.telemetry import write_flight
 

@@ -19,9 +19,8 @@ from wingwatch.aircraft import (
     mode_quantities,
 )
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
-from wingwatch.cli.faults import CommandError
-from wingwatch.cli.flight_watch import OFFLINE
-from wingwatch.cli.progress import Progress
+from wingwatch.diagnosis.measured import DiagnosisError
+from wingwatch.diagnosis.tracking import Track, untracked
 from wingwatch.estimators import (
     EquationErrorConfig,
     Estimate,
@@ -85,7 +84,7 @@ def estimate_offline(
     flight: FlightTable,
     aircraft: Aircraft,
     estimator: str,
-    progress: Progress,
+    track: Track = untracked,
     *,
     structures: Sequence[str] = (),
     form: Form = "accelerometer",
@@ -93,22 +92,26 @@ def estimate_offline(
     """Structures of a flight by one of ``OFFLINE_ESTIMATORS``.
 
     Args:
+        flight: as loaded.
+        aircraft: whose derivatives are expected.
+        estimator: one of ``OFFLINE_ESTIMATORS``.
+        track: shows the structures.
         structures: names in ``MODEL_STRUCTURES``; those that are watched live where empty.
         form: of the force equations, see ``FlightForm``.
 
     Raises:
-        CommandError: no structure can be estimated.
+        DiagnosisError: no structure can be estimated.
     """
     numbers = iter(range(1, 1 + len(flight.block)))
     monitor = VehicleMonitor(
-        aircraft, "default", OFFLINE, flight.block.present, flight.kinds,
+        aircraft, "default", "offline", flight.block.present, flight.kinds,
         new_id=lambda: f"alert-{next(numbers)}",
     )  # fmt: skip
     clean = monitor.prepared(flight.block)
     chosen = [MODEL_STRUCTURES[name] for name in structures or STRUCTURES]
     modes: dict[str, dict[str, Any]] = {}
     absent: dict[str, str] = {}
-    for structure in progress.track(chosen, "estimating"):
+    for structure in track(chosen, "estimating"):
         missing = missing_channels(structure, flight.block.present, form)
         if missing:
             absent[structure.name] = f"missing {', '.join(missing)}"
@@ -119,7 +122,7 @@ def estimate_offline(
             absent[structure.name] = str(error)
     if not modes:
         reasons = "; ".join(f"{name}: {why}" for name, why in absent.items())
-        raise CommandError(f"{flight.source}: no mode can be estimated ({reasons})")
+        raise DiagnosisError(f"{flight.source}: no mode can be estimated ({reasons})")
     return OfflineEstimates(monitor, flight, modes, absent, float(clean.time_s[-1]))
 
 

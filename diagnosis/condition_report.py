@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.cli.progress import Progress
+from wingwatch.diagnosis.tracking import Track, untracked
 from wingwatch.estimators import StaticDerivatives, static_derivatives
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
 from wingwatch.telemetry.conditioning import (
@@ -82,7 +82,7 @@ class Conditioned:
 
 
 def condition(
-    flight: FlightTable, aircraft: Aircraft, second_imu: Path | None, progress: Progress
+    flight: FlightTable, aircraft: Aircraft, second_imu: Path | None, track: Track = untracked
 ) -> Conditioned:
     """Every step on one flight.
 
@@ -90,14 +90,14 @@ def condition(
         flight: as loaded.
         aircraft: where its sensors sit, their noise and delays, its mass and size.
         second_imu: a channel map of the same file whose specific forces are those of a second accelerometer triad.
-        progress: shows the steps.
+        track: shows the steps.
     """
     cleaner = Cleaner()
     clean = cleaner.clean(flight.block).block
     result = Conditioned(len(clean), f"{flight.report.text}; {cleaner.report.text}")
     run = _Steps(flight, aircraft, clean, second_imu, result)
     steps = (run.delays, run.servos, run.air, run.path, run.static, run.centre)
-    for step in progress.track(steps, "conditioning"):
+    for step in track(steps, "conditioning"):
         try:
             step()
         except ValueError as error:  # what a step needs and the flight has not, in one sentence
