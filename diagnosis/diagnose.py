@@ -115,8 +115,8 @@ def _in_windows(
     return _assembled(source, problem, found, terms, _begun(subjects[1]) if len(subjects) > 1 else None)
 
 
-MOST_WINDOWS = 12
-"""Windows in which causes are looked for: those in which the surfaces move most. The gain is measured on all."""
+MOST_S = 96.0
+"""Of flight in which causes are looked for: windows in which the surfaces move most. The gain is measured on all."""
 
 
 def _most_active(problem: Problem) -> list[int]:
@@ -127,7 +127,10 @@ def _most_active(problem: Problem) -> list[int]:
         moved.append(surfaces.std(axis=0))
     usual = np.maximum(np.mean(moved, axis=0), 1e-9)
     order = np.argsort([-float((m / usual).sum()) for m in moved], kind="stable")
-    return sorted(int(w) for w in order[:MOST_WINDOWS])
+    seconds = np.cumsum(
+        [(problem.windows[w].stop - problem.windows[w].start) * problem.inputs[w].dt for w in order]
+    )
+    return sorted(int(w) for w in order[: max(1, int(np.searchsorted(seconds, MOST_S, side="right")))])
 
 
 def _over(problem: Problem, point: Point, found: Search) -> Search:
@@ -349,8 +352,8 @@ def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str
         )
     if any(one.matters for one in found.found) and model is None:
         notes.append(
-            "no extended aircraft file: on data left out no output is surely better and none worse, or the file has no "
-            "place for the causes"
+            "no extended aircraft file: on data left out no output is surely better, or another is worse, or the file "
+            "has no place for the causes"
         )
     minor = [
         c.says.format(*v) for c, v, one in zip(*_last(found), found.found, strict=True) if not one.matters

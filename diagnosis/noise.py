@@ -42,7 +42,7 @@ _GUSTS = 5
 _LEAST_OF_STATED = 0.2
 """Sensors are not believed to be better than this part of what is stated or of their own roughness."""
 _LEAST_OF_GUSTS = 0.01
-_LEAST_GRADIENTS, _MOST_GRADIENTS = 0.03, 2.0
+_LEAST_GRADIENTS, _MOST_GRADIENTS = 0.001, 2.0
 _LEAST_LAG, _MOST_LAG = 0.01, 20.0
 """Bounds, as parts of what is thought first."""
 
@@ -86,23 +86,21 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     most[-2:] = prior[-2:] + np.log([_MOST_GRADIENTS, _MOST_LAG])
     model = model_at(problem, point)
     cost, score, information = _sums(problem, model, point, eta, prior)
-    damping = 0.0
+    reach = _LONGEST
     for _ in range(_MOST_PASSES):
         free = ~((eta <= least) & (score < 0.0) | (eta >= most) & (score > 0.0))
-        step, damping = _step(information, score, free, damping)
-        if 0.0 <= 0.5 * float(score @ step) < _ENOUGH:
+        tried = np.clip(eta + _step(information, score, free, reach), least, most)
+        step = tried - eta
+        if float(score @ step - 0.5 * step @ information @ step) < _ENOUGH:
             break
-        tried = np.clip(eta + step, least, most)
         there = _sums(problem, model, point, tried, prior)
         if there[0] < cost:
-            gained, damping = cost - there[0], damping / 4.0
+            gained, reach = cost - there[0], min(2.0 * reach, _LONGEST)
             eta, (cost, score, information) = tried, there
             if gained < _ENOUGH:
                 break
         else:
-            damping = max(4.0 * damping, 0.1)
-            if damping > 100.0:
-                break
+            reach /= 4.0
     return replace(point, noise=_noise_at(eta, used, point.noise))
 
 
@@ -148,14 +146,18 @@ def near_noise(problem: Problem, point: Point) -> Point:
     return replace(point, noise=replace(first, gusts=levels[int(np.nanargmin(costs))]))
 
 
-def _step(information: Array, score: Array, free: Mask, damping: float) -> tuple[Array, float]:
-    """A step uphill, and the damping with which it is short enough (Levenberg and Marquardt)."""
-    h, step = information[free][:, free], np.zeros(len(score))
-    while True:
-        step[free] = np.linalg.solve(h + damping * np.diag(np.diagonal(h)), score[free])
-        if np.abs(step).max(initial=0.0) <= _LONGEST:
-            return step, damping
-        damping = max(2.0 * damping, 0.01)
+def _step(information: Array, score: Array, free: Mask, reach: float) -> Array:
+    """The best step uphill that moves nothing by more than its reach: what would go further is held there."""
+    step, rest = np.zeros(len(score)), free.copy()
+    while rest.any():
+        pull = score[rest] - information[rest][:, ~rest] @ step[~rest]
+        step[rest] = np.linalg.solve(information[rest][:, rest], pull)
+        far = rest & (np.abs(step) > reach)
+        if not far.any():
+            break
+        step[far] = np.sign(step[far]) * reach
+        rest &= ~far
+    return step
 
 
 def _filters(

@@ -23,6 +23,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+_MATTERS = 0.03
+"""Change of a channel's rms residual below which the channel is as it was."""
+
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
@@ -142,9 +145,9 @@ class Gain:
 
     @property
     def pays(self) -> bool:
-        """Whether some channel is surely better, and none surely worse."""
+        """Whether some channel is surely better, and none surely worse by what matters."""
         changes = self.change.values()
-        return any(c.high < 0.0 for c in changes) and not any(c.low > 0.0 for c in changes)
+        return any(c.high < 0.0 for c in changes) and not any(c.low > _MATTERS for c in changes)
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,8 +25,8 @@ __all__ = ["Beside", "SmallErrors", "small_errors"]
 
 Array = NDArray[np.float64]
 
-_LEVELS = np.array([0.0, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0])
-"""Of tau; 1 is an error in each coefficient that just matters."""
+_LEVELS = np.array([0.0, 0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0])
+"""Of tau; 1 is an error in each coefficient that just matters. What is larger is a cause."""
 
 
 @dataclass(frozen=True, slots=True)
