@@ -5,7 +5,7 @@ and in still air (noise fitted to a wrong model explains part of the error as no
 and the best of these with noise of their own. With the gain of log-likelihood g, k parameters, n blocks
 of two seconds and an inflation f of the scores' variance,
 
-    evidence = g / f - k / 2 ln n + ln odds,                                                                   (6)
+    evidence = g / f - k / 2 ln n - 1/2 sum (theta / spread)^2 + ln odds,                                      (6)
 
 where g counts what small errors of all coefficients would explain with the cause and without it (``small_errors``),
 and the best cause is taken if its evidence is beyond the threshold and it pays on windows left out.

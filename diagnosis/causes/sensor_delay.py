@@ -37,7 +37,6 @@ def _late(target: str, names: tuple[str, ...], odds: float) -> Candidate:
         delays |= {name: delays.get(name, 0.0) + float(v[0]) for name in names}
         return updated(aircraft, sensors=aircraft.sensors.model_dump() | {"delay_s": delays})
 
-    what = f"the {target} sensors come" if target in _GROUPS else f"{target} comes"
-    return Candidate(
-        "sensor_delay", target, (_DELAY,), change, f"{what} {{0:+.3f}} s later than the file says", mend, odds
-    )
+    what = f"the {target} sensors are" if target in _GROUPS else f"{target} is"
+    says = f"{what} {{0:+.3f}} s off in time; above 0 is later than the file says"
+    return Candidate("sensor_delay", target, (_DELAY,), change, says, mend, odds)

@@ -15,6 +15,7 @@ from wingwatch.diagnosis.candidate import INDEX, FreeParameter, Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.diagnose import _reported
 from wingwatch.diagnosis.evaluation import evaluate, reduce
+from wingwatch.diagnosis.extension import extended
 from wingwatch.diagnosis.fit import fit
 from wingwatch.diagnosis.innovations import Filter, Path, kalman_filter
 from wingwatch.diagnosis.linear_aircraft import concise, row_of_derivatives
@@ -355,3 +356,15 @@ def test_an_aircraft_that_cannot_be_flown_is_refused_in_one_sentence(table: str)
     nothing = AEROSONDE.model_copy(update={"coefficients": None, "conditions": ()})
     with pytest.raises(DiagnosisError, match="nothing to simulate"):
         subject_of(flown(), nothing, {})
+
+
+def test_a_sensor_that_is_early_among_late_ones_has_a_place_in_the_file() -> None:
+    subject, _, point = problem_of(flown())
+    named = {c.label: c for c in candidates(subject)}
+    causes = (named["sensor_delay[roll_rate_rad_s]"], named["sensor_delay[inertial]"])
+    late = replace(point, causes=causes, values=(np.array([-0.01]), np.array([0.04])))
+    mended = extended(subject, late, (np.array([1e-3]), np.array([1e-3])))
+    assert mended is not None
+    before, after = AEROSONDE.sensors.delay_s, mended.sensors.delay_s
+    assert after["roll_rate_rad_s"] == pytest.approx(before.get("roll_rate_rad_s", 0.0) + 0.03)
+    assert after["pitch_rate_rad_s"] == pytest.approx(before.get("pitch_rate_rad_s", 0.0) + 0.04)
