@@ -30,21 +30,22 @@ def diagnose_file(
         source: what the flight is called; its path if empty.
 
     Raises:
-        CommandError: the flight cannot be diagnosed; one sentence.
+        CommandError: a flight of which no sample is accepted.
+        DiagnosisError: the flight cannot be diagnosed.
         TableError, MapError, FlightError: a file that cannot be read.
     """
     if progress is not None:
         progress("reading the flight", 0.0)
     table = load_flight(flight, channel_map)
     other = None if validate is None else _cleaned(load_flight(validate, channel_map))
-    try:
-        found: Diagnosis = diagnosis.diagnose(
-            _cleaned(table), aircraft, kinds=table.kinds, validate=other, source=source or str(flight),
-            progress=progress,
-        )  # fmt: skip
-    except diagnosis.DiagnosisError as error:
-        raise CommandError(" ".join(str(error).split())) from None
-    return found
+    return diagnosis.diagnose(
+        _cleaned(table),
+        aircraft,
+        kinds=table.kinds,
+        validate=other,
+        source=source or str(flight),
+        progress=progress,
+    )
 
 
 def _cleaned(table: FlightTable) -> SampleBlock:

@@ -18,14 +18,15 @@ from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.innovations import Filter, Mask, Path, kalman_filter
 from wingwatch.diagnosis.linear_model import LinearModel
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
-from wingwatch.diagnosis.replay import DELAY, SCALE, Model, smoothed, without_delays
-from wingwatch.diagnosis.windows import TRIM_STEPS, all_seen, fly_filtered, seen_in
+from wingwatch.diagnosis.replay import DELAY, SCALE, TRIM_STEPS, Model, smoothed, without_delays
+from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
 
 __all__ = ["Evaluation", "Reduced", "evaluate", "own_offset", "own_prior", "reduce"]
 
 Array = NDArray[np.float64]
 
 Columns = Callable[[int, Filter, Path], Array]
+"""Of a window, its filter and its path: what further terms take from the innovations, (samples, used, terms)."""
 
 _TRIM_SPREAD = np.array([1.0, 0.3, 0.05, 0.2, 0.05, 1.0])
 _BLOCK_S = 2.0

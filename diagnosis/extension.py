@@ -20,13 +20,17 @@ Array = NDArray[np.float64]
 def extended(subject: Subject, point: Point, errors: Sequence[Array]) -> Aircraft | None:
     """The aircraft file with the causes of a point in it; None where it has a place for none of them."""
     mended, any_place = subject.stated, False
-    left = list(zip(point.causes, point.values, strict=True))
-    for _ in point.causes:  # one may have a place only once another is in: early against a group that is late
-        for one in tuple(left):
-            changed = one[0].mend(mended, one[1])
-            if changed is not None:
+    left, before = list(zip(point.causes, point.values, strict=True)), -1
+    while (
+        len(left) != before
+    ):  # one may have a place only once another is in: early against a group that is late
+        waiting, before, left = left, len(left), []
+        for cause, values in waiting:
+            changed = cause.mend(mended, values)
+            if changed is None:
+                left.append((cause, values))
+            else:
                 mended, any_place = changed, True
-                left = [other for other in left if other[0] is not one[0]]
     if subject.aircraft.coefficients is None:
         entry = _identified(subject, point, errors)
         if entry is not None:

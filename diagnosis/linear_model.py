@@ -26,6 +26,7 @@ from wingwatch.diagnosis.replay import (
     DISTURBANCES,
     SCALE,
     SURFACE_OUTPUTS,
+    TRIM_STEPS,
     Inputs,
     Model,
     body_state,
@@ -44,6 +45,7 @@ __all__ = [
     "WIDTH",
     "LinearModel",
     "Noise",
+    "by_coefficients",
     "fastest_rad_s",
     "linear_model",
 ]
@@ -51,6 +53,8 @@ __all__ = [
 Array = NDArray[np.float64]
 
 STATES, _K = 8, len(OUTPUTS)
+_COEFFICIENTS = 5
+"""Of ``TRIMS``, the first."""
 _U, _V, _W, _V_FELT, _W_FELT, _V_LATE, _W_LATE, _P, _PITCH, _YAW, _SURFACES = range(STATES, STATES + 11)
 """Places of what disturbs: velocities, the same as felt, the same late, roll rate, angular accelerations, the first
 surface."""
@@ -171,6 +175,35 @@ def linear_model(
     output += d @ by_states
     within = (first + last) @ by_states[:, [_U, _V_FELT, _W_FELT, _P, _PITCH, _YAW]]
     return LinearModel(transition, driven, gain * output, by_states, keep, within)
+
+
+def by_coefficients(model: Model, mean: Array, trims: Array, inputs: Inputs) -> tuple[Array, Array]:
+    """What one of CL, CY, Cl, Cm and Cn does to the motion over a sample (8, 5), and to the true outputs (outputs, 5).
+
+    Args:
+        model: the simulation.
+        mean: of ``START`` in the window, (8,).
+        trims: of the window, (6,).
+        inputs: of the window; their mean is held.
+    """
+    held, calm = still(inputs), np.zeros(DISTURBANCES)
+    after, read = np.empty((2, STATES)), np.empty((2, _K))
+    by_state, by_output = np.zeros((STATES, _COEFFICIENTS)), np.zeros((_K, _COEFFICIENTS))
+    for j in range(_COEFFICIENTS):
+        for side in (0, 1):
+            moved = trims + (2 * side - 1) * TRIM_STEPS[j] * (np.arange(len(trims)) == j)
+            c, x, work = (
+                with_trims(model.row, moved),
+                body_state(mean, inputs.altitude),
+                work_space(held.steps),
+            )
+            ready(c, held, work)
+            read_sensors(c, x, held, 0, work, calm, read[side])
+            move(c, x, held, 0, work, calm, calm)
+            motion_of(x, after[side])
+        by_state[:, j] = (after[1] - after[0]) / (2.0 * TRIM_STEPS[j])
+        by_output[:, j] = (read[1] - read[0]) / (2.0 * TRIM_STEPS[j])
+    return by_state, by_output
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

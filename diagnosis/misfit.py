@@ -13,9 +13,9 @@ from scipy.stats import chi2
 from wingwatch.diagnosis.linear_model import STATES
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
-from wingwatch.diagnosis.replay import Model, without_delays
+from wingwatch.diagnosis.replay import TRIM_STEPS, Model, without_delays
 from wingwatch.diagnosis.result import Misfit
-from wingwatch.diagnosis.windows import TRIM_STEPS, open_loop
+from wingwatch.diagnosis.windows import open_loop
 
 __all__ = ["Replayed", "misfit_of", "noise_variance", "replayed"]
 

@@ -17,38 +17,23 @@ from scipy.signal import lfilter
 
 from wingwatch.diagnosis.causes import coefficients_of
 from wingwatch.diagnosis.evaluation import evaluate, reduce
+from wingwatch.diagnosis.evidence import ALIKE, BEYOND_DOUBT
 from wingwatch.diagnosis.fit import Solution, inflation
 from wingwatch.diagnosis.innovations import Filter, Path
-from wingwatch.diagnosis.linear_model import STATES, WIDTH
-from wingwatch.diagnosis.measured import OUTPUTS
+from wingwatch.diagnosis.linear_model import STATES, WIDTH, by_coefficients
 from wingwatch.diagnosis.problem import Problem, model_at
-from wingwatch.diagnosis.replay import (
-    DISTURBANCES,
-    body_state,
-    motion_of,
-    move,
-    read_sensors,
-    ready,
-    still,
-    with_trims,
-    work_space,
-)
+from wingwatch.diagnosis.replay import BIAS, SCALE, without_delays
 from wingwatch.diagnosis.result import MissingTerm
-from wingwatch.diagnosis.windows import TRIM_STEPS
 
 __all__ = ["missing_terms"]
 
 Array = NDArray[np.float64]
 
 _COEFFICIENTS = ("CL", "CY", "Cl", "Cm", "Cn")
-"""In the order of ``TRIMS``."""
+"""In the order of ``by_coefficients``."""
 _ALONG = ("angle of attack", "pitch rate", "elevator")
 _ACROSS = ("sideslip", "roll rate", "yaw rate", "aileron", "rudder")
 _LAGS_S = (0.1, 0.5)
-_THRESHOLD = 7.0
-"""Evidence that a term needs, as a cause does."""
-_ALIKE = 3.0
-"""Gain within which terms cannot be told apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +41,7 @@ class _Term:
     """A signal in one coefficient.
 
     Attributes:
-        coefficient: place in ``TRIMS``; name: of the signal.
+        coefficient: place in ``_COEFFICIENTS``; name: of the signal.
         course: over all windows, of unit root mean square about its mean: as followed, which moves the aircraft from
             then on, and as followed a sample before, which is in the same sample's outputs: these show a gust that what
             is followed then knows; (samples, 2).
@@ -71,14 +56,16 @@ class _Term:
 
 def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ...]:
     """Terms that what is left follows beyond doubt, the best first, with those that cannot be told from it."""
-    point = solution.point
+    point, model = solution.point, model_at(problem, solution.point)
+    measured, sensors = without_delays(problem.subject.flight, model), model.sensors
     followed: dict[int, Array] = {}
 
     def keep(w: int, filtering: Filter, path: Path) -> Array:
         window, used = problem.windows[w], list(problem.used)
-        its = problem.subject.flight.outputs[window.start : window.stop].copy()
+        its = measured[window.start : window.stop].copy()
         # a reading less what is its sensor's in the innovation
         its[:, used] -= path.innovations * (point.noise.sensors[used] / path.deviation) ** 2
+        its = (its - sensors[:, BIAS]) / (1.0 + sensors[:, SCALE])
         followed[w] = np.stack([its, its[np.maximum(np.arange(len(its)) - 1, 0)]], axis=-1)
         return np.zeros((*path.innovations.shape, 0))
 
@@ -86,13 +73,13 @@ def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ..
     terms = _terms(problem, followed)
     if not terms:
         return ()
-    model = model_at(problem, point)
     courses = np.stack([t.course for t in terms], axis=1)
     ends = np.cumsum([0, *(w.stop - w.start for w in problem.windows)])
     place = np.array([t.coefficient for t in terms])
 
     def columns(w: int, filtering: Filter, path: Path) -> Array:
-        by_state, by_output = _by_coefficients(problem, w, model.row, point.trims[w])
+        by_state, by_output = by_coefficients(model, problem.centres[w], point.trims[w], problem.inputs[w])
+        by_state[list(problem.subject.followed)] = 0.0
         out = np.zeros((*path.innovations.shape, len(terms)))
         _respond(
             filtering.linear.transition, filtering.output, filtering.gain, path.seen,
@@ -117,7 +104,7 @@ def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ..
     gain = np.where(told, 0.5 * score**2 / np.where(told, information, 1.0), 0.0)
     blocks = sum(len(b) for b in evaluation.blocks)
     evidence = gain - 0.5 * math.log(max(blocks, 2)) - math.log(len(terms))
-    order = [int(i) for i in np.argsort(-gain) if evidence[i] > _THRESHOLD and gain[i] > gain.max() - _ALIKE]
+    order = [int(i) for i in np.argsort(-gain) if evidence[i] > BEYOND_DOUBT and gain[i] > gain.max() - ALIKE]
     return tuple(
         MissingTerm(
             _COEFFICIENTS[terms[i].coefficient], terms[i].name, float(score[i] / information[i] / terms[i].unit),
@@ -186,26 +173,6 @@ def _signals(problem: Problem, followed: Mapping[int, Array]) -> Mapping[str, Ar
         for name, both in found.items()
         if np.isfinite(both[:, 0]).any()
     }
-
-
-def _by_coefficients(problem: Problem, w: int, row: Array, trims: Array) -> tuple[Array, Array]:
-    """What one of each coefficient does to the states over a sample (8, 5), and to the outputs (outputs, 5)."""
-    inputs, centre = problem.inputs[w], problem.centres[w]
-    held, calm = still(inputs), np.zeros(DISTURBANCES)
-    after, read = np.empty((2, STATES)), np.empty((2, len(OUTPUTS)))
-    by_state, by_output = np.zeros((STATES, len(_COEFFICIENTS))), np.zeros((len(OUTPUTS), len(_COEFFICIENTS)))
-    for j in range(len(_COEFFICIENTS)):
-        for side in (0, 1):
-            moved = trims + (2 * side - 1) * TRIM_STEPS[j] * (np.arange(len(trims)) == j)
-            c, x, work = with_trims(row, moved), body_state(centre, inputs.altitude), work_space(held.steps)
-            ready(c, held, work)
-            read_sensors(c, x, held, 0, work, calm, read[side])
-            move(c, x, held, 0, work, calm, calm)
-            motion_of(x, after[side])
-        by_state[:, j] = (after[1] - after[0]) / (2.0 * TRIM_STEPS[j])
-        by_output[:, j] = (read[1] - read[0]) / (2.0 * TRIM_STEPS[j])
-    by_state[list(problem.subject.followed)] = 0.0
-    return by_state, by_output
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

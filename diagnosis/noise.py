@@ -27,7 +27,7 @@ from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, 
 from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, Model, without_delays
 from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
 
-__all__ = ["first_noise", "fit_noise", "near_noise"]
+__all__ = ["first_noise", "fit_noise", "likeliest_level"]
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ _MOMENT_LEVELS = (0.02, 0.2)
 """Of unmodelled angular accelerations, rad/s2."""
 
 
-def near_noise(problem: Problem, point: Point) -> Point:
+def likeliest_level(problem: Problem, point: Point) -> Point:
     """The point with the most likely of a few levels of noise, sensors as stated: where a fit begins.
 
     Raises:

@@ -53,6 +53,7 @@ __all__ = [
     "START",
     "SURFACE_OUTPUTS",
     "TRIMS",
+    "TRIM_STEPS",
     "Inputs",
     "Model",
     "body_state",
@@ -84,6 +85,8 @@ TRIMS: tuple[str, ...] = ("CL_zero", "CY_zero", "Cl_zero", "Cm_zero", "Cn_zero",
 Thrust, not drag: drag turns with the flow, and is a side force in sideslip.
 """
 
+TRIM_STEPS = np.array([1e-3, 1e-3, 1e-4, 1e-4, 1e-4, 1e-4])
+"""Of ``TRIMS``, for differences."""
 _TRIM_COLUMNS = np.array([CL_ZERO, CY_ZERO, ROLL_ZERO, CM_ZERO, CN_ZERO])
 _COLUMNS = np.array([CHANNEL_INDEX[name] for name in OUTPUTS])
 SURFACE_OUTPUTS = 11

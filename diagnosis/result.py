@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.diagnosis.evidence import MATTERS
 
 __all__ = [
     "Cause",
@@ -22,9 +23,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-
-_MATTERS = 0.03
-"""Change of a channel's rms residual below which the channel is as it was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +145,7 @@ class Gain:
     def pays(self) -> bool:
         """Whether some channel is surely better, and none surely worse by what matters."""
         changes = self.change.values()
-        return any(c.high < 0.0 for c in changes) and not any(c.low > _MATTERS for c in changes)
+        return any(c.high < 0.0 for c in changes) and not any(c.low > MATTERS for c in changes)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,6 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +23,11 @@ from numpy.typing import NDArray
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.causes import of_sensors
 from wingwatch.diagnosis.evaluation import evaluate, reduce
+from wingwatch.diagnosis.evidence import ALIKE, BEYOND_DOUBT, MATTERS
 from wingwatch.diagnosis.fit import Solution, fit, inflation, own_fitted
 from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.misfit import replayed
-from wingwatch.diagnosis.noise import first_noise, fit_noise, near_noise
+from wingwatch.diagnosis.noise import first_noise, fit_noise, likeliest_level
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
 from wingwatch.diagnosis.small_errors import small_errors
 
@@ -48,15 +48,9 @@ _WORTH_ITS_NOISE = 0.3
 """Part of the best one's gain by the same noise below which a candidate does not get noise of its own."""
 _LEAST_GAIN = 2.0
 """Of log-likelihood, of a candidate that is fitted."""
-_THRESHOLD = 7.0
-"""Evidence that a cause needs: odds of a thousand to one."""
-_ALIKE = 3.0
-"""Difference of evidence within which causes cannot be told apart: odds of twenty to one."""
 _FOLDS = 4
 _SURE = 3.0
 """Standard errors that a parameter must be away from none."""
-_MATTERS = 0.03
-"""Change of an output by a cause, of what the output moves: a simulation is as right as that where nothing is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +131,7 @@ def settled_anew(problem: Problem, point: Point) -> Solution:
     ends = []
     for anew in (False, True):
         with suppress(RunsAwayError):
-            ends.append(settled(problem, near_noise(problem, point) if anew else point))
+            ends.append(settled(problem, likeliest_level(problem, point) if anew else point))
     if not ends:
         raise RunsAwayError("the simulation runs away from the flight")
     return min(ends, key=lambda solution: solution.cost)
@@ -146,7 +140,7 @@ def settled_anew(problem: Problem, point: Point) -> Solution:
 def search(problem: Problem, point: Point, candidates: Sequence[Candidate], progress: Progress) -> Search:
     """Causes that explain the misfit, most important first."""
     progress("fitting the simulation as stated", 0.02)
-    stated = present = settled(problem, near_noise(problem, point))
+    stated = present = settled(problem, likeliest_level(problem, point))
     found: list[Found] = []
     rest: tuple[Tried, ...] = ()
     for turn in range(_MOST_ROUNDS_OF_SEARCH):
@@ -161,11 +155,11 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
             if found_here is not None:
                 tried.append(found_here)
         rest = tuple(_judged(problem, present, _over_the_best(problem, present, tried)))
-        best = next((t for t in map(partial(_taken, problem, rest), rest) if t is not None), None)
-        if best is None:
+        cause = next((one for t in rest if (one := _believed(problem, rest, t)) is not None), None)
+        if cause is None:
             break
-        found.append(best)
-        present = settled_anew(problem, best.best.solution.point)
+        found.append(cause)
+        present = settled_anew(problem, cause.best.solution.point)
         if sum(f.matters for f in found) == MOST_CAUSES:
             break
     found, last = _sure(problem, found, present)
@@ -193,7 +187,7 @@ def _sure(problem: Problem, found: list[Found], present: Solution) -> tuple[list
         present = settled(problem, less)
 
 
-def _taken(problem: Problem, tried: Sequence[Tried], one: Tried) -> Found | None:
+def _believed(problem: Problem, tried: Sequence[Tried], one: Tried) -> Found | None:
     """One of those that were tried, if it is to be believed.
 
     What is measured a little wrong is taken so that the rest is seen right. Where the aircraft is a little wrong, small
@@ -207,7 +201,7 @@ def _taken(problem: Problem, tried: Sequence[Tried], one: Tried) -> Found | None
     held_out = held_out_gain(problem, one.solution)
     if not held_out > 0.0:
         return None
-    alike = tuple(t for t in tried if t is not one and t.evidence > one.evidence - _ALIKE)
+    alike = tuple(t for t in tried if t is not one and t.evidence > one.evidence - ALIKE)
     return Found(one, alike, tuple(tried), held_out, matters)
 
 
@@ -228,7 +222,7 @@ def _beside_small_errors(problem: Problem, solution: Solution) -> Solution:
 
 def _counts(tried: Tried) -> bool:
     size = np.abs(tried.value) > np.maximum(_SURE * tried.error, _least(tried.candidate))
-    return bool(tried.evidence > _THRESHOLD and size.any())
+    return bool(tried.evidence > BEYOND_DOUBT and size.any())
 
 
 def _least(candidate: Candidate) -> Array:
@@ -299,7 +293,7 @@ def _fitted(problem: Problem, present: Solution, begun: Point) -> Tried | None:
     candidate = begun.causes[-1]
     try:
         solution = fit(problem, fit_noise(problem, begun))
-        if present.cost - solution.cost > _THRESHOLD:
+        if present.cost - solution.cost > BEYOND_DOUBT:
             solution = settled(problem, solution.point)
     except RunsAwayError:
         return None
@@ -321,7 +315,7 @@ def _over_the_best(problem: Problem, present: Solution, tried: Sequence[Tried]) 
     A likelihood of noise can have more than one maximum; another one is no evidence of a cause.
     """
     best = max(tried, key=lambda t: t.gain, default=None)
-    if best is None or best.gain < _THRESHOLD:
+    if best is None or best.gain < BEYOND_DOUBT:
         return list(tried)
     at = best.solution.point
     again = replace(at, causes=at.causes[:-1], values=at.values[:-1])
@@ -332,7 +326,8 @@ def _over_the_best(problem: Problem, present: Solution, tried: Sequence[Tried]) 
 
 
 _MORE_BESIDE = 0.1
-"""Small errors explain at most this part of the best gain more beside a cause than without it."""
+"""Part of the best gain that small errors are taken to explain more beside a cause than without it, at most: what
+cannot be best even so is not looked into."""
 
 
 def _judged(problem: Problem, present: Solution, tried: Sequence[Tried]) -> list[Tried]:
@@ -348,7 +343,7 @@ def _judged(problem: Problem, present: Solution, tried: Sequence[Tried]) -> list
     for t in sorted(tried, key=lambda t: t.cost - t.gain / most.inflated):
         plain = t.gain / most.inflated - t.cost
         at_most = plain + _MORE_BESIDE * most.gain / most.inflated
-        if judged and at_most < max(j.evidence for j in judged) - _ALIKE:
+        if judged and at_most < max(j.evidence for j in judged) - ALIKE:
             judged.append(replace(t, evidence=plain))
             continue
         beside = small_errors(problem, t.solution).beside(most.inflated)
@@ -398,7 +393,7 @@ def _matters(problem: Problem, solution: Solution) -> bool:
             measured = one.measured[w][:, k]
             changed += float(np.nansum((off[0] - off[1]) ** 2))
             moved += float(np.nansum((measured - np.nanmean(measured)) ** 2))
-        if not changed < _MATTERS**2 * moved:
+        if not changed < MATTERS**2 * moved:
             return True
     return False
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.evaluation import evaluate, reduce
+from wingwatch.diagnosis.evidence import ALIKE
 from wingwatch.diagnosis.linear_aircraft import concise
 from wingwatch.diagnosis.measured import OUTPUTS, Window
 from wingwatch.diagnosis.problem import Point, Problem, model_at
@@ -35,8 +36,6 @@ _LEAD_S = 1.0
 _AMPLITUDE_RAD = math.radians(3.0)
 _BAND_HZ = (0.2, 2.0)
 _SURFACES = ("elevator", "aileron", "rudder")
-_TOLD = 3.0
-"""Log-likelihood that tells causes apart: odds of twenty to one."""
 _MOST_TIMES = 20
 
 
@@ -54,9 +53,9 @@ def separating_manoeuvre(problem: Problem, point: Point, cause: int, rivals: Seq
         evidence = min(_evidence(problem, point, cause, rival, design) for rival in rivals)
         if evidence > least:
             best, least = design, evidence
-    if best is None or least * _MOST_TIMES < _TOLD:
+    if best is None or least * _MOST_TIMES < ALIKE:
         return ""
-    return _in_words(best, math.ceil(_TOLD / least))
+    return _in_words(best, math.ceil(ALIKE / least))
 
 
 def _in_words(design: InputDesign, times: int) -> str:

@@ -8,11 +8,9 @@ from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.problem import Problem, lead_of
 from wingwatch.diagnosis.replay import Model, body_state, fly_window, sense
 
-__all__ = ["TRIM_STEPS", "all_seen", "fly_filtered", "open_loop", "seen_in"]
+__all__ = ["all_seen", "fly_filtered", "open_loop", "seen_in"]
 
 Array = NDArray[np.float64]
-
-TRIM_STEPS = np.array([1e-3, 1e-3, 1e-4, 1e-4, 1e-4, 1e-4])
 
 
 def open_loop(problem: Problem, w: int, model: Model, starts: Array, trims: Array) -> Array:

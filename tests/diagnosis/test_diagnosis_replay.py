@@ -184,7 +184,7 @@ def test_a_fit_begins_at_the_noise_that_is_likeliest_of_a_few() -> None:
         _, problem, point = problem_of(
             simulate(Scenario(AEROSONDE, manoeuvres=inputs, turbulence=air, seed=5), 20.0)
         )
-        gusts = noise_levels.near_noise(problem, point).noise.gusts
+        gusts = noise_levels.likeliest_level(problem, point).noise.gusts
         speed = CRUISE.airspeed_true_m_s
         assert (gusts[1] > 0.01 * speed) == (air == "moderate"), air
 
@@ -195,7 +195,7 @@ def test_a_noise_from_which_the_simulation_runs_away_is_passed_over(
 ) -> None:
     _, problem, point = problem_of(flown())
     usual = fly_filtered
-    chosen = noise_levels.near_noise(problem, point).noise
+    chosen = noise_levels.likeliest_level(problem, point).noise
 
     def runs_away(
         problem: Problem, w: int, model: Model, trims: Array, filtering: Filter, read: Array
@@ -210,9 +210,9 @@ def test_a_noise_from_which_the_simulation_runs_away_is_passed_over(
     monkeypatch.setattr(noise_levels, "fly_filtered", runs_away)
     if all_of_them:
         with pytest.raises(RunsAwayError):
-            noise_levels.near_noise(problem, point)
+            noise_levels.likeliest_level(problem, point)
     else:
-        other = noise_levels.near_noise(problem, point).noise
+        other = noise_levels.likeliest_level(problem, point).noise
         assert not np.array_equal(other.gusts, chosen.gusts)
 
 
