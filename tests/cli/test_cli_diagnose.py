@@ -14,12 +14,8 @@ from diagnosis_examples import AGREES, FOUND, NOTHING_FOUND
 from wingwatch import diagnosis
 from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.cli.main import main
-from wingwatch.diagnosis import Cause, Diagnosis, as_json
+from wingwatch.diagnosis import Cause, Diagnosis, DiagnosisError, as_json
 from wingwatch.telemetry import SampleBlock, write_flight
-
-
-class RefusedError(ValueError):
-    """Stands for ``DiagnosisError``."""
 
 
 @dataclasses.dataclass
@@ -42,7 +38,6 @@ class Numerics:
 def numerics(monkeypatch: pytest.MonkeyPatch) -> Numerics:
     fake = Numerics()
     monkeypatch.setattr(diagnosis, "diagnose", fake.diagnose, raising=False)
-    monkeypatch.setattr(diagnosis, "DiagnosisError", RefusedError, raising=False)
     return fake
 
 
@@ -155,7 +150,7 @@ def test_bad_input_is_one_sentence(
 def test_what_the_numerics_refuse_is_one_sentence(
     capsys: pytest.CaptureFixture[str], numerics: Numerics, flight: Path
 ) -> None:
-    numerics.answer = RefusedError("the flight is too short:\n4 s of the 20 that are needed")
+    numerics.answer = DiagnosisError("the flight is too short:\n4 s of the 20 that are needed")
     ran = run(capsys, ["diagnose", flight, "--aircraft", "aerosonde"])
     assert ran.sentence == "wingwatch: error: the flight is too short: 4 s of the 20 that are needed"
 

@@ -46,15 +46,13 @@ from pathlib import Path
 from wingwatch import diagnosis
 from diagnosis_examples import FOUND
 import dataclasses, os
-class DiagnosisError(ValueError):
-    pass
 def diagnose(flight, aircraft, *, kinds, validate, source, progress):
     progress("looking", 0.25)
     print("a library's chatter")
     if len(flight) < 50:
-        raise DiagnosisError(f"{source}: {len(flight)} samples are too few")
+        raise diagnosis.DiagnosisError(f"{source}: {len(flight)} samples are too few")
     return dataclasses.replace(FOUND, source=source, notes=(str(os.nice(0)), aircraft.name))
-diagnosis.diagnose, diagnosis.DiagnosisError = diagnose, DiagnosisError
+diagnosis.diagnose = diagnose
 from wingwatch.cli.diagnosis_worker import main
 sys.exit(main(Path(sys.argv[1])))
 """
