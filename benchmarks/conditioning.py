@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
-from wingwatch.estimators.static_derivatives import static_derivatives
+from wingwatch.diagnosis.static_derivatives import static_derivatives
 from wingwatch.simulation import (
     CgShift,
     Effect,

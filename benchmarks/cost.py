@@ -32,8 +32,8 @@ from wingwatch.estimators import (
     SignalState,
     offsets,
 )
-from wingwatch.estimators.ekf_kernel import step_inputs
-from wingwatch.estimators.ekf_model import measure, transition
+from wingwatch.estimators.ekf.kernel import step_inputs
+from wingwatch.estimators.ekf.model import measure, transition
 from wingwatch.monitor import Chain, VehicleMonitor
 from wingwatch.monitor.chain import nominal_condition
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule, simulate

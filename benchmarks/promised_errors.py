@@ -30,8 +30,7 @@ from wingwatch.estimators import (
     SignalLayout,
     offsets,
 )
-from wingwatch.estimators.excitation import design_input, surface_targets
-from wingwatch.estimators.excitation_promise import SensedPlant, promise, sensed_plant
+from wingwatch.input_design import SensedPlant, design_input, promise, sensed_plant, surface_targets
 from wingwatch.simulation import linear_response, specific_force, state_rates
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import load
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.diagnosis.condition_report import Conditioned, condition
-from wingwatch.estimators import StaticDerivatives
+from wingwatch.diagnosis.static_derivatives import StaticDerivatives
 from wingwatch.telemetry import write_flight
 from wingwatch.telemetry.conditioning import AirQuality, Parameter
 

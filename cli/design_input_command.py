@@ -26,16 +26,19 @@ from wingwatch.aircraft import (
 )
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import page, write_json
-from wingwatch.estimators.excitation import (
+from wingwatch.input_design import (
     INPUT_KINDS,
     SURFACE_OF_INPUT,
     InputDesign,
+    Promise,
+    SensedPlant,
     SurfaceTarget,
     design_input,
+    input_notes,
+    promise,
+    sensed_plant,
     surface_targets,
 )
-from wingwatch.estimators.excitation_limits import input_notes
-from wingwatch.estimators.excitation_promise import Promise, SensedPlant, promise, sensed_plant
 
 __all__ = ["Designed", "run"]
 

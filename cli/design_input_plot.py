@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wingwatch.cli.faults import CommandError
-from wingwatch.estimators.excitation import InputDesign
-from wingwatch.estimators.excitation_promise import Promise
+from wingwatch.input_design import InputDesign, Promise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.diagnosis.static_derivatives import StaticDerivatives, static_derivatives
 from wingwatch.diagnosis.tracking import Track, untracked
-from wingwatch.estimators import StaticDerivatives, static_derivatives
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
 from wingwatch.telemetry.conditioning import (
     AirConfig,

@@ -24,7 +24,7 @@ from wingwatch.diagnosis.measured import OUTPUTS, Window
 from wingwatch.diagnosis.problem import Point, Problem, model_at
 from wingwatch.diagnosis.replay import inputs_of
 from wingwatch.diagnosis.windows import open_loop
-from wingwatch.estimators.excitation import InputDesign, SurfaceTarget, design_input, surface_targets
+from wingwatch.input_design import InputDesign, SurfaceTarget, design_input, surface_targets
 
 __all__ = ["separating_manoeuvre"]
 

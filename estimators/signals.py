@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
-from wingwatch.estimators.levels import LEVELS, advance_level, start_level
+from wingwatch.estimators.kernels.levels import LEVELS, advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
 
 __all__ = ["CONDITION_COLUMNS", "SignalConfig", "SignalLayout", "Signals", "SignalState", "known_moments"]

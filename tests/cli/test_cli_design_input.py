@@ -11,7 +11,7 @@ from cli_flights import Ran, run
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, load_aircraft
 from wingwatch.cli.arguments import build_parser
-from wingwatch.estimators.excitation import INPUT_KINDS
+from wingwatch.input_design import INPUT_KINDS
 
 BASE = ("design-input", "--aircraft", "aerosonde")
 DOUBLET = (*BASE, "--mode", "short_period", "--kind", "doublet")

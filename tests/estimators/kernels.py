@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators import change, fourier_bank, fourier_between, fourier_change
-from wingwatch.estimators.forgetting import FORGETTING_LINES, FORGETTING_SQUARES, replaced
-from wingwatch.estimators.fourier_directions import DIRECTION_LINES, DIRECTION_SQUARES, reduce_information
+from wingwatch.estimators.fourier import bank as transforms
+from wingwatch.estimators.fourier import between, change, marks
+from wingwatch.estimators.fourier.directions import DIRECTION_LINES, DIRECTION_SQUARES, reduce_information
+from wingwatch.estimators.fourier.forgetting import FORGETTING_LINES, FORGETTING_SQUARES, replaced
 
 Array = NDArray[np.float64]
 Real = NDArray[np.floating[Any]]
@@ -81,19 +82,19 @@ def free_memory(
 def since_mark(
     omega: Real, bank: Real, rows: Real, sums: Real, roughness: Real, mark: tuple[Array, Array, Array]
 ) -> tuple[Array, Array]:
-    """``fourier_change.since_mark``: bank and rows of the part."""
+    """``marks.since_mark``: bank and rows of the part."""
     part, ends = np.empty(bank.shape), np.empty(rows.shape)
-    fourier_change.since_mark(
+    marks.since_mark(
         omega, bank, rows, sums, roughness, *mark, part, ends, np.empty_like(sums), np.empty_like(roughness)
     )
     return part, ends
 
 
 def transforms_of(omega: Real, bank: Real, span: float, ns: int, nu: int) -> tuple[Array, Array]:
-    """``fourier_bank.block_transforms``: (channels, 2, frequencies), phase (2, frequencies); span smoothed 0.1 s."""
-    out = np.empty((len(bank) + fourier_bank.NUISANCE - 1, 2, omega.size))
+    """``bank.block_transforms``: (channels, 2, frequencies), phase (2, frequencies); span smoothed 0.1 s."""
+    out = np.empty((len(bank) + transforms.NUISANCE - 1, 2, omega.size))
     phase = np.empty((2, omega.size))
-    fourier_bank.block_transforms(omega, bank, span, 0.1, ns, nu, out, phase)
+    transforms.block_transforms(omega, bank, span, 0.1, ns, nu, out, phase)
     return out, phase
 
 
@@ -101,9 +102,9 @@ def curves_of(
     omega: Real, lines: Real, phase: Real, rows: Real, dt: float, servo_s: Real, theta: Real, forward: Real,
     lever_m: float,
 ) -> Array:  # fmt: skip
-    """``fourier_between.between_samples`` of two states and one input, the force seen ``lever_m`` ahead of the c.g."""
+    """``between.between_samples`` of two states and one input, the force seen ``lever_m`` ahead of the c.g."""
     out, room, lever = np.empty(lines.shape), np.empty((2, 3, 2, omega.size)), np.array([0.0, lever_m])
-    fourier_between.between_samples(
+    between.between_samples(
         omega, lines, phase, rows[0], rows[-1], dt, servo_s, theta, np.ones(6), forward, lever, 2, 1,
         room, out,
     )  # fmt: skip

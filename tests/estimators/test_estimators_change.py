@@ -9,7 +9,7 @@ from reference_plant import PLANTS
 from tracking import CHANGED, follow_step, stepped_truth
 
 from wingwatch.estimators import FourierState
-from wingwatch.estimators.change import CHANGE_LOG_THRESHOLD
+from wingwatch.estimators.fourier.change import CHANGE_LOG_THRESHOLD
 
 SIZE = np.array([4.0, 25.0, 2.0, 4.0, 6.0, 32.0])
 

@@ -9,8 +9,8 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 from wingwatch.estimators import EkfConfig, EkfEstimator
-from wingwatch.estimators.ekf_inputs import course
-from wingwatch.estimators.ekf_model import transition
+from wingwatch.estimators.ekf.model import transition
+from wingwatch.estimators.kernels.intersample import course
 
 DT = 1.0 / RATE_HZ
 SURFACE, KINEMATIC = 4, 5

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wingwatch.estimators.ekf_noise import sensor_noise
+from wingwatch.estimators.ekf.noise import sensor_noise
 
 SAMPLES, DT, MEMORY_S = 1500, 0.02, 10.0
 

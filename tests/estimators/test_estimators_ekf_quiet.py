@@ -5,7 +5,7 @@ import pytest
 from estimator_plants import PITCH, SOLVE_EVERY, YAW, Array, Plant, Runner, ekf, noisy_batch, quiet_batch
 
 from wingwatch.estimators import EkfEstimator, EkfState
-from wingwatch.estimators.ekf_quiet import NOISE, SIGNAL, UNDECIDED
+from wingwatch.estimators.ekf.quiet import NOISE, SIGNAL, UNDECIDED
 
 plants = pytest.mark.parametrize("plant", [PITCH, YAW], ids=["short_period", "dutch_roll"])
 

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from reference_plant import PLANTS, cramer_rao, noise_std, noisy_scores
 
 from wingwatch.estimators import EkfEstimator, EkfState
-from wingwatch.estimators.ekf_covariance import reseat
-from wingwatch.estimators.ekf_stretch import STRETCH_ROWS, recalled
+from wingwatch.estimators.ekf.covariance import reseat
+from wingwatch.estimators.ekf.stretch import STRETCH_ROWS, recalled
 
 Counts: TypeAlias = NDArray[np.int64]
 

@@ -25,7 +25,7 @@ from wingwatch.estimators import (
     filter_error,
     in_form,
 )
-from wingwatch.estimators.kalman.filter_error import _unsettled
+from wingwatch.estimators.filter_error.whole_flight import _unsettled
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ from situation_cases import CONDITIONS, SITUATIONS
 from situation_plants import Situation, fly_situation
 from situations import whole_manoeuvres
 
-from wingwatch.estimators.kalman.discretisation import discretise, stationary_covariance
-from wingwatch.estimators.kalman.filter_error import FilterErrorConfig, problem_of
-from wingwatch.estimators.kalman.innovations import Trace, empty_trace, innovations
-from wingwatch.estimators.kalman.likelihood import Problem, evaluate, sensitivities
-from wingwatch.estimators.kalman.scoring import solve
-from wingwatch.estimators.kalman.surface import at_rest
+from wingwatch.estimators.filter_error.discretisation import discretise, stationary_covariance
+from wingwatch.estimators.filter_error.innovations import Trace, empty_trace, innovations
+from wingwatch.estimators.filter_error.likelihood import Problem, evaluate, sensitivities
+from wingwatch.estimators.filter_error.scoring import solve
+from wingwatch.estimators.filter_error.surface import at_rest
+from wingwatch.estimators.filter_error.whole_flight import FilterErrorConfig, problem_of
 
 Array = NDArray[np.float64]
 

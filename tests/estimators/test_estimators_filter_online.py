@@ -16,8 +16,8 @@ from situation_plants import Flight, Situation, fly_situation
 
 from wingwatch.aircraft import LATERAL, PHUGOID, SHORT_PERIOD
 from wingwatch.estimators import Estimate, FilterConfig, FilterEstimator, FilterState, Outcome
-from wingwatch.estimators.kalman.lanes import Lanes, build_lanes
-from wingwatch.estimators.kalman.model import FilterModel
+from wingwatch.estimators.filter_error.lanes import Lanes, build_lanes
+from wingwatch.estimators.filter_error.model import FilterModel
 
 Array = NDArray[np.float64]
 

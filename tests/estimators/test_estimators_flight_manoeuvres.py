@@ -37,7 +37,7 @@ from wingwatch.estimators import (
     output_error,
     solved_as,
 )
-from wingwatch.estimators.servo import ahead, lead_steps, moved, moves_as_told
+from wingwatch.estimators.batch.servo import ahead, lead_steps, moved, moves_as_told
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import CHANNEL_INDEX, REQUIRED_CHANNELS, SampleBlock, complete
 

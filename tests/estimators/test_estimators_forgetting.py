@@ -6,7 +6,7 @@ from estimator_plants import PITCH, Array, fourier, noisy_batch, quiet_batch
 from kernels import left_by
 
 from wingwatch.estimators import FourierState
-from wingwatch.estimators.forgetting import EXCITED
+from wingwatch.estimators.fourier.forgetting import EXCITED
 
 SHARE = 0.2
 

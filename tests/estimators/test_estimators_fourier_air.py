@@ -4,8 +4,8 @@ import numpy as np
 from kernels import as_complex, transforms_of
 
 from wingwatch.estimators import SignalLayout
-from wingwatch.estimators.fourier_air import advance_air, air_channels, product_channel, rebase_products
-from wingwatch.estimators.fourier_bank import advance_bank, bank_channels
+from wingwatch.estimators.fourier.air import advance_air, air_channels, product_channel, rebase_products
+from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 
 LAYOUT = SignalLayout(2, 1)
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0

@@ -5,8 +5,8 @@ import pytest
 from kernels import as_complex, curves_of, transforms_of
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier_air import air_channels
-from wingwatch.estimators.fourier_bank import advance_bank, bank_channels
+from wingwatch.estimators.fourier.air import air_channels
+from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wingwatch.estimators.fourier_dispersion import (
+from wingwatch.estimators.fourier.dispersion import (
     DISPERSION_LINES,
     DISPERSION_SQUARES,
     disperse,

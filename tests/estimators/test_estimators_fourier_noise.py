@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier_noise import (
+from wingwatch.estimators.fourier.noise import (
     AIR_LEVELS,
     Air,
     NoiseWorkspace,
@@ -17,7 +17,7 @@ from wingwatch.estimators.fourier_noise import (
     noise_workspace,
     weigh,
 )
-from wingwatch.estimators.fourier_products import expected_products, noise_power
+from wingwatch.estimators.fourier.products import expected_products, noise_power
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 SPEED, POWER = 25.0, 0.2

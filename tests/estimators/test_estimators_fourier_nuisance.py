@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier_bank import NUISANCE
-from wingwatch.estimators.fourier_noise import AIR_LEVELS, Air, Plant, noise_workspace
-from wingwatch.estimators.fourier_nuisance import (
+from wingwatch.estimators.fourier.bank import NUISANCE
+from wingwatch.estimators.fourier.noise import AIR_LEVELS, Air, Plant, noise_workspace
+from wingwatch.estimators.fourier.nuisance import (
     NO_COLUMN,
     NormalWorkspace,
     degrees_of_freedom,

@@ -9,8 +9,8 @@ from kernels import as_complex, reduced, transforms_of
 from numpy.typing import NDArray
 
 from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
-from wingwatch.estimators.fourier_bank import advance_bank, bank_channels
-from wingwatch.estimators.fourier_directions import noise_edge
+from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
+from wingwatch.estimators.fourier.directions import noise_edge
 
 LAYOUT = SignalLayout(2, 1)
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0

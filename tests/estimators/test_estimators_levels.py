@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wingwatch.estimators.levels import LEVELS, SMOOTHING_S, advance_level, start_level
+from wingwatch.estimators.kernels.levels import LEVELS, SMOOTHING_S, advance_level, start_level
 
 DT = 0.02
 

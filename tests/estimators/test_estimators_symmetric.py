@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.estimators import symmetric
+from wingwatch.estimators.kernels import symmetric
 
 Array = NDArray[np.float64]
 

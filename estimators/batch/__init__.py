@@ -1,0 +1,1 @@
+"""Estimators of whole flights, and the manoeuvres that they are given."""

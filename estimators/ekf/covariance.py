@@ -1,0 +1,238 @@
+"""The filter's algebra: covariance predicted, corrected and mixed with the prior, in place and without allocating.
+
+Covariances are kept whole, both triangles: rows are then contiguous, and adding the product h h' of one vector changes
+both triangles alike to the last bit.
+"""
+
+import numpy as np
+from numba import njit
+
+from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.symmetric import invert
+
+__all__ = ["correct", "forget", "inverse_of", "keep_marginal", "predict", "put_marginal", "reseat"]
+
+
+@hot
+def predict(cov, process, jacobian, drift, top, ns, nx, nz):  # type: ignore[no-untyped-def]
+    """F P F' + Q for the Jacobian's rows ``jacobian`` (nx, nz), identity below; the last ``ns`` states drift.
+
+    ``process`` (nx, nx), ``drift`` (ns,); ``top`` (nx, nz) is scratch.
+    """
+    top[:] = 0.0
+    for k in range(nx):
+        for m in range(nz):
+            factor = jacobian[k, m]
+            if factor != 0.0:
+                for c in range(nz):
+                    top[k, c] += factor * cov[m, c]
+    for k in range(nx):
+        for m in range(k + 1):
+            total = 0.0
+            for c in range(nz):
+                total += top[k, c] * jacobian[m, c]
+            total += 0.5 * (process[k, m] + process[m, k])
+            cov[k, m] = total
+            cov[m, k] = total
+        for c in range(nx, nz):
+            cov[k, c] = top[k, c]
+            cov[c, k] = top[k, c]
+    for k in range(ns):
+        c = nz - ns + k
+        cov[c, c] += drift[k]
+
+
+@hot
+def correct(z, cov, variance, excess, row, measured, ns, nz, gains, pushes, roots):  # type: ignore[no-untyped-def]
+    """All measurements of one instant, one after the other; equal to the joint update for independent noise.
+
+    The gains are found first, each from the covariance that those before it leave; the covariance follows in one pass.
+
+    Args:
+        z, cov: corrected in place.
+        variance: of the measurements, the states' and the accelerometer's, (ns + 1,).
+        excess: readings less what is expected, (ns + 1,).
+        row: the accelerometer's Jacobian, (nz,).
+        measured: which of them are there, (ns + 1,).
+        gains, pushes, roots: scratch (m, nz), (m,), (m,), m an even number of at least ns + 1; rows past ns are zero.
+            In the end ``gains`` are the gains times ``1 / roots``, the inverse standard deviations of the innovations.
+
+    Returns:
+        the accelerometer's residual after correction, and its variance due to the state, H P H'.
+    """
+    residual = explained = 0.0
+    for j in range(ns + 1):
+        for c in range(nz):
+            gains[j, c] = 0.0
+        pushes[j] = roots[j] = 0.0
+        if not measured[j]:
+            continue
+        innovation = excess[j]
+        _sees(cov, row, j, ns, nz, gains)
+        for i in range(j):
+            shared = _seen(gains, i, row, j, ns, nz)
+            for c in range(nz):
+                gains[j, c] -= shared * gains[i, c]
+            innovation -= shared * pushes[i]
+        spread = _seen(gains, j, row, j, ns, nz)
+        total = spread + variance[j]
+        if j == ns:
+            residual, explained = innovation * variance[j] / total, spread * variance[j] / total
+        root = 1.0 / np.sqrt(total)
+        for c in range(nz):
+            gains[j, c] *= root
+        pushes[j] = innovation * root
+        roots[j] = root
+        for c in range(nz):
+            z[c] += gains[j, c] * pushes[j]
+    for j in range(0, ns + 1, 2):
+        for c in range(nz):
+            g, h = gains[j, c], gains[j + 1, c]
+            for d in range(nz):
+                cov[c, d] -= g * gains[j, d] + h * gains[j + 1, d]
+    return residual, explained
+
+
+@hot
+def _sees(cov, row, j, ns, nz, gains):  # type: ignore[no-untyped-def]
+    """P H' of measurement j, into row j of ``gains``."""
+    if j < ns:
+        for c in range(nz):
+            gains[j, c] = cov[j, c]
+        return
+    for d in range(nz):
+        factor = row[d]
+        if factor != 0.0:
+            for c in range(nz):
+                gains[j, c] += factor * cov[d, c]
+
+
+@hot
+def _seen(gains, i, row, j, ns, nz):  # type: ignore[no-untyped-def]
+    """What measurement j sees of gain i: its own state's element, or the accelerometer's row times it."""
+    if j < ns:
+        return gains[i, j]
+    total = 0.0
+    for c in range(nz):
+        total += row[c] * gains[i, c]
+    return total
+
+
+@njit(cache=True)
+def inverse_of(cov, chosen):  # type: ignore[no-untyped-def]
+    """Inverse of the covariance of some parameters, (m, m)."""
+    m = chosen.size
+    now, inverse = np.empty((m, m)), np.empty((m, m))
+    for a in range(m):
+        for b in range(m):
+            now[a, b] = cov[chosen[a], chosen[b]]
+    invert(now, inverse)
+    return inverse
+
+
+@njit(cache=True)
+def put_marginal(z, cov, chosen, inverse, value, covariance):  # type: ignore[no-untyped-def]
+    """Gives some parameters another mean and covariance; all else, given these, stays.
+
+    Args:
+        z, cov: changed in place.
+        chosen: which of ``z``, indices, (m,).
+        inverse: of their covariance as it is, (m, m).
+        value, covariance: that they get, (m,) and (m, m).
+    """
+    m, n = chosen.size, z.size - chosen.size
+    rest, others = np.empty(n, dtype=np.int64), 0
+    for c in range(z.size):
+        if not (chosen == c).any():
+            rest[others] = c
+            others += 1
+    regression, half, cross = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, m))
+    for r in range(n):
+        for a in range(m):
+            factor = cov[rest[r], chosen[a]]
+            for b in range(m):
+                regression[r, b] += factor * inverse[a, b]
+        for a in range(m):
+            factor = regression[r, a]
+            z[rest[r]] += factor * (value[a] - z[chosen[a]])
+            for b in range(m):
+                cross[r, b] += factor * covariance[a, b]
+        for b in range(m):
+            half[r, b] = cross[r, b] - cov[rest[r], chosen[b]]
+    for r in range(n):
+        for q in range(r + 1):
+            total = 0.5 * (cov[rest[r], rest[q]] + cov[rest[q], rest[r]])
+            for b in range(m):
+                total += half[r, b] * regression[q, b]
+            cov[rest[r], rest[q]] = cov[rest[q], rest[r]] = total
+    for a in range(m):
+        z[chosen[a]] = value[a]
+        for r in range(n):
+            cov[rest[r], chosen[a]] = cov[chosen[a], rest[r]] = cross[r, a]
+        for b in range(m):
+            cov[chosen[a], chosen[b]] = covariance[a, b]
+
+
+@njit(cache=True)
+def forget(z, cov, prior_value, prior_information, keep, less, ns):  # type: ignore[no-untyped-def]
+    """Stabilised forgetting: what is known of the parameters is mixed with the prior, keep : 1 - keep.
+
+    Before that ``less`` (k, k), information on the derivatives that was none, is taken out: of J and h = J theta
+    only J becomes smaller.
+
+    Information keep P^-1 + (1 - keep) P0^-1, so a quiet flight returns to the prior instead of drifting and
+    nothing can grow. The states keep their regression on the parameters.
+    """
+    p = z.size - ns
+    chosen = np.arange(ns, z.size)
+    inverse = inverse_of(cov, chosen)
+    information, mixed, value = np.empty((p, p)), np.empty((p, p)), np.zeros(p)
+    vector = np.empty(p)
+    for a in range(p):
+        vector[a] = (1.0 - keep) * prior_information[a] * prior_value[a]
+        for b in range(p):
+            vector[a] += keep * inverse[a, b] * z[ns + b]
+            information[a, b] = keep * inverse[a, b]
+            if a < less.shape[0] and b < less.shape[0]:
+                information[a, b] -= keep * less[a, b]
+        information[a, a] += (1.0 - keep) * prior_information[a]
+    invert(information, mixed)
+    for a in range(p):
+        for b in range(a):
+            mixed[a, b] = mixed[b, a] = 0.5 * (mixed[a, b] + mixed[b, a])
+    for a in range(p):
+        for b in range(p):
+            value[a] += mixed[a, b] * vector[b]
+    put_marginal(z, cov, chosen, inverse, value, mixed)
+
+
+@njit(cache=True)
+def keep_marginal(z, cov, value, covariance, chosen, first):  # type: ignore[no-untyped-def]
+    """Takes back what was learned of some parameters; what the others are, given these, stays.
+
+    Args:
+        z, cov: changed in place.
+        value, covariance: of all derivatives as they were, (k,) and (k, k).
+        chosen: which of the derivatives to put back, indices.
+        first: where the derivatives begin in ``z``.
+    """
+    m = chosen.size
+    mean, before = np.empty(m), np.empty((m, m))
+    for a in range(m):
+        mean[a] = value[chosen[a]]
+        for b in range(m):
+            before[a, b] = covariance[chosen[a], chosen[b]]
+    put_marginal(z, cov, first + chosen, inverse_of(cov, first + chosen), mean, before)
+
+
+@njit(cache=True)
+def reseat(z, cov, value, covariance, first):  # type: ignore[no-untyped-def]
+    """Gives the derivatives another mean and covariance; all else, given the derivatives, stays.
+
+    Args:
+        z, cov: changed in place.
+        value, covariance: of the derivatives, (k,) and (k, k).
+        first: where they begin in ``z``.
+    """
+    chosen = np.arange(first, first + value.size)
+    put_marginal(z, cov, chosen, inverse_of(cov, chosen), value, covariance)

@@ -1,0 +1,309 @@
+"""Likelihood of all windows' innovations, its gradient and information (docs/methods/filter_error.md).
+
+    cost(p) = sum (e^2 / s + ln s) / 2 + sum ((p - mean) / std)^2 / 2,                                     (2)
+
+each window's own constants (of its readings, and the copy's state at its first sample) being those that make it least:
+innovations are linear in them. What noise of the measured surfaces is expected to add to the cost is taken out of it
+(Nakamura 1990): with G the response of the innovations to a surface's noise of variance v,
+
+    corrected cost = cost - sum v G' S^-1 G / 2.                                                           (3)
+
+Sensitivities are differences between filters a small step apart, gains and variances
+included; what a window's own constants can explain is taken out of them (Golub and Pereyra 1973, Kaufman 1975).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+from wingwatch.estimators.filter_error.innovations import (
+    System,
+    Trace,
+    empty_trace,
+    filter_columns,
+    innovations,
+)
+from wingwatch.estimators.filter_error.model import FilterModel
+from wingwatch.estimators.filter_error.window import Window
+
+__all__ = [
+    "Evaluation",
+    "Prior",
+    "Problem",
+    "Sensitivities",
+    "evaluate",
+    "information_inverse",
+    "open_loop",
+    "sensitivities",
+]
+
+Array = NDArray[np.float64]
+
+_FASTEST_GROWTH = 1.0
+"""Motion that grows faster than this, 1/s, is none of an aircraft that is flown."""
+
+_MEMORY_S = 6.0
+"""After this an innovation no longer answers to the noise of one sample."""
+
+_FLAT = 1e-12
+"""Of a window's own constants: combinations with less of the largest information are not seen and stay 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """What is known of the parameters beforehand, and how the search handles them; (size,) each.
+
+    Attributes:
+        mean, std: of a normal distribution.
+        start: where the search begins.
+        step: of the differences that make sensitivities.
+    """
+
+    mean: Array
+    std: Array
+    start: Array
+    step: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Data, model and prior; ``free`` says which parameters are searched, (size,)."""
+
+    windows: Sequence[Window]
+    model: FilterModel
+    prior: Prior
+    free: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """The likelihood at one point.
+
+    Attributes:
+        parameters: p, (size,).
+        cost: (2).
+        systems, traces: of each window.
+        own: each window's own constants, (channels + states,).
+        own_columns: what they add to the innovations, (channels + states, samples, channels) each.
+        echoes: innovations that the noise of measured surfaces makes, whitened, so that their squares add to what it
+            adds to the cost, (inputs, readings) each; empty where surfaces are known without noise.
+    """
+
+    parameters: Array
+    cost: float
+    systems: list[System]
+    traces: list[Trace]
+    own: list[Array]
+    own_columns: list[Array]
+    echoes: list[Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivities:
+    """How one window's innovations answer to the parameters.
+
+    Attributes:
+        predicted: -de/dp / sqrt(s) less what the window's own constants can explain, (size, readings).
+        variance: ds/dp / s, (size, readings).
+        innovations: e / sqrt(s), (readings,).
+        used: whether a reading is there, (readings,).
+        echo_score: what the noise of surfaces takes from the score, (size,).
+        echo_information: what it adds to the information, (size, size).
+        echo_scatter: what it adds to the score's variance, (size, size).
+    """
+
+    predicted: Array
+    variance: Array
+    innovations: Array
+    used: NDArray[np.bool_]
+    echo_score: Array
+    echo_information: Array
+    echo_scatter: Array
+
+    def score(self) -> Array:
+        """Gradient of the log-likelihood by reading, without (3), (size, readings)."""
+        e = self.innovations
+        return np.asarray(self.predicted * e + 0.5 * self.variance * np.where(self.used, e * e - 1.0, 0.0))
+
+    def information(self) -> Array:
+        """Expected information, with what noise of surfaces adds to it, (size, size)."""
+        return np.asarray(self.predicted @ self.predicted.T + 0.5 * self.variance @ self.variance.T)
+
+
+def evaluate(problem: Problem, p: Array) -> Evaluation | None:
+    """The likelihood at p; None where the motion would grow without bounds or nothing finite comes out."""
+    model = problem.model
+    if any(model.growth(p, w) > _FASTEST_GROWTH for w in problem.windows):
+        return None
+    off = (p - problem.prior.mean) / problem.prior.std
+    cost = 0.5 * float(np.sum(off[problem.free] ** 2))
+    point = Evaluation(p, 0.0, [], [], [], [], [])
+    for window in problem.windows:
+        system = model.system(p, window)
+        trace = empty_trace(len(window), window.readings.shape[1], system.covariance.shape[0])
+        channels, ns = window.readings.shape[1], model.states
+        innovations(system, model.record(p, window, np.zeros(channels + ns)), trace, True)
+        if not (np.isfinite(trace.innovations).all() and trace.variances.min() > 0.0):
+            return None
+        columns = _own_columns(system, trace, window, ns)
+        own = _least_squares(columns, trace)
+        trace.innovations[...] -= np.einsum("c,ctq->tq", own, columns)
+        point.systems.append(system)
+        point.traces.append(trace)
+        point.own.append(own)
+        point.own_columns.append(columns)
+        echo = _echo(model, p, window, system, trace)
+        point.echoes.append(echo)
+        cost += 0.5 * float(np.sum(trace.innovations**2 / trace.variances + np.log(trace.variances)))
+        cost -= 0.5 * float(np.sum(echo**2))
+    if not math.isfinite(cost):
+        return None
+    return replace(point, cost=cost)
+
+
+def _echo(model: FilterModel, p: Array, window: Window, system: System, trace: Trace) -> Array:
+    """Innovations after one sample's noise of each measured input, whitened and as strong as all samples' together,
+    (inputs, readings). The sample is one from which on the gains have settled."""
+    inputs, often = _noisy(window), window.moving.sum(axis=0)
+    if not inputs.size:
+        return np.zeros((0, 0))
+    ns, at = model.states, len(window) // 3
+    length = min(len(window) - at, math.ceil(_MEMORY_S / window.dt))
+    span = slice(at, at + length)
+    late = Trace(trace.innovations[span], trace.variances[span], trace.gains[span], trace.renewed[span])
+    here = system._replace(level=system.level[span])
+    columns = np.zeros((inputs.size, length, window.readings.shape[1]))
+    for place, j in enumerate(inputs):
+        pulse = np.zeros((length, window.start.shape[1]))
+        pulse[1, ns + j] = math.sqrt(window.input_noise[j] * often[j])
+        columns[place] = open_loop(model, p, _driven_by(window, span, pulse), here)
+    states = np.zeros((inputs.size, system.covariance.shape[0]))
+    filter_columns(here, late, window.used[span], columns, states)
+    return np.asarray((columns / np.sqrt(late.variances)).reshape(inputs.size, -1))
+
+
+def _noisy(window: Window) -> NDArray[np.int64]:
+    """Inputs whose noise drives the model."""
+    return np.flatnonzero(window.input_noise * window.moving.sum(axis=0))
+
+
+def _echo_scatter(window: Window, predicted: Array, echoes: Array) -> Array:
+    """Variance of the score that the echoes in the innovations make, (size, size)."""
+    size, channels = predicted.shape[0], window.readings.shape[1]
+    total = np.zeros((size, size))
+    rows = predicted.reshape(size, len(window), channels)
+    for place, j in enumerate(_noisy(window)):
+        moving = window.moving[:, j]
+        # the pulse is at the second sample of an echo
+        answer = echoes[place].reshape(-1, channels)[1:] / math.sqrt(np.count_nonzero(moving))
+        answered = sum(
+            fftconvolve(rows[:, :, c], answer[::-1, c][None], axes=1)[:, answer.shape[0] - 1 :]
+            for c in range(channels)
+        )
+        total += (answered * moving) @ np.asarray(answered).T
+    return total
+
+
+def _driven_by(window: Window, span: slice, drives: Array) -> Window:
+    """A window in which nothing happens but these drives, on lines between samples."""
+    none = np.zeros((drives.shape[0], window.aerodynamic.shape[1]))
+    return replace(
+        window, readings=np.zeros_like(window.readings[span]), used=window.used[span], start=drives,
+        end=np.vstack([drives[1:], drives[-1:]]), aerodynamic=none, kinematic=none,
+    )  # fmt: skip
+
+
+def open_loop(model: FilterModel, p: Array, window: Window, system: System) -> Array:
+    """Readings that a window's forcing alone makes, without noise or correction, (samples, channels)."""
+    samples, channels = window.readings.shape
+    still = system._replace(noise=0.0 * system.noise, covariance=0.0 * system.covariance)
+    trace = empty_trace(samples, channels, system.covariance.shape[0])
+    silent = replace(window, readings=np.zeros_like(window.readings))
+    innovations(still, model.record(p, silent, np.zeros(channels + model.states)), trace, True)
+    return -trace.innovations
+
+
+def _own_columns(system: System, trace: Trace, window: Window, ns: int) -> Array:
+    """Innovations that a unit of each of the window's own constants makes, (channels + states, samples, channels)."""
+    samples, channels = window.readings.shape
+    n = system.covariance.shape[0]
+    readings = np.zeros((channels + ns, samples, channels))
+    states = np.zeros((channels + ns, n))
+    for c in range(channels):
+        readings[c, :, c] = 1.0
+    for j in range(ns):
+        states[channels + j, n - ns + j] = 1.0
+    filter_columns(system, trace, window.used, readings, states)
+    readings[channels:] *= -1.0
+    return readings
+
+
+def _least_squares(columns: Array, trace: Trace) -> Array:
+    """The own constants with the least innovations, (columns,)."""
+    root = 1.0 / np.sqrt(trace.variances)
+    x = (columns * root).reshape(columns.shape[0], -1)
+    return np.asarray(information_inverse(x @ x.T) @ (x @ (trace.innovations * root).ravel()))
+
+
+def information_inverse(matrix: Array) -> Array:
+    """Pseudo-inverse of an information matrix whose entries have different units."""
+    diagonal = np.diagonal(matrix)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, np.inf))
+    return np.asarray(
+        np.linalg.pinv(matrix * np.outer(scale, scale), rcond=_FLAT, hermitian=True) * np.outer(scale, scale)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Lane:
+    """Innovations, their variances and the echo of the surfaces' noise at parameters a step away."""
+
+    innovations: Array
+    variances: Array
+    echo: Array
+
+
+def _lane(problem: Problem, point: Evaluation, m: int, i: int, step: float) -> _Lane:
+    """The filter of window m with parameter i moved."""
+    window, model, there = problem.windows[m], problem.model, point.traces[m]
+    moved = point.parameters.copy()
+    moved[i] += step
+    system = model.system(moved, window)
+    lane = Trace(
+        np.zeros_like(there.innovations),
+        np.ones_like(there.variances),
+        np.zeros_like(there.gains),
+        there.renewed,
+    )
+    innovations(system, model.record(moved, window, point.own[m]), lane, False)
+    return _Lane(lane.innovations, lane.variances, _echo(model, moved, window, system, lane))
+
+
+def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
+    """Of window m at an evaluated point; rows of parameters that are not free are 0."""
+    window, trace, size = problem.windows[m], point.traces[m], point.parameters.size
+    readings = trace.innovations.size
+    root = 1.0 / np.sqrt(trace.variances)
+    predicted, variance = np.zeros((size, readings)), np.zeros((size, readings))
+    echoes = np.zeros((size, *point.echoes[m].shape))
+    for i in np.flatnonzero(problem.free).tolist():
+        step = problem.prior.step[i]
+        there = _lane(problem, point, m, i, step)
+        predicted[i] = ((trace.innovations - there.innovations) * root).ravel() / step
+        variance[i] = ((there.variances - trace.variances) / trace.variances).ravel() / step
+        echoes[i] = (there.echo - point.echoes[m]) / step
+    x = (point.own_columns[m] * root).reshape(-1, readings)
+    predicted -= (predicted @ x.T) @ information_inverse(x @ x.T) @ x
+    flat = echoes.reshape(size, -1)
+    driven = (
+        flat.copy()
+    )  # noises change how an echo is weighted, not what it is of: that is in the information already
+    driven[problem.model.layout.theta.stop :] = 0.0
+    return Sensitivities(
+        predicted, variance, (trace.innovations * root).ravel(), window.used.ravel(),
+        flat @ point.echoes[m].ravel(), driven @ driven.T, _echo_scatter(window, predicted, point.echoes[m]),
+    )  # fmt: skip

@@ -1,0 +1,240 @@
+"""Filter error: maximum likelihood with sensor noise, moving air and unmeasured moments, on files.
+
+Output error with a Kalman filter between model and data (Jategaonkar 2006, chapter 5): the innovations' full
+likelihood, with gains and innovation variances as functions of the parameters. Derivation, priors and guards:
+docs/methods/filter_error.md.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit
+from wingwatch.estimators.batch.manoeuvre import Manoeuvre
+from wingwatch.estimators.batch.regression import (
+    common_forces,
+    finished,
+    plain_start,
+    sensor_noise,
+    shared_config,
+)
+from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.filter_error.guards import guarded
+from wingwatch.estimators.filter_error.likelihood import Prior, Problem
+from wingwatch.estimators.filter_error.model import FilterModel, Layout
+from wingwatch.estimators.filter_error.scoring import Solution, solve
+from wingwatch.estimators.filter_error.verdict import unsettled
+from wingwatch.estimators.filter_error.window import Window, window
+
+__all__ = ["FilterErrorConfig", "filter_error", "problem_of"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FilterErrorConfig:
+    """What the filter is given besides the data.
+
+    Attributes:
+        span_m: of the wing; makes the time constants of gusts' gradients, 4 b / (pi V) for pitch and roll, 3 b / (pi V)
+            for yaw (MIL-F-8785C).
+        vane_ahead_m: how far the vane is ahead of the centre of gravity.
+        input_noise_std: of each measured input, rad; from the readings' third differences where empty. Surfaces that an
+            autopilot makes jitter look noisier than their sensors are: say it where it is known.
+        prior_ratio: standard deviation of the derivatives' prior, in natural sizes.
+    """
+
+    span_m: float = 2.9
+    vane_ahead_m: float = 0.0
+    input_noise_std: tuple[float, ...] = ()
+    prior_ratio: float = 3.0
+
+
+NAME = "filter-error"
+
+_unsettled = unsettled
+
+_GUST_SCALE_M = 100.0
+"""Expected scale length of gusts; estimated, known to a factor of e."""
+
+_INTENSITY = 3.0
+"""Standard deviation of the ln of unknown intensities: they are known to a factor of twenty."""
+
+_CONTRADICTED = 3.0
+"""Root of the chi-square per degree of freedom of what surfaces drive, from which on nothing is converged: the two
+sources of information contradict each other by so much that no widened error covers it."""
+
+
+def filter_error(
+    parts: Sequence[Manoeuvre],
+    config: FilterErrorConfig | None = None,
+    *,
+    expected: Array | None = None,
+    natural: Array | None = None,
+) -> tuple[Estimate, Fit]:
+    """Derivatives by filter error.
+
+    Args:
+        parts: manoeuvres of one config, of short period, Dutch roll or lateral.
+        config: see there.
+        expected: referred aerodynamic derivatives as expected beforehand, (k,): mean of the prior; equation error
+            (5.12) where None.
+        natural: natural size of each concise derivative, (k,), for prior and standing; that of ``expected`` where None.
+
+    Returns:
+        Estimate at the mean condition of the manoeuvres with its guarded covariance, and the statistics of the fit:
+        ``covariance_white`` is that of the likelihood, ``covariance_coloured`` the guarded one. What the data do not
+        inform keeps prior value and error, and is not observable.
+
+    Raises:
+        ValueError: no manoeuvre, manoeuvres of different configs, another structure, or no likelihood at the start.
+    """
+    problem = problem_of(parts, config or FilterErrorConfig(), expected, natural)
+    solution = solve(problem)
+    if solution is None:
+        raise ValueError(
+            "the filter cannot follow the flight from what is expected of the aircraft; check units and signs of the "
+            "channels, and the aircraft file"
+        )
+    return _report(parts, problem, solution)
+
+
+def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) -> tuple[Estimate, Fit]:
+    at, guards = problem.model.layout, guarded(problem, solution)
+    k, size = at.theta.stop, problem.model.natural
+    p = solution.point.parameters
+    plain = solution.covariance[:k, :k] * np.outer(size, size)
+    # what is known beforehand stays known, whatever the data
+    most = np.sqrt(np.maximum(problem.prior.std[:k] ** 2 / np.diagonal(solution.covariance)[:k], 1.0))
+    factors = np.minimum(guards.factors, most)
+    channels = _channels(problem, solution)
+    used = int(sum(np.count_nonzero(w.used) for w in problem.windows))
+    unknowns = int(np.count_nonzero(problem.free)) + sum(own.size for own in solution.point.own)
+    noise = np.sqrt(problem.model.physical(p).noise + np.mean([w.floor for w in problem.windows], axis=0))
+    estimate, fit = finished(
+        NAME, parts, p[at.theta] * size, plain, plain * np.outer(factors, factors), True, channels,
+        dict(zip(_channel_names(problem), noise.tolist(), strict=True)),
+        samples=sum(len(w) for w in problem.windows), parameters=unknowns, iterations=solution.iterations,
+        converged=solution.converged, freedom=float(used - unknowns), natural=size,
+        hidden=np.zeros(k, dtype=np.bool_),
+    )  # fmt: skip
+    if not solution.converged:
+        return _unsettled(estimate, "the search for the most likely derivatives did not come to rest"), fit
+    if guards.driven > _CONTRADICTED:
+        return _unsettled(estimate, "what the surfaces did contradicts what rough air and the rest say"), fit
+    if solution.gusts and at.rolling_air:
+        first = len(at.structure.regressors)
+        return _unsettled(estimate, "moments of rolling air are not modelled well enough", first), fit
+    return estimate, fit
+
+
+def _channel_names(problem: Problem) -> list[str]:
+    s = problem.model.layout.structure
+    return [*s.states, *(f"a_{s.equations[f]}" for f in problem.model.forces)]
+
+
+def _channels(problem: Problem, solution: Solution) -> tuple[ChannelFit, ...]:
+    """Statistics of one-step predictions of every channel that was read."""
+    fits = []
+    for c, name in enumerate(_channel_names(problem)):
+        measured, predicted = [], []
+        for data, trace in zip(problem.windows, solution.point.traces, strict=True):
+            there = data.used[:, c]
+            if there.any():
+                measured.append(data.readings[there, c])
+                predicted.append(data.readings[there, c] - trace.innovations[there, c])
+        if measured:
+            fits.append(channel_fit(name, measured, predicted))
+    return tuple(fits)
+
+
+def problem_of(
+    parts: Sequence[Manoeuvre], config: FilterErrorConfig, expected: Array | None, natural: Array | None
+) -> Problem:
+    """Windows, model and prior of a call.
+
+    Raises:
+        ValueError: a structure that is none of short period, Dutch roll and lateral.
+    """
+    shared = shared_config(parts)
+    s = shared.structure
+    if s.states not in (("w", "q"), ("v", "r"), ("v", "p", "r")):
+        raise ValueError(
+            f"filter error estimates short_period, dutch_roll and lateral; {s.name} has other states"
+        )
+    forces = np.flatnonzero(common_forces(parts))
+    input_noise = _input_noise(parts, config)
+    windows = [window(p, forces, input_noise) for p in parts]
+    mean = plain_start(parts) if expected is None else np.asarray(expected, dtype=np.float64)
+    size = np.abs(mean) if natural is None else np.asarray(natural, dtype=np.float64)
+    size = np.maximum(size, 1e-6)
+    layout = Layout(s, len(s.states) + forces.size)
+    airspeed = float(np.mean([w.airspeed_m_s for w in windows]))
+    model = FilterModel(
+        layout, size, forces, shared.lever_m, config.vane_ahead_m, 4.0 * config.span_m / (math.pi * airspeed)
+    )
+    return Problem(windows, model, _prior(model, windows, mean, config), np.ones(layout.size, dtype=np.bool_))
+
+
+def _input_noise(parts: Sequence[Manoeuvre], config: FilterErrorConfig) -> Array:
+    """Noise variance of each measured input, (inputs,): as the sensors' data say, else from third differences.
+
+    Raises:
+        ValueError: another number of entries.
+    """
+    shared = parts[0].config
+    inputs = len(shared.structure.inputs)
+    if not config.input_noise_std:
+        return sensor_noise(parts, common_forces(parts))[-inputs:]
+    if len(config.input_noise_std) != inputs:
+        raise ValueError(
+            f"input_noise_std has {len(config.input_noise_std)} entries; {shared.structure.name} has {inputs} inputs"
+        )
+    return np.where(shared.held, 0.0, np.square(config.input_noise_std))
+
+
+def _prior(model: FilterModel, windows: Sequence[Window], mean: Array, config: FilterErrorConfig) -> Prior:
+    at, size = model.layout, model.layout.size
+    ns = model.states
+    airspeed = float(np.mean([w.airspeed_m_s for w in windows]))
+    centre, std, step = np.zeros(size), np.ones(size), np.full(size, 1e-3)
+    centre[at.theta], std[at.theta], step[at.theta] = mean / model.natural, config.prior_ratio, 1e-4
+    copied = centre[at.theta].reshape(ns, -1)[:, :ns].ravel()
+    centre[at.copy], std[at.copy], step[at.copy] = copied, 1.0, 1e-4
+    centre[at.log_noise], std[at.log_noise] = np.log(_roughness(windows)), 3.0
+    centre[at.gust], std[at.gust] = math.log(0.02 * airspeed), _INTENSITY
+    centre[at.gust_rate_gain], step[at.gust_rate_gain] = 1.0, 1e-4
+    shape = 4.0 if at.structure.states[0] == "w" else 3.0
+    centre[at.log_span_time] = math.log(shape * config.span_m / (math.pi * airspeed))
+    std[at.log_span_time] = 0.7
+    centre[at.log_gust_time] = math.log(_GUST_SCALE_M / airspeed)
+    centre[at.log_moment_time] = math.log(0.5)
+    centre[at.disturbance] = np.log(_disturbances(model, 0.02 * airspeed, config))
+    std[at.disturbance] = _INTENSITY
+    return Prior(centre, std, centre.copy(), step)
+
+
+def _disturbances(model: FilterModel, gust: float, config: FilterErrorConfig) -> Array:
+    """Expected intensities: moments as of a fifth of a degree of the strongest surface, rolling air as gusts make it
+    (MIL-F-8785C)."""
+    at, ns = model.layout, model.states
+    surfaces = model.natural.reshape(ns, -1)[1:, ns:].max(axis=1) * math.radians(0.2)
+    if not at.rolling_air:
+        return np.asarray(surfaces)
+    return np.append(surfaces, 1.9 * gust / math.sqrt(_GUST_SCALE_M * config.span_m))
+
+
+def _roughness(windows: Sequence[Window]) -> Array:
+    """Noise variance of each channel by the median square of its second differences, (channels,)."""
+    channels = windows[0].readings.shape[1]
+    floor = np.max([w.floor for w in windows], axis=0)
+    rough = np.zeros(channels)
+    for c in range(channels):
+        squares = [np.diff(w.readings[w.used[:, c], c], 2) ** 2 for w in windows]
+        every = np.concatenate(squares)
+        # a normal variable's squares have a median of 0.455 of their mean; second differences six times the variance
+        rough[c] = np.median(every) / (0.455 * 6.0) if every.size else 1.0
+    return np.asarray(np.maximum(rough, np.maximum(floor, 1e-12)))

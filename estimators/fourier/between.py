@@ -1,0 +1,119 @@
+"""What signals do between their samples, beyond the line that the bank of the Fourier form draws; compiled.
+
+Derivation and symbols: ``docs/estimators.md`` section 2. States bend as the equations of motion say, a surface moves as
+its servo does. Both are corrections of second order in the time step, so present derivatives are good enough for them.
+"""
+
+import math
+
+from wingwatch.estimators.fourier.bank import NUISANCE
+from wingwatch.estimators.kernels.hot import lean
+from wingwatch.estimators.kernels.intersample import course
+
+__all__ = ["between_samples", "rate_of"]
+
+
+@lean
+def rate_of(omega, transform, phase, start, end, out):  # type: ignore[no-untyped-def]
+    """Transform of a signal's rate, s X + x(T) - e^{s T} x(0), exact; real and imaginary part, (2, frequencies)."""
+    real, imaginary, x, y = out[0], out[1], transform[0], transform[1]
+    for f in range(omega.size):
+        real[f] = end - phase[0, f] * start - omega[f] * y[f]
+        imaginary[f] = omega[f] * x[f] - phase[1, f] * start
+
+
+@lean
+def _add(factor, source, target):  # type: ignore[no-untyped-def]
+    """target += factor source, (2, frequencies)."""
+    for part in range(2):
+        from_, to = source[part], target[part]
+        for f in range(to.size):
+            to[f] += factor * from_[f]
+
+
+@lean
+def _add_turned(omega, factor, source, target):  # type: ignore[no-untyped-def]
+    """target += factor s source, (2, frequencies)."""
+    real, imaginary, x, y = target[0], target[1], source[0], source[1]
+    for f in range(omega.size):
+        real[f] -= factor * omega[f] * y[f]
+        imaginary[f] += factor * omega[f] * x[f]
+
+
+@lean
+def _add_half_step(omega, dt, jumps, target):  # type: ignore[no-untyped-def]
+    """target += what a line from sample to sample is short of a signal that jumps at the later one.
+
+    A line that ends in a jump of one has, before the jump, t / dt that the held signal has not:
+    (e^{s dt} - 1 - s dt) / (s^2 dt).
+    """
+    real, imaginary, x, y = target[0], target[1], jumps[0], jumps[1]
+    if x[0] == 0.0 and y[0] == 0.0:
+        return
+    for f in range(omega.size):
+        angle = omega[f] * dt
+        a = -dt * (1.0 - math.cos(angle)) / (angle * angle)
+        b = -dt * (angle - math.sin(angle)) / (angle * angle)
+        real[f] += a * x[f] - b * y[f]
+        imaginary[f] += a * y[f] + b * x[f]
+
+
+@lean
+def between_samples(  # type: ignore[no-untyped-def]
+    omega, lines, phase, start, end, dt, servo_s, theta, scale, forward, lever, ns, nu, room, out
+):  # fmt: skip
+    """Transforms of a block whose states and surfaces move between samples as the aircraft does.
+
+    A line from sample to sample misses -dt^2 / 12 x'' of a curve, and x'' = A x' + B u', with the u' of surfaces that
+    move, not of those that jump. A servo is ahead of the line by a share of dt. The accelerometer hears states and
+    surfaces at once: what their lines miss its own line misses, and a jump of a held input is a ramp in it. The
+    kinematic term has of each state ``forward``.
+
+    Args:
+        lines: (channels, 2, frequencies) of ``block_transforms``, kinematic term and known moments last; phase: e^{sT}.
+        start, end: signal rows at the ends of the block.
+        dt: mean time step, s.
+        servo_s: (nu,) time constants of servos, infinite where unknown, 0 for a command.
+        theta, scale, forward, lever: derivatives, what makes them present ones, kinematic part, accelerometer's place.
+        room: (2, ns + nu, 2, frequencies).
+        out: becomes the new transforms, as ``lines``, the channels of jumps left as they are.
+    """
+    nd = ns + nu
+    rate, missed = room[0], room[1]
+    for j in range(lines.shape[0]):
+        for part in range(2):
+            for f in range(omega.size):
+                out[j, part, f] = lines[j, part, f]
+    missed[:, :, :] = 0.0
+    for j in range(ns):
+        rate_of(omega, lines[j], phase, start[1 + j], end[1 + j], rate[j])
+    for j in range(nu):
+        own = ns + j
+        rate_of(omega, lines[own + 1], phase, start[2 + own], end[2 + own], rate[own])
+        if servo_s[j] == 0.0:
+            _add_half_step(omega, dt, rate[own], missed[own])
+            rate[own] = 0.0
+        elif servo_s[j] == math.inf:
+            jumps = lines[nd + 1 + NUISANCE + j]
+            _add_half_step(omega, dt, jumps, missed[own])
+            _add(-1.0, jumps, rate[own])
+        else:
+            mean, moment = course(dt, servo_s[j], False)
+            _add(dt * (mean - 0.5), rate[own], missed[own])
+            _add_turned(omega, dt * dt * (moment + 1.0 / 12.0), rate[own], missed[own])
+            _add(1.0, missed[own], out[own + 1])
+    for k in range(ns):
+        for j in range(nd):
+            share = theta[k * nd + j] * scale[k * nd + j]
+            if k == 0 and j < ns:
+                share += forward[j]
+            _add(-dt * dt / 12.0 * share, rate[j], missed[k])
+        _add(1.0, missed[k], out[k])
+    term = lines.shape[0] - ns
+    for j in range(ns):
+        _add(forward[j], missed[j], out[term])
+    for j in range(nd):
+        share = theta[j] * scale[j]
+        for k in range(1, ns):
+            share -= lever[k] * theta[k * nd + j] * scale[k * nd + j]
+        _add(share, missed[j], out[ns])

@@ -1,0 +1,158 @@
+"""Normal equations of one block of the recursive Fourier estimator, compiled.
+
+Derivation and symbols: ``docs/methods/fourier.md``. Rows are the force equation, the moment equations and, where there
+is one, the kinematic row, which has no derivative. Real and imaginary parts lie apart and frequencies side by side,
+(..., 2, frequencies), so that the processor takes several bins at once. All memory is the caller's.
+"""
+
+from wingwatch.estimators.fourier.bank import NUISANCE
+from wingwatch.estimators.fourier.between import rate_of
+from wingwatch.estimators.fourier.nuisance import prior_of
+from wingwatch.estimators.kernels.hot import lean
+
+__all__ = ["normal_equations", "residual_of", "responses"]
+
+
+@lean
+def responses(omega, bank, phase, start, end, plant, response):  # type: ignore[no-untyped-def]
+    """What each row has on its left side, (rows, 2, frequencies): exact transforms of rates, or the accelerometer.
+
+    Args:
+        bank: (channels, 2, frequencies) as ``between_samples`` gives it, the kinematic term and the known moments last;
+            phase: e^{s T}, (2, frequencies).
+        start, end: signal rows at the ends of the block.
+        plant: of ``fourier_noise``.
+    """
+    ns, lever = plant.lever.size, plant.lever
+    term = bank.shape[0] - ns
+    for k in range(ns):
+        rate_of(omega, bank[k], phase, start[1 + k], end[1 + k], response[k])
+    for part in range(2):
+        force, kinematic, first = bank[ns, part], bank[term, part], response[0, part]
+        if not plant.by_accelerometer:
+            for f in range(omega.size):
+                first[f] -= kinematic[f]
+        else:
+            kept = response.shape[0] > ns
+            for f in range(omega.size):
+                at_cg = force[f]
+                for j in range(1, ns):
+                    at_cg += lever[j] * response[j, part, f]
+                if kept:
+                    response[ns, part, f] = first[f] - at_cg - kinematic[f]
+                first[f] = at_cg
+        for j in range(1, ns):
+            known, rate = bank[term + j, part], response[j, part]
+            for f in range(omega.size):
+                rate[f] -= known[f]
+
+
+@lean
+def _product_sums(real, imaginary, weight):  # type: ignore[no-untyped-def]
+    """Sums over bins of Re P Re W and of Im P Im W."""
+    even = odd = 0.0
+    for f in range(real.size):
+        even += real[f] * weight[0, f]
+        odd += imaginary[f] * weight[1, f]
+    return even, odd
+
+
+@lean
+def _normal_matrix(bank, weights, ns, nd, product, m_full):  # type: ignore[no-untyped-def]
+    """M of all columns, the wanted ones of every equation first, then the nuisance ones of every row."""
+    rows, nc = weights.shape[0], nd + NUISANCE
+    real, imaginary = product[0], product[1]
+    for c in range(nc):
+        x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
+        for d in range(c, nc):
+            u, v = bank[d if d < ns else d + 1, 0], bank[d if d < ns else d + 1, 1]
+            for f in range(real.size):
+                real[f] = x[f] * u[f] + y[f] * v[f]
+                imaginary[f] = x[f] * v[f] - y[f] * u[f]
+            for k in range(rows):
+                for m in range(k, rows):
+                    if m >= ns and d < nd:
+                        continue
+                    even, odd = _product_sums(real, imaginary, weights[k, m])
+                    if k < ns or c >= nd:
+                        kc, md = _column(k, c, ns, nd), _column(m, d, ns, nd)
+                        m_full[kc, md] = m_full[md, kc] = even - odd
+                    if m < ns or c >= nd:
+                        kd, mc = _column(k, d, ns, nd), _column(m, c, ns, nd)
+                        m_full[kd, mc] = m_full[mc, kd] = even + odd
+
+
+@lean
+def _column(row, c, ns, nd):  # type: ignore[no-untyped-def]
+    """Place of column c of a row among all columns."""
+    return row * nd + c if c < nd else ns * nd + NUISANCE * row + c - nd
+
+
+@lean
+def _right_side(bank, weights, response, ns, nd, product, b_full):  # type: ignore[no-untyped-def]
+    """b = sum Re(R' W y), ordered as ``_normal_matrix``."""
+    for k in range(weights.shape[0]):
+        product[:, :] = 0.0
+        _add_weighted(weights[k], response, product)
+        real, imaginary = product[0], product[1]
+        for c in range(nd + NUISANCE):
+            if k >= ns and c < nd:
+                continue
+            x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
+            total = 0.0
+            for f in range(real.size):
+                total += x[f] * real[f] + y[f] * imaginary[f]
+            b_full[_column(k, c, ns, nd)] = total
+
+
+@lean
+def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
+    """out += sum over m of weights[m] values[m], all complex: (rows, 2, frequencies) twice, (2, frequencies)."""
+    real, imaginary = out[0], out[1]
+    for m in range(values.shape[0]):
+        a, b, x, y = weights[m, 0], weights[m, 1], values[m, 0], values[m, 1]
+        for f in range(real.size):
+            real[f] += a[f] * x[f] - b[f] * y[f]
+            imaginary[f] += a[f] * y[f] + b[f] * x[f]
+
+
+@lean
+def normal_equations(bank, response, plant, share, work, product, normal):  # type: ignore[no-untyped-def]
+    """Normal equations of one block, the nuisance columns still in them, in present derivatives.
+
+    Args:
+        bank: regressors, as ``between_samples`` gives them; response: of ``responses``.
+        share: of a whole block.
+        work: of ``fourier_noise.weigh``; product: (2, frequencies).
+        normal: ``NormalWorkspace``; its matrix and vector become sum Re(R' W R), the nuisance columns' prior in it, and
+            sum Re(R' W y).
+    """
+    ns, nd = plant.derivatives.shape
+    rows = work.weights.shape[0]
+    _normal_matrix(bank, work.weights, ns, nd, product, normal.matrix)
+    _right_side(bank, work.weights, response, ns, nd, product, normal.vector)
+    for k in range(rows):
+        first = ns * nd + NUISANCE * k
+        for c in range(NUISANCE):
+            normal.matrix[first + c, first + c] += prior_of(normal.variances[k, c], share)
+
+
+@lean
+def residual_of(bank, response, plant, nuisance, weights, whitened):  # type: ignore[no-untyped-def]
+    """The residual in the place of ``response``, and W times it into ``whitened``, both (rows, 2, frequencies)."""
+    ns, nd = plant.derivatives.shape
+    nf = bank.shape[2]
+    nc = nd + NUISANCE
+    for k in range(response.shape[0]):
+        real, imaginary = response[k, 0], response[k, 1]
+        for c in range(nc):
+            if c < nd and k >= ns:
+                continue
+            factor = plant.derivatives[k, c] if c < nd else nuisance[NUISANCE * k + c - nd, 0]
+            x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
+            for f in range(nf):
+                real[f] -= factor * x[f]
+                imaginary[f] -= factor * y[f]
+    for k in range(response.shape[0]):
+        whitened[k] = 0.0
+        _add_weighted(weights[k], response, whitened[k])

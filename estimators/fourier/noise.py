@@ -1,0 +1,423 @@
+"""What noise and gusts do to the equations of one block of the recursive Fourier estimator; compiled.
+
+The rows of a block are the force equation, the moment equations and, where a vane and an accelerometer are there, the
+kinematic row dw/dt = a_z + k (dv/dt = a_y + k), which holds no derivative. The residual of a bin is L n + B d + e: n
+white noise of the sensors, d the rate of the gust at the vane and the rolling of the air, e what a moment equation
+leaves out. Derivation, symbols and equation numbers: ``docs/methods/fourier.md`` sections 3 to 5.
+
+Real and imaginary parts lie apart and bins side by side, (..., 2, bins). All memory is the caller's.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.estimators.kernels.hot import lean
+
+__all__ = [
+    "AIR_LEVELS",
+    "DRIVING",
+    "Air",
+    "NoiseWorkspace",
+    "Plant",
+    "air_of",
+    "between_samples_variance",
+    "channel_variance",
+    "noise_variances",
+    "noise_workspace",
+    "weigh",
+    "weighted_column",
+]
+
+AIR_LEVELS = 3
+"""Variances of the air, the last of all: rate of the gust at the vane, (m/s2)^2; unsmoothed roll rate, (rad/s)^2; what
+the gust does between samples beside a line, (m/s)^2, which follows from the first (``between_samples_variance``)."""
+
+DRIVING = 2
+"""Of these the first ones drive the states."""
+
+SMALLEST_VARIANCE = 1e-12
+"""Of the air and of what a moment equation leaves out: nothing."""
+
+
+class Air(NamedTuple):
+    """How the air's motion enters the equations; one vehicle's block.
+
+    Attributes:
+        turn: turning of the air over the gust's rate, -1/V in pitch, 1/V in yaw, 1/(m/s); 0 where it is not known.
+        turn_s: time constant of the smoothing over the span, s.
+        roll_s: the same for rolling, s.
+        lead_s: time by which the vane meets a gust before the c.g. does, s.
+    """
+
+    turn: float
+    turn_s: float
+    roll_s: float
+    lead_s: float
+
+
+class Plant(NamedTuple):
+    """Present derivatives and kinematics that a block is linearised at.
+
+    Attributes:
+        derivatives: (states, states + inputs), aerodynamic, not referred.
+        forward_speed: (states,), what the kinematic term has of each state, m/s.
+        lever: (states,), of the accelerometer, m.
+        roll_column: (states,), what rolling of the air does: derivatives by roll rate at what is known, else zeros.
+        by_accelerometer: whether the force equation rests on the accelerometer; else on the velocity's rate.
+        kinematic: whether there is the kinematic row, which needs vane and accelerometer.
+    """
+
+    derivatives: NDArray[np.float64]
+    forward_speed: NDArray[np.float64]
+    lever: NDArray[np.float64]
+    roll_column: NDArray[np.float64]
+    by_accelerometer: bool
+    kinematic: bool
+
+
+class NoiseWorkspace(NamedTuple):
+    """Memory of this module's kernels; rows are ``states`` or ``states + 1``, sources sensors and air.
+
+    Attributes:
+        transfer: (sources, rows, 2, bins) L and B: states, accelerometer, inputs, gust's rate, rolling air.
+        weights: (rows, rows, 2, bins) W, inverse of the residual's covariance.
+        fitted, half: (rows, rows, 2, bins), of ``fourier_nuisance.reduce_weights``.
+        weighted: (rows, 2, bins) W times one column of ``transfer``.
+        spread: (bins,).
+        believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
+        sums: (states, states) sum over bins of Re W.
+        rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
+        answers: (states, 2 states + 2), complex.
+    """
+
+    transfer: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    fitted: NDArray[np.float64]
+    half: NDArray[np.float64]
+    weighted: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    believed: NDArray[np.float64]
+    sums: NDArray[np.float64]
+    rolled: NDArray[np.float64]
+    answers: NDArray[np.complex128]
+
+
+def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWorkspace:
+    """Memory for one structure."""
+    return NoiseWorkspace(
+        np.zeros((states + 1 + inputs + AIR_LEVELS, rows, 2, bins)),
+        np.zeros((rows, rows, 2, bins)),
+        np.zeros((rows, rows, 2, bins)),
+        np.zeros((rows, rows, 2, bins)),
+        np.zeros((rows, 2, bins)),
+        np.zeros(bins),
+        np.zeros(bins),
+        np.zeros((states, states)),
+        np.zeros(1),
+        np.zeros((states, 2 * states + 2), dtype=np.complex128),
+    )
+
+
+@lean
+def air_of(gust_m, airspeed, lead_m, longitudinal):  # type: ignore[no-untyped-def]
+    """``Air`` at an airspeed.
+
+    Args:
+        gust_m: lengths of smoothing, (2,): roll, and pitch or yaw, m; zeros where the air is not known to turn.
+        lead_m: distance of the vane ahead of the c.g., m.
+    """
+    speed = max(airspeed, 1.0)
+    turn = 0.0
+    if gust_m[1] > 0.0:
+        turn = (-1.0 if longitudinal else 1.0) / speed
+    return Air(turn, gust_m[1] / speed, gust_m[0] / speed, lead_m / speed)
+
+
+@lean
+def between_samples_variance(gust_variance, dt):  # type: ignore[no-untyped-def]
+    """Variance of white noise that the velocity seems to have because a gust is no line between samples, (docs (11)).
+
+    A gust whose rate is white moves as a Wiener process. Between two samples it is a Brownian bridge, whose integral
+    over the step has the variance gust_variance dt dt^3 / 12, and does not depend on what the samples are.
+    """
+    return gust_variance * dt * dt / 12.0
+
+
+@lean
+def channel_variance(noise, j, ns):  # type: ignore[no-untyped-def]
+    """Noise variance of source j (states, accelerometer, inputs, air) in the vector of all variances."""
+    return noise[j] if j <= ns else noise[ns + j]
+
+
+@lean
+def _transfer_of_sensors(omega, plant, transfer):  # type: ignore[no-untyped-def]
+    """L of states, accelerometer and inputs: lines in s, a + s b, (docs (7))."""
+    ns, nd = plant.derivatives.shape
+    rows = transfer.shape[1]
+    for j in range(nd + 1):
+        for k in range(rows):
+            flat, rate = 0.0, 0.0
+            if k < ns:
+                if j != ns:
+                    flat = -plant.derivatives[k, j if j < ns else j - 1]
+                if k > 0 and j == k:
+                    rate = 1.0
+                if k == 0 and plant.by_accelerometer:
+                    flat += 1.0 if j == ns else 0.0
+                    rate = plant.lever[j] if j < ns else 0.0
+                elif k == 0:
+                    rate = 1.0 if j == 0 else 0.0
+                    flat -= plant.forward_speed[j] if j < ns else 0.0
+            elif j < ns:
+                rate = (1.0 if j == 0 else 0.0) - plant.lever[j]
+                flat = -plant.forward_speed[j]
+            elif j == ns:
+                flat = -1.0
+            real, imaginary = transfer[j, k, 0], transfer[j, k, 1]
+            for f in range(omega.size):
+                real[f] = flat
+                imaginary[f] = omega[f] * rate
+
+
+@lean
+def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-def]
+    """B: how the gust's rate at the vane, rolling air and a gust between samples enter the rows, (docs (8) to (11)).
+
+    A velocity that is short by e between samples makes the accelerometer short by z_w e there, so that the force row
+    holds; the rows with rates do not hear of that.
+    """
+    ns, nd = plant.derivatives.shape
+    rows = transfer.shape[1]
+    gust, rolling, between = transfer[nd + 1], transfer[nd + 2], transfer[nd + 3]
+    for f in range(omega.size):
+        s = 1j * omega[f]
+        lead = (1.0 - np.exp(-s * air.lead_s)) / s
+        turn = air.turn / (1.0 + s * air.turn_s)
+        roll = 1.0 / (1.0 + s * air.roll_s)
+        for k in range(rows):
+            by_gust, by_roll = -1.0 + 0.0j, 0.0j
+            if k < ns:
+                by_gust = plant.derivatives[k, 0] * lead - plant.derivatives[k, ns - 1] * turn
+                if k == 0 and rows == ns and not plant.by_accelerometer:
+                    by_gust -= 1.0
+                by_roll = -plant.roll_column[k] * roll
+            gust[k, 0, f], gust[k, 1, f] = by_gust.real, by_gust.imag
+            rolling[k, 0, f], rolling[k, 1, f] = by_roll.real, by_roll.imag
+            has_velocity_rate = k == ns or (k == 0 and not plant.by_accelerometer)
+            between[k, 0, f] = plant.derivatives[0 if has_velocity_rate else k, 0]
+            between[k, 1, f] = -omega[f] if has_velocity_rate else 0.0
+            if k == 0 and plant.by_accelerometer:
+                between[k, 0, f] = 0.0
+
+
+@lean
+def _residual_covariance(noise, power, transfer, ns, weights):  # type: ignore[no-untyped-def]
+    """Upper triangle of power (L D L' + B D B' + Q) into ``weights``, (docs (10))."""
+    rows, bins = weights.shape[0], weights.shape[3]
+    for k in range(rows):
+        for m in range(k, rows):
+            real, imaginary = weights[k, m, 0], weights[k, m, 1]
+            own = power * noise[ns + 1 + k] if k == m and k < ns else 0.0
+            for f in range(bins):
+                real[f] = own
+                imaginary[f] = 0.0
+            for j in range(transfer.shape[0]):
+                level = power * channel_variance(noise, j, ns)
+                if level == 0.0:
+                    continue
+                a, b = transfer[j, k, 0], transfer[j, k, 1]
+                c, d = transfer[j, m, 0], transfer[j, m, 1]
+                for f in range(bins):
+                    real[f] += level * (a[f] * c[f] + b[f] * d[f])
+                    imaginary[f] += level * (b[f] * c[f] - a[f] * d[f])
+
+
+@lean
+def _invert_2(weights):  # type: ignore[no-untyped-def]
+    """Inverse of Hermitian 2 x 2 matrices in place from their upper triangles."""
+    for f in range(weights.shape[3]):
+        a, d = weights[0, 0, 0, f], weights[1, 1, 0, f]
+        x, y = weights[0, 1, 0, f], weights[0, 1, 1, f]
+        over = 1.0 / (a * d - (x * x + y * y))
+        weights[0, 0, 0, f] = d * over
+        weights[1, 1, 0, f] = a * over
+        weights[0, 1, 0, f] = weights[1, 0, 0, f] = -x * over
+        weights[0, 1, 1, f] = -y * over
+        weights[1, 0, 1, f] = y * over
+
+
+@lean
+def _invert_3(weights):  # type: ignore[no-untyped-def]
+    """The same for 3 x 3, by cofactors."""
+    for f in range(weights.shape[3]):
+        a, b, c = weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f]
+        xr, xi = weights[0, 1, 0, f], weights[0, 1, 1, f]
+        yr, yi = weights[0, 2, 0, f], weights[0, 2, 1, f]
+        zr, zi = weights[1, 2, 0, f], weights[1, 2, 1, f]
+        aa = b * c - (zr * zr + zi * zi)
+        bb = a * c - (yr * yr + yi * yi)
+        cc = a * b - (xr * xr + xi * xi)
+        pr, pi = yr * zr + yi * zi - xr * c, yi * zr - yr * zi - xi * c
+        qr, qi = xr * zr - xi * zi - yr * b, xr * zi + xi * zr - yi * b
+        ur, ui = yr * xr + yi * xi - a * zr, yi * xr - yr * xi - a * zi
+        over = 1.0 / (a * aa + xr * pr + xi * pi + yr * qr + yi * qi)
+        weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f] = aa * over, bb * over, cc * over
+        weights[0, 1, 0, f] = weights[1, 0, 0, f] = pr * over
+        weights[0, 2, 0, f] = weights[2, 0, 0, f] = qr * over
+        weights[1, 2, 0, f] = weights[2, 1, 0, f] = ur * over
+        weights[0, 1, 1, f], weights[1, 0, 1, f] = pi * over, -pi * over
+        weights[0, 2, 1, f], weights[2, 0, 1, f] = qi * over, -qi * over
+        weights[1, 2, 1, f], weights[2, 1, 1, f] = ui * over, -ui * over
+
+
+@lean
+def _condition_on_last(weights):  # type: ignore[no-untyped-def]
+    """Covariance of all rows but the last given the last, in place; the last column becomes the regression on it."""
+    last = weights.shape[0] - 1
+    for k in range(last):
+        for m in range(k, last):
+            for f in range(weights.shape[3]):
+                over = 1.0 / weights[last, last, 0, f]
+                a, b = weights[k, last, 0, f], weights[k, last, 1, f]
+                c, d = weights[m, last, 0, f], weights[m, last, 1, f]
+                weights[k, m, 0, f] -= (a * c + b * d) * over
+                weights[k, m, 1, f] -= (b * c - a * d) * over
+    for k in range(last):
+        for f in range(weights.shape[3]):
+            over = 1.0 / weights[last, last, 0, f]
+            weights[k, last, 0, f] *= over
+            weights[k, last, 1, f] *= over
+
+
+@lean
+def _join_last(weights):  # type: ignore[no-untyped-def]
+    """W of all rows from that of the others given the last, and the regression on it (block inverse), in place."""
+    last = weights.shape[0] - 1
+    for f in range(weights.shape[3]):
+        own = 1.0 / weights[last, last, 0, f]
+        for k in range(last):
+            # W_kl = -sum_m W_km g_m, g the regression; W_ll = 1 / S_ll + g' W g.
+            real = imaginary = 0.0
+            for m in range(last):
+                a, b = weights[k, m, 0, f], weights[k, m, 1, f]
+                c, d = weights[m, last, 0, f], weights[m, last, 1, f]
+                real += a * c - b * d
+                imaginary += a * d + b * c
+            weights[last, k, 0, f], weights[last, k, 1, f] = -real, imaginary
+            own += weights[k, last, 0, f] * real + weights[k, last, 1, f] * imaginary
+        for k in range(last):
+            weights[k, last, 0, f], weights[k, last, 1, f] = weights[last, k, 0, f], -weights[last, k, 1, f]
+        weights[last, last, 0, f], weights[last, last, 1, f] = own, 0.0
+
+
+@lean
+def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def]
+    """Transfer of noise and air, and the weight of every bin, W = (L D L' + B D B' + Q)^-1 / power.
+
+    Args:
+        omega: (bins,), rad/s.
+        noise: all variances: states, accelerometer, equations' own, inputs, air.
+        power: of white noise of unit variance in a bin.
+        work: ``NoiseWorkspace``, filled.
+    """
+    ns = plant.derivatives.shape[0]
+    weights = work.weights
+    _transfer_of_sensors(omega, plant, work.transfer)
+    _transfer_of_air(omega, plant, air, work.transfer)
+    _residual_covariance(noise, power, work.transfer, ns, weights)
+    if weights.shape[0] > ns:
+        gust = power * noise[noise.size - AIR_LEVELS]
+        for f in range(omega.size):
+            work.believed[f] = gust / weights[ns, ns, 0, f]
+        _condition_on_last(weights)
+    if ns == 2:
+        _invert_2(weights)
+    else:
+        _invert_3(weights)
+    if weights.shape[0] > ns:
+        _join_last(weights)
+    for k in range(ns):
+        for m in range(ns):
+            total = 0.0
+            for f in range(omega.size):
+                total += weights[k, m, 0, f]
+            work.sums[k, m] = total
+
+
+@lean
+def weighted_column(work, j):  # type: ignore[no-untyped-def]
+    """W times column j of the transfer into ``work.weighted``, and its power, Re L_j' W L_j, into ``work.spread``."""
+    column, weights, out, spread = work.transfer[j], work.weights, work.weighted, work.spread
+    rows = weights.shape[0]
+    for f in range(spread.size):
+        spread[f] = 0.0
+    for k in range(rows):
+        real, imaginary = out[k, 0], out[k, 1]
+        for f in range(spread.size):
+            real[f] = imaginary[f] = 0.0
+        for m in range(rows):
+            a, b, x, y = weights[k, m, 0], weights[k, m, 1], column[m, 0], column[m, 1]
+            for f in range(spread.size):
+                real[f] += a[f] * x[f] - b[f] * y[f]
+                imaginary[f] += a[f] * y[f] + b[f] * x[f]
+        x, y = column[k, 0], column[k, 1]
+        for f in range(spread.size):
+            spread[f] += x[f] * real[f] + y[f] * imaginary[f]
+
+
+@lean
+def noise_variances(whitened, freedom, noise, power, work, total):  # type: ignore[no-untyped-def]
+    """One step to the likeliest noise variances, from the weighted residual of one block, (docs (17), (18)).
+
+    Sensors, whose variance is never nothing: what the residual shows of a source over what it determines of it (fixed
+    point of expectation-maximisation). Air, and what moment equations leave out, which may be nothing: a step of Fisher
+    scoring, at most to ten times the variance or its standard error.
+
+    Args:
+        whitened: (rows, 2, bins), W times the residual.
+        freedom: what the residual's power is multiplied by for the degrees of freedom that columns took.
+        total: becomes the new variances.
+    """
+    ns = work.sums.shape[0]
+    sources = work.transfer.shape[0]
+    for j in range(noise.size):
+        total[j] = noise[j]
+    for j in range(sources):
+        if ns < j < sources - AIR_LEVELS or j >= sources - AIR_LEVELS + DRIVING:
+            continue
+        own = j if j <= ns else noise.size - sources + j
+        weighted_column(work, j)
+        found = spread = squared = 0.0
+        for f in range(work.spread.size):
+            real = imaginary = 0.0
+            for k in range(whitened.shape[0]):
+                a, b = work.transfer[j, k, 0, f], work.transfer[j, k, 1, f]
+                real += a * whitened[k, 0, f] + b * whitened[k, 1, f]
+                imaginary += a * whitened[k, 1, f] - b * whitened[k, 0, f]
+            found += real * real + imaginary * imaginary
+            spread += work.spread[f]
+            squared += work.spread[f] * work.spread[f]
+        total[own] = _step(found * freedom, spread, squared, noise[own], power, j < sources - AIR_LEVELS)
+    for k in range(1, ns):
+        found = squared = 0.0
+        for f in range(work.spread.size):
+            found += whitened[k, 0, f] ** 2 + whitened[k, 1, f] ** 2
+            squared += work.weights[k, k, 0, f] ** 2
+        total[ns + 1 + k] = _step(found * freedom, work.sums[k, k], squared, noise[ns + 1 + k], power, False)
+
+
+@lean
+def _step(found, spread, squared, variance, power, sensor):  # type: ignore[no-untyped-def]
+    """New variance: ``found`` is what the residual shows, ``spread`` its expectation over the variance."""
+    if sensor:
+        if not spread * power * variance > 1e-12:
+            return variance
+        return min(max(variance * found / spread, 0.1 * variance), 10.0 * variance)
+    if not spread > 0.0:
+        return variance
+    step = (found - spread) / (squared * power)
+    most = 10.0 * max(variance, 1.0 / (power * math.sqrt(squared)))
+    return min(max(variance + step, SMALLEST_VARIANCE), most)
