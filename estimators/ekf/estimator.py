@@ -1,6 +1,6 @@
 """Extended Kalman filter with the derivatives as states, for a batch of vehicles; engines "compiled" and "filterpy".
 
-Both engines run the same model (``ekf_model``), noise adaptation and forgetting; the engine "filterpy" leaves
+Both engines run the same model (``model``), noise adaptation and forgetting; the engine "filterpy" leaves
 prediction and correction to ``filterpy.kalman.ExtendedKalmanFilter`` and serves as the reference.
 """
 
@@ -97,7 +97,7 @@ class EkfState:
 
     Attributes:
         z: augmented state (states, the air's unrest, derivatives, constants); cov: its covariance.
-        noise: variances, laid out in ``ekf_noise``; lags: last differences of each state, the mean root of their
+        noise: variances, laid out in ``noise``; lags: last differences of each state, the mean root of their
             magnitudes, their covariance and what was foreseen of the state's last step; levels: smoothers of the
             vane's velocity; slow: sums of corrections.
         rows: (2, columns) last signal row and the one before.
@@ -109,10 +109,10 @@ class EkfState:
         gained_matrix, gained_vector: information gained from data since they were last read.
         moments: of each input since the last solution: number of readings, their sum and sum of squares from the first
             of them, that first one, (nu, 4); moved_s: last time each moved beyond its noise, (nu,).
-        echo: of a reading error of each input (``ekf_inputs.echo_before``), (nu, nx + 2 ns, ns).
+        echo: of a reading error of each input (``inputs.echo_before``), (nu, nx + 2 ns, ns).
         counts: samples, solutions, age of the echo.
         stretch: the last signal rows, which may be run again, first the time since the row before
-            (``ekf_relinearise``), (STRETCH_ROWS, columns); tally: rows in it, rows before its second mark (0: none),
+            (``relinearise``), (STRETCH_ROWS, columns); tally: rows in it, rows before its second mark (0: none),
             solutions in it, rows that were run again so far.
         solved: of each of these solutions the rows before it, the share of information kept, whether each input
             rested, (SOLUTIONS, 2 + nu).
@@ -120,7 +120,7 @@ class EkfState:
         weighed: logarithms of the innovations' variances by which what follows each mark was weighed, (2, ns + 1).
         about: the derivatives that what follows each mark was linearised about and their covariance; and the
             information at the mark, (2, k, 1 + 2 k).
-        sure: what was known when data last carried signal (``ekf_quiet``), (k, 2 k + 2).
+        sure: what was known when data last carried signal (``quiet``), (k, 2 k + 2).
     """
 
     z: Array
@@ -285,7 +285,7 @@ class EkfEstimator:
         Args:
             state: in place.
             seen: of each vehicle, what the data since the last solution carried, as far as somebody can tell:
-                ``ekf_quiet``'s SIGNAL, NOISE or UNDECIDED, shape (vehicles,). All SIGNAL if not given.
+                ``quiet``'s SIGNAL, NOISE or UNDECIDED, shape (vehicles,). All SIGNAL if not given.
         """
         lost = ~(np.isfinite(state.z).all(axis=1) & np.isfinite(state.cov).all(axis=(1, 2)))
         if lost.any():
@@ -441,7 +441,7 @@ class EkfEstimator:
     def _filter_one(
         self, state: EkfState, i: int, new: Array, old: Array, older: Array, dt: float, carried: bool
     ) -> None:
-        """``ekf_kernel._step`` by filterpy."""
+        """``kernel._step`` by filterpy."""
         ns, nu, kinematic = self.layout.states, self.layout.inputs, self.layout.kinematic
         gusts, noise = self._gust_m.size, state.noise[i]
         over, bend, at_end, scale, forward, kappa, rest = step_inputs(

@@ -5,7 +5,7 @@ through the control derivatives B, and in its sensitivity to B: the product of t
 come out too small, by the share of noise in what the filter takes for the input's motion. So:
 
 - the effect of n on states and accelerometer belongs to their variances;
-- while an input rests within its noise, what is learned of its derivatives is taken back (``ekf_solve``);
+- while an input rests within its noise, what is learned of its derivatives is taken back (``solve``);
 - else the information N that n alone pretends is taken out again. A least-squares solution with the true regressors is
   (M - N)^-1 h where one with noisy ones is M^-1 h. N is the energy that one error sends into the weighted innovations,
   summed over all of them. The filter's gains change slowly, so one error in ``ECHO`` steps is followed.
@@ -116,7 +116,7 @@ def echo_before(echo, age, jacobian, mean, variance, ns, nu, gusts, work):  # ty
 def echo_after(echo, age, row, measured, gains, roots, variance, ns, nu, gusts, work):  # type: ignore[no-untyped-def]
     """Gathers the echo's energy in the whitened innovations and corrects it as the states were; returns its age.
 
-    ``row, measured, gains, roots`` as in ``ekf_covariance.correct``; ``work`` is scratch (at least ns).
+    ``row, measured, gains, roots`` as in ``covariance.correct``; ``work`` is scratch (at least ns).
     """
     nx, nz = ns + gusts, row.size
     for j in range(nu):

@@ -2,8 +2,8 @@
 
 A change is told a few seconds late. What the filter has taken in meanwhile it has shared out between what it knew of
 the old aircraft and what the new one showed, and it would keep that. The stretch of signal rows that is kept
-(``ekf_stretch``) reaches back further: it is cut at the last solution before the change, what is known of the changed
-derivatives is set free there, P + s^2 e e', and the rest is run again about what it says itself (``ekf_relinearise``).
+(``stretch``) reaches back further: it is cut at the last solution before the change, what is known of the changed
+derivatives is set free there, P + s^2 e e', and the rest is run again about what it says itself (``relinearise``).
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""The filter's last stretch of signal rows, and its marks: what ``ekf_relinearise`` runs again is kept here."""
+"""The filter's last stretch of signal rows, and its marks: what ``relinearise`` runs again is kept here."""
 
 import numpy as np
 from numba import njit

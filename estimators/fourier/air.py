@@ -99,7 +99,7 @@ def present_regressors(omega, bank, block, exponents, plant, air, believed, resp
     Args:
         bank: (channels, 2, frequencies) as ``between_samples`` gives it; in place.
         block: signal row at the block's start, and sums of the flight condition over the block.
-        plant, air, believed: of ``fourier_noise``.
+        plant, air, believed: of ``noise``.
         response: of ``responses``, in place.
     """
     start, sums = block

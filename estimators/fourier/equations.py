@@ -21,7 +21,7 @@ def responses(omega, bank, phase, start, end, plant, response):  # type: ignore[
         bank: (channels, 2, frequencies) as ``between_samples`` gives it, the kinematic term and the known moments last;
             phase: e^{s T}, (2, frequencies).
         start, end: signal rows at the ends of the block.
-        plant: of ``fourier_noise``.
+        plant: of ``noise``.
     """
     ns, lever = plant.lever.size, plant.lever
     term = bank.shape[0] - ns
@@ -123,7 +123,7 @@ def normal_equations(bank, response, plant, share, work, product, normal):  # ty
     Args:
         bank: regressors, as ``between_samples`` gives them; response: of ``responses``.
         share: of a whole block.
-        work: of ``fourier_noise.weigh``; product: (2, frequencies).
+        work: of ``noise.weigh``; product: (2, frequencies).
         normal: ``NormalWorkspace``; its matrix and vector become sum Re(R' W R), the nuisance columns' prior in it, and
             sum Re(R' W y).
     """

@@ -120,10 +120,10 @@ class FourierState:
         evidence_matrix, evidence_vector, evidence_bias, evidence_span: of the last closed block, for the monitor.
         condition: airspeed, altitude, density, angle of attack that theta is reported at.
         counts: solutions so far, blocks closed.
-        scatter: of each equation (``fourier_dispersion``): faded chi-square of the closed blocks, its
+        scatter: of each equation (``dispersion``): faded chi-square of the closed blocks, its
             degrees of freedom, and the dispersion before the last block, (equations, 3).
         mark_bank, mark_rows, mark_sums, mark_known: copies of the running block and of what it says, at the last
-            seconds' marks (``fourier_change``).
+            seconds' marks (``marks``).
         changed_s: last time the memory of each derivative was set free because it contradicted the data, (k,).
         follows: whether changes are looked for; not where the caller knows that the model leaves out what acts.
     """

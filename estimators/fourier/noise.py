@@ -84,7 +84,7 @@ class NoiseWorkspace(NamedTuple):
     Attributes:
         transfer: (sources, rows, 2, bins) L and B: states, accelerometer, inputs, gust's rate, rolling air.
         weights: (rows, rows, 2, bins) W, inverse of the residual's covariance.
-        fitted, half: (rows, rows, 2, bins), of ``fourier_nuisance.reduce_weights``.
+        fitted, half: (rows, rows, 2, bins), of ``nuisance.reduce_weights``.
         weighted: (rows, 2, bins) W times one column of ``transfer``.
         spread: (bins,).
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.

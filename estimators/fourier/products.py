@@ -1,7 +1,7 @@
 """What noise and air put into regressors and residual of a Fourier block alike; compiled.
 
 Sensors' noise is in both. Gusts, rolling air and moments that nobody measures drive the states, so they are in both.
-Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``fourier_noise``.
+Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``noise``.
 """
 
 from wingwatch.estimators.fourier.noise import AIR_LEVELS, DRIVING, channel_variance, weighted_column
