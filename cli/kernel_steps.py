@@ -1,0 +1,156 @@
+"""The numerical kernels in steps: what each compiles, and who needs it first.
+
+A step calls what needs its kernels, with the least work that makes numba compile all of them. Where they are in numba's
+cache already, the same call loads them. What a step does not name is compiled by the first who calls it.
+"""
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+__all__ = ["AT_FIRST_USE", "DEMO", "LIVE", "STEPS", "KernelStep"]
+
+_RATE_HZ = 50.0
+_REFERENCE = (25.0, 1.2)
+
+
+@dataclass(frozen=True, slots=True)
+class KernelStep:
+    """Kernels that one process compiles in one go.
+
+    Attributes:
+        name: what they compute, in words.
+        seconds: about the processor time that their compilation takes; only the ratio of two steps matters.
+        run: calls them.
+        after: steps whose kernels this one calls; begun before, they would be compiled twice.
+    """
+
+    name: str
+    seconds: float
+    run: Callable[[], object]
+    after: tuple[str, ...] = ()
+
+
+def _fourier() -> None:
+    """One structure serves all: the kernels' types are the same."""
+    import numpy as np
+
+    from wingwatch.aircraft import SHORT_PERIOD
+    from wingwatch.estimators import FourierConfig, FourierEstimator
+
+    k = len(SHORT_PERIOD.derivatives)
+    estimator = FourierEstimator(FourierConfig(SHORT_PERIOD, (0.1, 1.0), np.zeros(k), np.ones(k), _REFERENCE))
+    state = estimator.init(1)
+    estimator.update(state, np.zeros((1, 1, estimator.layout.columns)))
+    estimator.solve(state)
+
+
+def _filter() -> None:
+    """Its kernels are compiled for the number of states: once for two, once for three."""
+    import numpy as np
+
+    from wingwatch.aircraft import LATERAL, SHORT_PERIOD
+    from wingwatch.estimators import EkfConfig, EkfEstimator, SignalLayout
+
+    for structure in (SHORT_PERIOD, LATERAL):
+        k = len(structure.derivatives)
+        estimator = EkfEstimator(EkfConfig(structure, np.zeros(k), np.ones(k), _REFERENCE, span_m=1.0))
+        state = estimator.init(1)
+        layout = SignalLayout(len(structure.states), len(structure.inputs))
+        estimator.update(state, np.zeros((1, 1, layout.columns)))
+        estimator.solve(state)
+
+
+def _watch() -> None:
+    """A short invented flight is watched, and what it told is forgotten."""
+    import numpy as np
+
+    from wingwatch.aircraft import load_aircraft
+    from wingwatch.monitor import VehicleMonitor
+    from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock
+
+    seconds = 25.0  # two blocks of the monitor's comparison and a little
+    time_s = np.arange(round(seconds * _RATE_HZ)) / _RATE_HZ
+    moving = ("elevator_rad", "aileron_rad", "rudder_rad", "angle_of_attack_rad", "sideslip_rad")
+    columns = {
+        name: 0.02 * np.sin((2.0 + 0.7 * i) * time_s + i)
+        for i, name in enumerate((*REQUIRED_CHANNELS, *moving))
+    }
+    columns["time_s"] = time_s
+    columns["airspeed_true_m_s"] = 25.0 + columns["airspeed_true_m_s"]
+    columns["altitude_m"] = 1000.0 + columns["altitude_m"]
+    columns["air_density_kg_m3"] = np.full_like(time_s, 1.1)
+    columns["specific_force_z_m_s2"] = -9.81 + columns["specific_force_z_m_s2"]
+    block = SampleBlock.from_columns(columns)
+    numbers = itertools.count(1)
+    monitor = VehicleMonitor(
+        load_aircraft("aerosonde"), "default", "warm-up", block.present, {}, new_id=lambda: str(next(numbers))
+    )
+    for start in range(0, len(block), 10):
+        monitor.feed(SampleBlock(block.values[start : start + 10]))
+    monitor.derivatives()
+    monitor.view()
+
+
+def _simulation() -> None:
+    from wingwatch.simulation import FleetSimulation, demo_fleet
+
+    FleetSimulation(demo_fleet(), _RATE_HZ).step(1)
+
+
+def _whole_flights() -> None:
+    """4 s of level flight; the kernels are the same for every structure."""
+    import numpy as np
+
+    from wingwatch.aircraft import SHORT_PERIOD
+    from wingwatch.estimators import ManoeuvreConfig, SignalLayout, filter_error, manoeuvres, output_error
+
+    samples, layout = 200, SignalLayout(2, 1)
+    rng = np.random.default_rng(1)
+    rows = np.zeros((samples, layout.columns))
+    rows[:, 0] = np.arange(samples) / _RATE_HZ
+    rows[:, 1 : layout.kinematic] = 0.01 * rng.standard_normal((samples, layout.kinematic - 1))
+    rows[:, layout.kinematic] = _REFERENCE[0] * rows[:, 2]
+    rows[:, layout.kinematic + 1 : layout.kinematic + 4] = 1.0, *_REFERENCE
+    rows[:, layout.kinematic + 6] = 1.0
+    parts = manoeuvres(ManoeuvreConfig(SHORT_PERIOD, _REFERENCE), rows)
+    output_error(parts)
+    filter_error(parts, expected=np.array([-4.0, -0.5, -2.0, -4.0, -6.0, -30.0]))
+
+
+def _diagnosis() -> None:
+    """20 s of simulated flight in light turbulence, whose elevator has lost a third of its effectiveness."""
+    from wingwatch.aircraft import load_aircraft
+    from wingwatch.diagnosis import diagnose
+    from wingwatch.simulation import Scenario, doublet_schedule, parse_effect, simulate
+
+    aircraft = load_aircraft("aerosonde")
+    plain = Scenario(aircraft)
+    flown = Scenario(
+        aircraft,
+        manoeuvres=(doublet_schedule(aircraft, plain.condition, start_s=3.0),),
+        effects=(parse_effect("elevator_effectiveness:0.3@0"),),
+        turbulence="light",
+        seed=1,
+    )
+    diagnose(simulate(flown, 20.0), aircraft)
+
+
+STEPS: Mapping[str, KernelStep] = {
+    "fourier": KernelStep("the Fourier form", 70.0, _fourier),
+    "filter": KernelStep("the Kalman filter", 40.0, _filter),
+    "simulation": KernelStep("simulated flight", 25.0, _simulation),
+    "watch": KernelStep("signals and the monitor", 14.0, _watch, after=("fourier", "filter")),
+    "whole-flights": KernelStep("estimates from whole flights", 11.0, _whole_flights),
+    "diagnosis": KernelStep("diagnosis", 30.0, _diagnosis, after=("simulation",)),
+}
+"""By the name under which a process is asked for it, in the order in which they are begun."""
+
+LIVE: Sequence[str] = ("fourier", "filter", "watch")
+"""Without these no sample is taken in."""
+
+DEMO: Sequence[str] = ("fourier", "filter", "simulation", "watch")
+"""The same, and the simulated fleet."""
+
+AT_FIRST_USE: Sequence[str] = ("simulation", "whole-flights", "diagnosis")
+"""For files: these can wait."""
