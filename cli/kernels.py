@@ -24,6 +24,7 @@ __all__ = ["KernelCompiler", "KernelError", "Preparation", "main", "only_load"]
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _LOOK_S = 0.5
+_STOP_S = 1.0
 
 
 class KernelError(Exception):
@@ -83,6 +84,7 @@ class KernelCompiler:
         self._loaded = False
         self._ending = False
         self._running: list[_Worker] = []
+        self._threads: list[threading.Thread] = []
 
     def prepare(self) -> bool:
         """Load the kernels of ``first``, and have them compiled before where they are not there yet."""
@@ -106,7 +108,9 @@ class KernelCompiler:
         """Begin to compile; returns at once."""
         self._began_s = self._clock()
         for _ in range(self._processes):
-            threading.Thread(target=self._work, name="wingwatch-kernels", daemon=True).start()
+            thread = threading.Thread(target=self._work, name="wingwatch-kernels", daemon=True)
+            thread.start()
+            self._threads.append(thread)
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until every step has been tried, or one of the first has failed; whether that is so."""
@@ -120,6 +124,8 @@ class KernelCompiler:
             self._changed.notify_all()
             for worker in self._running:
                 worker.end()
+        for thread in self._threads:
+            thread.join(_STOP_S)
 
     @property
     def problems(self) -> Sequence[str]:
@@ -346,6 +352,7 @@ def main() -> int:
         if len(done) > told:
             told = len(done)
             print(f"[kernels] {told} of {len(view.parts) if view else told} parts done", flush=True)
+    compiler.stop()
     for problem in compiler.problems:
         print(f"wingwatch: {problem}", file=sys.stderr)
     ended = "ended" if compiler.problems else "ready"
