@@ -8,6 +8,24 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import LATERAL, SHORT_PERIOD, load_aircraft
+from wingwatch.estimators import (
+    EkfConfig,
+    EkfEstimator,
+    FourierConfig,
+    FourierEstimator,
+    ManoeuvreConfig,
+    SignalLayout,
+    filter_error,
+    manoeuvres,
+    output_error,
+)
+from wingwatch.monitor import VehicleMonitor
+from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock
+
 __all__ = ["AT_FIRST_USE", "DEMO", "LIVE", "STEPS", "KernelStep"]
 
 _RATE_HZ = 50.0
@@ -33,11 +51,6 @@ class KernelStep:
 
 def _fourier() -> None:
     """One structure serves all: the kernels' types are the same."""
-    import numpy as np
-
-    from wingwatch.aircraft import SHORT_PERIOD
-    from wingwatch.estimators import FourierConfig, FourierEstimator
-
     k = len(SHORT_PERIOD.derivatives)
     estimator = FourierEstimator(FourierConfig(SHORT_PERIOD, (0.1, 1.0), np.zeros(k), np.ones(k), _REFERENCE))
     state = estimator.init(1)
@@ -47,28 +60,33 @@ def _fourier() -> None:
 
 def _filter() -> None:
     """Its kernels are compiled for the number of states: once for two, once for three."""
-    import numpy as np
-
-    from wingwatch.aircraft import LATERAL, SHORT_PERIOD
-    from wingwatch.estimators import EkfConfig, EkfEstimator, SignalLayout
-
+    samples, half_second = 750, 25  # as long as it takes until the first seconds are run again
     for structure in (SHORT_PERIOD, LATERAL):
         k = len(structure.derivatives)
         estimator = EkfEstimator(EkfConfig(structure, np.zeros(k), np.ones(k), _REFERENCE, span_m=1.0))
         state = estimator.init(1)
         layout = SignalLayout(len(structure.states), len(structure.inputs))
-        estimator.update(state, np.zeros((1, 1, layout.columns)))
-        estimator.solve(state)
+        angles = np.outer(np.arange(samples) / _RATE_HZ, 2.0 + 0.7 * np.arange(layout.kinematic - 1))
+        rows = _level_flight(layout, 0.05 * np.sin(angles))
+        for start in range(0, samples, half_second):
+            estimator.update(state, rows[None, start : start + half_second])
+            estimator.solve(state)
+        estimator.unrest_of(state, 0)
+
+
+def _level_flight(layout: SignalLayout, moving: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows of signals at the reference, whose states, inputs and derivatives move as given."""
+    rows = np.zeros((len(moving), layout.columns))
+    rows[:, 0] = np.arange(len(moving)) / _RATE_HZ
+    rows[:, 1 : layout.kinematic] = moving
+    rows[:, layout.kinematic] = _REFERENCE[0] * rows[:, 2]
+    rows[:, layout.kinematic + 1 : layout.kinematic + 4] = 1.0, *_REFERENCE
+    rows[:, layout.kinematic + 6] = 1.0
+    return rows
 
 
 def _watch() -> None:
     """A short invented flight is watched, and what it told is forgotten."""
-    import numpy as np
-
-    from wingwatch.aircraft import load_aircraft
-    from wingwatch.monitor import VehicleMonitor
-    from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock
-
     seconds = 25.0  # two blocks of the monitor's comparison and a little
     time_s = np.arange(round(seconds * _RATE_HZ)) / _RATE_HZ
     moving = ("elevator_rad", "aileron_rad", "rudder_rad", "angle_of_attack_rad", "sideslip_rad")
@@ -93,26 +111,16 @@ def _watch() -> None:
 
 
 def _simulation() -> None:
-    from wingwatch.simulation import FleetSimulation, demo_fleet
+    from wingwatch.simulation import FleetSimulation, demo_fleet  # only who simulates loads it
 
     FleetSimulation(demo_fleet(), _RATE_HZ).step(1)
 
 
 def _whole_flights() -> None:
     """4 s of level flight; the kernels are the same for every structure."""
-    import numpy as np
-
-    from wingwatch.aircraft import SHORT_PERIOD
-    from wingwatch.estimators import ManoeuvreConfig, SignalLayout, filter_error, manoeuvres, output_error
-
-    samples, layout = 200, SignalLayout(2, 1)
-    rng = np.random.default_rng(1)
-    rows = np.zeros((samples, layout.columns))
-    rows[:, 0] = np.arange(samples) / _RATE_HZ
-    rows[:, 1 : layout.kinematic] = 0.01 * rng.standard_normal((samples, layout.kinematic - 1))
-    rows[:, layout.kinematic] = _REFERENCE[0] * rows[:, 2]
-    rows[:, layout.kinematic + 1 : layout.kinematic + 4] = 1.0, *_REFERENCE
-    rows[:, layout.kinematic + 6] = 1.0
+    layout = SignalLayout(2, 1)
+    moving = 0.01 * np.random.default_rng(1).standard_normal((200, layout.kinematic - 1))
+    rows = _level_flight(layout, moving)
     parts = manoeuvres(ManoeuvreConfig(SHORT_PERIOD, _REFERENCE), rows)
     output_error(parts)
     filter_error(parts, expected=np.array([-4.0, -0.5, -2.0, -4.0, -6.0, -30.0]))
@@ -120,7 +128,6 @@ def _whole_flights() -> None:
 
 def _diagnosis() -> None:
     """20 s of simulated flight in light turbulence, whose elevator has lost a third of its effectiveness."""
-    from wingwatch.aircraft import load_aircraft
     from wingwatch.diagnosis import diagnose
     from wingwatch.simulation import Scenario, doublet_schedule, parse_effect, simulate
 
@@ -138,11 +145,11 @@ def _diagnosis() -> None:
 
 STEPS: Mapping[str, KernelStep] = {
     "fourier": KernelStep("the Fourier form", 70.0, _fourier),
-    "filter": KernelStep("the Kalman filter", 40.0, _filter),
+    "filter": KernelStep("the Kalman filter", 50.0, _filter),
     "simulation": KernelStep("simulated flight", 25.0, _simulation),
-    "watch": KernelStep("signals and the monitor", 14.0, _watch, after=("fourier", "filter")),
+    "watch": KernelStep("signals and the monitor", 4.0, _watch, after=("fourier", "filter")),
     "whole-flights": KernelStep("estimates from whole flights", 11.0, _whole_flights),
-    "diagnosis": KernelStep("diagnosis", 30.0, _diagnosis, after=("simulation",)),
+    "diagnosis": KernelStep("diagnosis", 35.0, _diagnosis, after=("simulation",)),
 }
 """By the name under which a process is asked for it, in the order in which they are begun."""
 

@@ -14,6 +14,7 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from typing import Any
 
 from wingwatch.cli.kernel_steps import STEPS
@@ -63,9 +64,8 @@ def one_writer() -> Iterator[None]:
     numba reads the index of a function's compiled forms, adds one and writes it back. Two processes that do so at once
     would lose a form, or take the other's for their own.
     """
-    from numba.core.caching import IndexDataCacheFile
-
-    save: Callable[..., Any] = IndexDataCacheFile.save
+    index: Any = import_module("numba.core.caching").IndexDataCacheFile
+    save: Callable[..., Any] = index.save
 
     def save_alone(self: Any, key: Any, data: Any) -> None:
         folder = os.open(self._cache_path, os.O_RDONLY)
@@ -75,11 +75,11 @@ def one_writer() -> Iterator[None]:
         finally:
             os.close(folder)
 
-    IndexDataCacheFile.save = save_alone
+    index.save = save_alone
     try:
         yield
     finally:
-        IndexDataCacheFile.save = save
+        index.save = save
 
 
 def _listen(asked: queue.SimpleQueue[str]) -> None:

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -305,8 +306,7 @@ class _MissingError(Exception):
 @contextmanager
 def only_load() -> Iterator[list[str]]:
     """Leave the ``with`` block where this thread would have to compile a kernel, whose name then stands in the list."""
-    from numba.core import event
-
+    event: Any = import_module("numba.core.event")
     here, missing = threading.get_ident(), []
 
     class Refusal(event.Listener):  # type: ignore[misc]

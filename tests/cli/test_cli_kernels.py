@@ -11,11 +11,12 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
 from wingwatch.api import KernelState, KernelsView
-from wingwatch.cli import kernel_steps, kernel_worker, kernels
+from wingwatch.cli import kernel_worker, kernels
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO, LIVE, STEPS, KernelStep
 from wingwatch.cli.kernels import KernelCompiler, KernelError, only_load
 
@@ -290,7 +291,7 @@ def test_a_full_disk_is_told_with_its_remedy(monkeypatch: pytest.MonkeyPatch) ->
     def fill() -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setitem(kernel_steps.STEPS, "fill", KernelStep("full", 1.0, fill))  # type: ignore[arg-type]
+    monkeypatch.setattr(kernel_worker, "STEPS", {"fill": KernelStep("full", 1.0, fill)})
     assert kernel_worker.compile_step("fill") == (
         "what is compiled cannot be kept (no space left on device); free some hundred megabytes, then start again"
     )
@@ -316,20 +317,19 @@ def test_the_process_answers_a_step_and_ends_with_who_started_it() -> None:
 def test_one_process_at_a_time_writes_into_a_folder_of_the_cache(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from numba.core.caching import IndexDataCacheFile
+    index: Any = importlib.import_module("numba.core.caching").IndexDataCacheFile
+    plain, held = index.save, []
 
-    plain, held = IndexDataCacheFile.save, []
-
-    def save(self: object, key: object, data: object) -> None:
-        folder = os.open(self._cache_path, os.O_RDONLY)  # type: ignore[attr-defined]
+    def save(self: Any, key: object, data: object) -> None:
+        folder = os.open(self._cache_path, os.O_RDONLY)
         with pytest.raises(BlockingIOError):
             fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
         os.close(folder)
         held.append(folder)
         plain(self, key, data)
 
-    monkeypatch.setattr(IndexDataCacheFile, "save", save)
+    monkeypatch.setattr(index, "save", save)
     with kernel_worker.one_writer():
         bench.module.twice(1.0)
     assert len(held) == 1
-    assert IndexDataCacheFile.save is save
+    assert index.save is save
