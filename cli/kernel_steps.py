@@ -30,6 +30,8 @@ __all__ = ["AT_FIRST_USE", "DEMO", "LIVE", "STEPS", "KernelStep"]
 
 _RATE_HZ = 50.0
 _REFERENCE = (25.0, 1.2)
+_VANES = ("angle_of_attack_rad", "sideslip_rad")
+_A_MESSAGE = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,10 +88,24 @@ def _level_flight(layout: SignalLayout, moving: NDArray[np.float64]) -> NDArray[
 
 
 def _watch() -> None:
-    """A short invented flight is watched, and what it told is forgotten."""
+    """A short invented flight is watched, with vanes and for a moment without, and what it told is forgotten."""
+    block, numbers = _flight(), itertools.count(1)
+    blind = [name for name in block.present if name not in _VANES]
+    for present, samples in ((block.present, len(block)), (blind, _A_MESSAGE)):
+        monitor = VehicleMonitor(
+            load_aircraft("aerosonde"), "default", "warm-up", present, {}, new_id=lambda: str(next(numbers))
+        )
+        for start in range(0, samples, _A_MESSAGE):
+            monitor.feed(SampleBlock(block.values[start : start + _A_MESSAGE]))
+        monitor.derivatives()
+        monitor.view()
+
+
+def _flight() -> SampleBlock:
+    """Level flight with every channel of every mode moving a little."""
     seconds = 25.0  # two blocks of the monitor's comparison and a little
     time_s = np.arange(round(seconds * _RATE_HZ)) / _RATE_HZ
-    moving = ("elevator_rad", "aileron_rad", "rudder_rad", "angle_of_attack_rad", "sideslip_rad")
+    moving = ("elevator_rad", "aileron_rad", "rudder_rad", *_VANES)
     columns = {
         name: 0.02 * np.sin((2.0 + 0.7 * i) * time_s + i)
         for i, name in enumerate((*REQUIRED_CHANNELS, *moving))
@@ -99,15 +115,7 @@ def _watch() -> None:
     columns["altitude_m"] = 1000.0 + columns["altitude_m"]
     columns["air_density_kg_m3"] = np.full_like(time_s, 1.1)
     columns["specific_force_z_m_s2"] = -9.81 + columns["specific_force_z_m_s2"]
-    block = SampleBlock.from_columns(columns)
-    numbers = itertools.count(1)
-    monitor = VehicleMonitor(
-        load_aircraft("aerosonde"), "default", "warm-up", block.present, {}, new_id=lambda: str(next(numbers))
-    )
-    for start in range(0, len(block), 10):
-        monitor.feed(SampleBlock(block.values[start : start + 10]))
-    monitor.derivatives()
-    monitor.view()
+    return SampleBlock.from_columns(columns)
 
 
 def _simulation() -> None:
@@ -127,7 +135,7 @@ def _whole_flights() -> None:
 
 
 def _diagnosis() -> None:
-    """20 s of simulated flight in light turbulence, whose elevator has lost a third of its effectiveness."""
+    """A short simulated flight in light turbulence, whose elevator has lost a third of its effectiveness."""
     from wingwatch.diagnosis import diagnose
     from wingwatch.simulation import Scenario, doublet_schedule, parse_effect, simulate
 
@@ -135,12 +143,12 @@ def _diagnosis() -> None:
     plain = Scenario(aircraft)
     flown = Scenario(
         aircraft,
-        manoeuvres=(doublet_schedule(aircraft, plain.condition, start_s=3.0),),
+        manoeuvres=(doublet_schedule(aircraft, plain.condition, start_s=2.0),),
         effects=(parse_effect("elevator_effectiveness:0.3@0"),),
         turbulence="light",
         seed=1,
     )
-    diagnose(simulate(flown, 20.0), aircraft)
+    diagnose(simulate(flown, 11.0), aircraft)  # it needs ten seconds
 
 
 STEPS: Mapping[str, KernelStep] = {
