@@ -29,7 +29,7 @@ test: python  ## set up, then every check and test
 	$(BIN)/mypy tests benchmarks tools
 	$(BIN)/lint-imports
 	@$(BIN)/python tools/compile_kernels.py
-	$(BIN)/pytest -n 2
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2
 
 # Pins stay where they can; `make constraints UPGRADE=--upgrade` takes the newest of everything.
 constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade for the newest)
