@@ -10,7 +10,10 @@ DOCS = ROOT / "docs"
 PAGES = sorted((*DOCS.rglob("*.md"), ROOT / "README.md"))
 CODE = sorted(
     path
-    for folder in (*(link.resolve() for link in (ROOT / "wingwatch").iterdir() if link.is_symlink()), ROOT / "tests")
+    for folder in (
+        *(link.resolve() for link in (ROOT / "wingwatch").iterdir() if link.is_symlink()),
+        ROOT / "tests",
+    )
     for path in folder.rglob("*.py")
 )
 
@@ -60,7 +63,9 @@ def test_what_code_cites_is_there() -> None:
         text = re.sub(r"\s*\n\s*", " ", path.read_text())
         for name, sections in CITATION.findall(text):
             page = DOCS / name
-            numbers = set(re.findall(r"^## (\d+)\.", page.read_text(), re.MULTILINE)) if page.exists() else set()
+            numbers = (
+                set(re.findall(r"^## (\d+)\.", page.read_text(), re.MULTILINE)) if page.exists() else set()
+            )
             if not page.exists() or not set(re.findall(r"\d+", sections)) <= numbers:
                 missing.append(f"{path.relative_to(ROOT)}: docs/{name} {sections}".rstrip())
     assert not missing
