@@ -53,6 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    # Before numpy is loaded: its matrices are of a dozen rows here, and threads that share one wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     module = import_module(f"wingwatch.cli.{arguments.command.replace('-', '_')}_command")
     code: int = module.run(arguments)
     return code

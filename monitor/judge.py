@@ -4,7 +4,7 @@ For each possible onset among the blocks remembered, the Bayes factor of "change
 change" is formed; their sum over onsets is the Shiryaev-Roberts statistic. Without a change a Bayes factor has
 expectation one, so the statistic minus the number of blocks is a martingale and the mean number of blocks to a false
 alert is at least the threshold, whatever the excitation: quiet blocks have a factor of one and neither accuse nor
-acquit. The derivation stands in ``docs/monitor.md``.
+acquit. The derivation stands in ``docs/methods/detection.md``.
 """
 
 from collections.abc import Mapping, Sequence

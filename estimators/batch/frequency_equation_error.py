@@ -2,7 +2,7 @@
 
 Where (8.10) weighs all bins alike, both equations are here solved together with the weight that sensor noise gives
 them, and its products in the regressors are taken out, as the recursive Fourier estimator does on streams
-(docs/estimators.md, sections 3 to 5). Bins are multiples of one over the manoeuvre's length: trim has no part in
+(docs/methods/offline.md, section 4). Bins are multiples of one over the manoeuvre's length: trim has no part in
 them, and the jump between a state's ends, which its derivative's transform needs, is an unknown of its own.
 """
 

@@ -6,7 +6,7 @@ Every equation is linear in its derivatives,
     y = R theta + constant * pressure,
 
 and both sides are measured with noise n of variance D, so that the residual is e = L n. Least squares takes the noise
-in R for signal; what it is expected to add is taken away again (docs/estimators.md, section 5).
+in R for signal; what it is expected to add is taken away again (docs/methods/offline.md, section 2).
 """
 
 import math

@@ -1,6 +1,6 @@
 """Compiled extended Kalman filter: predict, correct, adapt and forget, for a batch of vehicles.
 
-Derivation in ``docs/estimators.md``. Nothing here allocates per sample: what a step needs lies in ``Scratch``.
+Derivation: ``docs/methods/kalman_filter.md``. Nothing allocates per sample: what a step needs is in ``Scratch``.
 """
 
 from typing import NamedTuple

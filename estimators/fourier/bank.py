@@ -1,6 +1,6 @@
 """The bank of one-pole filters of the recursive Fourier estimator, compiled; exact between samples.
 
-Derivation and symbols: ``docs/estimators.md`` section 2. Nothing here allocates per sample. Real and imaginary parts
+Derivation: ``docs/methods/fourier.md`` section 5. Nothing here allocates per sample. Real and imaginary parts
 lie apart and frequencies side by side, so that the processor takes several of them at once.
 """
 

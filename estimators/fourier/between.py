@@ -1,6 +1,6 @@
 """What signals do between their samples, beyond the line that the bank of the Fourier form draws; compiled.
 
-Derivation and symbols: ``docs/estimators.md`` section 2. States bend as the equations of motion say, a surface moves as
+Derivation: ``docs/methods/fourier.md`` section 6. States bend as the equations of motion say, a surface moves as
 its servo does. Both are corrections of second order in the time step, so present derivatives are good enough for them.
 """
 

@@ -1,6 +1,6 @@
 """Blocks of the recursive Fourier estimator, compiled: filled, solved while they run, closed, added to what is known.
 
-Derivation and symbols: ``docs/estimators.md`` sections 3 to 9. ``advance`` takes arrays that lead with the vehicle
+Derivation: ``docs/methods/fourier.md`` sections 7 to 10. ``advance`` takes arrays that lead with the vehicle
 axis; all else works on one vehicle, whose arrays are handed on in groups, in room that is made once.
 """
 

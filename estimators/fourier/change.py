@@ -11,7 +11,7 @@ and the mean of all B_k has expectation one while nothing changes (a mixture of 
 inequality it passes a threshold c in at most one test of c, whatever the excitation, and a window in which nothing was
 excited has B_k = 1. Past the threshold the likeliest derivative's change is made part of the model: P becomes
 P + s^2 e e', so its memory is free to move, that of all others stays exact, and the next derivative is tested.
-Derivation: ``docs/estimators.md`` section 14, after the change-point tests of Willsky and Jones 1976.
+Derivation: ``docs/methods/fourier.md`` section 10, after the change-point tests of Willsky and Jones 1976.
 """
 
 import math

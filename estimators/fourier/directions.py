@@ -1,6 +1,6 @@
 """Which directions of the Fourier form's regressors carry signal, and the information they give; compiled.
 
-Derivation and symbols: ``docs/estimators.md`` section 5.
+Derivation and symbols: ``docs/methods/fourier.md`` section 3, (16).
 """
 
 import math

@@ -1,6 +1,6 @@
 """How much more the blocks of the recursive Fourier estimator scatter than they say, compiled.
 
-Derivation and symbols: ``docs/estimators.md`` section 8. Arrays are those of one vehicle, all room is the caller's.
+Derivation: ``docs/methods/fourier.md`` section 8. Arrays are those of one vehicle, all room is the caller's.
 """
 
 import math

@@ -3,7 +3,7 @@
 Thesis chapter 9 transforms samples recursively and solves least squares twice a second. Here the transform is
 exact for a signal that is linear between samples, trim and drift are regressors, both equations are weighted
 jointly with the noise in the regressors accounted for, and the noise variances come from the residual.
-The derivation, with what each step gains, is in ``docs/estimators.md``.
+The derivation is in ``docs/methods/fourier.md``.
 
 A block is the rectangular window of ``block_s``; when it ends, its information is added to what is known, which
 fades with ``memory_s`` where new data replace it.

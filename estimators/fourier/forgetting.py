@@ -1,6 +1,6 @@
 """Directional forgetting: what new data replace is forgotten, everything else stays in reserve.
 
-Derivation: ``docs/estimators.md`` section 9.
+Derivation: ``docs/methods/fourier.md`` section 9, (33) and (34).
 """
 
 import math

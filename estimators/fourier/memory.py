@@ -1,6 +1,6 @@
 """What closed blocks of the recursive Fourier estimator leave behind, and how it is forgotten; compiled.
 
-Derivation: ``docs/estimators.md`` section 9.
+Derivation: ``docs/methods/fourier.md`` section 9, (33) and (34).
 """
 
 from wingwatch.estimators.fourier.forgetting import replaced

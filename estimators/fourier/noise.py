@@ -3,7 +3,7 @@
 The rows of a block are the force equation, the moment equations and, where a vane and an accelerometer are there, the
 kinematic row dw/dt = a_z + k (dv/dt = a_y + k), which holds no derivative. The residual of a bin is L n + B d + e: n
 white noise of the sensors, d the rate of the gust at the vane and the rolling of the air, e what a moment equation
-leaves out. Derivation, symbols and equation numbers: ``docs/methods/fourier.md`` sections 3 to 5.
+leaves out. Derivation, symbols and equation numbers: ``docs/methods/fourier.md`` sections 2 and 4.
 
 Real and imaginary parts lie apart and bins side by side, (..., 2, bins). All memory is the caller's.
 """

@@ -2,7 +2,7 @@
 
 Every row of a block has columns of its own whose values nobody wants (``bank.NUISANCE``). Known beforehand is
 how large they may be. Once they are fitted, less than the whole residual is left, and less of it goes with the
-regressors than the noise model says of a bin. Derivation and equation numbers: ``docs/methods/fourier.md`` section 3.
+regressors than the noise model says of a bin. Derivation and equation numbers: ``docs/methods/fourier.md`` section 4.
 """
 
 import math

@@ -63,7 +63,7 @@ def test_a_covariance_that_is_not_finite_names_nothing() -> None:
 @pytest.mark.slow
 @pytest.mark.xfail(
     strict=True,
-    reason="each block drops another direction, so their sum seems to inform it (docs/methods/fourier.md 6)",
+    reason="each block drops another direction, so their sum seems to inform it (docs/methods/fourier.md, section 11)",
 )
 def test_simulated_flight_names_the_mixed_surfaces_and_only_them() -> None:
     """Six degrees of freedom, autopilot closed: a rudder mixed to the aileron beside independent doublets."""

@@ -87,7 +87,8 @@ def last(estimator: EkfEstimator, batch: Array) -> tuple[Array, Array]:
 def test_reading_errors_of_a_surface_are_in_the_standard_errors() -> None:
     """A fifth of the doublets' rms is noise: a filter that is not told is sure of wrong values.
 
-    What is left where it is told, 1 to 2 % of m_eta, is the errors' part in w and q (docs/estimators.md, section 12).
+    What is left where it is told, 1 to 2 % of m_eta, is the errors' part in w and q
+    (docs/methods/kalman_filter.md, section 11).
     """
     inputs = doublets(PITCH, 60.0, every_s=2.0)
     noise_std = 0.2 * float(inputs.std())

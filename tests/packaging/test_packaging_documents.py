@@ -1,0 +1,83 @@
+"""Documents lead somewhere: links resolve, the index is complete, what code cites is there, words are the field's."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted((*DOCS.rglob("*.md"), ROOT / "README.md"))
+CODE = sorted(
+    path
+    for folder in (
+        *(link.resolve() for link in (ROOT / "wingwatch").iterdir() if link.is_symlink()),
+        ROOT / "tests",
+    )
+    for path in folder.rglob("*.py")
+)
+
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+HEADING = re.compile(r"^#+\s+(.*)$", re.MULTILINE)
+CITATION = re.compile(r"docs/([\w./-]+\.md)(?:`{0,2},? sections? ((?:\d+(?:, | and | to )?)+))?")
+PRIVATE = re.compile(
+    r"\b(unrest|echo(es)?|heard|deaf|pretend(s|ed)?|accuse[sd]?|stray(s|ed)?|wander(s|ed)?|standing|told|stretch(es)?)\b",
+    re.IGNORECASE,
+)
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as the usual renderers make them."""
+    words = (re.sub(r"[^\w\- ]", "", title.lower()) for title in HEADING.findall(page.read_text()))
+    return {title.strip().replace(" ", "-") for title in words}
+
+
+def named(page: Path) -> str:
+    """A page's path from the root."""
+    return str(page.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
+    broken = []
+    for target in LINK.findall(page.read_text()):
+        if target.startswith(("http://", "https://")):
+            continue
+        path, _, anchor = target.partition("#")
+        there = (page.parent / path).resolve() if path else page
+        if not there.exists() or (anchor and anchor not in anchors(there)):
+            broken.append(target)
+    assert not broken
+
+
+def test_the_index_names_every_document() -> None:
+    index = DOCS / "README.md"
+    linked = {(DOCS / target.partition("#")[0]).resolve() for target in LINK.findall(index.read_text())}
+    assert set(DOCS.rglob("*.md")) - linked == {index}
+
+
+def test_what_code_cites_is_there() -> None:
+    """Pages exist, and so do the sections that are named with them."""
+    missing = []
+    for path in CODE:
+        text = re.sub(r"\s*\n\s*", " ", path.read_text())
+        for name, sections in CITATION.findall(text):
+            page = DOCS / name
+            numbers = (
+                set(re.findall(r"^## (\d+)\.", page.read_text(), re.MULTILINE)) if page.exists() else set()
+            )
+            if not page.exists() or not set(re.findall(r"\d+", sections)) <= numbers:
+                missing.append(f"{path.relative_to(ROOT)}: docs/{name} {sections}".rstrip())
+    assert not missing
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "methods").glob("*.md")), ids=named)
+def test_equations_are_numbered_in_order(page: Path) -> None:
+    """Numbers at the ends of indented lines go up by one from 1."""
+    numbers = [int(n) for n in re.findall(r"^ {4,}\S.*\((\d+)\)$", page.read_text(), re.MULTILINE)]
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "methods").glob("*.md")), ids=named)
+def test_methods_speak_the_field_s_words(page: Path) -> None:
+    assert not PRIVATE.findall(page.read_text())
