@@ -88,7 +88,7 @@ def _level_flight(layout: SignalLayout, moving: NDArray[np.float64]) -> NDArray[
 
 
 def _watch() -> None:
-    """A short invented flight is watched, with vanes and for a moment without, and what it told is forgotten."""
+    """A short invented flight is watched, with vanes and for a moment without, and forgotten."""
     block, numbers = _flight(), itertools.count(1)
     blind = [name for name in block.present if name not in _VANES]
     for present, samples in ((block.present, len(block)), (blind, _A_MESSAGE)):

@@ -150,18 +150,18 @@ class KernelCompiler:
     def _text(self, elapsed_s: float, remaining_s: float | None) -> str:
         if self._problems:
             return " ".join(f"{self._sentence(name)}." for name in self._problems)
-        told = self._first if not self._loaded else [n for n in self._order if n not in self._first]
-        now = _listed([STEPS[n].name for n in told if self._state[n] is KernelState.COMPILING])
-        done = sum(self._state[n] is KernelState.COMPILED for n in told)
+        names = self._first if not self._loaded else [n for n in self._order if n not in self._first]
+        now = _listed([STEPS[n].name for n in names if self._state[n] is KernelState.COMPILING])
+        done = sum(self._state[n] is KernelState.COMPILED for n in names)
         if self._loaded:
             what = "Samples are taken in; kernels for files are still being compiled in the background"
-            return f"{what}: {now or 'none'} now, {done} of {len(told)} parts done."
-        if done == len(told):
+            return f"{what}: {now or 'none'} now, {done} of {len(names)} parts done."
+        if done == len(names):
             return f"The numerical kernels were compiled in {elapsed_s:.0f} s and are being loaded."
         left = "" if remaining_s is None else f", about {_rounded(remaining_s)} s to go"
         return (
             f"The numerical kernels are being compiled, which this machine needs once: {now or 'none'} now, "
-            f"{done} of {len(told)} parts done after {elapsed_s:.0f} s{left}; samples that arrive meanwhile wait."
+            f"{done} of {len(names)} parts done after {elapsed_s:.0f} s{left}; samples that arrive meanwhile wait."
         )
 
     def _sentence(self, name: str) -> str:
@@ -343,15 +343,15 @@ def main() -> int:
     began_s = time.monotonic()
     print("[kernels] compiled on the first start, one process a processor, and kept", flush=True)
     compiler.start()
-    told = 0
+    compiled = 0
     over = False
     while not over:
         over = compiler.wait(_LOOK_S)
         view = compiler.view()
         done = [] if view is None else [p.name for p in view.parts if p.state is KernelState.COMPILED]
-        if len(done) > told:
-            told = len(done)
-            print(f"[kernels] {told} of {len(view.parts) if view else told} parts done", flush=True)
+        if len(done) > compiled:
+            compiled = len(done)
+            print(f"[kernels] {compiled} of {len(view.parts) if view else compiled} parts done", flush=True)
     compiler.stop()
     for problem in compiler.problems:
         print(f"wingwatch: {problem}", file=sys.stderr)
