@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 SETUP  := $(PYTHON) tools/install.py
 
 .DEFAULT_GOAL := help
-.PHONY: help python run test constraints proto clean
+.PHONY: help python run test checks kernels constraints proto clean
 
 help:         ## what can be made
 	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/^([a-z]+):.*## (.*)/\1|\2/' | while IFS='|' read -r name text; do \
@@ -18,20 +18,24 @@ python:
 
 run: python   ## set up, then the service and a simulated fleet on 127.0.0.1:8000 (ARGS="--port 8010" and so on)
 	@$(SETUP)
-	@$(BIN)/python tools/compile_kernels.py
 	@$(BIN)/wingwatch demo $(ARGS)
 
 # Two processes test side by side: each with one thread.
 test: export OPENBLAS_NUM_THREADS = 1
 test: python  ## set up, then every check and test
 	@$(SETUP) --extra dev --extra postgres
+	@$(MAKE) --no-print-directory -j 2 checks kernels
+	$(BIN)/pytest -n 2
+
+checks:
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p wingwatch
 	$(BIN)/mypy tests benchmarks tools
 	$(BIN)/lint-imports
-	@$(BIN)/python tools/compile_kernels.py
-	$(BIN)/pytest -n 2
+
+kernels:
+	@$(BIN)/python -m wingwatch.cli.kernels
 
 # Pins stay where they can; `make constraints UPGRADE=--upgrade` takes the newest of everything.
 constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade for the newest)

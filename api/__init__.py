@@ -8,6 +8,9 @@ from wingwatch.api.ports import (
     DiagnosisView,
     EstimateRow,
     HistoryPort,
+    KernelPart,
+    KernelState,
+    KernelsView,
     QueueFullError,
 )
 from wingwatch.api.schemas import (
@@ -32,6 +35,9 @@ __all__ = [
     "QueueFullError",
     "HistoryPort",
     "EstimateRow",
+    "KernelPart",
+    "KernelState",
+    "KernelsView",
     "AlertDocument",
     "VehicleDocument",
     "air_document",

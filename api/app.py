@@ -13,7 +13,7 @@ from wingwatch.api.events import EventStreams
 from wingwatch.api.fleet_routes import fleet_router
 from wingwatch.api.guards import BodyLimit, SafetyHeaders
 from wingwatch.api.page_files import pages_router
-from wingwatch.api.ports import DiagnosisPort, HistoryPort
+from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
 from wingwatch.api.service_routes import event_router, health_router
@@ -31,6 +31,7 @@ def create_app(
     aircraft: Callable[[str], Aircraft] | None = None,
     diagnoses: DiagnosisPort | None = None,
     counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict,
+    kernels: Callable[[], KernelsView | None] = lambda: None,
     keep_alive_s: float = 10.0,
 ) -> FastAPI:
     """The REST application over a monitor.
@@ -44,6 +45,7 @@ def create_app(
             conventions other than concise; the library without.
         diagnoses: jobs that diagnose uploaded flights; None where none are taken.
         counters: of the service, by part, shown on the status.
+        kernels: the compilation of the numerical kernels, shown on the status; None when there is none.
         keep_alive_s: silence after which an event stream carries a comment.
 
     Returns:
@@ -51,7 +53,15 @@ def create_app(
     """
     streams = EventStreams(monitor, keep_alive_s)
     door = Door(
-        monitor, readiness, history, version, aircraft or _library_aircraft, streams, counters, diagnoses
+        monitor,
+        readiness,
+        history,
+        version,
+        aircraft or _library_aircraft,
+        streams,
+        counters,
+        diagnoses,
+        kernels,
     )
     app = FastAPI(
         title="wingwatch",

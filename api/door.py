@@ -6,7 +6,7 @@ from http import HTTPStatus
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.api.events import EventStreams
-from wingwatch.api.ports import DiagnosisPort, HistoryPort
+from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView
 from wingwatch.api.problems import ProblemError
 from wingwatch.monitor.views import MonitorPort, VehicleView
 
@@ -23,6 +23,7 @@ class Door:
         counters: of the service, by part.
         aircraft: an aircraft by its announced name; ValueError with one sentence where there is none.
         diagnoses: None where flights are not diagnosed.
+        kernels: the compilation of the numerical kernels while it goes on, and where it failed; else None.
     """
 
     monitor: MonitorPort
@@ -33,6 +34,7 @@ class Door:
     streams: EventStreams
     counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict
     diagnoses: DiagnosisPort | None = None
+    kernels: Callable[[], KernelsView | None] = lambda: None
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
         """One vehicle.

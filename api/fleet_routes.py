@@ -122,7 +122,7 @@ def _status(door: Door, fleet: str | None) -> StatusDocument:
         for view in door.monitor.alerts()
         if view.state != AlertState.CLEARED and (fleet is None or view.fleet == fleet)
     ]
-    return status_document(door.version, vehicles, alerts, door.counters())
+    return status_document(door.version, vehicles, alerts, door.counters(), door.kernels())
 
 
 def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> DerivativesDocument:

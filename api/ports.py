@@ -1,4 +1,4 @@
-"""What the REST door needs from others beside the monitor: the estimate history, and jobs that diagnose flights."""
+"""What the REST door needs from others beside the monitor: history, diagnoses, and how far the compilation is."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +12,9 @@ __all__ = [
     "DiagnosisView",
     "EstimateRow",
     "HistoryPort",
+    "KernelPart",
+    "KernelState",
+    "KernelsView",
     "QueueFullError",
 ]
 
@@ -96,6 +99,45 @@ class DiagnosisView:
     progress: float
     problem: str
     result: Mapping[str, Any] | None
+
+
+class KernelState(StrEnum):
+    """Where a part of the numerical kernels stands."""
+
+    WAITING = "waiting"
+    COMPILING = "compiling"
+    COMPILED = "compiled"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class KernelPart:
+    """A part of the numerical kernels that is compiled in one go.
+
+    Attributes:
+        name: what it computes, in words.
+        first: whether no sample is taken in before it is compiled.
+    """
+
+    name: str
+    state: KernelState
+    first: bool
+
+
+@dataclass(frozen=True, slots=True)
+class KernelsView:
+    """The compilation of the numerical kernels, which a machine goes through once.
+
+    Attributes:
+        text: what is being compiled, what is done and how long it takes: one sentence.
+        elapsed_s: time since it began.
+        remaining_s: time until samples are taken in, as the parts done so far let expect; None where that is not known.
+    """
+
+    text: str
+    parts: Sequence[KernelPart]
+    elapsed_s: float
+    remaining_s: float | None
 
 
 class QueueFullError(Exception):

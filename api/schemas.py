@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from wingwatch.aircraft.vocabulary import DERIVATIVES
 from wingwatch.api.encoding import quantity
+from wingwatch.api.ports import KernelState, KernelsView
 from wingwatch.monitor.views import (
     AlertState,
     AlertView,
@@ -187,6 +188,23 @@ class AlertList(_Answer):
     next: str | None = Field(default=None, description="`cursor` of the next page, null on the last")
 
 
+class KernelPartDocument(_Answer):
+    """A part of the numerical kernels."""
+
+    name: str
+    state: KernelState
+    first: bool = Field(description="whether no sample is taken in before it is compiled")
+
+
+class KernelsDocument(_Answer):
+    """The compilation of the numerical kernels, which a machine goes through once."""
+
+    text: str = Field(description="what is compiled, what is done and how long it takes: one sentence")
+    parts: list[KernelPartDocument] = Field(description="in the order in which they are begun")
+    elapsed_s: float
+    remaining_s: float | None = Field(description="until samples are taken in, null where it is not known")
+
+
 class StatusDocument(_Answer):
     """The fleet at a glance."""
 
@@ -197,6 +215,9 @@ class StatusDocument(_Answer):
     counters: dict[str, dict[str, int]] = Field(
         default_factory=dict,
         description="of the service, by part: what went wrong or was dropped, and how often",
+    )
+    kernels: KernelsDocument | None = Field(
+        default=None, description="the compilation of the numerical kernels; null where none is under way"
     )
 
 
@@ -346,11 +367,28 @@ def status_document(
     vehicles: list[VehicleDocument],
     alerts: list[AlertDocument],
     counters: Mapping[str, Mapping[str, int]],
+    kernels: KernelsView | None = None,
 ) -> StatusDocument:
-    """The fleet's status from its vehicles, from those alerts that are not cleared, and the service's counters."""
+    """The fleet's status from its vehicles, from those alerts that are not cleared, and the service's own state."""
     counts = {state: sum(v.state == state for v in vehicles) for state in VehicleState}
     parts = {part: dict(counters[part]) for part in counters}
-    return StatusDocument(version=version, counts=counts, vehicles=vehicles, alerts=alerts, counters=parts)
+    return StatusDocument(
+        version=version,
+        counts=counts,
+        vehicles=vehicles,
+        alerts=alerts,
+        counters=parts,
+        kernels=None if kernels is None else _kernels_document(kernels),
+    )
+
+
+def _kernels_document(view: KernelsView) -> KernelsDocument:
+    return KernelsDocument(
+        text=view.text,
+        parts=[KernelPartDocument(name=p.name, state=p.state, first=p.first) for p in view.parts],
+        elapsed_s=round(view.elapsed_s, 1),
+        remaining_s=None if view.remaining_s is None else round(view.remaining_s),
+    )
 
 
 def _worst(worst: WorstDerivative) -> WorstDocument:

@@ -11,6 +11,8 @@ from rich.live import Live
 from wingwatch.cli.ending import asked_to_end, leave
 from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.fleet_display import FleetLines, fleet_table
+from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO
+from wingwatch.cli.kernels import KernelCompiler
 from wingwatch.cli.serve_command import await_ready, write_address
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import ServeSettings
@@ -32,7 +34,9 @@ def run(arguments: argparse.Namespace) -> int:
     with asked_to_end() as end:
         fleet: SimulatedFleet | None = None
         with ExitStack() as stack:
-            service = stack.enter_context(running_service(settings, fresh=True))
+            service = stack.enter_context(
+                running_service(settings, preparation=KernelCompiler(DEMO, AT_FIRST_USE), fresh=True)
+            )
             write_address(service, arguments.json)
             if await_ready(service, end):
                 fleet = stack.enter_context(SimulatedFleet(demo_fleet(), arguments.listen))

@@ -42,10 +42,10 @@ def asked_to_end() -> Iterator[threading.Event]:
 def leave(code: int, busy: bool) -> int:
     """The exit code; ends the process right here if a thread is ``busy`` with what cannot be interrupted.
 
-    A compilation left behind would otherwise crash or delay the interpreter's own end.
+    Kernels that are still being loaded would otherwise crash or delay the interpreter's own end.
     """
     if busy:
-        say("left while kernels were being compiled; that starts anew next time")
+        say("left while kernels were being loaded; that starts anew next time")
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

@@ -4,6 +4,8 @@ import argparse
 import logging
 import os
 import threading
+import time
+from collections.abc import Callable
 
 from rich.console import Console
 
@@ -16,6 +18,7 @@ from wingwatch.cli.settings import serve_settings
 __all__ = ["await_ready", "run", "write_address"]
 
 _LOOK_S = 0.2
+_SAY_S = 10.0
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -44,15 +47,22 @@ def await_ready(service: Service, end: threading.Event) -> bool:
     """Wait until samples are taken in, or the end is asked for, or it turns out that neither will come."""
     console = Console(stderr=True)
     if console.is_terminal:
-        with console.status("loading kernels (on the first run they are compiled, which takes minutes)"):
-            return _await(service, end)
-    if not service.pump.wait(1.0):
-        say("loading kernels (on the first run they are compiled, which takes minutes)")
-    return _await(service, end)
+        with console.status("starting") as status:
+            return _await(service, end, status.update)
+    last_said_s = time.monotonic()
+
+    def say_at_times(text: str) -> None:
+        nonlocal last_said_s
+        if time.monotonic() - last_said_s >= _SAY_S:
+            last_said_s = time.monotonic()
+            say(text)
+
+    return _await(service, end, say_at_times)
 
 
-def _await(service: Service, end: threading.Event) -> bool:
+def _await(service: Service, end: threading.Event, tell: Callable[[str], object]) -> bool:
     while not end.is_set() and service.pump.alive:
         if service.pump.wait(_LOOK_S):
             return True
+        tell(service.pump.problem or "")
     return False

@@ -15,10 +15,11 @@ from wingwatch.api import HttpServer, create_app, listen
 from wingwatch.baselines import Database, DatabaseError, open_database
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
+from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
+from wingwatch.cli.kernels import KernelCompiler, KernelError, Preparation
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
-from wingwatch.cli.warm_up import warm_up
 from wingwatch.monitor import FleetMonitor, FleetSettings
 from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
 
@@ -30,14 +31,14 @@ _TICK_S = 1.0
 _IDLE_S = 0.2
 _STOP_S = 1.0
 _DATABASE_PATIENCE_S = 1.0
-_COMPILING = "kernels are being loaded; on the first run they are compiled, which takes minutes."
+_LOADING = "The numerical kernels are being loaded."
 
 
 class Pump:
-    """The thread that brings messages from the subscriber to the monitor, after having the kernels compiled.
+    """The thread that brings messages from the subscriber to the monitor, once the kernels are there.
 
     Args:
-        prepare: run once, first.
+        preparation: waited for first; messages that arrive meanwhile stay in the subscriber's queue.
 
     Attributes:
         faults: messages on which the monitor failed; that is a fault of the program, and the watch goes on.
@@ -48,13 +49,13 @@ class Pump:
         subscriber: SensorSubscriber,
         monitor: FleetMonitor,
         arrived: threading.Event,
-        prepare: Callable[[], object],
+        preparation: Preparation,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._subscriber = subscriber
         self._monitor = monitor
         self._arrived = arrived
-        self._prepare = prepare
+        self._preparation = preparation
         self._clock = clock
         self._ending = False
         self._prepared = threading.Event()
@@ -68,7 +69,8 @@ class Pump:
         if self._fault is not None:
             return self._fault
         if not self._prepared.is_set():
-            return _COMPILING
+            view = self._preparation.view()
+            return _LOADING if view is None else view.text
         return None if self._thread.is_alive() else "the loop that takes messages in has ended."
 
     @property
@@ -85,17 +87,23 @@ class Pump:
         self._thread.start()
 
     def stop(self) -> None:
-        """End after the message in hand. A compilation cannot be interrupted and is left behind."""
+        """End after the message in hand. Loading kernels cannot be interrupted and is left behind."""
         self._ending = True
+        self._preparation.stop()
         self._arrived.set()
         self._thread.join(_STOP_S)
 
     def _run(self) -> None:
         try:
-            self._prepare()
+            if not self._preparation.prepare():
+                return
+        except KernelError as error:
+            _LOG.error("%s", error)
+            self._fault = f"{error}."
+            return
         except Exception as error:
-            _LOG.exception("the kernels cannot be compiled")
-            self._fault = f"the kernels cannot be compiled: {type(error).__name__}: {error}."
+            _LOG.exception("the kernels cannot be loaded")
+            self._fault = f"The numerical kernels cannot be loaded: {type(error).__name__}: {error}."
             return
         self._prepared.set()
         next_tick_s = self._clock()
@@ -200,17 +208,18 @@ def _remove(database: Path) -> None:
 def running_service(
     settings: ServeSettings,
     *,
-    prepare: Callable[[], object] = warm_up,
+    preparation: Preparation | None = None,
     wall_clock: Callable[[], float] = time.time,
     fresh: bool = False,
 ) -> Iterator[Service]:
     """Start a service and end it on the way out.
 
-    The HTTP port is taken before anything else happens, and requests are answered while ``prepare`` still
-    runs; messages that arrive meanwhile wait in the subscriber's queue.
+    The HTTP port is taken before anything else happens, and requests are answered while ``preparation`` goes on;
+    messages that arrive meanwhile wait in the subscriber's queue.
 
     Args:
-        prepare: run once before messages are taken in, in the thread that will take them.
+        preparation: done before messages are taken in; without, the kernels of the live path are loaded, and compiled
+            where this machine has not done so yet.
         wall_clock: seconds since 1970-01-01 UTC, for the database's entries.
         fresh: remove the SQLite file of ``settings`` first, once the port is ours.
 
@@ -240,7 +249,8 @@ def running_service(
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
         outputs.ask_through(subscriber.ask_aircraft)
-        pump = Pump(subscriber, monitor, arrived, prepare)
+        preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
+        pump = Pump(subscriber, monitor, arrived, preparation)
         diagnoses = stack.enter_context(DiagnosisJobs(hangar.find))
         app = create_app(
             monitor,
@@ -250,6 +260,7 @@ def running_service(
             aircraft=hangar.find,
             diagnoses=diagnoses,
             counters=lambda: service.counters(),
+            kernels=preparation.view,
         )
         http = HttpServer(app, listening)
         service = Service(http, monitor, database, session, pump, store, link, subscriber, outputs)

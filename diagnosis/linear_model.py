@@ -211,6 +211,9 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
     """Central differences over one sample with the states, then with what disturbs at its start and end."""
     phi, h, first, last, d = out
     c, work = with_trims(row, trims), work_space(held.steps)
+    sample = np.int64(
+        0
+    )  # a 0 that is written in a call is a type of its own to numba, for which all is compiled anew
     below, read, x = np.empty(_K), np.empty(_K), np.empty(13)
     before, after = np.empty(STATES), np.empty(STATES)
     here, there = np.zeros(DISTURBANCES), np.zeros(DISTURBANCES)
@@ -218,8 +221,8 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
         for side in range(2):
             x[:] = states[j + side * STATES]
             ready(c, held, work)
-            read_sensors(c, x, held, 0, work, here, read)
-            move(c, x, held, 0, work, here, there)
+            read_sensors(c, x, held, sample, work, here, read)
+            move(c, x, held, sample, work, here, there)
             if side == 0:
                 motion_of(x, after)
                 below[:] = read
@@ -233,8 +236,8 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
                 x[:] = centre
                 disturbed[j] = _DISTURBANCE_STEPS[j] * (1.0 - 2.0 * side)
                 ready(c, held, work)
-                read_sensors(c, x, held, 0, work, here, read)
-                move(c, x, held, 0, work, here, there)
+                read_sensors(c, x, held, sample, work, here, read)
+                move(c, x, held, sample, work, here, there)
                 disturbed[j] = 0.0
                 if side == 0:
                     motion_of(x, after)

@@ -228,6 +228,24 @@ function evidenceTable(parts) {
     make("tbody", "", ...parts.map(evidenceRow)));
 }
 
+/** A part of the numerical kernels, and where it stands. */
+function kernelItem(part) {
+  const item = make("li", "", make("span", "", part.name), make("span", "soft", part.first ? part.state : `${part.state}, in the background`));
+  item.dataset.state = part.state;
+  return item;
+}
+
+/** What a machine goes through once: its kernels are compiled, and how far that is. */
+function showKernels(kernels) {
+  byId("kernels").hidden = !kernels;
+  if (!kernels) return;
+  byId("kernels-text").textContent = kernels.text;
+  const bar = byId("kernels-done");
+  bar.max = kernels.parts.length;
+  bar.value = kernels.parts.filter((part) => part.state === "compiled").length;
+  sync(byId("kernels-parts"), kernels.parts, (part) => part.name, kernelItem);
+}
+
 /** The derivatives that speak for the alert stand open, the others fold away; at least the first three stand open. */
 function evidence(parts) {
   const speaks = (part, place) => place < LEAST_EVIDENCE || part.z === null || Math.abs(part.z) >= Z_BAND;
@@ -286,6 +304,7 @@ function show(status, recent) {
   byId("no-alerts").hidden = active.length > 0;
   byId("no-alerts").textContent = "No alert stands.";
   byId("no-vehicles").hidden = status.vehicles.length > 0;
+  showKernels(status.kernels);
   byId("past").hidden = cleared.length === 0;
   byId("past-count").textContent = `(${cleared.length})`;
   byId("version").textContent = `wingwatch ${status.version}.`;
@@ -295,7 +314,7 @@ function show(status, recent) {
 
 /* ---- keeping it true ------------------------------------------------------------------------------------ */
 
-let streaming = false, asking = false, askAgain = false, timer = 0, lastAnswer = null;
+let streaming = false, asking = false, askAgain = false, compiling = false, timer = 0, lastAnswer = null;
 
 function tellLink(lost) {
   const state = lost ? "lost" : streaming ? "live" : "polling";
@@ -327,13 +346,14 @@ async function refresh() {
     const [status, recent] = await Promise.all([get("/v1/status"), get("/v1/alerts?state=cleared&limit=50")]);
     lastAnswer = new Date();
     show(status, recent);
+    compiling = Boolean(status.kernels);
   } catch (error) {
     console.warn(error);
     lost = true;
   }
   asking = false;
   tellLink(lost);
-  plan(askAgain ? REFRESH_MS : streaming ? POLL_LIVE_MS : POLL_ALONE_MS);
+  plan(askAgain ? REFRESH_MS : streaming && !compiling ? POLL_LIVE_MS : POLL_ALONE_MS);
 }
 
 function plan(delay) {

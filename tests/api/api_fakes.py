@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import threading
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,9 @@ from wingwatch.api import (
     DiagnosisView,
     HistoryPort,
     HttpServer,
+    KernelPart,
+    KernelState,
+    KernelsView,
     QueueFullError,
     create_app,
     listen,
@@ -32,6 +35,16 @@ from wingwatch.monitor.views import (
 
 ICED = EvidenceView("m_eta", -116.25, 1.75, -131.5, 2.5, 4.9985)
 VERSION = "9.8.7"
+COMPILING = KernelsView(
+    text="The kernels are being compiled: the wings now, 1 of 2 parts done.",
+    parts=(
+        KernelPart("the tail", KernelState.COMPILED, True),
+        KernelPart("the wings", KernelState.COMPILING, True),
+        KernelPart("the paint", KernelState.WAITING, False),
+    ),
+    elapsed_s=12.34,
+    remaining_s=40.4,
+)
 
 
 def vehicle(name: str, state: VehicleState = VehicleState.HEALTHY, **changes: Any) -> VehicleView:
@@ -160,6 +173,7 @@ def served(
     keep_alive_s: float = 10.0,
     diagnoses: DiagnosisPort | None = None,
     counters: Mapping[str, Mapping[str, int]] | None = None,
+    kernels: Callable[[], KernelsView | None] = lambda: None,
 ) -> Generator[tuple[HttpServer, httpx.Client]]:
     """The application over the fake, on a real socket, with a client."""
     ready = checks if checks is not None else {"zenoh": None, "database": None, "http": None}
@@ -169,6 +183,7 @@ def served(
         history,
         VERSION,
         counters=lambda: counters or {},
+        kernels=kernels,
         keep_alive_s=keep_alive_s,
         diagnoses=diagnoses,
     )

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import httpx
 import pytest
-from api_fakes import ICED, FakeMonitor, alert, served, vehicle
+from api_fakes import COMPILING, ICED, FakeMonitor, alert, served, vehicle
 from browser import Page, chromium_path, open_page
 
 import wingwatch.api
-from wingwatch.api import HttpServer
+from wingwatch.api import HttpServer, KernelsView
 from wingwatch.monitor.views import AlertState, VehicleState
 
 FOLDER = Path(wingwatch.api.__file__).parent / "pages"
@@ -111,6 +111,25 @@ def test_it_shows_state_derivative_basis_and_evidence_and_escapes_all(page: Page
     assert page.ask("document.querySelectorAll('main img, main script').length") == 0
     assert page.ask("document.title") == "(1) wingwatch"
     assert page.console == []
+
+
+@needs_chromium
+def test_it_says_what_is_being_compiled_until_that_is_done() -> None:
+    state: list[KernelsView | None] = [dataclasses.replace(COMPILING, text=COMPILING.text + NASTY)]
+    with served(FakeMonitor(), kernels=lambda: state[0]) as (server, _), open_page(server.url) as page:
+        page.wait("document.getElementById('kernels')?.hidden === false")
+        assert text(page, "#kernels-text") == COMPILING.text + NASTY
+        parts = "[...document.querySelectorAll('#kernels-parts > li')].map((item) => item.innerText)"
+        assert page.ask(parts) == [
+            "the tail\ncompiled",
+            "the wings\ncompiling",
+            "the paint\nwaiting, in the background",
+        ]
+        assert page.ask("document.getElementById('kernels-done').value") == 1
+        assert page.ask("document.title") == "wingwatch"
+        state[0] = None
+        page.wait("document.getElementById('kernels').hidden", seconds=6.0)  # it asks every 2 s meanwhile
+        assert page.console == []
 
 
 @needs_chromium

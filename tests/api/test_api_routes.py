@@ -7,7 +7,18 @@ from typing import Any
 
 import httpx
 import pytest
-from api_fakes import ICED, VERSION, FakeHistory, FakeMonitor, FakeRow, alert, derivative, served, vehicle
+from api_fakes import (
+    COMPILING,
+    ICED,
+    VERSION,
+    FakeHistory,
+    FakeMonitor,
+    FakeRow,
+    alert,
+    derivative,
+    served,
+    vehicle,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from openapi_check import answer_schema, misfits
@@ -130,6 +141,25 @@ def test_status_carries_the_counters_of_every_part() -> None:
     counters = {"messages": {"received": 2**53 - 1, "overflow": 0}, "monitor": {"faults": 3}}
     with served(fleet(), counters=counters) as (_, client):
         assert get(client, "/v1/status")["counters"] == counters
+
+
+def test_status_says_what_is_being_compiled_while_it_is() -> None:
+    with served(fleet(), kernels=lambda: COMPILING) as (_, client):
+        kernels = get(client, "/v1/status")["kernels"]
+        described = client.get("/openapi.json").json()
+    assert kernels == {
+        "text": COMPILING.text,
+        "parts": [
+            {"name": "the tail", "state": "compiled", "first": True},
+            {"name": "the wings", "state": "compiling", "first": True},
+            {"name": "the paint", "state": "waiting", "first": False},
+        ],
+        "elapsed_s": 12.3,
+        "remaining_s": 40,
+    }
+    assert "KernelsDocument" in described["components"]["schemas"]
+    with served(fleet()) as (_, client):
+        assert get(client, "/v1/status")["kernels"] is None
 
 
 def test_status_is_worst_first_with_counts_and_standing_alerts(client: httpx.Client) -> None:

@@ -11,7 +11,9 @@ import pytest
 import zenoh
 from rich.console import Console
 
+from wingwatch.api import KernelsView
 from wingwatch.cli.fleet_display import FleetLines, fleet_table
+from wingwatch.cli.kernels import KernelError
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.service import Pump
 from wingwatch.monitor import (
@@ -73,12 +75,31 @@ class Recorder:
         self.ticks += 1
 
 
+class Prepared:
+    """A preparation that is over at once, or fails, or ends when it is told to."""
+
+    def __init__(self, fault: Exception | None = None, held: bool = False) -> None:
+        self._fault, self._held = fault, held
+        self._told = threading.Event()
+
+    def prepare(self) -> bool:
+        if self._fault is not None:
+            raise self._fault
+        return not (self._held and self._told.wait(PATIENCE_S))
+
+    def view(self) -> KernelsView:
+        return KernelsView("Kernels are compiled for a test.", [], 1.0, None)
+
+    def stop(self) -> None:
+        self._told.set()
+
+
 def pump_over(
-    queue: Queue, monitor: Recorder, prepare: Callable[[], object] = lambda: None
+    queue: Queue, monitor: Recorder, preparation: Prepared | None = None
 ) -> tuple[Pump, threading.Event]:
     arrived = threading.Event()
-    pump = Pump(cast(SensorSubscriber, queue), cast(FleetMonitor, monitor), arrived, prepare)
-    return pump, arrived
+    subscriber, fleet = cast(SensorSubscriber, queue), cast(FleetMonitor, monitor)
+    return Pump(subscriber, fleet, arrived, preparation or Prepared()), arrived
 
 
 def message(vehicle: str) -> InboundMessage:
@@ -100,18 +121,32 @@ def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
     assert pump.problem is not None
 
 
-def test_kernels_that_cannot_be_compiled_are_told(caplog: pytest.LogCaptureFixture) -> None:
-    def prepare() -> None:
-        raise OSError("no space left")
-
-    pump, _ = pump_over(Queue(), Recorder(), prepare)
-    assert pump.problem is not None
-    assert "compiled" in pump.problem
+@pytest.mark.parametrize(
+    "fault", [KernelError("They cannot be compiled: no space left"), OSError("no space left")]
+)
+def test_kernels_that_cannot_be_compiled_are_told(caplog: pytest.LogCaptureFixture, fault: Exception) -> None:
+    pump, _ = pump_over(Queue(), Recorder(), Prepared(fault))
+    assert pump.problem == "Kernels are compiled for a test."
     pump.start()
     until(lambda: not pump.alive)
     assert pump.problem is not None
-    assert "no space left" in pump.problem
+    assert pump.problem.endswith("no space left.")
     assert not pump.wait(0.0)
+    traces = [record.exc_info is not None for record in caplog.records]
+    assert traces == [isinstance(fault, OSError)]  # a sentence needs no trace
+
+
+def test_an_end_during_the_preparation_is_at_once_and_no_fault(caplog: pytest.LogCaptureFixture) -> None:
+    queue, monitor = Queue(), Recorder()
+    pump, arrived = pump_over(queue, monitor, Prepared(held=True))
+    pump.start()
+    queue.messages = [message("a")]
+    arrived.set()
+    assert not pump.wait(0.1)
+    assert monitor.got == []
+    pump.stop()
+    assert not pump.alive
+    assert caplog.records == []
 
 
 class Session:

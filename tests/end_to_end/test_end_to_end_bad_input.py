@@ -15,6 +15,7 @@ import zenoh
 from live import COMPILE_S, fly, free_endpoint, get, known, publish, put, service_in, until, until_last
 
 from wingwatch.aircraft import load_aircraft
+from wingwatch.api import KernelPart, KernelState, KernelsView
 from wingwatch.cli.main import main
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import ServeSettings
@@ -188,20 +189,44 @@ def test_while_the_database_is_locked_the_watch_goes_on_and_readiness_says_so(
 
 
 def test_requests_are_answered_while_kernels_compile(tmp_path: Path) -> None:
-    """What is not ready says so, is alive, and takes in what came meanwhile once it is."""
+    """What is not ready says so, is alive, and takes in what came meanwhile once it is: nothing is lost."""
     hold = threading.Event()
-    settings = ServeSettings(port=0, listen=(free_endpoint(),), data=tmp_path)
-    block = simulate(demo_fleet()[0], 2.0)
-    with running_service(settings, prepare=lambda: hold.wait(COMPILE_S)) as service:
+    part = KernelPart("the wings", KernelState.COMPILING, True)
+    text = "The kernels are being compiled: the wings now."
+
+    class Held:
+        def prepare(self) -> bool:
+            return hold.wait(COMPILE_S)
+
+        def view(self) -> KernelsView | None:
+            return None if hold.is_set() else KernelsView(text, [part], 3.0, 40.0)
+
+        def stop(self) -> None:
+            hold.set()
+
+    settings = ServeSettings(port=0, listen=(free_endpoint(),), data=tmp_path, stale_s=1.0)
+    block = simulate(demo_fleet()[0], 4.0)
+    with running_service(settings, preparation=Held()) as service:
         assert get(service, "/health/live")["live"]
         answer = httpx.get(f"{service.url}/health/ready", timeout=10.0)
         assert answer.status_code == 503
-        assert "compiled" in answer.json()["detail"]
+        assert answer.json()["checks"]["estimators"] == text
+        status = get(service, "/v1/status")
+        assert status["kernels"]["text"] == text
+        assert status["kernels"]["parts"] == [{"name": "the wings", "state": "compiling", "first": True}]
         fly(settings.listen[0], "uav1", block)
-        assert known(service, "uav1") is None
+        time.sleep(1.5 * settings.stale_s)
+        assert (
+            get(service, "/v1/status")["vehicles"] == []
+        )  # a vehicle whose samples wait is not called stale
         hold.set()
         until_last(service, "uav1", block)
         assert get(service, "/health/ready")["ready"]
+        status = get(service, "/v1/status")
+        assert status["kernels"] is None
+        (vehicle,) = status["vehicles"]
+        assert vehicle["counts"]["accepted"] == len(block)
+        assert "messages_lost" not in vehicle["counts"]
 
 
 def refused(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:

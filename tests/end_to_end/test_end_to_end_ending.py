@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -23,13 +24,13 @@ EXIT_AFTER_S = 20.0
 class Running:
     """A command in a process of its own."""
 
-    def __init__(self, *arguments: object) -> None:
+    def __init__(self, *arguments: object, **environment: str) -> None:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "wingwatch.cli.main", *map(str, arguments), "--json"],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, "PYTHONUNBUFFERED": "1", **environment},
         )
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
@@ -89,6 +90,50 @@ def test_an_end_is_an_end_with_a_stream_open(
     assert code == 0
     assert took_s < LONGEST_END_S
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("command", ["serve", "demo"])
+def test_a_fresh_machine_answers_at_once_and_can_be_ended_while_it_compiles(
+    tmp_path: Path, processes: list[Running], command: str
+) -> None:
+    """Nothing is compiled in the process that answers, and no process outlives it."""
+    began = time.monotonic()
+    arguments = (command, "--port", 0, "--listen", free_endpoint(), "--data", tmp_path)
+    running = Running(*arguments, NUMBA_CACHE_DIR=str(tmp_path / "compiled"))
+    processes.append(running)
+    assert httpx.get(running.url, timeout=10.0).status_code == 200
+
+    def compilation() -> dict[str, Any]:
+        kernels = httpx.get(f"{running.url}/v1/status", timeout=10.0).json()["kernels"]
+        return kernels or {"text": "", "parts": []}
+
+    until(lambda: any(part["state"] == "compiling" for part in compilation()["parts"]))
+    told = compilation()
+    assert "are being compiled" in told["text"]
+    assert told["remaining_s"] > 0.0
+    ready = httpx.get(f"{running.url}/health/ready", timeout=10.0)
+    assert ready.status_code == 503
+    assert "are being compiled" in ready.json()["checks"]["estimators"]
+    asked = time.monotonic()
+    assert httpx.get(f"{running.url}/v1/status", timeout=10.0).status_code == 200
+    assert time.monotonic() - asked < 2.0
+    assert asked - began < COMPILE_S
+    children = [int(number) for number in children_of(running.process.pid)]
+    assert children
+    code, took_s, err = running.end(signal.SIGINT)
+    assert code == 0
+    assert took_s < LONGEST_END_S
+    assert "Traceback" not in err
+    until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
+
+
+def children_of(process: int) -> list[str]:
+    """Processes that a process has started and that still run."""
+    return [
+        number
+        for thread in Path(f"/proc/{process}/task").iterdir()
+        for number in (thread / "children").read_text().split()
+    ]
 
 
 def test_a_demo_begins_anew_and_a_service_goes_on(tmp_path: Path, processes: list[Running]) -> None:

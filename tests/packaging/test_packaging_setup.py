@@ -233,7 +233,17 @@ def test_make_test_makes_every_check() -> None:
         "lint-imports",
     ):
         assert check in done.stdout
-    assert done.stdout.splitlines()[-1] == ".venv/bin/pytest -n 2"
+    *before, last = done.stdout.splitlines()
+    assert last == ".venv/bin/pytest -n 2"
+    assert ".venv/bin/python -m wingwatch.cli.kernels" in before
+
+
+def test_make_run_starts_the_service_as_soon_as_packages_are_installed() -> None:
+    command = ["make", "--no-print-directory", "-n", "run", "ARGS=--port 8010"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    *_, set_up, last = done.stdout.splitlines()
+    assert set_up.endswith("tools/install.py")
+    assert last == ".venv/bin/wingwatch demo --port 8010"
 
 
 def test_the_ci_script_is_executable_and_ends_in_make_test() -> None:
