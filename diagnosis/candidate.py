@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.diagnosis.measured import OUTPUTS, MeasuredFlight
+from wingwatch.diagnosis.measured import FORCE_X, OUTPUTS, MeasuredFlight
 from wingwatch.diagnosis.replay import Model
 from wingwatch.simulation.layout import PARAMETERS
 
@@ -66,6 +66,12 @@ class Subject:
     throttle_known: bool
     trims_known: bool
     followed: tuple[int, ...] = ()
+
+    @property
+    def given(self) -> int:
+        """How many outputs move the aircraft instead of being predicted: the force along x, which no derivative of a
+        structure states, where its accelerometer is there."""
+        return int(self.aircraft.coefficients is None and FORCE_X in self.flight.compared)
 
     def measures(self, channel: str) -> bool:
         """Whether an output is compared."""

@@ -150,7 +150,7 @@ _ATTITUDE_AND_RATES = (1, 2, 3, 7, 8)
 def _stays_near(problem: Problem, point: Point) -> bool:
     """Whether rates and attitude stay nearer to the flight than it moves itself, in the median of them."""
     flown, ratios = replayed(problem, point), []
-    for k in set(_ATTITUDE_AND_RATES) & set(problem.used):
+    for k in set(_ATTITUDE_AND_RATES) & set(problem.compared):
         off = sum(float(((a - b) ** 2).sum()) for a, b in flown.pairs(k))
         moved = sum(float(((a - a.mean()) ** 2).sum()) for a, _ in flown.pairs(k))
         ratios.append(off / moved if moved > 0.0 else 0.0)
@@ -160,8 +160,8 @@ def _stays_near(problem: Problem, point: Point) -> bool:
 def _begun(subject: Subject) -> tuple[Problem, Point]:
     """Windows, with moderate noise to begin with."""
     speed = subject.flight.airspeed_m_s
-    moderate = np.array([0.02 * speed] * 3 + [0.05, 0.2, 0.2])
-    return prepare(subject, replace(first_noise(subject.flight), gusts=moderate))
+    moderate = np.array([0.02 * speed] * 3 + [0.05, 0.2, 0.2, 0.5])
+    return prepare(subject, replace(first_noise(subject), gusts=moderate))
 
 
 def _assembled(
@@ -182,14 +182,14 @@ def _assembled(
     return Diagnosis(
         source=source,
         aircraft=subject.stated,
-        misfit=misfits(before, noise, problem.used),
+        misfit=misfits(before, noise, problem.compared),
         causes=causes,
         ranking=_ranking(found),
         unexplained_fraction=unexplained,
         unexplained=_rest_in_words(found, terms, unexplained),
         gain=gain,
         not_separable=not_separable(subject),
-        notes=(*_notes(subject, found, model), *_another_aircraft(misfits(after, noise, problem.used))),
+        notes=(*_notes(subject, found, model), *_another_aircraft(misfits(after, noise, problem.compared))),
         model=model,
         derivatives=_derivatives(problem, found),
         traces=traces_of(problem, before, after, noise),
@@ -258,7 +258,7 @@ def _channels(problem: Problem, found: Search, i: int, noise: Array) -> tuple[st
     )
     whole, less = replayed(problem, point), replayed(problem, without)
     grown: dict[str, float] = {}
-    for k in problem.used:
+    for k in problem.compared:
         square = [sum(float(((a - b) ** 2).sum()) for a, b in flown.pairs(k)) for flown in (whole, less)]
         readings = sum(len(a) for a, _ in whole.pairs(k))
         grown[OUTPUTS[k]] = (square[1] - square[0]) / max(readings * float(noise[k]), 1e-300)
@@ -279,7 +279,7 @@ def _gain(problem: Problem, found: Search, noise: Array, other: tuple[Problem, P
         its, point = other
         stated = own_fitted(its, replace(point, noise=found.last.point.noise))
         mended = replace(stated, causes=found.last.point.causes, values=found.last.point.values)
-        return gain_of(replayed(its, stated), replayed(its, mended), noise, its.used, "another flight")
+        return gain_of(replayed(its, stated), replayed(its, mended), noise, its.compared, "another flight")
     windows = range(len(problem.windows))
     before, after = Replayed([], []), Replayed([], [])
     for part in (0, 1):
@@ -291,7 +291,7 @@ def _gain(problem: Problem, found: Search, noise: Array, other: tuple[Problem, P
         its = problem.part(left)
         before.extend(replayed(its, found.stated.point.part(left)))
         after.extend(replayed(its, replace(found.last.point.part(left), values=values)))
-    return gain_of(before, after, noise, problem.used, "windows left out")
+    return gain_of(before, after, noise, problem.compared, "windows left out")
 
 
 def _unexplained(problem: Problem, found: Search) -> float:
@@ -334,8 +334,8 @@ def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str
     notes = []
     if subject.stated.coefficients is None:
         notes.append(
-            "the aircraft file states derivatives only: steady forces and moments are each window's own, and causes "
-            "that show in them or in the forward motion cannot be found"
+            "the aircraft file states derivatives only: steady forces and moments are each window's own, and the "
+            "forward accelerometer is taken as read; causes that show in them, such as a loss of thrust, cannot be found"
         )
     elif not subject.throttle_known:
         notes.append(

@@ -61,8 +61,10 @@ class Filter(NamedTuple):
 
     Attributes:
         linear: equation (1).
-        used: outputs that count, (used,); output: equation (1)'s, (used, 21).
-        gain: (samples, used, 21), the last one holds from then on; deviation: of the innovations, (samples, used).
+        used: outputs that count, (used,); output: equation (1)'s, (used, 22).
+        gain: (samples, used, 22), the last one holds from then on; deviation: of the innovations, (samples, used).
+        given: how many outputs, the first, move the aircraft instead of being predicted: they correct the states, and
+            their innovations are no evidence, 0 with a deviation of 1.
     """
 
     linear: LinearModel
@@ -70,6 +72,7 @@ class Filter(NamedTuple):
     output: Array
     gain: Array
     deviation: Array
+    given: int
 
 
 def kalman_filter(
@@ -94,16 +97,18 @@ def kalman_filter(
         linear.transition, output, (process, noise.sensors[index] ** 2, start), seen, gain, deviation,
         holds_from if like is None else samples,
     )  # fmt: skip
-    return Filter(linear, index, output, gain[:count], deviation[:count])
+    given = int(noise.any_force_x)
+    deviation[:, :given] = 1.0
+    return Filter(linear, index, output, gain[:count], deviation[:count], given)
 
 
 class Change(NamedTuple):
     """Derivatives of a filter by parameters.
 
     Attributes:
-        transition: transposed, (21, 21, parameters).
-        output: (used, 21, parameters).
-        gain: (samples, used, 21, parameters).
+        transition: transposed, (22, 22, parameters).
+        output: (used, 22, parameters).
+        gain: (samples, used, 22, parameters).
     """
 
     transition: Array
@@ -132,8 +137,8 @@ class Path(NamedTuple):
     Attributes:
         innovations: (samples, used), 0 where nothing was measured; deviation: of them, 1 there.
         seen: where something was measured.
-        before: states of the air before each output, (samples, used, 21), 0 of the motion; after: the last, (samples,
-            21); empty where they were not asked for.
+        before: states of the air before each output, (samples, used, 22), 0 of the motion; after: the last, (samples,
+            22); empty where they were not asked for.
     """
 
     innovations: Array
@@ -177,6 +182,7 @@ def fly(
         (model.row, model.sensors, start, trims), inputs, measured, filtering.used, (air, moves, filtering.output),
         filtering.gain, filtering.deviation, path,
     )  # fmt: skip
+    path.innovations[:, : filtering.given] = 0.0
     return path
 
 
@@ -190,6 +196,7 @@ def sensitivities(filtering: Filter, path: Path, change: Change) -> Array:
     _differentiate(
         filtering.linear.transition, filtering.output, filtering.gain, change.gain, moved, columns, path
     )
+    columns[:, : filtering.given] = 0.0
     return columns
 
 

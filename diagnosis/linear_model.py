@@ -7,7 +7,8 @@ About a window's mean motion the residual of a perfect simulation through still 
 x the eight states of ``replay.START``, e white sensor noise, and g what disturbs the replay: velocities u, v, w of the
 air and its roll rate p are first-order Markov processes (Dryden's of MIL-F-8785C), pitch and yaw rate of the air follow
 from the gradients of w and v along the path, as much as the aircraft feels of them; unmodelled angular accelerations in
-pitch and yaw are Markov processes too; and a surface whose measured position is flown is off by its sensor's noise.
+pitch and yaw and an unmodelled specific force along x are Markov processes too; and a surface whose measured position
+is flown is off by its sensor's noise.
 docs/methods/diagnosis.md, section 2.
 """
 
@@ -55,18 +56,27 @@ Array = NDArray[np.float64]
 STATES, _K = 8, len(OUTPUTS)
 _COEFFICIENTS = 5
 """Of ``TRIMS``, the first."""
-_U, _V, _W, _V_FELT, _W_FELT, _V_LATE, _W_LATE, _P, _PITCH, _YAW, _SURFACES = range(STATES, STATES + 11)
-"""Places of what disturbs: velocities, the same as felt, the same late, roll rate, angular accelerations, the first
-surface."""
+(_U, _V, _W, _V_FELT, _W_FELT, _V_LATE, _W_LATE, _P, _PITCH, _YAW, _FORWARD, _SURFACES) = range(
+    STATES, STATES + 12
+)
+"""Places of what disturbs: velocities, the same as felt, the same late, roll rate, angular accelerations, specific
+force along x, the first surface."""
 WIDTH = _SURFACES + 3
 """Of the states of equation (1)."""
-DRIVEN = np.array([_U, _V, _W, _P, _PITCH, _YAW, _SURFACES, _SURFACES + 1, _SURFACES + 2])
+_PROCESSES = 7
+"""Of what noise drives, all but the surfaces' sensors."""
+_FORCE = 6
+"""Of what noise drives, the specific force along x."""
+DRIVEN = np.array([_U, _V, _W, _P, _PITCH, _YAW, _FORWARD, _SURFACES, _SURFACES + 1, _SURFACES + 2])
 """Which of them noise drives."""
 _STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
-_DISTURBANCE_STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
+_DISTURBANCE_STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-4, 1e-4, 1e-4])
 
 _START_SPREAD = np.array([3.0, 3.0, 3.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 """How far a window's start may be from what its first samples say."""
+
+_ANY_FORCE_M_S2 = 30.0
+"""Standard deviation of a specific force of which nothing is known."""
 
 GUST_SCALE_M = 100.0
 """Scale length of gusts."""
@@ -76,10 +86,10 @@ class LinearModel(NamedTuple):
     """Equation (1) over one sample.
 
     Attributes:
-        transition: (21, 21); noise: of the processes' noise, (21, 9); output: (outputs, 21).
-        disturbance: ``replay.DISTURBANCES`` by the states, (11, 21).
-        keep: of the Markov processes over a sample, (9,).
-        within: what the air's mean way off the straight line within a sample does to the motion, (8, 6).
+        transition: (22, 22); noise: of the processes' noise, (22, 10); output: (outputs, 22).
+        disturbance: ``replay.DISTURBANCES`` by the states, (12, 22).
+        keep: of the Markov processes over a sample, (10,).
+        within: what the processes' mean way off the straight line within a sample does to the motion, (8, 7).
     """
 
     transition: Array
@@ -104,7 +114,7 @@ class LinearModel(NamedTuple):
         return self._replace(transition=f, noise=noise, output=h, within=within)
 
     def covariances(self, noise: "Noise") -> tuple[Array, Array]:
-        """Of the processes' noise over a sample, and of the states before the first, (21, 21) each.
+        """Of the processes' noise over a sample, and of the states before the first, (22, 22) each.
 
         White noise that has moved a process from one value to the next has left the straight line between them, in
         the mean over the sample by a twelfth of its variance (Brownian bridge), whatever both values are.
@@ -113,7 +123,9 @@ class LinearModel(NamedTuple):
         """
         variance = np.concatenate([noise.gusts, noise.surfaces]) ** 2 * (1.0 - self.keep**2)
         process = (self.noise * variance) @ self.noise.T
-        process[:STATES, :STATES] += (self.within * variance[:6] / 12.0) @ self.within.T
+        process[:STATES, :STATES] += (self.within * variance[:_PROCESSES] / 12.0) @ self.within.T
+        if noise.any_force_x:
+            process += _ANY_FORCE_M_S2**2 * np.outer(self.noise[:, _FORCE], self.noise[:, _FORCE])
         start, air = np.zeros((WIDTH, WIDTH)), slice(STATES, None)
         start[:STATES, :STATES] = np.diag(_START_SPREAD**2)
         start[air, air] = solve_discrete_lyapunov(self.transition[air, air], process[air, air])
@@ -126,10 +138,13 @@ class Noise:
 
     Attributes:
         sensors: of each output, in its unit, (outputs,); of a surface: of its way by the actuator of the file.
-        gusts: of the air, u, v, w, m/s, p, rad/s, and of unmodelled angular accelerations q, r, rad/s2, (6,).
+        gusts: of the air, u, v, w, m/s, p, rad/s, of unmodelled angular accelerations q, r, rad/s2, and of the
+            unmodelled specific force along x, m/s2, (7,).
         surfaces: of the sensors whose positions are flown, rad, (3,).
         gradients: how much of the air's gradients along the path the aircraft feels; 1: all, as MIL-F-8785C has it.
         lag_s: time constant with which a gust's lift comes (Kuessner's effect, mean over the wing).
+        any_force_x: whether the unmodelled specific force along x is anything from sample to sample, for the aircraft
+            file states none: what the accelerometer reads.
     """
 
     sensors: Array
@@ -137,6 +152,7 @@ class Noise:
     surfaces: Array
     gradients: float = 1.0
     lag_s: float = 0.01
+    any_force_x: bool = False
 
 
 def linear_model(
@@ -173,7 +189,7 @@ def linear_model(
     transition[:STATES] += first @ by_states + last @ by_states @ moves
     driven[:STATES] += last @ by_states @ driven
     output += d @ by_states
-    within = (first + last) @ by_states[:, [_U, _V_FELT, _W_FELT, _P, _PITCH, _YAW]]
+    within = (first + last) @ by_states[:, [_U, _V_FELT, _W_FELT, _P, _PITCH, _YAW, _FORWARD]]
     return LinearModel(transition, driven, gain * output, by_states, keep, within)
 
 
@@ -250,18 +266,19 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
 
 
 def _disturbances(dt: float, speed: float, span_m: float, noise: Noise) -> tuple[Array, Array, Array, Array]:
-    """What disturbs by the states (11, 21); its part of the transition (21, 21) and of the noise (21, 9); what the
-    processes keep over a sample (9,).
+    """What disturbs by the states (12, 22); its part of the transition (22, 22) and of the noise (22, 10); what the
+    processes keep over a sample (10,).
 
     A gust across the path is felt with a lag. A gradient along the path is felt over a length of the wing: q = (w -
     w_late) / (V tau), tau w_late' = w - w_late. Both follow what they lag behind on straight lines between samples.
     """
     slow, quick = math.exp(-dt * speed / GUST_SCALE_M), math.exp(-dt * math.pi * speed / (4.0 * span_m))
-    keep = np.array([slow, slow, slow, quick, quick, quick, 0.0, 0.0, 0.0])
+    force = 0.0 if noise.any_force_x else slow  # what is read is what moves the aircraft, on straight lines
+    keep = np.array([slow, slow, slow, quick, quick, quick, force, 0.0, 0.0, 0.0])
     moves, driven = np.zeros((WIDTH, WIDTH)), np.eye(WIDTH)[:, DRIVEN]
     moves[DRIVEN, DRIVEN] = keep
     by_states = np.zeros((DISTURBANCES, WIDTH))
-    by_states[[0, 1, 2, 3, 6, 7, 8, 9, 10], [_U, _V_FELT, _W_FELT, *DRIVEN[3:]]] = 1.0
+    by_states[[0, 1, 2, 3, 6, 7, 8, 9, 10, 11], [_U, _V_FELT, _W_FELT, *DRIVEN[3:]]] = 1.0
     for now, felt, late, lengths, rate, sign in (
         (_V, _V_FELT, _V_LATE, 3.0, 5, 1.0),
         (_W, _W_FELT, _W_LATE, 4.0, 4, -1.0),

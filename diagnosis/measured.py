@@ -16,6 +16,7 @@ __all__ = [
     "COMMANDS",
     "DiagnosisError",
     "MeasuredFlight",
+    "FORCE_X",
     "OUTPUTS",
     "SURFACES",
     "WINDOW_S",
@@ -32,6 +33,8 @@ OUTPUTS: tuple[str, ...] = (
     "angle_of_attack_rad", "sideslip_rad", "elevator_rad", "aileron_rad", "rudder_rad",
 )  # fmt: skip
 """Channels that are simulated and compared. A surface is compared where position and command are both measured."""
+
+FORCE_X = OUTPUTS.index("specific_force_x_m_s2")
 
 SURFACES = ("elevator_rad", "aileron_rad", "rudder_rad")
 COMMANDS = ("elevator_command_rad", "aileron_command_rad", "rudder_command_rad")

@@ -75,7 +75,7 @@ _STEPS = np.array([1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])
 @np.errstate(all="ignore")  # a simulation that runs away is shown as it is
 def _best(problem: Problem, point: Point, w: int, model: Model, rows: Array, weight: Array) -> Array:
     """A window open loop that follows its measured ``rows`` best, (samples, outputs) both."""
-    used, free = list(problem.used), list(problem.free_trims)
+    used, free = list(problem.compared), list(problem.free_trims)
     measured = rows[:, used]
     seen, count = np.isfinite(measured), len(_STEPS)
     steps = np.concatenate([_STEPS, TRIM_STEPS[free]])
@@ -85,7 +85,7 @@ def _best(problem: Problem, point: Point, w: int, model: Model, rows: Array, wei
         places = np.vstack([place, place + np.diag(steps)])
         trims = np.tile(point.trims[w], (len(places), 1))
         trims[:, free] = places[:, count:]
-        read = open_loop(problem, w, model, places[:, :count], trims)
+        read = open_loop(problem, w, model, places[:, :count], trims, rows)
         off = ((measured - read[0][:, used]) * weight[used])[seen]
         cost = float(off @ off)
         if best.size and not cost < least:

@@ -86,6 +86,7 @@ def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ..
             np.ascontiguousarray(by_state[:, place]), np.ascontiguousarray(by_output[list(problem.used)][:, place]),
             np.ascontiguousarray(courses[ends[w] : ends[w + 1]]), out,
         )  # fmt: skip
+        out[:, : filtering.given] = 0.0
         return out
 
     coefficients = coefficients_of(problem.subject)

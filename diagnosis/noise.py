@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.diagnosis.candidate import Subject
 from wingwatch.diagnosis.innovations import (
     Change,
     Filter,
@@ -22,7 +23,6 @@ from wingwatch.diagnosis.innovations import (
     sensitivities,
 )
 from wingwatch.diagnosis.linear_model import LinearModel, Noise
-from wingwatch.diagnosis.measured import MeasuredFlight
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, RunsAwayError, linear_at, model_at
 from wingwatch.diagnosis.replay import SURFACE_OUTPUTS, Model, without_delays
 from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
@@ -38,7 +38,7 @@ _LONGEST = 1.0
 _MOST_PASSES = 12
 _ENOUGH = 0.5
 """Of log-likelihood, gained or promised by a step, below which it is not worth another."""
-_GUSTS = 5
+_GUSTS = 6
 _LEAST_OF_STATED = 0.2
 """Sensors are not believed to be better than this part of what is stated or of their own roughness."""
 _LEAST_OF_GUSTS = 0.01
@@ -47,12 +47,13 @@ _LEAST_LAG, _MOST_LAG = 0.01, 20.0
 """Bounds, as parts of what is thought first."""
 
 
-def first_noise(flight: MeasuredFlight) -> Noise:
+def first_noise(subject: Subject) -> Noise:
     """Stated sensor noise, next to no gusts."""
-    speed = flight.airspeed_m_s
+    flight, speed = subject.flight, subject.flight.airspeed_m_s
     sensors = np.where(np.isfinite(flight.noise_std), flight.noise_std, 1.0)
     surfaces = np.nan_to_num(flight.surface_noise_std)
-    return Noise(sensors, np.array([2e-3 * speed] * 3 + [1e-3, 0.02, 0.02]), surfaces)
+    gusts = np.array([2e-3 * speed] * 3 + [1e-3, 0.02, 0.02, 0.05])
+    return Noise(sensors, gusts, surfaces, any_force_x=subject.given > 0)
 
 
 def _eta_of(noise: Noise, used: tuple[int, ...]) -> Array:
@@ -67,7 +68,8 @@ def _noise_at(eta: Array, used: tuple[int, ...], noise: Noise) -> Noise:
     sensors[list(used)] = np.exp(eta[: len(used)])
     gusts = np.exp(eta[len(used) : last])
     gradients, lag_s = np.exp(eta[last:])
-    return Noise(sensors, np.concatenate([gusts[1:2], gusts]), noise.surfaces, float(gradients), float(lag_s))
+    gusts = np.concatenate([gusts[1:2], gusts])
+    return replace(noise, sensors=sensors, gusts=gusts, gradients=float(gradients), lag_s=float(lag_s))
 
 
 def fit_noise(problem: Problem, point: Point) -> Point:
@@ -76,7 +78,7 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     What belongs to a window is held: in a Gaussian likelihood the information of means and of spreads is orthogonal.
     """
     used = problem.used
-    first = first_noise(problem.subject.flight)
+    first = first_noise(problem.subject)
     prior, eta = _eta_of(first, used), _eta_of(point.noise, used)
     least = prior + np.log([
         *(_LEAST_OF_STATED if k < SURFACE_OUTPUTS else _LEAST_OF_GUSTS for k in used),
@@ -109,6 +111,8 @@ _GUST_LEVELS = (0.002, 0.006, 0.02, 0.06)
 _ROLL_OF_GUSTS = 2.5
 _MOMENT_LEVELS = (0.02, 0.2)
 """Of unmodelled angular accelerations, rad/s2."""
+_FORWARD_OF_MOMENTS = 2.0
+"""Of the unmodelled specific force along x, m/s2 a rad/s2."""
 
 
 def likeliest_level(problem: Problem, point: Point) -> Point:
@@ -117,10 +121,10 @@ def likeliest_level(problem: Problem, point: Point) -> Point:
     Raises:
         RunsAwayError: the simulation leaves the flight by all of them.
     """
-    first, model = first_noise(problem.subject.flight), model_at(problem, point)
+    first, model = first_noise(problem.subject), model_at(problem, point)
     measured, speed = without_delays(problem.subject.flight, model), problem.subject.flight.airspeed_m_s
     levels = [
-        np.array([part * speed] * 3 + [_ROLL_OF_GUSTS * part, moment, moment])
+        np.array([part * speed] * 3 + [_ROLL_OF_GUSTS * part, moment, moment, _FORWARD_OF_MOMENTS * moment])
         for part in _GUST_LEVELS for moment in _MOMENT_LEVELS
     ]  # fmt: skip
 

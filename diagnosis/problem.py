@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate, Subject
 from wingwatch.diagnosis.linear_model import LinearModel, Noise, fastest_rad_s, linear_model
-from wingwatch.diagnosis.measured import LEAD_S, Window, finite_mean
+from wingwatch.diagnosis.measured import FORCE_X, LEAD_S, Window, finite_mean
 from wingwatch.diagnosis.replay import TRIMS, Inputs, Model, inputs_of, measured_start
 from wingwatch.diagnosis.trims import measured_trims
 
@@ -50,6 +50,11 @@ class Problem:
     free_trims: tuple[int, ...]
     used: tuple[int, ...]
     trims: Array
+
+    @property
+    def compared(self) -> tuple[int, ...]:
+        """Outputs that are simulated."""
+        return self.used[self.subject.given :]
 
     def part(self, windows: Sequence[int]) -> "Problem":
         """Some of the windows."""
@@ -96,7 +101,10 @@ _SHOWS_IN = (2, 1, 3, 4, 5, 0)
 def prepare(subject: Subject, noise: Noise) -> tuple[Problem, Point]:
     """Windows and what each starts from, as measured."""
     flight, row = subject.flight, subject.model.row
-    unknown = (*(() if subject.trims_known else range(5)), *(() if subject.throttle_known else (5,)))
+    unknown = (
+        *(() if subject.trims_known else range(5)),
+        *(() if subject.throttle_known or subject.given else (5,)),
+    )
     free = tuple(k for k in unknown if _SHOWS_IN[k] not in subject.followed)
     inputs, centres, starts = [], [], []
     for window in flight.windows:
@@ -131,8 +139,10 @@ _SEEN_IN = {3: (1, 12), 6: (7,), 1: (5, 10), 5: (3, 13), 4: (2, 11), 7: (8,), 2:
 
 
 def _used(subject: Subject) -> tuple[int, ...]:
+    """Outputs that count, first what is given."""
     hidden = {k for j in subject.followed for k in _SEEN_IN[j]}
-    return tuple(k for k in subject.flight.compared if k not in hidden)
+    first = [FORCE_X][: subject.given]
+    return (*first, *(k for k in subject.flight.compared if k not in hidden and k not in first))
 
 
 _ALIKE = np.array([0.1, 0.1, 0.1, 1.0, 1.0, 1.0, 0.6, 0.3])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from wingwatch.aircraft import GRAVITY_M_S2
-from wingwatch.diagnosis.measured import OUTPUTS, MeasuredFlight, Window
+from wingwatch.diagnosis.measured import FORCE_X, OUTPUTS, MeasuredFlight, Window
 from wingwatch.simulation.actuators import move_surfaces, servo_decay
 from wingwatch.simulation.dynamics import euler_angles, quaternion
 from wingwatch.simulation.flight import report
@@ -92,9 +92,11 @@ _COLUMNS = np.array([CHANNEL_INDEX[name] for name in OUTPUTS])
 SURFACE_OUTPUTS = 11
 _PARAMETERS, _CHANNELS, _K = len(PARAMETERS), len(CHANNELS), len(OUTPUTS)
 
-AIR = 8
+AIR = 9
 """Of what disturbs: motion of the air, body axes, u, v, w, m/s, p, q, r, rad/s; unmodelled angular accelerations in
-pitch and yaw, rad/s2."""
+pitch and yaw, rad/s2, and unmodelled specific force along x, m/s2."""
+_PITCH, _YAW, _FORWARD = 6, 7, 8
+_SPEED_X, _PITCH_RATE, _YAW_RATE = 3, 11, 12
 DISTURBANCES = AIR + 3
 """What disturbs the replay: the air, then the noise of the surfaces' sensors, rad."""
 
@@ -278,7 +280,7 @@ def ready(c, inputs, work):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def read_sensors(c, x, inputs, t, work, here, out):  # type: ignore[no-untyped-def]
-    """True values of the outputs (outputs,) at sample ``t``, where ``here`` (11,) disturbs; servos advance."""
+    """True values of the outputs (outputs,) at sample ``t``, where ``here`` (12,) disturbs; servos advance."""
     s, half_step_s = work.setting, 0.5 * inputs.dt / inputs.steps
     s[THROTTLE] = inputs.throttle[t]
     for j in range(3):
@@ -294,18 +296,19 @@ def read_sensors(c, x, inputs, t, work, here, out):  # type: ignore[no-untyped-d
     for j in range(6):
         s[GUST + j], s[RISE + j] = here[j], 0.0
     rates(c, s, x, 0, 0.0, work.k)
-    s[SPIN + 1] += here[6]
-    s[SPIN + 2] += here[7]
+    s[SPIN + 1] += here[_PITCH]
+    s[SPIN + 2] += here[_YAW]
     report(work.channels, 0, 0, 0.0, x, c, s, work.orders)
     for j in range(_K):
         out[j] = work.channels[0, 0, _COLUMNS[j]]
+    out[FORCE_X] += here[_FORWARD]
     for j in range(3):
         out[SURFACE_OUTPUTS + j] = work.servo_at_sample[j]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def move(c, x, inputs, t, work, here, there):  # type: ignore[no-untyped-def]
-    """The state (13,) from sample ``t``, where ``here`` disturbs, to the next, where ``there`` does, (11,) each."""
+    """The state (13,) from sample ``t``, where ``here`` disturbs, to the next, where ``there`` does, (12,) each."""
     s, dt = work.setting, inputs.dt / inputs.steps
     after = min(t + 1, inputs.flown.shape[0] - 1)
     follow(x, inputs.follow[t], inputs.follow[min(after, inputs.follow.shape[0] - 1)])
@@ -324,14 +327,15 @@ def move(c, x, inputs, t, work, here, there):  # type: ignore[no-untyped-def]
                     s[ELEVATOR + 3 * stage + j] = work.moved[sub, 3 * stage + j] + off + along * slope
         advance(c, s, x, dt, work.k, work.middle, work.total)
         along = (sub + 0.5) / inputs.steps
-        for j in range(2):
-            x[11 + j] += dt * ((1.0 - along) * here[6 + j] + along * there[6 + j])
+        x[_PITCH_RATE] += dt * ((1.0 - along) * here[_PITCH] + along * there[_PITCH])
+        x[_YAW_RATE] += dt * ((1.0 - along) * here[_YAW] + along * there[_YAW])
+        x[_SPEED_X] += dt * ((1.0 - along) * here[_FORWARD] + along * there[_FORWARD])
         for j in range(6):
             s[GUST + j] += s[RISE + j]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def fly_window(rows, starts, trims, inputs, out):  # type: ignore[no-untyped-def]
+def fly_window(rows, starts, trims, inputs, force_x, out):  # type: ignore[no-untyped-def]
     """Fly a window open loop through still air in several versions.
 
     Args:
@@ -339,16 +343,23 @@ def fly_window(rows, starts, trims, inputs, out):  # type: ignore[no-untyped-def
         starts: rigid-body states, (versions, 13).
         trims: added to the coefficients of ``TRIMS``, (versions, 6).
         inputs: ``Inputs``.
+        force_x: specific force along x that moves the aircraft, (samples,), m/s2; NaN where it is simulated.
         out: true values of the outputs, (versions, samples, outputs), filled.
     """
     work, calm = work_space(inputs.steps), np.zeros(DISTURBANCES)
+    here, there = np.zeros(DISTURBANCES), np.zeros(DISTURBANCES)
     for version in range(rows.shape[0]):
         c, x = with_trims(rows[version], trims[version]), starts[version].copy()
         ready(c, inputs, work)
         for t in range(out.shape[1]):
             follow(x, inputs.follow[t], inputs.follow[t])
             read_sensors(c, x, inputs, t, work, calm, out[version, t])
-            move(c, x, inputs, t, work, calm, calm)
+            simulated, after = out[version, t, FORCE_X], min(t + 1, force_x.size - 1)
+            here[_FORWARD] = there[_FORWARD] = 0.0
+            if force_x[t] == force_x[t] and force_x[after] == force_x[after]:
+                here[_FORWARD], there[_FORWARD] = force_x[t] - simulated, force_x[after] - simulated
+                out[version, t, FORCE_X] = force_x[t]
+            move(c, x, inputs, t, work, here, there)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

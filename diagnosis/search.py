@@ -230,8 +230,8 @@ def _least(candidate: Candidate) -> Array:
 
 
 def quiet(problem: Problem, noise: Noise) -> Noise:
-    """Sensors as stated, gusts as fitted, next to no unmodelled moments."""
-    first = first_noise(problem.subject.flight)
+    """Sensors as stated, gusts as fitted, next to nothing unmodelled."""
+    first = first_noise(problem.subject)
     gusts = np.concatenate([noise.gusts[:4], np.minimum(noise.gusts[4:], first.gusts[4:])])
     return replace(first, gusts=gusts, gradients=noise.gradients, lag_s=noise.lag_s)
 
@@ -239,7 +239,7 @@ def quiet(problem: Problem, noise: Noise) -> Noise:
 def _short_list(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[Point]:
     """Those that gain most with noise as fitted, quiet, and in still air, as fitted by that noise."""
     chosen: dict[str, Point] = {}
-    fitted, still = present.point.noise, first_noise(problem.subject.flight)
+    fitted, still = present.point.noise, first_noise(problem.subject)
     for noise in (fitted, quiet(problem, fitted), still):
         before = fit(problem, replace(present.point, noise=noise), 3)
         promised = _promises(problem, before, candidates)
@@ -385,7 +385,7 @@ def _matters(problem: Problem, solution: Solution) -> bool:
     point = solution.point
     without = replace(point, causes=point.causes[:-1], values=point.values[:-1])
     one, other = replayed(problem, point), replayed(problem, without)
-    for k in problem.used:
+    for k in problem.compared:
         changed = moved = 0.0
         for w in range(len(problem.windows)):
             # a delay changes what was measured when

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import DUTCH_ROLL, GRAVITY_M_S2, LATERAL, SHORT_PERIOD, Aircraft, Geometry, Mass
 from wingwatch.diagnosis.candidate import INDEX, Subject
 from wingwatch.diagnosis.linear_aircraft import entry_near, row_of_derivatives
-from wingwatch.diagnosis.measured import OUTPUTS, WINDOW_S, DiagnosisError, MeasuredFlight, measure
+from wingwatch.diagnosis.measured import FORCE_X, OUTPUTS, WINDOW_S, DiagnosisError, MeasuredFlight, measure
 from wingwatch.diagnosis.replay import Model
 from wingwatch.simulation.layout import parameter_row
 from wingwatch.telemetry import SampleBlock
@@ -79,7 +79,8 @@ def _row(aircraft: Aircraft, flight: MeasuredFlight) -> tuple[Array, tuple[int, 
         raise DiagnosisError(
             f"aircraft {aircraft.name} states neither [coefficients] nor [[conditions]]; there is nothing to simulate"
         )
-    followed = {0}  # no such file states a force along x
+    # no such file states a force along x, but its accelerometer may be there
+    followed = set() if FORCE_X in flight.compared else {0}
     if not entry.covers(SHORT_PERIOD):
         followed |= _LONGITUDINAL
     if not entry.covers(LATERAL):

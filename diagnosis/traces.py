@@ -25,19 +25,19 @@ def traces_of(problem: Problem, before: Replayed, after: Replayed, noise: Array)
     def joined(windows: list[Array], k: int) -> Array:
         return np.concatenate([np.concatenate([window[:, k], gap]) for window in windows])
 
-    names = [OUTPUTS[k] for k in problem.used]
+    names = [OUTPUTS[k] for k in problem.compared]
     hz = np.asarray(np.fft.rfftfreq(_SEGMENT, flight.dt_s), dtype=np.float64)
     spectra = {}
-    for k in problem.used:
+    for k in problem.compared:
         floor = np.full(hz.size, 2.0 * flight.dt_s * float(noise[k]))
         spectra[OUTPUTS[k]] = np.vstack(
             [_spectrum(before, k, flight.dt_s), _spectrum(after, k, flight.dt_s), floor]
         )
     return Traces(
         time_s,
-        {name: joined(before.measured, k) for name, k in zip(names, problem.used, strict=True)},
-        {name: joined(before.simulated, k) for name, k in zip(names, problem.used, strict=True)},
-        {name: joined(after.simulated, k) for name, k in zip(names, problem.used, strict=True)},
+        {name: joined(before.measured, k) for name, k in zip(names, problem.compared, strict=True)},
+        {name: joined(before.simulated, k) for name, k in zip(names, problem.compared, strict=True)},
+        {name: joined(after.simulated, k) for name, k in zip(names, problem.compared, strict=True)},
         hz,
         spectra,
     )

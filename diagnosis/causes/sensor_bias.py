@@ -15,9 +15,9 @@ _SIZES = {"m_s": 1.0, "rad_s": 0.02, "m_s2": 0.3, "rad": 0.02}
 def candidates(subject: Subject) -> list[Candidate]:
     """Each measured channel but vanes where steady forces and moments are each window's own, which show as such.
 
-    An accelerometer's bias does not: gravity is known.
+    An accelerometer's bias does not, nor an attitude's: gravity is known.
     """
-    known = OUTPUTS[:11] if subject.trims_known else OUTPUTS[:7]
+    known = OUTPUTS[:11] if subject.trims_known else OUTPUTS[:9]
     return [_biased(name, subject) for name in known if subject.measures(name)]
 
 

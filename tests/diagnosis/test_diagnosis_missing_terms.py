@@ -32,7 +32,7 @@ def flown(effects: Sequence[Effect], air: Air, seconds: float = 40.0) -> SampleB
 def terms_of(block: SampleBlock) -> tuple[MissingTerm, ...]:
     """Of the simulation as stated, without any cause."""
     subject = subject_of(block, AEROSONDE, {})
-    problem, point = prepare(subject, first_noise(subject.flight))
+    problem, point = prepare(subject, first_noise(subject))
     return missing_terms(problem, settled(problem, likeliest_level(problem, point)))
 
 
@@ -54,7 +54,7 @@ def test_a_vane_that_is_known_to_turn_too_far_does_not_shrink_the_term() -> None
         parse_effect(e) for e in ("incidence_nonlinearity[pitch]:8@0", "vane_upwash[angle_of_attack]:0.5@0")
     ]
     subject = subject_of(flown(effects, "none"), AEROSONDE, {})
-    problem, point = prepare(subject, first_noise(subject.flight))
+    problem, point = prepare(subject, first_noise(subject))
     (vane,) = [c for c in candidates(subject) if c.label == "vane_upwash[angle_of_attack]"]
     begun = replace(point, causes=(vane,), values=(np.array([0.5]),))
     terms = missing_terms(problem, settled(problem, likeliest_level(problem, begun)))

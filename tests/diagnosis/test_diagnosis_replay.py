@@ -57,7 +57,7 @@ def flown(noise: bool = True, seconds: float = 20.0) -> SampleBlock:
 
 def problem_of(block: SampleBlock) -> tuple[Subject, Problem, Point]:
     subject = subject_of(block, AEROSONDE, {})
-    problem, point = prepare(subject, first_noise(subject.flight))
+    problem, point = prepare(subject, first_noise(subject))
     return subject, problem, point
 
 
@@ -145,7 +145,7 @@ def test_thrust_that_is_not_known_is_no_side_force() -> None:
     """Drag turns with the flow; what a window has of its own instead of thrust must not."""
     bare = AEROSONDE.model_copy(update={"propulsion": None})
     subject = subject_of(flown(noise=False), bare, {})
-    problem, point = prepare(subject, first_noise(subject.flight))
+    problem, point = prepare(subject, first_noise(subject))
     assert TRIMS[5] == "thrust_to_weight"
     assert 5 in problem.free_trims
     trims = np.tile(point.trims[0], (2, 1))
@@ -225,7 +225,14 @@ def test_a_state_that_is_followed_moves_on_a_straight_line_between_samples() -> 
     start = body_state(np.array([25.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), inputs.altitude)
     out, row = np.empty((1, len(inputs.flown), len(OUTPUTS))), subject.model.row.copy()
     row[[i for name, i in INDEX.items() if name.startswith("Cl_")]] = 0.0  # no equation for what is followed
-    fly_window(row[None], start[None], point.trims[:1], inputs._replace(follow=follow), out)
+    fly_window(
+        row[None],
+        start[None],
+        point.trims[:1],
+        inputs._replace(follow=follow),
+        np.full(len(inputs.flown), np.nan),
+        out,
+    )
     time_s = inputs.dt * np.arange(count)
     np.testing.assert_allclose(out[0, :count, 7], 0.25 * time_s**2, rtol=0.005)  # held: 1 % short
 

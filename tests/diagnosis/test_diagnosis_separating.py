@@ -24,7 +24,7 @@ AEROSONDE = load_aircraft("aerosonde")
 def flown() -> tuple[Problem, Point, dict[str, Candidate]]:
     inputs = (doublet_schedule(AEROSONDE, FlightCondition(25.0, 1000.0), spacing_s=3.0, start_s=2.0),)
     subject = subject_of(simulate(Scenario(AEROSONDE, manoeuvres=inputs, seed=5), 20.0), AEROSONDE, {})
-    problem, point = prepare(subject, first_noise(subject.flight))
+    problem, point = prepare(subject, first_noise(subject))
     return problem, point, {c.label: c for c in candidates(subject)}
 
 
