@@ -227,9 +227,7 @@ def _differences(row, states, centre, trims, held, out):  # type: ignore[no-unty
     """Central differences over one sample with the states, then with what disturbs at its start and end."""
     phi, h, first, last, d = out
     c, work = with_trims(row, trims), work_space(held.steps)
-    sample = np.int64(
-        0
-    )  # a 0 that is written in a call is a type of its own to numba, for which all is compiled anew
+    sample = np.int64(0)  # written in a call, 0 has a type of its own, for which numba compiles all anew
     below, read, x = np.empty(_K), np.empty(_K), np.empty(13)
     before, after = np.empty(STATES), np.empty(STATES)
     here, there = np.zeros(DISTURBANCES), np.zeros(DISTURBANCES)
