@@ -335,7 +335,8 @@ def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str
     if subject.stated.coefficients is None:
         notes.append(
             "the aircraft file states derivatives only: steady forces and moments are each window's own, and the "
-            "forward accelerometer is taken as read; causes that show in them, such as a loss of thrust, cannot be found"
+            "forward accelerometer is taken as read; causes that show in them alone, such as a loss of thrust, cannot "
+            "be found"
         )
     elif not subject.throttle_known:
         notes.append(
