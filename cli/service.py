@@ -9,6 +9,7 @@ from pathlib import Path
 from uuid import uuid4
 
 import zenoh
+from threadpoolctl import threadpool_limits
 
 from wingwatch import __version__
 from wingwatch.api import HttpServer, create_app, listen
@@ -228,6 +229,8 @@ def running_service(
         link = ZenohSettings.for_service(settings.listen, settings.connect)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session))
+        # The matrices are small: a second thread only waits, spinning, on the core that the others need.
+        stack.enter_context(threadpool_limits(1, "blas"))
         monitor = FleetMonitor(
             hangar.find,
             time.monotonic,

@@ -93,8 +93,6 @@ class Solution:
 
     time_s: float
     modes: Mapping[str, ModeSolution]
-    air: AirQuality | None = None
-    """The gusts of the last half minute; None where they are not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +224,11 @@ class Chain:
     def current(self, state: ChainState) -> Solution:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
         modes = {m.structure.name: self._read(state, m, None) for m in self._modes}
-        return Solution(state.last_s, modes, state.air.found)
+        return Solution(state.last_s, modes)
+
+    def air(self, state: ChainState) -> AirQuality | None:
+        """Gusts of the last half minute as of the last solution; None where they are not known."""
+        return self._air.quality(state.air)
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
         """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
@@ -269,7 +271,8 @@ class Chain:
             if changed.any() and trusted:
                 not_yet_s = float(state.fourier[name].rows[0, 0, 0])  # a change begins the running block
                 m.ekf.release(state.ekf[name], changed, since_s=not_yet_s)
-        return Solution(time_s, modes, self._air.look(state.air, time_s))
+        self._air.look(state.air, time_s)
+        return Solution(time_s, modes)
 
     def _gusty(self, state: ChainState) -> bool:
         """Whether an accelerometer feels gusts: a fault is unrest too, but not rough from sample to sample."""

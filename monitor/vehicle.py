@@ -137,7 +137,7 @@ class VehicleMonitor:
     @property
     def air(self) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
-        return None if self._memory.latest is None else self._memory.latest.air
+        return self.chain.air(self._chain_state)
 
     @property
     def last_sample_time_s(self) -> float | None:
