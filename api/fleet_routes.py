@@ -126,8 +126,10 @@ def _status(door: Door, fleet: str | None) -> StatusDocument:
 
 
 def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> DerivativesDocument:
-    view = door.vehicle(query.fleet, vehicle)
-    current = door.monitor.derivatives(query.fleet, vehicle) or {"time_s": None, "estimators": {}}
+    current = door.monitor.derivatives(query.fleet, vehicle)
+    if current is None:
+        door.vehicle(query.fleet, vehicle)
+        current = {"time_s": None, "estimators": {}}
     estimators: dict[str, Any] = dict(current["estimators"])
     if query.estimator is not None:
         if query.estimator not in estimators:
@@ -139,8 +141,9 @@ def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> Derivativ
             )
         estimators = {query.estimator: estimators[query.estimator]}
     if query.convention is not Convention.CONCISE:
+        view = door.vehicle(query.fleet, vehicle)
         estimators = convert_estimators(estimators, view, query.convention, door.aircraft)
-    owner = {"fleet": view.fleet, "vehicle": view.vehicle, "convention": str(query.convention)}
+    owner = {"fleet": query.fleet, "vehicle": vehicle, "convention": str(query.convention)}
     return DerivativesDocument.model_validate({**current, **owner, "estimators": estimators})
 
 
