@@ -20,17 +20,11 @@ from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope
 from wingwatch.estimators import Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
-from wingwatch.monitor.chain import (
-    NO_VANE,
-    SOLUTION_INTERVAL_S,
-    Chain,
-    ModeSolution,
-    Solution,
-    nominal_condition,
-)
+from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 from wingwatch.telemetry.conditioning import AirQuality
