@@ -74,15 +74,18 @@ class HistoryQuery(VehicleQuery):
 
 
 def fleet_router(door: Door) -> APIRouter:
-    """The routes ``/status`` and ``/vehicles...``."""
+    """The routes ``/status`` and ``/vehicles...``.
+
+    Whatever is about all vehicles is made in a thread: it takes longer than a question about one should wait.
+    """
     router = APIRouter(tags=["vehicles"])
 
     @router.get("/status", response_model=StatusDocument, summary="The fleet at a glance, worst first")
-    async def status(query: Annotated[FleetQuery, Query()]) -> Response:
+    def status(query: Annotated[FleetQuery, Query()]) -> Response:
         return json_answer(_status(door, query.fleet))
 
     @router.get("/vehicles", response_model=VehicleList, summary="All vehicles, worst first")
-    async def vehicles(query: Annotated[FleetQuery, Query()]) -> Response:
+    def vehicles(query: Annotated[FleetQuery, Query()]) -> Response:
         return json_answer(VehicleList(items=[vehicle_document(v) for v in _vehicles(door, query.fleet)]))
 
     @router.get("/vehicles/{vehicle}", response_model=VehicleDocument, summary="One vehicle")

@@ -105,10 +105,11 @@ class VehicleMonitor:
         self._chain_state = self.chain.init()
         self._compared = _compared(self.chain.seen)
         nominal = nominal_condition(aircraft)
+        self._stated = self._stated_provenance(nominal)
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
         self.judge = Judge({s.name: Coordinates(s, aircraft, reference) for s in self._compared}, config)
         self.cells = CellBook(self.judge.coordinates, cells)
-        self._judge_state = self.judge.init(references or {}, self._founded_by_file(nominal))
+        self._judge_state = self.judge.init(references or {}, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
         self._memory = _Memory()
 
@@ -142,7 +143,9 @@ class VehicleMonitor:
     def adopt(self, memory: VehicleMemory) -> None:
         """Take in what is kept of the vehicle where it could not be read at the start; estimates go on as they are."""
         self.chain.envelopes.update({k: e for k, e in memory.envelopes.items() if k in self.chain.envelopes})
-        founded = self._founded_by_file(nominal_condition(self.aircraft))
+        nominal = nominal_condition(self.aircraft)
+        self._stated = self._stated_provenance(nominal)
+        founded = self._founded_by_file
         self.judge.adopt(self._judge_state, memory.references, founded)
         self.cells.adopt(memory.cells)
 
@@ -180,12 +183,19 @@ class VehicleMonitor:
         self._memory.too_slow += int(np.count_nonzero(~flying))
         return SampleBlock(aligned.values[flying])
 
-    def _founded_by_file(self, nominal: FlightCondition | None) -> bool:
+    @property
+    def _founded_by_file(self) -> bool:
         """Whether every compared structure's expectation rests on flights of the type, not on numbers alone."""
-        if nominal is None or not self._compared:
-            return False
-        found = [self.chain.envelopes[s.name].lookup(nominal) for s in self._compared]
-        return all(isinstance(e, Expectation) and e.provenance != "a-priori" for e in found)
+        return bool(self._stated) and all(basis != "a-priori" for basis in self._stated.values())
+
+    def _stated_provenance(self, nominal: FlightCondition | None) -> dict[str, str]:
+        """What each compared structure's expectation rests on at the nominal condition, own flights apart."""
+        found = {
+            s.name: self.chain.envelopes[s.name].lookup(nominal) if nominal else None for s in self._compared
+        }
+        return {
+            name: str(e.provenance) if isinstance(e, Expectation) else "a-priori" for name, e in found.items()
+        }
 
     def _judge_solution(self, solution: Solution) -> AlertView | None:
         """If blocks were closed, compare them and follow up."""
@@ -246,11 +256,9 @@ class VehicleMonitor:
         """What the comparison rests on: ``a-priori``, ``empirical`` or ``identified``."""
         if not self._compared:
             return None
-        nominal = nominal_condition(self.aircraft)
         weakest = "identified"
         for s in self._compared:
-            found = self.chain.envelopes[s.name].lookup(nominal) if nominal else None
-            stated = str(found.provenance) if isinstance(found, Expectation) else "a-priori"
+            stated = self._stated[s.name]
             own = self._judge_state.references[s.name].blocks >= self.judge.config.founded_blocks
             mine = "empirical" if stated == "a-priori" and own else stated
             weakest = min(weakest, mine, key=("a-priori", "empirical", "identified").index)
