@@ -5,6 +5,7 @@ changes nothing.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -117,17 +118,17 @@ class Chain:
             self.envelopes[structure.name] = envelope
             vane = _VANE[structure.states[0]] in present
             pairs.append(_pair(aircraft, structure, prior, kinds, vane))
-        self._supervisor = Supervisor(pairs)
+        self.supervisor = Supervisor(pairs)
 
     @property
     def structures(self) -> tuple[ModeStructure, ...]:
         """Structures that are estimated."""
-        return tuple(p.structure for p in self._supervisor.pairs.values())
+        return tuple(p.structure for p in self.supervisor.pairs.values())
 
     @property
     def seen(self) -> tuple[ModeStructure, ...]:
         """Those whose velocity a vane measures: evidence from a reconstructed one called healthy aircraft changed."""
-        return tuple(p.structure for p in self._supervisor.pairs.values() if p.vane)
+        return tuple(p.structure for p in self.supervisor.pairs.values() if p.vane)
 
     def _prior(self, envelope: Envelope) -> Expectation | str:
         nominal = nominal_condition(self.aircraft)
@@ -136,9 +137,18 @@ class Chain:
         found = envelope.lookup(nominal)
         return found.reason if isinstance(found, OutOfEnvelope) else found
 
+    def of_another(self) -> "Chain":
+        """The chain of another vehicle of this type and these channels: both share the estimators, which remember none.
+
+        Expectations are each vehicle's own.
+        """
+        other = copy(self)
+        other.envelopes = dict(self.envelopes)
+        return other
+
     def init(self) -> ChainState:
         """State before the first sample."""
-        return ChainState(self._supervisor.init())
+        return ChainState(self.supervisor.init())
 
     def advance(self, state: ChainState, block: SampleBlock) -> Iterator[Solution]:
         """Take in clean samples; yields a solution at every half second of their clock.
@@ -150,7 +160,7 @@ class Chain:
             self._take(state, block.values[start : k + 1])
             start = k + 1
             self._air.look(state.air, state.last_s)
-            yield Solution(state.last_s, self._supervisor.solve(state.modes, state.last_s))
+            yield Solution(state.last_s, self.supervisor.solve(state.modes, state.last_s))
         self._take(state, block.values[start:])
 
     def _due(self, state: ChainState, time_s: Array) -> Iterator[int]:
@@ -180,7 +190,7 @@ class Chain:
 
     def current(self, state: ChainState) -> Solution:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
-        return Solution(state.last_s, self._supervisor.read(state.modes, state.last_s))
+        return Solution(state.last_s, self.supervisor.read(state.modes, state.last_s))
 
     def air(self, state: ChainState) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
@@ -188,12 +198,12 @@ class Chain:
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
         """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
-        self._supervisor.pairs[structure].fourier.resume(state.modes[structure].fourier, information, vector)
+        self.supervisor.pairs[structure].fourier.resume(state.modes[structure].fourier, information, vector)
 
     def _take(self, state: ChainState, values: Array) -> None:
         if len(values):
             self._air.take(state.air, values)
-            self._supervisor.take(state.modes, values)
+            self.supervisor.take(state.modes, values)
 
 
 def _next_solution_s(due_s: float, time_s: float) -> float:

@@ -78,6 +78,8 @@ class VehicleMonitor:
         references: what earlier flights of this vehicle taught, by structure.
         envelopes: expectations that take the place of the aircraft file's, by structure.
         cells: what earlier flights remember of cells of the envelope.
+        chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
+            is larger than what they remember of a vehicle, then serve this one as well.
         new_id: makes alert ids.
     """
 
@@ -93,6 +95,7 @@ class VehicleMonitor:
         references: Mapping[str, Reference] | None = None,
         envelopes: Mapping[str, Envelope] | None = None,
         cells: Mapping[CellPlace, CellMemory] | None = None,
+        chain: Chain | None = None,
         new_id: Callable[[], str],
         config: JudgeConfig | None = None,
     ) -> None:
@@ -101,7 +104,9 @@ class VehicleMonitor:
         self.cleaner = Cleaner()
         delays = aligned_delays(aircraft.sensors.delay_s, kinds)
         self._aligner = Aligner(delays, [name for name, kind in kinds.items() if kind == "command"])
-        self.chain = Chain(aircraft, present, kinds, configuration, envelopes)
+        self.chain = (
+            chain.of_another() if chain else Chain(aircraft, present, kinds, configuration, envelopes)
+        )
         self._chain_state = self.chain.init()
         self._compared = _compared(self.chain.seen)
         nominal = nominal_condition(aircraft)
