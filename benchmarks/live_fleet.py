@@ -54,7 +54,7 @@ FLIGHTS = 32
 COMPILE_S, PATIENCE_S, ARRIVE_S = 300.0, 30.0, 1.0
 ASK_EVERY_S, FLEET_EVERY_S = 0.1, 2.0
 PUMP = "wingwatch-pump"
-OTHERS = ("wingwatch-http", "wingwatch-outputs", "wingwatch-store")
+OTHERS = ("wingwatch-http", "wingwatch-outputs", "wingwatch-store", "wingwatch-recall")
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "decoding": ((fleet_module, "decode_sensors"),),
     "cleaning": ((VehicleMonitor, "prepared"),),
