@@ -60,7 +60,8 @@ class ZenohOutputs:
         self._listened: dict[ServiceStream, Any] = {
             stream: session.declare_publisher(f"{KEY_ROOT}/*/*/{stream}") for stream in _COALESCED
         }
-        """Nothing is put through these: they tell whether anybody subscribes the stream of any vehicle."""
+        """Nothing is put through these: they tell whether anybody subscribes the stream of any vehicle. The session's
+        end ends them, so whoever still announces is not refused."""
         self._token: Any = None
         self.dropped = {"alerts": 0, "queries": 0, "unsent": 0}
 
@@ -69,7 +70,7 @@ class ZenohOutputs:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for declared in (*self._queryables, self._token, *self._listened.values()):
+        for declared in (*self._queryables, self._token):
             if declared is not None:
                 declared.undeclare()
         self._ending = True

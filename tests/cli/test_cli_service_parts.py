@@ -126,9 +126,7 @@ class Session:
         self.put_: list[tuple[str, bytes, Mapping[str, Any]]] = []
 
     def declare_publisher(self, key: str) -> Any:
-        return SimpleNamespace(
-            matching_status=SimpleNamespace(matching=self.listened), undeclare=lambda: None
-        )
+        return SimpleNamespace(matching_status=SimpleNamespace(matching=self.listened))
 
     def put(self, key: str, payload: bytes, **options: Any) -> None:
         self.open.wait(PATIENCE_S)
