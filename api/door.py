@@ -42,9 +42,9 @@ class Door:
         Raises:
             ProblemError: 404 for a vehicle never heard of.
         """
-        for view in self.monitor.vehicles():
-            if view.vehicle == vehicle and view.fleet == fleet:
-                return view
+        view = self.monitor.vehicle(fleet, vehicle)
+        if view is not None:
+            return view
         raise ProblemError(
             HTTPStatus.NOT_FOUND,
             f"Vehicle '{vehicle}' of fleet '{fleet}' has never been heard of; /v1/vehicles lists all, "

@@ -74,15 +74,18 @@ class HistoryQuery(VehicleQuery):
 
 
 def fleet_router(door: Door) -> APIRouter:
-    """The routes ``/status`` and ``/vehicles...``."""
+    """The routes ``/status`` and ``/vehicles...``.
+
+    Whatever is about all vehicles is made in a thread: it takes longer than a question about one should wait.
+    """
     router = APIRouter(tags=["vehicles"])
 
     @router.get("/status", response_model=StatusDocument, summary="The fleet at a glance, worst first")
-    async def status(query: Annotated[FleetQuery, Query()]) -> Response:
+    def status(query: Annotated[FleetQuery, Query()]) -> Response:
         return json_answer(_status(door, query.fleet))
 
     @router.get("/vehicles", response_model=VehicleList, summary="All vehicles, worst first")
-    async def vehicles(query: Annotated[FleetQuery, Query()]) -> Response:
+    def vehicles(query: Annotated[FleetQuery, Query()]) -> Response:
         return json_answer(VehicleList(items=[vehicle_document(v) for v in _vehicles(door, query.fleet)]))
 
     @router.get("/vehicles/{vehicle}", response_model=VehicleDocument, summary="One vehicle")
@@ -126,8 +129,10 @@ def _status(door: Door, fleet: str | None) -> StatusDocument:
 
 
 def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> DerivativesDocument:
-    view = door.vehicle(query.fleet, vehicle)
-    current = door.monitor.derivatives(query.fleet, vehicle) or {"time_s": None, "estimators": {}}
+    current = door.monitor.derivatives(query.fleet, vehicle)
+    if current is None:
+        door.vehicle(query.fleet, vehicle)
+        current = {"time_s": None, "estimators": {}}
     estimators: dict[str, Any] = dict(current["estimators"])
     if query.estimator is not None:
         if query.estimator not in estimators:
@@ -139,8 +144,9 @@ def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> Derivativ
             )
         estimators = {query.estimator: estimators[query.estimator]}
     if query.convention is not Convention.CONCISE:
+        view = door.vehicle(query.fleet, vehicle)
         estimators = convert_estimators(estimators, view, query.convention, door.aircraft)
-    owner = {"fleet": view.fleet, "vehicle": view.vehicle, "convention": str(query.convention)}
+    owner = {"fleet": query.fleet, "vehicle": vehicle, "convention": str(query.convention)}
     return DerivativesDocument.model_validate({**current, **owner, "estimators": estimators})
 
 

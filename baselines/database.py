@@ -50,6 +50,7 @@ MAX_REFERENCE_HISTORY = 1000
 MAX_CELLS = 64
 """Most cells of the envelope that are remembered of one structure of a vehicle."""
 
+_ESTIMATE = tuple(f.name for f in fields(EstimateRecord))
 _PRUNE_SHARE = 10
 """Estimates are pruned each time a vehicle has added a tenth of its retention."""
 
@@ -309,7 +310,7 @@ class Database:
         if not rows:
             return
         with self._write() as session:
-            session.execute(insert(EstimateRow), [_plain(row) for row in rows])
+            session.execute(insert(EstimateRow), [{n: getattr(row, n) for n in _ESTIMATE} for row in rows])
             pruned = self._due_for_pruning(rows)
             for vehicle in pruned:
                 self._prune(session, *vehicle)

@@ -124,7 +124,7 @@ def schedule(aircraft: Aircraft, places: Sequence[int], amplitude_rad: float) ->
 def filter_alone(file: Aircraft, block: SampleBlock) -> dict[str, Estimate]:
     """The filter's last estimates by structure, as the chain configures it, nobody telling it what the data carry."""
     found = {}
-    for mode in Chain(file, block.present, {})._modes:
+    for mode in Chain(file, block.present, {}).supervisor.pairs.values():
         rows = mode.signals.update(mode.signals.init(1), block.values[None])
         state = mode.ekf.init(1)
         for at in range(0, rows.shape[1], RATE_HZ // 2):

@@ -1,8 +1,8 @@
 """The service's own streams on Zenoh: derivatives, status and alerts, published and answered to queries.
 
-Whoever calls here never waits: one thread encodes and hands over. Derivatives and status are coalesced, the newest
-of each vehicle counts; alerts go first, each of them, and wait for a congested link. Zenoh's callbacks only put
-the query into a queue.
+Whoever calls here never waits: one thread makes, encodes and hands over. Derivatives and status are coalesced, the
+newest of each vehicle counts, and are made only while somebody subscribes them; alerts go first, each of them, and wait
+for a congested link. Zenoh's callbacks only put the query into a queue.
 """
 
 import logging
@@ -15,6 +15,7 @@ import zenoh
 
 from wingwatch.api import alert_document, vehicle_document
 from wingwatch.monitor import AlertView, MonitorPort, VehicleView
+from wingwatch.monitor.ports import News
 from wingwatch.telemetry import (
     JSON,
     ServiceStream,
@@ -30,9 +31,8 @@ _LOG = logging.getLogger(__name__)
 _MOST_ALERTS = 10_000
 _MOST_QUERIES = 256
 _STREAMS: tuple[ServiceStream, ...] = ("derivatives", "status", "alerts")
+_COALESCED: tuple[ServiceStream, ...] = ("derivatives", "status")
 _JOIN_S = 1.0
-
-News = Mapping[str, Any] | VehicleView | AlertView
 
 
 class ZenohOutputs:
@@ -49,14 +49,19 @@ class ZenohOutputs:
         self._session = session
         self._monitor: MonitorPort | None = None
         self._ask: Callable[[str, str], None] | None = None
-        self._latest: dict[tuple[str, str, ServiceStream], News] = {}
-        self._alerts: deque[AlertView] = deque()
+        self._latest: dict[tuple[str, str, ServiceStream], Callable[[], News]] = {}
+        self._alerts: deque[tuple[str, str, Callable[[], News]]] = deque()
         self._queries: deque[Any] = deque()
         self._lock = threading.Lock()
         self._news = threading.Event()
         self._ending = False
         self._thread = threading.Thread(target=self._run, name="wingwatch-outputs", daemon=True)
         self._queryables: list[Any] = []
+        self._listened: dict[ServiceStream, Any] = {
+            stream: session.declare_publisher(f"{KEY_ROOT}/*/*/{stream}") for stream in _COALESCED
+        }
+        """Nothing is put through these: they tell whether anybody subscribes the stream of any vehicle. The session's
+        end ends them, so whoever still announces is not refused."""
         self._token: Any = None
         self.dropped = {"alerts": 0, "queries": 0, "unsent": 0}
 
@@ -87,16 +92,17 @@ class ZenohOutputs:
 
     # -- what the monitor calls ---------------------------------------------------------------------
 
-    def announce(self, fleet: str, vehicle: str, stream: str, value: News) -> None:
+    def announce(self, fleet: str, vehicle: str, stream: ServiceStream, news: Callable[[], News]) -> None:
         """Publish soon; returns at once."""
+        if stream in _COALESCED and not self._listened[stream].matching_status.matching:
+            return
         with self._lock:
-            if isinstance(value, AlertView):
-                if len(self._alerts) >= _MOST_ALERTS:
-                    self.dropped["alerts"] += 1
-                else:
-                    self._alerts.append(value)
-            elif stream in _STREAMS:
-                self._latest[fleet, vehicle, stream] = value
+            if stream in _COALESCED:
+                self._latest[fleet, vehicle, stream] = news
+            elif len(self._alerts) >= _MOST_ALERTS:
+                self.dropped["alerts"] += 1
+            else:
+                self._alerts.append((fleet, vehicle, news))
         self._news.set()
 
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:
@@ -127,27 +133,27 @@ class ZenohOutputs:
                 self._alerts.clear()
                 self._queries.clear()
                 self._latest = {}
-            for alert in alerts:
-                self._safely(lambda alert=alert: self._put(alert.fleet, alert.vehicle, "alerts", alert))
-            for (fleet, vehicle, stream), value in latest.items():
-                self._safely(lambda put=(fleet, vehicle, stream, value): self._put(*put))
+            for fleet, vehicle, news in alerts:
+                self._safely(self._put, fleet, vehicle, "alerts", news)
+            for (fleet, vehicle, stream), news in latest.items():
+                self._safely(self._put, fleet, vehicle, stream, news)
             for query in queries:
-                self._safely(lambda query=query: self._answer(query))
+                self._safely(self._answer, query)
 
-    def _safely(self, action: Any) -> None:
+    def _safely(self, action: Callable[..., None], *arguments: object) -> None:
         """What cannot be sent is counted; the thread goes on."""
         try:
-            action()
+            action(*arguments)
         except Exception as error:
             self.dropped["unsent"] += 1
             _LOG.warning("not published: %s: %s", type(error).__name__, error)
 
-    def _put(self, fleet: str, vehicle: str, stream: ServiceStream, value: News) -> None:
+    def _put(self, fleet: str, vehicle: str, stream: ServiceStream, news: Callable[[], News]) -> None:
         urgent = stream == "alerts"
         control, priority = zenoh.CongestionControl, zenoh.Priority
         self._session.put(
             vehicle_key(fleet, vehicle, stream),
-            encode_service_object(stream, _document(fleet, vehicle, value)),
+            encode_service_object(stream, _document(fleet, vehicle, news())),
             encoding=JSON,
             congestion_control=control.BLOCK if urgent else control.DROP,
             priority=priority.INTERACTIVE_HIGH if urgent else priority.DATA,

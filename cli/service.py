@@ -1,6 +1,7 @@
 """The service: HTTP, database, Zenoh and the fleet's monitor wired together, started and ended in order."""
 
 import logging
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -9,6 +10,7 @@ from pathlib import Path
 from uuid import uuid4
 
 import zenoh
+from threadpoolctl import threadpool_limits
 
 from wingwatch import __version__
 from wingwatch.api import HttpServer, create_app, listen
@@ -32,6 +34,7 @@ _IDLE_S = 0.2
 _STOP_S = 1.0
 _DATABASE_PATIENCE_S = 1.0
 _LOADING = "The numerical kernels are being loaded."
+_SWITCH_S = 0.0005  # each message that arrives waits so long for the interpreter while the pump is busy
 
 
 class Pump:
@@ -237,6 +240,10 @@ def running_service(
         link = ZenohSettings.for_service(settings.listen, settings.connect)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session))
+        stack.callback(sys.setswitchinterval, sys.getswitchinterval())
+        sys.setswitchinterval(_SWITCH_S)
+        # The matrices are small: a second thread only waits, spinning, on the core that the others need.
+        stack.enter_context(threadpool_limits(1, "blas"))
         monitor = FleetMonitor(
             hangar.find,
             time.monotonic,

@@ -40,6 +40,7 @@ _MOST_MEMORY = 50_000  # references, and cells: several hundred vehicles' worth
 _MOST_ASKED = 1000
 _MOST_TRIES = 5
 _RETRY_S = 1.0
+_GATHER_S = 0.2  # a transaction costs as much as a hundred rows
 _END_S = 10.0
 
 _Asked = tuple[str, str, str, str]
@@ -238,7 +239,7 @@ class DatabaseStore:
     def _run(self) -> None:
         while True:
             self._news.wait()
-            ending = self._end.is_set()
+            ending = self._end.wait(_GATHER_S)
             self._news.clear()
             written = self._write()
             if ending:

@@ -35,9 +35,7 @@ from wingwatch.estimators.filter_error import (
 )
 from wingwatch.estimators.fourier.estimator import FourierConfig, FourierEstimator, FourierState
 from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
-from wingwatch.estimators.motion import ROUGH_SHARE, gather_motion
 from wingwatch.estimators.reference import offsets, referred_scale
-from wingwatch.estimators.roughness import ROUGHNESS, follow_roughness, is_gusty
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState
 
 __all__ = [
@@ -57,11 +55,6 @@ __all__ = [
     "SignalLayout",
     "SignalState",
     "Signals",
-    "ROUGH_SHARE",
-    "gather_motion",
-    "ROUGHNESS",
-    "follow_roughness",
-    "is_gusty",
     "offsets",
     "referred_scale",
     "Manoeuvre",

@@ -5,6 +5,8 @@ estimate made at one airspeed is carried to another by a ratio, without any geom
 at the reference airspeed and density. The kinematic parts (forward speed in z_q and y_r, W in y_p and x_q) are offsets.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,12 +72,13 @@ def standing(
     natural = prior_std / 3.0
     confounded, sets = confounded_sets(structure, covariance, natural, prior_ratio)
     outcomes = []
-    for k in range(value.size):
-        if not np.isfinite(value[k]) or not np.isfinite(error[k]):
+    columns = (part.tolist() for part in (value, error, natural, informed_s, confounded))
+    for x, spread, size, informed, hidden in zip(*columns, strict=True):
+        if not math.isfinite(x) or not math.isfinite(spread):
             outcomes.append(Outcome.REJECTED if solved else Outcome.NOT_OBSERVABLE)
-        elif not solved or time_s - informed_s[k] > stale_s or error[k] > natural[k] or confounded[k]:
+        elif not solved or time_s - informed > stale_s or spread > size or hidden:
             outcomes.append(Outcome.NOT_OBSERVABLE)
-        elif error[k] <= 0.25 * max(abs(value[k]), natural[k]):
+        elif spread <= 0.25 * max(abs(x), size):
             outcomes.append(Outcome.CONVERGED)
         else:
             outcomes.append(Outcome.SETTLING)

@@ -34,8 +34,10 @@ class AirState:
     pieces: deque[tuple[Array, NDArray[np.float32]]] = field(default_factory=deque)
     rows: int = 0
     next_look_s: float = float("nan")
+    window: tuple[Array, NDArray[np.float32]] | None = None
+    """Stamps and rows of the last whole half minute, until somebody asks what its air was like."""
     found: AirQuality | None = None
-    """None before the first window is full, or while a channel that this needs has no readings."""
+    """What was found when somebody asked."""
 
 
 class AirWatch:
@@ -61,26 +63,35 @@ class AirWatch:
         ):
             state.rows -= len(state.pieces.popleft()[0])
 
-    def look(self, state: AirState, time_s: float) -> AirQuality | None:
-        """What is known at a solution's time: found anew when it is due."""
+    def look(self, state: AirState, time_s: float) -> None:
+        """At a solution's time: put the last half minute by when it is due."""
         due_s = state.next_look_s - time_s
         if not -WINDOW_S < due_s <= WINDOW_S:  # the first, or after a jump of the clock
             state.next_look_s = time_s + WINDOW_S
-            state.found = None
+            state.window = state.found = None
         elif due_s <= 1e-6:
             state.next_look_s += WINDOW_S
             stamps = np.concatenate([piece[0] for piece in state.pieces])
             rows = np.concatenate([piece[1] for piece in state.pieces])
             state.pieces = deque([(stamps, rows)])  # one piece costs less memory than many
-            state.found = self._found(stamps, rows, time_s)
+            with np.errstate(invalid="ignore"):
+                inside = (stamps > time_s - WINDOW_S - 1e-6) & (stamps <= time_s)
+            state.window, state.found = (stamps[inside], rows[inside]), None
+
+    def quality(self, state: AirState) -> AirQuality | None:
+        """The air of the last whole half minute, worked out when it is asked for first.
+
+        None before the first, or where a channel that this needs has no readings.
+        """
+        if state.window is not None:
+            state.found = self._found(*state.window)
+            state.window = None
         return state.found
 
-    def _found(self, stamps: Array, rows: NDArray[np.float32], time_s: float) -> AirQuality | None:
-        with np.errstate(invalid="ignore"):
-            inside = (stamps > time_s - WINDOW_S - 1e-6) & (stamps <= time_s)
-        if np.count_nonzero(inside) < _LEAST_ROWS:
+    def _found(self, stamps: Array, rows: NDArray[np.float32]) -> AirQuality | None:
+        if len(stamps) < _LEAST_ROWS:
             return None
-        there = {"time_s": stamps[inside]} | dict(zip(_KEPT, rows[inside].T.astype(np.float64), strict=True))
+        there = {"time_s": stamps} | dict(zip(_KEPT, rows.T.astype(np.float64), strict=True))
         try:
             return turbulence_intensity(SampleBlock.from_columns(there), self._config)
         except ValueError:  # a channel is missing, or the window is torn by gaps

@@ -5,7 +5,8 @@ changes nothing.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from copy import copy
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,32 +14,21 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, FlightCondition, ModeStructure
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
 from wingwatch.estimators import (
-    ROUGH_SHARE,
-    ROUGHNESS,
-    BlockEvidence,
     EkfConfig,
     EkfEstimator,
-    EkfState,
-    Estimate,
     FourierConfig,
     FourierEstimator,
-    FourierState,
-    Outcome,
     SignalConfig,
     Signals,
-    SignalState,
-    follow_roughness,
-    gather_motion,
     inertia_coupling,
-    is_gusty,
     offsets,
-    told_apart_text,
 )
 from wingwatch.monitor.air_watch import AirState, AirWatch
+from wingwatch.monitor.supervision import ModeSolution, Pair, PairState, Supervisor
 from wingwatch.telemetry import SampleBlock, missing_for
 from wingwatch.telemetry.conditioning import AirQuality
 
-__all__ = ["Chain", "ChainState", "ModeSolution", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
+__all__ = ["Chain", "ChainState", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
 
 Array = NDArray[np.float64]
 
@@ -54,17 +44,6 @@ second at 10 Hz. A solution costs a thousand times what a sample does, so a mess
 _SAME_TIME_S = 1e-6
 """Stamps this close count as one: samplers round."""
 
-MOTION_S = 10.0
-"""Time over which the motion is measured that the air's part is compared with: a block."""
-
-ROUGH_MEMORY_S = 80.0
-"""Twice the estimators' memory: after it they have forgotten six sevenths of what gusts taught them unseen."""
-
-ROUGHNESS_SAMPLES = 250.0
-"""Time constant, 5 s at 50 Hz: an autopilot's or doublet's jerk passes, gusts stay."""
-
-NO_VANE = "reconstructed, no vane"
-
 _VANE = {"w": "angle_of_attack_rad", "v": "sideslip_rad"}
 _FORCE_COLUMN = {"w": "specific_force_z_m_s2", "v": "specific_force_y_m_s2"}
 _RATE_COLUMN = {"p": "roll_rate_rad_s", "q": "pitch_rate_rad_s", "r": "yaw_rate_rad_s"}
@@ -73,55 +52,18 @@ _SURFACE = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
 
 
 @dataclass(frozen=True, slots=True)
-class ModeSolution:
-    """What both estimators say of one mode, and what the last closed block added."""
-
-    structure: ModeStructure
-    fourier: Estimate
-    ekf: Estimate
-    block: BlockEvidence
-    gained: tuple[Array, Array] | None
-    rough: bool = False
-    """Whether the air makes a tenth or more of the rotation: changes are then not looked for."""
-    reconstructed: bool = False
-    """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has standing."""
-
-
-@dataclass(frozen=True, slots=True)
 class Solution:
     """All modes at one instant of the vehicle's clock."""
 
     time_s: float
     modes: Mapping[str, ModeSolution]
-    air: AirQuality | None = None
-    """The gusts of the last half minute; None where they are not known."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Mode:
-    """The parts that work on one structure."""
-
-    structure: ModeStructure
-    signals: Signals
-    fourier: FourierEstimator
-    ekf: EkfEstimator
-    vane: bool
-    force_noise_variance: float
 
 
 @dataclass(slots=True)
 class ChainState:
     """Everything a chain remembers of its vehicle."""
 
-    signals: dict[str, SignalState]
-    fourier: dict[str, FourierState]
-    ekf: dict[str, EkfState]
-    roughness: dict[str, Array]
-    motion: dict[str, Array]
-    """Running moments of the measured states, laid out as ``estimators.gather_motion`` has them, by structure."""
-    blocks: dict[str, int] = field(default_factory=dict)
-    rough_s: dict[str, float] = field(default_factory=dict)
-    """When the air was last rough, by structure without a vane."""
+    modes: dict[str, PairState]
     air: AirState = field(default_factory=AirState)
     next_solution_s: float = float("nan")
     last_s: float = float("nan")
@@ -162,7 +104,7 @@ class Chain:
         self.envelopes: dict[str, Envelope] = {}
         self.absent: dict[str, str] = {}
         self._air = AirWatch(aircraft)
-        self._modes: list[_Mode] = []
+        pairs: list[Pair] = []
         for structure in STRUCTURES_WATCHED:
             missing = missing_for(structure, present)
             if missing:
@@ -175,17 +117,18 @@ class Chain:
                 continue
             self.envelopes[structure.name] = envelope
             vane = _VANE[structure.states[0]] in present
-            self._modes.append(_mode(aircraft, structure, prior, kinds, vane))
+            pairs.append(_pair(aircraft, structure, prior, kinds, vane))
+        self.supervisor = Supervisor(pairs)
 
     @property
     def structures(self) -> tuple[ModeStructure, ...]:
         """Structures that are estimated."""
-        return tuple(m.structure for m in self._modes)
+        return tuple(p.structure for p in self.supervisor.pairs.values())
 
     @property
     def seen(self) -> tuple[ModeStructure, ...]:
         """Those whose velocity a vane measures: evidence from a reconstructed one called healthy aircraft changed."""
-        return tuple(m.structure for m in self._modes if m.vane)
+        return tuple(p.structure for p in self.supervisor.pairs.values() if p.vane)
 
     def _prior(self, envelope: Envelope) -> Expectation | str:
         nominal = nominal_condition(self.aircraft)
@@ -194,15 +137,18 @@ class Chain:
         found = envelope.lookup(nominal)
         return found.reason if isinstance(found, OutOfEnvelope) else found
 
+    def of_another(self) -> "Chain":
+        """The chain of another vehicle of this type and these channels: both share the estimators, which remember none.
+
+        Expectations are each vehicle's own.
+        """
+        other = copy(self)
+        other.envelopes = dict(self.envelopes)
+        return other
+
     def init(self) -> ChainState:
         """State before the first sample."""
-        return ChainState(
-            {m.structure.name: m.signals.init(1) for m in self._modes},
-            {m.structure.name: m.fourier.init(1) for m in self._modes},
-            {m.structure.name: m.ekf.init(1) for m in self._modes},
-            {m.structure.name: np.zeros(ROUGHNESS) for m in self._modes},
-            {m.structure.name: np.full((3, len(m.structure.states)), np.nan) for m in self._modes},
-        )
+        return ChainState(self.supervisor.init())
 
     def advance(self, state: ChainState, block: SampleBlock) -> Iterator[Solution]:
         """Take in clean samples; yields a solution at every half second of their clock.
@@ -210,85 +156,54 @@ class Chain:
         Samples slower than 10 Hz have to be ``LEAST_ROWS`` for a solution; at 2 Hz and slower there is none.
         """
         start = 0
-        for k, t in enumerate(block.time_s.tolist()):
-            step_s, state.last_s = t - state.last_s, t
-            state.rows = state.rows + 1 if 0.0 < step_s < SOLUTION_INTERVAL_S - _SAME_TIME_S else 1
-            if np.isnan(state.next_solution_s) or not 0.0 < step_s < 10.0 * SOLUTION_INTERVAL_S:
-                state.next_solution_s = t + SOLUTION_INTERVAL_S
-            elif t >= state.next_solution_s - _SAME_TIME_S and state.rows >= LEAST_ROWS:
-                self._take(state, block.values[start : k + 1])
-                start = k + 1
-                yield self._solve(state, t)
-                state.next_solution_s = _next_solution_s(state.next_solution_s, t)
-                state.rows = 0
+        for k in self._due(state, block.time_s):
+            self._take(state, block.values[start : k + 1])
+            start = k + 1
+            self._air.look(state.air, state.last_s)
+            yield Solution(state.last_s, self.supervisor.solve(state.modes, state.last_s))
         self._take(state, block.values[start:])
+
+    def _due(self, state: ChainState, time_s: Array) -> Iterator[int]:
+        """Rows after which there is a solution, in order; the state's clock stands at each when it is given."""
+        last_s = np.append(state.last_s, time_s[:-1])
+        steps = time_s - last_s[: time_s.size]
+        torn = np.flatnonzero(~((steps > 0.0) & (steps < SOLUTION_INTERVAL_S - _SAME_TIME_S)))
+        at = 0  # first row that is not counted yet
+        for tear in (*torn.tolist(), time_s.size):
+            while (k := self._next_due(state, time_s[:tear], at)) < tear:
+                state.last_s = float(time_s[k])
+                yield k
+                state.next_solution_s = _next_solution_s(state.next_solution_s, state.last_s)
+                state.rows, at = 0, k + 1
+            state.rows += tear - at
+            if tear < time_s.size:  # too long a step for a solution, or one back: counting begins anew
+                if not 0.0 < steps[tear] < 10.0 * SOLUTION_INTERVAL_S:
+                    state.next_solution_s = float(time_s[tear]) + SOLUTION_INTERVAL_S
+                state.rows, at = 1, tear + 1
+        if time_s.size:
+            state.last_s = float(time_s[-1])
+
+    def _next_due(self, state: ChainState, time_s: Array, at: int) -> int:
+        """The first of evenly rising stamps from ``at`` on at which a solution is due, their number where none is."""
+        late = at + int(np.searchsorted(time_s[at:], state.next_solution_s - _SAME_TIME_S))
+        return max(late, at + LEAST_ROWS - 1 - state.rows)
 
     def current(self, state: ChainState) -> Solution:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
-        modes = {m.structure.name: self._read(state, m, None) for m in self._modes}
-        return Solution(state.last_s, modes, state.air.found)
+        return Solution(state.last_s, self.supervisor.read(state.modes, state.last_s))
+
+    def air(self, state: ChainState) -> AirQuality | None:
+        """Gusts of the last half minute as of the last solution; None where they are not known."""
+        return self._air.quality(state.air)
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
         """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
-        for m in self._modes:
-            if m.structure.name == structure:
-                m.fourier.resume(state.fourier[structure], information, vector)
+        self.supervisor.pairs[structure].fourier.resume(state.modes[structure].fourier, information, vector)
 
     def _take(self, state: ChainState, values: Array) -> None:
-        if not len(values):
-            return
-        self._air.take(state.air, values)
-        for m in self._modes:
-            name = m.structure.name
-            signals = m.signals.update(state.signals[name], values[None])
-            whole = signals if m.vane else m.signals.high_passed(state.signals[name], signals)
-            m.fourier.update(state.fourier[name], whole)
-            m.ekf.update(state.ekf[name], signals)
-            gather_motion(state.motion[name], signals[0], MOTION_S)
-            if not m.vane:
-                forces = np.ascontiguousarray(signals[0, :, m.signals.config.layout.accelerometer])
-                follow_roughness(state.roughness[name], forces, ROUGHNESS_SAMPLES)
-
-    def _solve(self, state: ChainState, time_s: float) -> Solution:
-        modes = {}
-        for m in self._modes:
-            name = m.structure.name
-            m.fourier.solve(state.fourier[name])
-            m.ekf.solve(state.ekf[name], m.fourier.sees(state.fourier[name]))
-            closed = int(state.fourier[name].counts[0, 1])
-            gained = None
-            if closed != state.blocks.get(name, 0):
-                state.blocks[name] = closed
-                gained = m.ekf.take_gained(state.ekf[name])
-            modes[name] = self._read(state, m, gained)
-            # Rough air contradicts what is remembered, too; without a vane all may. Else the filter, which cannot
-            # tell a change from the noise of its surfaces, is told.
-            trusted = m.vane and not modes[name].rough
-            state.fourier[name].follows[:] = trusted
-            changed = m.fourier.changed(state.fourier[name])
-            if changed.any() and trusted:
-                not_yet_s = float(state.fourier[name].rows[0, 0, 0])  # a change begins the running block
-                m.ekf.release(state.ekf[name], changed, since_s=not_yet_s)
-        return Solution(time_s, modes, self._air.look(state.air, time_s))
-
-    def _gusty(self, state: ChainState) -> bool:
-        """Whether an accelerometer feels gusts: a fault is unrest too, but not rough from sample to sample."""
-        return any(is_gusty(state.roughness[m.structure.name], m.force_noise_variance) for m in self._modes)
-
-    def _read(self, state: ChainState, mode: _Mode, gained: tuple[Array, Array] | None) -> ModeSolution:
-        name = mode.structure.name
-        fourier = mode.fourier.estimate(state.fourier[name])
-        unseen = mode.fourier.unseen(state.fourier[name])
-        ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier, unseen)
-        mean, square, _ = state.motion[name]
-        with np.errstate(over="ignore"):  # a filter that diverged: infinitely rough all right
-            share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
-        rough = bool((share[1:] > ROUGH_SHARE).any())
-        if not mode.vane:
-            rough = _lately(state, name, rough and self._gusty(state))
-            fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
-        evidence = mode.fourier.evidence(state.fourier[name])
-        return ModeSolution(mode.structure, fourier, ekf, evidence, gained, rough, not mode.vane)
+        if len(values):
+            self._air.take(state.air, values)
+            self.supervisor.take(state.modes, values)
 
 
 def _next_solution_s(due_s: float, time_s: float) -> float:
@@ -297,71 +212,9 @@ def _next_solution_s(due_s: float, time_s: float) -> float:
     return due_s + SOLUTION_INTERVAL_S * (1.0 + max(0.0, float(passed)))
 
 
-def _lately(state: ChainState, name: str, rough: bool) -> bool:
-    """Whether the air is rough, or was within the time in which the estimators forget what it taught them."""
-    if rough:
-        state.rough_s[name] = state.last_s
-    return 0.0 <= state.last_s - state.rough_s.get(name, -np.inf) < ROUGH_MEMORY_S
-
-
-def _has_standing(estimate: Estimate) -> bool:
-    """Whether any derivative has."""
-    return any(o is not Outcome.NOT_OBSERVABLE for o in estimate.outcomes)
-
-
-def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
-    """An estimate from a reconstructed velocity, with the standing that is left to it.
-
-    The reconstruction integrates accelerometer and gyro: its noise goes together with theirs and grows towards low
-    frequencies. The filter has that in its model, for it carries the velocity itself; the Fourier form takes a state's
-    noise as white and its own, so its standard errors do not hold. Gusts are in neither.
-    """
-    if not _has_standing(estimate):
-        return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}")
-    if not rough and estimate.estimator != "fourier":
-        return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}" if estimate.reason else NO_VANE)
-    why = "rough air is not seen without a vane and passes for the aircraft's own"
-    if not rough:
-        why = "its errors leave out that the velocity's noise goes with the rates': the Kalman filter alone counts"
-    outcomes = tuple(o if o is Outcome.NOT_OBSERVABLE else Outcome.REJECTED for o in estimate.outcomes)
-    return replace(estimate, outcomes=outcomes, outcome=Outcome.REJECTED, reason=f"{NO_VANE}; {why}")
-
-
-def _gated(ekf: Estimate, fourier: Estimate, unseen: NDArray[np.bool_]) -> Estimate:
-    """The filter's estimate with the standing that the excitation allows.
-
-    The filter cannot tell a noisy regressor from a moving one; the Fourier form can (its share of signal), so what it
-    calls not observable for want of signal is not observable for the filter either.
-    """
-    apart = {symbol for names in fourier.confounded for symbol in names}
-    hidden = [
-        o is Outcome.NOT_OBSERVABLE and (bool(u) or symbol in apart)
-        for o, u, symbol in zip(fourier.outcomes, unseen, fourier.structure.derivatives, strict=True)
-    ]
-    if not any(hidden):
-        return ekf
-    outcomes = tuple(
-        Outcome.NOT_OBSERVABLE if h else own for h, own in zip(hidden, ekf.outcomes, strict=True)
-    )
-    confounded = tuple(dict.fromkeys((*ekf.confounded, *fourier.confounded)))
-    if sum(hidden) > len(hidden) / 2 and ekf.outcome is not Outcome.REJECTED:
-        return replace(
-            ekf,
-            outcomes=outcomes,
-            outcome=Outcome.NOT_OBSERVABLE,
-            reason=fourier.reason,
-            confounded=confounded,
-        )
-    if confounded != ekf.confounded:
-        text = told_apart_text(ekf.structure, confounded)
-        reason = f"{text}; {ekf.reason}" if ekf.reason and not ekf.confounded else text
-        return replace(ekf, outcomes=outcomes, reason=reason, confounded=confounded)
-    return replace(ekf, outcomes=outcomes)
-
-
-def _mode(
+def _pair(
     aircraft: Aircraft, structure: ModeStructure, prior: Expectation, kinds: Mapping[str, str], vane: bool
-) -> _Mode:
+) -> Pair:
     """Both estimators of a structure, started from the a-priori expectation and free to leave it."""
     condition = prior.condition
     reference = (condition.airspeed_true_m_s, condition.air_density_kg_m3)
@@ -413,7 +266,7 @@ def _mode(
         input_noise_std=noise,
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
     )
-    return _Mode(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)
+    return Pair(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)
 
 
 def _servo_s(aircraft: Aircraft, symbol: str) -> float:

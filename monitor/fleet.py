@@ -10,16 +10,17 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import EstimateRecord
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
+from wingwatch.monitor.chain import Solution
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
-from wingwatch.monitor.ports import Outputs, Store, VehicleMemory
+from wingwatch.monitor.ports import News, Outputs, Store, VehicleMemory
 from wingwatch.monitor.roster import Roster, VehicleKey
 from wingwatch.monitor.vehicle import Report, VehicleMonitor
 from wingwatch.monitor.views import (
@@ -34,6 +35,7 @@ from wingwatch.telemetry import (
     AircraftMessage,
     MessageError,
     SensorsMessage,
+    ServiceStream,
     decode_aircraft,
     decode_sensors,
 )
@@ -44,6 +46,9 @@ _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
 _MOST_HELD = 2000  # messages, of all vehicles together
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
+
+_Told = tuple[ServiceStream, Callable[[], News]] | Literal["ask"]
+"""A stream and what gives the news of it, or the question what aircraft a vehicle is."""
 
 STATE_ORDER = (
     VehicleState.DEGRADED,
@@ -143,7 +148,7 @@ class FleetMonitor:
 
     def _announced(
         self, fleet: str, vehicle: str, known: KnownVehicle, message: AircraftMessage
-    ) -> list[Any]:
+    ) -> list[_Told]:
         if message == known.message:
             return []
         changed = known.message is not None and (
@@ -160,23 +165,23 @@ class FleetMonitor:
             known.start_anew()
         return []
 
-    def _sampled(self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage) -> list[Any]:
+    def _sampled(self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage) -> list[_Told]:
         if not known.arrivals.observe(message.sequence, message.stream, *message.span_s):
             known.refused_s = self._clock()
             return []
         known.received_s = self._clock()
         if known.aircraft is None:
             known.count("unannounced" if known.message is None else "unknown_aircraft", len(message.block))
-            return ["ask"] if known.message is None else []
+            return ["ask"] if known.message is None and self._may_ask(known) else []
         known.held.append(message)
         self._held += 1
         return self._feed(fleet, vehicle, known, known.monitor is None)
 
-    def _feed(self, fleet: str, vehicle: str, known: KnownVehicle, recall: bool) -> list[Any]:
+    def _feed(self, fleet: str, vehicle: str, known: KnownVehicle, recall: bool) -> list[_Told]:
         """Hand over what is held, once there is a monitor; ``recall``: ask for what is kept if it is not read yet."""
         if recall and not known.recalled:
             self._recall(fleet, vehicle, known)
-        news: list[Any] = []
+        news: list[_Told] = []
         while known.monitor is not None and known.held:
             self._held -= 1
             report = known.monitor.feed(known.held.popleft().block)
@@ -212,25 +217,33 @@ class FleetMonitor:
 
     # -- what it leads to ----------------------------------------------------------------------
 
-    def _digest(self, fleet: str, vehicle: str, known: KnownVehicle, report: Report) -> list[Any]:
+    def _digest(self, fleet: str, vehicle: str, known: KnownVehicle, report: Report) -> list[_Told]:
         monitor = known.monitor
         if monitor is None:
             return []
-        news: list[Any] = []
+        news: list[_Told] = []
         for alert in report.alerts:
             self._keep_alert(alert)
-            news.append(alert)
+            news.append(_of_alert(alert))
         if report.solutions:
             self._keep_history(fleet, vehicle, known, monitor, report)
-            value = monitor.derivatives(report.solutions[-1])
-            news.append(value)
-            self._event("derivatives", {"fleet": fleet, "vehicle": vehicle, "time_s": value["time_s"]})
+            latest = report.solutions[-1]
+            news.append(("derivatives", partial(self._derivatives_of, monitor, latest)))
+            self._event("derivatives", {"fleet": fleet, "vehicle": vehicle, "time_s": latest.time_s})
         state, _ = known.standing(self._clock(), self._settings.stale_s)
         if state is not known.shown:
-            known.shown = state
-            news.append(self._view(fleet, vehicle, known))
-            self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(state)})
+            news.append(self._shown(fleet, vehicle, known, state))
         return news
+
+    def _shown(self, fleet: str, vehicle: str, known: KnownVehicle, state: VehicleState) -> _Told:
+        """The state has changed to this one."""
+        known.shown = state
+        self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(state)})
+        return "status", partial(self._view, fleet, vehicle, known)
+
+    def _derivatives_of(self, monitor: VehicleMonitor, solution: Solution) -> Mapping[str, Any]:
+        with self._lock:
+            return monitor.derivatives(solution)
 
     def _keep_alert(self, alert: AlertView) -> None:
         before = self._alerts.get(alert.id)
@@ -287,7 +300,7 @@ class FleetMonitor:
             self._event("problem", {"what": "store", "text": str(error)})
             return None
 
-    def _safely_fed(self, fleet: str, vehicle: str, known: KnownVehicle) -> list[Any]:
+    def _safely_fed(self, fleet: str, vehicle: str, known: KnownVehicle) -> list[_Told]:
         """What is held of a vehicle handed over, if it can be by now."""
         try:
             return [] if known.recalled else self._feed(fleet, vehicle, known, True)
@@ -325,70 +338,70 @@ class FleetMonitor:
         self._event_id += 1
         self._events.append(Event(self._event_id, kind, data))
 
-    def _tell(self, fleet: str, vehicle: str, news: Sequence[Any]) -> None:
+    def _tell(self, fleet: str, vehicle: str, news: Sequence[_Told]) -> None:
         if self.outputs is None:
             return
         for item in news:
             if item == "ask":
-                self._ask(self.outputs, fleet, vehicle)
-            elif isinstance(item, AlertView):
-                self.outputs.announce(fleet, vehicle, "alerts", item)
-            elif isinstance(item, VehicleView):
-                self.outputs.announce(fleet, vehicle, "status", item)
+                self.outputs.ask_aircraft(fleet, vehicle)
             else:
-                self.outputs.announce(fleet, vehicle, "derivatives", item)
+                self.outputs.announce(fleet, vehicle, *item)
 
-    def _ask(self, outputs: Outputs, fleet: str, vehicle: str) -> None:
+    def _may_ask(self, known: KnownVehicle) -> bool:
+        """Whether a vehicle that never said what it is is asked now."""
         now = self._clock()
-        known = self._vehicles.get((fleet, vehicle))
-        if known is None or now - known.asked_s < self._settings.ask_interval_s or self._asks_left <= 0:
-            return
+        if now - known.asked_s < self._settings.ask_interval_s or self._asks_left <= 0:
+            return False
         known.asked_s = now
         self._asks_left -= 1
-        outputs.ask_aircraft(fleet, vehicle)
+        return True
 
     def tick(self) -> None:
         """To be called about once a second: staleness, and status for those who listen."""
         now = self._clock()
-        due: list[tuple[str, str, VehicleView]] = []
-        late: list[tuple[str, str, list[Any]]] = []
+        due: list[tuple[str, str, list[_Told]]] = []
         with self._lock:
             self._asks_left = _MOST_ASKS
             self._held = sum(len(known.held) for _, known in self._vehicles.items())
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
             for (fleet, vehicle), known in self._vehicles.items():
-                late.append((fleet, vehicle, self._safely_fed(fleet, vehicle, known)))
-                view = self._view(fleet, vehicle, known)
-                changed = view.state is not known.shown
-                if changed:
-                    known.shown = view.state
-                    self._event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(view.state)})
-                if changed or now - known.published_s >= self._settings.status_interval_s:
+                news = self._safely_fed(fleet, vehicle, known)
+                state, _ = known.standing(now, self._settings.stale_s)
+                if state is not known.shown:
                     known.published_s = now
-                    due.append((fleet, vehicle, view))
-        for fleet, vehicle, news in late:
+                    news.append(self._shown(fleet, vehicle, known, state))
+                elif now - known.published_s >= self._settings.status_interval_s:
+                    known.published_s = now
+                    news.append(("status", partial(self._view, fleet, vehicle, known)))
+                due.append((fleet, vehicle, news))
+        for fleet, vehicle, news in due:
             self._tell(fleet, vehicle, news)
         if forgotten:
             _LOG.warning("%d vehicles were forgotten to make room for new names", forgotten)
-        if self.outputs is not None:
-            for fleet, vehicle, view in due:
-                self.outputs.announce(fleet, vehicle, "status", view)
 
     # -- what may be asked (MonitorPort) ---------------------------------------------------------
 
     def _view(self, fleet: str, vehicle: str, known: KnownVehicle) -> VehicleView:
-        now_s = self._clock()
-        try:
-            return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._alerts)
-        except Exception as error:  # one vehicle that cannot be shown must not hide the others
-            self._note_fault(fleet, vehicle, known, error)
-            return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
+        with self._lock:
+            now_s = self._clock()
+            try:
+                return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._alerts)
+            except Exception as error:  # one vehicle that cannot be shown must not hide the others
+                self._note_fault(fleet, vehicle, known, error)
+                return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
 
     def vehicles(self) -> Sequence[VehicleView]:
-        """All vehicles ever heard of, worst state first."""
+        """All vehicles ever heard of, worst state first; samples are taken in between one and the next."""
         with self._lock:
-            views = [self._view(f, v, known) for (f, v), known in self._vehicles.items()]
+            everyone = list(self._vehicles.items())
+        views = [self._view(fleet, vehicle, known) for (fleet, vehicle), known in everyone]
         return sorted(views, key=lambda v: (STATE_ORDER.index(v.state), v.fleet, v.vehicle))
+
+    def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
+        """One vehicle; None for one never heard of."""
+        with self._lock:
+            known = self._vehicles.get((fleet, vehicle))
+        return None if known is None else self._view(fleet, vehicle, known)
 
     def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
         """The ``estimate`` object with ``time_s`` and expectations; None for an unknown vehicle."""
@@ -428,7 +441,7 @@ class FleetMonitor:
                 monitor.book.active = changed
             self._alerts[alert_id] = changed
             self._keep_alert(changed)
-        self._tell(alert.fleet, alert.vehicle, [changed])
+        self._tell(alert.fleet, alert.vehicle, [_of_alert(changed)])
         return changed
 
     def events(self, after: int) -> Sequence[Event]:
@@ -437,6 +450,10 @@ class FleetMonitor:
             if after >= self._event_id:
                 return []
             return [e for e in self._events if e.id > after]
+
+
+def _of_alert(alert: AlertView) -> _Told:
+    return "alerts", lambda: alert
 
 
 def _blocks(monitor: VehicleMonitor) -> int:

@@ -19,7 +19,6 @@ from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
 from wingwatch.estimators import Outcome
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
-from wingwatch.monitor.chain import ModeSolution
 from wingwatch.monitor.comparison import (
     Change,
     Coordinates,
@@ -29,6 +28,7 @@ from wingwatch.monitor.comparison import (
     log_bayes_direction,
     natural_size,
 )
+from wingwatch.monitor.supervision import ModeSolution
 
 __all__ = ["BlockView", "Judge", "JudgeConfig", "JudgeState", "ModeBlock", "Verdict", "largest_change"]
 

@@ -1,9 +1,11 @@
 """Makes the monitor of a vehicle from what it said it is, what its messages carry, and what is kept of it."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import Envelope
+from wingwatch.monitor.chain import Chain
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.vehicle import VehicleMonitor, surface_kinds
@@ -12,7 +14,8 @@ from wingwatch.telemetry import AircraftMessage, derivations
 __all__ = ["MonitorMaker"]
 
 _KEPT_TYPES = 64
-"""Aircraft types and configurations whose stated envelopes are kept: invented names cannot fill the memory."""
+"""Types in a configuration whose stated envelopes are kept, and with certain channels whose estimators are: invented
+names cannot fill the memory."""
 
 
 class MonitorMaker:
@@ -26,6 +29,7 @@ class MonitorMaker:
     def __init__(self, new_id: Callable[[], str], judge: JudgeConfig) -> None:
         self._new_id, self._judge = new_id, judge
         self._apriori: dict[tuple[str, str], tuple[Aircraft, Mapping[str, Envelope]]] = {}
+        self._chains: dict[tuple[str, str, tuple[str, ...]], Chain] = {}
 
     def make(
         self,
@@ -47,14 +51,28 @@ class MonitorMaker:
         known_type, apriori = self._apriori.get(place, (None, {}))
         if known_type is not aircraft:
             apriori = {}
+        kind = (*place, tuple(given))
+        shared = self._chains.get(kind)
+        if memory.envelopes or (shared is not None and shared.aircraft is not aircraft):
+            shared = None
         monitor = VehicleMonitor(
             aircraft, fleet, vehicle, [*given, *derivations(given)], surface_kinds(given),
             configuration=announced.configuration, references=memory.references,
-            envelopes={**apriori, **memory.envelopes}, cells=memory.cells, new_id=self._new_id, config=self._judge,
+            envelopes={**apriori, **memory.envelopes}, cells=memory.cells, chain=shared,
+            new_id=self._new_id, config=self._judge,
         )  # fmt: skip
         stated = {k: v for k, v in monitor.chain.envelopes.items() if k not in memory.envelopes}
         # One type's vehicles share what its file says: linearised once, not once a vehicle.
         self._apriori[place] = aircraft, {**apriori, **stated}
-        while len(self._apriori) > _KEPT_TYPES:
-            self._apriori.pop(next(iter(self._apriori)))
+        if not memory.envelopes:
+            self._chains[kind] = (
+                monitor.chain.of_another()
+            )  # the monitor's own may take in other expectations
+        _drop_oldest(self._apriori)
+        _drop_oldest(self._chains)
         return monitor
+
+
+def _drop_oldest(kept: dict[Any, Any]) -> None:
+    while len(kept) > _KEPT_TYPES:
+        kept.pop(next(iter(kept)))

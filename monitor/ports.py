@@ -1,6 +1,6 @@
 """What the fleet needs from outside: where its memory is kept, and where its news go."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -8,8 +8,12 @@ from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
 from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.views import AlertView, VehicleView
+from wingwatch.telemetry import ServiceStream
 
-__all__ = ["Outputs", "Store", "VehicleMemory"]
+__all__ = ["News", "Outputs", "Store", "VehicleMemory"]
+
+News = Mapping[str, Any] | VehicleView | AlertView
+"""Derivatives, a vehicle's status, or an alert."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +77,12 @@ class Store(Protocol):
 class Outputs(Protocol):
     """Where news goes; called without the fleet's lock held."""
 
-    def announce(
-        self, fleet: str, vehicle: str, stream: str, value: Mapping[str, Any] | VehicleView | AlertView
-    ) -> None:
-        """``stream`` is ``derivatives``, ``status`` or ``alerts``."""
+    def announce(self, fleet: str, vehicle: str, stream: ServiceStream, news: Callable[[], News]) -> None:
+        """There is something new under ``stream``.
+
+        Args:
+            news: gives it, in any thread; what nobody listens to need not be made.
+        """
         ...
 
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:

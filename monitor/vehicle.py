@@ -20,17 +20,11 @@ from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope
 from wingwatch.estimators import Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
-from wingwatch.monitor.chain import (
-    NO_VANE,
-    SOLUTION_INTERVAL_S,
-    Chain,
-    ModeSolution,
-    Solution,
-    nominal_condition,
-)
+from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 from wingwatch.telemetry.conditioning import AirQuality
@@ -84,6 +78,8 @@ class VehicleMonitor:
         references: what earlier flights of this vehicle taught, by structure.
         envelopes: expectations that take the place of the aircraft file's, by structure.
         cells: what earlier flights remember of cells of the envelope.
+        chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
+            is larger than what they remember of a vehicle, then serve this one as well.
         new_id: makes alert ids.
     """
 
@@ -99,6 +95,7 @@ class VehicleMonitor:
         references: Mapping[str, Reference] | None = None,
         envelopes: Mapping[str, Envelope] | None = None,
         cells: Mapping[CellPlace, CellMemory] | None = None,
+        chain: Chain | None = None,
         new_id: Callable[[], str],
         config: JudgeConfig | None = None,
     ) -> None:
@@ -107,14 +104,17 @@ class VehicleMonitor:
         self.cleaner = Cleaner()
         delays = aligned_delays(aircraft.sensors.delay_s, kinds)
         self._aligner = Aligner(delays, [name for name, kind in kinds.items() if kind == "command"])
-        self.chain = Chain(aircraft, present, kinds, configuration, envelopes)
+        self.chain = (
+            chain.of_another() if chain else Chain(aircraft, present, kinds, configuration, envelopes)
+        )
         self._chain_state = self.chain.init()
         self._compared = _compared(self.chain.seen)
         nominal = nominal_condition(aircraft)
+        self._stated = self._stated_provenance(nominal)
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
         self.judge = Judge({s.name: Coordinates(s, aircraft, reference) for s in self._compared}, config)
         self.cells = CellBook(self.judge.coordinates, cells)
-        self._judge_state = self.judge.init(references or {}, self._founded_by_file(nominal))
+        self._judge_state = self.judge.init(references or {}, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
         self._memory = _Memory()
 
@@ -137,7 +137,7 @@ class VehicleMonitor:
     @property
     def air(self) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
-        return None if self._memory.latest is None else self._memory.latest.air
+        return self.chain.air(self._chain_state)
 
     @property
     def last_sample_time_s(self) -> float | None:
@@ -148,7 +148,9 @@ class VehicleMonitor:
     def adopt(self, memory: VehicleMemory) -> None:
         """Take in what is kept of the vehicle where it could not be read at the start; estimates go on as they are."""
         self.chain.envelopes.update({k: e for k, e in memory.envelopes.items() if k in self.chain.envelopes})
-        founded = self._founded_by_file(nominal_condition(self.aircraft))
+        nominal = nominal_condition(self.aircraft)
+        self._stated = self._stated_provenance(nominal)
+        founded = self._founded_by_file
         self.judge.adopt(self._judge_state, memory.references, founded)
         self.cells.adopt(memory.cells)
 
@@ -186,12 +188,19 @@ class VehicleMonitor:
         self._memory.too_slow += int(np.count_nonzero(~flying))
         return SampleBlock(aligned.values[flying])
 
-    def _founded_by_file(self, nominal: FlightCondition | None) -> bool:
+    @property
+    def _founded_by_file(self) -> bool:
         """Whether every compared structure's expectation rests on flights of the type, not on numbers alone."""
-        if nominal is None or not self._compared:
-            return False
-        found = [self.chain.envelopes[s.name].lookup(nominal) for s in self._compared]
-        return all(isinstance(e, Expectation) and e.provenance != "a-priori" for e in found)
+        return bool(self._stated) and all(basis != "a-priori" for basis in self._stated.values())
+
+    def _stated_provenance(self, nominal: FlightCondition | None) -> dict[str, str]:
+        """What each compared structure's expectation rests on at the nominal condition, own flights apart."""
+        found = {
+            s.name: self.chain.envelopes[s.name].lookup(nominal) if nominal else None for s in self._compared
+        }
+        return {
+            name: str(e.provenance) if isinstance(e, Expectation) else "a-priori" for name, e in found.items()
+        }
 
     def _judge_solution(self, solution: Solution) -> AlertView | None:
         """If blocks were closed, compare them and follow up."""
@@ -252,11 +261,9 @@ class VehicleMonitor:
         """What the comparison rests on: ``a-priori``, ``empirical`` or ``identified``."""
         if not self._compared:
             return None
-        nominal = nominal_condition(self.aircraft)
         weakest = "identified"
         for s in self._compared:
-            found = self.chain.envelopes[s.name].lookup(nominal) if nominal else None
-            stated = str(found.provenance) if isinstance(found, Expectation) else "a-priori"
+            stated = self._stated[s.name]
             own = self._judge_state.references[s.name].blocks >= self.judge.config.founded_blocks
             mine = "empirical" if stated == "a-priori" and own else stated
             weakest = min(weakest, mine, key=("a-priori", "empirical", "identified").index)

@@ -156,6 +156,10 @@ class MonitorPort(Protocol):
         """All vehicles ever heard of, worst state first."""
         ...
 
+    def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
+        """One vehicle; None for one never heard of."""
+        ...
+
     def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
         """The ``estimate`` object of the contract with ``time_s`` and expectations; None for an unknown vehicle."""
         ...

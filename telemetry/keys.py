@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 __all__ = [
     "KEY_ROOT",
@@ -63,6 +64,7 @@ def vehicle_key(fleet: str, vehicle: str, leaf: str) -> str:
     return f"{KEY_ROOT}/{check_name('fleet', fleet)}/{check_name('vehicle', vehicle)}/{leaf}"
 
 
+@lru_cache(maxsize=20_000)  # a vehicle sends under the same two keys for hours
 def parse_key(key: str) -> VehicleKey:
     """The parts of a literal key; wildcards and strange characters are refused.
 

@@ -105,6 +105,9 @@ class FakeMonitor:
     def vehicles(self) -> Sequence[VehicleView]:
         return tuple(self.views)
 
+    def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
+        return next((v for v in self.vehicles() if (v.fleet, v.vehicle) == (fleet, vehicle)), None)
+
     def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
         return self.current.get((fleet, vehicle))
 

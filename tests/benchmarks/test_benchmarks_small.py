@@ -1,6 +1,7 @@
 """The benchmarks in small: the figures that are not a matter of the machine, and that the commands hold together."""
 
 import importlib.util
+import subprocess
 import sys
 from dataclasses import fields
 from pathlib import Path
@@ -129,10 +130,39 @@ def test_latency_pairs_arrivals_with_what_was_done_with_them() -> None:
     assert not inside.arrived
 
 
+def test_a_stage_that_takes_another_in_is_timed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    live = load("live_fleet")
+    clock_s = iter([0.0, 1.0, 3.0, 10.0])
+    monkeypatch.setattr(live.time, "thread_time", lambda: next(clock_s))
+    monkeypatch.setattr(live.threading.current_thread(), "name", live.PUMP)
+    watch = live.Stopwatch()
+    inner = watch.timed("filter", lambda: None)
+    watch.timed("all else", inner)()
+    assert watch.spent_s["filter"] == 2.0
+    assert watch.spent_s["all else"] == 8.0
+
+
+@pytest.mark.slow
+def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
+    arguments = ["--vehicles", "2", "--seconds", "5"]
+    said = subprocess.run(
+        [sys.executable, FOLDER / "live_fleet.py", *arguments], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    row = next(line.split() for line in said if line.split()[:1] == ["2"])
+    assert row[:3] == ["2", "50", "0"]  # vehicles, messages sent, messages lost
+    assert float(row[4]) < 5.0  # seconds behind
+    taken_us = {line[:18].strip(): line[18:].split() for line in said}
+    for stage in ("decoding", "cleaning", "Fourier form", "filter"):
+        assert float(taken_us[stage][0]) > 0.0
+
+
 @pytest.mark.parametrize(
     ("name", "arguments", "words"),
     [
         ("reference_plant", ["--seeds", "1"], "at least 2"),
+        ("live_fleet", ["--seconds", "nan"], "give 5 to 3600"),
+        ("live_fleet", ["--vehicles", "0"], "give 1 to 5000"),
+        ("live_fleet", ["--samples-per-message", "101"], "give 1 to 100"),
         ("cost", ["--vehicles", "1"], "at least 2"),
         ("alerts", ["--flights", "0"], "at least 1"),
         ("alerts", ["--seconds", "50"], "above 100"),

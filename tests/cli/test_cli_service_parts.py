@@ -5,6 +5,8 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -152,10 +154,14 @@ def test_an_end_during_the_preparation_is_at_once_and_no_fault(caplog: pytest.Lo
 class Session:
     """A Zenoh session that keeps what is put; it can be held as a congested link would hold it."""
 
-    def __init__(self) -> None:
+    def __init__(self, listened: bool = True) -> None:
+        self.listened = listened
         self.open = threading.Event()
         self.open.set()
         self.put_: list[tuple[str, bytes, Mapping[str, Any]]] = []
+
+    def declare_publisher(self, key: str) -> Any:
+        return SimpleNamespace(matching_status=SimpleNamespace(matching=self.listened))
 
     def put(self, key: str, payload: bytes, **options: Any) -> None:
         self.open.wait(PATIENCE_S)
@@ -170,13 +176,15 @@ def test_of_derivatives_and_status_the_newest_goes_out_of_alerts_each() -> None:
     session = Session()
     with ZenohOutputs(cast(zenoh.Session, session)) as outputs:
         session.open.clear()
-        outputs.announce("default", "uav0", "status", replace(VEHICLE, vehicle="uav0"))
+        outputs.announce("default", "uav0", "status", lambda: replace(VEHICLE, vehicle="uav0"))
         until(lambda: not outputs._latest)  # the thread now hangs on the congested link
         began = time.monotonic()
         for k in range(50):
-            outputs.announce("default", "uav1", "derivatives", {"time_s": float(k), "estimators": {}})
-            outputs.announce("default", "uav1", "status", replace(VEHICLE, last_sample_time_s=float(k)))
-            outputs.announce("default", "uav1", "alerts", replace(ALERT, raised_s=float(k)))
+            current = {"time_s": float(k), "estimators": {}}
+            status, alert = replace(VEHICLE, last_sample_time_s=float(k)), replace(ALERT, raised_s=float(k))
+            outputs.announce("default", "uav1", "derivatives", partial(dict, current))
+            outputs.announce("default", "uav1", "status", partial(replace, status))
+            outputs.announce("default", "uav1", "alerts", partial(replace, alert))
         assert time.monotonic() - began < 1.0  # nobody who announces waits for the link
         session.open.set()
         until(lambda: len(session.put_) == 1 + 50 + 2)
@@ -196,6 +204,20 @@ def test_of_derivatives_and_status_the_newest_goes_out_of_alerts_each() -> None:
     assert controls["derivatives"] == controls["status"] == zenoh.CongestionControl.DROP
 
 
+def test_what_nobody_listens_to_is_not_made() -> None:
+    session = Session(listened=False)
+
+    def made() -> VehicleView:
+        raise AssertionError("nobody asked")
+
+    with ZenohOutputs(cast(zenoh.Session, session)) as outputs:
+        outputs.announce("default", "uav1", "derivatives", made)
+        outputs.announce("default", "uav1", "status", made)
+        outputs.announce("default", "uav1", "alerts", lambda: ALERT)
+        until(lambda: [leaf(key) for key, _, _ in session.put_] == ["alerts"])
+    assert outputs.dropped["unsent"] == 0
+
+
 def test_alerts_that_find_no_room_and_values_that_cannot_be_sent_are_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -203,8 +225,8 @@ def test_alerts_that_find_no_room_and_values_that_cannot_be_sent_are_counted(
     session = Session()
     outputs = ZenohOutputs(cast(zenoh.Session, session))  # its thread does not run yet
     for _ in range(5):
-        outputs.announce("default", "uav1", "alerts", ALERT)
-    outputs.announce("default", "NOT A NAME", "derivatives", {"estimators": {}})
+        outputs.announce("default", "uav1", "alerts", lambda: ALERT)
+    outputs.announce("default", "NOT A NAME", "derivatives", lambda: {"estimators": {}})
     assert outputs.dropped["alerts"] == 3
     with outputs:
         until(lambda: len(session.put_) == 2 and outputs.dropped["unsent"] == 1)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from estimator_plants import PLANTS
 
-from wingwatch.estimators import EkfConfig, EkfEstimator, gather_motion
+from wingwatch.estimators import EkfConfig, EkfEstimator
+from wingwatch.monitor.supervision import follow_motion
 
 SHORT = PLANTS["short_period"]
 
@@ -54,13 +55,13 @@ def test_running_moments_do_not_depend_on_how_samples_are_cut() -> None:
     rng = np.random.default_rng(9)
     rows = np.column_stack([np.arange(400) / 50.0, 3.0 + rng.standard_normal((400, 2))])
     whole, pieces = np.full((3, 2), np.nan), np.full((3, 2), np.nan)
-    gather_motion(whole, rows, 2.0)
+    follow_motion(whole, rows, 2.0)
     for cut in np.split(rows, [1, 7, 180]):
-        gather_motion(pieces, cut, 2.0)
+        follow_motion(pieces, cut, 2.0)
     np.testing.assert_array_equal(whole, pieces)
     variance = whole[1] - whole[0] ** 2
     assert variance == pytest.approx([1.0, 1.0], rel=0.5)
     rows[5, 1] = np.nan
     holed = np.full((3, 2), np.nan)
-    gather_motion(holed, rows, 2.0)
+    follow_motion(holed, rows, 2.0)
     assert np.isfinite(holed[:2]).all()

@@ -1,6 +1,6 @@
 """A fleet monitor with a clock, a store and outputs made by hand, and messages as a vehicle would send them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
@@ -19,6 +19,7 @@ from wingwatch.monitor import (
     VehicleState,
     VehicleView,
 )
+from wingwatch.monitor.ports import News
 from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import (
     JSON,
@@ -115,19 +116,17 @@ class FakeStore:
 class FakeOutputs:
     """Keeps what was announced and who was asked."""
 
-    said: list[tuple[str, Any]] = field(default_factory=list)
+    said: list[tuple[str, News]] = field(default_factory=list)
     asked: list[tuple[str, str]] = field(default_factory=list)
 
-    def announce(
-        self, fleet: str, vehicle: str, stream: str, value: Mapping[str, Any] | VehicleView | AlertView
-    ) -> None:
-        self.said.append((stream, value))
+    def announce(self, fleet: str, vehicle: str, stream: str, news: Callable[[], News]) -> None:
+        self.said.append((stream, news()))
 
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:
         self.asked.append((fleet, vehicle))
 
     def states(self) -> list[VehicleState]:
-        return [v.state for stream, v in self.said if stream == "status"]
+        return [v.state for _, v in self.said if isinstance(v, VehicleView)]
 
 
 class Hall:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from wingwatch.aircraft import Aircraft, ModeStructure
 from wingwatch.monitor import VehicleMonitor
-from wingwatch.monitor.chain import ModeSolution
+from wingwatch.monitor.supervision import ModeSolution
 from wingwatch.telemetry import SampleBlock
 
 

@@ -28,7 +28,8 @@ def watched(block: SampleBlock, piece: int, state: AirState | None = None) -> li
         rows = block.values[start : start + half]
         for at in range(0, len(rows), piece):
             watch.take(state, rows[at : at + piece])
-        said.append(watch.look(state, float(rows[-1, 0])))
+        watch.look(state, float(rows[-1, 0]))
+        said.append(watch.quality(state))
     return said
 
 

@@ -1,0 +1,410 @@
+"""How many vehicles one service watches live: n publishers' worth of messages over Zenoh on loopback, by n.
+
+The service runs in a process of its own as ``wingwatch serve`` runs it, with a folder and ports of its own; a second
+process sends, every other vehicle in JSON, and a third asks REST ten times a second. The vehicles fly in turns at most
+32 simulated flights with doublets in light turbulence. Of each n it is said what was lost on the way, how far the state
+behind REST is behind what was sent at the end, how long REST took meanwhile, the service's processor time a
+vehicle-sample, and its memory. Times are of a machine that also sends and asks.
+
+Run: python benchmarks/live_fleet.py [--vehicles 3 15 50] [--seconds 30] [--samples-per-message 10]
+"""
+
+import argparse
+import functools
+import multiprocessing
+import resource
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import httpx
+import numpy as np
+
+from wingwatch.aircraft import load_aircraft
+from wingwatch.cli.service import running_service
+from wingwatch.cli.settings import ServeSettings
+from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals
+from wingwatch.monitor import FleetMonitor, VehicleMonitor
+from wingwatch.monitor import fleet as fleet_module
+from wingwatch.monitor.judge import Judge
+from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
+from wingwatch.telemetry import (
+    JSON,
+    PROTOBUF,
+    AircraftMessage,
+    SampleBlock,
+    ZenohSettings,
+    encode_aircraft,
+    encode_sensors,
+    open_session,
+    vehicle_key,
+)
+
+RATE_HZ = 50.0
+FLIGHTS = 32
+"""Different flights; further vehicles repeat them."""
+COMPILE_S, PATIENCE_S, ARRIVE_S = 300.0, 30.0, 1.0
+ASK_EVERY_S, FLEET_EVERY_S = 0.1, 2.0
+PUMP = "wingwatch-pump"
+OTHERS = ("wingwatch-http", "wingwatch-outputs", "wingwatch-store", "wingwatch-recall")
+STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
+    "decoding": ((fleet_module, "decode_sensors"),),
+    "cleaning": ((VehicleMonitor, "prepared"),),
+    "signals": ((Signals, "update"), (Signals, "high_passed")),
+    "Fourier form": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
+    "filter": ((EkfEstimator, "update"), (EkfEstimator, "solve"), (EkfEstimator, "release")),
+    "estimates": ((FourierEstimator, "estimate"), (EkfEstimator, "estimate")),
+    "test for changes": ((Judge, "consider"),),
+    "news": ((VehicleMonitor, "derivatives"), (VehicleMonitor, "view")),
+    "all else": ((FleetMonitor, "receive"), (FleetMonitor, "tick")),
+}
+"""What is timed; time within a stage that another one takes is the other's."""
+
+
+@dataclass(slots=True)
+class Stopwatch:
+    """Processor time of the thread that takes messages in, by stage, in seconds."""
+
+    spent_s: dict[str, float] = field(default_factory=lambda: dict.fromkeys(STAGES, 0.0))
+    _inner_s: list[float] = field(default_factory=list)
+
+    def timed(self, stage: str, work: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, its time taken in that thread."""
+
+        @functools.wraps(work)
+        def timing(*arguments: Any, **named: Any) -> Any:
+            if threading.current_thread().name != PUMP:
+                return work(*arguments, **named)
+            self._inner_s.append(0.0)
+            begin_s = time.thread_time()
+            try:
+                return work(*arguments, **named)
+            finally:
+                whole_s = time.thread_time() - begin_s
+                self.spent_s[stage] += whole_s - self._inner_s.pop()
+                if self._inner_s:
+                    self._inner_s[-1] += whole_s
+
+        return timing
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """What the service has used and taken in so far."""
+
+    stages_s: dict[str, float]
+    threads_s: dict[str, float]
+    processor_s: float
+    resident_bytes: int
+    peak_bytes: int
+    received: int
+    problems: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """One run.
+
+    Attributes:
+        sent, lost: messages of sensors.
+        behind_s: of each vehicle, its last sample sent beyond the last one that REST knows, as sending ends.
+        answers_s: time of each question about one vehicle; fleet_s: about all.
+        late_s: by how much the sending process missed the moment of a message, worst.
+        stages_us, threads_us: processor time a vehicle-sample that was taken in, by stage and by thread; all_us: of the
+            whole service.
+        peak_bytes: of the service; vehicle_bytes: growth while it took in the vehicles, each.
+        problems: what the service counted as dropped or failed.
+    """
+
+    vehicles: int
+    sent: int
+    lost: int
+    behind_s: list[float]
+    answers_s: list[float]
+    fleet_s: list[float]
+    late_s: float
+    stages_us: dict[str, float]
+    threads_us: dict[str, float]
+    all_us: float
+    peak_bytes: int
+    vehicle_bytes: float
+    problems: dict[str, int]
+
+
+def serve(endpoint: str, folder: str, asked: Connection) -> None:
+    """The service, until the connection closes; each thing received is answered with the usage so far."""
+    watch = Stopwatch()
+    settings = ServeSettings(port=0, listen=(endpoint,), data=Path(folder))
+    with ExitStack() as stack:
+        for stage, places in STAGES.items():
+            for owner, name in places:
+                stack.enter_context(mock.patch.object(owner, name, watch.timed(stage, getattr(owner, name))))
+        service = stack.enter_context(running_service(settings))
+        asked.send(service.url if service.pump.wait(COMPILE_S) else None)
+        while True:
+            try:
+                asked.recv()
+            except EOFError:
+                return
+            counters = service.counters()
+            dropped = {
+                f"{part}: {name}": n
+                for part, counts in counters.items()
+                for name, n in counts.items()
+                if n and name != "received"
+            }
+            peak_bytes = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            asked.send(
+                Usage(
+                    dict(watch.spent_s), _threads_s(), time.process_time(), _resident_bytes(), peak_bytes,
+                    counters["messages"]["received"], dropped,
+                )
+            )  # fmt: skip
+
+
+def _threads_s() -> dict[str, float]:
+    """Processor time of this process's own threads so far; Zenoh's are not among them."""
+    spent_s = {}
+    for thread in threading.enumerate():
+        nanoseconds = (
+            Path(f"/proc/self/task/{thread.native_id}/schedstat").read_text(encoding="ascii").split()[0]
+        )
+        spent_s[thread.name] = 1e-9 * int(nanoseconds)
+    return spent_s
+
+
+def _resident_bytes() -> int:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize()
+
+
+def payloads(vehicles: int, seconds: float, samples: int) -> list[list[bytes]]:
+    """Messages of each vehicle, ready to send; odd ones in JSON."""
+    aircraft = load_aircraft("aerosonde")
+    manoeuvre = doublet_schedule(aircraft, Scenario(aircraft).condition)
+    flights = min(vehicles, FLIGHTS)
+    simulation = FleetSimulation(
+        [Scenario(aircraft, manoeuvres=(manoeuvre,), turbulence="light", seed=i) for i in range(flights)], RATE_HZ
+    )  # fmt: skip
+    values = simulation.step(round(seconds * RATE_HZ))
+    names = SampleBlock(values[0]).present
+    made = []
+    for i in range(flights):
+        pieces = range(0, values.shape[1] - samples + 1, samples)
+        encoding = JSON if i % 2 else PROTOBUF
+        made.append(
+            [encode_sensors(k // samples, SampleBlock(values[i, k : k + samples]), encoding, names, 1) for k in pieces]
+        )  # fmt: skip
+    return made
+
+
+def send(endpoint: str, vehicles: int, seconds: float, samples: int, moments: Connection) -> None:
+    """All vehicles in real time, evenly within a message's period.
+
+    Says when it is ready, sends from the moment that it is given, says how many messages it sent and how late it ever
+    was, and ends when the connection closes.
+    """
+    made = payloads(vehicles, seconds, samples)
+    period_s = samples / RATE_HZ
+    with open_session(ZenohSettings.for_vehicle((endpoint,))) as session:
+        publishers = []
+        for i in range(vehicles):
+            session.put(
+                vehicle_key("default", f"v{i}", "aircraft"), encode_aircraft(AircraftMessage(aircraft="aerosonde")),
+                encoding=PROTOBUF,
+            )  # fmt: skip
+            publishers.append(
+                session.declare_publisher(
+                    vehicle_key("default", f"v{i}", "sensors"),
+                    encoding=JSON if i % len(made) % 2 else PROTOBUF,
+                )
+            )
+        moments.send(None)
+        begin_s = moments.recv()
+        late_s = 0.0
+        for k in range(len(made[0])):
+            for i, publisher in enumerate(publishers):
+                wait_s = begin_s + period_s * (k + (i + 1) / vehicles) - time.monotonic()
+                if wait_s > 0.0:
+                    time.sleep(wait_s)
+                late_s = max(late_s, -wait_s)
+                publisher.put(made[i % len(made)][k])
+        moments.send((vehicles * len(made[0]), late_s))
+        moments.poll(PATIENCE_S)
+
+
+def ask(url: str, vehicles: int, ended: Callable[[], bool]) -> tuple[list[float], list[float]]:
+    """Ask for one vehicle's derivatives by turns, and now and then for the fleet, until the end.
+
+    Returns:
+        seconds from each question's moment to its answer, of one vehicle and of the fleet.
+    """
+    one_s: list[float] = []
+    fleet_s: list[float] = []
+    rng = np.random.default_rng(0)
+    with httpx.Client(timeout=PATIENCE_S, base_url=url) as client:
+        due_s = fleet_due_s = time.monotonic() + FLEET_EVERY_S
+        while not ended():
+            time.sleep(max(0.0, due_s - time.monotonic()))
+            begin_s = time.monotonic()
+            if begin_s >= fleet_due_s:
+                client.get("/v1/status").raise_for_status()
+                fleet_s.append(time.monotonic() - begin_s)
+                fleet_due_s = begin_s + FLEET_EVERY_S
+            begin_s = time.monotonic()
+            client.get(f"/v1/vehicles/v{rng.integers(vehicles)}/derivatives").raise_for_status()
+            one_s.append(time.monotonic() - begin_s)
+            due_s = begin_s + ASK_EVERY_S
+    return one_s, fleet_s
+
+
+def behind(url: str, last_s: float) -> list[float]:
+    """Seconds of each vehicle's flight that are sent and not yet in what REST answers."""
+    return [last_s - (v["last_sample_time_s"] or 0.0) for v in _vehicles(url)]
+
+
+def _vehicles(url: str) -> list[dict[str, Any]]:
+    items: list[dict[str, Any]] = (
+        httpx.get(f"{url}/v1/vehicles", timeout=PATIENCE_S).raise_for_status().json()["items"]
+    )
+    return items
+
+
+def course(vehicles: int, seconds: float, samples: int = 10) -> Course:
+    """One run with so many vehicles against a service of its own."""
+    context = multiprocessing.get_context("spawn")
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        service = stack.enter_context(_process(context, serve, endpoint, folder))
+        url = _received(service, COMPILE_S + PATIENCE_S)
+        if url is None:
+            raise TimeoutError(f"the kernels were not compiled within {COMPILE_S:g} s; run it again")
+        sender = stack.enter_context(_process(context, send, endpoint, vehicles, seconds, samples))
+        _received(sender, COMPILE_S)
+        before = _usage(service)
+        sender.send(time.monotonic() + 0.5)
+        answers_s, fleet_s = ask(url, vehicles, sender.poll)
+        sent, late_s = _received(sender, PATIENCE_S)
+        late = behind(url, (round(seconds * RATE_HZ) // samples * samples - 1) / RATE_HZ)
+        time.sleep(ARRIVE_S)
+        after = _usage(service)
+        taken = max(sum(v["counts"].get("accepted", 0) for v in _vehicles(url)), 1)
+    announced = vehicles
+    return Course(
+        vehicles, sent, sent + announced - after.received, late, answers_s, fleet_s, late_s,
+        _each_us(before.stages_s, after.stages_s, taken), _each_us(before.threads_s, after.threads_s, taken),
+        1e6 * (after.processor_s - before.processor_s) / taken,
+        after.peak_bytes, (after.resident_bytes - before.resident_bytes) / vehicles, after.problems,
+    )  # fmt: skip
+
+
+def _each_us(before_s: dict[str, float], after_s: dict[str, float], samples: int) -> dict[str, float]:
+    return {name: 1e6 * (spent_s - before_s.get(name, 0.0)) / samples for name, spent_s in after_s.items()}
+
+
+@contextmanager
+def _process(context: Any, work: Callable[..., None], *arguments: object) -> Iterator[Connection]:
+    """A process beside this one and the connection to it; it ends with the ``with`` statement."""
+    here, there = context.Pipe()
+    process = context.Process(target=work, args=(*arguments, there), daemon=True)
+    process.start()
+    there.close()
+    try:
+        yield here
+    finally:
+        here.close()
+        process.join(PATIENCE_S)
+        if process.is_alive():
+            process.kill()
+            process.join()
+
+
+def _received(connection: Connection, timeout_s: float) -> Any:
+    if not connection.poll(timeout_s):
+        raise TimeoutError(f"a process of the benchmark said nothing for {timeout_s:g} s")
+    return connection.recv()
+
+
+def _usage(service: Connection) -> Usage:
+    service.send(None)
+    usage: Usage = _received(service, PATIENCE_S)
+    return usage
+
+
+def _percentiles(seconds: Sequence[float], scale: float) -> str:
+    if not seconds:
+        return f"{'-':>9}{'-':>9}"
+    p50, p99 = np.percentile(scale * np.array(seconds), [50.0, 99.0])
+    return f"{p50:9.2f}{p99:9.2f}"
+
+
+def report(run: Course) -> None:
+    """Print one run."""
+    print(
+        f"{run.vehicles:8d}{run.sent:9d}{run.lost:7d}{_percentiles(run.behind_s, 1.0)}"
+        f"{_percentiles(run.answers_s, 1e3)}{_percentiles(run.fleet_s, 1e3)}{run.all_us:9.0f}"
+        f"{run.peak_bytes / 2**20:8.0f}{run.vehicle_bytes / 1024:9.0f}{run.late_s:8.2f}",
+        flush=True,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="How many vehicles one service watches live.")
+    parser.add_argument(
+        "--vehicles", type=int, nargs="+", default=[3, 15, 50, 150, 300], help="numbers to try"
+    )
+    parser.add_argument("--seconds", type=float, default=30.0, help="of flight, in real time; at least 5")
+    parser.add_argument("--samples-per-message", type=int, default=10, help="1 to 100")
+    arguments = parser.parse_args()
+    if not 5.0 <= arguments.seconds <= 3600.0:
+        parser.error(f"--seconds is {arguments.seconds}; give 5 to 3600")
+    if not all(1 <= n <= 5000 for n in arguments.vehicles):
+        parser.error(f"--vehicles are {arguments.vehicles}; give 1 to 5000 each")
+    if not 1 <= arguments.samples_per_message <= 100:
+        parser.error(f"--samples-per-message is {arguments.samples_per_message}; give 1 to 100")
+    print(
+        f"vehicles at {RATE_HZ:g} Hz for {arguments.seconds:g} s, {arguments.samples_per_message} samples a message, "
+        "every other one in JSON"
+    )
+    groups = ("behind, s", "one vehicle, ms", "fleet, ms")
+    print(
+        f"{'':24}"
+        + "".join(f"{name:>18}" for name in groups)
+        + f"{'us a':>9}{'peak':>8}{'KiB a':>9}{'sent':>8}"
+    )
+    print(
+        f"{'vehicles':>8}{'sent':>9}{'lost':>7}" + f"{'p50':>9}{'p99':>9}" * 3
+        + f"{'sample':>9}{'MiB':>8}{'vehicle':>9}{'late, s':>8}"
+    )  # fmt: skip
+    runs = []
+    for n in arguments.vehicles:
+        runs.append(course(n, arguments.seconds, arguments.samples_per_message))
+        report(runs[-1])
+    print("\nprocessor time of the service, us a vehicle-sample")
+    print(f"{'vehicles':>18}" + "".join(f"{run.vehicles:9d}" for run in runs))
+    for stage in STAGES:
+        print(f"{stage:>18}" + "".join(f"{run.stages_us[stage]:9.1f}" for run in runs))
+    for thread in OTHERS:
+        print(f"{thread:>18}" + "".join(f"{run.threads_us.get(thread, 0.0):9.1f}" for run in runs))
+    known = [sum(run.stages_us.values()) + sum(run.threads_us.get(t, 0.0) for t in OTHERS) for run in runs]
+    print(
+        f"{'Zenoh and rest':>18}"
+        + "".join(f"{run.all_us - us:9.1f}" for run, us in zip(runs, known, strict=True))
+    )
+    for run in runs:
+        if run.problems:
+            print(f"{run.vehicles} vehicles: " + ", ".join(f"{k} {n}" for k, n in run.problems.items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,337 @@
+"""All that passes between the two estimators of a structure: what one says about the data that the other sees.
+
+Fourier form and filter read the same signals and know nothing of each other. Each sees what the other cannot:
+
+- signal: the Fourier form tells a regressor that moved from one that only carried noise. The filter cannot, so it keeps
+  what it learned from signal and goes back on what noise taught it (``EkfEstimator.solve``), and what the Fourier form
+  calls not observable for want of signal is not observable for the filter either.
+- change: the Fourier form finds that a derivative has changed. The filter cannot tell that from the noise of its
+  surfaces, so its covariance is reset there (``EkfEstimator.release``).
+- rough air: the filter carries the gust and says how much of the motion it causes. A transform of the block knows no
+  before and after: of a rate's variance the fraction that the air causes is, to first order, the fraction by which the
+  Fourier form's moment derivatives come out too small. Changes are then not looked for.
+- no vane: a reconstructed velocity sees no gust. Whether the air is rough the filter says together with the
+  accelerometer alone: a fault moves the filter's gust, too, but is not rough from sample to sample. A gust reaches the
+  accelerometer through z_w (or y_v) at once, and within a sample's time it moves as a random walk: of variance Q a
+  step it leaves 2 Q in the square of a second difference, white sensor noise of variance R leaves 6 R, and the
+  aircraft's own motion, which is smooth, next to nothing. Doublets and faults are rare beside gusts, which never rest,
+  so the median of the squares is followed, not their mean.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import ModeStructure
+from wingwatch.estimators import (
+    BlockEvidence,
+    EkfEstimator,
+    EkfState,
+    Estimate,
+    FourierEstimator,
+    FourierState,
+    Outcome,
+    Signals,
+    SignalState,
+    told_apart_text,
+)
+
+__all__ = [
+    "NO_VANE", "ROUGHNESS", "ModeSolution", "Pair", "PairState", "Supervisor", "follow_motion", "follow_roughness",
+    "is_gusty",
+]  # fmt: skip
+
+Array = NDArray[np.float64]
+
+NO_VANE = "reconstructed, no vane"
+
+ROUGH_FRACTION = 0.1
+"""Fraction of a rate's variance from which on the air is rough: the Fourier form's moment derivatives are off by it."""
+
+MOTION_S = 10.0
+"""Time over which the motion is measured that the air's part is compared with: a block."""
+
+ROUGH_MEMORY_S = 80.0
+"""Twice the estimators' memory: after it they have forgotten six sevenths of what gusts taught them unseen."""
+
+ROUGHNESS_SAMPLES = 250.0
+"""Time constant, 5 s at 50 Hz: an autopilot's or doublet's jerk passes, gusts stay."""
+
+ROUGHNESS = 4
+"""Numbers remembered of it: logarithm of the median, samples seen, the last difference and the last reading."""
+
+LEARN = 50
+"""Samples over which the first level is averaged."""
+
+MEDIAN = 0.4549
+"""Median of the square of a standard normal number."""
+
+LOG_MEAN = -1.2704
+"""Mean of its logarithm."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Both estimators of one structure, and the signals that both read.
+
+    Attributes:
+        vane: whether one measures the velocity; else it is reconstructed.
+        force_noise_variance: of the accelerometer, m2/s4; 0 where it is not known.
+    """
+
+    structure: ModeStructure
+    signals: Signals
+    fourier: FourierEstimator
+    ekf: EkfEstimator
+    vane: bool
+    force_noise_variance: float
+
+
+@dataclass(slots=True)
+class PairState:
+    """What a pair remembers of its vehicle.
+
+    Attributes:
+        motion: of ``follow_motion``; roughness: of ``follow_roughness``.
+        blocks: blocks closed at the last solution.
+        rough_s: when the air was last found rough without a vane.
+    """
+
+    signals: SignalState
+    fourier: FourierState
+    ekf: EkfState
+    motion: Array
+    roughness: Array
+    blocks: int = 0
+    rough_s: float = -np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class ModeSolution:
+    """What both estimators say of one mode, and what the last closed block added."""
+
+    structure: ModeStructure
+    fourier: Estimate
+    ekf: Estimate
+    block: BlockEvidence
+    gained: tuple[Array, Array] | None
+    rough: bool = False
+    """Whether the air makes a tenth or more of the rotation: changes are then not looked for."""
+    reconstructed: bool = False
+    """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has standing."""
+
+
+class Supervisor:
+    """Leads the pairs of one aircraft, and carries over what one estimator of a pair says to the other.
+
+    Args:
+        pairs: one a structure.
+    """
+
+    def __init__(self, pairs: Sequence[Pair]) -> None:
+        self.pairs = {p.structure.name: p for p in pairs}
+
+    def init(self) -> dict[str, PairState]:
+        """State before the first sample, by structure."""
+        return {
+            name: PairState(
+                p.signals.init(1), p.fourier.init(1), p.ekf.init(1),
+                np.full((3, len(p.structure.states)), np.nan), np.zeros(ROUGHNESS),
+            )
+            for name, p in self.pairs.items()
+        }  # fmt: skip
+
+    def take(self, states: Mapping[str, PairState], values: Array) -> None:
+        """Take in clean samples, shape (n, columns)."""
+        for name, p in self.pairs.items():
+            state = states[name]
+            signals = p.signals.update(state.signals, values[None])
+            whole = signals if p.vane else p.signals.high_passed(state.signals, signals)
+            p.fourier.update(state.fourier, whole)
+            p.ekf.update(state.ekf, signals)
+            follow_motion(state.motion, signals[0], MOTION_S)
+            if not p.vane:
+                forces = np.ascontiguousarray(signals[0, :, p.signals.config.layout.accelerometer])
+                follow_roughness(state.roughness, forces, ROUGHNESS_SAMPLES)
+
+    def solve(self, states: Mapping[str, PairState], time_s: float) -> dict[str, ModeSolution]:
+        """Bring both estimators of every structure up to the last sample, each with what the other says."""
+        gusty = self._feels_gusts(states)
+        return {name: self._solve(p, states[name], time_s, gusty) for name, p in self.pairs.items()}
+
+    def read(self, states: Mapping[str, PairState], time_s: float) -> dict[str, ModeSolution]:
+        """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
+        gusty = self._feels_gusts(states)
+        return {
+            name: _read(p, states[name], time_s, _is_rough(p, states[name], gusty), None)
+            for name, p in self.pairs.items()
+        }
+
+    def _solve(self, pair: Pair, state: PairState, time_s: float, gusty: bool) -> ModeSolution:
+        pair.fourier.solve(state.fourier)
+        pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier))
+        rough = _is_rough(pair, state, gusty)
+        if rough:
+            state.rough_s = time_s
+        solution = _read(pair, state, time_s, rough, _gained(pair, state))
+        # Rough air contradicts what is remembered, too; without a vane all may.
+        trusted = pair.vane and not solution.rough
+        state.fourier.follows[:] = trusted
+        changed = pair.fourier.changed(state.fourier)
+        if trusted and changed.any():
+            not_yet_s = float(state.fourier.rows[0, 0, 0])  # a change begins the running block
+            pair.ekf.release(state.ekf, changed, since_s=not_yet_s)
+        return solution
+
+    def _feels_gusts(self, states: Mapping[str, PairState]) -> bool:
+        """Whether an accelerometer does: asked where no vane sees them."""
+        return any(
+            is_gusty(states[n].roughness, p.force_noise_variance) for n, p in self.pairs.items() if not p.vane
+        )
+
+
+def _gained(pair: Pair, state: PairState) -> tuple[Array, Array] | None:
+    """What the filter learned since the last block was closed; None while no other is."""
+    closed = int(state.fourier.counts[0, 1])
+    if closed == state.blocks:
+        return None
+    state.blocks = closed
+    return pair.ekf.take_gained(state.ekf)
+
+
+def _is_rough(pair: Pair, state: PairState, gusty: bool) -> bool:
+    """Whether the air is rough now; ``gusty``: whether an accelerometer feels it."""
+    mean, square, _ = state.motion
+    with np.errstate(over="ignore"):  # a filter that diverged: infinitely rough all right
+        fraction = pair.ekf.unrest_of(state.ekf, 0) / np.maximum(square - mean**2, 1e-12)
+    return bool((fraction[1:] > ROUGH_FRACTION).any()) and (pair.vane or gusty)
+
+
+def _read(
+    pair: Pair, state: PairState, time_s: float, rough: bool, gained: tuple[Array, Array] | None
+) -> ModeSolution:
+    """Both estimates with the standing that each has beside the other."""
+    fourier = pair.fourier.estimate(state.fourier)
+    unseen = pair.fourier.unseen(state.fourier)
+    ekf = _beside_fourier(pair.ekf.estimate(state.ekf), fourier, unseen)
+    if not pair.vane:
+        rough = rough or 0.0 <= time_s - state.rough_s < ROUGH_MEMORY_S
+        fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
+    evidence = pair.fourier.evidence(state.fourier)
+    return ModeSolution(pair.structure, fourier, ekf, evidence, gained, rough, not pair.vane)
+
+
+def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
+    """An estimate from a reconstructed velocity, with the standing that is left to it.
+
+    The reconstruction integrates accelerometer and gyro: its noise goes together with theirs and grows towards low
+    frequencies. The filter has that in its model, for it carries the velocity itself; the Fourier form takes a state's
+    noise as white and its own, so its standard errors do not hold. Gusts are in neither.
+    """
+    if all(o is Outcome.NOT_OBSERVABLE for o in estimate.outcomes):
+        return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}")
+    if not rough and estimate.estimator != "fourier":
+        return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}" if estimate.reason else NO_VANE)
+    why = "rough air is not seen without a vane and passes for the aircraft's own"
+    if not rough:
+        why = "its errors leave out that the velocity's noise goes with the rates': the Kalman filter alone counts"
+    outcomes = tuple(o if o is Outcome.NOT_OBSERVABLE else Outcome.REJECTED for o in estimate.outcomes)
+    return replace(estimate, outcomes=outcomes, outcome=Outcome.REJECTED, reason=f"{NO_VANE}; {why}")
+
+
+def _beside_fourier(ekf: Estimate, fourier: Estimate, unseen: NDArray[np.bool_]) -> Estimate:
+    """The filter's estimate with the standing that the excitation allows.
+
+    The filter cannot tell a noisy regressor from a moving one; the Fourier form can (its signal-to-noise), so what it
+    calls not observable for want of signal is not observable for the filter either.
+    """
+    apart = {symbol for names in fourier.confounded for symbol in names}
+    hidden = [
+        o is Outcome.NOT_OBSERVABLE and (bool(u) or symbol in apart)
+        for o, u, symbol in zip(fourier.outcomes, unseen, fourier.structure.derivatives, strict=True)
+    ]
+    if not any(hidden):
+        return ekf
+    outcomes = tuple(
+        Outcome.NOT_OBSERVABLE if h else own for h, own in zip(hidden, ekf.outcomes, strict=True)
+    )
+    confounded = tuple(dict.fromkeys((*ekf.confounded, *fourier.confounded)))
+    if sum(hidden) > len(hidden) / 2 and ekf.outcome is not Outcome.REJECTED:
+        return replace(
+            ekf, outcomes=outcomes, outcome=Outcome.NOT_OBSERVABLE, reason=fourier.reason, confounded=confounded
+        )  # fmt: skip
+    if confounded != ekf.confounded:
+        text = told_apart_text(ekf.structure, confounded)
+        reason = f"{text}; {ekf.reason}" if ekf.reason and not ekf.confounded else text
+        return replace(ekf, outcomes=outcomes, reason=reason, confounded=confounded)
+    return replace(ekf, outcomes=outcomes)
+
+
+@njit(cache=True)
+def follow_motion(motion, signals, memory_s):  # type: ignore[no-untyped-def]
+    """Running mean and mean square of the measured states of one vehicle, sample by sample, in place.
+
+    Args:
+        motion: (3, ns): means, mean squares, and the last time in the third row's first place; NaN at the start.
+        signals: (samples, columns) from ``Signals``.
+        memory_s: time constant.
+    """
+    ns = motion.shape[1]
+    for k in range(signals.shape[0]):
+        row = signals[k]
+        complete = True
+        for j in range(1 + ns):
+            complete = complete and np.isfinite(row[j])
+        if not complete:
+            continue
+        weight = 1.0
+        if np.isfinite(motion[2, 0]):
+            weight = 1.0 - np.exp(-max(row[0] - motion[2, 0], 0.0) / memory_s)
+        for j in range(ns):
+            before, square = (motion[0, j], motion[1, j]) if weight < 1.0 else (0.0, 0.0)
+            motion[0, j] = before + weight * (row[1 + j] - before)
+            motion[1, j] = square + weight * (row[1 + j] * row[1 + j] - square)
+        motion[2, 0] = row[0]
+
+
+@njit(cache=True)
+def follow_roughness(memory, values, memory_samples):  # type: ignore[no-untyped-def]
+    """Follow the median of squared second differences of one vehicle's readings, in place.
+
+    Args:
+        memory: (ROUGHNESS,), zeros at the start.
+        values: (samples,) readings in order; what is not finite is passed over.
+        memory_samples: time constant, in samples.
+    """
+    for k in range(values.size):
+        reading = values[k]
+        if not np.isfinite(reading):
+            continue
+        step = reading - memory[3]
+        twice = step - memory[2]
+        memory[2], memory[3] = step, reading
+        memory[1] += 1.0
+        seen = memory[1] - 2.0
+        if seen < 1.0:
+            continue
+        log = np.log(max(twice * twice, 1e-16))
+        if seen <= LEARN:
+            memory[0] += (log - LOG_MEAN + np.log(MEDIAN) - memory[0]) / seen
+        else:
+            # a step of 2 to either side moves the median as fast as a mean with this time constant
+            memory[0] += np.sign(log - memory[0]) * 2.0 / memory_samples
+
+
+def is_gusty(memory: Array, noise_variance: float) -> bool:
+    """Whether more of the roughness is the air's than sensor noise makes.
+
+    The level scatters by a tenth or two; twice the noise's is far beyond chance.
+
+    Args:
+        memory: of ``follow_roughness``.
+        noise_variance: of the accelerometer, m2/s4; where it is not known 0, and all roughness is the air's.
+    """
+    return bool(memory[1] > LEARN and np.exp(memory[0]) / MEDIAN > 2.0 * 6.0 * noise_variance)
