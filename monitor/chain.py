@@ -255,7 +255,7 @@ class Chain:
             name = m.structure.name
             m.fourier.solve(state.fourier[name])
             m.ekf.solve(state.ekf[name], m.fourier.sees(state.fourier[name]))
-            closed = int(state.fourier[name].counts[0, 1])
+            closed = m.fourier.blocks_closed(state.fourier[name])
             gained = None
             if closed != state.blocks.get(name, 0):
                 state.blocks[name] = closed
@@ -264,10 +264,10 @@ class Chain:
             # Rough air contradicts what is remembered, too; without a vane all may. Else the filter, which cannot
             # tell a change from the noise of its surfaces, is told.
             trusted = m.vane and not modes[name].rough
-            state.fourier[name].follows[:] = trusted
+            m.fourier.follow_changes(state.fourier[name], trusted)
             changed = m.fourier.changed(state.fourier[name])
             if changed.any() and trusted:
-                not_yet_s = float(state.fourier[name].rows[0, 0, 0])  # a change begins the running block
+                not_yet_s = m.fourier.block_start_s(state.fourier[name])  # a change begins the running block
                 m.ekf.release(state.ekf[name], changed, since_s=not_yet_s)
         return Solution(time_s, modes, self._air.look(state.air, time_s))
 
