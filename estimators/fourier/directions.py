@@ -53,8 +53,8 @@ class DirectionsWorkspace(NamedTuple):
 
 def directions_workspace(k: int) -> DirectionsWorkspace:
     """Workspace for k derivatives."""
-    matrices, vectors = (np.empty((k, k)) for _ in range(4)), (np.empty(k) for _ in range(5))
-    return DirectionsWorkspace(*matrices, *vectors, np.empty((k, 2)))
+    shapes = [(k, k)] * 4 + [(k,)] * 5 + [(k, 2)]
+    return DirectionsWorkspace(*(np.empty(shape) for shape in shapes))
 
 
 @lean

@@ -58,9 +58,8 @@ class DispersionWorkspace(NamedTuple):
 def dispersion_workspace(k: int) -> DispersionWorkspace:
     """Workspace for k derivatives."""
     eigen_work = EigenWorkspace(np.empty((k, k)), *(np.empty(k) for _ in range(4)))
-    return DispersionWorkspace(
-        np.empty((k, k)), np.empty((k, k)), *(np.empty(k) for _ in range(3)), eigen_work
-    )
+    half, expected = np.empty((k, k)), np.empty((k, k))
+    return DispersionWorkspace(half, expected, np.empty(k), np.empty(k), np.empty(k), eigen_work)
 
 
 @lean

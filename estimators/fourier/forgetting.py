@@ -59,7 +59,8 @@ class ForgettingWorkspace(NamedTuple):
 
 def forgetting_workspace(k: int) -> ForgettingWorkspace:
     """Workspace for k derivatives."""
-    return ForgettingWorkspace(*(np.empty((k, k)) for _ in range(6)), *(np.empty(k) for _ in range(4)))
+    shapes = [(k, k)] * 6 + [(k,)] * 4
+    return ForgettingWorkspace(*(np.empty(shape) for shape in shapes))
 
 
 @lean

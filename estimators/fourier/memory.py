@@ -38,8 +38,8 @@ class MemoryWorkspace(NamedTuple):
 
 def memory_workspace(k: int) -> MemoryWorkspace:
     """Workspace for k derivatives."""
-    matrices, vectors = (np.empty((k, k)) for _ in range(4)), (np.empty(k) for _ in range(2))
-    return MemoryWorkspace(*matrices, *vectors, forgetting_workspace(k))
+    left, old, known, new = np.empty((4, k, k))
+    return MemoryWorkspace(left, old, known, new, np.empty(k), np.empty(k), forgetting_workspace(k))
 
 
 @lean
