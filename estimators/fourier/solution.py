@@ -164,7 +164,7 @@ def solution_workspace(ns: int, nu: int, bins: int, rows: int) -> SolutionWorksp
         normal_workspace(k, rows),
         noise_workspace(ns, nu, rows, bins),
         directions_workspace(k),
-        PosteriorWorkspace(*(np.empty((k, k)) for _ in range(3)), np.empty(k), zero_memory(k)),
+        PosteriorWorkspace(np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty(k), zero_memory(k)),
         Equation(np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k), np.empty(ns)),
         np.empty((ns, ns + nu)),
         np.empty(ns),

@@ -88,7 +88,7 @@ def change_of(window: Real, vector: Real, mean: Real, covariance: Real) -> tuple
 
 
 def changed_derivatives(
-    information: Real, vector: Real, size: Real, threshold: float, changed: NDArray[np.bool_]
+    information: Array, vector: Array, size: Real, threshold: float, changed: NDArray[np.bool_]
 ) -> float:
     """``change.changed_derivatives`` of K and r, which are overwritten."""
     work = change.change_workspace(len(size))._replace(information=information, vector=vector)
