@@ -11,7 +11,7 @@ from wingwatch.estimators.fourier.state import Prior
 
 Array = NDArray[np.float64]
 
-OMEGA: Array = 2.0 * np.pi * np.arange(1, 31) / 10.0
+OMEGA: Array = np.asarray(2.0 * np.pi * np.arange(1, 31) / 10.0, dtype=np.float64)
 STEP_S, FINE, SPAN_S = 0.02, 200, 10.0
 A = np.array([[-4.0, 24.0], [-4.3, -6.0]])
 B = np.array([-2.4, -32.0])
