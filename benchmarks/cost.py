@@ -45,7 +45,13 @@ RATE_HZ = 50.0
 PIECES = (10, 10, 5)
 """Samples a message; after the three of them half a second is full and both estimators solve."""
 PARTS = ("signals", "Fourier bank", "Fourier solution (2 Hz)", "filter step", "filter forgetting (2 Hz)")
-HELD = ("signals", "Fourier form", "filter", "Fourier form's marks", "filter's last stretch and its marks")
+HELD = (
+    "signals",
+    "Fourier estimator",
+    "filter",
+    "Fourier checkpoints",
+    "filter's last stretch and its marks",
+)
 AGAIN = ("stretch", "tally", "solved", "marks_z", "marks_cov", "marks_rows", "weighed", "about")
 SETTLED_S = 200.0
 """From here on the monitor remembers as many blocks as it ever will."""
@@ -75,7 +81,7 @@ class Mode:
         ]
         arrays += [(HELD[0], f.name, getattr(self.signal_state, f.name)) for f in fields(self.signal_state)]
         for rest, name, array in arrays:
-            part = HELD[3] if name.startswith("mark_") else HELD[4] if name in AGAIN else rest
+            part = HELD[3] if name.startswith("checkpoint_") else HELD[4] if name in AGAIN else rest
             sizes[part] += array.nbytes
         return sizes
 

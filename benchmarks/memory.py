@@ -115,14 +115,12 @@ def make(healthy: Array) -> FourierEstimator:
     )  # fmt: skip
 
 
-def empty_reserve(state: FourierState) -> None:
-    """The peer's rule: what has faded is gone."""
-    k = state.vector.shape[1]
-    state.sensitivity -= state.reserve[:, :, :k]
-    state.information -= state.reserve[:, :, k : 2 * k]
-    state.vector -= state.reserve[:, :, 2 * k]
-    state.driven -= state.reserve[:, :, 2 * k + 1]
-    state.reserve[:] = 0.0
+def forget_discounted(state: FourierState) -> None:
+    """The peer's rule: what is discounted is forgotten."""
+    for name in ("sensitivity", "information", "vector", "bias"):
+        discounted = getattr(state, f"discounted_{name}")
+        getattr(state, name)[...] -= discounted
+        discounted[...] = 0.0
 
 
 def advance(estimator: FourierEstimator, state: FourierState, rows: Array, directional: bool) -> None:
@@ -130,7 +128,7 @@ def advance(estimator: FourierEstimator, state: FourierState, rows: Array, direc
     for k in range(0, rows.shape[1], SOLVE_EVERY):
         estimator.update(state, rows[:, k : k + SOLVE_EVERY])
         if not directional:
-            empty_reserve(state)
+            forget_discounted(state)
         estimator.solve(state)
 
 

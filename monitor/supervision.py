@@ -179,10 +179,10 @@ class Supervisor:
         solution = _read(pair, state, time_s, rough, _gained(pair, state))
         # Rough air contradicts what is remembered, too; without a vane all may.
         trusted = pair.vane and not solution.rough
-        state.fourier.follows[:] = trusted
+        pair.fourier.follow_changes(state.fourier, trusted)
         changed = pair.fourier.changed(state.fourier)
         if trusted and changed.any():
-            not_yet_s = float(state.fourier.rows[0, 0, 0])  # a change begins the running block
+            not_yet_s = pair.fourier.block_start_s(state.fourier)  # a change begins the running block
             pair.ekf.release(state.ekf, changed, since_s=not_yet_s)
         return solution
 
@@ -195,7 +195,7 @@ class Supervisor:
 
 def _gained(pair: Pair, state: PairState) -> tuple[Array, Array] | None:
     """What the filter learned since the last block was closed; None while no other is."""
-    closed = int(state.fourier.counts[0, 1])
+    closed = pair.fourier.blocks_closed(state.fourier)
     if closed == state.blocks:
         return None
     state.blocks = closed

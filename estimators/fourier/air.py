@@ -4,7 +4,15 @@ Products of all that acts with its growth, the kinematic term and the known angu
 symbols: ``docs/methods/fourier.md``. Arrays are those of one vehicle, all memory is the caller's.
 """
 
-from wingwatch.estimators.fourier.bank import NUISANCE, advance_linear
+from wingwatch.estimators.fourier.bank import (
+    NUISANCE,
+    TURN_LAG,
+    TURN_SIZE,
+    VANE_LEAD,
+    advance_linear,
+    bank_channels,
+)
+from wingwatch.estimators.fourier.state import AIRSPEED, CONDITION, DENSITY, LAST, SAMPLES, START
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.signals import CONDITION_COLUMNS
 
@@ -18,40 +26,36 @@ def product_channel(ns, nu):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _first_channel(ns, nu):  # type: ignore[no-untyped-def]
-    """First product, of the bank, which has of the nuisance columns the dynamic pressure alone."""
-    return ns + 2 * nu + 2
-
-
-@lean
 def air_channels(ns, nu):  # type: ignore[no-untyped-def]
     """Channels that this module adds to the bank: products of all that acts, kinematic term, known moments."""
     return (ns + nu) + 1 + (ns - 1)
 
 
 @lean
-def _growth(row, start, exponent, kinematic):  # type: ignore[no-untyped-def]
+def _growth(row, start, exponent, condition):  # type: ignore[no-untyped-def]
     """How much what acts has grown since the block began: rho V for states, rho V^2 for inputs (table B.3), less 1."""
-    speed = row[kinematic + 2] / max(start[kinematic + 2], 1.0)
-    pressure = row[kinematic + 3] / start[kinematic + 3] * speed
+    speed = row[condition + AIRSPEED] / max(start[condition + AIRSPEED], 1.0)
+    pressure = row[condition + DENSITY] / start[condition + DENSITY] * speed
     return (pressure if exponent == 1.0 else pressure * speed) - 1.0
 
 
 @lean
-def advance_air(bank, coefficients, start, old, new, exponents, ns):  # type: ignore[no-untyped-def]
+def advance_air(exponents, coefficients, bank, rows, new, ns):  # type: ignore[no-untyped-def]
     """One sample on: products of all that acts with its growth, and what is known of the rates.
 
     What acts changes with the airspeed within a block: states and inputs times ``_growth`` are nothing in steady
     flight.
 
     Args:
-        bank: (channels, 2, frequencies), some of them advanced.
-        coefficients: (8, frequencies) of the step, as ``advance_bank`` has left them.
-        start, old, new: signal rows at the block's start and the two ends of the step.
+        coefficients: of ``Filters``, as ``advance_bank`` has left them.
+        bank: (channels, 2, bins), some of them advanced.
+        rows: of ``Block``; new: signal row at the end of the step.
     """
+    start, old = rows[START], rows[LAST]
     nd = exponents.size
     kinematic = 2 + nd
-    channel = _first_channel(ns, nd - ns)
+    condition = kinematic + CONDITION
+    channel = bank_channels(ns, nd - ns)
     for c in range(nd):
         column = 1 + c if c < ns else 2 + c
         row = bank[channel + c]
@@ -59,8 +63,8 @@ def advance_air(bank, coefficients, start, old, new, exponents, ns):  # type: ig
             row[0],
             row[1],
             coefficients,
-            old[column] * _growth(old, start, exponents[c], kinematic),
-            new[column] * _growth(new, start, exponents[c], kinematic),
+            old[column] * _growth(old, start, exponents[c], condition),
+            new[column] * _growth(new, start, exponents[c], condition),
         )
     channel += nd
     advance_linear(bank[channel, 0], bank[channel, 1], coefficients, old[kinematic], new[kinematic])
@@ -75,21 +79,21 @@ def rebase_products(bank, old_start, new_start, exponents, ns):  # type: ignore[
     """The products' growth counted from another start: 1 + growth is a ratio to the start's rho V or rho V^2.
 
     Args:
-        bank: (channels, 2, frequencies) of what came since the new start, with products that count from the old one;
+        bank: (channels, 2, bins) of what came since the new start, with products that count from the old one;
             the products in place.
     """
     nd = exponents.size
-    kinematic = 2 + nd
+    condition = 2 + nd + CONDITION
     for c in range(nd):
-        ratio = 1.0 + _growth(old_start, new_start, exponents[c], kinematic)
-        plain, row = bank[c if c < ns else c + 1], bank[_first_channel(ns, nd - ns) + c]
+        ratio = 1.0 + _growth(old_start, new_start, exponents[c], condition)
+        plain, row = bank[c if c < ns else c + 1], bank[bank_channels(ns, nd - ns) + c]
         for part in range(2):
             for f in range(row.shape[1]):
                 row[part, f] = ratio * row[part, f] + (ratio - 1.0) * plain[part, f]
 
 
 @lean
-def present_regressors(omega, bank, block, exponents, plant, air, believed, response):  # type: ignore[no-untyped-def]
+def present_regressors(model, block, plant, air, believed, transforms):  # type: ignore[no-untyped-def]
     """What acts, in place of states and inputs: grown with the airspeed, and the rate relative to the air.
 
     Vane and accelerometer measure the gust's rate, which turns the air: -q_g is a G times the kinematic row, and noise.
@@ -97,29 +101,30 @@ def present_regressors(omega, bank, block, exponents, plant, air, believed, resp
     rows, and the residual stays what it is, (docs (8)).
 
     Args:
-        bank: (channels, 2, frequencies) as ``between_samples`` gives it; in place.
-        block: signal row at the block's start, and sums of the flight condition over the block.
         plant, air, believed: of ``noise``.
-        response: of ``responses``, in place.
+        transforms: regressors of ``between_samples`` and response of ``responses``, both in place.
     """
-    start, sums = block
+    omega, exponents, start, sums = model.omega, model.exponents, block.rows[START], block.sums
+    bank, response = transforms.regressors, transforms.response
     nd, ns = exponents.size, plant.lever.size
-    kinematic, products = 2 + nd, product_channel(ns, nd - ns)
-    ratio = max(start[kinematic + 2], 1.0) * sums[4] / sums[0]
+    condition, products = 2 + nd + CONDITION, product_channel(ns, nd - ns)
+    ratio = max(start[condition + AIRSPEED], 1.0) * sums[SAMPLES] / sums[AIRSPEED]
     for c in range(nd):
-        norm = start[kinematic + 3] * sums[4] / sums[1] * ratio * (1.0 if exponents[c] == 1.0 else ratio)
+        norm = (
+            start[condition + DENSITY]
+            * sums[SAMPLES]
+            / sums[DENSITY]
+            * ratio
+            * (1.0 if exponents[c] == 1.0 else ratio)
+        )
         row, product = bank[c if c < ns else c + 1], bank[products + c]
         for part in range(2):
             for f in range(omega.size):
                 row[part, f] = norm * (row[part, f] + product[part, f])
     if response.shape[0] == ns or air.turn == 0.0:
         return
-    rate, gust = bank[ns - 1], response[ns]
-    more, later, earlier = (
-        bank[products - 3 - (nd - ns)],
-        bank[products - 2 - (nd - ns)],
-        bank[products - 1 - (nd - ns)],
-    )
+    rate, gust, nuisance = bank[ns - 1], response[ns], nd + 1
+    more, later, earlier = bank[nuisance + TURN_SIZE], bank[nuisance + TURN_LAG], bank[nuisance + VANE_LEAD]
     for f in range(omega.size):
         lag = 1j * omega[f] * air.turn_s
         seen = believed[f] * complex(gust[0, f], gust[1, f])

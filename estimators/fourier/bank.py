@@ -7,19 +7,49 @@ lie apart and frequencies side by side, so that the processor takes several of t
 import math
 
 import numpy as np
-from numba import njit
 
+from wingwatch.estimators.fourier.state import BEFORE, LAST, TIME
 from wingwatch.estimators.kernels.hot import hot, lean
 
-__all__ = ["NUISANCE", "advance_bank", "advance_linear", "bank_channels", "block_transforms"]
+__all__ = [
+    "CONSTANT",
+    "FIRST_READING",
+    "FIRST_TURN",
+    "LAST_READING",
+    "LAST_TURN",
+    "NUISANCE",
+    "PRESSURE",
+    "RAMP",
+    "TURN_LAG",
+    "TURN_SIZE",
+    "VANE_LEAD",
+    "advance_bank",
+    "advance_linear",
+    "bank_channels",
+    "block_transforms",
+]
 
 NUISANCE = 10
-"""Columns that every row has beside states and inputs: constant, dynamic pressure, ramp, errors of reading both ends,
-turning of the air at both ends, and what the measured gust may do beside what is expected of it: turn the air more or
+"""Nuisance columns of every row, beside states and inputs."""
+
+(
+    CONSTANT,
+    PRESSURE,
+    RAMP,
+    LAST_READING,
+    FIRST_READING,
+    LAST_TURN,
+    FIRST_TURN,
+    TURN_SIZE,
+    TURN_LAG,
+    VANE_LEAD,
+) = range(NUISANCE)
+"""Constant, dynamic pressure, ramp; error of reading the last and the first sample; gust-induced pitch or yaw rate at
+the last and the first sample; and what the measured gust may do beside what is expected of it: turn the air more or
 less, with another time constant, and reach the vane earlier or later."""
 
 
-@njit(cache=True)
+@lean
 def bank_channels(ns, nu):  # type: ignore[no-untyped-def]
     """Channels that are filtered: states, accelerometer, inputs, dynamic pressure, jumps of inputs."""
     return ns + 2 * nu + 2
@@ -29,8 +59,8 @@ def bank_channels(ns, nu):  # type: ignore[no-untyped-def]
 def _coefficients(omega, dt, out):  # type: ignore[no-untyped-def]
     """One-pole coefficients of a step: exact for a signal linear between samples, and for a held one.
 
-    Rows of ``out`` (8, frequencies), real and imaginary parts: exponential; share of the old sample and of the new
-    one; share of a held one.
+    Rows of ``out`` (8, bins), real and imaginary parts: exponential; gain of the old sample and of the new
+    one; gain of a held one.
     """
     for f in range(omega.size):
         s = 1j * omega[f]
@@ -78,21 +108,24 @@ def _jumped(real, imag, c, jump):  # type: ignore[no-untyped-def]
 
 
 @lean
-def advance_bank(  # type: ignore[no-untyped-def]
-    omega, bank, step, coefficients, old, new, before, servo_s, ns, nu
-):
+def advance_bank(omega, servo_s, filters, bank, rows, new, ns):  # type: ignore[no-untyped-def]
     """Advance the bank of one vehicle by one sample.
 
-    Rows of ``bank`` (channels, 2, frequencies): states, accelerometer, inputs, dynamic pressure, and jumps of inputs
-    that are positions; both parts. An input is held between samples if its channel is a command, or where a
-    position whose servo is unknown repeats exactly (a step of a held signal); else it is linear like the states.
+    An input is held between samples if its channel is a command, or where a position whose servo is unknown repeats
+    exactly (a step of a held signal); else it is linear like the states.
 
     Args:
-        step: shape (1,), time step that ``coefficients`` (8, frequencies) were made for.
-        old, new: signal rows at the two ends of the step; before: the row before ``old`` (inputs only).
-        servo_s: for each input the time constant of its servo, infinite where it is unknown, 0 for a command.
+        servo_s: (inputs,) time constants of the servos, infinite where unknown, 0 for a command.
+        filters: ``Filters``, made anew where the time step has changed.
+        bank: (channels, 2, bins), advanced: states, accelerometer, inputs, dynamic pressure, and jumps of inputs that
+            are positions.
+        rows: of ``Block``; of the row before the last only the inputs are read.
+        new: signal row at the end of the step.
+        ns: number of states.
     """
-    dt = new[0] - old[0]
+    old, before, nu = rows[LAST], rows[BEFORE], servo_s.size
+    coefficients, step = filters.coefficients, filters.step
+    dt = new[TIME] - old[TIME]
     if abs(dt - step[0]) > 1e-6 * dt:
         _coefficients(omega, dt, coefficients)
         step[0] = dt
@@ -118,16 +151,16 @@ def advance_bank(  # type: ignore[no-untyped-def]
 
 @lean
 def block_transforms(omega, bank, span, turn_s, ns, nu, out, phase):  # type: ignore[no-untyped-def]
-    """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 1 + NUISANCE or more, 2, frequencies).
+    """Transforms of a block of ``span`` seconds into ``out`` (ns + 2 nu + 1 + NUISANCE or more, 2, bins).
 
-    Channels: states, accelerometer, inputs, constant, dynamic pressure, ramp, what an error of the last and of the
-    first sample does to the transform of a rate, the same two smoothed over the span (``turn_s``, s), jumps of inputs,
-    then what else the bank has. Constant and ramp need no samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. ``phase``
-    becomes e^{sT}, (2, frequencies).
+    Channels: states, accelerometer, inputs, nuisance columns, jumps of inputs, then what else the bank has. Constant
+    and ramp need no samples: (e^{sT} - 1)/s and (e^{sT} - 1 - sT)/s^2. An error of the last or first reading goes into
+    the transform of a rate; a turn rate there is smoothed over the span (``turn_s``, s). ``phase`` becomes e^{sT},
+    (2, bins).
     """
-    constant = ns + 1 + nu
+    first = ns + 1 + nu
     for j in range(bank.shape[0]):
-        row = j if j < constant else (j + 1 if j == constant else j + NUISANCE - 1)
+        row = j if j < first else (first + PRESSURE if j == first else j + NUISANCE - 1)
         for part in range(2):
             for f in range(omega.size):
                 out[row, part, f] = bank[j, part, f]
@@ -135,16 +168,16 @@ def block_transforms(omega, bank, span, turn_s, ns, nu, out, phase):  # type: ig
         angle = omega[f] * span
         cos, sin = math.cos(angle), math.sin(angle)
         phase[0, f], phase[1, f] = cos, sin
-        out[constant, 0, f], out[constant, 1, f] = sin / omega[f], (1.0 - cos) / omega[f]
-        out[constant + 2, 0, f] = (1.0 - cos) / (omega[f] * omega[f])
-        out[constant + 2, 1, f] = (angle - sin) / (omega[f] * omega[f])
-        out[constant + 3, 0, f], out[constant + 3, 1, f] = 1.0, 0.0
-        out[constant + 4, 0, f], out[constant + 4, 1, f] = cos, sin
+        out[first + CONSTANT, 0, f], out[first + CONSTANT, 1, f] = sin / omega[f], (1.0 - cos) / omega[f]
+        out[first + RAMP, 0, f] = (1.0 - cos) / (omega[f] * omega[f])
+        out[first + RAMP, 1, f] = (angle - sin) / (omega[f] * omega[f])
+        out[first + LAST_READING, 0, f], out[first + LAST_READING, 1, f] = 1.0, 0.0
+        out[first + FIRST_READING, 0, f], out[first + FIRST_READING, 1, f] = cos, sin
         lag = omega[f] * turn_s
         gain = 1.0 / (1.0 + lag * lag)
-        out[constant + 5, 0, f], out[constant + 5, 1, f] = gain, -lag * gain
+        out[first + LAST_TURN, 0, f], out[first + LAST_TURN, 1, f] = gain, -lag * gain
         for part in range(2):
-            for c in range(7, NUISANCE):
-                out[constant + c, part, f] = 0.0  # of the gust: ``present_regressors``
-        out[constant + 6, 0, f] = gain * (cos + lag * sin)
-        out[constant + 6, 1, f] = gain * (sin - lag * cos)
+            for c in range(TURN_SIZE, NUISANCE):
+                out[first + c, part, f] = 0.0  # of the gust: ``present_regressors``
+        out[first + FIRST_TURN, 0, f] = gain * (cos + lag * sin)
+        out[first + FIRST_TURN, 1, f] = gain * (sin - lag * cos)

@@ -1,12 +1,13 @@
-"""What signals do between their samples, beyond the line that the bank of the Fourier form draws; compiled.
+"""What signals do between their samples, beyond the line that the bank of the Fourier estimator draws; compiled.
 
-Derivation: ``docs/methods/fourier.md`` section 6. States bend as the equations of motion say, a surface moves as
-its servo does. Both are corrections of second order in the time step, so present derivatives are good enough for them.
+Derivation and symbols: ``docs/methods/fourier.md`` section 6. States curve as the equations of motion say, a surface moves
+as its servo does. Both are corrections of second order in the time step: present derivatives are good enough for them.
 """
 
 import math
 
 from wingwatch.estimators.fourier.bank import NUISANCE
+from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.intersample import course
 
@@ -15,7 +16,7 @@ __all__ = ["between_samples", "rate_of"]
 
 @lean
 def rate_of(omega, transform, phase, start, end, out):  # type: ignore[no-untyped-def]
-    """Transform of a signal's rate, s X + x(T) - e^{s T} x(0), exact; real and imaginary part, (2, frequencies)."""
+    """Transform of a signal's rate, s X + x(T) - e^{s T} x(0), exact; real and imaginary part, (2, bins)."""
     real, imaginary, x, y = out[0], out[1], transform[0], transform[1]
     for f in range(omega.size):
         real[f] = end - phase[0, f] * start - omega[f] * y[f]
@@ -24,7 +25,7 @@ def rate_of(omega, transform, phase, start, end, out):  # type: ignore[no-untype
 
 @lean
 def _add(factor, source, target):  # type: ignore[no-untyped-def]
-    """target += factor source, (2, frequencies)."""
+    """target += factor source, (2, bins)."""
     for part in range(2):
         from_, to = source[part], target[part]
         for f in range(to.size):
@@ -33,7 +34,7 @@ def _add(factor, source, target):  # type: ignore[no-untyped-def]
 
 @lean
 def _add_turned(omega, factor, source, target):  # type: ignore[no-untyped-def]
-    """target += factor s source, (2, frequencies)."""
+    """target += factor s source, (2, bins)."""
     real, imaginary, x, y = target[0], target[1], source[0], source[1]
     for f in range(omega.size):
         real[f] -= factor * omega[f] * y[f]
@@ -59,27 +60,27 @@ def _add_half_step(omega, dt, jumps, target):  # type: ignore[no-untyped-def]
 
 
 @lean
-def between_samples(  # type: ignore[no-untyped-def]
-    omega, lines, phase, start, end, dt, servo_s, theta, scale, forward, lever, ns, nu, room, out
-):  # fmt: skip
+def between_samples(model, rows, dt, theta, scale, forward, transforms):  # type: ignore[no-untyped-def]
     """Transforms of a block whose states and surfaces move between samples as the aircraft does.
 
     A line from sample to sample misses -dt^2 / 12 x'' of a curve, and x'' = A x' + B u', with the u' of surfaces that
-    move, not of those that jump. A servo is ahead of the line by a share of dt. The accelerometer hears states and
-    surfaces at once: what their lines miss its own line misses, and a jump of a held input is a ramp in it. The
-    kinematic term has of each state ``forward``.
+    move, not of those that jump. A servo is ahead of the line by a fraction of dt. The accelerometer feels states and
+    surfaces at once: what their lines miss its own line misses, and a jump of a held input is a ramp in it.
 
     Args:
-        lines: (channels, 2, frequencies) of ``block_transforms``, kinematic term and known moments last; phase: e^{sT}.
-        start, end: signal rows at the ends of the block.
+        rows: of ``Block``.
         dt: mean time step, s.
-        servo_s: (nu,) time constants of servos, infinite where unknown, 0 for a command.
-        theta, scale, forward, lever: derivatives, what makes them present ones, kinematic part, accelerometer's place.
-        room: (2, ns + nu, 2, frequencies).
-        out: becomes the new transforms, as ``lines``, the channels of jumps left as they are.
+        theta, scale: (k,) referred derivatives, and what makes them present ones.
+        forward: (states,) what the kinematic term has of each state, m/s.
+        transforms: ``Transforms`` with lines and phase; the regressors become the new transforms, the channels of
+            jumps left as they are.
     """
+    omega, servo_s, lever = model.omega, model.servo_s, model.lever
+    lines, phase, out = transforms.lines, transforms.phase, transforms.regressors
+    rate, missed = transforms.rates, transforms.missed
+    start, end = rows[START], rows[LAST]
+    ns, nu = lever.size, servo_s.size
     nd = ns + nu
-    rate, missed = room[0], room[1]
     for j in range(lines.shape[0]):
         for part in range(2):
             for f in range(omega.size):
@@ -104,16 +105,16 @@ def between_samples(  # type: ignore[no-untyped-def]
             _add(1.0, missed[own], out[own + 1])
     for k in range(ns):
         for j in range(nd):
-            share = theta[k * nd + j] * scale[k * nd + j]
+            slope = theta[k * nd + j] * scale[k * nd + j]
             if k == 0 and j < ns:
-                share += forward[j]
-            _add(-dt * dt / 12.0 * share, rate[j], missed[k])
+                slope += forward[j]
+            _add(-dt * dt / 12.0 * slope, rate[j], missed[k])
         _add(1.0, missed[k], out[k])
     term = lines.shape[0] - ns
     for j in range(ns):
         _add(forward[j], missed[j], out[term])
     for j in range(nd):
-        share = theta[j] * scale[j]
+        slope = theta[j] * scale[j]
         for k in range(1, ns):
-            share -= lever[k] * theta[k * nd + j] * scale[k * nd + j]
-        _add(share, missed[j], out[ns])
+            slope -= lever[k] * theta[k * nd + j] * scale[k * nd + j]
+        _add(slope, missed[j], out[ns])

@@ -1,49 +1,87 @@
 """Blocks of the recursive Fourier estimator, compiled: filled, solved while they run, closed, added to what is known.
 
-Derivation: ``docs/methods/fourier.md`` sections 7 to 10. ``advance`` takes arrays that lead with the vehicle
-axis; all else works on one vehicle, whose arrays are handed on in groups, in room that is made once.
+Derivation and symbols: ``docs/methods/fourier.md`` sections 7 to 10. ``advance`` takes a ``State`` whose arrays lead with the
+vehicle axis; all else works on the state of one vehicle, in a workspace that is made once.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.air import advance_air, air_channels, rebase_products
-from wingwatch.estimators.fourier.bank import advance_bank
+from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 from wingwatch.estimators.fourier.change import (
     CHANGE_LOG_THRESHOLD,
+    ChangeWorkspace,
     change_of,
+    change_workspace,
     changed_derivatives,
-    free_memory,
+    inflate_covariance,
 )
-from wingwatch.estimators.fourier.dispersion import DISPERSION_LINES, disperse, gather_scatter
-from wingwatch.estimators.fourier.forgetting import FORGETTING_LINES, FORGETTING_SQUARES
-from wingwatch.estimators.fourier.marks import (
-    MARKS,
-    copied,
-    copied_bank,
-    copied_rows,
-    place_mark,
-    since_mark,
+from wingwatch.estimators.fourier.checkpoints import (
+    CHECKPOINTS,
+    copy_bank,
+    copy_matrix,
+    copy_vector,
+    place_checkpoint,
+    since_checkpoint,
 )
-from wingwatch.estimators.fourier.memory import fade, replace
-from wingwatch.estimators.fourier.noise import AIR_LEVELS
+from wingwatch.estimators.fourier.dispersion import (
+    DispersionWorkspace,
+    disperse,
+    dispersion_workspace,
+    gather_scatter,
+)
+from wingwatch.estimators.fourier.memory import MemoryWorkspace, discount, memory_workspace, replace
 from wingwatch.estimators.fourier.solution import (
     AIR_MEMORY,
     ALONE,
     BEGIN,
     LEARN,
     MOVE,
-    Room,
+    SolutionWorkspace,
+    block_solution,
     remembered,
-    solution_room,
+    solution_workspace,
     solve_block,
     start_noise,
+    zero_memory,
+)
+from wingwatch.estimators.fourier.state import (
+    AIR_VARIANCES,
+    AIRSPEED,
+    ALPHA,
+    ALTITUDE,
+    BEFORE,
+    CLOSED,
+    CONDITION,
+    DENSITY,
+    DIFFERENCES,
+    INPUT_DIFFERENCES,
+    LAST,
+    SAMPLES,
+    SOLUTIONS,
+    START,
+    TIME,
+    WEIGHT,
+    Block,
+    BlockSolution,
+    Checkpoints,
+    Evidence,
+    Filters,
+    Linearisation,
+    Memory,
+    Posterior,
+    Prior,
+    Progress,
+    State,
 )
 from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.signals import MAX_GAP_S
 
-__all__ = ["advance", "block_room"]
+__all__ = ["Workspace", "advance", "block_workspace"]
 
 ROLLED = 0.1
 """Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: the score
@@ -53,36 +91,76 @@ GOES_ON, FULL, GAP = 0, 1, 2
 """What a sample does to the running block: it goes on, is full, or ends because time does not go on."""
 
 NO_CHANGE, WHOLE = -2, -1
-"""Instead of the mark at which something changed: nothing did, or all of the block is new."""
+"""Instead of the checkpoint at which something changed: nothing did, or all of the block is new."""
 
 
-def block_room(ns: int, nu: int, nf: int, columns: int, rows: int) -> Room:
-    """Room of ``advance``: of solutions, of forgetting and changes, zeros, a part of a block."""
-    p = ns * (ns + nu)
-    solving, told = solution_room(ns, nu, nf, rows)
-    squares = np.empty((FORGETTING_SQUARES + 5, p, p))
-    lines = np.empty((max(FORGETTING_LINES, DISPERSION_LINES) + 6, p))
-    flags = np.zeros((2, p), dtype=np.bool_)
-    own = (squares, lines, np.empty((p, p + 1)), flags, np.empty(2 * ns + 1 + nu + AIR_LEVELS))
-    nothing = (np.zeros((1, p, p)), np.zeros((1, p)))
-    bank = np.empty((ns + 2 * nu + 2 + air_channels(ns, nu), 2, nf))
-    part = (bank, np.empty((3, columns)), np.empty(6 + nu), np.empty(ns + 2))
-    return solving, told, own, nothing, part
+class Workspace(NamedTuple):
+    """Workspace of ``advance``.
+
+    Attributes:
+        solving, found, replacing, dispersing, testing: of the parts.
+        window: the running block since a checkpoint.
+        earlier: memory of all that was known at a checkpoint.
+        anchor, own, mean, size: (k,) derivatives at which a block is linearised, to which it leads itself, that are
+            remembered; natural size of each.
+        covariance: (k, k) of what is remembered.
+        noise: variances at which a block is linearised, as ``Posterior.noise``.
+        changed, trial: (k,) which derivatives have changed, at the best checkpoint so far and at one of them.
+    """
+
+    solving: SolutionWorkspace
+    found: BlockSolution
+    replacing: MemoryWorkspace
+    dispersing: DispersionWorkspace
+    testing: ChangeWorkspace
+    window: Block
+    earlier: Memory
+    anchor: NDArray[np.float64]
+    own: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    size: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    changed: NDArray[np.bool_]
+    trial: NDArray[np.bool_]
+
+
+def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Workspace:
+    """Workspace for ns states, nu inputs, signal rows of so many columns, and ns or ns + 1 rows of a block."""
+    k, channels = ns * (ns + nu), bank_channels(ns, nu) + air_channels(ns, nu)
+    window = ((channels, 2, bins), (3, columns), INPUT_DIFFERENCES + nu, ns + 2)
+    return Workspace(
+        solution_workspace(ns, nu, bins, rows),
+        block_solution(ns, nu),
+        memory_workspace(k),
+        dispersion_workspace(k),
+        change_workspace(k),
+        Block(*(np.empty(shape) for shape in window)),
+        zero_memory(k),
+        np.empty(k),
+        np.empty(k),
+        np.empty(k),
+        np.empty(k),
+        np.empty((k, k)),
+        np.empty(2 * ns + 1 + nu + AIR_VARIANCES),
+        np.zeros(k, dtype=np.bool_),
+        np.zeros(k, dtype=np.bool_),
+    )
 
 
 @lean
-def _mark(informed, kept, power, time, gain):  # type: ignore[no-untyped-def]
+def _note_signal(informed_s, kept, power, time_s, gain):  # type: ignore[no-untyped-def]
     """Note the time at which the regressors' power was mostly signal; ``kept`` is ``gain`` times the kept power."""
-    for a in range(informed.size):
+    for a in range(informed_s.size):
         if power[a, a] > 0.0 and kept[a, a] > 0.5 * gain * power[a, a]:
-            informed[a] = time
+            informed_s[a] = time_s
 
 
 @lean
 def _condition(sums, condition):  # type: ignore[no-untyped-def]
     """Mean airspeed, altitude, density, angle of attack."""
-    condition[0], condition[1] = sums[0] / sums[4], sums[2] / sums[4]
-    condition[2], condition[3] = sums[1] / sums[4], sums[3] / sums[4]
+    condition[0], condition[1] = sums[AIRSPEED] / sums[SAMPLES], sums[ALTITUDE] / sums[SAMPLES]
+    condition[2], condition[3] = sums[DENSITY] / sums[SAMPLES], sums[ALPHA] / sums[SAMPLES]
 
 
 @lean
@@ -95,345 +173,344 @@ def _outweighs(block, memory):  # type: ignore[no-untyped-def]
 
 
 @part
-def _close(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
+def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
     A block that says more of a derivative than all before it is linearised where it leads itself, unless rolling air
     drives it.
     """
-    block, known, memory, closed, _ = vehicle
-    rows, sums, roughness = block[1], block[2], block[3]
-    theta, noise, noise_known, reserve, covariance, informed = known
-    evidence_matrix, evidence_vector, evidence_bias, evidence_span, condition, counts, scatter = closed
-    solving, told, own_room, nothing, _ = room
-    squares, lines, level = own_room[0], own_room[1], own_room[4]
-    settings, k = model[4], theta.size
-    p_in_p = model[3].size + 1  # roll rate's column of the roll equation
-    if counts[0] == 0:
-        start_noise(roughness, noise, model[1].size, model[7])
-    remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
-    steady = (memory[0], memory[1], memory[2], nothing[1][0])
-    remembered(steady, nothing, prior, solving[3], lines[0], theta, squares[4])
-    anchor, own, error = lines[1], lines[2], lines[3]
+    block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
+    solving, found, prior = work.solving, work.found, model.prior
+    k = known.theta.size
+    p_in_p = model.exponents.size + 1  # roll rate's column of the roll equation
+    if progress.counts[SOLUTIONS] == 0:
+        start_noise(model, block.roughness, known.noise)
+    nothing = solving.posterior.nothing
+    remembered(memory, prior, solving.posterior, known.theta, known.covariance)
+    unbiased = Memory(memory.sensitivity, memory.information, memory.vector, nothing.bias)
+    remembered(unbiased, prior, solving.posterior, known.theta, work.covariance)
     for a in range(k):
-        anchor[a] = own[a] = theta[a]
-        error[a] = prior[1][a] / 3.0
-    for j in range(level.size):
-        level[j] = noise_known[j] if noise_known[-1] > 0.0 else noise[j]
-    alone = (nothing[0][0], nothing[0][0], nothing[1][0], nothing[1][0])
-    solve_block(model, block, own, level, noise_known, alone, (anchor, error), LEARN, solving, told)
-    rolled = solving[6].rolled[0] / told[0][4, p_in_p, p_in_p]
-    if rolled < ROLLED and _outweighs(told[0][0], memory[0]):
-        solve_block(model, block, own, level, noise_known, alone, (anchor, error), LEARN, solving, told)
+        work.anchor[a] = work.own[a] = known.theta[a]
+        work.size[a] = prior.std[a] / 3.0
+    for j in range(work.noise.size):
+        work.noise[j] = known.noise_known[j] if known.noise_known[WEIGHT] > 0.0 else known.noise[j]
+    around = Prior(work.anchor, work.size)
+    own = Linearisation(work.own, work.noise, known.noise_known)
+    solve_block(model, block, own, nothing, around, LEARN, solving, found)
+    rolled = solving.noise.rolled[0] / solving.equation.power[p_in_p, p_in_p]
+    if rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity):
+        solve_block(model, block, own, nothing, around, LEARN, solving, found)
         for a in range(k):
-            anchor[a] = own[a]
-    solve_block(model, block, anchor, level, noise_known, alone, (anchor, error), ALONE, solving, told)
-    matrices, vectors, fresh = told
-    span = rows[1, 0] - rows[0, 0]
-    share = min(1.0, span / settings[0])
-    _mark(informed, matrices[1], matrices[4], rows[1, 0], 2.0 * share)
-    lost = 1.0 - math.exp(-span / settings[2])
-    gather_scatter(matrices[2], vectors[2], theta, squares[4], 1.0 - lost, scatter, squares, lines[6:])
-    disperse(matrices[2], vectors[2], vectors[3], scatter, squares, lines[6:])
-    copied_rows(matrices[2], evidence_matrix)
-    copied(vectors[2], evidence_vector)
-    copied(vectors[3], evidence_bias)
-    _condition(sums, condition)
-    evidence_span[0], evidence_span[1] = rows[0, 0], rows[1, 0]
-    last = informed[0]
-    for a in range(1, k):
-        last = max(last, informed[a])
+            work.anchor[a] = work.own[a]
+    at = Linearisation(work.anchor, work.noise, known.noise_known)
+    solve_block(model, block, at, nothing, around, ALONE, solving, found)
+    _remember(model, vehicle, work)
+    remembered(memory, prior, solving.posterior, known.theta, known.covariance)
+    progress.counts[SOLUTIONS] += 1
+    progress.counts[CLOSED] += 1
+
+
+@part
+def _remember(model, vehicle, work):  # type: ignore[no-untyped-def]
+    """Add what the closed block says to scatter, evidence, memory and noise variances."""
+    block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
+    rows, informed_s, found, scatter = block.rows, known.informed_s, work.found, progress.scatter
+    gained, evidence, dispersing = found.gained, found.evidence, work.dispersing
+    span = rows[LAST, TIME] - rows[START, TIME]
+    fraction = min(1.0, span / model.block_s)
+    power = work.solving.equation.power
+    _note_signal(informed_s, gained.information, power, rows[LAST, TIME], 2.0 * fraction)
+    decay = 1.0 - math.exp(-span / model.memory_s)
+    gather_scatter(
+        evidence.information, evidence.vector, known.theta, work.covariance, 1.0 - decay, scatter, dispersing
+    )
+    disperse(evidence.information, evidence.vector, evidence.bias, scatter, dispersing)
+    copy_matrix(evidence.information, vehicle.evidence.information)
+    copy_vector(evidence.vector, vehicle.evidence.vector)
+    copy_vector(evidence.bias, vehicle.evidence.bias)
+    _condition(block.sums, progress.condition)
+    progress.span[0], progress.span[1] = rows[START, TIME], rows[LAST, TIME]
+    last = informed_s[0]
+    for a in range(1, informed_s.size):
+        last = max(last, informed_s[a])
     for j in range(4):
-        evidence_span[2 + j] = condition[j]
-    fade(0.0 if rows[1, 0] - last > settings[6] else lost, memory, reserve)
-    replace(lost, matrices[0], prior[1], memory, reserve, own_room)
-    for a in range(k):
-        memory[2][a] += vectors[0, a]
-        memory[3][a] += vectors[1, a]
-        for b in range(k):
-            memory[0][a, b] += matrices[0, a, b]
-            memory[1][a, b] += matrices[1, a, b]
-    _gather_noise(noise, noise_known, fresh, share, math.exp(-settings[0] / settings[2]), model[1].size)
-    remembered(memory, nothing, prior, solving[3], lines[0], theta, covariance)
-    counts[0] += 1
-    counts[1] += 1
+        progress.span[2 + j] = progress.condition[j]
+    discount(0.0 if rows[LAST, TIME] - last > model.stale_s else decay, memory, vehicle.discounted)
+    replace(decay, gained.sensitivity, model.prior.std, memory, vehicle.discounted, work.replacing)
+    for a in range(informed_s.size):
+        memory.vector[a] += gained.vector[a]
+        memory.bias[a] += gained.bias[a]
+        for b in range(informed_s.size):
+            memory.sensitivity[a, b] += gained.sensitivity[a, b]
+            memory.information[a, b] += gained.information[a, b]
+    keep = math.exp(-model.block_s / model.memory_s)
+    _gather_noise(known.noise, known.noise_known, found.noise, fraction, keep, model.lever.size)
 
 
 @lean
-def _gather_noise(noise, noise_known, fresh, share, keep, ns):  # type: ignore[no-untyped-def]
+def _gather_noise(noise, noise_known, fresh, fraction, keep, ns):  # type: ignore[no-untyped-def]
     """Add a block's noise variances to those of earlier blocks, and go on from there; of the air the block's own."""
-    first, weight = noise.size - AIR_LEVELS, noise_known[-1]
+    first, weight = noise.size - AIR_VARIANCES, noise_known[WEIGHT]
     for j in range(noise.size):
         known = min(weight, AIR_MEMORY) if j >= first else weight
-        noise_known[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
+        noise_known[j] = (known * noise_known[j] + fraction * fresh[j]) / (known + fraction)
         if j <= 2 * ns or j >= first:
             noise[j] = noise_known[j]
-    noise_known[-1] = keep * (weight + share)
+    noise_known[WEIGHT] = keep * (weight + fraction)
 
 
 @lean
-def _gather(sums, row, kinematic):  # type: ignore[no-untyped-def]
-    """Add a row to the sums of the flight condition."""
-    alpha = row[kinematic + 5]
-    sums[0] += row[kinematic + 2]
-    sums[1] += row[kinematic + 3]
-    sums[2] += row[kinematic + 4]
-    sums[3] += alpha if math.isfinite(alpha) else 0.0
-    sums[4] += 1.0
+def _gather(sums, row, condition):  # type: ignore[no-untyped-def]
+    """Add a row, whose flight condition begins at column ``condition``, to the sums of the flight condition."""
+    alpha = row[condition + ALPHA]
+    sums[AIRSPEED] += row[condition + AIRSPEED]
+    sums[DENSITY] += row[condition + DENSITY]
+    sums[ALTITUDE] += row[condition + ALTITUDE]
+    sums[ALPHA] += alpha if math.isfinite(alpha) else 0.0
+    sums[SAMPLES] += 1.0
 
 
 @lean
-def _bends(block, new, ns, nu):  # type: ignore[no-untyped-def]
+def _add_second_differences(block, new, ns, nu):  # type: ignore[no-untyped-def]
     """Add second differences: roots of their magnitudes of states and accelerometer, squares of inputs."""
-    rows, sums, roughness = block[1], block[2], block[3]
+    rows, sums, roughness = block.rows, block.sums, block.roughness
     for j in range(ns + 1):
-        bend = new[1 + j] - 2.0 * rows[1, 1 + j] + rows[2, 1 + j]
-        roughness[j] += math.sqrt(abs(bend))
+        difference = new[1 + j] - 2.0 * rows[LAST, 1 + j] + rows[BEFORE, 1 + j]
+        roughness[j] += math.sqrt(abs(difference))
     roughness[ns + 1] += 1.0
     for j in range(nu):
-        bend = new[2 + ns + j] - 2.0 * rows[1, 2 + ns + j] + rows[2, 2 + ns + j]
-        sums[6 + j] += bend * bend
-    sums[5] += 1.0
+        difference = new[2 + ns + j] - 2.0 * rows[LAST, 2 + ns + j] + rows[BEFORE, 2 + ns + j]
+        sums[INPUT_DIFFERENCES + j] += difference * difference
+    sums[DIFFERENCES] += 1.0
 
 
 @lean
 def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
     """Take in one row of signals; returns what it does to the block."""
-    omega, lever, exponents, settings = model[0], model[1], model[3], model[4]
-    bank, rows, sums = block[0], block[1], block[2]
-    coefficients, step = filters
-    ns, nu = lever.size, exponents.size - lever.size
-    kinematic = 2 + ns + nu
-    for j in range(kinematic + 5):
+    bank, rows = block.bank, block.rows
+    ns, nu = model.lever.size, model.servo_s.size
+    condition = 2 + ns + nu + CONDITION
+    for j in range(condition + ALPHA):
         if not math.isfinite(new[j]):
             return GOES_ON
-    dt = new[0] - rows[1, 0]
+    dt = new[TIME] - rows[LAST, TIME]
     if not (0.0 < dt <= MAX_GAP_S):
         return GAP
-    servo_s = settings[7 + nu : 7 + 2 * nu]
-    advance_bank(omega, bank, step, coefficients, rows[1], new, rows[2], servo_s, ns, nu)
-    advance_air(bank, coefficients, rows[0], rows[1], new, exponents, ns)
-    if math.isfinite(rows[2, 1]):
-        _bends(block, new, ns, nu)
-    copied(rows[1], rows[2])
-    copied(new, rows[1])
-    _gather(sums, new, kinematic)
-    return FULL if new[0] - rows[0, 0] >= settings[0] - 0.5 * dt else GOES_ON
+    advance_bank(model.omega, model.servo_s, filters, bank, rows, new, ns)
+    advance_air(model.exponents, filters.coefficients, bank, rows, new, ns)
+    if math.isfinite(rows[BEFORE, 1]):
+        _add_second_differences(block, new, ns, nu)
+    copy_vector(rows[LAST], rows[BEFORE])
+    copy_vector(new, rows[LAST])
+    _gather(block.sums, new, condition)
+    return FULL if new[TIME] - rows[START, TIME] >= model.block_s - 0.5 * dt else GOES_ON
 
 
 @lean
-def _restart(model, block, row, gap, mark_rows):  # type: ignore[no-untyped-def]
+def _restart(model, block, row, gap, checkpoint_rows):  # type: ignore[no-untyped-def]
     """Begin a block at a row; after a gap nothing before it counts."""
-    bank, rows, sums, roughness = block
-    bank[:, :, :] = 0.0
-    sums[:] = 0.0
-    roughness[:] = 0.0
-    copied(row, rows[0])
-    _gather(sums, row, 2 + model[3].size)
+    rows = block.rows
+    block.bank[:, :, :] = 0.0
+    block.sums[:] = 0.0
+    block.roughness[:] = 0.0
+    copy_vector(row, rows[START])
+    _gather(block.sums, row, 2 + model.exponents.size + CONDITION)
     if gap:
-        copied(row, rows[1])
-        rows[2, 0] = row[0]
-        rows[2, 1:] = np.nan
-        mark_rows[:, :] = np.nan
+        copy_vector(row, rows[LAST])
+        rows[BEFORE, 0] = row[TIME]
+        rows[BEFORE, 1:] = np.nan
+        checkpoint_rows[:, :] = np.nan
 
 
 @part
-def _solve(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
-    """Solve with the running block; ``told`` becomes what the block alone says."""
-    block, known, memory, closed, marks = vehicle
-    rows, roughness = block[1], block[3]
-    theta, noise, noise_known, reserve, covariance, informed = known
-    solving, told, own_room, _, _ = room
-    settings = model[4]
+def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
+    """Solve with the running block; ``work.found`` becomes what the block alone says."""
+    block, known, memory = vehicle.block, vehicle.posterior, vehicle.memory
+    rows, found = block.rows, work.found
+    gained = found.gained
     asked = MOVE
-    if closed[5][0] == 0:
-        start_noise(roughness, noise, model[1].size, model[7])
+    if vehicle.progress.counts[SOLUTIONS] == 0:
+        start_noise(model, block.roughness, known.noise)
         asked = BEGIN
-    solve_block(model, block, theta, noise, noise_known, memory, prior, asked, solving, told)
-    matrices, vectors, _ = told
-    copied_rows(matrices[3], covariance)
-    span = rows[1, 0] - rows[0, 0]
-    share = 1.0 - math.exp(-span / settings[2])
-    replace(share, matrices[0], prior[1], memory, reserve, own_room)
-    _mark(informed, matrices[1], matrices[4], rows[1, 0], 2.0 * min(1.0, span / settings[0]))
-    place_mark(
-        block[0], rows, block[2], roughness, (matrices[0], matrices[1]), (vectors[0], vectors[1]),
-        marks[0], marks[1], marks[2], marks[3],
-    )  # fmt: skip
+    at = Linearisation(known.theta, known.noise, known.noise_known)
+    solve_block(model, block, at, memory, model.prior, asked, work.solving, found)
+    copy_matrix(found.covariance, known.covariance)
+    span = rows[LAST, TIME] - rows[START, TIME]
+    decay = 1.0 - math.exp(-span / model.memory_s)
+    replace(decay, gained.sensitivity, model.prior.std, memory, vehicle.discounted, work.replacing)
+    power, gain = work.solving.equation.power, 2.0 * min(1.0, span / model.block_s)
+    _note_signal(known.informed_s, gained.information, power, rows[LAST, TIME], gain)
+    place_checkpoint(block, gained, vehicle.checkpoints)
 
 
 @part
-def _before(model, prior, vehicle, room, m):  # type: ignore[no-untyped-def]
-    """Mean and covariance of all that was known at mark m, and the block since then, into the room."""
-    block, known, memory, _, marks = vehicle
-    noise_known = known[2]
-    solving, _, own_room, nothing, part = room
-    squares, lines, _, _, level = own_room
-    before, k = marks[3][m], lines.shape[1]
-    for a in range(k):
-        lines[4][a] = memory[2][a] + before[a, 2 * k]
-        lines[5][a] = memory[3][a] + before[a, 2 * k + 1]
-        for b in range(k):
-            squares[0][a, b] = memory[0][a, b] + before[a, b]
-            squares[1][a, b] = memory[1][a, b] + before[a, k + b]
-    earlier = (squares[0], squares[1], lines[4], lines[5])
-    remembered(earlier, nothing, prior, solving[3], lines[0], lines[1], squares[4])
-    _cut_out(model, block, marks, m, part)
-    for j in range(level.size):
-        level[j] = noise_known[j]
+def _before(model, vehicle, work, m):  # type: ignore[no-untyped-def]
+    """Mean and covariance of all that was known at checkpoint m, and the block since then, into the workspace."""
+    memory, gained, earlier = vehicle.memory, vehicle.checkpoints.gained, work.earlier
+    for a in range(work.mean.size):
+        earlier.vector[a] = memory.vector[a] + gained.vector[m, a]
+        earlier.bias[a] = memory.bias[a] + gained.bias[m, a]
+        for b in range(work.mean.size):
+            earlier.sensitivity[a, b] = memory.sensitivity[a, b] + gained.sensitivity[m, a, b]
+            earlier.information[a, b] = memory.information[a, b] + gained.information[m, a, b]
+    remembered(earlier, model.prior, work.solving.posterior, work.mean, work.covariance)
+    _cut_out(model, vehicle, work, m)
+    for j in range(work.noise.size):
+        work.noise[j] = vehicle.posterior.noise_known[j]
 
 
 @part
-def _cut_out(model, block, marks, m, part):  # type: ignore[no-untyped-def]
-    """The running block since mark m as a block of its own, the row at the mark in its sums."""
-    since_mark(
-        model[0], block[0], block[1], block[2], block[3], marks[0][m], marks[1][m], marks[2][m],
-        part[0], part[1], part[2], part[3],
-    )  # fmt: skip
-    rebase_products(part[0], block[1][0], part[1][0], model[3], model[1].size)
-    _gather(part[2], part[1][0], 2 + model[3].size)
+def _cut_out(model, vehicle, work, m):  # type: ignore[no-untyped-def]
+    """The running block since checkpoint m as a block of its own, the row at the checkpoint in its sums."""
+    block, window = vehicle.block, work.window
+    since_checkpoint(model.omega, block, vehicle.checkpoints, m, window)
+    rebase_products(window.bank, block.rows[START], window.rows[START], model.exponents, model.lever.size)
+    _gather(window.sums, window.rows[START], 2 + model.exponents.size + CONDITION)
 
 
 @part
-def _find_change(model, prior, vehicle, room):  # type: ignore[no-untyped-def]
-    """Whether a derivative has changed, and since when: a mark, ``WHOLE`` or ``NO_CHANGE``; which ones, into the room.
+def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
+    """Whether a derivative has changed, and since when: a checkpoint, ``WHOLE`` or ``NO_CHANGE``; which ones, into
+    ``work``.
 
-    The running block against the closed ones is what a solution knows anyway; only where it speaks for a change at all
-    are the windows since the marks held against all that was before them.
+    A solution compares the running block with the closed ones anyway; only where it speaks for a change at all are the
+    windows since the checkpoints compared with all that was before them.
     """
-    block, known, memory, _, marks = vehicle
-    rows = block[1]
-    solving, told, own_room, nothing, part = room
-    squares, lines, both, flags, level = own_room
-    weight, spread, inner = squares[2], squares[4], squares[0]
-    line, mean, pull, size = lines[0], lines[1], lines[2], lines[3]
-    changed, trial = flags[0], flags[1]
-    said = 0.0
+    rows, solving, evidence, testing = vehicle.block.rows, work.solving, work.found.evidence, work.testing
+    mean, covariance, size, changed, trial = work.mean, work.covariance, work.size, work.changed, work.trial
+    trace = 0.0
     for a in range(mean.size):
-        size[a] = prior[1][a] / 3.0
-        said += told[0][2, a, a]
-    if said == 0.0:
+        size[a] = model.prior.std[a] / 3.0
+        trace += evidence.information[a, a]
+    if trace == 0.0:
         return NO_CHANGE
-    remembered(memory, nothing, prior, solving[3], line, mean, spread)
-    change_of(told[0][2], told[1][2], mean, spread, inner, both, weight, pull)
-    whole = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, inner, both, line, trial)
+    remembered(vehicle.memory, model.prior, solving.posterior, mean, covariance)
+    change_of(evidence.information, evidence.vector, mean, covariance, testing)
+    whole = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
     if not whole > 0.0:
         return NO_CHANGE
     best, cut = CHANGE_LOG_THRESHOLD, NO_CHANGE
     if trial.any():
         best, cut = whole, WHOLE
-        copied(trial, changed)
-    alone = (nothing[0][0], nothing[0][0], nothing[1][0], nothing[1][0])
-    for m in range(MARKS):
-        if not (rows[0, 0] <= marks[1][m, 0] < rows[1, 0] - 0.5):
+        copy_vector(trial, changed)
+    at = Linearisation(mean, work.noise, vehicle.posterior.noise_known)
+    around = Prior(mean, size)
+    for m in range(CHECKPOINTS):
+        if not (rows[START, TIME] <= vehicle.checkpoints.rows[m, TIME] < rows[LAST, TIME] - 0.5):
             continue
-        _before(model, prior, vehicle, room, m)
-        since = (part[0], part[1], part[2], part[3])
-        solve_block(model, since, mean, level, known[2], alone, (mean, size), ALONE, solving, told)
-        change_of(told[0][2], told[1][2], mean, spread, inner, both, weight, pull)
-        value = changed_derivatives(weight, pull, size, CHANGE_LOG_THRESHOLD, 0.0, inner, both, line, trial)
+        _before(model, vehicle, work, m)
+        solve_block(model, work.window, at, solving.posterior.nothing, around, ALONE, solving, work.found)
+        change_of(evidence.information, evidence.vector, mean, covariance, testing)
+        value = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
         if trial.any() and value > best:
             best, cut = value, m
-            copied(trial, changed)
+            copy_vector(trial, changed)
     return cut
 
 
 @part
-def _cut_before(model, vehicle, room, m):  # type: ignore[no-untyped-def]
-    """Make the running block end at mark m, what came after it kept in the room; returns whether it can be closed."""
-    block, _, _, _, marks = vehicle
-    bank, rows, sums, roughness = block
-    mark_bank, mark_rows, mark_sums, _ = marks
-    _cut_out(model, block, marks, m, room[4])
-    if not mark_rows[m, 0] - rows[0, 0] >= model[4][1]:
+def _cut_before(model, vehicle, work, m):  # type: ignore[no-untyped-def]
+    """Make the running block end at checkpoint m, what came after it kept as window; returns whether it can be
+    closed."""
+    block, checkpoints = vehicle.block, vehicle.checkpoints
+    _cut_out(model, vehicle, work, m)
+    if not checkpoints.rows[m, TIME] - block.rows[START, TIME] >= model.first_solution_s:
         return False
-    copied_bank(mark_bank[m], bank)
-    copied(mark_rows[m], rows[1])
-    for a in range(sums.size):
-        sums[a] = mark_sums[m, a]
-    for a in range(roughness.size):
-        roughness[a] = mark_sums[m, sums.size + a]
+    copy_bank(checkpoints.bank[m], block.bank)
+    copy_vector(checkpoints.rows[m], block.rows[LAST])
+    copy_vector(checkpoints.sums[m], block.sums)
+    copy_vector(checkpoints.roughness[m], block.roughness)
     return True
 
 
 @part
-def _cut_after(vehicle, room):  # type: ignore[no-untyped-def]
+def _cut_after(vehicle, window):  # type: ignore[no-untyped-def]
     """Make what came after a cut the running block."""
-    bank, rows, sums, roughness = vehicle[0]
-    part = room[4]
-    copied_bank(part[0], bank)
-    copied_rows(part[1], rows)
-    copied(part[2], sums)
-    copied(part[3], roughness)
-    vehicle[4][1][:, :] = np.nan
+    block = vehicle.block
+    copy_bank(window.bank, block.bank)
+    copy_matrix(window.rows, block.rows)
+    copy_vector(window.sums, block.sums)
+    copy_vector(window.roughness, block.roughness)
+    vehicle.checkpoints.rows[:, :] = np.nan
 
 
 @part
-def _release(prior, vehicle, changed_s, room):  # type: ignore[no-untyped-def]
-    """Set the memory of what has changed free. All that is left is as good as new: nothing waits to be replaced."""
-    block, known, memory, _, _ = vehicle
-    lines, changed = room[2][1], room[2][3][0]
-    size = lines[3]
+def _let_change(model, vehicle, work):  # type: ignore[no-untyped-def]
+    """Inflate the covariance of what has changed. All that is left is as good as new: nothing waits to be replaced."""
+    posterior, size = vehicle.posterior, work.size
     for a in range(size.size):
-        size[a] = prior[1][a] / 3.0
-    free_memory(memory[0], memory[1], memory[2], memory[3], size, changed, lines[4], lines[5])
+        size[a] = model.prior.std[a] / 3.0
+    inflate_covariance(vehicle.memory, size, work.changed, work.testing)
     for a in range(size.size):
-        if changed[a]:
-            changed_s[a] = block[1][1, 0]
-    known[3][:, :] = 0.0
+        if work.changed[a]:
+            posterior.changed_s[a] = vehicle.block.rows[LAST, TIME]
+    vehicle.discounted.sensitivity[:, :] = 0.0
+    vehicle.discounted.information[:, :] = 0.0
+    vehicle.discounted.vector[:] = 0.0
+    vehicle.discounted.bias[:] = 0.0
+
+
+@part
+def _memory_of(memory, i):  # type: ignore[no-untyped-def]
+    """The memory of vehicle i."""
+    return Memory(memory.sensitivity[i], memory.information[i], memory.vector[i], memory.bias[i])
+
+
+@part
+def _vehicle_of(state, i):  # type: ignore[no-untyped-def]
+    """The state of vehicle i."""
+    filters, block, posterior, progress = state.filters, state.block, state.posterior, state.progress
+    evidence, points = state.evidence, state.checkpoints
+    return State(
+        Filters(filters.coefficients[i], filters.step[i]),
+        Block(block.bank[i], block.rows[i], block.sums[i], block.roughness[i]),
+        Posterior(
+            posterior.theta[i], posterior.covariance[i], posterior.noise[i], posterior.noise_known[i],
+            posterior.informed_s[i], posterior.changed_s[i],
+        ),
+        Progress(progress.counts[i], progress.condition[i], progress.span[i], progress.scatter[i]),
+        _memory_of(state.memory, i),
+        _memory_of(state.discounted, i),
+        Evidence(evidence.information[i], evidence.vector[i], evidence.bias[i]),
+        Checkpoints(
+            points.bank[i], points.rows[i], points.sums[i], points.roughness[i], _memory_of(points.gained, i)
+        ),
+    )  # fmt: skip
 
 
 @lean
-def advance(  # type: ignore[no-untyped-def]
-    signals, solves, omega, lever, gusts, by_accelerometer, exponents, settings, prior_value, prior_std, longitudinal,
-    roll, bank, coefficients, step, rows, sums, roughness, theta, noise, noise_known, sensitivity, information,
-    vector, driven, reserve, covariance, informed, evidence_matrix, evidence_vector, evidence_bias, evidence_span,
-    condition, counts, scatter, mark_bank, mark_rows, mark_sums, mark_known, changed_s, follows, room,
-):  # fmt: skip
+def advance(model, state, follows, signals, solves, work):  # type: ignore[no-untyped-def]
     """Take in samples (vehicles, samples, columns), and solve with every vehicle's running block if ``solves``.
 
-    All in place; arguments as ``FourierEstimator`` lays them out, room of ``block_room``.
+    Args:
+        model: ``Model``.
+        state: ``State`` of all vehicles, in place.
+        follows: (vehicles,) whether changes are looked for.
+        work: ``Workspace``.
     """
-    prior = (prior_value, prior_std)
-    model = (omega, lever, by_accelerometer, exponents, settings, longitudinal, roll, gusts)
     for i in range(follows.size):
-        filters = (coefficients[i], step[i])
-        block = (bank[i], rows[i], sums[i], roughness[i])
-        vehicle = (
-            block,
-            (theta[i], noise[i], noise_known[i], reserve[i], covariance[i], informed[i]),
-            (sensitivity[i], information[i], vector[i], driven[i]),
-            (
-                evidence_matrix[i],
-                evidence_vector[i],
-                evidence_bias[i],
-                evidence_span[i],
-                condition[i],
-                counts[i],
-                scatter[i],
-            ),
-            (mark_bank[i], mark_rows[i], mark_sums[i], mark_known[i]),
-        )
+        vehicle = _vehicle_of(state, i)
+        block, progress, rows = vehicle.block, vehicle.progress, vehicle.block.rows
         for k in range(signals.shape[1]):
-            what = _take(model, block, filters, signals[i, k])
+            what = _take(model, block, vehicle.filters, signals[i, k])
             if what == GOES_ON:
                 continue
-            if what == FULL or rows[i, 1, 0] - rows[i, 0, 0] >= settings[1]:
-                _close(model, prior, vehicle, room)
-            _restart(model, block, signals[i, k], what == GAP, mark_rows[i])
-        if not solves or not (rows[i, 1, 0] - rows[i, 0, 0] >= settings[1] - 1e-9):
+            if what == FULL or rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s:
+                _close(model, vehicle, work)
+            _restart(model, block, signals[i, k], what == GAP, vehicle.checkpoints.rows)
+        if not solves or not (rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s - 1e-9):
             continue
         for attempt in range(2):
-            _solve(model, prior, vehicle, room)
+            _solve(model, vehicle, work)
             cut = NO_CHANGE
-            if attempt == 0 and follows[i] and counts[i, 1] > 0:
-                cut = _find_change(model, prior, vehicle, room)
+            if attempt == 0 and follows[i] and progress.counts[CLOSED] > 0:
+                cut = _find_change(model, vehicle, work)
             if cut == NO_CHANGE:
                 break
             if cut >= 0:
-                if _cut_before(model, vehicle, room, cut):
-                    _close(model, prior, vehicle, room)
-                _cut_after(vehicle, room)
-            _release(prior, vehicle, changed_s[i], room)
-        _condition(sums[i], condition[i])
-        counts[i, 0] += 1
+                if _cut_before(model, vehicle, work, cut):
+                    _close(model, vehicle, work)
+                _cut_after(vehicle, work.window)
+            _let_change(model, vehicle, work)
+        _condition(block.sums, progress.condition)
+        progress.counts[SOLUTIONS] += 1

@@ -1,9 +1,13 @@
-"""Which directions of the Fourier form's regressors carry signal, and the information they give; compiled.
+"""Which directions of the Fourier estimator's regressors carry signal, and the information they give; compiled.
 
 Derivation and symbols: ``docs/methods/fourier.md`` section 3, (16).
 """
 
 import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import (
@@ -17,21 +21,45 @@ from wingwatch.estimators.kernels.symmetric import (
     whiten,
 )
 
-__all__ = ["DIRECTION_LINES", "DIRECTION_SQUARES", "noise_edge", "reduce_information"]
+__all__ = ["DirectionsWorkspace", "directions_workspace", "noise_edge", "reduce_information"]
 
 PIVOT = 1e-9
-"""Least share of a regressor's power that is its own, not that of the regressors before it."""
+"""Least fraction of a regressor's power that is its own, not that of the regressors before it."""
 
 RIDGE = 1e-9
 """Added to M, every regressor of unit power."""
 
-DIRECTION_SQUARES, DIRECTION_LINES = 4, 5
-"""Matrices (p, p) and vectors (p,) of room that ``reduce_information`` needs."""
+
+class DirectionsWorkspace(NamedTuple):
+    """Workspace of ``reduce_information``, names as there.
+
+    Attributes:
+        lower, turned, other, half: (k, k).
+        size, signal, off, work, ray: (k,).
+        columns: (k, 2).
+    """
+
+    lower: NDArray[np.float64]
+    turned: NDArray[np.float64]
+    other: NDArray[np.float64]
+    half: NDArray[np.float64]
+    size: NDArray[np.float64]
+    signal: NDArray[np.float64]
+    off: NDArray[np.float64]
+    work: NDArray[np.float64]
+    ray: NDArray[np.float64]
+    columns: NDArray[np.float64]
+
+
+def directions_workspace(k: int) -> DirectionsWorkspace:
+    """Workspace for k derivatives."""
+    shapes = [(k, k)] * 4 + [(k,)] * 5 + [(k, 2)]
+    return DirectionsWorkspace(*(np.empty(shape) for shape in shapes))
 
 
 @lean
 def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
-    """Share of "signal" that pure noise of a known level can show by chance.
+    """Fraction of "signal" that pure noise of a known variance can show by chance.
 
     Of ``regressors`` channels of white noise over ``bins`` independent bins the largest eigenvalue tends to
     (1 + sqrt(regressors / bins))^2 times the true power (Marchenko and Pastur 1967).
@@ -42,44 +70,43 @@ def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _suspected_share(n_noise, suspected, size, direction, v):  # type: ignore[no-untyped-def]
-    """Share of noise in a direction, column v of ``direction``, each state's noise ``suspected`` times as large."""
+def _suspected_noise(n_noise, suspected, size, direction, v):  # type: ignore[no-untyped-def]
+    """Fraction of noise in a direction, column v of ``direction``, each state's noise ``suspected`` times as large."""
     ns = suspected.size
     columns = n_noise.shape[0] // ns
     total = 0.0
     for j in range(columns):
-        level = suspected[j] if j < ns else 1.0
+        factor = suspected[j] if j < ns else 1.0
         for k in range(ns):
             a = k * columns + j
             for m in range(ns):
                 b = m * columns + j
-                total += level * n_noise[a, b] * direction[a, v] / size[a] * direction[b, v] / size[b]
+                total += factor * n_noise[a, b] * direction[a, v] / size[a] * direction[b, v] / size[b]
     return total
 
 
 @lean
-def _add_direction(ray, share, power, drive, vectors, matrices):  # type: ignore[no-untyped-def]
-    """Add the information of one direction, its ray (p,) in derivatives, to the sums of ``reduce_information``."""
-    score_kept, driven_kept, evidence_score, evidence_bias = vectors
-    sensitivity, kept, evidence = matrices
+def _add_direction(ray, signal, power, drive, gained, evidence):  # type: ignore[no-untyped-def]
+    """Add the information of one direction, its ray (k,) in derivatives, to the sums of ``reduce_information``."""
     for a in range(ray.size):
-        score_kept[a] += ray[a] * power
-        evidence_score[a] += ray[a] * share * power
-        driven_kept[a] += ray[a] * drive
-        evidence_bias[a] += ray[a] * share * drive
+        gained.vector[a] += ray[a] * power
+        evidence.vector[a] += ray[a] * signal * power
+        gained.bias[a] += ray[a] * drive
+        evidence.bias[a] += ray[a] * signal * drive
         for b in range(ray.size):
             outer = ray[a] * ray[b]
-            sensitivity[a, b] += share * outer
-            kept[a, b] += outer
-            evidence[a, b] += share * share * outer
+            gained.sensitivity[a, b] += signal * outer
+            gained.information[a, b] += outer
+            evidence.information[a, b] += signal * signal * outer
 
 
 @lean
-def _seen_by_all(n_noise, suspected, size, lower, smallest, whitened, root):  # type: ignore[no-untyped-def]
+def _seen_by_all(equation, smallest, work):  # type: ignore[no-untyped-def]
     """Whether no direction is more noise than ``smallest`` leaves room for, were all of the roughness noise.
 
-    Where no state's roughness is more than is believed, the shares themselves have said so.
+    Where no state's roughness is more than is believed, the fractions themselves have said so.
     """
+    suspected, size, whitened = equation.suspected, work.size, work.other
     ns, p = suspected.size, size.size
     rougher = False
     for j in range(ns):
@@ -88,69 +115,76 @@ def _seen_by_all(n_noise, suspected, size, lower, smallest, whitened, root):  # 
         return True
     columns = p // ns
     for a in range(p):
-        level = suspected[a % columns] if a % columns < ns else 1.0
+        factor = suspected[a % columns] if a % columns < ns else 1.0
         for b in range(p):
-            whitened[a, b] = level * n_noise[a, b] / (size[a] * size[b])
-    whiten(lower, whitened)
-    return all_below(whitened, 1.0 - smallest, root)
+            whitened[a, b] = factor * equation.noise[a, b] / (size[a] * size[b])
+    whiten(work.lower, whitened)
+    return all_below(whitened, 1.0 - smallest, work.half)
 
 
 @lean
-def _keep_all(m, n_noise, score, driven, lower, size, inner, squares, columns, vectors, matrices):  # type: ignore[no-untyped-def]
+def _keep_all(equation, work, gained, evidence):  # type: ignore[no-untyped-def]
     """The sums of ``reduce_information`` where every direction is kept: no eigenvectors are needed.
 
     With L the root of M and L (1 - N) L' = M - N in its coordinates, the evidence is H' H, H = (1 - N) L'.
     """
-    score_kept, driven_kept, evidence_score, evidence_bias = vectors
-    sensitivity, kept, evidence = matrices
-    turned, half = squares
+    m, n_noise, score, bias = equation.power, equation.noise, equation.vector, equation.bias
+    lower, size, columns, turned, half = work.lower, work.size, work.columns, work.other, work.half
     p = size.size
     for a in range(p):
         for b in range(p):
             turned[a, b] = lower[b, a] * size[b] if b >= a else 0.0
-        columns[a, 0], columns[a, 1] = score[a] / size[a], driven[a] / size[a]
-    product(inner, turned, half)
+        columns[a, 0], columns[a, 1] = score[a] / size[a], bias[a] / size[a]
+    product(work.turned, turned, half)
     forward(lower, columns)
     for a in range(p):
-        score_kept[a], driven_kept[a] = score[a], driven[a]
+        gained.vector[a], gained.bias[a] = score[a], bias[a]
         for b in range(p):
-            sensitivity[a, b] = m[a, b] - n_noise[a, b]
-            kept[a, b] = m[a, b]
-            evidence_score[b] += half[a, b] * columns[a, 0]
-            evidence_bias[b] += half[a, b] * columns[a, 1]
-        kept[a, a] += RIDGE * m[a, a]
+            gained.sensitivity[a, b] = m[a, b] - n_noise[a, b]
+            gained.information[a, b] = m[a, b]
+            evidence.vector[b] += half[a, b] * columns[a, 0]
+            evidence.bias[b] += half[a, b] * columns[a, 1]
+        gained.information[a, a] += RIDGE * m[a, a]
     for c in range(p):
         for a in range(p):
             factor = half[c, a]
             for b in range(p):
-                evidence[a, b] += factor * half[c, b]
+                evidence.information[a, b] += factor * half[c, b]
 
 
 @lean
-def reduce_information(  # type: ignore[no-untyped-def]
-    m, n_noise, suspected, score, driven, smallest, squares, lines, columns, vectors, matrices
-):
+def reduce_information(equation, smallest, work, gained, evidence):  # type: ignore[no-untyped-def]
     """Keep the directions in which the regressors' power is signal, not noise.
 
     The sensitivity of the estimating equation is M - N. In coordinates that whiten M its eigenvalues are
-    the signal's share of the power (at most 1). A direction is kept if its share is at least ``smallest`` even were
-    each state's noise ``suspected`` (ns,) times what is believed: all of the state's roughness. Records without noise
+    the fraction of signal in the power (at most 1). A direction is kept if that is at least ``smallest`` even were
+    each state's noise ``suspected`` times what is believed: all of the state's roughness. Records without noise
     make regressors dependent to the last digits: no pivot of M is believed below ``PIVOT``.
 
     Args:
-        m, n_noise, score, driven: of the block, (p, p), (p, p), (p,), (p,).
-        squares, lines, columns: room, (DIRECTION_SQUARES, p, p), (DIRECTION_LINES, p) and (p, 2).
-        vectors: become score and driven part restricted to the kept directions, and for the monitor the evidence's
-            score and the information times the bias that gusts cause, (p,) each.
-        matrices: become sensitivity, M restricted to the kept directions, and the evidence's information, (p, p) each.
+        equation: ``Equation`` of the block.
+        smallest: least fraction of signal.
+        work: ``DirectionsWorkspace``.
+        gained: becomes the memory that the block adds: M - N, M, score and bias, restricted to the kept directions.
+        evidence: becomes what the block says alone.
     """
+    m, n_noise = equation.power, equation.noise
     p = m.shape[0]
-    lower, turned, other = squares[0], squares[1], squares[2]
-    size, share, off, room, ray = lines[0], lines[1], lines[2], lines[3], lines[4]
-    for vector in vectors:
-        vector[:] = 0.0
-    for matrix in matrices:
-        matrix[:, :] = 0.0
+    lower, turned, other, size, signal, ray = (
+        work.lower,
+        work.turned,
+        work.other,
+        work.size,
+        work.signal,
+        work.ray,
+    )
+    gained.sensitivity[:, :] = 0.0
+    gained.information[:, :] = 0.0
+    evidence.information[:, :] = 0.0
+    gained.vector[:] = 0.0
+    gained.bias[:] = 0.0
+    evidence.vector[:] = 0.0
+    evidence.bias[:] = 0.0
     for a in range(p):
         size[a] = math.sqrt(m[a, a]) if m[a, a] > 0.0 else 1.0
     for a in range(p):
@@ -162,32 +196,26 @@ def reduce_information(  # type: ignore[no-untyped-def]
     whiten(lower, turned)
     if all_below(turned, smallest, other):
         return
-    if (
-        sound
-        and all_above(turned, smallest, other)
-        and _seen_by_all(n_noise, suspected, size, lower, smallest, other, squares[3])
-    ):
-        _keep_all(
-            m, n_noise, score, driven, lower, size, turned, (other, squares[3]), columns, vectors, matrices
-        )  # fmt: skip
+    if sound and all_above(turned, smallest, other) and _seen_by_all(equation, smallest, work):
+        _keep_all(equation, work, gained, evidence)
         return
-    eigen(turned, share, off, room)
+    eigen(turned, signal, work.off, work.work)
     for a in range(p):
         for v in range(p):
             other[a, v] = turned[v, a]
     backward(lower, other)
     for v in range(p):
-        if not share[v] >= smallest:
+        if not signal[v] >= smallest:
             continue
-        if not 1.0 - _suspected_share(n_noise, suspected, size, other, v) >= smallest:
+        if not 1.0 - _suspected_noise(n_noise, equation.suspected, size, other, v) >= smallest:
             continue
-        # With d the direction, d' L^-1 is a column of L^-T d: what the score and the gusts say along it.
+        # With d the direction, d' L^-1 is a column of L^-T d: what the score and its bias say along it.
         power = drive = 0.0
         for a in range(p):
-            power += other[a, v] * score[a] / size[a]
-            drive += other[a, v] * driven[a] / size[a]
+            power += other[a, v] * equation.vector[a] / size[a]
+            drive += other[a, v] * equation.bias[a] / size[a]
             total = 0.0
             for b in range(a + 1):
                 total += lower[a, b] * turned[v, b]
             ray[a] = total * size[a]
-        _add_direction(ray, min(share[v], 1.0), power, drive, vectors, matrices)
+        _add_direction(ray, min(signal[v], 1.0), power, drive, gained, evidence)

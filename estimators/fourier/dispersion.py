@@ -1,37 +1,79 @@
 """How much more the blocks of the recursive Fourier estimator scatter than they say, compiled.
 
-Derivation: ``docs/methods/fourier.md`` section 8. Arrays are those of one vehicle, all room is the caller's.
+Derivation and symbols: ``docs/methods/fourier.md`` section 8. Arrays are those of one vehicle, all memory is the caller's.
 """
 
 import math
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.estimators.fourier.state import CHI_SQUARE, DISPERSION, FREEDOM
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import congruence, eigen
 
-__all__ = ["DISPERSION_LINES", "DISPERSION_SQUARES", "disperse", "dispersion_of", "gather_scatter"]
+__all__ = ["DispersionWorkspace", "disperse", "dispersion_of", "dispersion_workspace", "gather_scatter"]
 
 PRIOR_FREEDOM = 3.0
 """Weight of a dispersion of one, in degrees of freedom: that of the widest inverse chi-square, five degrees, that has a
 variance; its mean is what counts, and two degrees of five stand for that."""
 
 SMALLEST = 1e-6
-"""Share of the largest eigenvalue, unit diagonal, below which a direction counts as not seen by a block."""
+"""Fraction of the largest eigenvalue, unit diagonal, below which a direction counts as not seen by a block."""
 
-DISPERSION_SQUARES, DISPERSION_LINES = 2, 6
-"""Room of this module's kernels, matrices (k, k) and vectors (k,)."""
+
+class EigenWorkspace(NamedTuple):
+    """Workspace of ``_solved`` for n derivatives.
+
+    Attributes:
+        vectors: (n, n) eigenvectors of the matrix of unit diagonal, one a row.
+        size, values, off, work: (n,) roots of the diagonal, eigenvalues, workspace.
+    """
+
+    vectors: NDArray[np.float64]
+    size: NDArray[np.float64]
+    values: NDArray[np.float64]
+    off: NDArray[np.float64]
+    work: NDArray[np.float64]
+
+
+class DispersionWorkspace(NamedTuple):
+    """Workspace of this module's kernels.
+
+    Attributes:
+        half, expected: (k, k); the second becomes the covariance of the innovation.
+        innovation, value, shift: (k,).
+        eigen: of k derivatives.
+    """
+
+    half: NDArray[np.float64]
+    expected: NDArray[np.float64]
+    innovation: NDArray[np.float64]
+    value: NDArray[np.float64]
+    shift: NDArray[np.float64]
+    eigen: EigenWorkspace
+
+
+def dispersion_workspace(k: int) -> DispersionWorkspace:
+    """Workspace for k derivatives."""
+    eigen_work = EigenWorkspace(np.empty((k, k)), *(np.empty(k) for _ in range(4)))
+    half, expected = np.empty((k, k)), np.empty((k, k))
+    return DispersionWorkspace(half, expected, np.empty(k), np.empty(k), np.empty(k), eigen_work)
 
 
 @lean
-def _solved(matrix, rows, size, values, off, work, vector, out):  # type: ignore[no-untyped-def]
+def _solved(matrix, vector, work, out):  # type: ignore[no-untyped-def]
     """Pseudo-inverse of a positive semidefinite matrix (n, n) times a vector (n,), in directions that are seen.
 
     Args:
-        rows: (n, n), becomes the eigenvectors of the matrix of unit diagonal; size, values, off, work: (n,) each.
+        work: ``EigenWorkspace``.
         out: becomes the product.
 
     Returns:
         rank of the matrix, and the vector times the product.
     """
+    rows, size, values = work.vectors, work.size, work.values
     n = vector.size
     for a in range(n):
         size[a] = math.sqrt(matrix[a, a]) if matrix[a, a] > 0.0 else 1.0
@@ -39,7 +81,7 @@ def _solved(matrix, rows, size, values, off, work, vector, out):  # type: ignore
         out[a] = 0.0
         for b in range(n):
             rows[a, b] = matrix[a, b] / (size[a] * size[b])
-    eigen(rows, values, off, work)
+    eigen(rows, values, work.off, work.work)
     rank, square = 0, 0.0
     for v in range(n):
         if not values[v] > max(SMALLEST * values[n - 1], 1e-300):
@@ -57,12 +99,12 @@ def _solved(matrix, rows, size, values, off, work, vector, out):  # type: ignore
 @lean
 def dispersion_of(scatter):  # type: ignore[no-untyped-def]
     """Mean of the dispersion given chi-square and degrees of freedom, at least one: sensors' noise is always there."""
-    return max((PRIOR_FREEDOM + scatter[0]) / (PRIOR_FREEDOM + scatter[1]), 1.0)
+    return max((PRIOR_FREEDOM + scatter[CHI_SQUARE]) / (PRIOR_FREEDOM + scatter[FREEDOM]), 1.0)
 
 
 @lean
-def gather_scatter(evidence, vector, mean, spread, keep, scatter, squares, lines):  # type: ignore[no-untyped-def]
-    """One closed block held against what was remembered before it: chi-square and degrees of freedom, by equation.
+def gather_scatter(evidence, vector, mean, covariance, keep, scatter, work):  # type: ignore[no-untyped-def]
+    """One closed block compared with what was remembered before it: chi-square and degrees of freedom, by equation.
 
     What a block's score has that the memory does not expect, d = h - J mu, has covariance J + J P J. Of one equation
     after another its part of d' (J + J P J)^-1 d is added; over all blocks they add up to the scatter about the pooled
@@ -70,61 +112,62 @@ def gather_scatter(evidence, vector, mean, spread, keep, scatter, squares, lines
 
     Args:
         evidence, vector: J (k, k) and h (k,) of the block alone.
-        mean, spread: mu (k,) and P (k, k) of the memory before it.
+        mean, covariance: mu (k,) and P (k, k) of the memory before it.
         keep: what is kept of the blocks before.
         scatter: (equations, 3): chi-square, degrees of freedom, and the dispersion that they gave before this block.
-        squares, lines: room.
+        work: ``DispersionWorkspace``.
     """
     equations = scatter.shape[0]
     for e in range(equations):
-        scatter[e, 2] = dispersion_of(scatter[e])
-        scatter[e, 0] *= keep
-        scatter[e, 1] *= keep
+        scatter[e, DISPERSION] = dispersion_of(scatter[e])
+        scatter[e, CHI_SQUARE] *= keep
+        scatter[e, FREEDOM] *= keep
     k = vector.size
     columns = k // equations
-    half, expected, surprise = squares[0], squares[1], lines[0]
-    congruence(evidence, spread, half, expected)
+    expected, innovation, eigen_work = work.expected, work.innovation, work.eigen
+    congruence(evidence, covariance, work.half, expected)
     for a in range(k):
-        surprise[a] = vector[a]
+        innovation[a] = vector[a]
         for b in range(k):
-            surprise[a] -= evidence[a, b] * mean[b]
+            innovation[a] -= evidence[a, b] * mean[b]
             expected[a, b] += evidence[a, b]
     for e in range(equations):
         a, b = e * columns, (e + 1) * columns
-        rank, square = _solved(
-            expected[a:b, a:b], half[:columns, :columns], lines[1, :columns], lines[2, :columns],
-            lines[3, :columns], lines[4, :columns], surprise[a:b], lines[5, :columns],
+        own = EigenWorkspace(
+            eigen_work.vectors[:columns, :columns], eigen_work.size[:columns], eigen_work.values[:columns],
+            eigen_work.off[:columns], eigen_work.work[:columns],
         )  # fmt: skip
+        rank, square = _solved(expected[a:b, a:b], innovation[a:b], own, work.value[:columns])
         if math.isfinite(square):
-            scatter[e, 0] += square
-            scatter[e, 1] += rank
+            scatter[e, CHI_SQUARE] += square
+            scatter[e, FREEDOM] += rank
 
 
 @lean
-def disperse(evidence, vector, bias, scatter, squares, lines):  # type: ignore[no-untyped-def]
+def disperse(evidence, vector, bias, scatter, work):  # type: ignore[no-untyped-def]
     """A block's evidence with its covariance made larger by the dispersion known before it, in place.
 
     With S the roots of the equations' dispersions J^-1 becomes S J^-1 S; what the block says of the derivatives, J^+ h,
-    and how far gusts may bias it stay.
+    and how far it may be biased stay.
 
     Args:
         evidence, vector, bias: J (k, k), h (k,) and J times the bias (k,).
         scatter: as ``gather_scatter`` leaves it.
-        squares, lines: room.
+        work: ``DispersionWorkspace``.
     """
     k = vector.size
     columns = k // scatter.shape[0]
     largest = 1.0
     for e in range(scatter.shape[0]):
-        largest = max(largest, scatter[e, 2])
+        largest = max(largest, scatter[e, DISPERSION])
     if largest <= 1.0:
         return
-    value, shift = lines[4], lines[5]
-    _solved(evidence, squares[0], lines[0], lines[1], lines[2], lines[3], vector, value)
-    _solved(evidence, squares[0], lines[0], lines[1], lines[2], lines[3], bias, shift)
+    value, shift = work.value, work.shift
+    _solved(evidence, vector, work.eigen, value)
+    _solved(evidence, bias, work.eigen, shift)
     for a in range(k):
         vector[a] = bias[a] = 0.0
         for b in range(k):
-            evidence[a, b] /= math.sqrt(scatter[a // columns, 2] * scatter[b // columns, 2])
+            evidence[a, b] /= math.sqrt(scatter[a // columns, DISPERSION] * scatter[b // columns, DISPERSION])
             vector[a] += evidence[a, b] * value[b]
             bias[a] += evidence[a, b] * shift[b]

@@ -1,28 +1,31 @@
 """Normal equations of one block of the recursive Fourier estimator, compiled.
 
 Derivation and symbols: ``docs/methods/fourier.md``. Rows are the force equation, the moment equations and, where there
-is one, the kinematic row, which has no derivative. Real and imaginary parts lie apart and frequencies side by side,
-(..., 2, frequencies), so that the processor takes several bins at once. All memory is the caller's.
+is one, the kinematic row, which has no derivative. Real and imaginary parts lie apart and bins side by side,
+(..., 2, bins), so that the processor takes several bins at once. All memory is the caller's.
 """
 
 from wingwatch.estimators.fourier.bank import NUISANCE
 from wingwatch.estimators.fourier.between import rate_of
 from wingwatch.estimators.fourier.nuisance import prior_of
+from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.estimators.kernels.hot import lean
 
 __all__ = ["normal_equations", "residual_of", "responses"]
 
 
 @lean
-def responses(omega, bank, phase, start, end, plant, response):  # type: ignore[no-untyped-def]
-    """What each row has on its left side, (rows, 2, frequencies): exact transforms of rates, or the accelerometer.
+def responses(omega, rows, plant, transforms):  # type: ignore[no-untyped-def]
+    """What each row has on its left side, (rows, 2, bins): exact transforms of rates, or the accelerometer.
 
     Args:
-        bank: (channels, 2, frequencies) as ``between_samples`` gives it, the kinematic term and the known moments last;
-            phase: e^{s T}, (2, frequencies).
-        start, end: signal rows at the ends of the block.
+        rows: of ``Block``.
         plant: of ``noise``.
+        transforms: ``Transforms``: regressors of ``between_samples``, the kinematic term and the known moments last;
+            the response is made.
     """
+    bank, phase, response = transforms.regressors, transforms.phase, transforms.response
+    start, end = rows[START], rows[LAST]
     ns, lever = plant.lever.size, plant.lever
     term = bank.shape[0] - ns
     for k in range(ns):
@@ -107,7 +110,7 @@ def _right_side(bank, weights, response, ns, nd, product, b_full):  # type: igno
 
 @lean
 def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
-    """out += sum over m of weights[m] values[m], all complex: (rows, 2, frequencies) twice, (2, frequencies)."""
+    """out += sum over m of weights[m] values[m], all complex: (rows, 2, bins) twice, (2, bins)."""
     real, imaginary = out[0], out[1]
     for m in range(values.shape[0]):
         a, b, x, y = weights[m, 0], weights[m, 1], values[m, 0], values[m, 1]
@@ -117,29 +120,31 @@ def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
 
 
 @lean
-def normal_equations(bank, response, plant, share, work, product, normal):  # type: ignore[no-untyped-def]
+def normal_equations(transforms, plant, fraction, weights, normal):  # type: ignore[no-untyped-def]
     """Normal equations of one block, the nuisance columns still in them, in present derivatives.
 
     Args:
-        bank: regressors, as ``between_samples`` gives them; response: of ``responses``.
-        share: of a whole block.
-        work: of ``noise.weigh``; product: (2, frequencies).
+        transforms: ``Transforms`` with regressors and response.
+        fraction: of a whole block.
+        weights: of ``noise.weigh``.
         normal: ``NormalWorkspace``; its matrix and vector become sum Re(R' W R), the nuisance columns' prior in it, and
             sum Re(R' W y).
     """
     ns, nd = plant.derivatives.shape
-    rows = work.weights.shape[0]
-    _normal_matrix(bank, work.weights, ns, nd, product, normal.matrix)
-    _right_side(bank, work.weights, response, ns, nd, product, normal.vector)
+    rows = weights.shape[0]
+    bank, product = transforms.regressors, transforms.product
+    _normal_matrix(bank, weights, ns, nd, product, normal.matrix)
+    _right_side(bank, weights, transforms.response, ns, nd, product, normal.vector)
     for k in range(rows):
         first = ns * nd + NUISANCE * k
         for c in range(NUISANCE):
-            normal.matrix[first + c, first + c] += prior_of(normal.variances[k, c], share)
+            normal.matrix[first + c, first + c] += prior_of(normal.variances[k, c], fraction)
 
 
 @lean
-def residual_of(bank, response, plant, nuisance, weights, whitened):  # type: ignore[no-untyped-def]
-    """The residual in the place of ``response``, and W times it into ``whitened``, both (rows, 2, frequencies)."""
+def residual_of(transforms, plant, nuisance, weights):  # type: ignore[no-untyped-def]
+    """The residual in the place of the response, and W times it as ``whitened``; nuisance columns' values (q, 1)."""
+    bank, response, whitened = transforms.regressors, transforms.response, transforms.whitened
     ns, nd = plant.derivatives.shape
     nf = bank.shape[2]
     nc = nd + NUISANCE

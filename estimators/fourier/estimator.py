@@ -6,7 +6,7 @@ jointly with the noise in the regressors accounted for, and the noise variances 
 The derivation is in ``docs/methods/fourier.md``.
 
 A block is the rectangular window of ``block_s``; when it ends, its information is added to what is known, which
-fades with ``memory_s`` where new data replace it.
+is forgotten with ``memory_s`` where new data replace it.
 """
 
 from dataclasses import dataclass, field
@@ -19,10 +19,28 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
 from wingwatch.estimators.fourier.air import air_channels
 from wingwatch.estimators.fourier.bank import bank_channels
-from wingwatch.estimators.fourier.blocks import advance, block_room
+from wingwatch.estimators.fourier.blocks import advance, block_workspace
+from wingwatch.estimators.fourier.checkpoints import CHECKPOINTS
 from wingwatch.estimators.fourier.dispersion import dispersion_of
-from wingwatch.estimators.fourier.marks import MARKS
-from wingwatch.estimators.fourier.noise import AIR_LEVELS
+from wingwatch.estimators.fourier.state import (
+    AIR_VARIANCES,
+    CLOSED,
+    INPUT_DIFFERENCES,
+    LAST,
+    SOLUTIONS,
+    START,
+    TIME,
+    Block,
+    Checkpoints,
+    Evidence,
+    Filters,
+    Memory,
+    Model,
+    Posterior,
+    Prior,
+    Progress,
+    State,
+)
 from wingwatch.estimators.reference import offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
@@ -52,9 +70,9 @@ class FourierConfig:
         force_from_accelerometer: force equation from the accelerometer; else from the velocity's rate.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
         input_noise_std: of each measured input, rad; not more than the input's own roughness is believed.
-        smallest_share: share of signal in the regressors' power below which a direction counts as unseen (more
+        smallest_share: fraction of signal in the regressors' power below which a direction counts as unseen (more
             where the bins are so few that noise alone may look like it).
-        span_m: over which the air's turning and rolling is smoothed; 0: the air is not known to do either.
+        span_m: over which gust-induced pitch (yaw) and roll rates are smoothed; 0: the air is not known to cause any.
         vane_ahead_m: distance of the vane ahead of the c.g.: it meets a gust so much earlier.
         velocity_measured: whether a vane measures the velocity; a reconstructed one satisfies the kinematic row by
             itself.
@@ -102,60 +120,55 @@ class FourierConfig:
 
 @dataclass(slots=True)
 class FourierState:
-    """Everything the estimator remembers, one row a vehicle (shapes after the leading vehicle axis).
+    """Everything the estimator remembers, one row a vehicle; shapes and units are those of the groups in ``state``.
 
     Attributes:
-        bank: (channels, 2, frequencies) transforms of the block, real and imaginary part.
-        coefficients, step: one-pole coefficients (8, frequencies) and the time step they are for.
-        rows: (3, columns) signal rows at the block's start, the last and the one before.
-        sums: airspeed, density, altitude, angle of attack over the block, count; squared second differences of the
-            inputs and their count.
-        roughness: roots of the magnitudes of second differences of states and accelerometer over the block, and count.
-        theta, noise: current referred derivatives (k,) and noise variances.
-        noise_known: (variances..., their weight in blocks) gathered from closed blocks.
-        sensitivity, information, vector, driven: what closed blocks said, (k, k), (k, k), (k,), (k,).
-        reserve: the part of these four, side by side (k, 2 k + 2), that has faded and that nothing new has replaced.
-        covariance: of theta, (k, k).
-        informed_s: last time each derivative's regressor carried signal, (k,).
-        evidence_matrix, evidence_vector, evidence_bias, evidence_span: of the last closed block, for the monitor.
-        condition: airspeed, altitude, density, angle of attack that theta is reported at.
-        counts: solutions so far, blocks closed.
-        scatter: of each equation (``dispersion``): faded chi-square of the closed blocks, its
-            degrees of freedom, and the dispersion before the last block, (equations, 3).
-        mark_bank, mark_rows, mark_sums, mark_known: copies of the running block and of what it says, at the last
-            seconds' marks (``marks``).
-        changed_s: last time the memory of each derivative was set free because it contradicted the data, (k,).
-        follows: whether changes are looked for; not where the caller knows that the model leaves out what acts.
+        coefficients, step: ``Filters``.
+        bank, rows, sums, roughness: the running ``Block``.
+        theta, covariance, noise, noise_known, informed_s, changed_s: ``Posterior``.
+        counts, condition, evidence_span, scatter: ``Progress``.
+        sensitivity, information, vector, bias: the ``Memory`` of closed blocks; ``discounted_``: the part of it that is
+            discounted and not replaced yet.
+        evidence_matrix, evidence_vector, evidence_bias: ``Evidence`` of the last closed block, for the monitor.
+        checkpoint_bank and so on: ``Checkpoints`` of the running block.
+        follows: whether changes are looked for, (vehicles,).
     """
 
-    bank: Array
     coefficients: Array
     step: Array
+    bank: Array
     rows: Array
     sums: Array
     roughness: Array
     theta: Array
+    covariance: Array
     noise: Array
     noise_known: Array
+    informed_s: Array
+    changed_s: Array
+    counts: NDArray[np.int64]
+    condition: Array
+    evidence_span: Array
+    scatter: Array
     sensitivity: Array
     information: Array
     vector: Array
-    driven: Array
-    reserve: Array
-    covariance: Array
-    informed_s: Array
+    bias: Array
+    discounted_sensitivity: Array
+    discounted_information: Array
+    discounted_vector: Array
+    discounted_bias: Array
     evidence_matrix: Array
     evidence_vector: Array
     evidence_bias: Array
-    evidence_span: Array
-    condition: Array
-    counts: NDArray[np.int64]
-    scatter: Array
-    mark_bank: Array
-    mark_rows: Array
-    mark_sums: Array
-    mark_known: Array
-    changed_s: Array
+    checkpoint_bank: Array
+    checkpoint_rows: Array
+    checkpoint_sums: Array
+    checkpoint_roughness: Array
+    checkpoint_sensitivity: Array
+    checkpoint_information: Array
+    checkpoint_vector: Array
+    checkpoint_bias: Array
     follows: NDArray[np.bool_]
 
 
@@ -167,8 +180,8 @@ class FourierEstimator:
     def __init__(self, config: FourierConfig) -> None:
         self.config = config
         self.layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
-        self._fixed = _fixed(config, self.layout)
-        self._room = block_room(
+        self._model = _model(config, self.layout)
+        self._workspace = block_workspace(
             self.layout.states, self.layout.inputs, config.omega_rad_s.size, self.layout.columns,
             config.equation_rows,
         )  # fmt: skip
@@ -177,39 +190,47 @@ class FourierEstimator:
         """State before the first sample."""
         c, n = self.config, vehicles
         ns, nu, k = self.layout.states, self.layout.inputs, len(c.structure.derivatives)
-        nf = c.omega_rad_s.size
+        nf, columns = c.omega_rad_s.size, self.layout.columns
         channels = (bank_channels(ns, nu) + air_channels(ns, nu), 2, nf)
-        noise = np.ones((n, 2 * ns + 1 + nu + AIR_LEVELS))
-        noise[:, 2 * ns + 1 :] = 0.0
+        sensors, sums = 2 * ns + 1, INPUT_DIFFERENCES + nu
+        noise = np.ones((n, sensors + nu + AIR_VARIANCES))
+        noise[:, sensors:] = 0.0
         return FourierState(
-            bank=np.zeros((n, *channels)),
             coefficients=np.zeros((n, 8, nf)),
             step=np.full((n, 1), -1.0),
-            rows=np.full((n, 3, self.layout.columns), np.nan),
-            sums=np.zeros((n, 6 + nu)),
+            bank=np.zeros((n, *channels)),
+            rows=np.full((n, 3, columns), np.nan),
+            sums=np.zeros((n, sums)),
             roughness=np.zeros((n, ns + 2)),
             theta=np.tile(c.prior_value, (n, 1)),
+            covariance=np.tile(np.diag(c.prior_std**2), (n, 1, 1)),
             noise=noise,
-            noise_known=np.zeros((n, 2 * ns + 2 + nu + AIR_LEVELS)),
+            noise_known=np.zeros((n, noise.shape[1] + 1)),
+            informed_s=np.full((n, k), -np.inf),
+            changed_s=np.full((n, k), -np.inf),
+            counts=np.zeros((n, 2), dtype=np.int64),
+            condition=np.full((n, 4), np.nan),
+            evidence_span=np.full((n, 6), np.nan),
+            scatter=np.zeros((n, ns, 3)),
             sensitivity=np.zeros((n, k, k)),
             information=np.zeros((n, k, k)),
             vector=np.zeros((n, k)),
-            driven=np.zeros((n, k)),
-            reserve=np.zeros((n, k, 2 * k + 2)),
-            covariance=np.tile(np.diag(c.prior_std**2), (n, 1, 1)),
-            informed_s=np.full((n, k), -np.inf),
+            bias=np.zeros((n, k)),
+            discounted_sensitivity=np.zeros((n, k, k)),
+            discounted_information=np.zeros((n, k, k)),
+            discounted_vector=np.zeros((n, k)),
+            discounted_bias=np.zeros((n, k)),
             evidence_matrix=np.zeros((n, k, k)),
             evidence_vector=np.zeros((n, k)),
             evidence_bias=np.zeros((n, k)),
-            evidence_span=np.full((n, 6), np.nan),
-            condition=np.full((n, 4), np.nan),
-            counts=np.zeros((n, 2), dtype=np.int64),
-            scatter=np.zeros((n, ns, 3)),
-            mark_bank=np.zeros((n, MARKS, *channels)),
-            mark_rows=np.full((n, MARKS, self.layout.columns), np.nan),
-            mark_sums=np.zeros((n, MARKS, 6 + nu + ns + 2)),
-            mark_known=np.zeros((n, MARKS, k, 2 * k + 2)),
-            changed_s=np.full((n, k), -np.inf),
+            checkpoint_bank=np.zeros((n, CHECKPOINTS, *channels)),
+            checkpoint_rows=np.full((n, CHECKPOINTS, columns), np.nan),
+            checkpoint_sums=np.zeros((n, CHECKPOINTS, sums)),
+            checkpoint_roughness=np.zeros((n, CHECKPOINTS, ns + 2)),
+            checkpoint_sensitivity=np.zeros((n, CHECKPOINTS, k, k)),
+            checkpoint_information=np.zeros((n, CHECKPOINTS, k, k)),
+            checkpoint_vector=np.zeros((n, CHECKPOINTS, k)),
+            checkpoint_bias=np.zeros((n, CHECKPOINTS, k)),
             follows=np.ones(n, dtype=np.bool_),
         )
 
@@ -223,11 +244,13 @@ class FourierEstimator:
         Raises:
             ValueError: signals of another structure.
         """
-        advance(self.layout.checked(signals), False, *self._arguments(state))
+        signals = self.layout.checked(signals)
+        advance(self._model, _grouped(state), state.follows, signals, False, self._workspace)
 
     def solve(self, state: FourierState) -> None:
         """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz)."""
-        advance(np.empty((len(state.theta), 0, self.layout.columns)), True, *self._arguments(state))
+        none = np.empty((len(state.theta), 0, self.layout.columns))
+        advance(self._model, _grouped(state), state.follows, none, True, self._workspace)
 
     def resume(self, state: FourierState, information: Array, vector: Array, vehicle: int = 0) -> None:
         """Put a memory in the place of what closed blocks said; the running block stays.
@@ -239,39 +262,53 @@ class FourierEstimator:
         state.sensitivity[vehicle] = information
         state.information[vehicle] = information
         state.vector[vehicle] = vector
-        state.driven[vehicle] = 0.0
-        state.reserve[vehicle] = 0.0
+        state.bias[vehicle] = 0.0
+        for discounted in _grouped(state).discounted:
+            discounted[vehicle] = 0.0
+
+    def follow_changes(self, state: FourierState, yes: bool) -> None:
+        """Whether changes are looked for; not where the caller knows that the model leaves out what acts."""
+        state.follows[:] = yes
+
+    def blocks_closed(self, state: FourierState, vehicle: int = 0) -> int:
+        """How many blocks have been closed."""
+        return int(state.counts[vehicle, CLOSED])
+
+    def block_start_s(self, state: FourierState, vehicle: int = 0) -> float:
+        """When the running block began."""
+        return float(state.rows[vehicle, START, TIME])
 
     def changed(self, state: FourierState, vehicle: int = 0) -> NDArray[np.bool_]:
-        """Which derivatives the last solution found to have changed, shape (k,): their memory is free since then."""
-        return np.asarray(state.changed_s[vehicle] == state.rows[vehicle, 1, 0])
+        """Which derivatives the last solution found to have changed and inflated the covariance of, shape (k,)."""
+        return np.asarray(state.changed_s[vehicle] == state.rows[vehicle, LAST, TIME])
 
     def sees(self, state: FourierState) -> NDArray[np.int64]:
         """What the running blocks carried at the last solution: 1 signal of any regressor, 0 noise, -1 not known, for
         they have only begun; shape (vehicles,)."""
-        now, start = state.rows[:, 1, 0], state.rows[:, 0, 0]
+        now, start = state.rows[:, LAST, TIME], state.rows[:, START, TIME]
         solved = now - start >= self.config.first_solution_s - 1e-9
         return np.where(solved, np.where(state.informed_s.max(axis=1) == now, 1, 0), -1)
 
     def unseen(self, state: FourierState, vehicle: int = 0) -> NDArray[np.bool_]:
         """Which derivatives' regressors have carried nothing but noise for ``stale_s``, shape (k,)."""
-        return np.asarray(state.rows[vehicle, 1, 0] - state.informed_s[vehicle] > self.config.stale_s)
+        return np.asarray(state.rows[vehicle, LAST, TIME] - state.informed_s[vehicle] > self.config.stale_s)
 
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
         c = self.config
         condition = state.condition[vehicle]
-        scale = referred_scale(c.structure, condition[0], condition[2], c.reference)
-        value = state.theta[vehicle] * scale + offsets(c.structure, condition[0], condition[3])
-        value += self._by_airspeed(value, condition[0], condition[3])
+        airspeed_m_s, _, density_kg_m3, alpha = condition
+        scale = referred_scale(c.structure, airspeed_m_s, density_kg_m3, c.reference)
+        value = state.theta[vehicle] * scale + offsets(c.structure, airspeed_m_s, alpha)
+        value += self._by_airspeed(value, airspeed_m_s, alpha)
         wider = np.repeat(
             np.sqrt(self.dispersion_of(state, vehicle)), self.layout.states + self.layout.inputs
         )
         covariance = state.covariance[vehicle] * np.outer(scale * wider, scale * wider)
-        time_s = float(state.rows[vehicle, 1, 0])
+        time_s = float(state.rows[vehicle, LAST, TIME])
         return standing(
             self.name, c.structure, time_s, value, covariance, state.informed_s[vehicle], c.stale_s,
-            c.prior_std * scale, bool(state.counts[vehicle, 0]), condition,
+            c.prior_std * scale, bool(state.counts[vehicle, SOLUTIONS]), condition,
         )  # fmt: skip
 
     def dispersion_of(self, state: FourierState, vehicle: int = 0) -> Array:
@@ -294,28 +331,39 @@ class FourierEstimator:
 
     def evidence(self, state: FourierState, vehicle: int = 0) -> BlockEvidence:
         """What the last closed block said, for the monitor's sequential test."""
-        span = state.evidence_span[vehicle]
+        start_s, end_s, airspeed_m_s, altitude_m, density_kg_m3, alpha = map(
+            float, state.evidence_span[vehicle]
+        )
         return BlockEvidence(
-            blocks=int(state.counts[vehicle, 1]),
-            start_s=float(span[0]),
-            end_s=float(span[1]),
+            blocks=self.blocks_closed(state, vehicle),
+            start_s=start_s,
+            end_s=end_s,
             information=state.evidence_matrix[vehicle].copy(),
             vector=state.evidence_vector[vehicle].copy(),
             bias=state.evidence_bias[vehicle].copy(),
-            condition=(float(span[2]), float(span[3]), float(span[4]), float(span[5])),
+            condition=(airspeed_m_s, altitude_m, density_kg_m3, alpha),
         )
 
-    def _arguments(self, s: FourierState):  # type: ignore[no-untyped-def]
-        return (
-            *self._fixed, s.bank, s.coefficients, s.step, s.rows, s.sums, s.roughness, s.theta, s.noise,
-            s.noise_known, s.sensitivity, s.information, s.vector, s.driven, s.reserve, s.covariance, s.informed_s,
-            s.evidence_matrix, s.evidence_vector, s.evidence_bias, s.evidence_span, s.condition, s.counts, s.scatter,
-            s.mark_bank, s.mark_rows, s.mark_sums, s.mark_known, s.changed_s, s.follows, self._room,
-        )  # fmt: skip
+
+def _grouped(s: FourierState) -> State:
+    """The state as the kernels take it; the same arrays."""
+    points = Memory(
+        s.checkpoint_sensitivity, s.checkpoint_information, s.checkpoint_vector, s.checkpoint_bias
+    )
+    return State(
+        Filters(s.coefficients, s.step),
+        Block(s.bank, s.rows, s.sums, s.roughness),
+        Posterior(s.theta, s.covariance, s.noise, s.noise_known, s.informed_s, s.changed_s),
+        Progress(s.counts, s.condition, s.evidence_span, s.scatter),
+        Memory(s.sensitivity, s.information, s.vector, s.bias),
+        Memory(s.discounted_sensitivity, s.discounted_information, s.discounted_vector, s.discounted_bias),
+        Evidence(s.evidence_matrix, s.evidence_vector, s.evidence_bias),
+        Checkpoints(s.checkpoint_bank, s.checkpoint_rows, s.checkpoint_sums, s.checkpoint_roughness, points),
+    )
 
 
-def _fixed(c: FourierConfig, layout: SignalLayout):  # type: ignore[no-untyped-def]
-    """What the kernels take from the configuration: the first of their arguments, in their order."""
+def _model(c: FourierConfig, layout: SignalLayout) -> Model:
+    """What the kernels take from the configuration."""
     longitudinal, roll = c.structure.equations[0] == "z", layout.states == 3
     lever = np.zeros(layout.states)
     x, _, z = c.imu_position_m
@@ -325,18 +373,28 @@ def _fixed(c: FourierConfig, layout: SignalLayout):  # type: ignore[no-untyped-d
         lever[-1] = -x
         if roll:
             lever[1] = z
-    exponents = np.array([1.0] * layout.states + [2.0] * layout.inputs)
     servo_s = np.array(c.servo_s or (0.0,) * layout.inputs)
-    servo_s = np.where(c.held, 0.0, np.where(servo_s > 0.0, servo_s, np.inf))
-    settings = np.array(
-        [c.block_s, c.first_solution_s, c.memory_s, c.smallest_share, *c.reference, c.stale_s,
-         *np.square(c.input_noise_std), *servo_s]
-    )  # fmt: skip
     # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
     span_m = c.span_m if c.velocity_measured else 0.0
-    smoothed = np.array([4.0, 4.0 if longitudinal else 3.0]) * span_m / np.pi
-    gusts = np.array([*smoothed, c.vane_ahead_m])
-    return (
-        c.omega_rad_s, lever, gusts, c.force_from_accelerometer, exponents, settings, c.prior_value, c.prior_std,
-        longitudinal, roll,
-    )  # fmt: skip
+    roll_smoothing_m, turn_smoothing_m = np.array([4.0, 4.0 if longitudinal else 3.0]) * span_m / np.pi
+    return Model(
+        omega=c.omega_rad_s,
+        lever=lever,
+        exponents=np.array([1.0] * layout.states + [2.0] * layout.inputs),
+        servo_s=np.where(c.held, 0.0, np.where(servo_s > 0.0, servo_s, np.inf)),
+        input_variance=np.square(np.array(c.input_noise_std, dtype=np.float64)),
+        prior=Prior(np.array(c.prior_value, dtype=np.float64), np.array(c.prior_std, dtype=np.float64)),
+        reference_airspeed_m_s=float(c.reference[0]),
+        reference_density_kg_m3=float(c.reference[1]),
+        block_s=float(c.block_s),
+        first_solution_s=float(c.first_solution_s),
+        memory_s=float(c.memory_s),
+        stale_s=float(c.stale_s),
+        smallest_signal=float(c.smallest_share),
+        roll_smoothing_m=float(roll_smoothing_m),
+        turn_smoothing_m=float(turn_smoothing_m),
+        vane_ahead_m=float(c.vane_ahead_m),
+        by_accelerometer=bool(c.force_from_accelerometer),
+        longitudinal=bool(longitudinal),
+        roll=bool(roll),
+    )

@@ -3,66 +3,92 @@
 Derivation: ``docs/methods/fourier.md`` section 9, (33) and (34).
 """
 
-from wingwatch.estimators.fourier.forgetting import replaced
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.estimators.fourier.forgetting import ForgettingWorkspace, forgetting_workspace, replaced
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import congruence
 
-__all__ = ["fade", "replace"]
+__all__ = ["MemoryWorkspace", "discount", "memory_workspace", "replace"]
 
-RESERVE_THAT_COUNTS = 0.01
-"""Share of a derivative's information in reserve, from which on the running block is asked what it replaces."""
+FRACTION_THAT_COUNTS = 0.01
+"""Discounted fraction of a derivative's information from which on the running block is asked what it replaces."""
+
+
+class MemoryWorkspace(NamedTuple):
+    """Workspace of ``replace``.
+
+    Attributes:
+        left, old, known, new: (k, k).
+        vector, bias: (k,).
+        forgetting: of ``replaced``.
+    """
+
+    left: NDArray[np.float64]
+    old: NDArray[np.float64]
+    known: NDArray[np.float64]
+    new: NDArray[np.float64]
+    vector: NDArray[np.float64]
+    bias: NDArray[np.float64]
+    forgetting: ForgettingWorkspace
+
+
+def memory_workspace(k: int) -> MemoryWorkspace:
+    """Workspace for k derivatives."""
+    left, old, known, new = np.empty((4, k, k))
+    return MemoryWorkspace(left, old, known, new, np.empty(k), np.empty(k), forgetting_workspace(k))
 
 
 @lean
-def fade(share, memory, reserve):  # type: ignore[no-untyped-def]
-    """What the clock makes fade goes into reserve; what is known in all stays as it is."""
-    sensitivity, information, vector, driven = memory
-    k = vector.size
+def discount(decay, memory, discounted):  # type: ignore[no-untyped-def]
+    """A fraction ``decay`` of what has not been discounted yet is; what is known in all stays as it is."""
+    k = memory.vector.size
     for a in range(k):
         for b in range(k):
-            reserve[a, b] += share * (sensitivity[a, b] - reserve[a, b])
-            reserve[a, k + b] += share * (information[a, b] - reserve[a, k + b])
-        reserve[a, 2 * k] += share * (vector[a] - reserve[a, 2 * k])
-        reserve[a, 2 * k + 1] += share * (driven[a] - reserve[a, 2 * k + 1])
+            discounted.sensitivity[a, b] += decay * (memory.sensitivity[a, b] - discounted.sensitivity[a, b])
+            discounted.information[a, b] += decay * (memory.information[a, b] - discounted.information[a, b])
+        discounted.vector[a] += decay * (memory.vector[a] - discounted.vector[a])
+        discounted.bias[a] += decay * (memory.bias[a] - discounted.bias[a])
 
 
 @lean
-def replace(share, gained, prior_std, memory, reserve, room):  # type: ignore[no-untyped-def]
-    """Of the reserve goes what a block that brings ``gained`` replaces."""
-    squares, lines = room[0], room[1]
-    sensitivity, information, vector, driven = memory
-    k = vector.size
+def replace(decay, gained, prior_std, memory, discounted, work):  # type: ignore[no-untyped-def]
+    """Of the discounted memory goes what a block that adds the sensitivity ``gained`` (k, k) replaces."""
+    sensitivity, k = memory.sensitivity, memory.vector.size
     counts, trace = False, 0.0
     for a in range(k):
-        counts = counts or reserve[a, a] > RESERVE_THAT_COUNTS * sensitivity[a, a]
+        counts = counts or discounted.sensitivity[a, a] > FRACTION_THAT_COUNTS * sensitivity[a, a]
         trace += gained[a, a]
     if not counts or trace <= 0.0:
         return
-    left, old, known, new = squares[0], squares[1], squares[2], squares[3]
-    score, gust = lines[0], lines[1]
+    left, old, known, new, vector, bias = work.left, work.old, work.known, work.new, work.vector, work.bias
     for a in range(k):
         for b in range(k):
-            old[a, b] = reserve[a, b]
+            old[a, b] = discounted.sensitivity[a, b]
             known[a, b] = sensitivity[a, b] + gained[a, b]
         known[a, a] += 1.0 / (prior_std[a] * prior_std[a])
-    if replaced(old, known, gained, share, squares[5:], lines[6:], left) == k:
+    if replaced(old, known, gained, decay, work.forgetting, left) == k:
         return
     congruence(left, old, known, new)
-    for a in range(k):
-        score[a] = gust[a] = 0.0
-        for b in range(k):
-            score[a] += left[a, b] * reserve[b, 2 * k]
-            gust[a] += left[a, b] * reserve[b, 2 * k + 1]
+    vector[:] = 0.0
+    bias[:] = 0.0
+    for b in range(k):
+        for a in range(k):
+            vector[a] += left[a, b] * discounted.vector[b]
+            bias[a] += left[a, b] * discounted.bias[b]
             sensitivity[a, b] += new[a, b] - old[a, b]
     for a in range(k):
-        vector[a] += score[a] - reserve[a, 2 * k]
-        driven[a] += gust[a] - reserve[a, 2 * k + 1]
-        reserve[a, 2 * k], reserve[a, 2 * k + 1] = score[a], gust[a]
+        memory.vector[a] += vector[a] - discounted.vector[a]
+        memory.bias[a] += bias[a] - discounted.bias[a]
+        discounted.vector[a], discounted.bias[a] = vector[a], bias[a]
         for b in range(k):
-            old[a, b] = reserve[a, k + b]
-            reserve[a, b] = new[a, b]
+            old[a, b] = discounted.information[a, b]
+            discounted.sensitivity[a, b] = new[a, b]
     congruence(left, old, known, new)
     for a in range(k):
         for b in range(k):
-            information[a, b] += new[a, b] - old[a, b]
-            reserve[a, k + b] = new[a, b]
+            memory.information[a, b] += new[a, b] - old[a, b]
+            discounted.information[a, b] = new[a, b]

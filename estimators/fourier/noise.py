@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST
 from wingwatch.estimators.kernels.hot import lean
 
 __all__ = [
-    "AIR_LEVELS",
     "DRIVING",
     "Air",
     "NoiseWorkspace",
@@ -31,12 +31,8 @@ __all__ = [
     "weighted_column",
 ]
 
-AIR_LEVELS = 3
-"""Variances of the air, the last of all: rate of the gust at the vane, (m/s2)^2; unsmoothed roll rate, (rad/s)^2; what
-the gust does between samples beside a line, (m/s)^2, which follows from the first (``between_samples_variance``)."""
-
 DRIVING = 2
-"""Of these the first ones drive the states."""
+"""Of the air's variances the first ones drive the states."""
 
 SMALLEST_VARIANCE = 1e-12
 """Of the air and of what a moment equation leaves out: nothing."""
@@ -46,7 +42,8 @@ class Air(NamedTuple):
     """How the air's motion enters the equations; one vehicle's block.
 
     Attributes:
-        turn: turning of the air over the gust's rate, -1/V in pitch, 1/V in yaw, 1/(m/s); 0 where it is not known.
+        turn: gust-induced pitch (yaw) rate over the gust's rate, -1/V in pitch, 1/V in yaw, 1/(m/s); 0 where it is not
+            known.
         turn_s: time constant of the smoothing over the span, s.
         roll_s: the same for rolling, s.
         lead_s: time by which the vane meets a gust before the c.g. does, s.
@@ -108,7 +105,7 @@ class NoiseWorkspace(NamedTuple):
 def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWorkspace:
     """Memory for one structure."""
     return NoiseWorkspace(
-        np.zeros((states + 1 + inputs + AIR_LEVELS, rows, 2, bins)),
+        np.zeros((states + 1 + inputs + AIR_VARIANCES, rows, 2, bins)),
         np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, rows, 2, bins)),
@@ -122,18 +119,15 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
 
 
 @lean
-def air_of(gust_m, airspeed, lead_m, longitudinal):  # type: ignore[no-untyped-def]
-    """``Air`` at an airspeed.
-
-    Args:
-        gust_m: lengths of smoothing, (2,): roll, and pitch or yaw, m; zeros where the air is not known to turn.
-        lead_m: distance of the vane ahead of the c.g., m.
-    """
+def air_of(model, airspeed):  # type: ignore[no-untyped-def]
+    """``Air`` at an airspeed, m/s."""
     speed = max(airspeed, 1.0)
     turn = 0.0
-    if gust_m[1] > 0.0:
-        turn = (-1.0 if longitudinal else 1.0) / speed
-    return Air(turn, gust_m[1] / speed, gust_m[0] / speed, lead_m / speed)
+    if model.turn_smoothing_m > 0.0:
+        turn = (-1.0 if model.longitudinal else 1.0) / speed
+    return Air(
+        turn, model.turn_smoothing_m / speed, model.roll_smoothing_m / speed, model.vane_ahead_m / speed
+    )
 
 
 @lean
@@ -187,7 +181,7 @@ def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-de
     """B: how the gust's rate at the vane, rolling air and a gust between samples enter the rows, (docs (8) to (11)).
 
     A velocity that is short by e between samples makes the accelerometer short by z_w e there, so that the force row
-    holds; the rows with rates do not hear of that.
+    holds; the rows with rates are not concerned.
     """
     ns, nd = plant.derivatives.shape
     rows = transfer.shape[1]
@@ -225,14 +219,14 @@ def _residual_covariance(noise, power, transfer, ns, weights):  # type: ignore[n
                 real[f] = own
                 imaginary[f] = 0.0
             for j in range(transfer.shape[0]):
-                level = power * channel_variance(noise, j, ns)
-                if level == 0.0:
+                variance = power * channel_variance(noise, j, ns)
+                if variance == 0.0:
                     continue
                 a, b = transfer[j, k, 0], transfer[j, k, 1]
                 c, d = transfer[j, m, 0], transfer[j, m, 1]
                 for f in range(bins):
-                    real[f] += level * (a[f] * c[f] + b[f] * d[f])
-                    imaginary[f] += level * (b[f] * c[f] - a[f] * d[f])
+                    real[f] += variance * (a[f] * c[f] + b[f] * d[f])
+                    imaginary[f] += variance * (b[f] * c[f] - a[f] * d[f])
 
 
 @lean
@@ -329,7 +323,7 @@ def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def
     _transfer_of_air(omega, plant, air, work.transfer)
     _residual_covariance(noise, power, work.transfer, ns, weights)
     if weights.shape[0] > ns:
-        gust = power * noise[noise.size - AIR_LEVELS]
+        gust = power * noise[GUST]
         for f in range(omega.size):
             work.believed[f] = gust / weights[ns, ns, 0, f]
         _condition_on_last(weights)
@@ -386,7 +380,7 @@ def noise_variances(whitened, freedom, noise, power, work, total):  # type: igno
     for j in range(noise.size):
         total[j] = noise[j]
     for j in range(sources):
-        if ns < j < sources - AIR_LEVELS or j >= sources - AIR_LEVELS + DRIVING:
+        if ns < j < sources - AIR_VARIANCES or j >= sources - AIR_VARIANCES + DRIVING:
             continue
         own = j if j <= ns else noise.size - sources + j
         weighted_column(work, j)
@@ -400,7 +394,7 @@ def noise_variances(whitened, freedom, noise, power, work, total):  # type: igno
             found += real * real + imaginary * imaginary
             spread += work.spread[f]
             squared += work.spread[f] * work.spread[f]
-        total[own] = _step(found * freedom, spread, squared, noise[own], power, j < sources - AIR_LEVELS)
+        total[own] = _step(found * freedom, spread, squared, noise[own], power, j < sources - AIR_VARIANCES)
     for k in range(1, ns):
         found = squared = 0.0
         for f in range(work.spread.size):

@@ -11,8 +11,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.bank import NUISANCE
-from wingwatch.estimators.fourier.noise import AIR_LEVELS
+from wingwatch.estimators.fourier.bank import (
+    CONSTANT,
+    FIRST_READING,
+    FIRST_TURN,
+    LAST_READING,
+    LAST_TURN,
+    NUISANCE,
+    PRESSURE,
+    RAMP,
+    TURN_LAG,
+    TURN_SIZE,
+    VANE_LEAD,
+)
+from wingwatch.estimators.fourier.state import GUST
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import backward, cholesky, forward
 
@@ -37,7 +49,7 @@ RIDGE = 1e-10
 NOTHING = 1e-20
 """Power of a trim column, relative to that of a ramp of one a second, below which it is rounding."""
 
-TURN, LAG = 1.0, 0.7
+TURN_STD, LAG_STD = 1.0, 0.7
 """Standard deviations of what a gust's gradient does over what the span says, and of the logarithm of its time
 constant: the span filter is that of a wing in a gust that varies along it, and a gust meets wing and tail apart."""
 
@@ -76,36 +88,36 @@ def normal_workspace(derivatives: int, rows: int) -> NormalWorkspace:
 def nuisance_variances(plant, air, noise, dt, variances):  # type: ignore[no-untyped-def]
     """What is known beforehand of the nuisance columns of every row, (docs (6), (8)).
 
-    Errors of reading a state at the ends of a block come with its rate. The turning of the air, q_g = a G d, has over
-    a block the transform a G D + a G tau (q_g(0) e^{sT} - q_g(T)); q_g is white noise d, held over dt, behind a lag.
-    How much the gust turns the air is known to TURN, the time constant of that to LAG, both relative, and when the vane
-    meets the gust to a sample.
+    Errors of reading a state at the ends of a block come with its rate. The gust-induced pitch (yaw) rate, q_g = a G
+    d, has over a block the transform a G D + a G tau (q_g(0) e^{sT} - q_g(T)); q_g is white noise d, held over dt,
+    behind a lag. How much the gust turns the air is known to TURN_STD, the time constant of that to LAG_STD, both
+    relative, and when the vane meets the gust to a sample.
 
     Args:
         variances: (rows, NUISANCE), filled; infinite where nothing is known, 0 where a row has no such column.
     """
     ns = plant.lever.size
-    turning = air.turn * air.turn * noise[noise.size - AIR_LEVELS] * dt * air.turn_s / 2.0
+    turn_variance = air.turn * air.turn * noise[GUST] * dt * air.turn_s / 2.0
     rows = variances.shape[0]
     for k in range(rows):
         row = variances[k]
         row[:] = 0.0
-        row[0] = row[2] = math.inf
-        row[1] = math.inf if k < ns else 0.0
+        row[CONSTANT] = row[RAMP] = math.inf
+        row[PRESSURE] = math.inf if k < ns else 0.0
         has_rate = k > 0 or not plant.by_accelerometer
-        row[3] = row[4] = noise[k if k < ns else 0] if has_rate else 0.0
+        row[LAST_READING] = row[FIRST_READING] = noise[k if k < ns else 0] if has_rate else 0.0
         if k < ns < rows:
             turned = plant.derivatives[k, ns - 1] ** 2
-            row[5] = row[6] = turned * turning
-            row[7] = turned * (air.turn * TURN) ** 2
-            row[8] = turned * (air.turn * LAG) ** 2
-            row[9] = (plant.derivatives[k, 0] * dt) ** 2
+            row[LAST_TURN] = row[FIRST_TURN] = turned * turn_variance
+            row[TURN_SIZE] = turned * (air.turn * TURN_STD) ** 2
+            row[TURN_LAG] = turned * (air.turn * LAG_STD) ** 2
+            row[VANE_LEAD] = (plant.derivatives[k, 0] * dt) ** 2
 
 
 @lean
-def prior_of(variance, share):  # type: ignore[no-untyped-def]
-    """What is known beforehand of a nuisance column, in sums over bins; ``share`` is of a whole block."""
-    return 0.5 / (share * variance) if variance > 0.0 else NO_COLUMN
+def prior_of(variance, fraction):  # type: ignore[no-untyped-def]
+    """What is known beforehand of a nuisance column, in sums over bins; ``fraction`` is of a whole block."""
+    return 0.5 / (fraction * variance) if variance > 0.0 else NO_COLUMN
 
 
 @lean
@@ -124,19 +136,19 @@ def eliminate(normal, theta, scale, span, m, score):  # type: ignore[no-untyped-
     matrix, size, root, crossed, rest = normal.matrix, normal.size, normal.root, normal.crossed, normal.rest
     for a in range(q):
         column = a % NUISANCE
-        ramp = matrix[p + a - column + 2, p + a - column + 2] / (span * span)
+        ramp = matrix[p + a - column + RAMP, p + a - column + RAMP] / (span * span)
         own = matrix[p + a, p + a]
-        size[a] = np.sqrt(own) if column > 1 or own > NOTHING * ramp else np.inf
+        size[a] = np.sqrt(own) if column > PRESSURE or own > NOTHING * ramp else np.inf
     for a in range(q):
-        share = 1.0 / size[a]
+        unit = 1.0 / size[a]
         for b in range(a + 1):
-            root[a, b] = matrix[p + a, p + b] * share / size[b]
+            root[a, b] = matrix[p + a, p + b] * unit / size[b]
         root[a, a] += RIDGE
         total = normal.vector[p + a]
         for b in range(p):
             total -= matrix[p + a, b] * theta[b] * scale[b]
-            crossed[a, b] = matrix[p + a, b] * share
-        rest[a, 0] = total * share
+            crossed[a, b] = matrix[p + a, b] * unit
+        rest[a, 0] = total * unit
     cholesky(root, 1e-3 * RIDGE, root)
     _inverse_of_root(root, normal.inverse)
     forward(root, crossed)
@@ -196,14 +208,14 @@ def _inverse_of_root(root, out):  # type: ignore[no-untyped-def]
 
 
 @lean
-def degrees_of_freedom(normal, share):  # type: ignore[no-untyped-def]
-    """How many real numbers the nuisance columns fit, tr(data (data + prior)^-1); ``share`` is of a whole block."""
+def degrees_of_freedom(normal, fraction):  # type: ignore[no-untyped-def]
+    """How many real numbers the nuisance columns fit, tr(data (data + prior)^-1); ``fraction`` is of a whole block."""
     taken = 0.0
     for a in range(normal.size.size):
         size = normal.size[a]
         if math.isinf(size):
             continue
-        prior = prior_of(normal.variances[a // NUISANCE, a % NUISANCE], share) / (size * size) + RIDGE
+        prior = prior_of(normal.variances[a // NUISANCE, a % NUISANCE], fraction) / (size * size) + RIDGE
         taken += max(0.0, 1.0 - prior * normal.inverse[a, a])
     return taken
 

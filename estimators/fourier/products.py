@@ -4,7 +4,8 @@ Sensors' noise is in both. Gusts, rolling air and moments that nobody measures d
 Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``noise``.
 """
 
-from wingwatch.estimators.fourier.noise import AIR_LEVELS, DRIVING, channel_variance, weighted_column
+from wingwatch.estimators.fourier.noise import DRIVING, channel_variance, weighted_column
+from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
 
 __all__ = ["expected_products", "noise_power"]
@@ -23,85 +24,85 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
     ns, nd = plant.derivatives.shape
     n_noise[:, :] = 0.0
     for c in range(nd):
-        level = power * channel_variance(noise, c if c < ns else c + 1, ns)
+        variance = power * channel_variance(noise, c if c < ns else c + 1, ns)
         if c == 0:
-            level += power * noise[noise.size - 1]
+            variance += power * noise[BETWEEN]
         for k in range(ns):
             for m in range(ns):
-                n_noise[k * nd + c, m * nd + c] = level * work.sums[k, m]
+                n_noise[k * nd + c, m * nd + c] = variance * work.sums[k, m]
     if work.weights.shape[0] > ns and air.turn != 0.0:
-        _noise_of_turning(omega, plant, air, noise, power, work, n_noise)
+        _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise)
     weights, answers = work.weights, work.answers
     for f in range(omega.size):
-        _answers(omega, plant, work, f)
+        _driven_motion(omega, plant, work, f)
         for e in range(ns):
-            level = power * noise[ns + 1 + e] * weights[e, e, 0, f]
+            variance = power * noise[ns + 1 + e] * weights[e, e, 0, f]
             for j in range(ns):
                 for c in range(ns):
                     moved = answers[j, ns + DRIVING + e].conjugate() * answers[c, ns + DRIVING + e]
-                    n_noise[e * nd + j, e * nd + c] += level * moved.real
+                    n_noise[e * nd + j, e * nd + c] += variance * moved.real
 
 
 @lean
-def expected_products(omega, plant, noise, power, work, g, driven):  # type: ignore[no-untyped-def]
+def expected_products(omega, plant, noise, power, work, g, bias):  # type: ignore[no-untyped-def]
     """Expected products of regressors and weighted residual, in present derivatives, (docs (12), (14), (15)).
 
     Sensors' noise is in regressors and residual. The gust and the rolling air drive the states, by (s - A)^-1, and so
-    are in both, too. So is what moment equations leave out; of that neither course nor loop is known.
+    are in both, too. So is what moment equations leave out; of that neither time history nor loop is known.
 
     Args:
         g: becomes what of R' W r is due to sensors and air, (p,).
-        driven: becomes what of it is due to what moment equations leave out, (p,).
+        bias: becomes what of it is due to what moment equations leave out, (p,).
     """
     ns, nd = plant.derivatives.shape
     g[:] = 0.0
-    driven[:] = 0.0
+    bias[:] = 0.0
     for c in range(nd):
         column = c if c < ns else c + 1
-        level = power * channel_variance(noise, column, ns)
-        if level == 0.0:
+        variance = power * channel_variance(noise, column, ns)
+        if variance == 0.0:
             continue
         weighted_column(work, column)
         for k in range(ns):
             total = 0.0
             for f in range(omega.size):
                 total += work.weighted[k, 0, f]
-            g[k * nd + c] = level * total
-    level = power * noise[noise.size - 1]
+            g[k * nd + c] = variance * total
+    variance = power * noise[BETWEEN]
     weighted_column(work, nd + 3)
     for k in range(ns):
         for f in range(omega.size):
-            g[k * nd] -= level * work.weighted[k, 0, f]
-    _driven_states(omega, plant, noise, power, work, g, driven)
+            g[k * nd] -= variance * work.weighted[k, 0, f]
+    _driven_states(omega, plant, noise, power, work, g, bias)
 
 
 @lean
-def _noise_of_turning(omega, plant, air, noise, power, work, n_noise):  # type: ignore[no-untyped-def]
-    """What the turning that is taken from the kinematic row adds to the noise in its rate, (docs (13)).
+def _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise):  # type: ignore[no-untyped-def]
+    """What the turn rate that is taken from the kinematic row adds to the noise in its rate, (docs (13)).
 
     The rate relative to the air is taken as q + a H r_kin; its error is n_q + a H (L n)_kin + a (1 - H) d, and the
     errors of reading the velocity at both ends.
     """
     ns, nd = plant.derivatives.shape
-    gust = power * noise[noise.size - AIR_LEVELS]
+    gust = power * noise[GUST]
     rate = ns - 1
     for f in range(omega.size):
         turn = air.turn / (1.0 + 1j * omega[f] * air.turn_s)
         part = turn * work.believed[f]
         own = gust * abs(turn * (1.0 - work.believed[f])) ** 2 + 2.0 * noise[0] * abs(part) ** 2
         for j in range(ns + 1):
-            level = power * noise[j]
-            heard = part * complex(work.transfer[j, ns, 0, f], work.transfer[j, ns, 1, f])
+            variance = power * noise[j]
+            transferred = part * complex(work.transfer[j, ns, 0, f], work.transfer[j, ns, 1, f])
             if j == rate:
-                own += level * (abs(1.0 + heard) ** 2 - 1.0)
+                own += variance * (abs(1.0 + transferred) ** 2 - 1.0)
                 continue
-            own += level * abs(heard) ** 2
+            own += variance * abs(transferred) ** 2
             if j == ns:
                 continue
             for k in range(ns):
                 for m in range(ns):
                     w = complex(work.weights[k, m, 0, f], work.weights[k, m, 1, f])
-                    cross = level * (w * heard).real
+                    cross = variance * (w * transferred).real
                     n_noise[k * nd + j, m * nd + rate] += cross
                     n_noise[m * nd + rate, k * nd + j] += cross
         for k in range(ns):
@@ -110,7 +111,7 @@ def _noise_of_turning(omega, plant, air, noise, power, work, n_noise):  # type: 
 
 
 @lean
-def _answers(omega, plant, work, f):  # type: ignore[no-untyped-def]
+def _driven_motion(omega, plant, work, f):  # type: ignore[no-untyped-def]
     """Into ``work.answers`` what air and moments of unit strength drive the states to: (s - A)^-1 times each."""
     ns, nd = plant.derivatives.shape
     transfer, answers = work.transfer, work.answers
@@ -131,30 +132,30 @@ def _answers(omega, plant, work, f):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _driven_states(omega, plant, noise, power, work, g, driven):  # type: ignore[no-untyped-def]
+def _driven_states(omega, plant, noise, power, work, g, bias):  # type: ignore[no-untyped-def]
     """What ``expected_products`` has of all that drives the states, (docs (14), (15))."""
     ns, nd = plant.derivatives.shape
     weights, transfer, answers = work.weights, work.transfer, work.answers
     rows = weights.shape[0]
     work.rolled[0] = 0.0
     for f in range(omega.size):
-        _answers(omega, plant, work, f)
-        rolling = power * noise[noise.size - AIR_LEVELS + 1]
+        _driven_motion(omega, plant, work, f)
+        rolling = power * noise[ROLLING]
         work.rolled[0] += rolling * abs(answers[1, ns + 1]) ** 2 * weights[1, 1, 0, f]
         for k in range(ns):
             for e in range(DRIVING):
-                level = power * noise[noise.size - AIR_LEVELS + e]
+                variance = power * noise[GUST + e]
                 cause = 0.0j
                 for m in range(rows):
                     w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
                     cause += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
                 for j in range(ns):
-                    g[k * nd + j] += level * (cause * answers[j, ns + e].conjugate()).real
+                    g[k * nd + j] += variance * (cause * answers[j, ns + e].conjugate()).real
             for m in range(ns):
-                level = power * noise[ns + 1 + m]
+                variance = power * noise[ns + 1 + m]
                 w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
                 for j in range(ns):
-                    driven[k * nd + j] += level * (w * answers[j, ns + DRIVING + m].conjugate()).real
+                    bias[k * nd + j] += variance * (w * answers[j, ns + DRIVING + m].conjugate()).real
 
 
 @lean

@@ -4,16 +4,17 @@ Derivation and symbols: ``docs/methods/fourier.md``. Arrays are those of one veh
 """
 
 import math
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.air import air_channels, present_regressors
-from wingwatch.estimators.fourier.bank import NUISANCE, block_transforms
+from wingwatch.estimators.fourier.bank import NUISANCE, bank_channels, block_transforms
 from wingwatch.estimators.fourier.between import between_samples
 from wingwatch.estimators.fourier.directions import (
-    DIRECTION_LINES,
-    DIRECTION_SQUARES,
+    DirectionsWorkspace,
+    directions_workspace,
     noise_edge,
     reduce_information,
 )
@@ -23,8 +24,8 @@ from wingwatch.estimators.fourier.equations import (
     responses,
 )
 from wingwatch.estimators.fourier.noise import (
-    AIR_LEVELS,
     SMALLEST_VARIANCE,
+    NoiseWorkspace,
     Plant,
     air_of,
     between_samples_variance,
@@ -33,6 +34,7 @@ from wingwatch.estimators.fourier.noise import (
     weigh,
 )
 from wingwatch.estimators.fourier.nuisance import (
+    NormalWorkspace,
     degrees_of_freedom,
     eliminate,
     normal_workspace,
@@ -41,34 +43,56 @@ from wingwatch.estimators.fourier.nuisance import (
     reduce_weights,
 )
 from wingwatch.estimators.fourier.products import expected_products, noise_power
+from wingwatch.estimators.fourier.state import (
+    AIR_VARIANCES,
+    AIRSPEED,
+    ALPHA,
+    BETWEEN,
+    DENSITY,
+    DIFFERENCES,
+    GUST,
+    INPUT_DIFFERENCES,
+    LAST,
+    ROLLING,
+    SAMPLES,
+    START,
+    TIME,
+    WEIGHT,
+    BlockSolution,
+    Equation,
+    Evidence,
+    Memory,
+    Transforms,
+)
 from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.symmetric import congruence, invert
 
 __all__ = [
+    "AIR_MEMORY",
     "ALONE",
     "BEGIN",
     "LEARN",
     "MOVE",
-    "Room",
+    "SolutionWorkspace",
+    "block_solution",
     "remembered",
-    "solution_room",
+    "solution_workspace",
     "solve_block",
     "start_noise",
+    "zero_memory",
 ]
 
-Room = tuple[Any, ...]
-"""Arrays, and tuples of them, that kernels write to."""
-
 ALONE, LEARN, MOVE, BEGIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
-"""What is asked of a solution: what the block says; the noise levels too; and what is known with it; that three times.
+"""What is asked of a solution: what the block says alone; the noise variances too; what is known with the block too;
+all of that three times.
 
 Not Python's integers: for each of them a kernel would be compiled anew."""
 
 LOWEST_NOISE = 0.5
-"""A noise variance is not believed to be less than this share of the roughness (which signal, too, enlarges)."""
+"""A noise variance is not believed to be less than this fraction of the roughness (which signal, too, enlarges)."""
 
 LEAST_FREEDOM = 0.25
-"""Share of a block's degrees of freedom that its columns are believed to leave at least."""
+"""Fraction of a block's degrees of freedom that its columns are believed to leave at least."""
 
 ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
@@ -84,70 +108,124 @@ ROUGH_CHANCE = 2.4
 roots, 4 sqrt(0.180), differences of white noise being correlated by sqrt(35 / 18)."""
 
 
-def solution_room(ns: int, nu: int, nf: int, rows: int) -> tuple[Room, Room]:
-    """Room of ``solve_block`` for ns states, nu inputs, nf frequencies and ns or ns + 1 rows, and what it tells.
+class PosteriorWorkspace(NamedTuple):
+    """Workspace of what memory and block say together.
 
-    Told: matrices (5, p, p), what the block adds to sensitivity and information, its evidence, the covariance, and M;
-    vectors (4, p), what it adds to the score and to the driven part, its evidence's score and the gusts' part of that;
-    the noise variances that its residual shows.
+    Attributes:
+        inverse: (k, k) of the sensitivity.
+        total, half: (k, k); line: (k,).
+        nothing: of a block that says nothing: zeros.
     """
-    p = ns * (ns + nu)
-    bins = (
-        np.empty((2, ns + 2 * nu + 1 + NUISANCE + air_channels(ns, nu), 2, nf)),
-        np.empty((2, ns + nu, 2, nf)),
-        np.empty((2, nf)),
-        np.empty((2, nf)),
-        np.empty((rows, 2, nf)),
-        np.empty((rows, 2, nf)),
+
+    inverse: NDArray[np.float64]
+    total: NDArray[np.float64]
+    half: NDArray[np.float64]
+    line: NDArray[np.float64]
+    nothing: Memory
+
+
+class SolutionWorkspace(NamedTuple):
+    """Workspace of ``solve_block``.
+
+    Attributes:
+        transforms, normal, noise, directions, posterior, equation: of its parts.
+        derivatives, forward_speed, roll_column: arrays of ``Plant``.
+        scale: (k,) what makes referred derivatives present ones.
+        expected: (k,) what of the score is expected of noise and gusts.
+        moved, change: (k,) derivatives with the block, and how far they have moved.
+    """
+
+    transforms: Transforms
+    normal: NormalWorkspace
+    noise: NoiseWorkspace
+    directions: DirectionsWorkspace
+    posterior: PosteriorWorkspace
+    equation: Equation
+    derivatives: NDArray[np.float64]
+    forward_speed: NDArray[np.float64]
+    roll_column: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    expected: NDArray[np.float64]
+    moved: NDArray[np.float64]
+    change: NDArray[np.float64]
+
+
+def zero_memory(k: int) -> Memory:
+    """Memory of k derivatives that knows nothing."""
+    return Memory(np.zeros((k, k)), np.zeros((k, k)), np.zeros(k), np.zeros(k))
+
+
+def solution_workspace(ns: int, nu: int, bins: int, rows: int) -> SolutionWorkspace:
+    """Workspace for ns states, nu inputs and ns or ns + 1 rows."""
+    k, channels = ns * (ns + nu), bank_channels(ns, nu) + NUISANCE - 1 + air_channels(ns, nu)
+    shapes = [(channels, 2, bins)] * 2 + [(ns + nu, 2, bins)] * 2 + [(2, bins)] * 2 + [(rows, 2, bins)] * 2
+    return SolutionWorkspace(
+        Transforms(*(np.empty(shape) for shape in shapes)),
+        normal_workspace(k, rows),
+        noise_workspace(ns, nu, rows, bins),
+        directions_workspace(k),
+        PosteriorWorkspace(np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty(k), zero_memory(k)),
+        Equation(np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k), np.empty(ns)),
+        np.empty((ns, ns + nu)),
+        np.empty(ns),
+        np.empty(ns),
+        *(np.empty(k) for _ in range(4)),
     )
-    states = (np.empty((ns, ns + nu)), np.empty(ns), np.empty(ns), np.empty(ns))
-    squares, lines = np.empty((4 + DIRECTION_SQUARES, p, p)), np.empty((7 + DIRECTION_LINES, p))
-    told = (np.empty((5, p, p)), np.empty((4, p)), np.empty(2 * ns + 1 + nu + AIR_LEVELS))
-    work = noise_workspace(ns, nu, rows, nf)
-    return (bins, normal_workspace(p, rows), states, squares, lines, np.empty((p, 2)), work), told
+
+
+def block_solution(ns: int, nu: int) -> BlockSolution:
+    """Memory for what a block says."""
+    k = ns * (ns + nu)
+    evidence = Evidence(np.empty((k, k)), np.empty(k), np.empty(k))
+    return BlockSolution(
+        zero_memory(k), evidence, np.empty((k, k)), np.empty(2 * ns + 1 + nu + AIR_VARIANCES)
+    )
 
 
 @lean
 def _rough_noise(roughness, j, ns):  # type: ignore[no-untyped-def]
     """Variance of white noise of channel ``j`` that second differences (variance 6 D) would have such roots from.
 
-    The roots of their magnitudes are summed, not their squares: what bends when a surface jumps is large, but rare.
+    The roots of their magnitudes are summed, not their squares: a jump of a surface makes large ones, but rarely.
     """
     root = roughness[j] / max(roughness[ns + 1], 1.0) / ROOT_MEAN
     return root**4 / 6.0
 
 
 @lean
-def start_noise(roughness, noise, ns, gust_m):  # type: ignore[no-untyped-def]
+def start_noise(model, roughness, noise):  # type: ignore[no-untyped-def]
     """First variances from second differences, whose variance is 6 D for white noise; those of the air as of a breeze
-    that moves 1 m/s2 from sample to sample, which the first solutions correct; none where gusts have no
-    length ``gust_m`` over which they act."""
+    that moves 1 m/s2 from sample to sample, which the first solutions correct; none where the air is not known to
+    turn."""
+    ns = model.lever.size
     for j in range(ns + 1):
         least = 1e-8 if j in (0, ns) else 1e-10
         noise[j] = max(_rough_noise(roughness, j, ns), least)
     for k in range(ns):
         noise[ns + 1 + k] = noise[k]
-    noise[noise.size - 3], noise[noise.size - 2], noise[noise.size - 1] = 1.0, 1e-4, 0.0
-    if gust_m[1] == 0.0:
-        noise[noise.size - 3] = 0.0
+    noise[GUST], noise[ROLLING], noise[BETWEEN] = 1.0, 1e-4, 0.0
+    if model.turn_smoothing_m == 0.0:
+        noise[GUST] = 0.0
 
 
 @part
-def _present(sums, settings, exponents, longitudinal, roll, scale, forward_speed):  # type: ignore[no-untyped-def]
+def _present(model, sums, scale, forward_speed):  # type: ignore[no-untyped-def]
     """Scale from referred to present derivatives, and the kinematic part per state, at the block's mean condition."""
-    airspeed, density, alpha = sums[0] / sums[4], sums[1] / sums[4], sums[3] / sums[4]
-    pressure = density * airspeed / (settings[5] * settings[4])
+    exponents, reference = model.exponents, model.reference_airspeed_m_s
+    count = sums[SAMPLES]
+    airspeed, density, alpha = sums[AIRSPEED] / count, sums[DENSITY] / count, sums[ALPHA] / count
+    pressure = density * airspeed / (model.reference_density_kg_m3 * reference)
     columns, ns = exponents.size, forward_speed.size
     for a in range(scale.size):
-        scale[a] = pressure if exponents[a % columns] == 1.0 else pressure * airspeed / settings[4]
+        scale[a] = pressure if exponents[a % columns] == 1.0 else pressure * airspeed / reference
     forward_speed[:] = 0.0
-    forward_speed[ns - 1] = airspeed * math.cos(alpha) * (1.0 if longitudinal else -1.0)
-    if roll:
+    forward_speed[ns - 1] = airspeed * math.cos(alpha) * (1.0 if model.longitudinal else -1.0)
+    if model.roll:
         forward_speed[1] = airspeed * math.sin(alpha)
 
 
 @lean
-def _believe(noise, fresh, noise_known, share, dt, roughness, plant, air):  # type: ignore[no-untyped-def]
+def _update_noise(at, fresh, fraction, dt, roughness, plant, air):  # type: ignore[no-untyped-def]
     """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
 
     Sensors' noise is the same in all blocks, and white, so between half and all of the roughness (two standard
@@ -157,14 +235,15 @@ def _believe(noise, fresh, noise_known, share, dt, roughness, plant, air):  # ty
     sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s. Air changes: of earlier blocks little is
     believed.
     """
-    first, ns, slope = noise.size - AIR_LEVELS, plant.lever.size, plant.derivatives[0, 0]
-    gust_walk = noise[first] * dt * dt / 3.0
+    noise, noise_known = at.noise, at.noise_known
+    first, ns, slope = noise.size - AIR_VARIANCES, plant.lever.size, plant.derivatives[0, 0]
+    gust_walk = noise[GUST] * dt * dt / 3.0
     for j in range(noise.size):
         if 2 * ns + 1 <= j < first:
             continue
         sensor = j <= ns
-        known = noise_known[noise.size] if j < first else min(noise_known[noise.size], AIR_MEMORY)
-        noise[j] = (known * noise_known[j] + share * fresh[j]) / (known + share)
+        known = noise_known[WEIGHT] if j < first else min(noise_known[WEIGHT], AIR_MEMORY)
+        noise[j] = (known * noise_known[j] + fraction * fresh[j]) / (known + fraction)
         if sensor:
             rough = _rough_noise(roughness, j, ns)
             most = rough * (1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0)))
@@ -179,98 +258,91 @@ def _believe(noise, fresh, noise_known, share, dt, roughness, plant, air):  # ty
     noise[ns + 1 if plant.by_accelerometer else ns] = 0.0
     if air.turn != 0.0:
         noise[ns + 1] = 0.0  # all that a force equation leaves out is the gust's rate
-    noise[noise.size - 1] = between_samples_variance(noise[first], dt)
+    noise[BETWEEN] = between_samples_variance(noise[GUST], dt)
     if ns == 3:
         noise[ns + 2] = 0.0
 
 
 @part
-def _plant(model, theta, scale, kinematic, states):  # type: ignore[no-untyped-def]
-    """``Plant`` at ``theta``, in the arrays ``states``."""
-    present, forward_speed, roll_column = states[0], states[1], states[2]
+def _plant(model, theta, work):  # type: ignore[no-untyped-def]
+    """``Plant`` at ``theta``, in the arrays of the workspace."""
+    present, roll_column, scale = work.derivatives, work.roll_column, work.scale
     ns, nd = present.shape
     for k in range(ns):
         for j in range(nd):
             present[k, j] = theta[k * nd + j] * scale[k * nd + j]
-        roll_column[k] = present[k, 1] if model[6] else 0.0
-    return Plant(present, forward_speed, model[1], roll_column, model[2], kinematic)
+        roll_column[k] = present[k, 1] if model.roll else 0.0
+    kinematic = work.noise.weights.shape[0] > ns
+    return Plant(present, work.forward_speed, model.lever, roll_column, model.by_accelerometer, kinematic)
 
 
 @part
-def _form(model, block, theta, noise, power, share, room, told):  # type: ignore[no-untyped-def]
-    """The block's equations at ``theta``, and what of them is signal."""
-    omega, lever, _, exponents, settings, longitudinal, _, gust_m = model
-    _, rows, sums, roughness = block
-    transforms, between, phase, product, response, _ = room[0]
-    normal, squares, lines, work = room[1], room[3], room[4], room[6]
-    matrices, vectors, _ = told
-    ns, nu = lever.size, exponents.size - lever.size
-    forward_speed, suspected = room[2][1], room[2][3]
-    scale, g, driven, score = lines[0], lines[1], lines[2], lines[3]
-    n_noise, m = squares[0], matrices[4]
-    span = rows[1, 0] - rows[0, 0]
-    air = air_of(gust_m, sums[0] / sums[4], gust_m[2], longitudinal)
-    plant = _plant(model, theta, scale, work.weights.shape[0] > ns, room[2])
+def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-untyped-def]
+    """The block's equations where it is linearised, and what of them is signal."""
+    omega, theta, noise, rows, sums = model.omega, at.theta, at.noise, block.rows, block.sums
+    transforms, normal, weighing, equation = work.transforms, work.normal, work.noise, work.equation
+    scale, g, bias, score = work.scale, work.expected, equation.bias, equation.vector
+    n_noise, m, suspected = equation.noise, equation.power, equation.suspected
+    nd, ns = model.exponents.size, model.lever.size
+    span = rows[LAST, TIME] - rows[START, TIME]
+    air = air_of(model, sums[AIRSPEED] / sums[SAMPLES])
+    plant = _plant(model, theta, work)
     between_samples(
-        omega, transforms[0], phase, rows[0], rows[1], span / max(sums[4] - 1.0, 1.0), settings[7 + nu : 7 + 2 * nu],
-        theta, scale, forward_speed, lever, ns, nu, between, transforms[1],
-    )  # fmt: skip
-    weigh(omega, plant, air, noise, power, work)
-    responses(omega, transforms[1], phase, rows[0], rows[1], plant, response)
-    present_regressors(omega, transforms[1], (rows[0], sums), exponents, plant, air, work.believed, response)
+        model, rows, span / max(sums[SAMPLES] - 1.0, 1.0), theta, scale, work.forward_speed, transforms
+    )
+    weigh(omega, plant, air, noise, power, weighing)
+    responses(omega, rows, plant, transforms)
+    present_regressors(model, block, plant, air, weighing.believed, transforms)
     nuisance_variances(plant, air, noise, power / span, normal.variances)
-    normal_equations(transforms[1], response, plant, share, work, product, normal)
+    normal_equations(transforms, plant, fraction, weighing.weights, normal)
     eliminate(normal, theta, scale, span, m, score)
-    noise_power(omega, plant, air, noise, power, work, n_noise)
-    bins = reduce_weights(transforms[1], ns + nu + 1, normal, work)
-    expected_products(omega, plant, noise, power, work, g, driven)
+    noise_power(omega, plant, air, noise, power, weighing, n_noise)
+    bins = reduce_weights(transforms.regressors, nd + 1, normal, weighing)
+    expected_products(omega, plant, noise, power, weighing, g, bias)
     for a in range(scale.size):
         score[a] -= scale[a] * g[a]
-        driven[a] *= scale[a]
+        bias[a] *= scale[a]
         for b in range(scale.size):
             n_noise[a, b] *= scale[a] * scale[b]
     for j in range(ns):
-        suspected[j] = max(1.0, _rough_noise(roughness, j, ns) / noise[j])
-    reduce_information(
-        m, n_noise, suspected, score, driven, max(settings[3], noise_edge(ns + nu, bins * share)),
-        squares[4:], lines[7:], room[5], (vectors[0], vectors[1], vectors[2], vectors[3]),
-        (matrices[0], matrices[1], matrices[2]),
-    )  # fmt: skip
+        suspected[j] = max(1.0, _rough_noise(block.roughness, j, ns) / noise[j])
+    smallest = max(model.smallest_signal, noise_edge(nd, bins * fraction))
+    reduce_information(equation, smallest, work.directions, found.gained, found.evidence)
 
 
 @part
-def _gain(theta, gain, told):  # type: ignore[no-untyped-def]
+def _gain(theta, gain, found):  # type: ignore[no-untyped-def]
     """From scores at ``theta`` to those at zero, everything ``gain`` times (two real parts a bin)."""
-    sensitivity, kept, evidence = told[0][0], told[0][1], told[0][2]
-    add, driven, evidence_vector, gust = told[1][0], told[1][1], told[1][2], told[1][3]
+    gained, evidence = found.gained, found.evidence
+    sensitivity, kept, matrix = gained.sensitivity, gained.information, evidence.information
+    add, bias, vector, evidence_bias = gained.vector, gained.bias, evidence.vector, evidence.bias
     for a in range(theta.size):
-        driven[a] *= gain
-        gust[a] *= gain
+        bias[a] *= gain
+        evidence_bias[a] *= gain
         for b in range(theta.size):
             add[a] += sensitivity[a, b] * theta[b]
-            evidence_vector[a] += evidence[a, b] * theta[b]
+            vector[a] += matrix[a, b] * theta[b]
             sensitivity[a, b] *= gain
             kept[a, b] *= gain
-            evidence[a, b] *= gain
+            matrix[a, b] *= gain
         add[a] *= gain
-        evidence_vector[a] *= gain
+        vector[a] *= gain
 
 
 @lean
-def _moved(memory, prior, more, more_score, squares, inverse, moved):  # type: ignore[no-untyped-def]
-    """What is known with the block: the inverse of its sensitivity (p, p), and the derivatives (p,)."""
-    value, std = prior
-    total = squares[2]
-    p = moved.size
-    for a in range(p):
-        for b in range(p):
-            total[a, b] = memory[0][a, b] + more[a, b]
+def _moved(memory, gained, prior, work, moved):  # type: ignore[no-untyped-def]
+    """What is known with the block: the inverse of its sensitivity, into ``work``, and the derivatives (k,)."""
+    total, inverse, std = work.total, work.inverse, prior.std
+    k = moved.size
+    for a in range(k):
+        for b in range(k):
+            total[a, b] = memory.sensitivity[a, b] + gained.sensitivity[a, b]
         total[a, a] += 1.0 / (std[a] * std[a])
     invert(total, inverse)
     moved[:] = 0.0
-    for b in range(p):
-        score = memory[2][b] + more_score[b] + value[b] / (std[b] * std[b])
-        for a in range(p):
+    for b in range(k):
+        score = memory.vector[b] + gained.vector[b] + prior.value[b] / (std[b] * std[b])
+        for a in range(k):
             moved[a] += inverse[a, b] * score
 
 
@@ -286,90 +358,77 @@ def _learned(inverse, information):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _covariance(sensitivity_inverse, information, more, driven, more_driven, std, squares, line, out):  # type: ignore[no-untyped-def]
-    """A^-1 C A^-1 and the gusts' bias, C the information with the prior's in it."""
+def _covariance(memory, gained, std, work, out):  # type: ignore[no-untyped-def]
+    """A^-1 C A^-1, with A^-1 of ``_moved`` and the prior's information in C, and the bias, (k, k)."""
+    inverse, total, line = work.inverse, work.total, work.line
     p = std.size
-    total, half = squares[2], squares[3]
     for a in range(p):
         for b in range(p):
-            total[a, b] = information[a, b] + more[a, b]
+            total[a, b] = memory.information[a, b] + gained.information[a, b]
         total[a, a] += 1.0 / (std[a] * std[a])
-    congruence(sensitivity_inverse, total, half, out)
+    congruence(inverse, total, work.half, out)
     for a in range(p):
         line[a] = 0.0
         for b in range(p):
-            line[a] += sensitivity_inverse[a, b] * (driven[b] + more_driven[b])
+            line[a] += inverse[a, b] * (memory.bias[b] + gained.bias[b])
     for a in range(p):
         for b in range(p):
             out[a, b] += line[a] * line[b]
 
 
 @lean
-def solve_block(model, block, theta, noise, noise_known, memory, prior, asked, room, told):  # type: ignore[no-untyped-def]
+def solve_block(model, block, at, memory, prior, asked, work, found):  # type: ignore[no-untyped-def]
     """Solve with a block.
 
     Args:
-        model: omega, lever, by_accelerometer, exponents, settings, longitudinal, roll as ``FourierEstimator`` has them,
-            and the lengths over which gusts are smoothed and by which the vane is ahead.
-        block: bank, rows, sums, roughness.
-        theta, noise: at which the block is linearised; in place, unless ``asked`` is ``ALONE``.
-        noise_known: of earlier blocks, and their weight.
-        memory: sensitivity, information, vector and driven part of what is known without the block.
-        prior: value and standard deviation.
+        at: ``Linearisation``; in place, unless ``asked`` is ``ALONE``.
+        memory: what is known without the block.
+        prior: ``Prior``.
         asked: ``ALONE``, ``LEARN``, ``MOVE`` or ``BEGIN``.
-        room, told: of ``solution_room``; told becomes what the block says.
+        work: ``SolutionWorkspace``.
+        found: ``BlockSolution``; becomes what the block says.
     """
-    omega, lever, _, exponents, settings, longitudinal, roll, gust_m = model
-    bank, rows, sums, roughness = block
-    transforms, _, phase, _, response, whitened = room[0]
-    normal, squares, lines, work = room[1], room[3], room[4], room[6]
-    ns, nu = lever.size, exponents.size - lever.size
-    span = rows[1, 0] - rows[0, 0]
-    power = span * span / max(sums[4] - 1.0, 1.0)
-    share = min(1.0, span / settings[0])
-    scale, moved, change = lines[0], lines[4], lines[5]
-    inverse = squares[1]
-    air = air_of(gust_m, sums[0] / sums[4], gust_m[2], longitudinal)
-    block_transforms(omega, bank, span, air.turn_s, ns, nu, transforms[0], phase)
-    _present(sums, settings, exponents, longitudinal, roll, scale, room[2][1])
+    omega, rows, sums, theta, noise = model.omega, block.rows, block.sums, at.theta, at.noise
+    transforms, normal, weighing, scale = work.transforms, work.normal, work.noise, work.scale
+    ns, nu = model.lever.size, model.servo_s.size
+    span = rows[LAST, TIME] - rows[START, TIME]
+    power = span * span / max(sums[SAMPLES] - 1.0, 1.0)
+    fraction = min(1.0, span / model.block_s)
+    air = air_of(model, sums[AIRSPEED] / sums[SAMPLES])
+    block_transforms(omega, block.bank, span, air.turn_s, ns, nu, transforms.lines, transforms.phase)
+    _present(model, sums, scale, work.forward_speed)
     for j in range(nu):
-        found = min(settings[7 + j], sums[6 + j] / (6.0 * max(sums[5], 1.0)))
-        noise[2 * ns + 1 + j] = max(found, INPUT_RESOLUTION)
-    noise[noise.size - 1] = between_samples_variance(noise[noise.size - AIR_LEVELS], power / span)
+        variance = min(
+            model.input_variance[j], sums[INPUT_DIFFERENCES + j] / (6.0 * max(sums[DIFFERENCES], 1.0))
+        )
+        noise[2 * ns + 1 + j] = max(variance, INPUT_RESOLUTION)
+    noise[BETWEEN] = between_samples_variance(noise[GUST], power / span)
     for _ in range(3 if asked == BEGIN else 1):
-        _form(model, block, theta, noise, power, share, room, told)
-        _gain(theta, 2.0 * share, told)
+        _form(model, block, at, power, fraction, work, found)
+        _gain(theta, 2.0 * fraction, found)
         if asked == ALONE:
             return
-        _moved(memory, prior, told[0][0], told[1][0], squares, inverse, moved)
+        _moved(memory, found.gained, prior, work.posterior, work.moved)
         for a in range(theta.size):
-            change[a] = moved[a] - theta[a]
-            theta[a] = moved[a]
-        nuisance_of(normal, change, scale)
-        plant = _plant(model, theta, scale, work.weights.shape[0] > ns, room[2])
-        weigh(omega, plant, air, noise, power, work)
-        residual_of(transforms[1], response, plant, normal.values, work.weights, whitened)
-        taken = degrees_of_freedom(normal, share) + _learned(inverse, told[0][1])
-        left = 1.0 - taken / (2.0 * omega.size * share * whitened.shape[0])
-        noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, work, told[2])
-        _believe(noise, told[2], noise_known, share, power / span, roughness, plant, air)
+            work.change[a] = work.moved[a] - theta[a]
+            theta[a] = work.moved[a]
+        nuisance_of(normal, work.change, scale)
+        plant = _plant(model, theta, work)
+        weigh(omega, plant, air, noise, power, weighing)
+        residual_of(transforms, plant, normal.values, weighing.weights)
+        whitened = transforms.whitened
+        taken = degrees_of_freedom(normal, fraction) + _learned(
+            work.posterior.inverse, found.gained.information
+        )
+        left = 1.0 - taken / (2.0 * omega.size * fraction * whitened.shape[0])
+        noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, weighing, found.noise)
+        _update_noise(at, found.noise, fraction, power / span, block.roughness, plant, air)
     if asked >= MOVE:
-        _covariance(
-            inverse, memory[1], told[0][1], memory[3], told[1][1], prior[1], squares, lines[6], told[0][3]
-        )  # fmt: skip
+        _covariance(memory, found.gained, prior.std, work.posterior, found.covariance)
 
 
 @lean
-def remembered(memory, nothing, prior, squares, line, mean, covariance):  # type: ignore[no-untyped-def]
-    """Mean (k,) and covariance (k, k) of what is remembered.
-
-    Args:
-        memory: sensitivity, information, vector and driven part.
-        nothing: matrices (1 or more, k, k) and vectors (1 or more, k) of zeros.
-        prior: value and standard deviation.
-        squares, line: room, (4 or more, k, k) and (k,).
-    """
-    _moved(memory, prior, nothing[0][0], nothing[1][0], squares, squares[1], mean)
-    _covariance(
-        squares[1], memory[1], nothing[0][0], memory[3], nothing[1][0], prior[1], squares, line, covariance
-    )  # fmt: skip
+def remembered(memory, prior, work, mean, covariance):  # type: ignore[no-untyped-def]
+    """Mean (k,) and covariance (k, k) of what is remembered; ``work`` is a ``PosteriorWorkspace``."""
+    _moved(memory, work.nothing, prior, work, mean)
+    _covariance(memory, work.nothing, prior.std, work, covariance)

@@ -1,4 +1,5 @@
-"""Kernels of the Fourier form with the memory that they ask of their caller, for tests of one of them at a time."""
+"""Kernels of the Fourier estimator with the memory that they ask of their caller, for tests of one of them at a
+time."""
 
 from typing import Any
 
@@ -6,111 +7,138 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier import bank as transforms
-from wingwatch.estimators.fourier import between, change, marks
-from wingwatch.estimators.fourier.directions import DIRECTION_LINES, DIRECTION_SQUARES, reduce_information
-from wingwatch.estimators.fourier.forgetting import FORGETTING_LINES, FORGETTING_SQUARES, replaced
+from wingwatch.estimators.fourier import between, change, checkpoints
+from wingwatch.estimators.fourier.directions import directions_workspace, reduce_information
+from wingwatch.estimators.fourier.forgetting import forgetting_workspace, replaced
+from wingwatch.estimators.fourier.solution import zero_memory
+from wingwatch.estimators.fourier.state import (
+    Block,
+    Checkpoints,
+    Equation,
+    Evidence,
+    Filters,
+    Memory,
+    Model,
+    Prior,
+    Transforms,
+)
 
 Array = NDArray[np.float64]
 Real = NDArray[np.floating[Any]]
 
+PITCH_MODEL = Model(
+    omega=np.array([1.0]),
+    lever=np.zeros(2),
+    exponents=np.array([1.0, 1.0, 2.0]),
+    servo_s=np.array([np.inf]),
+    input_variance=np.zeros(1),
+    prior=Prior(np.zeros(6), np.ones(6)),
+    reference_airspeed_m_s=25.0,
+    reference_density_kg_m3=1.225,
+    block_s=10.0,
+    first_solution_s=2.0,
+    memory_s=40.0,
+    stale_s=30.0,
+    smallest_signal=0.5,
+    roll_smoothing_m=0.0,
+    turn_smoothing_m=0.0,
+    vane_ahead_m=0.0,
+    by_accelerometer=True,
+    longitudinal=True,
+    roll=False,
+)
+"""Two states and one input; tests replace what they are about."""
+
+
+def new_filters(bins: int) -> Filters:
+    """Filters before the first sample."""
+    return Filters(np.zeros((8, bins)), np.full(1, -1.0))
+
+
+def rows_before(rows: Real, k: int) -> Array:
+    """``Block.rows`` before sample k of a record that began with its first row."""
+    return np.stack([rows[0], rows[k - 1], rows[k - 2] if k > 1 else np.full(rows.shape[1], np.nan)])
+
 
 def reduced(
-    m: Real, noise: Real, suspected: Real, score: Real, driven: Real, smallest: float
+    m: Real, noise: Real, suspected: Real, score: Real, bias: Real, smallest: float
 ) -> tuple[list[Array], list[Array]]:
-    """``reduce_information``: sensitivity, kept, evidence; then score, driven part, evidence's score and bias."""
+    """``reduce_information``: sensitivity, kept, evidence; then score, bias, evidence's score and bias."""
     p = len(m)
-    vectors, matrices = [np.empty(p) for _ in range(4)], [np.empty((p, p)) for _ in range(3)]
-    squares, lines = np.empty((DIRECTION_SQUARES, p, p)), np.empty((DIRECTION_LINES, p))
-    reduce_information(
-        m,
-        noise,
-        suspected,
-        score,
-        driven,
-        smallest,
-        squares,
-        lines,
-        np.empty((p, 2)),
-        tuple(vectors),
-        tuple(matrices),
-    )
-    return matrices, vectors
+    gained, evidence = zero_memory(p), Evidence(np.empty((p, p)), np.empty(p), np.empty(p))
+    equation = Equation(m, noise, score, bias, suspected)  # type: ignore[arg-type]
+    reduce_information(equation, smallest, directions_workspace(p), gained, evidence)
+    matrices = [gained.sensitivity, gained.information, evidence.information]
+    return matrices, [gained.vector, gained.bias, evidence.vector, evidence.bias]
 
 
-def left_by(reserve: Real, known: Real, gained: Real, share: float) -> Array:
-    """``replaced``: what a reserve is multiplied by."""
+def left_by(discounted: Real, known: Real, gained: Real, decay: float) -> Array:
+    """``replaced``: what discounted information is multiplied by."""
     k = len(known)
-    squares, lines, out = (
-        np.empty((FORGETTING_SQUARES, k, k)),
-        np.empty((FORGETTING_LINES, k)),
-        np.empty((k, k)),
-    )
-    replaced(reserve, known, gained, share, squares, lines, out)
+    out = np.empty((k, k))
+    replaced(discounted, known, gained, decay, forgetting_workspace(k), out)
     return out
 
 
 def change_of(window: Real, vector: Real, mean: Real, covariance: Real) -> tuple[Array, Array]:
-    """``change.change_of``: K and pull."""
-    k = len(mean)
-    weight, pull = np.empty((k, k)), np.empty(k)
-    change.change_of(window, vector, mean, covariance, np.empty((k, k)), np.empty((k, k + 1)), weight, pull)
-    return weight, pull
+    """``change.change_of``: K and r."""
+    work = change.change_workspace(len(mean))
+    change.change_of(window, vector, mean, covariance, work)
+    return work.information, work.vector
 
 
 def changed_derivatives(
-    weight: Real, pull: Real, size: Real, threshold: float, changed: NDArray[np.bool_]
+    information: Array, vector: Array, size: Real, threshold: float, changed: NDArray[np.bool_]
 ) -> float:
-    """``change.changed_derivatives`` that asks of every derivative."""
-    k = len(pull)
-    room = np.empty((k, k)), np.empty((k, k + 1)), np.empty(k)
-    return float(change.changed_derivatives(weight, pull, size, threshold, 0.0, *room, changed))
+    """``change.changed_derivatives`` of K and r, which are overwritten."""
+    work = change.change_workspace(len(size))._replace(information=information, vector=vector)
+    return float(change.changed_derivatives(size, threshold, work, changed))
 
 
-def free_memory(
-    sensitivity: Real,
-    information: Real,
-    vector: Real,
-    driven: Real,
-    size: Real,
-    changed: NDArray[np.bool_],
-) -> None:
-    """``change.free_memory``."""
-    k = len(vector)
-    change.free_memory(sensitivity, information, vector, driven, size, changed, np.empty(k), np.empty(k))
+def inflate_covariance(memory: Memory, size: Real, changed: NDArray[np.bool_]) -> None:
+    """``change.inflate_covariance``."""
+    change.inflate_covariance(memory, size, changed, change.change_workspace(len(size)))
 
 
-def since_mark(
-    omega: Real, bank: Real, rows: Real, sums: Real, roughness: Real, mark: tuple[Array, Array, Array]
-) -> tuple[Array, Array]:
-    """``marks.since_mark``: bank and rows of the part."""
-    part, ends = np.empty(bank.shape), np.empty(rows.shape)
-    marks.since_mark(
-        omega, bank, rows, sums, roughness, *mark, part, ends, np.empty_like(sums), np.empty_like(roughness)
+def since_checkpoint(omega: Real, block: Block, checkpoint: Block) -> Block:
+    """``checkpoints.since_checkpoint``, of a block as it was: the window since then."""
+    k = 1
+    kept = Memory(np.empty((1, k, k)), np.empty((1, k, k)), np.empty((1, k)), np.empty((1, k)))
+    points = Checkpoints(
+        checkpoint.bank[None], checkpoint.rows[1:2], checkpoint.sums[None], checkpoint.roughness[None], kept
     )
-    return part, ends
+    window = Block(*(np.empty_like(array) for array in block))
+    checkpoints.since_checkpoint(omega, block, points, 0, window)
+    return window
 
 
 def transforms_of(omega: Real, bank: Real, span: float, ns: int, nu: int) -> tuple[Array, Array]:
-    """``bank.block_transforms``: (channels, 2, frequencies), phase (2, frequencies); span smoothed 0.1 s."""
+    """``bank.block_transforms``: (channels, 2, bins), phase (2, bins); span smoothed 0.1 s."""
     out = np.empty((len(bank) + transforms.NUISANCE - 1, 2, omega.size))
     phase = np.empty((2, omega.size))
     transforms.block_transforms(omega, bank, span, 0.1, ns, nu, out, phase)
     return out, phase
 
 
-def curves_of(
-    omega: Real, lines: Real, phase: Real, rows: Real, dt: float, servo_s: Real, theta: Real, forward: Real,
-    lever_m: float,
-) -> Array:  # fmt: skip
-    """``between.between_samples`` of two states and one input, the force seen ``lever_m`` ahead of the c.g."""
-    out, room, lever = np.empty(lines.shape), np.empty((2, 3, 2, omega.size)), np.array([0.0, lever_m])
-    between.between_samples(
-        omega, lines, phase, rows[0], rows[-1], dt, servo_s, theta, np.ones(6), forward, lever, 2, 1,
-        room, out,
-    )  # fmt: skip
-    return out
+def curves_of(model: Model, lines: Array, phase: Array, rows: Real, dt: float, forward: Real) -> Array:
+    """``between.between_samples`` of the prior's derivatives, at the reference condition."""
+    bins = model.omega.size
+    none = np.empty((2, bins))
+    work = Transforms(
+        lines,
+        np.empty(lines.shape),
+        np.empty((3, 2, bins)),
+        np.empty((3, 2, bins)),
+        phase,
+        none,
+        none[None],
+        none[None],
+    )
+    ends = np.stack([rows[0], rows[-1], rows[-2]])
+    between.between_samples(model, ends, dt, model.prior.value, np.ones(6), forward, work)
+    return work.regressors
 
 
 def as_complex(planar: Real) -> NDArray[np.complex128]:
-    """(channels, 2, frequencies), or (2, frequencies), as complex (frequencies, channels) or (frequencies,)."""
+    """(channels, 2, bins), or (2, bins), as complex (bins, channels) or (bins,)."""
     return np.asarray(np.moveaxis(planar[..., 0, :] + 1j * planar[..., 1, :], 0, -1))

@@ -1,15 +1,16 @@
-"""A derivative that changes is followed, what is known of the others stays, and chance sets little free."""
+"""A derivative that changes is followed, what is known of the others stays, and chance inflates few covariances."""
 
 import numpy as np
 import pytest
 from convergence import Course
 from estimator_plants import PITCH, Array, doublets, fourier, make_signals
-from kernels import change_of, changed_derivatives, free_memory, since_mark
+from kernels import change_of, changed_derivatives, inflate_covariance, since_checkpoint
 from reference_plant import PLANTS
 from tracking import CHANGED, follow_step, stepped_truth
 
 from wingwatch.estimators import FourierState
 from wingwatch.estimators.fourier.change import CHANGE_LOG_THRESHOLD
+from wingwatch.estimators.fourier.state import Block, Memory
 
 SIZE = np.array([4.0, 25.0, 2.0, 4.0, 6.0, 32.0])
 
@@ -32,9 +33,9 @@ def test_the_change_and_no_other_is_found() -> None:
         truth = rng.standard_normal(6) * SIZE
         mean = truth + np.linalg.cholesky(np.linalg.inv(memory)) @ rng.standard_normal(6)
         moved = truth + 0.4 * SIZE * (np.arange(6) == k)
-        weight, pull = change_of(window, window_of(moved, window, rng), mean, np.linalg.inv(memory))
+        matrix, vector = change_of(window, window_of(moved, window, rng), mean, np.linalg.inv(memory))
         changed = np.zeros(6, dtype=np.bool_)
-        assert changed_derivatives(weight, pull, SIZE, CHANGE_LOG_THRESHOLD, changed) > CHANGE_LOG_THRESHOLD
+        assert changed_derivatives(matrix, vector, SIZE, CHANGE_LOG_THRESHOLD, changed) > CHANGE_LOG_THRESHOLD
         assert changed.tolist() == [j == k for j in range(6)]
 
 
@@ -45,26 +46,26 @@ def test_chance_passes_a_threshold_no_more_often_than_its_inverse() -> None:
     for _ in range(4000):
         memory, window = some_information(rng, 10.0), some_information(rng, rng.choice([0.1, 1.0, 10.0]))
         mean = np.linalg.cholesky(np.linalg.inv(memory)) @ rng.standard_normal(6)
-        weight, pull = change_of(window, window_of(np.zeros(6), window, rng), mean, np.linalg.inv(memory))
-        passed += changed_derivatives(weight, pull, SIZE, np.log(20.0), changed) > np.log(20.0)
+        matrix, vector = change_of(window, window_of(np.zeros(6), window, rng), mean, np.linalg.inv(memory))
+        passed += changed_derivatives(matrix, vector, SIZE, np.log(20.0), changed) > np.log(20.0)
     assert passed <= 4000 / 20
 
 
-def test_a_window_that_saw_nothing_frees_nothing() -> None:
+def test_a_window_that_saw_nothing_inflates_nothing() -> None:
     changed = np.ones(6, dtype=np.bool_)
-    weight, pull = change_of(np.zeros((6, 6)), np.zeros(6), SIZE.copy(), np.diag(SIZE**2))
-    assert changed_derivatives(weight, pull, SIZE, CHANGE_LOG_THRESHOLD, changed) == pytest.approx(0.0)
+    matrix, vector = change_of(np.zeros((6, 6)), np.zeros(6), SIZE.copy(), np.diag(SIZE**2))
+    assert changed_derivatives(matrix, vector, SIZE, CHANGE_LOG_THRESHOLD, changed) == pytest.approx(0.0)
     assert not changed.any()
 
 
-def test_freed_memory_has_the_covariance_of_one_that_may_have_changed() -> None:
+def test_inflated_memory_has_the_covariance_of_one_that_may_have_changed() -> None:
     rng = np.random.default_rng(3)
     sensitivity, information = some_information(rng, 10.0), some_information(rng, 10.0)
-    vector, driven = rng.standard_normal(6), rng.standard_normal(6)
+    vector, bias = rng.standard_normal(6), rng.standard_normal(6)
     inverse = np.linalg.inv(sensitivity)
     before, mean = inverse @ information @ inverse, inverse @ vector
     changed = np.array([False, True, False, False, False, True])
-    free_memory(sensitivity, information, vector, driven, SIZE, changed)
+    inflate_covariance(Memory(sensitivity, information, vector, bias), SIZE, changed)
     after = np.linalg.inv(sensitivity)
     np.testing.assert_allclose(
         after @ information @ after, before + np.diag(SIZE**2 * changed), rtol=1e-8, atol=1e-9
@@ -72,20 +73,22 @@ def test_freed_memory_has_the_covariance_of_one_that_may_have_changed() -> None:
     np.testing.assert_allclose(after @ vector, mean, rtol=1e-8)
 
 
-def test_a_block_cut_at_a_mark_is_one_that_began_there() -> None:
+def block_of(state: FourierState) -> Block:
+    """The running block of the first vehicle."""
+    return Block(state.bank[0], state.rows[0], state.sums[0], state.roughness[0])
+
+
+def test_a_block_cut_at_a_checkpoint_is_one_that_began_there() -> None:
     runner = fourier(PITCH)
     rows = make_signals(PITCH, doublets(PITCH, 9.0))[None]
     state, later = runner.init(1), runner.init(1)
     assert isinstance(state, FourierState)
     assert isinstance(later, FourierState)
     runner.update(state, rows[:, :201])
-    bank, row = state.bank[0].copy(), state.rows[0, 1].copy()
-    sums = np.concatenate([state.sums[0], state.roughness[0]])
+    checkpoint = Block(*(array.copy() for array in block_of(state)))
     runner.update(state, rows[:, 201:400])
-    part, ends = since_mark(
-        runner.estimator.config.omega_rad_s,  # type: ignore[union-attr]
-        state.bank[0], state.rows[0], state.sums[0], state.roughness[0], (bank, row, sums),
-    )  # fmt: skip
+    omega = runner.estimator.config.omega_rad_s  # type: ignore[union-attr]
+    part, ends, *_ = since_checkpoint(omega, block_of(state), checkpoint)
     runner.update(later, rows[:, 200:400])
     np.testing.assert_allclose(part, later.bank[0], rtol=0.0, atol=1e-9 * np.abs(later.bank).max())
     np.testing.assert_array_equal(ends[:2], later.rows[0, :2])
@@ -108,8 +111,8 @@ def test_a_step_is_followed_within_three_seconds(courses: tuple[int, dict[str, C
     assert (scores[..., others] < 4.0).all(), scores.max(axis=(0, 1))
 
 
-def test_the_filter_that_is_told_follows_too(courses: tuple[int, dict[str, Course]]) -> None:
-    """Told, it sets the derivative free when it changed and runs again what came since: no later than the first."""
+def test_the_filter_that_learns_of_it_follows_too(courses: tuple[int, dict[str, Course]]) -> None:
+    """It inflates the covariance as of the change and filters again what came since: no later than the first."""
     number, found = courses
     course, truth = (
         next(c for name, c in found.items() if name.startswith("ekf, told")),

@@ -1,4 +1,4 @@
-"""Directional forgetting: what new data replace goes, everything else stays in reserve."""
+"""Directional forgetting: what new data replace goes, everything else is kept."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from kernels import left_by
 from wingwatch.estimators import FourierState
 from wingwatch.estimators.fourier.forgetting import EXCITED
 
-SHARE = 0.2
+DECAY = 0.2
 
 
 def positive(k: int, rank: int, seed: int) -> Array:
@@ -16,25 +16,25 @@ def positive(k: int, rank: int, seed: int) -> Array:
     return np.asarray(root @ root.T)
 
 
-def left(reserve: Array, known: Array, gained: Array) -> Array:
-    q = left_by(reserve, known, gained, SHARE)
-    return np.asarray(q @ reserve @ q.T)
+def left(discounted: Array, known: Array, gained: Array) -> Array:
+    q = left_by(discounted, known, gained, DECAY)
+    return np.asarray(q @ discounted @ q.T)
 
 
-def test_nothing_new_leaves_all_of_the_reserve() -> None:
+def test_nothing_new_leaves_all() -> None:
     reserve, known = positive(6, 6, 1), positive(6, 6, 2)
     np.testing.assert_allclose(left(reserve, known, np.zeros((6, 6))), reserve, rtol=1e-8, atol=1e-9)
 
 
 def test_where_everything_is_excited_nothing_is_left() -> None:
     reserve, known = positive(6, 6, 3), positive(6, 6, 4)
-    np.testing.assert_allclose(left(reserve, known, SHARE * known), 0.0, atol=1e-9)
+    np.testing.assert_allclose(left(reserve, known, DECAY * known), 0.0, atol=1e-9)
 
 
 def test_what_is_hardly_excited_stays() -> None:
     reserve, known = positive(6, 6, 5), positive(6, 6, 6)
     np.testing.assert_allclose(
-        left(reserve, known, 0.5 * EXCITED * SHARE * known), reserve, rtol=1e-6, atol=1e-9
+        left(reserve, known, 0.5 * EXCITED * DECAY * known), reserve, rtol=1e-6, atol=1e-9
     )
 
 
@@ -57,7 +57,7 @@ def test_what_is_known_of_other_directions_stays() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_reserve_never_grows_and_stays_information(seed: int) -> None:
+def test_discounted_information_never_grows_and_stays_information(seed: int) -> None:
     known, gained = positive(5, 5, seed), positive(5, 2, seed + 50)
     total = known + gained
     after = np.linalg.eigvalsh(left(known, total, gained))
@@ -77,7 +77,7 @@ def test_units_do_not_matter() -> None:
 def test_numbers_that_are_not_finite_replace_nothing() -> None:
     broken = np.eye(3)
     broken[0, 0] = np.nan
-    np.testing.assert_array_equal(left_by(np.eye(3), np.eye(3), broken, SHARE), np.eye(3))
+    np.testing.assert_array_equal(left_by(np.eye(3), np.eye(3), broken, DECAY), np.eye(3))
 
 
 def test_quiet_flight_leaves_what_is_known_to_the_bit() -> None:
@@ -92,12 +92,11 @@ def test_quiet_flight_leaves_what_is_known_to_the_bit() -> None:
     np.testing.assert_array_equal(state.sensitivity, known)
 
 
-def test_while_all_is_excited_no_reserve_is_left() -> None:
+def test_while_all_is_excited_nothing_discounted_is_left() -> None:
     """With a doublet every five seconds the memory is the time constant's, to a few per cent of what is known."""
     runner = fourier(PITCH)
     state = runner.run(noisy_batch(PITCH, 120.0, 2))
     assert isinstance(state, FourierState)
-    k = PITCH.truth.size
     for i in range(2):
-        reserve, known = np.diag(state.reserve[i, :, :k]), np.diag(state.sensitivity[i])
+        reserve, known = np.diag(state.discounted_sensitivity[i]), np.diag(state.sensitivity[i])
         assert (reserve < 0.05 * known).all()

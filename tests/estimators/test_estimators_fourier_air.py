@@ -1,7 +1,7 @@
 """What the bank follows beside states and surfaces: products with the growth of what acts, what is known of rates."""
 
 import numpy as np
-from kernels import as_complex, transforms_of
+from kernels import as_complex, new_filters, rows_before, transforms_of
 
 from wingwatch.estimators import SignalLayout
 from wingwatch.estimators.fourier.air import advance_air, air_channels, product_channel, rebase_products
@@ -16,18 +16,16 @@ EXPONENTS = np.array([1.0, 1.0, 2.0])
 def flown_bank(rows: np.ndarray) -> np.ndarray:
     """The bank after the last row."""
     bank = np.zeros((bank_channels(2, 1) + air_channels(2, 1), 2, OMEGA.size))
-    step, coefficients = np.full(1, -1.0), np.zeros((8, OMEGA.size))
-    before = np.full(LAYOUT.columns, np.nan)
+    filters = new_filters(OMEGA.size)
     for k in range(1, len(rows)):
-        old, new = rows[k - 1], rows[k]
-        advance_bank(OMEGA, bank, step, coefficients, old, new, before, np.array([np.inf]), 2, 1)
-        advance_air(bank, coefficients, rows[0], old, new, EXPONENTS, 2)
-        before = old
+        known = rows_before(rows, k)
+        advance_bank(OMEGA, np.array([np.inf]), filters, bank, known, rows[k], 2)
+        advance_air(EXPONENTS, filters.coefficients, bank, known, rows[k], 2)
     return bank
 
 
 def flown(rows: np.ndarray) -> np.ndarray:
-    """The transforms of the whole block, complex (frequencies, channels)."""
+    """The transforms of the whole block, complex (bins, channels)."""
     return as_complex(transforms_of(OMEGA, flown_bank(rows), rows[-1, 0] - rows[0, 0], 2, 1)[0])
 
 
@@ -63,7 +61,7 @@ def test_kinematic_term_and_known_moment_are_transformed_as_states_are() -> None
     np.testing.assert_allclose(found[:, -1], -0.5 * found[:, 0], rtol=1e-12)
 
 
-def test_products_counted_from_a_mark_are_those_of_a_block_that_begins_there() -> None:
+def test_products_counted_from_a_checkpoint_are_those_of_a_block_that_begins_there() -> None:
     rows = still()
     rows[:, 1:5] = np.random.default_rng(4).standard_normal((len(rows), 4))
     rows[:, LAYOUT.kinematic + 2] = SPEED * (1.0 + 0.1 * np.sin(rows[:, 0]))

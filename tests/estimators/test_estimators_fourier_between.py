@@ -1,16 +1,17 @@
-"""Signals between their samples: the Fourier form's transforms against those of the motion itself."""
+"""Signals between their samples: the Fourier estimator's transforms against those of the motion itself."""
 
 import numpy as np
 import pytest
-from kernels import as_complex, curves_of, transforms_of
+from kernels import PITCH_MODEL, as_complex, curves_of, new_filters, rows_before, transforms_of
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.air import air_channels
 from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
+from wingwatch.estimators.fourier.state import Prior
 
 Array = NDArray[np.float64]
 
-OMEGA = 2.0 * np.pi * np.arange(1, 31) / 10.0
+OMEGA: Array = np.asarray(2.0 * np.pi * np.arange(1, 31) / 10.0, dtype=np.float64)
 STEP_S, FINE, SPAN_S = 0.02, 200, 10.0
 A = np.array([[-4.0, 24.0], [-4.3, -6.0]])
 B = np.array([-2.4, -32.0])
@@ -28,11 +29,11 @@ def flight(command: Array, servo_s: float) -> tuple[Array, Array, Array]:
     x: Array = np.zeros(3)
     rows = [x.copy()]
     for k in range((command.size - 1) * FINE):
-        told = command[k // FINE]
+        held = command[k // FINE]
 
-        def rate(z: Array, told: float = told) -> Array:
-            surface = z[2] if servo_s > 0.0 else told
-            moved = (told - z[2]) / servo_s if servo_s > 0.0 else 0.0
+        def rate(z: Array, held: float = held) -> Array:
+            surface = z[2] if servo_s > 0.0 else held
+            moved = (held - z[2]) / servo_s if servo_s > 0.0 else 0.0
             return np.append(A @ z[:2] + B * surface, moved)
 
         k1 = rate(x)
@@ -58,13 +59,14 @@ def banked(
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Transforms of sampled rows: of lines, and of what is believed to go on between samples."""
     bank = np.zeros((bank_channels(2, 1) + air_channels(2, 1), 2, OMEGA.size))
-    step, coefficients = np.full(1, -1.0), np.zeros((8, OMEGA.size))
-    before, servo = np.full(rows.shape[1], np.nan), np.array([servo_s])
+    filters, servo = new_filters(OMEGA.size), np.array([servo_s])
     for k in range(1, len(rows)):
-        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, servo, 2, 1)
-        before = rows[k - 1]
+        advance_bank(OMEGA, servo, filters, bank, rows_before(rows, k), rows[k], 2)
     lines, phase = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
-    curves = curves_of(OMEGA, lines, phase, rows, STEP_S, servo, THETA, FORWARD, lever_m)
+    model = PITCH_MODEL._replace(
+        omega=OMEGA, lever=np.array([0.0, lever_m]), servo_s=servo, prior=Prior(THETA, np.ones(6))
+    )
+    curves = curves_of(model, lines, phase, rows, STEP_S, FORWARD)
     return as_complex(lines), as_complex(curves)
 
 
@@ -84,17 +86,17 @@ def test_curves_between_samples_are_those_of_the_motion(case: str, lever_m: floa
     lag = 0.02 if case == "servo" else 0.0
     time, states, surface = flight(doublets(), lag)
     every = slice(None, None, FINE)
-    heard = THETA[:3] - lever_m * THETA[3:]
+    felt = THETA[:3] - lever_m * THETA[3:]
     rows = np.zeros((time[every].size, 14))
     rows[:, 0], rows[:, 1:3], rows[:, 4] = time[every], states[every], surface[every]
-    rows[:, 3] = np.column_stack([states, surface])[every] @ heard
+    rows[:, 3] = np.column_stack([states, surface])[every] @ felt
     rows[:, 6] = 1.0
     servo_s = {"command": 0.0, "repeating position": np.inf, "servo": lag}[case]
     lines, curves = banked(rows, servo_s, lever_m)
     # held, the bank has it exactly, and the trapezoid has not
     moved = transform(time, surface) if case == "servo" else lines[:, 3]
     truths = {0: transform(time, states[:, 0]), 1: transform(time, states[:, 1]), 3: moved}
-    truths[2] = heard[0] * truths[0] + heard[1] * truths[1] + heard[2] * moved
+    truths[2] = felt[0] * truths[0] + felt[1] * truths[1] + felt[2] * moved
     for channel, truth in truths.items():
         scale = np.abs(truth).max()
         of_lines = np.abs(lines[:, channel] - truth).max() / scale

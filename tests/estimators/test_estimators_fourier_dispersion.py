@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 
 from wingwatch.estimators.fourier.dispersion import (
-    DISPERSION_LINES,
-    DISPERSION_SQUARES,
     disperse,
     dispersion_of,
+    dispersion_workspace,
     gather_scatter,
 )
 
 EQUATIONS, COLUMNS = 2, 3
 K = EQUATIONS * COLUMNS
 WIDE = 100.0
-ROOM = (np.empty((DISPERSION_SQUARES, K, K)), np.empty((DISPERSION_LINES, K)))
+WORK = dispersion_workspace(K)
 
 
 def scattered(factors: tuple[float, ...], blocks: int, seed: int, seen: int = K) -> np.ndarray:
@@ -31,7 +30,7 @@ def scattered(factors: tuple[float, ...], blocks: int, seed: int, seen: int = K)
         error[:seen] = np.linalg.cholesky(np.linalg.inv(evidence[:seen, :seen])) @ rng.standard_normal(seen)
         score = evidence @ (truth + wider * error)
         spread = np.linalg.inv(known)
-        gather_scatter(evidence, score, spread @ vector, spread, 1.0, scatter, *ROOM)
+        gather_scatter(evidence, score, spread @ vector, spread, 1.0, scatter, WORK)
         known += evidence
         vector += score
     return scatter
@@ -61,7 +60,7 @@ def test_without_blocks_nothing_is_widened_and_one_bad_block_does_not_rule() -> 
 
 def test_what_was_learned_fades_before_the_next_block_is_held_against_the_memory() -> None:
     scatter = np.array([[40.0, 10.0, 1.0]] * EQUATIONS)
-    gather_scatter(np.eye(K), np.full(K, 2.0), np.zeros(K), np.eye(K), 0.5, scatter, *ROOM)
+    gather_scatter(np.eye(K), np.full(K, 2.0), np.zeros(K), np.eye(K), 0.5, scatter, WORK)
     # of each equation's columns h' (J + J P J)^-1 h = 4 / 2 a column
     np.testing.assert_allclose(scatter[0], [20.0 + 2.0 * COLUMNS, 5.0 + COLUMNS, 43.0 / 13.0])
 
@@ -73,7 +72,7 @@ def test_evidence_keeps_its_values_and_gets_the_wider_errors() -> None:
     before = np.linalg.inv(evidence)
     scatter = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 9.0]])
     vector, bias = evidence @ value, evidence @ shift
-    disperse(evidence, vector, bias, scatter, *ROOM)
+    disperse(evidence, vector, bias, scatter, WORK)
     wider = np.repeat([1.0, 3.0], COLUMNS)
     np.testing.assert_allclose(np.linalg.inv(evidence), before * np.outer(wider, wider), rtol=1e-8)
     np.testing.assert_allclose(np.linalg.solve(evidence, vector), value, rtol=1e-8)
@@ -82,6 +81,6 @@ def test_evidence_keeps_its_values_and_gets_the_wider_errors() -> None:
 
 def test_a_dispersion_of_one_leaves_evidence_as_it_is_to_the_bit() -> None:
     evidence, vector, bias = np.eye(K) * 3.0, np.arange(float(K)), np.ones(K)
-    disperse(evidence, vector, bias, np.ones((EQUATIONS, 3)), *ROOM)
+    disperse(evidence, vector, bias, np.ones((EQUATIONS, 3)), WORK)
     np.testing.assert_array_equal(evidence, np.eye(K) * 3.0)
     np.testing.assert_array_equal(vector, np.arange(float(K)))

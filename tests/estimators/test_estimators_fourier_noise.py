@@ -1,13 +1,14 @@
-"""Noise, gusts and rolling air in the equations of a block: compiled sums beside whole matrices, levels found again."""
+"""Noise, gusts and rolling air in the equations of a block: compiled sums beside whole matrices, variances found
+again."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from kernels import PITCH_MODEL
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.noise import (
-    AIR_LEVELS,
     Air,
     NoiseWorkspace,
     Plant,
@@ -18,6 +19,7 @@ from wingwatch.estimators.fourier.noise import (
     weigh,
 )
 from wingwatch.estimators.fourier.products import expected_products, noise_power
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, BETWEEN, GUST
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 SPEED, POWER = 25.0, 0.2
@@ -45,9 +47,9 @@ def case(ns: int, longitudinal: bool, kinematic: bool = True, by_accelerometer: 
     derivatives = rng.standard_normal((ns, ns + 1)) - 4.0 * np.eye(ns, ns + 1)
     forward, lever = np.zeros(ns), np.zeros(ns)
     forward[ns - 1], lever[-1] = (SPEED if longitudinal else -SPEED), 0.1
-    noise = rng.uniform(0.5, 2.0, 2 * ns + 2 + AIR_LEVELS) * 1e-2
+    noise = rng.uniform(0.5, 2.0, 2 * ns + 2 + AIR_VARIANCES) * 1e-2
     noise[2 * ns + 1], noise[ns + 1] = 1e-4, 0.0
-    noise[-AIR_LEVELS:] = 20.0, 0.3, 1e-3
+    noise[GUST:] = 20.0, 0.3, 1e-3
     rolls = derivatives[:, 1].copy() if ns == 3 else np.zeros(ns)
     plant = Plant(derivatives, forward, lever, rolls, by_accelerometer, kinematic)
     turn = (-1.0 if longitudinal else 1.0) / SPEED
@@ -112,7 +114,7 @@ def test_weights_are_the_inverse_of_all_that_noise_and_air_do(name: str) -> None
         if not c.plant.by_accelerometer:
             sensors = sensors * np.array([1.0, 1.0, 0.0, 1.0])
         sigma = left @ np.diag(sensors) @ left.conj().T + np.diag(own)
-        sigma = POWER * (sigma + by_air @ np.diag(c.noise[-AIR_LEVELS:]) @ by_air.conj().T)
+        sigma = POWER * (sigma + by_air @ np.diag(c.noise[GUST:]) @ by_air.conj().T)
         found = work.weights[:, :, 0, f] + 1j * work.weights[:, :, 1, f]
         if c.plant.by_accelerometer:
             np.testing.assert_allclose(found @ sigma, np.eye(c.rows), atol=1e-8)
@@ -139,16 +141,16 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     for f, omega in enumerate(OMEGA):
         left, by_air = transfer_of(c, omega)
         w = work.weights[:, :, 0, f] + 1j * work.weights[:, :, 1, f]
-        heard = np.zeros((nd, ns + 2), complex)
-        heard[:ns, :ns], heard[ns, ns + 1] = np.eye(ns), 1.0
-        products = left @ np.diag(sensors) @ heard.conj().T
+        regressors = np.zeros((nd, ns + 2), complex)
+        regressors[:ns, :ns], regressors[ns, ns + 1] = np.eye(ns), 1.0
+        products = left @ np.diag(sensors) @ regressors.conj().T
         answer = np.linalg.inv(1j * omega * np.eye(ns) - a)
         drive = by_air[:ns].copy()
         drive[0] += by_air[ns]
         for e in range(2):
             x = answer @ drive[:, e]
-            products[:, :ns] += c.noise[-AIR_LEVELS + e] * np.outer(by_air[:, e], x.conj())
-        products[:, 0] -= c.noise[-1] * by_air[:, 2]
+            products[:, :ns] += c.noise[GUST + e] * np.outer(by_air[:, e], x.conj())
+        products[:, 0] -= c.noise[BETWEEN] * by_air[:, 2]
         want_g += POWER * (w @ products).real[:ns]
         moments = np.zeros((c.rows, ns), complex)
         moments[:ns] = np.diag(own[:ns]) @ answer.conj().T
@@ -159,12 +161,12 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     assert (np.diag(n_noise) > 0.0).all()
 
 
-@pytest.mark.parametrize("level", [0.0, 30.0])
-def test_the_gust_s_variance_is_found_and_may_be_nothing(level: float) -> None:
+@pytest.mark.parametrize("variance", [0.0, 30.0])
+def test_the_gust_s_variance_is_found_and_may_be_nothing(variance: float) -> None:
     """Residuals drawn as the model has them, with and without a gust; 20 blocks of 40 bins tell it to 4 / sqrt(800)."""
     c, rng = CASES["pitch"], np.random.default_rng(5)
     truth = c.noise.copy()
-    truth[-AIR_LEVELS] = level
+    truth[GUST] = variance
     found = []
     for _ in range(20):
         noise = c.noise.copy()
@@ -177,10 +179,10 @@ def test_the_gust_s_variance_is_found_and_may_be_nothing(level: float) -> None:
             total = np.empty(noise.size)
             parts = np.ascontiguousarray(np.stack([whitened.real, whitened.imag], axis=1))
             noise_variances(parts, 1.0, noise, POWER, work, total)
-            noise[-AIR_LEVELS] = total[-AIR_LEVELS]
-        found.append(noise[-AIR_LEVELS])
-    if level:
-        assert np.mean(found) == pytest.approx(level, rel=4.0 / np.sqrt(800))
+            noise[GUST] = total[GUST]
+        found.append(noise[GUST])
+    if variance:
+        assert np.mean(found) == pytest.approx(variance, rel=4.0 / np.sqrt(800))
     else:
         assert np.median(found) < 0.02
 
@@ -192,7 +194,7 @@ def draw(c: Case, noise: Array, rng: np.random.Generator) -> Complex:
         left, by_air = transfer_of(c, omega)
         sensors, own = variances(c)
         sigma = left @ np.diag(sensors) @ left.conj().T + np.diag(own)
-        sigma = POWER * (sigma + by_air @ np.diag(noise[-AIR_LEVELS:]) @ by_air.conj().T)
+        sigma = POWER * (sigma + by_air @ np.diag(noise[GUST:]) @ by_air.conj().T)
         z = rng.standard_normal(c.rows) + 1j * rng.standard_normal(c.rows)
         out[:, f] = np.linalg.cholesky(sigma) @ z / np.sqrt(2.0)
     return out
@@ -209,7 +211,8 @@ def test_a_walk_between_samples_is_short_of_its_line_by_a_twelfth() -> None:
 
 
 def test_the_air_of_a_span_at_an_airspeed() -> None:
-    found = air_of(np.array([3.0, 4.0]), SPEED, 0.5, True)
+    model = PITCH_MODEL._replace(roll_smoothing_m=3.0, turn_smoothing_m=4.0, vane_ahead_m=0.5)
+    found = air_of(model, SPEED)
     np.testing.assert_allclose(found, [-1.0 / SPEED, 4.0 / SPEED, 3.0 / SPEED, 0.5 / SPEED], rtol=1e-15)
-    assert air_of(np.array([3.0, 4.0]), SPEED, 0.0, False).turn == 1.0 / SPEED
-    assert air_of(np.zeros(2), SPEED, 0.0, True).turn == 0.0
+    assert air_of(model._replace(longitudinal=False), SPEED).turn == 1.0 / SPEED
+    assert air_of(PITCH_MODEL, SPEED).turn == 0.0

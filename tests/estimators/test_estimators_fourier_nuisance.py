@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.bank import NUISANCE
-from wingwatch.estimators.fourier.noise import AIR_LEVELS, Air, Plant, noise_workspace
+from wingwatch.estimators.fourier.noise import Air, Plant, noise_workspace
 from wingwatch.estimators.fourier.nuisance import (
     NO_COLUMN,
     NormalWorkspace,
@@ -19,6 +19,7 @@ from wingwatch.estimators.fourier.nuisance import (
     prior_of,
     reduce_weights,
 )
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST
 
 BINS, ROWS, STATES, FIRST = 12, 3, 2, 4
 
@@ -126,15 +127,15 @@ def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() ->
 def test_what_is_known_of_columns_before_the_flight() -> None:
     derivatives = np.array([[-4.0, -1.0, -2.0], [-3.0, -5.0, -30.0]])
     plant = Plant(derivatives, np.array([0.0, 25.0]), np.zeros(2), np.zeros(2), True, True)
-    air, noise = Air(-1.0 / 25.0, 0.15, 0.12, 0.0), np.full(2 * 2 + 2 + AIR_LEVELS, 1e-2)
-    noise[0], noise[1], noise[-AIR_LEVELS] = 2e-2, 3e-2, 20.0
+    air, noise = Air(-1.0 / 25.0, 0.15, 0.12, 0.0), np.full(2 * 2 + 2 + AIR_VARIANCES, 1e-2)
+    noise[0], noise[1], noise[GUST] = 2e-2, 3e-2, 20.0
     found = np.empty((3, NUISANCE))
     nuisance_variances(plant, air, noise, 0.02, found)
     assert np.isinf(found[:, 0]).all()
     assert np.isinf(found[:, 2]).all()
     np.testing.assert_array_equal(np.isinf(found[:, 1]), [True, True, False])
     np.testing.assert_allclose(found[:, 3], [0.0, 3e-2, 2e-2])
-    turning = 20.0 * 0.02 * 0.15 / 2.0 / 25.0**2
-    np.testing.assert_allclose(found[:, 5], [turning, 25.0 * turning, 0.0])
+    turn_variance = 20.0 * 0.02 * 0.15 / 2.0 / 25.0**2
+    np.testing.assert_allclose(found[:, 5], [turn_variance, 25.0 * turn_variance, 0.0])
     np.testing.assert_allclose(found[:, 7], [1.0 / 25.0**2, 25.0 / 25.0**2, 0.0])
     np.testing.assert_allclose(found[:, 9], [(4.0 * 0.02) ** 2, (3.0 * 0.02) ** 2, 0.0])

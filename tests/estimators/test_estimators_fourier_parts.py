@@ -5,7 +5,7 @@ import pytest
 from estimator_plants import PLANTS, Array, Plant, fourier, noisy_batch, quiet_batch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernels import as_complex, reduced, transforms_of
+from kernels import as_complex, new_filters, reduced, rows_before, transforms_of
 from numpy.typing import NDArray
 
 from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
@@ -17,14 +17,11 @@ OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 
 
 def run_bank(rows: Array, held: bool = False) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Bank (frequencies, channels) and decay after all rows, force from the accelerometer."""
+    """Bank (bins, channels) and decay after all rows, force from the accelerometer."""
     bank = np.zeros((bank_channels(2, 1), 2, OMEGA.size))
-    step, coefficients = np.full(1, -1.0), np.zeros((8, OMEGA.size))
-    before = np.full(LAYOUT.columns, np.nan)
+    filters, servo_s = new_filters(OMEGA.size), np.array([0.0 if held else np.inf])
     for k in range(1, len(rows)):
-        servo_s = np.array([0.0 if held else np.inf])
-        advance_bank(OMEGA, bank, step, coefficients, rows[k - 1], rows[k], before, servo_s, 2, 1)
-        before = rows[k - 1]
+        advance_bank(OMEGA, servo_s, filters, bank, rows_before(rows, k), rows[k], 2)
     transforms, decay = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     return as_complex(transforms), as_complex(decay)
 

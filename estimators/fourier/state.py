@@ -1,0 +1,335 @@
+"""Configuration, memory and workspaces of the recursive Fourier estimator, by name.
+
+Axes, always in this order: vehicle (in front of all that follow, where a batch of vehicles is meant), channel or
+equation, real and imaginary part, bin (frequency). k = states x (states + inputs) counts the derivatives, equation by
+equation. Derivatives are aerodynamic and referred to the reference condition, in SI units with radians; information is
+in their inverse squares.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "AIRSPEED",
+    "AIR_VARIANCES",
+    "ALPHA",
+    "ALTITUDE",
+    "BEFORE",
+    "BETWEEN",
+    "CHI_SQUARE",
+    "CLOSED",
+    "CONDITION",
+    "DENSITY",
+    "DIFFERENCES",
+    "DISPERSION",
+    "FREEDOM",
+    "GUST",
+    "INPUT_DIFFERENCES",
+    "LAST",
+    "ROLLING",
+    "SAMPLES",
+    "SOLUTIONS",
+    "START",
+    "TIME",
+    "WEIGHT",
+    "Block",
+    "BlockSolution",
+    "Checkpoints",
+    "Equation",
+    "Evidence",
+    "Filters",
+    "Linearisation",
+    "Memory",
+    "Model",
+    "Posterior",
+    "Prior",
+    "Progress",
+    "State",
+    "Transforms",
+]
+
+Array = NDArray[np.float64]
+
+TIME = 0
+"""Column of a signal row (``SignalLayout``)."""
+CONDITION = 2
+"""Columns from the kinematic term to the flight condition, which has the order of the next four names."""
+
+AIRSPEED, DENSITY, ALTITUDE, ALPHA, SAMPLES, DIFFERENCES, INPUT_DIFFERENCES = range(7)
+"""Places in ``Block.sums``; the last is the first input's."""
+
+START, LAST, BEFORE = range(3)
+"""Rows of ``Block.rows``."""
+
+AIR_VARIANCES = 3
+"""Number of the air's variances, which are the last of ``Posterior.noise``."""
+GUST, ROLLING, BETWEEN = -3, -2, -1
+"""Of these: rate of the gust at the vane, (m/s2)^2; roll rate of the air before the span smooths it, (rad/s)^2; what
+the gust does between samples beside a line, (m/s)^2, which follows from the first
+(``noise.between_samples_variance``)."""
+WEIGHT = -1
+"""Place in ``Posterior.noise_known``."""
+
+SOLUTIONS, CLOSED = range(2)
+"""Places in ``Progress.counts``."""
+
+CHI_SQUARE, FREEDOM, DISPERSION = range(3)
+"""Columns of ``Progress.scatter``."""
+
+
+class Prior(NamedTuple):
+    """Derivatives before the data.
+
+    Attributes:
+        value, std: (k,) mean and standard deviation.
+    """
+
+    value: Array
+    std: Array
+
+
+class Model(NamedTuple):
+    """What does not change; the same for all vehicles.
+
+    Attributes:
+        omega: (bins,) rad/s.
+        lever: (states,) accelerometer's place from the c.g., by what each state's rate adds to the force, m.
+        exponents: (states + inputs,) power of the airspeed in each column's derivatives: 1 states, 2 inputs.
+        servo_s: (inputs,) time constants of the servos; infinite where unknown, 0 for a command.
+        input_variance: (inputs,) largest believed noise variance, rad^2.
+        prior: derivatives before the data.
+        reference_airspeed_m_s, reference_density_kg_m3: condition to which derivatives are referred.
+        block_s, first_solution_s, memory_s, stale_s, smallest_signal: of ``FourierConfig``.
+        roll_smoothing_m, turn_smoothing_m: lengths over which the span smooths the air's roll rate, and its pitch or
+            yaw rate; 0 where the air is not known to turn.
+        vane_ahead_m: distance of the vane ahead of the c.g.
+        by_accelerometer: whether the force equation rests on the accelerometer; else on the velocity's rate.
+        longitudinal: whether the velocity is w; else v.
+        roll: whether the second state is the roll rate.
+    """
+
+    omega: Array
+    lever: Array
+    exponents: Array
+    servo_s: Array
+    input_variance: Array
+    prior: Prior
+    reference_airspeed_m_s: float
+    reference_density_kg_m3: float
+    block_s: float
+    first_solution_s: float
+    memory_s: float
+    stale_s: float
+    smallest_signal: float
+    roll_smoothing_m: float
+    turn_smoothing_m: float
+    vane_ahead_m: float
+    by_accelerometer: bool
+    longitudinal: bool
+    roll: bool
+
+
+class Filters(NamedTuple):
+    """One-pole filters of a time step.
+
+    Attributes:
+        coefficients: (8, bins), rows as ``bank`` makes them, s where they multiply a signal.
+        step: (1,) the time step they are for, s.
+    """
+
+    coefficients: Array
+    step: Array
+
+
+class Block(NamedTuple):
+    """A window of samples, running or cut out.
+
+    Attributes:
+        bank: (channels, 2, bins) transforms, real and imaginary part; unit of the signal times s.
+        rows: (3, columns) signal rows at the window's start, the last one and the one before.
+        sums: (6 + inputs,) over the window: airspeed (m/s), density (kg/m3), altitude (m), angle of attack (rad),
+            number of samples; then the number of second differences, and the squared ones of each input (rad^2).
+        roughness: (states + 2,) sums of the roots of magnitudes of second differences of states and accelerometer, and
+            their number.
+    """
+
+    bank: Array
+    rows: Array
+    sums: Array
+    roughness: Array
+
+
+class Memory(NamedTuple):
+    """An estimating equation of the derivatives, A theta = v, as blocks have added it up.
+
+    Attributes:
+        sensitivity: (k, k) A, expected change of the score with the derivatives.
+        information: (k, k) C, covariance of v by the noise.
+        vector: (k,) v.
+        bias: (k,) part of v that is expected of moments which the equations leave out.
+    """
+
+    sensitivity: Array
+    information: Array
+    vector: Array
+    bias: Array
+
+
+class Evidence(NamedTuple):
+    """Quadratic log-likelihood of the derivatives by one block alone.
+
+    Attributes:
+        information: (k, k) J.
+        vector: (k,) h.
+        bias: (k,) J times the bias that unmeasured moments may cause.
+    """
+
+    information: Array
+    vector: Array
+    bias: Array
+
+
+class Posterior(NamedTuple):
+    """What is known at the last solution.
+
+    Attributes:
+        theta: (k,) derivatives.
+        covariance: (k, k) of theta.
+        noise: (2 states + 1 + inputs + AIR_VARIANCES,) noise variances of states, accelerometer, equations, inputs and
+            air.
+        noise_known: the same of closed blocks, and last their weight, in blocks.
+        informed_s: (k,) last time each derivative's regressor carried signal, s.
+        changed_s: (k,) last time each derivative's covariance was inflated because the data contradicted it, s.
+    """
+
+    theta: Array
+    covariance: Array
+    noise: Array
+    noise_known: Array
+    informed_s: Array
+    changed_s: Array
+
+
+class Progress(NamedTuple):
+    """Which blocks have been closed, and where.
+
+    Attributes:
+        counts: (2,) solutions and closed blocks.
+        condition: (4,) airspeed (m/s), altitude (m), density (kg/m3), angle of attack (rad) of the last solution.
+        span: (6,) start and end of the last closed block (s), then its condition.
+        scatter: (equations, 3) discounted chi-square of closed blocks, its degrees of freedom, and the dispersion
+            before the last block.
+    """
+
+    counts: NDArray[np.int64]
+    condition: Array
+    span: Array
+    scatter: Array
+
+
+class Checkpoints(NamedTuple):
+    """Copies of the running block at its last full seconds, the newest first, and what it said there.
+
+    Attributes:
+        bank, rows, sums, roughness: (checkpoints, ...) as in ``Block``, but of the rows only the last, (checkpoints,
+            columns).
+        gained: (checkpoints, ...) what the block had added to the memory.
+    """
+
+    bank: Array
+    rows: Array
+    sums: Array
+    roughness: Array
+    gained: Memory
+
+
+class State(NamedTuple):
+    """All that is remembered, of a batch of vehicles or of one of them.
+
+    Attributes:
+        filters, block, posterior, progress: of the running block and the last solution.
+        memory: what closed blocks have said.
+        discounted: the part of it that the time constant has discounted and that no new data have replaced yet.
+        evidence: of the last closed block.
+        checkpoints: of the running block.
+    """
+
+    filters: Filters
+    block: Block
+    posterior: Posterior
+    progress: Progress
+    memory: Memory
+    discounted: Memory
+    evidence: Evidence
+    checkpoints: Checkpoints
+
+
+class Linearisation(NamedTuple):
+    """Where a block is linearised; in place where a solution moves it.
+
+    Attributes:
+        theta, noise, noise_known: as in ``Posterior``.
+    """
+
+    theta: Array
+    noise: Array
+    noise_known: Array
+
+
+class Transforms(NamedTuple):
+    """Fourier transforms of one block.
+
+    Attributes:
+        lines: (channels, 2, bins) of signals that are lines between samples (``bank.block_transforms``).
+        regressors: (channels, 2, bins) of signals that move between samples as the aircraft does; then what acts.
+        rates, missed: (states + inputs, 2, bins) rates, and what lines miss (``between``).
+        phase: (2, bins) e^{sT}.
+        product: (2, bins) workspace.
+        response: (rows, 2, bins) left sides of the equations, then the residual.
+        whitened: (rows, 2, bins) W times the residual.
+    """
+
+    lines: Array
+    regressors: Array
+    rates: Array
+    missed: Array
+    phase: Array
+    product: Array
+    response: Array
+    whitened: Array
+
+
+class Equation(NamedTuple):
+    """Estimating equation of one block, the nuisance columns eliminated, in referred derivatives.
+
+    Attributes:
+        power: (k, k) M, power of the regressors.
+        noise: (k, k) N, what of it is noise.
+        vector: (k,) score at the linearisation.
+        bias: (k,) part of it that is expected of moments which the equations leave out.
+        suspected: (states,) how many times each state's noise would be larger, were all of its roughness noise.
+    """
+
+    power: Array
+    noise: Array
+    vector: Array
+    bias: Array
+    suspected: Array
+
+
+class BlockSolution(NamedTuple):
+    """What a block says.
+
+    Attributes:
+        gained: what it adds to the memory.
+        evidence: what it says alone.
+        covariance: (k, k) of the derivatives by memory and block.
+        noise: variances that its residual shows, as ``Posterior.noise``.
+    """
+
+    gained: Memory
+    evidence: Evidence
+    covariance: Array
+    noise: Array
