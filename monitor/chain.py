@@ -282,7 +282,7 @@ class Chain:
         ekf = _gated(mode.ekf.estimate(state.ekf[name]), fourier, unseen)
         mean, square, _ = state.motion[name]
         with np.errstate(over="ignore"):  # a filter that diverged: infinitely rough all right
-            share = mode.ekf.unrest_of(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
+            share = mode.ekf.gust_variance(state.ekf[name], 0) / np.maximum(square - mean**2, 1e-12)
         rough = bool((share[1:] > ROUGH_SHARE).any())
         if not mode.vane:
             rough = _lately(state, name, rough and self._gusty(state))
