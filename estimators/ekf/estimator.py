@@ -14,6 +14,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.ekf import filterpy_engine
 from wingwatch.estimators.ekf.accepted import NOISE, UNDECIDED, accept, go_back, prior_accepted
 from wingwatch.estimators.ekf.gust_variance import gust_variance
+from wingwatch.estimators.ekf.noise import LEAST
 from wingwatch.estimators.ekf.recursion import WARM_UP, update_all
 from wingwatch.estimators.ekf.release import release_since
 from wingwatch.estimators.ekf.relinearise import relinearise_all
@@ -129,7 +130,14 @@ class EkfEstimator:
         return EkfState(
             z=np.tile(z, (n, 1)),
             cov=np.tile(cov, (n, 1, 1)),
-            noise=Noise(*(np.full((n, *shape), 1e-8) for shape in ((ns + 1,), (), (), (), (2,))), np.zeros((n, 2))),
+            noise=Noise(
+                reading=np.full((n, ns + 1), LEAST),
+                gust=np.full(n, LEAST),
+                angular_gust=np.full(n, LEAST),
+                gain=np.full(n, LEAST),
+                fisher=np.full((n, 2), LEAST),
+                corrections=np.zeros((n, 2)),
+            ),
             memory=Memory(np.zeros((n, ns, 5)), np.zeros((n, 4, LEVELS)), np.zeros(n)),
             input_errors=InputErrors(
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()
@@ -149,7 +157,7 @@ class EkfEstimator:
             gained_vector=np.zeros((n, k)),
             window=Window(
                 rows=np.zeros((n, WINDOW_ROWS, columns), dtype=np.float32),
-                count=none.copy(),
+                filled=none.copy(),
                 middle=none.copy(),
                 solutions=none.copy(),
                 rerun=none.copy(),
@@ -176,7 +184,7 @@ class EkfEstimator:
             ValueError: signals of another structure.
         """
         signals = self.layout.checked(signals)
-        remember(signals, self.layout.kinematic + 5, state.rows, state.window.rows, state.window.count)
+        remember(signals, self.layout.kinematic + 5, state.rows, state.window.rows, state.window.filled)
         update = filterpy_engine.update_all if self.config.engine == "filterpy" else update_all
         update(self.model, state, signals)
 
@@ -186,8 +194,8 @@ class EkfEstimator:
 
         Args:
             state: in place.
-            seen: of each vehicle, what the data since the last solution carried, as far as somebody can tell:
-                ``quiet``'s SIGNAL, NOISE or UNDECIDED, shape (vehicles,). All SIGNAL if not given.
+            seen: of each vehicle, what the data since the last solution carried, as far as that can be told:
+                ``accepted``'s SIGNAL, NOISE or UNDECIDED, shape (vehicles,). All SIGNAL if not given.
         """
         n, first = len(state.z), self.model.sizes.dynamic
         lost = ~(np.isfinite(state.z).all(axis=1) & np.isfinite(state.cov).all(axis=(1, 2)))
@@ -202,15 +210,15 @@ class EkfEstimator:
         for i in quiet:
             begin_window(state, i)
         if seen is not None:
-            for i in np.flatnonzero(seen != UNDECIDED):
-                accept(state, int(i), first)
+            for decided in np.flatnonzero(seen != UNDECIDED):
+                accept(state, int(decided), first)
 
     def release(
         self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0, since_s: float = np.inf
     ) -> None:
-        """Set free what is known of derivatives that have changed: P becomes P + s^2 e e', s the natural size.
+        """Inflate the covariance of derivatives that have changed: P becomes P + s^2 e e', s the natural size.
 
-        Where ``since_s`` lies within the rows that are kept, they are set free then and what came since is run again.
+        Where ``since_s`` lies within the window of recent rows, it is done as of then and what came since is run again.
         What is lost so is no information gained: the account of ``take_gained`` does not see it.
 
         Args:
@@ -250,8 +258,8 @@ class EkfEstimator:
             value += self._by_airspeed(state, vehicle, value)
         covariance = state.cov[vehicle, parameters, parameters] * np.outer(scale, scale)
         return standing(
-            self.name, c.structure, float(state.rows[vehicle, NEWEST, TIME]), value, covariance, state.informed_s[vehicle],
-            c.stale_s, 3.0 * c.prior_std * scale, bool(state.samples[vehicle] > WARM_UP),
+            self.name, c.structure, float(state.rows[vehicle, NEWEST, TIME]), value, covariance,
+            state.informed_s[vehicle], c.stale_s, 3.0 * c.prior_std * scale, bool(state.samples[vehicle] > WARM_UP),
             np.array([airspeed, altitude, density, alpha]), prior_ratio=1.0,
         )  # fmt: skip
 

@@ -61,9 +61,7 @@ def _take(model: Model, state: EkfState, i: int, new: Array) -> None:
     ns, kinematic = model.sizes.states, model.sizes.kinematic
     old, older = state.rows[i, NEWEST].copy(), state.rows[i, EARLIER].copy()
     dt = float(new[TIME] - old[TIME])
-    inertial = bool(
-        model.use_accelerometer and new[kinematic + VANE] == 1.0 and old[kinematic + VANE] == 1.0
-    )
+    inertial = bool(model.use_accelerometer and new[kinematic + VANE] == 1.0 and old[kinematic + VANE] == 1.0)
     samples = int(state.samples[i]) + 1
     settled = samples > WARM_UP and not (inertial and samples * dt < SETTLE_S)
     if not 0.0 < dt <= MAX_GAP_S or not settled or not np.isfinite(older[TIME]):
@@ -131,7 +129,9 @@ def _follow_input_errors(
 class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy carries no types
     """filterpy's filter with the state's prediction handed in instead of F x."""
 
-    def __init__(self, after: Array, covariance: Array, jacobian: Array, process: Array, readings: int) -> None:
+    def __init__(
+        self, after: Array, covariance: Array, jacobian: Array, process: Array, readings: int
+    ) -> None:
         super().__init__(dim_x=after.size, dim_z=readings)
         self.x, self.P, self.Q = after.copy(), covariance.copy(), process
         self.F = np.eye(after.size)

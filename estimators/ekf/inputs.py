@@ -15,7 +15,7 @@ variables). So:
 import numpy as np
 from numba import njit
 
-from wingwatch.estimators.ekf.state import COUNT, FIRST_READING, SQUARES, SUM
+from wingwatch.estimators.ekf.state import FIRST_READING, READINGS, SQUARES, SUM
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
@@ -37,10 +37,10 @@ FOLLOWED_STEPS = 40
 def track_inputs(moments, new, first, nu):  # type: ignore[no-untyped-def]
     """Sum and sum of squares of each input since the last solution, about its first reading; see ``EkfState``."""
     for j in range(nu):
-        if moments[j, COUNT] == 0.0:
+        if moments[j, READINGS] == 0.0:
             moments[j, FIRST_READING] = new[first + j]
         off = new[first + j] - moments[j, FIRST_READING]
-        moments[j, COUNT] += 1.0
+        moments[j, READINGS] += 1.0
         moments[j, SUM] += off
         moments[j, SQUARES] += off * off
 
@@ -166,5 +166,5 @@ def input_noise_information(error_information, moments, variance, resting, out):
         if not resting[j]:
             for a in range(ns):
                 for b in range(ns):
-                    power = moments[j, COUNT] * variance[j] * error_information[j, a, b]
+                    power = moments[j, READINGS] * variance[j] * error_information[j, a, b]
                     out[a * nd + ns + j, b * nd + ns + j] = power

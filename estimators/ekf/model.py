@@ -118,7 +118,9 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
     for k in range(first, ns):
         for j in range(nd):
             factor = (
-                step.inputs[j - ns] if j >= ns else 0.5 * (z[j] + after[j]) - (gust_rate if j == ns - 1 else 0.0)
+                step.inputs[j - ns]
+                if j >= ns
+                else 0.5 * (z[j] + after[j]) - (gust_rate if j == ns - 1 else 0.0)
             )
             factor *= dt * step.scale[k * nd + j]
             early = step.early[j - ns] * dt * step.scale[k * nd + j] if j >= ns else 0.0

@@ -1,4 +1,4 @@
-"""Noise variances of the Kalman filter, learned from the record itself, and what they add to its covariance; compiled."""
+"""Noise variances of the Kalman filter, learned from the record, and what they add to its covariance; compiled."""
 
 import numpy as np
 from numba import njit
@@ -50,10 +50,9 @@ def learn_reading_noise(variance, differences, stated, sample, z, after, rate, n
 
     White noise n leaves n - n' in a difference and n - 2 n' + n'' in a second one: variances 2 R and 6 R,
     covariances one and two samples apart -R and R. What moves an aircraft adds to the variance, but its increments
-    do not go together over so few samples. Where the vane's velocity is known to have moved (``Sample.motion``), what is
-    left are gust and noise; of the others what the filter predicts is taken out. Within what the covariance allows by
-    its own standard error a stated variance is believed, else the variance alone, which is the sharper figure in calm
-    air.
+    do not go together over so few samples. Where the vane's velocity is known to have moved (``Sample.motion``), gust
+    and noise are left; of the others what the filter predicts is taken out. Within what the covariance allows by its
+    own standard error a stated variance is believed, else the variance alone, which is the sharper figure in calm air.
 
     The variance is taken from the mean root of the differences' magnitudes: the few large ones at a doublet's edges
     are no noise. A difference of exactly nothing is that of a reading that was repeated, and is passed over.

@@ -1,9 +1,9 @@
 """Derivatives that have changed some seconds ago get their covariance reset as of then, not as of now.
 
 A change is reported a few seconds late. What the filter has taken in meanwhile it has divided between what it knew of
-the old aircraft and what the new one showed, and it would keep that. The window of signal rows that is kept (``window``)
-reaches back further: it is cut at the last solution before the change, the covariance of the changed derivatives is
-inflated there, P + s^2 e e', and the rest is run again about what it says itself (``relinearise``).
+the old aircraft and what the new one showed, and it would keep that. The window of recent signal rows reaches back
+further: it is cut at the last solution before the change, the covariance of the changed derivatives is inflated there,
+P + s^2 e e', and the rest is run again about what it says itself (``relinearise``).
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def release_since(model: Model, state: EkfState, i: int, changed: NDArray[np.boo
         whether it was done; else the state is as it was.
     """
     window, k, first = state.window, changed.size, model.sizes.dynamic
-    count, solutions = int(window.count[i]), int(window.solutions[i])
+    count, solutions = int(window.filled[i]), int(window.solutions[i])
     if not 0 < count <= window.rows.shape[1] or solutions < 2 or window.ends[i, solutions - 1] != count:
         return False
     beginning = window.checkpoints.rows[i, 0]
@@ -46,7 +46,7 @@ def release_since(model: Model, state: EkfState, i: int, changed: NDArray[np.boo
         return False
     cut = int(ends[before - 1])
     there, work = one_vehicle(state, i), one_vehicle(state, i)
-    there.window.count[0], there.window.middle[0], there.window.solutions[0] = cut, 0, before
+    there.window.filled[0], there.window.middle[0], there.window.solutions[0] = cut, 0, before
     if not run_window_again(model, there, 0, 0):
         return False
     parameters, inflated = slice(first, first + k), first + np.flatnonzero(changed)

@@ -6,9 +6,9 @@ So the last seconds of signal rows are kept, with the filter's state at their be
 when it matters they are run again with the derivatives held at the present estimate theta*:
 
 - theta* has a narrow covariance e P there, so it stays where it is, and the states follow p(x | theta*) of the
-  checkpoint. What the rows say of theta in this run, J = S^-1 - (e P)^-1 and h = S^-1 m - (e P)^-1 theta* for mean m and
-  covariance S after it, is one step of Gauss and Newton on the likelihood of the innovations (thesis 5.3): its score,
-  sensitivities that depend on the past alone times white innovations, has no mean at the truth.
+  checkpoint. What the rows say of theta in this run, J = S^-1 - (e P)^-1 and h = S^-1 m - (e P)^-1 theta* for mean m
+  and covariance S after it, is one step of Gauss and Newton on the likelihood of the innovations (thesis 5.3): its
+  score, sensitivities that depend on the past alone times white innovations, has no mean at the truth.
 - J and h of each half second go into the information that the checkpoint had, in the place of what was first learned,
   then comes what the solution did there: resting inputs, information that came of noise, forgetting. No row counts
   twice.
@@ -270,8 +270,9 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
 
     Returns whether it did: a run that leaves no sound covariance is left out.
     """
-    window, points, first, k = state.window, state.window.checkpoints, model.sizes.dynamic, state.vector.shape[1]
-    middle_row, count = int(window.middle[i]), int(window.count[i])
+    window, points, k = state.window, state.window.checkpoints, state.vector.shape[1]
+    first = model.sizes.dynamic
+    middle_row, count = int(window.middle[i]), int(window.filled[i])
     begin = middle_row if start == 1 else 0
     parameters = slice(first, first + k)
     fixed = Belief(state.z[i, parameters].copy(), _NARROW * state.cov[i, parameters, parameters])
@@ -310,7 +311,7 @@ def _assess(model, state, solved, fresh, matters):  # type: ignore[no-untyped-de
     prior_information = 1.0 / (model.prior_std[:k] * model.prior_std[:k])
     for i in range(state.z.shape[0]):
         fresh[i] = matters[i] = -1
-        count, solutions = window.count[i], window.solutions[i]
+        count, solutions = window.filled[i], window.solutions[i]
         if np.isnan(solved.keep[i]) or count == 0:
             continue
         if count > window.rows.shape[1] or not np.isfinite(state.cov[i]).all():

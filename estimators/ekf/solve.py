@@ -6,7 +6,7 @@ from numba import njit
 from wingwatch.estimators.ekf.covariance import forget, inverse_of, keep_marginal
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
-from wingwatch.estimators.ekf.state import COUNT, NEWEST, SQUARES, SUM, TIME
+from wingwatch.estimators.ekf.state import NEWEST, READINGS, SQUARES, SUM, TIME
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["controls_of", "solve_all"]
@@ -27,7 +27,7 @@ def _resting(moments, moved_s, variance, now_s):  # type: ignore[no-untyped-def]
     """Which inputs have not moved beyond their own noise for ``MOVED_S``."""
     resting = np.zeros(variance.size, dtype=np.bool_)
     for j in range(variance.size):
-        count = moments[j, COUNT]
+        count = moments[j, READINGS]
         if count > 1.0:
             spread = (moments[j, SQUARES] - moments[j, SUM] * moments[j, SUM] / count) / (count - 1.0)
             if spread > MOVED_RATIO * variance[j]:
@@ -95,7 +95,8 @@ def _account(state, i, first, noise_information, fresh):  # type: ignore[no-unty
     ``fresh``: inverse of the derivatives' covariance.
     """
     z, cov, information, vector = state.z[i], state.cov[i], state.information[i], state.vector[i]
-    gained_matrix, gained_vector, k, fraction = state.gained_matrix[i], state.gained_vector[i], vector.size, 0.0
+    gained_matrix, gained_vector = state.gained_matrix[i], state.gained_vector[i]
+    k, fraction = vector.size, 0.0
     for a in range(k):
         gained = -vector[a]
         for b in range(k):

@@ -1,8 +1,8 @@
 """The Kalman filter's model, state and workspace: named arrays, which compiled code takes as they are.
 
-Axes: n vehicles, the first axis of everything in ``EkfState``; ns states and nu inputs of the mode; ng gust states, 2 or
-0; nx = ns + ng; k = ns (ns + nu) derivatives, equation by equation, states before inputs; nz = nx + k + ns elements of
-the augmented state: states, gust states, referred derivatives, one trim constant an equation. A signal row has the
+Axes: n vehicles, the first axis of everything in ``EkfState``; ns states and nu inputs of the mode; ng gust states, 2
+or 0; nx = ns + ng; k = ns (ns + nu) derivatives, equation by equation, states before inputs; nz = nx + k + ns elements
+of the augmented state: states, gust states, referred derivatives, one trim constant an equation. A signal row has the
 columns of ``SignalLayout``.
 
 Units: the first state is a velocity, m/s, the others rates (and the roll angle's), rad/s; an equation has its state's
@@ -20,12 +20,12 @@ __all__ = [
     "AIRSPEED",
     "ALPHA",
     "CONDITION_ALPHA",
-    "COUNT",
     "DENSITY",
     "EARLIER",
     "FIRST_READING",
     "NEWEST",
     "PRESSURE_RATIO",
+    "READINGS",
     "SQUARES",
     "SUM",
     "TIME",
@@ -72,7 +72,7 @@ NEWEST, EARLIER = 0, 1
 CONDITION_ALPHA = 4
 """The angle of attack in ``EkfState.condition``."""
 
-COUNT, SUM, SQUARES, FIRST_READING = 0, 1, 2, 3
+READINGS, SUM, SQUARES, FIRST_READING = 0, 1, 2, 3
 """Of ``EkfState.input_moments``."""
 
 
@@ -160,7 +160,7 @@ class Memory(NamedTuple):
 
 
 class InputErrors(NamedTuple):
-    """How one reading error of each input acts on the filter, if the input acted in equation r alone; see ``inputs``."""
+    """How one reading error of each input acts on the filter, if the input acted in equation r alone (``inputs``)."""
 
     response: Array
     """(n, nu, nx, r): effect of a unit error on states and gust states, followed from step to step."""
@@ -196,7 +196,7 @@ class Window(NamedTuple):
 
     rows: NDArray[np.float32]
     """(n, WINDOW_ROWS, columns): signal rows, in the time's place the time since the row before, s."""
-    count: Counts
+    filled: Counts
     """(n,): rows in it, or more if they did not fit."""
     middle: Counts
     """(n,): rows before the second checkpoint, 0 where there is none."""
@@ -242,7 +242,7 @@ class EkfState(NamedTuple):
     rows: Array
     """(n, 2, columns): last signal row and the one before."""
     condition: Array
-    """(n, 5): dynamic pressure ratio, airspeed m/s, density kg/m3, altitude m, angle of attack rad of the last sample."""
+    """(n, 5): of the last sample, dynamic pressure ratio, airspeed, density, altitude (m) and angle of attack."""
     samples: Counts
     """(n,): taken so far."""
     solutions: Counts

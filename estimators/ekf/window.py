@@ -32,11 +32,11 @@ SOLUTIONS = 64
 
 
 @njit(cache=True)
-def remember(signals, complete, state_rows, rows, count):  # type: ignore[no-untyped-def]
+def remember(signals, complete, state_rows, rows, filled):  # type: ignore[no-untyped-def]
     """Complete rows (the first ``complete`` columns finite) join the window; beyond its size they are counted.
 
     In single precision, finer than any sensor resolves, the time since the row before in the place of the time.
-    ``state_rows`` of ``EkfState``, before the filter takes the signals in; ``rows, count`` of ``Window``.
+    ``state_rows`` of ``EkfState``, before the filter takes the signals in; ``rows, filled`` of ``Window``.
     """
     for i in range(signals.shape[0]):
         before = state_rows[i, NEWEST, TIME]
@@ -46,14 +46,14 @@ def remember(signals, complete, state_rows, rows, count):  # type: ignore[no-unt
                 finite = finite and np.isfinite(signals[i, k, c])
             if not finite:
                 continue
-            r = count[i]
+            r = filled[i]
             if r < rows.shape[1]:
                 for c in range(1, signals.shape[2]):
                     rows[i, r, c] = signals[i, k, c]
                 since = signals[i, k, TIME] - before
                 rows[i, r, TIME] = since if np.isfinite(since) else 0.0
             before = signals[i, k, TIME]
-            count[i] += 1
+            filled[i] += 1
 
 
 def recalled(rows: NDArray[np.float32], before_s: float) -> Array:
@@ -91,7 +91,7 @@ def set_checkpoint(state, i, checkpoints, m):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def empty_window(window, i):  # type: ignore[no-untyped-def]
     """Nothing that came before is run again."""
-    window.count[i] = window.middle[i] = window.solutions[i] = 0
+    window.filled[i] = window.middle[i] = window.solutions[i] = 0
 
 
 @njit(cache=True)
@@ -115,18 +115,17 @@ def _cut(window, i):  # type: ignore[no-untyped-def]
             window.resting[i, kept] = window.resting[i, s]
             kept += 1
     rows = window.rows[i]
-    left = window.count[i] - cut
+    left = window.filled[i] - cut
     for r in range(left):
         rows[r] = rows[r + cut]
-    window.count[i], window.middle[i], window.solutions[i] = left, left, kept
+    window.filled[i], window.middle[i], window.solutions[i] = left, left, kept
 
 
 @njit(cache=True)
 def advance_checkpoints(state, i, fresh):  # type: ignore[no-untyped-def]
-    """Sets the second checkpoint at half of the window; cuts it there when it is long, or ``fresh`` more might not fit.
-    """
+    """Sets the second checkpoint at half of the window; cuts it there when it is long or cannot take ``fresh`` more."""
     window = state.window
-    count, span, rows = window.count[i], 0.0, window.rows[i]
+    count, span, rows = window.filled[i], 0.0, window.rows[i]
     for r in range(1, count):
         span += abs(rows[r, TIME])
     full = count + fresh > rows.shape[0] or window.solutions[i] == window.ends.shape[1]
@@ -144,10 +143,10 @@ def advance_checkpoints(state, i, fresh):  # type: ignore[no-untyped-def]
 def cut_at(state: EkfState, solution: int) -> None:
     """The window of a batch of one loses all up to one of its solutions; the caller sets its first checkpoint."""
     window = state.window
-    count, solutions, cut = int(window.count[0]), int(window.solutions[0]), int(window.ends[0, solution])
+    count, solutions, cut = int(window.filled[0]), int(window.solutions[0]), int(window.ends[0, solution])
     left, kept = count - cut, solutions - solution - 1
     window.rows[0, :left] = window.rows[0, cut:count].copy()
     for array in (window.ends, window.keep, window.resting):
         array[0, :kept] = array[0, solution + 1 : solutions].copy()
     window.ends[0, :kept] -= cut
-    window.count[0], window.middle[0], window.solutions[0] = left, 0, kept
+    window.filled[0], window.middle[0], window.solutions[0] = left, 0, kept
