@@ -48,6 +48,7 @@ from wingwatch.estimators.ekf.window import (
     innovation_log_variance,
     recalled,
 )
+from wingwatch.estimators.kernels.hot import part
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["relinearise_all", "run_window_again"]
@@ -122,7 +123,7 @@ def _bending(now, then, later, gathered, kept, faded, prior_information):  # typ
     return faded * moved, faded * strength, faded * fraction
 
 
-@njit(cache=True)
+@part
 def _left_out(state, i, first, kept, prior_information):  # type: ignore[no-untyped-def]
     """What linearisation has left out of the window, in standard errors; the part of it before the second checkpoint;
     and the window's fraction of all that is known; see above.
@@ -264,6 +265,22 @@ def _reseat(posterior: tuple[Array, Array], known: Information, first: int) -> N
     reseat(*posterior, covariance @ known.vector, covariance, first)
 
 
+def _from_checkpoint(state: EkfState, i: int, c: int) -> EkfState:
+    """A vehicle's filter at one of its checkpoints, a batch of one, as far as ``run_again`` advances it."""
+    points, one = state.window.checkpoints, slice(i, i + 1)
+    return state._replace(
+        z=points.z[one, c].copy(),
+        cov=points.cov[one, c].copy(),
+        noise=one_vehicle(state.noise, i),
+        memory=one_vehicle(state.memory, i),
+        input_errors=one_vehicle(state.input_errors, i),
+        input_moments=state.input_moments[one].copy(),
+        rows=points.rows[one, c].copy(),
+        condition=state.condition[one].copy(),
+        samples=state.samples[one].copy(),
+    )
+
+
 def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
     """A vehicle's window from checkpoint ``start`` on again about the present estimate: its state and checkpoints
     become what that leaves.
@@ -276,8 +293,7 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
     begin = middle_row if start == 1 else 0
     parameters = slice(first, first + k)
     fixed = Belief(state.z[i, parameters].copy(), _NARROW * state.cov[i, parameters, parameters])
-    run = one_vehicle(state, i)
-    run.z[0], run.cov[0], run.rows[0] = points.z[i, start], points.cov[i, start], points.rows[i, start]
+    run = _from_checkpoint(state, i, start)
     information = points.information[i, start].copy()
     known = Information(information, information @ run.z[0, parameters])
     middle = Information(np.zeros((k, k)), np.zeros(k))

@@ -7,6 +7,7 @@ from wingwatch.estimators.ekf.covariance import forget, inverse_of, keep_margina
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.state import NEWEST, READINGS, SQUARES, SUM, TIME
+from wingwatch.estimators.kernels.hot import part
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["controls_of", "solve_all"]
@@ -46,7 +47,7 @@ def controls_of(resting, ns, nu):  # type: ignore[no-untyped-def]
     return np.flatnonzero(chosen)
 
 
-@njit(cache=True)
+@part
 def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyped-def]
     """Takes back what resting inputs taught; the information that came of the noise of the others goes into
     ``noise_information`` (k, k). Returns which inputs are taken to rest.
@@ -88,7 +89,7 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     return resting
 
 
-@njit(cache=True)
+@part
 def _account(state, i, first, noise_information, fresh):  # type: ignore[no-untyped-def]
     """Adds to what was gained; returns the fraction of all that is known which the last half second gave.
 

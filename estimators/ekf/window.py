@@ -5,6 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState
+from wingwatch.estimators.kernels.hot import part
 
 __all__ = [
     "SOLUTIONS",
@@ -101,7 +102,7 @@ def begin_window(state, i):  # type: ignore[no-untyped-def]
     set_checkpoint(state, i, state.window.checkpoints, 0)
 
 
-@njit(cache=True)
+@part
 def _cut(window, i):  # type: ignore[no-untyped-def]
     """The window begins at its second checkpoint, which moves to the first one's place."""
     cut, points, kept = window.middle[i], window.checkpoints, 0
@@ -121,7 +122,7 @@ def _cut(window, i):  # type: ignore[no-untyped-def]
     window.filled[i], window.middle[i], window.solutions[i] = left, left, kept
 
 
-@njit(cache=True)
+@part
 def advance_checkpoints(state, i, fresh):  # type: ignore[no-untyped-def]
     """Sets the second checkpoint at half of the window; cuts it there when it is long or cannot take ``fresh`` more."""
     window = state.window
