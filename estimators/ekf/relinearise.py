@@ -98,7 +98,7 @@ class Span(NamedTuple):
     """Rows of the window before its second checkpoint, 0 where there is none."""
 
 
-@njit(cache=True)
+@part
 def _bending(now, then, later, gathered, kept, faded, prior_information):  # type: ignore[no-untyped-def]
     """Of the rows from a checkpoint to a later time: m, r^2 and tr J P of the header; see there.
 
@@ -134,7 +134,7 @@ def _left_out(state, i, first, kept, prior_information):  # type: ignore[no-unty
     count = 2 if state.window.middle[i] > 0 else 1
     now = Belief(state.z[i, first : first + k], state.cov[i, first : first + k, first : first + k])
     weighted = np.empty(points.log_variance.shape[2])
-    innovation_log_variance(state.noise, i, weighted)
+    innovation_log_variance(state.noise.reading[i], state.noise.gust[i], weighted)
     moved, strength, fraction, off = np.zeros(2), 0.0, 0.0, np.zeros(2)
     for m in range(count):
         last = m == count - 1
@@ -307,7 +307,7 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
         return False
     _reseat((run.z[0], run.cov[0]), known, first)
     for m in range(start, 2):
-        innovation_log_variance(run.noise, 0, points.log_variance[i, m])
+        innovation_log_variance(run.noise.reading[0], run.noise.gust[0], points.log_variance[i, m])
         points.value[i, m], points.covariance[i, m] = fixed.value, state.cov[i, parameters, parameters]
     if start == 0 < middle_row:
         at = int(np.flatnonzero(span.ends == middle_row)[0])
@@ -343,7 +343,8 @@ def _assess(model, state, solved, fresh, matters):  # type: ignore[no-untyped-de
         for s in range(window.solutions[i]):
             kept[1 if 0 < middle < window.ends[i, s] else 0] *= window.keep[i, s]
         if not np.isfinite(window.checkpoints.log_variance[i, 0, 0]):
-            innovation_log_variance(state.noise, i, window.checkpoints.log_variance[i, 0])
+            first_weights = window.checkpoints.log_variance[i, 0]
+            innovation_log_variance(state.noise.reading[i], state.noise.gust[i], first_weights)
         left_out, before, fraction = _left_out(state, i, first, kept, prior_information)
         start = 1 if 0 < middle < count and before <= _MATTERS else 0
         again = count - middle if start == 1 else count

@@ -65,14 +65,15 @@ def recalled(rows: NDArray[np.float32], before_s: float) -> Array:
 
 
 @njit(cache=True)
-def innovation_log_variance(noise, i, out):  # type: ignore[no-untyped-def]
-    """Logarithms of the innovations' variances under ``Noise``, by state and for the accelerometer, (ns + 1,).
+def innovation_log_variance(reading, gust, out):  # type: ignore[no-untyped-def]
+    """Logarithms of the innovations' variances, by state and for the accelerometer, (ns + 1,): ``reading, gust`` of
+    ``Noise``, one vehicle's.
 
     Of a random walk with Q a step, read with R, the prediction has the variance (Q + sqrt(Q^2 + 4 Q R)) / 2.
     """
     for j in range(out.size):
-        reading, walk = noise.reading[i, j], noise.gust[i] if j == 0 else 0.0
-        out[j] = np.log(reading + 0.5 * (walk + np.sqrt(walk * walk + 4.0 * walk * reading)))
+        walk = gust if j == 0 else 0.0
+        out[j] = np.log(reading[j] + 0.5 * (walk + np.sqrt(walk * walk + 4.0 * walk * reading[j])))
 
 
 @njit(cache=True)
@@ -80,7 +81,7 @@ def set_checkpoint(state, i, checkpoints, m):  # type: ignore[no-untyped-def]
     """A vehicle's present state as its checkpoint ``m``; what follows is linearised about it."""
     k = state.vector.shape[1]
     first = state.z.shape[1] - k - state.noise.reading.shape[1] + 1
-    innovation_log_variance(state.noise, i, checkpoints.log_variance[i, m])
+    innovation_log_variance(state.noise.reading[i], state.noise.gust[i], checkpoints.log_variance[i, m])
     checkpoints.rows[i, m] = state.rows[i]
     checkpoints.z[i, m] = state.z[i]
     checkpoints.cov[i, m] = state.cov[i]
