@@ -32,8 +32,9 @@ from wingwatch.estimators import (
     SignalState,
     offsets,
 )
-from wingwatch.estimators.ekf.kernel import step_inputs
 from wingwatch.estimators.ekf.model import measure, transition
+from wingwatch.estimators.ekf.recursion import step_of
+from wingwatch.estimators.ekf.state import Sample, arrays_of
 from wingwatch.monitor import Chain, VehicleMonitor
 from wingwatch.monitor.chain import nominal_condition
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule, simulate
@@ -50,9 +51,8 @@ HELD = (
     "Fourier estimator",
     "filter",
     "Fourier checkpoints",
-    "filter's last stretch and its marks",
+    "filter's window and its checkpoints",
 )
-AGAIN = ("stretch", "tally", "solved", "marks_z", "marks_cov", "marks_rows", "weighed", "about")
 SETTLED_S = 200.0
 """From here on the monitor remembers as many blocks as it ever will."""
 WATCHED_S = 300.0
@@ -74,15 +74,13 @@ class Mode:
     def state_bytes(self) -> dict[str, int]:
         """Size of the state arrays by what they are for."""
         sizes = dict.fromkeys(HELD, 0)
-        arrays = [
-            (rest, f.name, getattr(state, f.name))
-            for state, rest in ((self.fourier_state, HELD[1]), (self.ekf_state, HELD[2]))
-            for f in fields(state)
-        ]
-        arrays += [(HELD[0], f.name, getattr(self.signal_state, f.name)) for f in fields(self.signal_state)]
-        for rest, name, array in arrays:
-            part = HELD[3] if name.startswith("checkpoint_") else HELD[4] if name in AGAIN else rest
-            sizes[part] += array.nbytes
+        for f in fields(self.fourier_state):
+            part = HELD[3] if f.name.startswith("checkpoint_") else HELD[1]
+            sizes[part] += getattr(self.fourier_state, f.name).nbytes
+        for f in fields(self.signal_state):
+            sizes[HELD[0]] += getattr(self.signal_state, f.name).nbytes
+        for name, array in arrays_of(self.ekf_state):
+            sizes[HELD[4] if name.startswith("window.") else HELD[2]] += array.nbytes
         return sizes
 
 
@@ -204,40 +202,19 @@ def filterpy_cost(aircraft: Aircraft, seconds: float) -> dict[str, float]:
 
 def _bare_loop(m: Mode, rows: Array) -> float:
     """CPU time of the plain predict and update loop over all rows, by a filter that knows only calm air."""
-    state = EkfEstimator(replace(m.ekf.config, span_m=0.0)).init(1)
-    ns, nu, nz = m.ekf.layout.states, m.ekf.layout.inputs, state.z.shape[1]
-    longitudinal = m.structure.equations[0] == "z"
-    servo_s, lever = np.full(nu, np.inf), np.zeros(ns)
-    reference = np.array(m.ekf.config.reference)
-    exponents = np.array([1.0] * ns + [2.0] * nu)
-    decay = np.zeros(0)
-    direction = np.zeros(ns)
-    direction[1] = 1.0
-    kalman = _Filter(dim_x=nz, dim_z=ns + 1)
+    calm = EkfEstimator(replace(m.ekf.config, span_m=0.0))
+    state, model, ns = calm.init(1), calm.model, calm.layout.states
+    kalman = _Filter(dim_x=model.sizes.augmented, dim_z=ns + 1)
     kalman.x, kalman.P = state.z[0].copy(), state.cov[0].copy()
-    kalman.Q, kalman.R = 1e-8 * np.eye(nz), 1e-4 * np.eye(ns + 1)
+    kalman.Q, kalman.R = 1e-8 * np.eye(len(kalman.x)), 1e-4 * np.eye(ns + 1)
     start = time.process_time()
     for k in range(2, len(rows)):
-        over, bend, at_end, scale, forward, kappa, rest = step_inputs(
-            rows[k],
-            rows[k - 1],
-            rows[k - 2],
-            servo_s,
-            reference,
-            exponents,
-            longitudinal,
-            ns == 3,
-            True,
-            ns,
-            nu,
-        )
         dt = rows[k, 0] - rows[k - 1, 0]
-        after, top = transition(
-            kalman.x, dt, scale, forward, over, bend[0], kappa, rest, decay, direction, True, ns, nu, 0
-        )  # fmt: skip
-        kalman.x, kalman.F[:ns] = after, top
+        step = step_of(model, Sample(rows[k], rows[k - 1], rows[k - 2], dt, True, 0.0))
+        moved = transition(model, kalman.x, step)
+        kalman.x, kalman.F[:ns] = moved.after, moved.jacobian
         kalman.predict()
-        expected, jacobian = measure(kalman.x, scale, at_end, kappa, lever, direction, ns, nu, 0)
+        expected, jacobian = measure(model, kalman.x, step)
         kalman.update(rows[k, 1 : 2 + ns], lambda _: jacobian, lambda _: expected)  # noqa: B023
     return time.process_time() - start
 

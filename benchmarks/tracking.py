@@ -23,6 +23,7 @@ from wingwatch.estimators import (
     FourierState,
     Outcome,
 )
+from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.simulation import linear_response
 
 Array = NDArray[np.float64]
@@ -170,10 +171,15 @@ def _run(
 
 def _sizes(state: FourierState | EkfState) -> dict[str, float]:
     """Largest finite magnitude of every array of a state."""
+    arrays = (
+        dict(arrays_of(state))
+        if isinstance(state, EkfState)
+        else {f.name: getattr(state, f.name) for f in fields(state)}
+    )
     sizes = {}
-    for f in fields(state):
-        array = np.abs(getattr(state, f.name))
-        sizes[f.name] = float(np.max(array, where=np.isfinite(array), initial=0.0))
+    for name, array in arrays.items():
+        array = np.abs(array)
+        sizes[name] = float(np.max(array, where=np.isfinite(array), initial=0.0))
     return sizes
 
 

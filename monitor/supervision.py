@@ -206,7 +206,7 @@ def _is_rough(pair: Pair, state: PairState, gusty: bool) -> bool:
     """Whether the air is rough now; ``gusty``: whether an accelerometer feels it."""
     mean, square, _ = state.motion
     with np.errstate(over="ignore"):  # a filter that diverged: infinitely rough all right
-        fraction = pair.ekf.unrest_of(state.ekf, 0) / np.maximum(square - mean**2, 1e-12)
+        fraction = pair.ekf.gust_variance(state.ekf, 0) / np.maximum(square - mean**2, 1e-12)
     return bool((fraction[1:] > ROUGH_FRACTION).any()) and (pair.vane or gusty)
 
 

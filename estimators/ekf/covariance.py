@@ -14,107 +14,108 @@ __all__ = ["correct", "forget", "inverse_of", "keep_marginal", "predict", "put_m
 
 
 @hot
-def predict(cov, process, jacobian, drift, top, ns, nx, nz):  # type: ignore[no-untyped-def]
-    """F P F' + Q for the Jacobian's rows ``jacobian`` (nx, nz), identity below; the last ``ns`` states drift.
+def predict(model, cov, process, jacobian, drift, product):  # type: ignore[no-untyped-def]
+    """F P F' + Q for the Jacobian's rows ``jacobian`` (nx, nz), identity below; the trim constants drift.
 
-    ``process`` (nx, nx), ``drift`` (ns,); ``top`` (nx, nz) is scratch.
+    ``process`` (nx, nx), ``drift`` (ns,); ``product`` (nx, nz) is workspace.
     """
-    top[:] = 0.0
+    ns, nx, nz = model.sizes.states, model.sizes.dynamic, model.sizes.augmented
+    product[:] = 0.0
     for k in range(nx):
         for m in range(nz):
             factor = jacobian[k, m]
             if factor != 0.0:
                 for c in range(nz):
-                    top[k, c] += factor * cov[m, c]
+                    product[k, c] += factor * cov[m, c]
     for k in range(nx):
         for m in range(k + 1):
             total = 0.0
             for c in range(nz):
-                total += top[k, c] * jacobian[m, c]
+                total += product[k, c] * jacobian[m, c]
             total += 0.5 * (process[k, m] + process[m, k])
             cov[k, m] = total
             cov[m, k] = total
         for c in range(nx, nz):
-            cov[k, c] = top[k, c]
-            cov[c, k] = top[k, c]
+            cov[k, c] = product[k, c]
+            cov[c, k] = product[k, c]
     for k in range(ns):
         c = nz - ns + k
         cov[c, c] += drift[k]
 
 
 @hot
-def correct(z, cov, variance, excess, row, measured, ns, nz, gains, pushes, roots):  # type: ignore[no-untyped-def]
+def correct(model, posterior, readings, gains):  # type: ignore[no-untyped-def]
     """All measurements of one instant, one after the other; equal to the joint update for independent noise.
 
     The gains are found first, each from the covariance that those before it leave; the covariance follows in one pass.
 
     Args:
-        z, cov: corrected in place.
-        variance: of the measurements, the states' and the accelerometer's, (ns + 1,).
-        excess: readings less what is expected, (ns + 1,).
-        row: the accelerometer's Jacobian, (nz,).
-        measured: which of them are there, (ns + 1,).
-        gains, pushes, roots: scratch (m, nz), (m,), (m,), m an even number of at least ns + 1; rows past ns are zero.
-            In the end ``gains`` are the gains times ``1 / roots``, the inverse standard deviations of the innovations.
+        model: of the filter.
+        posterior: predicted, corrected in place.
+        readings: the measurements.
+        gains: filled.
 
     Returns:
         the accelerometer's residual after correction, and its variance due to the state, H P H'.
     """
+    ns, nz = model.sizes.states, model.sizes.augmented
+    z, cov, gain = posterior.z, posterior.cov, gains.gain
     residual = explained = 0.0
     for j in range(ns + 1):
         for c in range(nz):
-            gains[j, c] = 0.0
-        pushes[j] = roots[j] = 0.0
-        if not measured[j]:
+            gain[j, c] = 0.0
+        gains.innovation[j] = gains.inverse_std[j] = 0.0
+        if not readings.measured[j]:
             continue
-        innovation = excess[j]
-        _sees(cov, row, j, ns, nz, gains)
+        innovation = readings.innovation[j]
+        _covariance_with(cov, readings.row, j, ns, nz, gain)
         for i in range(j):
-            shared = _seen(gains, i, row, j, ns, nz)
+            common = _measured_of(gain, i, readings.row, j, ns, nz)
             for c in range(nz):
-                gains[j, c] -= shared * gains[i, c]
-            innovation -= shared * pushes[i]
-        spread = _seen(gains, j, row, j, ns, nz)
-        total = spread + variance[j]
+                gain[j, c] -= common * gain[i, c]
+            innovation -= common * gains.innovation[i]
+        predicted = _measured_of(gain, j, readings.row, j, ns, nz)
+        total = predicted + readings.variance[j]
         if j == ns:
-            residual, explained = innovation * variance[j] / total, spread * variance[j] / total
+            residual = innovation * readings.variance[j] / total
+            explained = predicted * readings.variance[j] / total
         root = 1.0 / np.sqrt(total)
         for c in range(nz):
-            gains[j, c] *= root
-        pushes[j] = innovation * root
-        roots[j] = root
+            gain[j, c] *= root
+        gains.innovation[j] = innovation * root
+        gains.inverse_std[j] = root
         for c in range(nz):
-            z[c] += gains[j, c] * pushes[j]
+            z[c] += gain[j, c] * gains.innovation[j]
     for j in range(0, ns + 1, 2):
         for c in range(nz):
-            g, h = gains[j, c], gains[j + 1, c]
+            g, h = gain[j, c], gain[j + 1, c]
             for d in range(nz):
-                cov[c, d] -= g * gains[j, d] + h * gains[j + 1, d]
+                cov[c, d] -= g * gain[j, d] + h * gain[j + 1, d]
     return residual, explained
 
 
 @hot
-def _sees(cov, row, j, ns, nz, gains):  # type: ignore[no-untyped-def]
-    """P H' of measurement j, into row j of ``gains``."""
+def _covariance_with(cov, row, j, ns, nz, gain):  # type: ignore[no-untyped-def]
+    """P H' of measurement j, into row j of ``gain``."""
     if j < ns:
         for c in range(nz):
-            gains[j, c] = cov[j, c]
+            gain[j, c] = cov[j, c]
         return
     for d in range(nz):
         factor = row[d]
         if factor != 0.0:
             for c in range(nz):
-                gains[j, c] += factor * cov[d, c]
+                gain[j, c] += factor * cov[d, c]
 
 
 @hot
-def _seen(gains, i, row, j, ns, nz):  # type: ignore[no-untyped-def]
+def _measured_of(gain, i, row, j, ns, nz):  # type: ignore[no-untyped-def]
     """What measurement j sees of gain i: its own state's element, or the accelerometer's row times it."""
     if j < ns:
-        return gains[i, j]
+        return gain[i, j]
     total = 0.0
     for c in range(nz):
-        total += row[c] * gains[i, c]
+        total += row[c] * gain[i, c]
     return total
 
 
@@ -174,27 +175,27 @@ def put_marginal(z, cov, chosen, inverse, value, covariance):  # type: ignore[no
 
 
 @njit(cache=True)
-def forget(z, cov, prior_value, prior_information, keep, less, ns):  # type: ignore[no-untyped-def]
+def forget(z, cov, prior_value, prior_information, keep, noise_information, first):  # type: ignore[no-untyped-def]
     """Stabilised forgetting: what is known of the parameters is mixed with the prior, keep : 1 - keep.
 
-    Before that ``less`` (k, k), information on the derivatives that was none, is taken out: of J and h = J theta
-    only J becomes smaller.
+    The parameters begin at ``first``. Before that ``noise_information`` (k, k), which reading errors gave, is taken
+    out: of J and h = J theta only J becomes smaller.
 
     Information keep P^-1 + (1 - keep) P0^-1, so a quiet flight returns to the prior instead of drifting and
     nothing can grow. The states keep their regression on the parameters.
     """
-    p = z.size - ns
-    chosen = np.arange(ns, z.size)
+    p = z.size - first
+    chosen = np.arange(first, z.size)
     inverse = inverse_of(cov, chosen)
     information, mixed, value = np.empty((p, p)), np.empty((p, p)), np.zeros(p)
     vector = np.empty(p)
     for a in range(p):
         vector[a] = (1.0 - keep) * prior_information[a] * prior_value[a]
         for b in range(p):
-            vector[a] += keep * inverse[a, b] * z[ns + b]
+            vector[a] += keep * inverse[a, b] * z[first + b]
             information[a, b] = keep * inverse[a, b]
-            if a < less.shape[0] and b < less.shape[0]:
-                information[a, b] -= keep * less[a, b]
+            if a < noise_information.shape[0] and b < noise_information.shape[0]:
+                information[a, b] -= keep * noise_information[a, b]
         information[a, a] += (1.0 - keep) * prior_information[a]
     invert(information, mixed)
     for a in range(p):
@@ -208,12 +209,12 @@ def forget(z, cov, prior_value, prior_information, keep, less, ns):  # type: ign
 
 @njit(cache=True)
 def keep_marginal(z, cov, value, covariance, chosen, first):  # type: ignore[no-untyped-def]
-    """Takes back what was learned of some parameters; what the others are, given these, stays.
+    """Gives some derivatives the mean and covariance back that they had; all else, given these, stays.
 
     Args:
         z, cov: changed in place.
         value, covariance: of all derivatives as they were, (k,) and (k, k).
-        chosen: which of the derivatives to put back, indices.
+        chosen: which of the derivatives, indices.
         first: where the derivatives begin in ``z``.
     """
     m = chosen.size

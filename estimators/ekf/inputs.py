@@ -1,33 +1,35 @@
-"""What the inputs do between readings, and what the errors of their readings do to the filter; compiled.
+"""What the errors of the inputs' readings do to the filter, and the bias that they cause; compiled.
 
 A reading m of an input is off by a white error n. The filter predicts with m, so the same n is in the innovation,
 through the control derivatives B, and in its sensitivity to B: the product of the two has the mean -n^2 B, and B would
-come out too small, by the share of noise in what the filter takes for the input's motion. So:
+come out too small, by the fraction of noise in what the filter takes for the input's motion (the bias of errors in
+variables). So:
 
 - the effect of n on states and accelerometer belongs to their variances;
 - while an input rests within its noise, what is learned of its derivatives is taken back (``solve``);
-- else the information N that n alone pretends is taken out again. A least-squares solution with the true regressors is
-  (M - N)^-1 h where one with noisy ones is M^-1 h. N is the energy that one error sends into the weighted innovations,
-  summed over all of them. The filter's gains change slowly, so one error in ``ECHO`` steps is followed.
+- else the information N that comes of n alone is taken out again. A least-squares solution with the true regressors is
+  (M - N)^-1 h where one with noisy ones is M^-1 h. N is the energy that one error sends into the normalised
+  innovations, summed over all errors. The filter's gains change slowly, so one error in ``FOLLOWED_STEPS`` is followed.
 """
 
 import numpy as np
 from numba import njit
 
+from wingwatch.estimators.ekf.state import FIRST_READING, READINGS, SQUARES, SUM
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
-    "ECHO",
-    "echo_after",
-    "echo_before",
-    "heard_by",
+    "FOLLOWED_STEPS",
+    "correct_input_errors",
+    "input_error_effect",
     "input_noise",
+    "input_noise_information",
     "input_noise_into",
-    "pretended",
+    "predict_input_errors",
     "track_inputs",
 ]
 
-ECHO = 40
+FOLLOWED_STEPS = 40
 """Steps for which the effect of one reading error is followed."""
 
 
@@ -35,125 +37,134 @@ ECHO = 40
 def track_inputs(moments, new, first, nu):  # type: ignore[no-untyped-def]
     """Sum and sum of squares of each input since the last solution, about its first reading; see ``EkfState``."""
     for j in range(nu):
-        if moments[j, 0] == 0.0:
-            moments[j, 3] = new[first + j]
-        off = new[first + j] - moments[j, 3]
-        moments[j, 0] += 1.0
-        moments[j, 1] += off
-        moments[j, 2] += off * off
+        if moments[j, READINGS] == 0.0:
+            moments[j, FIRST_READING] = new[first + j]
+        off = new[first + j] - moments[j, FIRST_READING]
+        moments[j, READINGS] += 1.0
+        moments[j, SUM] += off
+        moments[j, SQUARES] += off * off
 
 
 @hot
-def heard_by(row, z, variance, j, ns, nu):  # type: ignore[no-untyped-def]
+def input_error_effect(model, row, z, j):  # type: ignore[no-untyped-def]
     """Effect of one standard error of input ``j``'s reading, as ``row`` (nz,) of the Jacobian answers.
 
     Controls, as the trim constants, go with dynamic pressure, so an input acts as its own part of each constant.
     """
-    nz, nd = row.size, ns + nu
+    ns, nd, nz = model.sizes.states, model.sizes.states + model.sizes.inputs, row.size
     effect = 0.0
     for k in range(ns):
         effect += row[nz - ns + k] * z[nz - ns - ns * nd + k * nd + ns + j]
-    return effect * np.sqrt(variance[j])
+    return effect * np.sqrt(model.input_variance[j])
 
 
 @hot
-def input_noise_into(jacobian, z, variance, ns, nu, gusts, effect, q):  # type: ignore[no-untyped-def]
-    """What the reading errors of the inputs add to ``q`` of ``process_noise_into``; scratch ``effect`` (nx,).
+def input_noise_into(model, jacobian, z, effect, q):  # type: ignore[no-untyped-def]
+    """What the reading errors of the inputs add to ``q`` of ``process_noise_into``; ``effect`` (nx,) is workspace.
 
-    An error is in the means of two steps, its shares adding up to one: over more than a step it acts as one whole.
+    An error is in the means of two steps, its fractions adding up to one: over more than a step it acts as one whole.
     """
-    nx = ns + gusts
-    for j in range(nu):
-        if variance[j] > 0.0:
+    nx = model.sizes.dynamic
+    for j in range(model.sizes.inputs):
+        if model.input_variance[j] > 0.0:
             for a in range(nx):
-                effect[a] = heard_by(jacobian[a], z, variance, j, ns, nu)
+                effect[a] = input_error_effect(model, jacobian[a], z, j)
             for a in range(nx):
                 for b in range(nx):
                     q[a, b] += effect[a] * effect[b]
 
 
 @njit(cache=True)
-def input_noise(jacobian, row, z, variance, ns, nu, gusts, q):  # type: ignore[no-untyped-def]
+def input_noise(model, jacobian, row, z, q):  # type: ignore[no-untyped-def]
     """``input_noise_into``; returns what the same errors add to the variance of the accelerometer's ``row``."""
-    input_noise_into(jacobian, z, variance, ns, nu, gusts, np.empty(ns + gusts), q)
-    heard = 0.0
-    for j in range(nu):
-        heard += heard_by(row, z, variance, j, ns, nu) ** 2
-    return heard
+    input_noise_into(model, jacobian, z, np.empty(model.sizes.dynamic), q)
+    added = 0.0
+    for j in range(model.sizes.inputs):
+        added += input_error_effect(model, row, z, j) ** 2
+    return added
 
 
 @hot
-def echo_before(echo, age, jacobian, mean, variance, ns, nu, gusts, work):  # type: ignore[no-untyped-def]
-    """Carries the echo of a reading error over a step's prediction.
+def predict_input_errors(model, errors, i, jacobian, newest_fraction, work):  # type: ignore[no-untyped-def]
+    """Propagates the followed error of each input over a step's prediction.
 
     Args:
-        echo: (nu, nx + 2 ns, ns), advanced: for each input the effect of a unit error on each state, if the input acted
-            in equation r alone; below it the energy gathered so far, and that of the last whole echo, both (ns, ns).
-        age: steps that it has been followed for; at 0 a new one begins.
+        model: of the filter.
+        errors: ``InputErrors``, advanced; i: the vehicle.
         jacobian: of the step, (nx, nz).
-        mean: of ``course``, (nu,): the newer reading's share in the step.
-        work: scratch, (nx,).
+        newest_fraction: of the newer reading in the step's mean, (nu,).
+        work: (nx,).
     """
-    nx, nz = ns + gusts, jacobian.shape[1]
-    for j in range(nu):
-        if variance[j] == 0.0:
+    ns, nx, nz, age = model.sizes.states, model.sizes.dynamic, jacobian.shape[1], errors.age[i]
+    for j in range(model.sizes.inputs):
+        if model.input_variance[j] == 0.0:
             continue
-        share = mean[j] if age == 0 else (1.0 - mean[j] if age == 1 else 0.0)
+        response, energy = errors.response[i, j], errors.energy[i, j]
+        fraction = newest_fraction[j] if age == 0 else (1.0 - newest_fraction[j] if age == 1 else 0.0)
         for r in range(ns):
             if age == 0:
-                for a in range(nx + ns):
-                    echo[j, a, r] = 0.0
+                for a in range(nx):
+                    response[a, r] = 0.0
+                for a in range(ns):
+                    energy[a, r] = 0.0
             for a in range(nx):
-                total = share * jacobian[a, nz - ns + r]
+                total = fraction * jacobian[a, nz - ns + r]
                 for b in range(nx):
-                    total += jacobian[a, b] * echo[j, b, r]
+                    total += jacobian[a, b] * response[b, r]
                 work[a] = total
             for a in range(nx):
-                echo[j, a, r] = work[a]
+                response[a, r] = work[a]
 
 
 @hot
-def echo_after(echo, age, row, measured, gains, roots, variance, ns, nu, gusts, work):  # type: ignore[no-untyped-def]
-    """Gathers the echo's energy in the whitened innovations and corrects it as the states were; returns its age.
+def correct_input_errors(model, errors, i, readings, gains, work):  # type: ignore[no-untyped-def]
+    """Sums the followed errors' energy in the normalised innovations and corrects them as the states were.
 
-    ``row, measured, gains, roots`` as in ``covariance.correct``; ``work`` is scratch (at least ns).
+    ``readings`` and ``gains`` as ``covariance.correct`` leaves them; ``work`` has at least ns elements.
     """
-    nx, nz = ns + gusts, row.size
+    ns, nu, nx, row = model.sizes.states, model.sizes.inputs, model.sizes.dynamic, readings.row
+    age, nz = errors.age[i], row.size
     for j in range(nu):
-        if variance[j] == 0.0:
+        if model.input_variance[j] == 0.0:
             continue
+        response, energy = errors.response[i, j], errors.energy[i, j]
         for m in range(ns + 1):
-            if not measured[m]:
+            if not readings.measured[m]:
                 continue
             for r in range(ns):
-                seen = echo[j, m, r] if m < ns else (row[nz - ns + r] if age == 0 else 0.0)
+                seen = response[m, r] if m < ns else (row[nz - ns + r] if age == 0 else 0.0)
                 if m == ns:
                     for a in range(nx):
-                        seen += row[a] * echo[j, a, r]
-                work[r] = seen * roots[m]
+                        seen += row[a] * response[a, r]
+                work[r] = seen * gains.inverse_std[m]
             for r in range(ns):
                 for a in range(nx):
-                    echo[j, a, r] -= gains[m, a] * work[r]
+                    response[a, r] -= gains.gain[m, a] * work[r]
                 for c in range(ns):
-                    echo[j, nx + c, r] += work[c] * work[r]
-    if age + 1 < ECHO:
-        return age + 1
+                    energy[c, r] += work[c] * work[r]
+    errors.age[i] = age + 1
+    if age + 1 < FOLLOWED_STEPS:
+        return
+    errors.age[i] = 0
     for j in range(nu):
         for c in range(ns):
             for r in range(ns):
-                echo[j, nx + ns + c, r] = echo[j, nx + c, r]
-    return 0
+                errors.information[i, j, c, r] = errors.energy[i, j, c, r]
 
 
 @njit(cache=True)
-def pretended(echo, moments, variance, resting, ns, less):  # type: ignore[no-untyped-def]
-    """Information that reading errors pretended since the last solution, into ``less`` (k, k); none if at rest."""
-    nu = variance.size
-    nd, top = ns + nu, echo.shape[1] - ns
-    less[:] = 0.0
+def input_noise_information(error_information, moments, variance, resting, out):  # type: ignore[no-untyped-def]
+    """Information that came of reading errors since the last solution, into ``out`` (k, k); none of a resting input.
+
+    ``error_information`` (nu, ns, ns) of ``InputErrors`` and ``moments`` (nu, 4) of ``EkfState``, one vehicle's;
+    ``variance`` of the readings, (nu,).
+    """
+    nu, ns = variance.size, error_information.shape[1]
+    nd = ns + nu
+    out[:] = 0.0
     for j in range(nu):
         if not resting[j]:
             for a in range(ns):
                 for b in range(ns):
-                    power = moments[j, 0] * variance[j] * echo[j, top + a, b]
-                    less[a * nd + ns + j, b * nd + ns + j] = power
+                    power = moments[j, READINGS] * variance[j] * error_information[j, a, b]
+                    out[a * nd + ns + j, b * nd + ns + j] = power

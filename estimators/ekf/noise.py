@@ -1,9 +1,4 @@
-"""Noise levels of the Kalman filter, learned from the record itself, and what they add to its covariance; compiled.
-
-``noise`` of one vehicle: variances of the measured states (ns), of the accelerometer's equation, of the gust a step
-that the first state suffers, of the air's own unrest a step; then the accelerometer's share (squared) of error in
-what it swings, and two running weights of its adaptation. ``NOISE_TAIL`` counts those three.
-"""
+"""Noise variances of the Kalman filter, learned from the record, and what they add to its covariance; compiled."""
 
 import numpy as np
 from numba import njit
@@ -11,31 +6,33 @@ from numba import njit
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
-    "NOISE_TAIL",
+    "LEAST",
     "adapt_accelerometer",
-    "adapt_unrest",
+    "adapt_process",
     "difference_variance",
+    "learn_reading_noise",
     "process_noise",
     "process_noise_into",
-    "sensor_noise",
     "trim_drift",
     "trim_drift_into",
 ]
 
-NOISE_TAIL = 3
+LAST, BEFORE_LAST, ROOT_MEAN, COVARIANCE, PREDICTED = 0, 1, 2, 3, 4
+"""Of each state in ``Memory.differences``: its last difference and the one before, the mean root of their magnitudes,
+their covariance (one or two samples apart), and the step that the filter predicted last."""
 
-LEFT_OUT = 1e-3
+UNMODELLED = 1e-3
 """Process variance of a rate a step, over its sensor's variance: what the model leaves out in the calmest air."""
 
-ROOT_MEAN = 0.8221790
+NORMAL_ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
 
 LEAST = 1e-8
 LEAST_RATE = 1e-10
 """Below any sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s."""
 
-SWING_SHARE_MAX = 0.1
-"""The accelerometer's equation is taken to be right within a tenth of what it swings."""
+GAIN_ERROR_MAX = 0.1
+"""The accelerometer's equation is taken to be right within a tenth of the predicted specific force."""
 
 FASTEST = 10.0
 """A variance grows at most by this factor within one time constant of its adaptation."""
@@ -44,140 +41,148 @@ FASTEST = 10.0
 @hot
 def difference_variance(root_mean):  # type: ignore[no-untyped-def]
     """Variance of differences whose magnitudes' roots have the mean ``root_mean``, if they are normal."""
-    return (root_mean / ROOT_MEAN) ** 4
+    return (root_mean / NORMAL_ROOT_MEAN) ** 4
 
 
 @hot
-def sensor_noise(noise, lags, stated, new, old, older, motion, z, after, rate, carried, ns):  # type: ignore[no-untyped-def]
+def learn_reading_noise(variance, differences, stated, sample, z, after, rate, ns):  # type: ignore[no-untyped-def]
     """Variances of the measured states from how successive differences go together.
 
     White noise n leaves n - n' in a difference and n - 2 n' + n'' in a second one: variances 2 R and 6 R,
     covariances one and two samples apart -R and R. What moves an aircraft adds to the variance, but its increments
-    do not go together over so few samples. Where the vane's velocity is known to have moved by ``motion``
-    (inertial), what is left are gust and noise; of the others what the filter foresees, from ``z`` to ``after``, is
-    taken out (where it foresees nothing, ``after`` is ``z``). Within what the covariance allows by its own standard
-    error a ``stated`` variance (0: none) is believed, else the variance alone, which is the sharper figure in calm air.
+    do not go together over so few samples. Where the vane's velocity is known to have moved (``Sample.motion``), gust
+    and noise are left; of the others what the filter predicts is taken out. Within what the covariance allows by its
+    own standard error a stated variance is believed, else the variance alone, which is the sharper figure in calm air.
 
     The variance is taken from the mean root of the differences' magnitudes: the few large ones at a doublet's edges
     are no noise. A difference of exactly nothing is that of a reading that was repeated, and is passed over.
+
+    Args:
+        variance, differences: of one vehicle, advanced: (ns + 1,) of ``Noise`` and (ns, 5) of ``Memory``.
+        stated: variances as the aircraft file states them, (ns,), 0: not at all.
+        sample: the ``Sample``.
+        z, after: state before the step and as predicted after it; the same where nothing is predicted.
+        rate: weight of the sample in the means.
+        ns: number of states.
     """
+    new, old, older = sample.new, sample.old, sample.older
     for j in range(ns):
         step = new[1 + j] - old[1 + j]
-        if j == 0 and carried:
+        if j == 0 and sample.inertial:
             repeated = step == 0.0
-            step -= motion
-            far, white, chance = -lags[j, 0] * step, 2.0, 1.3
+            step -= sample.motion
+            product, white, spread = -differences[j, LAST] * step, 2.0, 1.3
         else:
-            foreseen = after[j] - z[j]
+            predicted = after[j] - z[j]
             step -= old[1 + j] - older[1 + j]
             repeated = step == 0.0
-            step -= foreseen - lags[j, 4]
-            lags[j, 4] = foreseen
-            far, white, chance = lags[j, 1] * step, 6.0, 1.4
-        lags[j, 1] = lags[j, 0]
-        lags[j, 0] = step
+            step -= predicted - differences[j, PREDICTED]
+            differences[j, PREDICTED] = predicted
+            product, white, spread = differences[j, BEFORE_LAST] * step, 6.0, 1.4
+        differences[j, BEFORE_LAST] = differences[j, LAST]
+        differences[j, LAST] = step
         if not repeated:
-            lags[j, 2] += rate * (np.sqrt(abs(step)) - lags[j, 2])
-        lags[j, 3] += rate * (far - lags[j, 3])
-        rough = difference_variance(lags[j, 2]) / white
-        # standard error of the covariance of N white samples: chance white R / sqrt(N), N = 2 / rate
-        doubt = chance * white * rough * np.sqrt(0.5 * rate)
-        highest = min(rough, max(lags[j, 3], 0.0) + doubt)
+            differences[j, ROOT_MEAN] += rate * (np.sqrt(abs(step)) - differences[j, ROOT_MEAN])
+        differences[j, COVARIANCE] += rate * (product - differences[j, COVARIANCE])
+        rough = difference_variance(differences[j, ROOT_MEAN]) / white
+        # standard error of the covariance of N white samples: spread white R / sqrt(N), N = 2 / rate
+        error = spread * white * rough * np.sqrt(0.5 * rate)
+        highest = min(rough, max(differences[j, COVARIANCE], 0.0) + error)
         level = highest
         if stated[j] > 0.0:
-            level = min(max(stated[j], lags[j, 3] - doubt), highest)
-        noise[j] = max(level, LEAST if j == 0 else LEAST_RATE)
+            level = min(max(stated[j], differences[j, COVARIANCE] - error), highest)
+        variance[j] = max(level, LEAST if j == 0 else LEAST_RATE)
 
 
 @hot
-def adapt_accelerometer(noise, squared, swing, heard, rate, ns):  # type: ignore[no-untyped-def]
-    """Variance of the accelerometer's equation: R + share swing^2, both by steps of Fisher's scoring.
+def adapt_accelerometer(noise, i, squared, force, rate, ns):  # type: ignore[no-untyped-def]
+    """Variance of the accelerometer's equation: R + gain force^2, both by steps of Fisher's scoring.
 
-    ``heard``: what the reading errors of the inputs add, known.
-
-    ``squared`` is the square of the residual after correction plus its variance due to the state: E[r r'] = R - H P H'.
+    ``force`` holds what the filter predicts and what the inputs' reading errors add, which is known. ``squared`` is the
+    square of the residual after correction plus its variance due to the state: E[r r'] = R - H P H'.
     """
-    tail = noise.size - NOISE_TAIL
-    power = swing * swing
-    total = noise[ns] + noise[tail] * power + heard
+    reading, fisher = noise.reading[i], noise.fisher[i]
+    power = force.predicted * force.predicted
+    total = reading[ns] + noise.gain[i] * power + force.input_variance
     excess = (squared - total) / (total * total)
-    noise[tail + 1] += rate * (1.0 / (total * total) - noise[tail + 1])
-    noise[tail + 2] += rate * (power * power / (total * total) - noise[tail + 2])
-    noise[ns] = max(noise[ns] + rate * excess / max(noise[tail + 1], 1e-30), LEAST)
-    noise[tail] += rate * excess * power / max(noise[tail + 2], 1e-30)
-    noise[tail] = min(max(noise[tail], 0.0), SWING_SHARE_MAX**2)
+    fisher[0] += rate * (1.0 / (total * total) - fisher[0])
+    fisher[1] += rate * (power * power / (total * total) - fisher[1])
+    reading[ns] = max(reading[ns] + rate * excess / max(fisher[0], 1e-30), LEAST)
+    noise.gain[i] += rate * excess * power / max(fisher[1], 1e-30)
+    noise.gain[i] = min(max(noise.gain[i], 0.0), GAIN_ERROR_MAX**2)
 
 
 @hot
-def adapt_unrest(variance, slow, correction, before, after, decay, rate):  # type: ignore[no-untyped-def]
-    """Process variance of one state from its corrections; returns the variance and the corrections' slow sum.
+def adapt_process(variance, discounted, correction, before, after, decay, rate):  # type: ignore[no-untyped-def]
+    """Process variance of one state from its corrections; returns the variance and the corrections' discounted sum.
 
     Corrections of a consistent filter are white with variance P- - P+. Summed with the filter's own forgetting of an
     error, decay P+ / P-, they show a gain that is too low by too much power, one that is too high by too little.
     """
     shrunk = max(before - after, 1e-30)
     contraction = decay * after / max(before, 1e-30)
-    slow = contraction * slow + correction
-    ratio = slow * slow * (1.0 - contraction * contraction) / shrunk
-    return variance * (1.0 + rate * (min(ratio, FASTEST) - 1.0)), slow
+    discounted = contraction * discounted + correction
+    ratio = discounted * discounted * (1.0 - contraction * contraction) / shrunk
+    return variance * (1.0 + rate * (min(ratio, FASTEST) - 1.0)), discounted
 
 
 @njit(cache=True)
-def process_noise(noise, jacobian, dt, speed, decay, longitudinal, ns, gusts):  # type: ignore[no-untyped-def]
-    """Covariance that a step adds to states and unrest, (nx, nx): sources that strike at any time within the step.
+def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-def]
+    """Covariance that a step adds to states and gust states, (nx, nx): sources that strike at any time within the step.
 
-    A source v of unit strength, carried on for the rest of the step, adds v v' + (v u' + u v') / 2 + u u' / 3 with
+    A source v of unit strength, propagated for the rest of the step, adds v v' + (v u' + u v') / 2 + u u' / 3 with
     u = (F - I) v. The gust takes its change from the first state and, smoothed over the span, turns the air.
     """
-    nx = ns + gusts
+    nx = model.sizes.dynamic
     q = np.empty((nx, nx))
-    process_noise_into(noise, jacobian, dt, speed, decay, longitudinal, ns, gusts, np.empty((2, nx)), q)
+    process_noise_into(model, noise, i, jacobian, step, np.empty((2, nx)), q)
     return q
 
 
 @hot
-def process_noise_into(noise, jacobian, dt, speed, decay, longitudinal, ns, gusts, uw, q):  # type: ignore[no-untyped-def]
-    """``process_noise`` into ``q``: with w = v + u / 2 the sum above is w w' + u u' / 12; scratch ``uw`` (2, nx)."""
-    nx = ns + gusts
+def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignore[no-untyped-def]
+    """``process_noise`` into ``q``: with w = v + u / 2 the sum above is w w' + u u' / 12; ``work`` is (2, nx)."""
+    ns, gusts, nx = model.sizes.states, model.sizes.gusts, model.sizes.dynamic
     q[:] = 0.0
     for source in range(ns + (1 if gusts > 0 else 0)):
-        turned = 0.0
+        gust_rate = 0.0
         if source == 0:
-            power = noise[ns + 1]
+            power = noise.gust[i]
             if gusts > 0:
-                turned = (1.0 - decay[1]) / (speed * dt)
-                turned = turned if longitudinal else -turned
+                gust_rate = (1.0 - step.decay[1]) / (step.airspeed_m_s * step.dt_s)
+                gust_rate = gust_rate if model.longitudinal else -gust_rate
         elif source < ns:
-            power = LEFT_OUT * noise[source]
+            power = UNMODELLED * noise.reading[i, source]
         else:
-            power = noise[ns + 2]
+            power = noise.angular_gust[i]
         for a in range(nx):
-            v = (1.0 if a == source else 0.0) + (turned if a == nx - 1 else 0.0)
-            u = jacobian[a, source] + jacobian[a, nx - 1] * turned - v
-            uw[0, a], uw[1, a] = u, v + 0.5 * u
+            v = (1.0 if a == source else 0.0) + (gust_rate if a == nx - 1 else 0.0)
+            u = jacobian[a, source] + jacobian[a, nx - 1] * gust_rate - v
+            work[0, a], work[1, a] = u, v + 0.5 * u
         for a in range(nx):
-            u, w = power * uw[0, a] / 12.0, power * uw[1, a]
+            u, w = power * work[0, a] / 12.0, power * work[1, a]
             for b in range(nx):
-                q[a, b] += w * uw[1, b] + u * uw[0, b]
+                q[a, b] += w * work[1, b] + u * work[0, b]
 
 
 @njit(cache=True)
-def trim_drift(noise, dt, corner, carried, ns):  # type: ignore[no-untyped-def]
-    """Variance that a step adds to the trim constants: below ``corner`` (rad/s) they follow the data, (ns,)."""
-    drift = np.empty(ns)
-    trim_drift_into(noise, dt, corner, carried, ns, drift)
+def trim_drift(model, noise, i, step):  # type: ignore[no-untyped-def]
+    """Variance that a step adds to the trim constants, (ns,): slower changes than the trim corner are theirs."""
+    drift = np.empty(model.sizes.states)
+    trim_drift_into(model, noise, i, step, drift)
     return drift
 
 
 @hot
-def trim_drift_into(noise, dt, corner, carried, ns, drift):  # type: ignore[no-untyped-def]
+def trim_drift_into(model, noise, i, step, drift):  # type: ignore[no-untyped-def]
     """``trim_drift`` into ``drift``.
 
     A random walk of density s is seen through white noise of density R dt above the frequency where s / w^2
     equals it (a constant measured at once, by the accelerometer) or s / w^4 (one measured through an integration).
     """
+    ns, dt, corner = model.sizes.states, step.dt_s, model.trim_corner_rad_s
     for k in range(ns):
-        if k == 0 and carried:
-            drift[k] = noise[ns] * (corner * dt) ** 2
+        if k == 0 and step.inertial:
+            drift[k] = noise.reading[i, ns] * (corner * dt) ** 2
         else:
-            drift[k] = noise[k] * dt * dt * corner**4
+            drift[k] = noise.reading[i, k] * dt * dt * corner**4

@@ -1,137 +1,169 @@
-"""Running the last stretch again about better values.
+"""Running the window of recent samples again, linearised about better values.
 
 The filter linearises the products of derivatives and states about what it knows at the moment, and what it has taken in
-so it keeps. Early in an excited stretch that is little: the estimate moves with the noise, and answers to the start.
-So the last seconds of signal rows are kept, with the filter's state at their beginning and amid them (marks), and when
-it matters they are run again with the derivatives held at the present estimate theta*:
+so it keeps. Early in an excited window that is little: the estimate moves with the noise, and answers to the start.
+So the last seconds of signal rows are kept, with the filter's state at their beginning and amid them (checkpoints), and
+when it matters they are run again with the derivatives held at the present estimate theta*:
 
-- theta* has a narrow covariance e P there, so it stays where it is, and the states follow p(x | theta*) of the mark.
-  What the rows say of theta in this run, J = S^-1 - (e P)^-1 and h = S^-1 m - (e P)^-1 theta* for mean m and
-  covariance S after it, is one step of Gauss and Newton on the likelihood of the innovations (thesis 5.3): its score,
-  sensitivities that depend on the past alone times white innovations, has no mean at the truth.
-- J and h of each half second go into the information that the mark had, in the place of what was first learned, then
-  comes what the solution did there: resting inputs, information that was none, forgetting. No row counts twice.
+- theta* has a narrow covariance e P there, so it stays where it is, and the states follow p(x | theta*) of the
+  checkpoint. What the rows say of theta in this run, J = S^-1 - (e P)^-1 and h = S^-1 m - (e P)^-1 theta* for mean m
+  and covariance S after it, is one step of Gauss and Newton on the likelihood of the innovations (thesis 5.3): its
+  score, sensitivities that depend on the past alone times white innovations, has no mean at the truth.
+- J and h of each half second go into the information that the checkpoint had, in the place of what was first learned,
+  then comes what the solution did there: resting inputs, information that came of noise, forgetting. No row counts
+  twice.
 - At the end the derivatives get their mean and covariance so, the states keep their regression on them.
 
-It matters by how much the response bends. With J of the stretch, and theta known about the point of linearisation to
+It matters by how much the response bends. With J of the window, and theta known about the point of linearisation to
 within covariance L (now P), the first-order change of the predicted readings between the two has the square
 m = d' J d + tr J (L - P), in their noise, and the whole response r^2 = theta' J theta. Its curvature is about 1 / r
 (Bates and Watts, J. Roy. Stat. Soc. B 42, 1980), so what linearisation left out is as long as m / (2 r), in noise
-again, at most: an rms of m / (2 r sqrt(k)) standard errors over k derivatives, times the root of the share that the
-stretch has in all that is known. What the rows said was also weighted by the noise levels of the moment, which the
+again, at most: an rms of m / (2 r sqrt(k)) standard errors over k derivatives, times the root of the fraction that the
+window has in all that is known. What the rows said was also weighted by the noise variances of the moment, which the
 misfit of a wrong start makes too large; it matters where the stated errors, which go with the root of the innovations'
-variances, are off by as much, the share that the stretch has. While an input acts, the next half second moves the
-estimate by the root of the share of all information that such a half second gives: what is less than that can wait.
-A stretch that has taught too little for all of it to matter begins anew, and where the rows before the second mark are
-not what matters, the run begins there.
+variances, are off by as much, times the window's fraction. While an input acts, the next half second moves the
+estimate by the root of the fraction of all information that such a half second gives: what is less than that can wait.
+A window that has taught too little for all of it to matter begins anew, and where the rows before the second checkpoint
+are not what matters, the run begins there.
 
 A step of Gauss and Newton is a guide only where the response is straight within what is not known yet: tr J P / (2 r)
-at most a quarter. Quiet flight, where J is what noise pretends, and a derivative just set free are left alone so.
+at most a quarter. Quiet flight, where J comes of noise, and a derivative just reset are left alone so.
 """
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.covariance import inverse_of, reseat
-from wingwatch.estimators.ekf.inputs import pretended
-from wingwatch.estimators.ekf.kernel import run_again
+from wingwatch.estimators.ekf.inputs import input_noise_information
+from wingwatch.estimators.ekf.recursion import run_again
 from wingwatch.estimators.ekf.solve import controls_of
-from wingwatch.estimators.ekf.stretch import STRETCH_ROWS, Singles, advance_marks, mark, recalled, weigh
+from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, Solved, one_vehicle
+from wingwatch.estimators.ekf.window import (
+    WINDOW_ROWS,
+    advance_checkpoints,
+    begin_window,
+    innovation_log_variance,
+    recalled,
+)
+from wingwatch.estimators.kernels.hot import part
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["relinearise_all", "run_stretch_again"]
+__all__ = ["relinearise_all", "run_window_again"]
 
 Array = NDArray[np.float64]
-Counts = NDArray[np.int64]
-Sizes = tuple[tuple[int, ...], ...]
 
-_BENT = 0.25
+_CURVED = 0.25
 """Curvature of the response within what is not known of the derivatives, beyond which a linear step is no guide."""
 
 _NARROW = 1e-4
 """Variance of the derivatives in a run about a fixed point, over what is known of them: a hundredth of an error."""
 
-_SPARE_ROWS, _SPARE = 4 * STRETCH_ROWS, 0.2
-"""Rows that may be run again: a few stretches, for when much is learned in a short time, and a fifth of all."""
+_SPARE_ROWS, _SPARE = 4 * WINDOW_ROWS, 0.2
+"""Rows that may be run again: a few windows, for when much is learned in a short time, and a fifth of all."""
 
 _MATTERS = 0.1
 """Standard errors that linearisation may be off by: a tenth makes an rms error 0.5 % larger."""
 
 _TAUGHT = 1e-9
-"""Share in all that is known from which on a stretch has taught anything: less is rounding."""
+"""Fraction of all that is known from which on a window has taught anything: less is rounding."""
 
 
-@njit(cache=True)
-def _said(value, present, later, about, kept, faded, prior_information):  # type: ignore[no-untyped-def]
-    """Of the rows from a mark to a later time: m, r^2 and tr J P of the header; see there.
+class Information(NamedTuple):
+    """On the derivatives: matrix (k, k) and vector (k,)."""
+
+    matrix: Array
+    vector: Array
+
+
+class Belief(NamedTuple):
+    """About the derivatives: mean (k,) and covariance (k, k)."""
+
+    value: Array
+    covariance: Array
+
+
+class Span(NamedTuple):
+    """What solutions did in a part of the window (axis s) that is run again."""
+
+    ends: NDArray[np.int64]
+    """(s,): rows of the window before each solution."""
+    keep: Array
+    """(s,): fraction of the information that was kept."""
+    resting: NDArray[np.bool_]
+    """(s, nu): inputs at rest."""
+    middle: int
+    """Rows of the window before its second checkpoint, 0 where there is none."""
+
+
+@part
+def _bending(now, then, later, gathered, kept, faded, prior_information):  # type: ignore[no-untyped-def]
+    """Of the rows from a checkpoint to a later time: m, r^2 and tr J P of the header; see there.
 
     Args:
-        value, present: of the derivatives now: mean and covariance.
-        later: information at the later time.
-        about: of the mark.
-        kept, faded: share of information that forgetting has left from the mark to then, and from then to now.
-        prior_information: of each derivative, (k,).
+        now, then: ``Belief`` now, and the one that the rows were linearised about.
+        later: information matrix at the later time.
+        gathered: that at the checkpoint.
+        kept, faded: fraction of information that forgetting has left from the checkpoint to then, from then to now.
+        prior_information: of each derivative.
     """
-    k = value.size
-    moved = strength = share = 0.0
+    k = now.value.size
+    moved = strength = fraction = 0.0
     for a in range(k):
         for b in range(k):
-            gained = later[a, b] - kept * about[a, 1 + k + b]
+            gained = later[a, b] - kept * gathered[a, b]
             if a == b:
                 gained -= (1.0 - kept) * prior_information[a]
-            off = (value[a] - about[a, 0]) * (value[b] - about[b, 0])
-            moved += gained * (off + about[a, 1 + b] - present[a, b])
-            strength += gained * value[a] * value[b]
-            share += gained * present[a, b]
-    return faded * moved, faded * strength, faded * share
+            off = (now.value[a] - then.value[a]) * (now.value[b] - then.value[b])
+            moved += gained * (off + then.covariance[a, b] - now.covariance[a, b])
+            strength += gained * now.value[a] * now.value[b]
+            fraction += gained * now.covariance[a, b]
+    return faded * moved, faded * strength, faded * fraction
 
 
-@njit(cache=True)
-def _left_out(value, present, information, about, weighed, noise, kept, prior_information, marks):  # type: ignore[no-untyped-def]
-    """What linearisation has left out of the stretch, in standard errors; the part of it before the second mark; and
-    the stretch's share; see above.
+@part
+def _left_out(state, i, first, kept, prior_information):  # type: ignore[no-untyped-def]
+    """What linearisation has left out of the window, in standard errors; the part of it before the second checkpoint;
+    and the window's fraction of all that is known; see above.
 
-    Args:
-        value, present, information: of the derivatives now: mean, covariance and its inverse.
-        about, weighed: of ``EkfState``, one vehicle; noise: now.
-        kept: share of information that forgetting has left from each mark to the next, or now, (2,).
-        prior_information: of each derivative, (k,).
-        marks: how many are set, 1 or 2.
+    ``kept``: fraction of information that forgetting has left from each checkpoint to the next, or now, (2,).
     """
-    k = value.size
-    now = np.empty(weighed.shape[1])
-    weigh(noise, now)
-    moved, strength, share, off = np.zeros(2), 0.0, 0.0, np.zeros(2)
-    for m in range(marks):
-        last = m == marks - 1
-        later = information if last else about[1, :, 1 + k :]
-        moved[m], power, known = _said(
-            value, present, later, about[m], kept[m], 1.0 if last else kept[1], prior_information
-        )  # fmt: skip
+    points, k = state.window.checkpoints, prior_information.size
+    count = 2 if state.window.middle[i] > 0 else 1
+    now = Belief(state.z[i, first : first + k], state.cov[i, first : first + k, first : first + k])
+    weighted = np.empty(points.log_variance.shape[2])
+    innovation_log_variance(state.noise.reading[i], state.noise.gust[i], weighted)
+    moved, strength, fraction, off = np.zeros(2), 0.0, 0.0, np.zeros(2)
+    for m in range(count):
+        last = m == count - 1
+        later = state.information[i] if last else points.information[i, 1]
+        then = Belief(points.value[i, m], points.covariance[i, m])
+        moved[m], power, known = _bending(
+            now, then, later, points.information[i, m], kept[m], 1.0 if last else kept[1], prior_information
+        )
         strength += power
-        share += known
-        off[m] = 0.5 * known / k * np.max(np.abs(now - weighed[m]))
-    if not (strength > 0.0 and 0.0 < share <= 2.0 * _BENT * np.sqrt(strength)):
-        return 0.0, 0.0, share / k
-    share = min(share / k, 1.0)
-    moved *= 0.5 * np.sqrt(share / (strength * k))
-    return max(off.sum(), moved.sum()), max(off[0], moved[0]), share
+        fraction += known
+        off[m] = 0.5 * known / k * np.max(np.abs(weighted - points.log_variance[i, m]))
+    if not (strength > 0.0 and 0.0 < fraction <= 2.0 * _CURVED * np.sqrt(strength)):
+        return 0.0, 0.0, fraction / k
+    fraction = min(fraction / k, 1.0)
+    moved *= 0.5 * np.sqrt(fraction / (strength * k))
+    return max(off.sum(), moved.sum()), max(off[0], moved[0]), fraction
 
 
 @njit(cache=True)
-def _inverse(matrix, room, out):  # type: ignore[no-untyped-def]
+def _inverse(matrix, work, out):  # type: ignore[no-untyped-def]
     """Inverse of a symmetric matrix into ``out``; returns whether the matrix is positive definite and finite."""
     n = matrix.shape[0]
     for a in range(n):
         for b in range(n):
-            room[a, b] = matrix[a, b]
-    invert(room, out)
+            work[a, b] = matrix[a, b]
+    invert(work, out)
     sound = True
     for a in range(n):
-        sound = sound and 0.0 < room[a, a] < np.inf
+        sound = sound and 0.0 < work[a, a] < np.inf
     return sound
 
 
@@ -144,251 +176,209 @@ def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _take_back(information, vector, known, chosen):  # type: ignore[no-untyped-def]
-    """Resting inputs: the marginal of their derivatives is again that of ``known``, a covariance and a mean.
+def _take_back(known, before, chosen):  # type: ignore[no-untyped-def]
+    """Resting inputs: the marginal of their derivatives is again that of ``before``.
 
     A density times the ratio of two marginals of C: to the information of C comes that of the one, less that of the
     other, each the inverse of its covariance.
     """
-    k, m = vector.size, chosen.size
-    room, now, mean = np.empty((k, k)), np.empty((k, k)), np.empty(k)
-    _inverse(information, room, now)
-    _times(now, vector, mean)
-    old, new = inverse_of(known[0], chosen), inverse_of(now, chosen)
+    k, m = known.vector.size, chosen.size
+    work, now, mean = np.empty((k, k)), np.empty((k, k)), np.empty(k)
+    _inverse(known.matrix, work, now)
+    _times(now, known.vector, mean)
+    old, new = inverse_of(before.covariance, chosen), inverse_of(now, chosen)
     for a in range(m):
         for b in range(m):
-            information[chosen[a], chosen[b]] += old[a, b] - new[a, b]
-            vector[chosen[a]] += old[a, b] * known[1][chosen[b]] - new[a, b] * mean[chosen[b]]
+            known.matrix[chosen[a], chosen[b]] += old[a, b] - new[a, b]
+            known.vector[chosen[a]] += old[a, b] * before.value[chosen[b]] - new[a, b] * mean[chosen[b]]
 
 
 @njit(cache=True)
-def _fold(  # type: ignore[no-untyped-def]
-    information, vector, note, moments, echo, input_variance, prior_information, prior_value, ns, less, known
-):
-    """What a solution does to what is known: resting inputs (``known`` before the half second), information that was
-    none, forgetting."""
-    resting = note[2:] == 1.0
-    pretended(echo, moments, input_variance, resting, ns, less)
+def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-def]
+    """What solution ``s`` does to what is known: resting inputs (``before``: as known before the half second),
+    information that came of reading errors, forgetting."""
+    information, vector, k = known.matrix, known.vector, known.vector.size
+    resting, keep, prior_std = span.resting[s], span.keep[s], model.prior_std
+    noise_information = np.empty((k, k))
+    input_noise_information(
+        notes.error_information[s], notes.input_moments[s], model.input_variance, resting, noise_information
+    )
     if resting.any():
-        _take_back(information, vector, known, controls_of(resting, ns, input_variance.size))
-    keep = note[1]
-    for a in range(vector.size):
+        _take_back(known, before, controls_of(resting, model.sizes.states, model.sizes.inputs))
+    for a in range(k):
+        prior = 1.0 / (prior_std[a] * prior_std[a])
         vector[a] *= keep
-        for b in range(vector.size):
-            information[a, b] = keep * (information[a, b] - less[a, b])
-        information[a, a] += (1.0 - keep) * prior_information[a]
-        vector[a] += (1.0 - keep) * prior_information[a] * prior_value[a]
-    for a in range(vector.size):
+        for b in range(k):
+            information[a, b] = keep * (information[a, b] - noise_information[a, b])
+        information[a, a] += (1.0 - keep) * prior
+        vector[a] += (1.0 - keep) * prior * model.prior_value[a]
+    for a in range(k):
         for b in range(a):
             information[a, b] = information[b, a] = 0.5 * (information[a, b] + information[b, a])
 
 
 @njit(cache=True)
-def _put_together(  # type: ignore[no-untyped-def]
-    star, narrow, noted_z, noted_cov, noted_moments, noted_echo, solved, cut, information, vector, middle,
-    middle_vector, input_variance, prior_information, prior_value, first, ns,
-):  # fmt: skip
-    """Half second by half second, what the run about ``star`` says joins what is known.
+def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-untyped-def]
+    """Half second by half second, what the run about a fixed point says joins what is known.
 
     Args:
-        star, narrow: the fixed point and its covariance at the run's beginning.
-        noted_z, ..., noted_echo: of ``run_again``.
-        solved: what the solutions did, of ``EkfState``, as many.
-        cut: rows before the second mark.
-        information, vector: of the derivatives at the beginning, become those at the end; into ``middle``,
-            ``middle_vector`` go those at the second mark.
-        input_variance, prior_information, prior_value, first, ns: of the filter.
+        model: of the filter.
+        fixed: ``Belief``: the fixed point and its covariance at the run's beginning.
+        span, notes: what the solutions did, and what the run has at each.
+        known: ``Information`` at the beginning, becomes that at the end.
+        middle: becomes that at the second checkpoint.
 
     Returns:
         whether all of it is sound.
     """
-    k = star.size
-    room, seen, fresh, less, before = (
-        np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty((k, k)),
-    )  # fmt: skip
-    told, mean = np.empty(k), np.empty(k)
-    _inverse(narrow, room, seen)
-    _times(seen, star, told)
-    _inverse(information, room, before)
-    for s in range(len(noted_z)):
-        value = noted_z[s, first : first + k]
-        if not _inverse(noted_cov[s, first : first + k, first : first + k], room, fresh):
+    k, first = fixed.value.size, model.sizes.dynamic
+    square = (k, k)
+    work, seen, fresh = np.empty(square), np.empty(square), np.empty(square)
+    seen_vector, before = np.empty(k), Belief(np.empty(k), np.empty(square))
+    _inverse(fixed.covariance, work, seen)
+    _times(seen, fixed.value, seen_vector)
+    _inverse(known.matrix, work, before.covariance)
+    for s in range(len(notes.z)):
+        value = notes.z[s, first : first + k]
+        if not _inverse(notes.cov[s, first : first + k, first : first + k], work, fresh):
             return False
-        _times(before, vector, mean)
+        _times(before.covariance, known.vector, before.value)
         for a in range(k):
-            now_told = 0.0
+            now_vector = 0.0
             for b in range(k):
-                now_told += fresh[a, b] * value[b]
-                information[a, b] += fresh[a, b] - seen[a, b]
+                now_vector += fresh[a, b] * value[b]
+                known.matrix[a, b] += fresh[a, b] - seen[a, b]
                 seen[a, b] = fresh[a, b]
-            vector[a] += now_told - told[a]
-            told[a] = now_told
-        _fold(
-            information, vector, solved[s], noted_moments[s], noted_echo[s], input_variance, prior_information,
-            prior_value, ns, less, (before, mean),
-        )  # fmt: skip
-        if not _inverse(information, room, before):
+            known.vector[a] += now_vector - seen_vector[a]
+            seen_vector[a] = now_vector
+        _forget(model, known, before, span, notes, s)
+        if not _inverse(known.matrix, work, before.covariance):
             return False
-        if int(solved[s, 0]) == cut:
-            middle[:], middle_vector[:] = information, vector
+        if span.ends[s] == span.middle:
+            middle.matrix[:], middle.vector[:] = known.matrix, known.vector
     return True
 
 
-def run_stretch_again(
-    known_sizes: Sizes, fixed: Any, prior_value: Array, prior_information: Array, z: Array, cov: Array, noise: Array,
-    slow: Array, echo: Array, counts: Counts, stretch: Singles, tally: Counts, solved: Array, marks_z: Array,
-    marks_cov: Array, marks_rows: Array, weighed: Array, about: Array, first: int, start: int,
-) -> bool:  # fmt: skip
-    """The stretch from mark ``start`` on again about the present estimate: z, cov, noise, slow, echo and the marks
-    become what it leaves.
+def _reseat(posterior: tuple[Array, Array], known: Information, first: int) -> None:
+    """The derivatives of one vehicle's mean and covariance become what is known of them."""
+    covariance = np.linalg.inv(known.matrix)
+    reseat(*posterior, covariance @ known.vector, covariance, first)
+
+
+def _from_checkpoint(state: EkfState, i: int, c: int) -> EkfState:
+    """A vehicle's filter at one of its checkpoints, a batch of one, as far as ``run_again`` advances it."""
+    points, one = state.window.checkpoints, slice(i, i + 1)
+    return state._replace(
+        z=points.z[one, c].copy(),
+        cov=points.cov[one, c].copy(),
+        noise=one_vehicle(state.noise, i),
+        memory=one_vehicle(state.memory, i),
+        input_errors=one_vehicle(state.input_errors, i),
+        input_moments=state.input_moments[one].copy(),
+        rows=points.rows[one, c].copy(),
+        condition=state.condition[one].copy(),
+        samples=state.samples[one].copy(),
+    )
+
+
+def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
+    """A vehicle's window from checkpoint ``start`` on again about the present estimate: its state and checkpoints
+    become what that leaves.
 
     Returns whether it did: a run that leaves no sound covariance is left out.
     """
-    k, ns, cut = about.shape[1], len(known_sizes[0]), int(tally[1])
-    begin = cut if start == 1 else 0
-    star = z[first : first + k].copy()
-    narrow = _NARROW * cov[first : first + k, first : first + k]
-    new_z, new_cov, last_rows, new_echo, again = (
-        marks_z[start].copy(), marks_cov[start].copy(), marks_rows[start].copy(), echo.copy(), counts.copy(),
-    )  # fmt: skip
-    new_noise, new_slow = noise.copy(), slow.copy()
-    information = about[start, :, 1 + k :].copy()
-    vector = information @ new_z[first : first + k]
-    middle, middle_vector = np.zeros((k, k)), np.zeros(k)
-    reseat(new_z, new_cov, star, narrow, first)
-    notes = solved[: tally[2]]
-    notes = notes[notes[:, 0] > begin]
-    ends = notes[:, 0].astype(np.int64) - begin
-    again_rows = recalled(stretch[begin:], int(tally[0]) - begin, float(last_rows[0, 0]))
-    noted = run_again(
-        known_sizes, again_rows, ends, fixed, new_z, new_cov, new_noise, new_slow, last_rows, new_echo, again
-    )  # fmt: skip
-    if not _put_together(
-        star, narrow, *noted, notes, cut, information, vector, middle, middle_vector, fixed.input_variance,
-        prior_information, prior_value, first, ns,
-    ):  # fmt: skip
+    window, points, k = state.window, state.window.checkpoints, state.vector.shape[1]
+    first = model.sizes.dynamic
+    middle_row, count = int(window.middle[i]), int(window.filled[i])
+    begin = middle_row if start == 1 else 0
+    parameters = slice(first, first + k)
+    fixed = Belief(state.z[i, parameters].copy(), _NARROW * state.cov[i, parameters, parameters])
+    run = _from_checkpoint(state, i, start)
+    information = points.information[i, start].copy()
+    known = Information(information, information @ run.z[0, parameters])
+    middle = Information(np.zeros((k, k)), np.zeros(k))
+    reseat(run.z[0], run.cov[0], *fixed, first)
+    ends = window.ends[i, : window.solutions[i]]
+    chosen = np.flatnonzero(ends > begin)
+    span = Span(ends[chosen], window.keep[i, chosen], window.resting[i, chosen], middle_row)
+    rows = recalled(window.rows[i, begin:count], float(run.rows[0, NEWEST, TIME]))
+    notes = run_again(model, run, rows, span.ends - begin)
+    if not _put_together(model, fixed, span, notes, known, middle):
         return False
-    known = np.linalg.inv(information)
-    reseat(new_z, new_cov, known @ vector, known, first)
+    _reseat((run.z[0], run.cov[0]), known, first)
     for m in range(start, 2):
-        weigh(new_noise, weighed[m])
-        about[m, :, 0], about[m, :, 1 : 1 + k] = star, cov[first : first + k, first : first + k]
-    if start == 0 < cut:
-        at = int(np.flatnonzero(ends == cut)[0])
-        marks_z[1], marks_cov[1], about[1, :, 1 + k :] = noted[0][at], noted[1][at], middle
-        known = np.linalg.inv(middle)
-        reseat(marks_z[1], marks_cov[1], known @ middle_vector, known, first)
-    z[:], cov[:], noise[:], slow[:], echo[:], counts[2] = (
-        new_z,
-        new_cov,
-        new_noise,
-        new_slow,
-        new_echo,
-        again[2],
-    )
+        innovation_log_variance(run.noise.reading[0], run.noise.gust[0], points.log_variance[i, m])
+        points.value[i, m], points.covariance[i, m] = fixed.value, state.cov[i, parameters, parameters]
+    if start == 0 < middle_row:
+        at = int(np.flatnonzero(span.ends == middle_row)[0])
+        points.z[i, 1], points.cov[i, 1], points.information[i, 1] = notes.z[at], notes.cov[at], middle.matrix
+        _reseat((points.z[i, 1], points.cov[i, 1]), middle, first)
+    state.z[i], state.cov[i] = run.z[0], run.cov[0]
+    for kept, new in zip((*state.noise, *state.input_errors), (*run.noise, *run.input_errors), strict=True):
+        kept[i] = new[0]
     return True
 
 
 @njit(cache=True)
-def _assess(  # type: ignore[no-untyped-def]
-    first, prior_information, z, cov, noise, rows, information, counts, done, stretch, tally, solved, marks_z,
-    marks_cov, marks_rows, weighed, about, fresh, matters,
-):  # fmt: skip
-    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the stretch begins anew) and from
-    which mark on it ``matters`` to run the stretch again (-1: from none)."""
-    k, kept = prior_information.size, np.ones(2)
-    for i in range(z.shape[0]):
+def _assess(model, state, solved, fresh, matters):  # type: ignore[no-untyped-def]
+    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the window begins anew) and from
+    which checkpoint on it ``matters`` to run the window again (-1: from none)."""
+    first, k, window, kept = model.sizes.dynamic, state.vector.shape[1], state.window, np.ones(2)
+    prior_information = 1.0 / (model.prior_std[:k] * model.prior_std[:k])
+    for i in range(state.z.shape[0]):
         fresh[i] = matters[i] = -1
-        count, solutions = tally[i, 0], tally[i, 2]
-        if np.isnan(done[i, 0]) or count == 0:
+        count, solutions = window.filled[i], window.solutions[i]
+        if np.isnan(solved.keep[i]) or count == 0:
             continue
-        if count > stretch.shape[1] or not np.isfinite(cov[i]).all():
-            tally[i] = 0
-            mark(
-                0, z[i], cov[i], noise[i], rows[i], first, information[i], marks_z[i], marks_cov[i], marks_rows[i],
-                weighed[i], about[i],
-            )  # fmt: skip
+        if count > window.rows.shape[1] or not np.isfinite(state.cov[i]).all():
+            window.rerun[i] = 0
+            begin_window(state, i)
             continue
-        fresh[i] = count - (int(solved[i, solutions - 1, 0]) if solutions > 0 else 0)
-        solved[i, solutions, 0], solved[i, solutions, 1], solved[i, solutions, 2:] = (
-            count,
-            done[i, 0],
-            done[i, 2:],
-        )
-        tally[i, 2] += 1
-        cut = tally[i, 1]
+        fresh[i] = count - (window.ends[i, solutions - 1] if solutions > 0 else 0)
+        window.ends[i, solutions], window.keep[i, solutions] = count, solved.keep[i]
+        window.resting[i, solutions] = solved.resting[i]
+        window.solutions[i] += 1
+        middle = window.middle[i]
         kept[:] = 1.0
-        for s in range(tally[i, 2]):
-            kept[1 if 0 < cut < solved[i, s, 0] else 0] *= solved[i, s, 1]
-        if not np.isfinite(weighed[i, 0, 0]):
-            weigh(noise[i], weighed[i, 0])
-        left_out, before, share = _left_out(
-            z[i, first : first + k], cov[i, first : first + k, first : first + k], information[i], about[i],
-            weighed[i], noise[i], kept, prior_information, 2 if cut > 0 else 1,
-        )  # fmt: skip
-        start = 1 if 0 < cut < count and before <= _MATTERS else 0
-        again = count - cut if start == 1 else count
-        spare = _SPARE_ROWS + _SPARE * counts[i, 0] - tally[i, 3] - again
-        if left_out > max(_MATTERS, np.sqrt(done[i, 1])) and spare >= 0.0:
-            tally[i, 3] += again
+        for s in range(window.solutions[i]):
+            kept[1 if 0 < middle < window.ends[i, s] else 0] *= window.keep[i, s]
+        if not np.isfinite(window.checkpoints.log_variance[i, 0, 0]):
+            first_weights = window.checkpoints.log_variance[i, 0]
+            innovation_log_variance(state.noise.reading[i], state.noise.gust[i], first_weights)
+        left_out, before, fraction = _left_out(state, i, first, kept, prior_information)
+        start = 1 if 0 < middle < count and before <= _MATTERS else 0
+        again = count - middle if start == 1 else count
+        spare = _SPARE_ROWS + _SPARE * state.samples[i] - window.rerun[i] - again
+        if left_out > max(_MATTERS, np.sqrt(solved.gained[i])) and spare >= 0.0:
+            window.rerun[i] += again
             matters[i] = start
-        elif _TAUGHT < share < _MATTERS * _MATTERS:
-            fresh[i], tally[i, :3] = -1, 0
-            mark(
-                0, z[i], cov[i], noise[i], rows[i], first, information[i], marks_z[i], marks_cov[i], marks_rows[i],
-                weighed[i], about[i],
-            )  # fmt: skip
+        elif _TAUGHT < fraction < _MATTERS * _MATTERS:
+            fresh[i] = -1
+            begin_window(state, i)
 
 
 @njit(cache=True)
-def _advance_all(  # type: ignore[no-untyped-def]
-    first, z, cov, noise, rows, information, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about,
-    fresh,
-):  # fmt: skip
-    """The marks of all vehicles whose stretch goes on."""
-    for i in range(z.shape[0]):
+def _advance_all(state, fresh):  # type: ignore[no-untyped-def]
+    """The checkpoints of all vehicles whose window goes on."""
+    for i in range(fresh.size):
         if fresh[i] >= 0:
-            advance_marks(
-                z[i], cov[i], noise[i], rows[i], information[i], stretch[i], tally[i], solved[i], marks_z[i],
-                marks_cov[i], marks_rows[i], weighed[i], about[i], first, fresh[i],
-            )  # fmt: skip
+            advance_checkpoints(state, i, fresh[i])
 
 
-def relinearise_all(
-    known_sizes: Sizes, fixed: Any, prior_value: Array, prior_std: Array, z: Array, cov: Array, noise: Array,
-    slow: Array, rows: Array, variance: Array, information: Array, vector: Array, echo: Array, counts: Counts,
-    done: Array, stretch: Singles, tally: Counts, solved: Array, marks_z: Array, marks_cov: Array, marks_rows: Array,
-    weighed: Array, about: Array,
-) -> None:  # fmt: skip
-    """After a solution: the stretch is run again where linearisation has left out what matters, and the marks advance.
+def relinearise_all(model: Model, state: EkfState, solved: Solved) -> None:
+    """After a solution: the window is run again where linearisation has left out what matters, and the checkpoints
+    advance.
 
-    Few stretches are, so what is done with one is put together here from kernels: compiled as a whole for each number
+    Few windows are, so what is done with one is put together here from kernels: compiled as a whole for each number
     of states it would take longer than all the filter.
-
-    Args:
-        known_sizes: of ``hot.sizes``: states, inputs, states of the air.
-        fixed: of the filter; prior_value, prior_std: of derivatives and constants.
-        z, ..., counts, stretch, ..., about: of ``EkfState``, all vehicles.
-        done: of ``solve_all``.
     """
-    k, first = variance.shape[1], len(known_sizes[0]) + len(known_sizes[2])
-    prior_information = 1.0 / (prior_std[:k] * prior_std[:k])
-    fresh, matters = np.empty(len(z), dtype=np.int64), np.empty(len(z), dtype=np.int64)
-    _assess(
-        first, prior_information, z, cov, noise, rows, information, counts, done, stretch, tally, solved, marks_z,
-        marks_cov, marks_rows, weighed, about, fresh, matters,
-    )  # fmt: skip
+    parameters = slice(model.sizes.dynamic, model.sizes.dynamic + state.vector.shape[1])
+    fresh, matters = np.empty((2, len(state.z)), dtype=np.int64)
+    _assess(model, state, solved, fresh, matters)
     for i in np.flatnonzero(matters >= 0):
-        if run_stretch_again(
-            known_sizes, fixed, prior_value[:k], prior_information, z[i], cov[i], noise[i], slow[i], echo[i],
-            counts[i], stretch[i], tally[i], solved[i], marks_z[i], marks_cov[i], marks_rows[i], weighed[i],
-            about[i], first, int(matters[i]),
-        ):  # fmt: skip
-            parameters = cov[i, first : first + k, first : first + k]
-            information[i] = np.linalg.inv(parameters)
-            vector[i] = information[i] @ z[i, first : first + k]
-            variance[i] = np.diag(parameters)
-    _advance_all(
-        first, z, cov, noise, rows, information, stretch, tally, solved, marks_z, marks_cov, marks_rows, weighed, about,
-        fresh,
-    )  # fmt: skip
+        if run_window_again(model, state, int(i), int(matters[i])):
+            covariance = state.cov[i, parameters, parameters]
+            state.information[i] = np.linalg.inv(covariance)
+            state.vector[i] = state.information[i] @ state.z[i, parameters]
+            state.variance[i] = np.diag(covariance)
+    _advance_all(state, fresh)

@@ -4,33 +4,36 @@ import numpy as np
 from numba import njit
 
 from wingwatch.estimators.ekf.covariance import forget, inverse_of, keep_marginal
-from wingwatch.estimators.ekf.inputs import pretended
-from wingwatch.estimators.ekf.kernel import WARM_UP
+from wingwatch.estimators.ekf.inputs import input_noise_information
+from wingwatch.estimators.ekf.recursion import WARM_UP
+from wingwatch.estimators.ekf.state import NEWEST, READINGS, SQUARES, SUM, TIME
+from wingwatch.estimators.kernels.hot import part
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["controls_of", "solve_all"]
 
-MOVED_SHARE = 2.0
+MOVED_RATIO = 2.0
 """An input has moved if its variance within half a second is over this many times that of its reading."""
 
 MOVED_S = 1.75
 """Time that a motion of an input is given to die out."""
 
-PRETENDED_SHARE = 0.5
-"""Share of all that is known of an input's derivatives beyond which a half second of its noise is not corrected for."""
+NOISE_FRACTION = 0.5
+"""Fraction of all that is known of an input's derivatives beyond which a half second of its noise is not corrected
+for."""
 
 
 @njit(cache=True)
-def _resting(moments, moved, variance, now):  # type: ignore[no-untyped-def]
+def _resting(moments, moved_s, variance, now_s):  # type: ignore[no-untyped-def]
     """Which inputs have not moved beyond their own noise for ``MOVED_S``."""
     resting = np.zeros(variance.size, dtype=np.bool_)
     for j in range(variance.size):
-        count = moments[j, 0]
+        count = moments[j, READINGS]
         if count > 1.0:
-            spread = (moments[j, 2] - moments[j, 1] * moments[j, 1] / count) / (count - 1.0)
-            if spread > MOVED_SHARE * variance[j]:
-                moved[j] = now
-        resting[j] = variance[j] > 0.0 and not now - moved[j] < MOVED_S
+            spread = (moments[j, SQUARES] - moments[j, SUM] * moments[j, SUM] / count) / (count - 1.0)
+            if spread > MOVED_RATIO * variance[j]:
+                moved_s[j] = now_s
+        resting[j] = variance[j] > 0.0 and not now_s - moved_s[j] < MOVED_S
     return resting
 
 
@@ -44,17 +47,18 @@ def controls_of(resting, ns, nu):  # type: ignore[no-untyped-def]
     return np.flatnonzero(chosen)
 
 
-@njit(cache=True)
-def _without_noise(  # type: ignore[no-untyped-def]
-    z, cov, moments, moved, echo, variance, information, vector, now, solved, first, ns, less
-):
-    """Takes back what resting inputs taught; what noise pretended of the others goes into ``less`` (k, k).
+@part
+def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyped-def]
+    """Takes back what resting inputs taught; the information that came of the noise of the others goes into
+    ``noise_information`` (k, k). Returns which inputs are taken to rest.
 
-    An input whose noise pretends half as much as is known altogether, when what others taught is taken back and what
-    theirs pretends is counted, is treated as one at rest: surfaces that move together are known by their sum alone.
+    An input whose noise gives half as much as is known altogether, when what others taught is taken back and what comes
+    of their noise is counted, is treated as one at rest: surfaces that move together are known by their sum alone.
     """
-    nu = variance.size
-    resting = _resting(moments, moved, variance, now)
+    ns, nu, first = model.sizes.states, model.sizes.inputs, model.sizes.dynamic
+    z, cov, moments = state.z[i], state.cov[i], state.input_moments[i]
+    information, vector, solved = state.information[i], state.vector[i], state.solutions[i] > 0
+    resting = _resting(moments, state.moved_s[i], model.input_variance, state.rows[i, NEWEST, TIME])
     k = vector.size
     before, mean = np.empty((k, k)), np.zeros(k)
     more = True
@@ -66,15 +70,17 @@ def _without_noise(  # type: ignore[no-untyped-def]
                 for b in range(k):
                     mean[a] += before[a, b] * vector[b]
             keep_marginal(z, cov, mean, before, controls_of(resting, ns, nu), first)
-        pretended(echo, moments, variance, resting, ns, less)
+        input_noise_information(
+            state.input_errors.information[i], moments, model.input_variance, resting, noise_information
+        )
         more = False
-        share = 0.0
+        fraction = 0.0
         for j in range(nu):
             for a in range(ns):
                 for b in range(ns):
                     c, d = a * (ns + nu) + ns + j, b * (ns + nu) + ns + j
-                    share += less[c, d] * cov[first + c, first + d]
-            if share > PRETENDED_SHARE and not resting[j]:
+                    fraction += noise_information[c, d] * cov[first + c, first + d]
+            if fraction > NOISE_FRACTION and not resting[j]:
                 resting[j] = more = True
                 break
     moments[:] = 0.0
@@ -83,55 +89,58 @@ def _without_noise(  # type: ignore[no-untyped-def]
     return resting
 
 
+@part
+def _account(state, i, first, noise_information, fresh):  # type: ignore[no-untyped-def]
+    """Adds to what was gained; returns the fraction of all that is known which the last half second gave.
+
+    ``fresh``: inverse of the derivatives' covariance.
+    """
+    z, cov, information, vector = state.z[i], state.cov[i], state.information[i], state.vector[i]
+    gained_matrix, gained_vector = state.gained_matrix[i], state.gained_vector[i]
+    k, fraction = vector.size, 0.0
+    for a in range(k):
+        gained = -vector[a]
+        for b in range(k):
+            gained += fresh[a, b] * z[first + b]
+            more = fresh[a, b] - noise_information[a, b] - information[a, b]
+            gained_matrix[a, b] += more
+            fraction += more * cov[first + a, first + b]
+        gained_vector[a] += gained
+        if cov[first + a, first + a] < 0.98 * state.variance[i, a]:
+            state.informed_s[i, a] = state.rows[i, NEWEST, TIME]
+    return max(fraction / k, 0.0)
+
+
 @njit(cache=True)
-def solve_all(  # type: ignore[no-untyped-def]
-    memory_s, stale_s, prior_value, prior_std, input_variance, z, cov, rows, clock, informed, variance, information,
-    vector, gained_matrix, gained_vector, moments, moved, echo, counts, done,
-):  # fmt: skip
+def solve_all(model, state, solved):  # type: ignore[no-untyped-def]
     """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten.
 
-    What was done is left in ``done`` (vehicles, 2 + nu): what share of its information the vehicle keeps, NaN where
-    nothing was solved, what share of all that it knows (mean over directions) the last half second gave, and 1 for
-    every input whose teaching was taken back.
+    What was done is left in ``solved``.
     """
-    k = informed.shape[1]
-    first, ns = z.shape[1] - prior_value.size, prior_value.size - k
-    prior_information = 1.0 / (prior_std * prior_std)
-    less, chosen = np.zeros((k, k)), np.arange(first, first + k)
-    for i in range(z.shape[0]):
-        now = rows[i, 0, 0]
-        if counts[i, 0] <= WARM_UP:
-            moments[i] = 0.0
-            done[i] = np.nan
+    k, first = state.vector.shape[1], model.sizes.dynamic
+    prior_information = 1.0 / (model.prior_std * model.prior_std)
+    noise_information, chosen = np.zeros((k, k)), np.arange(first, first + k)
+    for i in range(state.z.shape[0]):
+        now_s, z, cov = state.rows[i, NEWEST, TIME], state.z[i], state.cov[i]
+        if state.samples[i] <= WARM_UP:
+            state.input_moments[i] = 0.0
+            solved.keep[i] = np.nan
             continue
-        resting = _without_noise(
-            z[i], cov[i], moments[i], moved[i], echo[i], input_variance, information[i], vector[i], now,
-            counts[i, 1] > 0, first, ns, less,
-        )  # fmt: skip
-        fresh, share = inverse_of(cov[i], chosen), 0.0
+        solved.resting[i] = _without_noise(model, state, i, noise_information)
+        fresh = inverse_of(cov, chosen)
+        solved.gained[i] = _account(state, i, first, noise_information, fresh)
+        elapsed_s = now_s - state.solved_s[i]
+        state.solved_s[i] = now_s
+        forgets = 0.0 < elapsed_s < model.stale_s and now_s - np.max(state.informed_s[i]) < model.stale_s
+        keep = np.exp(-elapsed_s / model.memory_s) if forgets else 1.0
+        solved.keep[i] = keep
+        if forgets or noise_information.any():
+            forget(z, cov, model.prior_value, prior_information, keep, noise_information, first)
+            fresh = inverse_of(cov, chosen)
+        information, vector, variance = state.information[i], state.vector[i], state.variance[i]
         for a in range(k):
-            told = -vector[i, a]
+            variance[a], vector[a] = cov[first + a, first + a], 0.0
             for b in range(k):
-                told += fresh[a, b] * z[i, first + b]
-                more = fresh[a, b] - less[a, b] - information[i, a, b]
-                gained_matrix[i, a, b] += more
-                share += more * cov[i, first + a, first + b]
-            gained_vector[i, a] += told
-            if cov[i, first + a, first + a] < 0.98 * variance[i, a]:
-                informed[i, a] = now
-        elapsed = now - clock[i]
-        clock[i] = now
-        forgets = 0.0 < elapsed < stale_s and now - np.max(informed[i]) < stale_s
-        keep = np.exp(-elapsed / memory_s) if forgets else 1.0
-        done[i, 0], done[i, 1] = keep, max(share / k, 0.0)
-        for j in range(resting.size):
-            done[i, 2 + j] = 1.0 if resting[j] else 0.0
-        if forgets or less.any():
-            forget(z[i], cov[i], prior_value, prior_information, keep, less, first)
-            fresh = inverse_of(cov[i], chosen)
-        for a in range(k):
-            variance[i, a], vector[i, a] = cov[i, first + a, first + a], 0.0
-            for b in range(k):
-                information[i, a, b] = fresh[a, b]
-                vector[i, a] += fresh[a, b] * z[i, first + b]
-        counts[i, 1] += 1
+                information[a, b] = fresh[a, b]
+                vector[a] += fresh[a, b] * z[first + b]
+        state.solutions[i] += 1

@@ -1,7 +1,7 @@
 """What signals do between their samples, beyond the line that the bank of the Fourier estimator draws; compiled.
 
-Derivation and symbols: ``docs/methods/fourier.md`` section 6. States curve as the equations of motion say, a surface moves
-as its servo does. Both are corrections of second order in the time step: present derivatives are good enough for them.
+Derivation and symbols: ``docs/methods/fourier.md`` section 6. States curve as the equations of motion say, a surface
+moves as its servo does. Both are corrections of second order in the time step: present derivatives are good enough.
 """
 
 import math

@@ -1,6 +1,6 @@
 """How much more the blocks of the recursive Fourier estimator scatter than they say, compiled.
 
-Derivation and symbols: ``docs/methods/fourier.md`` section 8. Arrays are those of one vehicle, all memory is the caller's.
+Derivation and symbols: ``docs/methods/fourier.md`` section 8. Arrays are those of one vehicle, memory is the caller's.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Signals of linear plants whose truth is known, and one way to run every estimator over them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -18,6 +18,7 @@ from wingwatch.estimators import (
     FourierState,
     SignalLayout,
 )
+from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.simulation import linear_response, specific_force, state_rates
 
 Array: TypeAlias = NDArray[np.float64]
@@ -167,6 +168,13 @@ class Runner:
                 at, turn = at + length, turn + 1
             self.solve(state)
         return state
+
+
+def arrays(state: State) -> dict[str, Array]:
+    """Every array of a state by its name."""
+    if isinstance(state, EkfState):
+        return dict(arrays_of(state))
+    return {f.name: getattr(state, f.name) for f in fields(state)}
 
 
 Maker: TypeAlias = Callable[[Plant], Runner]

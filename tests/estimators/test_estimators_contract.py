@@ -2,7 +2,7 @@
 
 import copy
 import pickle
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from estimator_plants import (
     Plant,
     Runner,
     State,
+    arrays,
     doublets,
     make_signals,
     noisy_batch,
@@ -48,12 +49,13 @@ at_rest = pytest.mark.parametrize(
 
 def equal(a: State, b: State) -> None:
     """Every array of two states, to the bit."""
-    for f in fields(a):
-        np.testing.assert_array_equal(getattr(a, f.name), getattr(b, f.name), err_msg=f.name)
+    others = arrays(b)
+    for name, array in arrays(a).items():
+        np.testing.assert_array_equal(array, others[name], err_msg=name)
 
 
 def row_of(state: State, vehicle: int) -> dict[str, Array]:
-    return {f.name: getattr(state, f.name)[vehicle] for f in fields(state)}
+    return {name: array[vehicle] for name, array in arrays(state).items()}
 
 
 def all_finite(state: State, vehicle: int, runner: Runner) -> bool:

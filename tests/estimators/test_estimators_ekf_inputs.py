@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 from wingwatch.estimators import EkfConfig, EkfEstimator
 from wingwatch.estimators.ekf.model import transition
+from wingwatch.estimators.ekf.state import Step
 from wingwatch.estimators.kernels.intersample import course
 
 DT = 1.0 / RATE_HZ
@@ -43,20 +44,31 @@ def test_a_step_under_an_input_that_moves_evenly_is_exact() -> None:
     exact = (expm(DT * whole) @ np.concatenate([start, [old, (new - old) / DT]]))[:2]
     z = np.concatenate([start, PITCH.aerodynamic, [0.0, 0.0]])
     mean, early = course(DT, np.inf, False)
-    after, _ = transition(
-        z, DT, np.ones(6), np.array([0.0, 25.0]), np.array([old + mean * (new - old)]),
-        np.array([early * (new - old)]), 1.0, np.zeros(2), np.zeros(0), np.array([0.0, 1.0]), False, 2, 1, 0,
-    )  # fmt: skip
+    step = Step(
+        dt_s=DT,
+        pressure_ratio=1.0,
+        airspeed_m_s=25.0,
+        inertial=False,
+        inputs=np.array([old + mean * (new - old)]),
+        early=np.array([early * (new - old)]),
+        newest_fraction=np.array([mean]),
+        inputs_end=np.array([new]),
+        scale=np.ones(6),
+        forward=np.array([0.0, 25.0]),
+        rest=np.zeros(2),
+        decay=np.zeros(0),
+    )
+    after = transition(filter_of(0.0).model, z, step).after
     np.testing.assert_allclose(after[:2], exact, rtol=0.0, atol=2e-6)
 
 
-def filter_of(told_std: float, engine: Literal["compiled", "filterpy"] = "compiled") -> EkfEstimator:
-    """A filter that starts 20 % off and is told what the surface's readings are worth."""
+def filter_of(stated_std: float, engine: Literal["compiled", "filterpy"] = "compiled") -> EkfEstimator:
+    """A filter that starts 20 % off, with a stated error of the surface's readings."""
     value = PITCH.aerodynamic
     return EkfEstimator(
         EkfConfig(
             PITCH.structure, 0.8 * value, np.abs(value), REFERENCE, held=(True,), memory_s=1e9,
-            input_noise_std=(told_std,), engine=engine,
+            input_noise_std=(stated_std,), engine=engine,
         )
     )  # fmt: skip
 
@@ -85,20 +97,21 @@ def last(estimator: EkfEstimator, batch: Array) -> tuple[Array, Array]:
 
 
 def test_reading_errors_of_a_surface_are_in_the_standard_errors() -> None:
-    """A fifth of the doublets' rms is noise: a filter that is not told is sure of wrong values.
+    """A fifth of the doublets' rms is noise: where it is not stated, wrong values get small errors.
 
-    What is left where it is told, 1 to 2 % of m_eta, is the errors' part in w and q
+    What is left where it is stated, 1 to 2 % of m_eta, is the errors' part in w and q
     (docs/methods/kalman_filter.md, section 11).
     """
     inputs = doublets(PITCH, 60.0, every_s=2.0)
     noise_std = 0.2 * float(inputs.std())
     batch = readings(noise_std, 12, inputs)
-    told, silent = (last(filter_of(std), batch) for std in (noise_std, 0.0))
+    stated, silent = (last(filter_of(std), batch) for std in (noise_std, 0.0))
     rms = [
-        np.sqrt(np.mean(np.square((value - PITCH.truth) / error), axis=0)) for value, error in (told, silent)
+        np.sqrt(np.mean(np.square((value - PITCH.truth) / error), axis=0))
+        for value, error in (stated, silent)
     ]
     assert (rms[0][3:] < rms[1][3:] / 3.0).all(), rms
-    assert abs(told[0][:, 5].mean() / PITCH.truth[5] - 1.0) < 0.02
+    assert abs(stated[0][:, 5].mean() / PITCH.truth[5] - 1.0) < 0.02
 
 
 def test_a_surface_at_rest_teaches_nothing_of_itself() -> None:

@@ -3,23 +3,23 @@
 import numpy as np
 import pytest
 
-from wingwatch.estimators.ekf.noise import sensor_noise
+from wingwatch.estimators.ekf.noise import learn_reading_noise
+from wingwatch.estimators.ekf.state import Sample
 
 SAMPLES, DT, MEMORY_S = 1500, 0.02, 10.0
 
 
-def learned(readings: np.ndarray, foreseen: np.ndarray) -> float:
-    """Variance of a rate's reading after all ``readings``, its steps ``foreseen`` as the filter would."""
-    noise, lags = np.zeros(5), np.zeros((2, 5))
+def learned(readings: np.ndarray, predicted: np.ndarray) -> float:
+    """Variance of a rate's reading after all ``readings``, its steps ``predicted`` as the filter would."""
+    variance, differences = np.zeros(3), np.zeros((2, 5))
     rows = np.zeros((readings.size, 3))
     rows[:, 2] = readings
     for k in range(2, readings.size):
-        z, after = np.zeros(2), np.array([0.0, foreseen[k]])
+        z, after = np.zeros(2), np.array([0.0, predicted[k]])
         rate = max(DT / MEMORY_S, 1.0 / (k - 1.0))
-        sensor_noise(
-            noise, lags, np.zeros(2), rows[k], rows[k - 1], rows[k - 2], 0.0, z, after, rate, False, 2
-        )
-    return float(noise[1])
+        sample = Sample(rows[k], rows[k - 1], rows[k - 2], DT, False, 0.0)
+        learn_reading_noise(variance, differences, np.zeros(2), sample, z, after, rate, 2)
+    return float(variance[1])
 
 
 def doublets(amplitude: float) -> np.ndarray:
@@ -40,7 +40,7 @@ def test_a_doublet_s_edges_are_no_noise() -> None:
     assert np.mean(levels) < 4.0 / 3.0
 
 
-def test_foreseen_motion_is_no_noise() -> None:
+def test_predicted_motion_is_no_noise() -> None:
     levels = []
     for seed in range(20):
         rng = np.random.default_rng(seed)

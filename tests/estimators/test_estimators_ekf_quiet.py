@@ -1,11 +1,11 @@
-"""A filter that is told what the data carried: noise leaves no trace in what it knows, signal stays."""
+"""A filter that knows what the data carried: noise leaves no trace in what it knows, signal stays."""
 
 import numpy as np
 import pytest
 from estimator_plants import PITCH, SOLVE_EVERY, YAW, Array, Plant, Runner, ekf, noisy_batch, quiet_batch
 
 from wingwatch.estimators import EkfEstimator, EkfState
-from wingwatch.estimators.ekf.quiet import NOISE, SIGNAL, UNDECIDED
+from wingwatch.estimators.ekf.accepted import NOISE, SIGNAL, UNDECIDED
 
 plants = pytest.mark.parametrize("plant", [PITCH, YAW], ids=["short_period", "dutch_roll"])
 
@@ -21,7 +21,7 @@ def known(estimator: EkfEstimator, state: EkfState, vehicle: int = 0) -> tuple[A
 
 
 def feed(estimator: EkfEstimator, state: EkfState, batch: Array, seen: int | None) -> None:
-    """Solved every half second with the same word, or with none."""
+    """Solved every half second with the same decision, or with none."""
     for start in range(0, batch.shape[1], SOLVE_EVERY):
         estimator.update(state, batch[:, start : start + SOLVE_EVERY])
         estimator.solve(state, None if seen is None else np.full(len(batch), seen))
@@ -31,23 +31,23 @@ def feed(estimator: EkfEstimator, state: EkfState, batch: Array, seen: int | Non
 def test_noise_teaches_nothing(plant: Plant) -> None:
     estimator = filter_of(ekf(plant))
     batch = quiet_batch(plant, 30.0)
-    told, untold = estimator.init(1), estimator.init(1)
-    feed(estimator, told, batch, NOISE)
-    feed(estimator, untold, batch, None)
+    decided, undecided = estimator.init(1), estimator.init(1)
+    feed(estimator, decided, batch, NOISE)
+    feed(estimator, undecided, batch, None)
     prior = estimator.config
-    value = np.linalg.solve(told.information[0], told.vector[0])
+    value = np.linalg.solve(decided.information[0], decided.vector[0])
     np.testing.assert_allclose(value, prior.prior_value, rtol=1e-6)
-    np.testing.assert_allclose(told.variance[0], prior.prior_std**2, rtol=1e-6)
+    np.testing.assert_allclose(decided.variance[0], prior.prior_std**2, rtol=1e-6)
     np.testing.assert_allclose(
-        told.gained_matrix[0] * np.outer(prior.prior_std, prior.prior_std), 0.0, atol=1e-6
+        decided.gained_matrix[0] * np.outer(prior.prior_std, prior.prior_std), 0.0, atol=1e-6
     )
     assert (
-        untold.variance[0] < 0.9 * prior.prior_std**2
-    ).any()  # quiet flight does teach a filter that is not told
+        undecided.variance[0] < 0.9 * prior.prior_std**2
+    ).any()  # quiet flight does teach a filter that does not know
 
 
 @plants
-def test_what_was_undecided_goes_with_the_next_word(plant: Plant) -> None:
+def test_what_was_undecided_goes_with_the_next_decision(plant: Plant) -> None:
     estimator = filter_of(ekf(plant))
     batch = noisy_batch(plant, 14.0, 1)
     always, late, never = (estimator.init(1) for _ in range(3))
@@ -65,15 +65,15 @@ def test_what_was_undecided_goes_with_the_next_word(plant: Plant) -> None:
 
 
 @plants
-def test_a_filter_told_of_nothing_but_signal_is_the_filter(plant: Plant) -> None:
+def test_a_filter_that_knows_of_nothing_but_signal_is_the_filter(plant: Plant) -> None:
     estimator = filter_of(ekf(plant))
     batch = noisy_batch(plant, 12.0, 3)
-    told, untold = estimator.init(3), estimator.init(3)
-    feed(estimator, told, batch, SIGNAL)
-    feed(estimator, untold, batch, None)
-    np.testing.assert_array_equal(told.z, untold.z)
-    np.testing.assert_array_equal(told.cov, untold.cov)
-    np.testing.assert_array_equal(told.gained_matrix, untold.gained_matrix)
+    decided, undecided = estimator.init(3), estimator.init(3)
+    feed(estimator, decided, batch, SIGNAL)
+    feed(estimator, undecided, batch, None)
+    np.testing.assert_array_equal(decided.z, undecided.z)
+    np.testing.assert_array_equal(decided.cov, undecided.cov)
+    np.testing.assert_array_equal(decided.gained_matrix, undecided.gained_matrix)
 
 
 @plants

@@ -1,4 +1,4 @@
-"""The filter's last stretch run again about better values: what it does to errors, evidence, cost and robustness."""
+"""The window of recent samples run again about better values: what it does to errors, evidence, cost, robustness."""
 
 from typing import TypeAlias
 
@@ -24,7 +24,7 @@ from reference_plant import PLANTS, cramer_rao, noise_std, noisy_scores
 
 from wingwatch.estimators import EkfEstimator, EkfState
 from wingwatch.estimators.ekf.covariance import reseat
-from wingwatch.estimators.ekf.stretch import STRETCH_ROWS, recalled
+from wingwatch.estimators.ekf.window import WINDOW_ROWS, recalled
 
 Counts: TypeAlias = NDArray[np.int64]
 
@@ -40,13 +40,13 @@ def state_of(state: State) -> EkfState:
 
 
 def solved(runner: Runner, batch: Array, state: State | None = None) -> list[tuple[Counts, Counts]]:
-    """Rows run again and length of the stretch after each solution, all vehicles."""
+    """Rows run again and length of the window after each solution, all vehicles."""
     state = runner.init(len(batch)) if state is None else state
     found = []
     for start in range(0, batch.shape[1], SOLVE_EVERY):
         runner.update(state, batch[:, start : start + SOLVE_EVERY])
         runner.solve(state)
-        found.append((state_of(state).tally[:, 3].copy(), state_of(state).tally[:, 0].copy()))
+        found.append((state_of(state).window.rerun.copy(), state_of(state).window.filled.copy()))
     return found
 
 
@@ -79,19 +79,19 @@ def test_reseated_derivatives_leave_the_rest_given_them() -> None:
 
 @pytest.mark.parametrize("plant", [PITCH, YAW], ids=["short_period", "dutch_roll"])
 def test_a_fifth_of_the_rows_is_run_again_at_most(plant: Plant) -> None:
-    """But for four stretches: what a quiet flight with its noise, where nothing is to be gained, may cost."""
+    """But for four windows: what a quiet flight with its noise, where nothing is to be gained, may cost."""
     for batch in (quiet_batch(plant, 120.0, 3), noisy_batch(plant, 120.0, 3)):
         again, kept = zip(*solved(ekf(plant), batch), strict=True)
-        assert (np.array(again) <= 4 * STRETCH_ROWS + 0.2 * batch.shape[1]).all()
-        assert (np.array(kept) <= STRETCH_ROWS).all()
+        assert (np.array(again) <= 4 * WINDOW_ROWS + 0.2 * batch.shape[1]).all()
+        assert (np.array(kept) <= WINDOW_ROWS).all()
 
 
 def test_what_was_gained_is_not_gained_again() -> None:
-    """The account for the monitor is linearised at what was known before: running a stretch again adds nothing."""
+    """The account for the monitor is linearised at what was known before: running a window again adds nothing."""
     runner = ekf(PITCH)
     batch = noisy_batch(PITCH, 8.0, 1)
     state = state_of(runner.run(batch))
-    assert state.tally[0, 3] > 0, "no stretch was run again: the test would say nothing"
+    assert state.window.rerun[0] > 0, "no window was run again: the test would say nothing"
     gained, _ = filter_of(runner).take_gained(state)
     known = state.information[0] - np.diag(filter_of(runner).config.prior_std ** -2.0)
     ratio = np.diagonal(gained) / np.diagonal(known)
@@ -99,7 +99,7 @@ def test_what_was_gained_is_not_gained_again() -> None:
 
 
 def test_more_solutions_than_are_kept_and_more_rows_than_fit() -> None:
-    """A solution at every sample, and none for a whole flight: finite, sound, and the stretch begins anew."""
+    """A solution at every sample, and none for a whole flight: finite, sound, and the window begins anew."""
     runner = ekf(PITCH)
     batch = noisy_batch(PITCH, 20.0, 1)
     often, never = state_of(runner.init(1)), state_of(runner.init(1))
@@ -107,9 +107,9 @@ def test_more_solutions_than_are_kept_and_more_rows_than_fit() -> None:
         runner.update(often, batch[:, k : k + 1])
         runner.solve(often)
     runner.update(never, batch)
-    assert never.tally[0, 0] > STRETCH_ROWS
+    assert never.window.filled[0] > WINDOW_ROWS
     runner.solve(never)
-    assert never.tally[0, 0] == 0
+    assert never.window.filled[0] == 0
     for state in (often, never):
         estimate = runner.estimate(state)
         miss = (estimate.value - PITCH.truth) / estimate.standard_error
@@ -126,26 +126,26 @@ def test_what_is_kept_of_the_rows_is_what_sensors_resolve() -> None:
     for start in range(0, batch.shape[1], SOLVE_EVERY):
         runner.update(state, batch[:, start : start + SOLVE_EVERY])
     whole = np.delete(batch[0], 3, axis=0)
-    assert state.tally[0, 0] == len(whole)
-    rows = recalled(state.stretch[0], len(whole), batch[0, 0, 0])
+    assert state.window.filled[0] == len(whole)
+    rows = recalled(state.window.rows[0, : len(whole)], batch[0, 0, 0])
     np.testing.assert_allclose(np.diff(rows[:, 0]), np.diff(whole[:, 0]), atol=1e-6)
     np.testing.assert_allclose(rows[:, 1:], whole[:, 1:], rtol=1e-6)
 
 
-def test_a_released_derivative_is_not_taught_by_what_came_before() -> None:
+def test_a_reset_derivative_is_not_taught_by_what_came_before() -> None:
     runner = ekf(PITCH)
     state = state_of(runner.run(noisy_batch(PITCH, 10.0, 1)))
     changed = np.arange(6) == 5
     filter_of(runner).release(state, changed)
     wide = runner.estimate(state).standard_error[5]
     runner.solve(state)
-    assert state.tally[0, 0] == 0
+    assert state.window.filled[0] == 0
     assert runner.estimate(state).standard_error[5] == pytest.approx(wide)
     assert wide > 0.9 * np.abs(PITCH.truth[5])
 
 
 @pytest.mark.parametrize("plant", [PITCH, YAW], ids=["short_period", "dutch_roll"])
-def test_a_stretch_that_taught_nothing_is_not_carried_along(plant: Plant) -> None:
+def test_a_window_that_taught_nothing_is_not_kept(plant: Plant) -> None:
     """A minute of quiet after a doublet: what is kept then is short, so the next doublet is run again almost alone."""
     inputs = np.roll(doublets(plant, 60.0, every_s=1000.0), 6 * 50)
     clean = make_signals(plant, inputs)

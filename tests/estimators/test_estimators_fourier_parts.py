@@ -151,11 +151,11 @@ def test_quiet_blocks_are_no_evidence(plant: Plant) -> None:
     """Sensor noise alone: none of 240 blocks."""
     runner = fourier(plant)
     state = runner.init(40)
+    assert isinstance(state, FourierState)
     quiet = quiet_batch(plant, 60.2, 40, seed=100)
     evidence = 0
     for start in range(0, quiet.shape[1], 500):
         runner.update(state, quiet[:, start : start + 500])
-        assert isinstance(state, FourierState)
         evidence += int((state.evidence_matrix != 0.0).any(axis=(1, 2)).sum())
     assert (state.counts[:, 1] == 6).all()
     assert evidence == 0

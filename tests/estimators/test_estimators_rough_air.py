@@ -17,9 +17,10 @@ def filter_in(gust_step: float) -> tuple[EkfEstimator, np.ndarray]:
     estimator = EkfEstimator(config)
     state = estimator.init(1)
     state.condition[0] = 1.0, 25.0, 1.225, 0.0, 0.0
-    state.noise[0] = 0.0
-    state.noise[0, 3 + 0] = gust_step**2
-    return estimator, estimator.unrest_of(state, 0)
+    for variance in state.noise:
+        variance[0] = 0.0
+    state.noise.gust[0] = gust_step**2
+    return estimator, estimator.gust_variance(state, 0)
 
 
 def test_calm_air_causes_nothing_and_gusts_by_their_square() -> None:

@@ -1,0 +1,141 @@
+"""The same recursion with ``filterpy.kalman.ExtendedKalmanFilter`` doing prediction and correction, one vehicle after
+the other: the reference of the compiled one."""
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from numpy.typing import NDArray
+
+from wingwatch.estimators.ekf import recursion
+from wingwatch.estimators.ekf.covariance import correct
+from wingwatch.estimators.ekf.inputs import (
+    correct_input_errors,
+    input_noise,
+    predict_input_errors,
+    track_inputs,
+)
+from wingwatch.estimators.ekf.model import measure, transition
+from wingwatch.estimators.ekf.noise import process_noise, trim_drift
+from wingwatch.estimators.ekf.recursion import (
+    SETTLE_S,
+    WARM_UP,
+    Force,
+    Prediction,
+    adapt_noise,
+    inertial_motion,
+    learn_noise,
+    step_of,
+    track_condition,
+)
+from wingwatch.estimators.ekf.state import (
+    ALPHA,
+    EARLIER,
+    NEWEST,
+    TIME,
+    VANE,
+    EkfState,
+    Gains,
+    Model,
+    Posterior,
+    Readings,
+    Sample,
+    one_vehicle,
+    put_vehicle,
+)
+from wingwatch.estimators.signals import CONDITION_COLUMNS, MAX_GAP_S
+
+__all__ = ["update_all"]
+
+Array = NDArray[np.float64]
+
+
+def update_all(model: Model, state: EkfState, signals: Array) -> None:
+    """Run all samples of all vehicles, (vehicles, samples, columns)."""
+    for i in range(signals.shape[0]):
+        for new in signals[i]:
+            if np.isfinite(new[: model.sizes.kinematic + ALPHA]).all():
+                _take(model, state, i, new)
+
+
+def _take(model: Model, state: EkfState, i: int, new: Array) -> None:
+    """One signal row; start, restart and warm-up are no filtering and are shared with the compiled engine."""
+    ns, kinematic = model.sizes.states, model.sizes.kinematic
+    old, older = state.rows[i, NEWEST].copy(), state.rows[i, EARLIER].copy()
+    dt = float(new[TIME] - old[TIME])
+    inertial = bool(model.use_accelerometer and new[kinematic + VANE] == 1.0 and old[kinematic + VANE] == 1.0)
+    samples = int(state.samples[i]) + 1
+    settled = samples > WARM_UP and not (inertial and samples * dt < SETTLE_S)
+    if not 0.0 < dt <= MAX_GAP_S or not settled or not np.isfinite(older[TIME]):
+        one = one_vehicle(state, i)
+        recursion.update_all(model, one, np.ascontiguousarray(new)[None, None])
+        put_vehicle(state, [i], one)
+        return
+    state.samples[i] = samples
+    motion = float(inertial_motion(new, old, dt, ns, kinematic)) if inertial else 0.0
+    _filter(model, state, i, Sample(new, old, older, dt, inertial, motion))
+    state.rows[i, EARLIER] = old
+    state.rows[i, NEWEST] = new
+    track_condition(state.condition[i], new, kinematic, dt)
+    track_inputs(state.input_moments[i], new, 2 + ns, model.sizes.inputs)
+
+
+def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
+    """``recursion._step`` by filterpy."""
+    ns, nx, noise, new = model.sizes.states, model.sizes.dynamic, state.noise, sample.new
+    step = step_of(model, sample)
+    moved = transition(model, state.z[i], step)
+    after, jacobian = moved.after, moved.jacobian
+    rate = max(sample.dt_s / model.adapt_s, 1.0 / (float(state.samples[i]) + 1.0))
+    learn_noise(model, noise, state.memory, i, sample, state.z[i], after, rate)
+    process = np.zeros((after.size, after.size))
+    process[:nx, :nx] = process_noise(model, noise, i, jacobian, step)
+    predicted, rows = measure(model, after, step)
+    added = float(input_noise(model, jacobian, rows[ns], after, process[:nx, :nx]))
+    process[-ns:, -ns:] = np.diag(trim_drift(model, noise, i, step))
+    measured = np.ones(ns + 1, dtype=bool)
+    measured[0] = new[model.sizes.kinematic + VANE] == 1.0
+    measured[ns] = model.use_accelerometer
+    kalman = _Filter(after, state.cov[i], jacobian, process, int(measured.sum()))
+    kalman.predict()
+    reading = new[1 : 2 + ns].copy()
+    reading[ns] += model.lever_m[1:] @ new[model.sizes.kinematic + CONDITION_COLUMNS :]
+    prediction = Prediction(after, np.diagonal(kalman.P)[:nx].copy())
+    force = float(predicted[ns] - after[-ns] * step.pressure_ratio)
+    variance = noise.reading[i].copy()
+    variance[ns] += noise.gain[i] * force**2 + added
+    readings = Readings(variance, np.zeros(ns + 1), rows[ns], measured)
+    _follow_input_errors(model, state, i, jacobian, step.newest_fraction, kalman.P, readings)
+    kalman.R = np.diag(variance[measured])
+    kalman.update(reading[measured], lambda _: rows[measured], lambda _: predicted[measured])
+    state.z[i], state.cov[i] = kalman.x, 0.5 * (kalman.P + kalman.P.T)
+    posterior = Posterior(state.z[i], state.cov[i])
+    residual = float(reading[ns] - predicted[ns] - rows[ns] @ (posterior.z - after))
+    explained = float(rows[ns] @ posterior.cov @ rows[ns])
+    fit = Force(residual, explained, force, added)
+    adapt_noise(model, noise, i, posterior, prediction, step, fit, rate)
+
+
+def _follow_input_errors(
+    model: Model, state: EkfState, i: int, jacobian: Array, newest_fraction: Array, predicted: Array,
+    readings: Readings,
+) -> None:  # fmt: skip
+    """They need the gains of measurements taken one by one, which come from copies of state and covariance."""
+    size, m, work = readings.row.size, (model.sizes.states + 2) // 2 * 2, np.empty(model.sizes.dynamic)
+    gains = Gains(np.zeros((m, size)), np.zeros(m), np.zeros(m))
+    correct(model, Posterior(np.zeros(size), 0.5 * (predicted + predicted.T)), readings, gains)
+    predict_input_errors(model, state.input_errors, i, jacobian, newest_fraction, work)
+    correct_input_errors(model, state.input_errors, i, readings, gains, work)
+
+
+class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy carries no types
+    """filterpy's filter with the state's prediction handed in instead of F x."""
+
+    def __init__(
+        self, after: Array, covariance: Array, jacobian: Array, process: Array, readings: int
+    ) -> None:
+        super().__init__(dim_x=after.size, dim_z=readings)
+        self.x, self.P, self.Q = after.copy(), covariance.copy(), process
+        self.F = np.eye(after.size)
+        self.F[: jacobian.shape[0]] = jacobian
+
+    def predict_x(self, u: float = 0) -> None:
+        """The state has been predicted by the model already."""

@@ -1,0 +1,475 @@
+"""Compiled extended Kalman filter: predict, correct and adapt, sample by sample, for a batch of vehicles.
+
+Derivation in ``docs/methods/kalman_filter.md``. Nothing here allocates per sample: a step is computed in the
+``Workspace``.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wingwatch.estimators.ekf.covariance import correct, predict
+from wingwatch.estimators.ekf.inputs import (
+    correct_input_errors,
+    input_error_effect,
+    input_noise_into,
+    predict_input_errors,
+    track_inputs,
+)
+from wingwatch.estimators.ekf.model import accelerometer, transition_into
+from wingwatch.estimators.ekf.noise import (
+    LEAST,
+    ROOT_MEAN,
+    adapt_accelerometer,
+    adapt_process,
+    difference_variance,
+    learn_reading_noise,
+    process_noise_into,
+    trim_drift_into,
+)
+from wingwatch.estimators.ekf.state import (
+    AIRSPEED,
+    ALPHA,
+    CONDITION_ALPHA,
+    DENSITY,
+    EARLIER,
+    NEWEST,
+    PRESSURE_RATIO,
+    TIME,
+    VANE,
+    Drive,
+    EkfState,
+    Gains,
+    Model,
+    Posterior,
+    Readings,
+    Sample,
+    Step,
+    Transition,
+    Workspace,
+    sizes_of,
+)
+from wingwatch.estimators.kernels.hot import hot, lean, part, sizes
+from wingwatch.estimators.kernels.intersample import course
+from wingwatch.estimators.kernels.levels import advance_level, start_level
+from wingwatch.estimators.signals import CONDITION_COLUMNS, MAX_GAP_S
+
+__all__ = [
+    "SETTLE_S",
+    "WARM_UP",
+    "Force",
+    "Notes",
+    "Prediction",
+    "adapt_noise",
+    "inertial_motion",
+    "learn_noise",
+    "run_again",
+    "step_of",
+    "track_condition",
+    "update_all",
+]
+
+Array = NDArray[np.float64]
+
+WARM_UP = 10
+"""Samples that only set the states and the first noise variances."""
+
+CONDITION_S = 5.0
+"""Time over which the angle of attack is averaged that estimates are reported at."""
+
+SETTLE_S = 5.0
+"""Time in which only noise is learned where gusts have to be told apart from the vane's own noise."""
+
+_GAINS = 0
+"""Row of a level's memory (``kernels.levels``) that holds the smoothers' gains."""
+
+
+class Prediction(NamedTuple):
+    """Before a correction: mean of the augmented state (nz,), variances of states and gust states (nx,)."""
+
+    z: Array
+    variance: Array
+
+
+class Force(NamedTuple):
+    """The accelerometer after a correction."""
+
+    residual: float
+    """Reading less what the corrected state predicts, m/s2."""
+    explained: float
+    """Variance of the residual that is due to the state."""
+    predicted: float
+    """Specific force that was predicted, less the trim's part, m/s2."""
+    input_variance: float
+    """Variance that the inputs' reading errors add."""
+
+
+class Notes(NamedTuple):
+    """What the filter has at each of some solutions (axis s) of a run."""
+
+    z: Array
+    """(s, nz)."""
+    cov: Array
+    """(s, nz, nz)."""
+    input_moments: Array
+    """(s, nu, 4): since the solution before."""
+    error_information: Array
+    """(s, nu, ns, ns): of ``InputErrors``."""
+
+
+_sizes_of = part(sizes_of)
+
+
+@part
+def _drive(ns, nu, gusts):  # type: ignore[no-untyped-def]
+    return Drive(
+        np.empty(nu), np.empty(nu), np.empty(nu), np.empty(nu), np.empty(ns * (ns + nu)), np.empty(ns),
+        np.empty(ns), np.empty(gusts),
+    )  # fmt: skip
+
+
+@part
+def _step_on(drive, sample, kinematic):  # type: ignore[no-untyped-def]
+    """The step of a sample on the arrays of ``drive``, which ``_fill_step`` fills."""
+    return Step(
+        sample.dt_s, sample.new[kinematic + PRESSURE_RATIO], max(sample.new[kinematic + AIRSPEED], 1.0),
+        sample.inertial, drive.inputs, drive.early, drive.newest_fraction, drive.inputs_end, drive.scale, drive.forward,
+        drive.rest, drive.decay,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def step_of(model, sample):  # type: ignore[no-untyped-def]
+    """What drives the model over the step of a ``Sample``."""
+    drive = _drive(model.sizes.states, model.sizes.inputs, model.sizes.gusts)
+    step = _step_on(drive, sample, model.sizes.kinematic)
+    _fill_step(model, sample, step)
+    return step
+
+
+@hot
+def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
+    """Into the arrays of ``step`` what its sample says."""
+    ns, nu, kinematic = model.sizes.states, model.sizes.inputs, model.sizes.kinematic
+    new, old = sample.new, sample.old
+    for j in range(nu):
+        c = 2 + ns + j
+        step.inputs_end[j] = new[c]
+        mean, early = course(sample.dt_s, model.servo_s[j], old[c] == sample.older[c])
+        step.inputs[j] = old[c] + mean * (new[c] - old[c])
+        step.early[j], step.newest_fraction[j] = early * (new[c] - old[c]), mean
+    speed = new[kinematic + AIRSPEED]
+    pressure = (
+        new[kinematic + DENSITY] * speed / (model.reference_airspeed_m_s * model.reference_density_kg_m3)
+    )
+    for k in range(ns):
+        for c in range(ns + nu):
+            step.scale[k * (ns + nu) + c] = pressure if c < ns else step.pressure_ratio
+    alpha = new[kinematic + ALPHA]
+    if not np.isfinite(alpha):
+        alpha = 0.0
+    forward, rest = step.forward, step.rest
+    forward[:] = 0.0
+    forward[ns - 1] = speed * np.cos(alpha) * (1.0 if model.longitudinal else -1.0)
+    if model.roll:
+        forward[1] = speed * np.sin(alpha)
+    rest[0] = 0.5 * (old[kinematic] + new[kinematic])
+    if step.inertial:
+        rest[0] += 0.5 * (old[1 + ns] + new[1 + ns])
+    known_moments = kinematic + CONDITION_COLUMNS
+    for j in range(1, ns):
+        rest[0] -= forward[j] * 0.5 * (old[1 + j] + new[1 + j])
+        rest[j] = 0.5 * (old[known_moments + j - 1] + new[known_moments + j - 1])
+    for g in range(model.sizes.gusts):
+        step.decay[g] = np.exp(-step.dt_s * step.airspeed_m_s / model.gust_length_m[g])
+
+
+@hot
+def inertial_motion(new, old, dt, ns, kinematic):  # type: ignore[no-untyped-def]
+    """How far the first state goes between two signal rows by specific force and kinematics, m/s."""
+    force = 1 + ns
+    return 0.5 * dt * (new[force] + new[kinematic] + old[force] + old[kinematic])
+
+
+@hot
+def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignore[no-untyped-def]
+    """Noise that needs no filter: the sensors', and the gusts that the vane sees against inertial motion.
+
+    ``after`` is what the filter predicts after ``z``, ``rate`` the weight of the sample in the means.
+    """
+    ns = model.sizes.states
+    learn_reading_noise(
+        noise.reading[i], memory.differences[i], model.stated_variance, sample, z, after, rate, ns
+    )
+    if sample.inertial:
+        level = memory.levels[i]
+        index = advance_level(level, sample.new[1], sample.motion, sample.dt_s, model.adapt_s)
+        gain = level[_GAINS, index]
+        noise.gust[i] = gain * gain / (1.0 - gain) * noise.reading[i, 0]
+
+
+@njit(cache=True)
+def adapt_noise(model, noise, i, posterior, prediction, step, force, rate):  # type: ignore[no-untyped-def]
+    """``_adapt_noise`` for the engine "filterpy"."""
+    _adapt_noise(model, noise, i, posterior, prediction, step, force, rate)
+
+
+@hot
+def _adapt_noise(model, noise, i, posterior, prediction, step, force, rate):  # type: ignore[no-untyped-def]
+    """Noise that the filter's own corrections show: of the accelerometer's equation and of the gusts.
+
+    Args:
+        model: of the filter.
+        noise: ``Noise``, advanced; i: the vehicle.
+        posterior: after correction; prediction: before it.
+        step, force: of this sample.
+        rate: weight of the sample in the means.
+    """
+    ns, z, cov, sums = model.sizes.states, posterior.z, posterior.cov, noise.corrections[i]
+    if model.use_accelerometer:
+        squared = force.residual * force.residual + force.explained
+        adapt_accelerometer(noise, i, squared, force, rate, ns)
+    if not step.inertial:
+        noise.gust[i], sums[0] = adapt_process(
+            noise.gust[i], sums[0], z[0] - prediction.z[0], prediction.variance[0], cov[0, 0], 1.0, rate
+        )
+        noise.gust[i] = max(noise.gust[i], 1e-4 * LEAST)
+    if model.sizes.gusts > 0:
+        noise.angular_gust[i], sums[1] = adapt_process(
+            noise.angular_gust[i], sums[1], z[ns] - prediction.z[ns], prediction.variance[ns], cov[ns, ns],
+            step.decay[0], rate,
+        )  # fmt: skip
+        noise.angular_gust[i] = max(noise.angular_gust[i], LEAST)
+
+
+@hot
+def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
+    """States as measured, with ``variance``, and calm air; the derivatives keep what is known of them."""
+    ns, z, cov = model.sizes.states, posterior.z, posterior.cov
+    for k in range(model.sizes.dynamic):
+        z[k] = new[1 + k] if k < ns else 0.0
+        for c in range(z.size):
+            cov[k, c] = 0.0
+            cov[c, k] = 0.0
+    for k in range(ns):
+        cov[k, k] = variance[k]
+
+
+@hot
+def _first_noise(noise, memory, i, sample, samples, ns):  # type: ignore[no-untyped-def]
+    """Noise that the filter starts from: all of the accelerometer's roughness is its noise, the gusts are as strong as
+    the first rate's second differences say."""
+    reading = noise.reading[i]
+    reading[ns] = max(memory.roughness[i] / (6.0 * max(samples - 2.0, 1.0)), LEAST)
+    if not sample.inertial:
+        noise.gust[i] = 1e-4 * reading[0]
+    rough = difference_variance(memory.differences[i, 1, ROOT_MEAN]) - 6.0 * reading[1]
+    noise.angular_gust[i] = max(rough, 0.01 * reading[1]) / (sample.dt_s * sample.dt_s)
+
+
+@hot
+def track_condition(condition, new, kinematic, dt):  # type: ignore[no-untyped-def]
+    """Where the estimate is reported: as measured now, but the angle of attack is that of the last seconds' mean."""
+    alpha, fresh = condition[CONDITION_ALPHA], new[kinematic + ALPHA]
+    for j in range(CONDITION_ALPHA):
+        condition[j] = new[kinematic + PRESSURE_RATIO + j]
+    condition[CONDITION_ALPHA] = fresh
+    if np.isfinite(alpha) and np.isfinite(fresh) and 0.0 < dt <= MAX_GAP_S:
+        condition[CONDITION_ALPHA] = alpha + (1.0 - np.exp(-dt / CONDITION_S)) * (fresh - alpha)
+
+
+@part
+def _take_readings(model, noise, i, sample, z, step, readings):  # type: ignore[no-untyped-def]
+    """What is measured after a predicted step, with variances and innovations; returns the predicted specific force
+    and the variance that the inputs' reading errors add to it."""
+    ns, kinematic, new = model.sizes.states, model.sizes.kinematic, sample.new
+    predicted = accelerometer(model, z, step, readings.row)
+    force = predicted - z[model.sizes.augmented - ns] * step.pressure_ratio
+    added = 0.0
+    for j in range(model.sizes.inputs):
+        added += input_error_effect(model, readings.row, z, j) ** 2
+    for j in range(ns + 1):
+        readings.innovation[j] = new[1 + j] - (z[j] if j < ns else predicted)
+        readings.variance[j] = noise.reading[i, j]
+        readings.measured[j] = True
+    for j in range(1, ns):  # an accelerometer away from the c.g. reads less lever times these too
+        readings.innovation[ns] += model.lever_m[j] * new[kinematic + CONDITION_COLUMNS + j - 1]
+    readings.variance[ns] += noise.gain[i] * force * force + added
+    readings.measured[0] = new[kinematic + VANE] == 1.0
+    readings.measured[ns] = model.use_accelerometer
+    return force, added
+
+
+@part
+def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untyped-def]
+    """One sample of one vehicle: predict, correct, learn the noise.
+
+    What needs no filter is learned only the ``first_time`` that a sample is run.
+    """
+    noise, z, cov, transition = state.noise, state.z[i], state.cov[i], space.transition
+    after, jacobian, readings = transition.after, transition.jacobian, space.readings
+    step = _step_on(space.drive, sample, model.sizes.kinematic)
+    _fill_step(model, sample, step)
+    transition_into(model, z, step, transition)
+    rate = sample.dt_s / model.adapt_s
+    if first_time:
+        rate = max(rate, 1.0 / (state.samples[i] + 1.0))
+        learn_noise(model, noise, state.memory, i, sample, z, after, rate)
+    trim_drift_into(model, noise, i, step, space.drift)
+    process_noise_into(model, noise, i, jacobian, step, space.sources, space.process)
+    input_noise_into(model, jacobian, z, space.variance, space.process)
+    predict_input_errors(model, state.input_errors, i, jacobian, step.newest_fraction, space.variance)
+    predict(model, cov, space.process, jacobian, space.drift, space.product)
+    for c in range(model.sizes.augmented):
+        z[c] = after[c]
+    for a in range(model.sizes.dynamic):
+        space.variance[a] = cov[a, a]
+    predicted, added = _take_readings(model, noise, i, sample, z, step, readings)
+    posterior = Posterior(z, cov)
+    residual, explained = correct(model, posterior, readings, space.gains)
+    correct_input_errors(model, state.input_errors, i, readings, space.gains, space.sources[0])
+    force, prediction = Force(residual, explained, predicted, added), Prediction(after, space.variance)
+    _adapt_noise(model, noise, i, posterior, prediction, step, force, rate)
+
+
+@part
+def _warm_up(model, state, i, sample, settled):  # type: ignore[no-untyped-def]
+    """A sample that only sets the states and the first noise variances."""
+    z, ns, samples = state.z[i], model.sizes.states, state.samples[i]
+    if np.isfinite(sample.older[TIME]) and not settled:
+        rate = max(sample.dt_s / model.adapt_s, 1.0 / (samples - 1.0))
+        learn_noise(model, state.noise, state.memory, i, sample, z, z, rate)
+        second = sample.new[1 + ns] - 2.0 * sample.old[1 + ns] + sample.older[1 + ns]
+        state.memory.roughness[i] += second * second
+        _first_noise(state.noise, state.memory, i, sample, samples, ns)
+    _restart(model, Posterior(z, state.cov[i]), state.noise.reading[i], sample.new)
+
+
+@part
+def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-def]
+    """One signal row of one vehicle."""
+    kinematic, old, older = model.sizes.kinematic, state.rows[i, NEWEST], state.rows[i, EARLIER]
+    dt = new[TIME] - old[TIME]
+    if not (0.0 < dt <= MAX_GAP_S):
+        _restart(model, Posterior(state.z[i], state.cov[i]), state.noise.reading[i], new)
+        start_level(state.memory.levels[i], new[1])
+        state.input_errors.age[i] = 0
+        older[:] = np.nan
+    else:
+        state.samples[i] += 1
+        inertial = model.use_accelerometer and new[kinematic + VANE] == 1.0 and old[kinematic + VANE] == 1.0
+        settling = first_time and inertial and state.samples[i] * dt < SETTLE_S
+        settled = state.samples[i] > WARM_UP and not settling
+        motion = inertial_motion(new, old, dt, model.sizes.states, kinematic) if inertial else 0.0
+        sample = Sample(new, old, older, dt, inertial, motion)
+        if settled and np.isfinite(older[TIME]):
+            _step(model, state, i, sample, first_time, space)
+        else:
+            _warm_up(model, state, i, sample, settled)
+        for c in range(new.size):
+            older[c] = old[c]
+    for c in range(new.size):
+        old[c] = new[c]
+    track_condition(state.condition[i], new, kinematic, dt)
+    track_inputs(state.input_moments[i], new, 2 + model.sizes.states, model.sizes.inputs)
+
+
+@part
+def _note(state, i, s, notes):  # type: ignore[no-untyped-def]
+    """What the filter has now becomes note ``s``; the inputs' moments begin anew."""
+    for a in range(notes.z.shape[1]):
+        notes.z[s, a] = state.z[i, a]
+        for b in range(notes.z.shape[1]):
+            notes.cov[s, a, b] = state.cov[i, a, b]
+    ns, information = notes.error_information.shape[2], state.input_errors.information[i]
+    for j in range(notes.input_moments.shape[1]):
+        for c in range(notes.input_moments.shape[2]):
+            notes.input_moments[s, j, c] = state.input_moments[i, j, c]
+        for a in range(ns):
+            for b in range(ns):
+                notes.error_information[s, j, a, b] = information[j, a, b]
+    state.input_moments[i] = 0.0
+
+
+@lean
+def _run(lengths, given, state, signals, ends, first_time, notes, space):  # type: ignore[no-untyped-def]
+    """``update_all`` in a workspace; the sizes in ``lengths`` take the place of those in the model."""
+    model = Model(
+        _sizes_of(len(lengths[0]), len(lengths[1]), len(lengths[2])), given.longitudinal, given.roll,
+        given.use_accelerometer, given.adapt_s, given.trim_corner_rad_s, given.memory_s, given.stale_s,
+        given.reference_airspeed_m_s, given.reference_density_kg_m3, given.stated_variance, given.input_variance,
+        given.servo_s, given.lever_m, given.gust_length_m, given.gust_direction, given.prior_value, given.prior_std,
+    )  # fmt: skip
+    for i in range(signals.shape[0]):
+        begin = 0
+        for s in range(ends.size):
+            for k in range(begin, ends[s]):
+                new = signals[i, k]
+                complete = True
+                for c in range(model.sizes.kinematic + ALPHA):
+                    complete = complete and np.isfinite(new[c])
+                if complete:
+                    _take(model, state, i, new, first_time, space)
+            begin = ends[s]
+            if s < notes.z.shape[0]:
+                _note(state, i, s, notes)
+
+
+@njit(cache=True)
+def _update_all(lengths, model, state, signals, ends, first_time, notes):  # type: ignore[no-untyped-def]
+    ns, nx, nz = model.sizes.states, model.sizes.dynamic, model.sizes.augmented
+    square, readings = (ns, ns), (ns + 2) // 2 * 2
+    space = Workspace(
+        _drive(ns, model.sizes.inputs, model.sizes.gusts),
+        Transition(
+            np.empty(nz), np.empty((nx, nz)), np.empty(square), np.empty(square), np.empty(square), np.empty(square),
+            np.empty(square), np.empty(ns), np.empty(ns), np.empty(2),
+        ),
+        np.empty((nx, nx)), np.empty((2, nx)), np.empty(ns), np.empty((nx, nz)),
+        Readings(np.empty(ns + 1), np.empty(ns + 1), np.empty(nz), np.empty(ns + 1, dtype=np.bool_)),
+        Gains(np.zeros((readings, nz)), np.zeros(readings), np.zeros(readings)),
+        np.empty(nx),
+    )  # fmt: skip
+    _run(lengths, model, state, signals, ends, first_time, notes, space)
+
+
+def _lengths(model: Model) -> tuple[tuple[int, ...], ...]:
+    """Numbers of states, inputs and gust states as ``hot.sizes`` has them."""
+    return sizes(model.sizes.states, model.sizes.inputs, model.sizes.gusts)
+
+
+def _notes(model: Model, solutions: int) -> Notes:
+    """Room for so many solutions."""
+    ns, nu, nz = model.sizes.states, model.sizes.inputs, model.sizes.augmented
+    return Notes(
+        np.empty((solutions, nz)), np.empty((solutions, nz, nz)), np.empty((solutions, nu, 4)),
+        np.empty((solutions, nu, ns, ns)),
+    )  # fmt: skip
+
+
+def run_again(model: Model, state: EkfState, signals: Array, ends: NDArray[np.int64]) -> Notes:
+    """Runs rows of one vehicle that have been run before: the noise of sensors and vane is known.
+
+    The other variances go on being learned from where they are.
+
+    Args:
+        model: of the filter.
+        state: of one vehicle, advanced in place.
+        signals: (rows, columns).
+        ends: rows before each solution, rising, (solutions,).
+
+    Returns:
+        what the filter has at each solution.
+    """
+    notes = _notes(model, ends.size)
+    state.input_moments[:] = 0.0
+    _update_all(_lengths(model), model, state, signals[None], ends, False, notes)
+    return notes
+
+
+def update_all(model: Model, state: EkfState, signals: Array) -> None:
+    """Run all samples of all vehicles, (vehicles, samples, columns)."""
+    ends = np.array([signals.shape[1]])
+    _update_all(_lengths(model), model, state, signals, ends, True, _notes(model, 0))

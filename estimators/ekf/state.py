@@ -1,0 +1,431 @@
+"""The Kalman filter's model, state and workspace: named arrays, which compiled code takes as they are.
+
+Axes: n vehicles, the first axis of everything in ``EkfState``; ns states and nu inputs of the mode; ng gust states, 2
+or 0; nx = ns + ng; k = ns (ns + nu) derivatives, equation by equation, states before inputs; nz = nx + k + ns elements
+of the augmented state: states, gust states, referred derivatives, one trim constant an equation. A signal row has the
+columns of ``SignalLayout``.
+
+Units: the first state is a velocity, m/s, the others rates (and the roll angle's), rad/s; an equation has its state's
+unit over a second, a derivative that of its equation over that of its state or input, a variance the square. The gust
+states are an angular acceleration, rad/s2, and a rate, rad/s.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "AIRSPEED",
+    "ALPHA",
+    "CONDITION_ALPHA",
+    "DENSITY",
+    "EARLIER",
+    "FIRST_READING",
+    "NEWEST",
+    "PRESSURE_RATIO",
+    "READINGS",
+    "SQUARES",
+    "SUM",
+    "TIME",
+    "VANE",
+    "Accepted",
+    "Checkpoints",
+    "Drive",
+    "EkfState",
+    "Gains",
+    "InputErrors",
+    "Memory",
+    "Model",
+    "Noise",
+    "Posterior",
+    "Readings",
+    "Sample",
+    "Sizes",
+    "Solved",
+    "Step",
+    "Transition",
+    "Window",
+    "Workspace",
+    "arrays_of",
+    "one_vehicle",
+    "put_vehicle",
+    "sizes_of",
+]
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+Named = TypeVar("Named", bound=tuple[Any, ...])
+
+TIME = 0
+"""Column of the time in a signal row."""
+
+PRESSURE_RATIO, AIRSPEED, DENSITY, ALPHA, VANE = 1, 2, 3, 5, 6
+"""Columns of a signal row after its kinematic column: dynamic pressure ratio, airspeed, density, angle of attack, and
+whether a vane measured the first state."""
+
+NEWEST, EARLIER = 0, 1
+"""The last signal row and the one before, in ``EkfState.rows``."""
+
+CONDITION_ALPHA = 4
+"""The angle of attack in ``EkfState.condition``."""
+
+READINGS, SUM, SQUARES, FIRST_READING = 0, 1, 2, 3
+"""Of ``EkfState.input_moments``."""
+
+
+class Sizes(NamedTuple):
+    """Numbers of states, inputs and gust states, and what follows from them."""
+
+    states: int
+    inputs: int
+    gusts: int
+    dynamic: int
+    """nx: states and gust states; the derivatives begin here."""
+    augmented: int
+    """nz: the whole augmented state."""
+    kinematic: int
+    """Column of the kinematic term in a signal row."""
+
+
+def sizes_of(states: int, inputs: int, gusts: int) -> Sizes:
+    """All sizes from the three that matter."""
+    dynamic = states + gusts
+    augmented = dynamic + states * (states + inputs) + states
+    return Sizes(states, inputs, gusts, dynamic, augmented, 2 + states + inputs)
+
+
+class Model(NamedTuple):
+    """What does not change."""
+
+    sizes: Sizes
+    longitudinal: bool
+    """Whether the first equation is that of the vertical velocity; else that of the lateral one."""
+    roll: bool
+    """Whether the roll rate is the second state."""
+    use_accelerometer: bool
+    adapt_s: float
+    """Time constant of the noise variances."""
+    trim_corner_rad_s: float
+    memory_s: float
+    stale_s: float
+    reference_airspeed_m_s: float
+    reference_density_kg_m3: float
+    stated_variance: Array
+    """(ns,): of the measured states as the aircraft file states it, 0 where it says nothing."""
+    input_variance: Array
+    """(nu,): of the inputs' readings, rad2."""
+    servo_s: Array
+    """(nu,): time constant of the servo; 0 for an input held between samples, infinite where it is not known."""
+    lever_m: Array
+    """(ns,): the accelerometer reads less this times each angular acceleration."""
+    gust_length_m: Array
+    """(ng,): over which the span smooths roll or pitch, and yaw, of the air."""
+    gust_direction: Array
+    """(ns,): how each equation answers to the gusts' angular acceleration, over how the first rate's does."""
+    prior_value: Array
+    """(k + ns,): derivatives and trim constants."""
+    prior_std: Array
+    """(k + ns,)."""
+
+
+class Noise(NamedTuple):
+    """Noise variances, learned from the record."""
+
+    reading: Array
+    """(n, ns + 1): of the measured states and of the accelerometer, m2/s4."""
+    gust: Array
+    """(n,): process variance a step that gusts give the first state, m2/s2."""
+    angular_gust: Array
+    """(n,): process variance a step of the gusts' angular acceleration, rad2/s4."""
+    gain: Array
+    """(n,): square of the relative error of the predicted specific force."""
+    fisher: Array
+    """(n, 2): running Fisher information of the accelerometer's variance and of ``gain``."""
+    corrections: Array
+    """(n, 2): discounted sums of the corrections of the first state and of the gusts' angular acceleration."""
+
+
+class Memory(NamedTuple):
+    """What the noise variances are learned from when a sample is seen for the first time."""
+
+    differences: Array
+    """(n, ns, 5): of successive readings of each state, see ``noise``."""
+    levels: Array
+    """(n, 4, LEVELS): smoothers of the velocity that the vane measures, see ``kernels.levels``."""
+    roughness: Array
+    """(n,): sum of squared second differences of the accelerometer during the warm-up, m2/s4."""
+
+
+class InputErrors(NamedTuple):
+    """How one reading error of each input acts on the filter, if the input acted in equation r alone (``inputs``)."""
+
+    response: Array
+    """(n, nu, nx, r): effect of a unit error on states and gust states, followed from step to step."""
+    energy: Array
+    """(n, nu, ns, r): of its effect on the normalised innovations, summed so far."""
+    information: Array
+    """(n, nu, ns, r): that sum for the last error that was followed to its end."""
+    age: Counts
+    """(n,): steps that the error has been followed for."""
+
+
+class Checkpoints(NamedTuple):
+    """The filter at the beginning of the window and within it: axis c, two of them."""
+
+    z: Array
+    """(n, c, nz)."""
+    cov: Array
+    """(n, c, nz, nz)."""
+    rows: Array
+    """(n, c, 2, columns): last signal row before it, and the one before."""
+    log_variance: Array
+    """(n, c, ns + 1): logarithms of the innovations' variances that the rows after it were weighted by."""
+    value: Array
+    """(n, c, k): derivatives that the rows after it were linearised about."""
+    covariance: Array
+    """(n, c, k, k): of these."""
+    information: Array
+    """(n, c, k, k): of the derivatives at the checkpoint."""
+
+
+class Window(NamedTuple):
+    """The last signal rows, kept to be linearised again about better values."""
+
+    rows: NDArray[np.float32]
+    """(n, WINDOW_ROWS, columns): signal rows, in the time's place the time since the row before, s."""
+    filled: Counts
+    """(n,): rows in it, or more if they did not fit."""
+    middle: Counts
+    """(n,): rows before the second checkpoint, 0 where there is none."""
+    solutions: Counts
+    """(n,): solutions in it."""
+    rerun: Counts
+    """(n,): rows that the filter has run again so far."""
+    ends: Counts
+    """(n, SOLUTIONS): rows before each solution."""
+    keep: Array
+    """(n, SOLUTIONS): fraction of the information that each solution kept."""
+    resting: Flags
+    """(n, SOLUTIONS, nu): whether each input rested before it."""
+    checkpoints: Checkpoints
+
+
+class Accepted(NamedTuple):
+    """The posterior of the derivatives when data last carried signal, and the information gained by then."""
+
+    value: Array
+    """(n, k)."""
+    covariance: Array
+    """(n, k, k)."""
+    gained_matrix: Array
+    """(n, k, k)."""
+    gained_vector: Array
+    """(n, k)."""
+
+
+class EkfState(NamedTuple):
+    """Everything the filter remembers."""
+
+    z: Array
+    """(n, nz): mean of the augmented state."""
+    cov: Array
+    """(n, nz, nz): its covariance."""
+    noise: Noise
+    memory: Memory
+    input_errors: InputErrors
+    input_moments: Array
+    """(n, nu, 4): of each input since the last solution: number of readings, their sum and sum of squares from the
+    first of them, that first one."""
+    rows: Array
+    """(n, 2, columns): last signal row and the one before."""
+    condition: Array
+    """(n, 5): of the last sample, dynamic pressure ratio, airspeed, density, altitude (m) and angle of attack."""
+    samples: Counts
+    """(n,): taken so far."""
+    solutions: Counts
+    """(n,): so far."""
+    solved_s: Array
+    """(n,): time of the last solution."""
+    informed_s: Array
+    """(n, k): last time each derivative's variance shrank through data."""
+    moved_s: Array
+    """(n, nu): last time each input moved beyond its noise."""
+    variance: Array
+    """(n, k): of the derivatives after the last solution."""
+    information: Array
+    """(n, k, k): information matrix of the derivatives after the last solution."""
+    vector: Array
+    """(n, k): their information vector."""
+    gained_matrix: Array
+    """(n, k, k): information gained from data since ``take_gained`` was called."""
+    gained_vector: Array
+    """(n, k): its vector."""
+    window: Window
+    accepted: Accepted
+
+
+class Posterior(NamedTuple):
+    """One vehicle's augmented state: mean (nz,) and covariance (nz, nz)."""
+
+    z: Array
+    cov: Array
+
+
+class Sample(NamedTuple):
+    """One vehicle's last three signal rows and the step between the last two."""
+
+    new: Array
+    old: Array
+    older: Array
+    dt_s: float
+    inertial: bool
+    """Whether the first state is propagated inertially, by the measured specific force."""
+    motion: float
+    """How far it went so since the row before, m/s; 0 where it does not."""
+
+
+class Step(NamedTuple):
+    """What drives the model over one step, besides its state."""
+
+    dt_s: float
+    pressure_ratio: float
+    """Dynamic pressure over that of the reference; the trim constants go with it."""
+    airspeed_m_s: float
+    inertial: bool
+    """The first state goes by kinematics alone, so that gusts and vane errors do not pass for aerodynamics; its
+    derivatives are then seen by the accelerometer only."""
+    inputs: Array
+    """(nu,): mean over the step."""
+    early: Array
+    """(nu,): how much earlier than evenly the inputs come: the mean of (1/2 - t/dt) u."""
+    newest_fraction: Array
+    """(nu,): of the newer reading in ``inputs``."""
+    inputs_end: Array
+    """(nu,): at the end of the step."""
+    scale: Array
+    """(k,): referred to present derivatives."""
+    forward: Array
+    """(ns,): kinematic part of the first equation per state, m/s."""
+    rest: Array
+    """(ns,): acceleration of each state that is due neither to states nor air: of the first gravity, products of states
+    and, where ``inertial``, the specific force, m/s2; of the rates inertia coupling, rad/s2."""
+    decay: Array
+    """(ng,): of the gust states over the step."""
+
+
+class Drive(NamedTuple):
+    """The arrays of a ``Step``."""
+
+    inputs: Array
+    early: Array
+    newest_fraction: Array
+    inputs_end: Array
+    scale: Array
+    forward: Array
+    rest: Array
+    decay: Array
+
+
+class Transition(NamedTuple):
+    """One step of the model, and what it is computed in."""
+
+    after: Array
+    """(nz,): the state after the step."""
+    jacobian: Array
+    """(nx, nz): its sensitivity, the rows of states and gust states; the others are the identity."""
+    system: Array
+    """(ns, ns): dt A, all of it; ``aerodynamic`` without the forward speed."""
+    aerodynamic: Array
+    squared: Array
+    cubed: Array
+    series: Array
+    """(ns, ns): I + A/2 + A^2/6 + A^3/24."""
+    rate: Array
+    """(ns,): the part of dx/dt that does not depend on x."""
+    early_rate: Array
+    """(ns,): B times ``Step.early``."""
+    mean_decay: Array
+    """(2,): of the gust states, mean over the step."""
+
+
+class Readings(NamedTuple):
+    """The measurements of one instant: the states', then the accelerometer's."""
+
+    variance: Array
+    """(ns + 1,)."""
+    innovation: Array
+    """(ns + 1,): reading less what is predicted."""
+    row: Array
+    """(nz,): the accelerometer's Jacobian."""
+    measured: Flags
+    """(ns + 1,): which of them are there."""
+
+
+class Gains(NamedTuple):
+    """What the measurements of one instant do; m an even number of at least ns + 1, rows past ns are zero."""
+
+    gain: Array
+    """(m, nz): gains times the standard deviations of the innovations."""
+    innovation: Array
+    """(m,): normalised innovations."""
+    inverse_std: Array
+    """(m,): inverse standard deviations of the innovations, 0 where nothing was measured."""
+
+
+class Workspace(NamedTuple):
+    """Where a step is computed; one for all vehicles."""
+
+    drive: Drive
+    transition: Transition
+    process: Array
+    """(nx, nx): process noise of states and gust states."""
+    sources: Array
+    """(2, nx): of ``process_noise_into``, and elsewhere for whoever needs it."""
+    drift: Array
+    """(ns,): process variance of the trim constants."""
+    product: Array
+    """(nx, nz): Jacobian times covariance."""
+    readings: Readings
+    gains: Gains
+    variance: Array
+    """(nx,): predicted, of states and gust states."""
+
+
+class Solved(NamedTuple):
+    """What a solution did, vehicle by vehicle."""
+
+    keep: Array
+    """(n,): fraction of its information that the vehicle keeps, NaN where nothing was solved."""
+    gained: Array
+    """(n,): fraction of all that is known (mean over directions) that the data since the last solution gave."""
+    resting: Flags
+    """(n, nu): inputs whose derivatives' information was taken back."""
+
+
+def _each(change: Callable[[Any], Any], state: Named) -> Named:
+    """The same named arrays, every one changed."""
+    kind: Any = type(state)
+    return kind(*(_each(change, v) if isinstance(v, tuple) else change(v) for v in state))  # type: ignore[no-any-return]
+
+
+def arrays_of(state: tuple[Any, ...], prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
+    """Every array of a state with its dotted name."""
+    for name, value in state._asdict().items():  # type: ignore[attr-defined]
+        if isinstance(value, tuple):
+            yield from arrays_of(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def one_vehicle(state: Named, i: int) -> Named:
+    """A copy of one vehicle's state, a batch of one."""
+    return _each(lambda array: array[i : i + 1].copy(), state)
+
+
+def put_vehicle(state: EkfState, which: Any, other: EkfState) -> None:
+    """The state of some vehicles becomes that of all of another batch, in place."""
+    for (_, kept), (_, new) in zip(arrays_of(state), arrays_of(other), strict=True):
+        kept[which] = new

@@ -1,0 +1,154 @@
+"""The filter's window of recent signal rows, and its checkpoints: what ``relinearise`` runs again is kept here."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState
+from wingwatch.estimators.kernels.hot import part
+
+__all__ = [
+    "SOLUTIONS",
+    "WINDOW_ROWS",
+    "advance_checkpoints",
+    "begin_window",
+    "cut_at",
+    "empty_window",
+    "innovation_log_variance",
+    "recalled",
+    "remember",
+    "set_checkpoint",
+]
+
+Array = NDArray[np.float64]
+
+WINDOW_ROWS = 640
+"""Rows that are kept at most."""
+
+_LONG_ROWS, _LONG_S = 600, 12.0
+"""A window of so many rows or so much time is cut at its second checkpoint; that is set at half of it."""
+
+SOLUTIONS = 64
+"""Solutions within a window that are kept at most."""
+
+
+@njit(cache=True)
+def remember(signals, complete, state_rows, rows, filled):  # type: ignore[no-untyped-def]
+    """Complete rows (the first ``complete`` columns finite) join the window; beyond its size they are counted.
+
+    In single precision, finer than any sensor resolves, the time since the row before in the place of the time.
+    ``state_rows`` of ``EkfState``, before the filter takes the signals in; ``rows, filled`` of ``Window``.
+    """
+    for i in range(signals.shape[0]):
+        before = state_rows[i, NEWEST, TIME]
+        for k in range(signals.shape[1]):
+            finite = True
+            for c in range(complete):
+                finite = finite and np.isfinite(signals[i, k, c])
+            if not finite:
+                continue
+            r = filled[i]
+            if r < rows.shape[1]:
+                for c in range(1, signals.shape[2]):
+                    rows[i, r, c] = signals[i, k, c]
+                since = signals[i, k, TIME] - before
+                rows[i, r, TIME] = since if np.isfinite(since) else 0.0
+            before = signals[i, k, TIME]
+            filled[i] += 1
+
+
+def recalled(rows: NDArray[np.float32], before_s: float) -> Array:
+    """Rows of the window as the filter takes them, (rows, columns); ``before_s``: time of the row before them."""
+    signals = rows.astype(np.float64)
+    signals[:, TIME] = np.cumsum(signals[:, TIME]) + (before_s if np.isfinite(before_s) else 0.0)
+    return signals
+
+
+@njit(cache=True)
+def innovation_log_variance(reading, gust, out):  # type: ignore[no-untyped-def]
+    """Logarithms of the innovations' variances, by state and for the accelerometer, (ns + 1,): ``reading, gust`` of
+    ``Noise``, one vehicle's.
+
+    Of a random walk with Q a step, read with R, the prediction has the variance (Q + sqrt(Q^2 + 4 Q R)) / 2.
+    """
+    for j in range(out.size):
+        walk = gust if j == 0 else 0.0
+        out[j] = np.log(reading[j] + 0.5 * (walk + np.sqrt(walk * walk + 4.0 * walk * reading[j])))
+
+
+@njit(cache=True)
+def set_checkpoint(state, i, checkpoints, m):  # type: ignore[no-untyped-def]
+    """A vehicle's present state as its checkpoint ``m``; what follows is linearised about it."""
+    k = state.vector.shape[1]
+    first = state.z.shape[1] - k - state.noise.reading.shape[1] + 1
+    innovation_log_variance(state.noise.reading[i], state.noise.gust[i], checkpoints.log_variance[i, m])
+    checkpoints.rows[i, m] = state.rows[i]
+    checkpoints.z[i, m] = state.z[i]
+    checkpoints.cov[i, m] = state.cov[i]
+    checkpoints.value[i, m] = state.z[i, first : first + k]
+    checkpoints.covariance[i, m] = state.cov[i, first : first + k, first : first + k]
+    checkpoints.information[i, m] = state.information[i]
+
+
+@njit(cache=True)
+def empty_window(window, i):  # type: ignore[no-untyped-def]
+    """Nothing that came before is run again."""
+    window.filled[i] = window.middle[i] = window.solutions[i] = 0
+
+
+@njit(cache=True)
+def begin_window(state, i):  # type: ignore[no-untyped-def]
+    """What follows may be run again from here, nothing before it."""
+    empty_window(state.window, i)
+    set_checkpoint(state, i, state.window.checkpoints, 0)
+
+
+@part
+def _cut(window, i):  # type: ignore[no-untyped-def]
+    """The window begins at its second checkpoint, which moves to the first one's place."""
+    cut, points, kept = window.middle[i], window.checkpoints, 0
+    points.z[i, 0], points.cov[i, 0], points.rows[i, 0] = points.z[i, 1], points.cov[i, 1], points.rows[i, 1]
+    points.log_variance[i, 0], points.value[i, 0] = points.log_variance[i, 1], points.value[i, 1]
+    points.covariance[i, 0], points.information[i, 0] = points.covariance[i, 1], points.information[i, 1]
+    for s in range(window.solutions[i]):
+        if window.ends[i, s] > cut:
+            window.ends[i, kept] = window.ends[i, s] - cut
+            window.keep[i, kept] = window.keep[i, s]
+            window.resting[i, kept] = window.resting[i, s]
+            kept += 1
+    rows = window.rows[i]
+    left = window.filled[i] - cut
+    for r in range(left):
+        rows[r] = rows[r + cut]
+    window.filled[i], window.middle[i], window.solutions[i] = left, left, kept
+
+
+@part
+def advance_checkpoints(state, i, fresh):  # type: ignore[no-untyped-def]
+    """Sets the second checkpoint at half of the window; cuts it there when it is long or cannot take ``fresh`` more."""
+    window = state.window
+    count, span, rows = window.filled[i], 0.0, window.rows[i]
+    for r in range(1, count):
+        span += abs(rows[r, TIME])
+    full = count + fresh > rows.shape[0] or window.solutions[i] == window.ends.shape[1]
+    if window.middle[i] == 0 and (full or 2 * count >= _LONG_ROWS or 2.0 * span >= _LONG_S):
+        window.middle[i] = count
+        set_checkpoint(state, i, window.checkpoints, 1)
+    if not (full or count >= _LONG_ROWS or span >= _LONG_S):
+        return
+    cut = window.middle[i]
+    _cut(window, i)
+    if count > cut:
+        set_checkpoint(state, i, window.checkpoints, 1)
+
+
+def cut_at(state: EkfState, solution: int) -> None:
+    """The window of a batch of one loses all up to one of its solutions; the caller sets its first checkpoint."""
+    window = state.window
+    count, solutions, cut = int(window.filled[0]), int(window.solutions[0]), int(window.ends[0, solution])
+    left, kept = count - cut, solutions - solution - 1
+    window.rows[0, :left] = window.rows[0, cut:count].copy()
+    for array in (window.ends, window.keep, window.resting):
+        array[0, :kept] = array[0, solution + 1 : solutions].copy()
+    window.ends[0, :kept] -= cut
+    window.filled[0], window.middle[0], window.solutions[0] = left, 0, kept
