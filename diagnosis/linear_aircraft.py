@@ -53,7 +53,7 @@ def _slope(row: Array, start: Array, at: FlightCondition, symbol: str) -> float:
             state[_STATE[by]] += sign * _STEP[by]
         else:
             surfaces[_SURFACE[by]] = sign * _STEP[by]
-        derivatives(state, surfaces, 0.0, np.zeros(3), np.zeros(6), row, np.empty(6), np.empty(3), rates)
+        derivatives(state, surfaces, 0.0, row, np.empty(3), rates)
         out.append(rates[_ROW[equation]])
     return float(out[0] - out[1]) / (2.0 * _STEP[by])
 

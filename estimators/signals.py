@@ -30,6 +30,7 @@ motion: it sees no gust.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -169,22 +170,45 @@ class SignalState:
     servos: NDArray[np.float64]
 
 
+class _Form(NamedTuple):
+    """What does not change, as compiled code reads it."""
+
+    lateral: bool
+    rates: NDArray[np.int64]
+    """(states - 1,): channels."""
+    inputs: NDArray[np.int64]
+    """(inputs,): channels."""
+    x_vane_m: float
+    z_vane_m: float
+    airspeed_memory_s: float
+    reconstruction_s: float
+    pressure: float
+    """rho V^2 at the reference, N/m2."""
+    servo_s: NDArray[np.float64]
+    """(inputs,)."""
+
+
 class Signals:
     """Turns blocks of samples into signals of one structure, for a batch of vehicles."""
 
     def __init__(self, config: SignalConfig) -> None:
         self.config = config
         structure = config.structure
-        self._lateral = structure.name in (DUTCH_ROLL.name, LATERAL.name)
-        if not self._lateral and structure.name != SHORT_PERIOD.name:
+        lateral = structure.name in (DUTCH_ROLL.name, LATERAL.name)
+        if not lateral and structure.name != SHORT_PERIOD.name:
             raise ValueError(f"no signals are defined for structure {structure.name!r}")
-        self._rates = np.array([_RATE_CHANNEL[s] for s in structure.states[1:]])
-        self._inputs = np.array([_INPUT_CHANNEL[u] for u in structure.inputs])
-        self._servo_s = np.array(config.servo_s or (0.0,) * len(structure.inputs))
-        coupling = [
-            config.inertia.coefficients(s) if config.inertia else np.zeros(4) for s in structure.states[1:]
-        ]
-        self._coupling = np.array(coupling)
+        self._form = _Form(
+            lateral=lateral,
+            rates=np.array([_RATE_CHANNEL[s] for s in structure.states[1:]]),
+            inputs=np.array([_INPUT_CHANNEL[u] for u in structure.inputs]),
+            x_vane_m=config.vane_position_m[0],
+            z_vane_m=config.vane_position_m[2],
+            airspeed_memory_s=config.airspeed_memory_s,
+            reconstruction_s=config.reconstruction_s,
+            pressure=config.reference_density_kg_m3 * config.reference_airspeed_m_s**2,
+            servo_s=np.array(config.servo_s or (0.0,) * len(structure.inputs)),
+        )
+        self._coupling = _coupling(config.inertia, structure.states[1:])
 
     def init(self, vehicles: int) -> SignalState:
         """State before the first sample."""
@@ -205,15 +229,10 @@ class Signals:
         """
         if values.ndim != 3 or values.shape[2] != len(CHANNELS):
             raise ValueError(f"values have shape (vehicles, samples, {len(CHANNELS)}), got {values.shape}")
-        c = self.config
-        out = np.empty((*values.shape[:2], c.layout.columns))
-        reference = c.reference_density_kg_m3 * c.reference_airspeed_m_s**2
-        x_vane, _, z_vane = c.vane_position_m
-        _signals(
-            np.ascontiguousarray(values), state.memory, state.airspeed, self._lateral, self._rates, self._inputs,
-            x_vane, z_vane, c.airspeed_memory_s, c.reconstruction_s, reference, self._servo_s, state.servos, out,
-        )  # fmt: skip
-        _moments_into(values, self._coupling, out[..., c.layout.known_moments :])
+        layout = self.config.layout
+        out = np.empty((*values.shape[:2], layout.columns))
+        _signals(np.ascontiguousarray(values), self._form, state.memory, state.airspeed, state.servos, out)
+        _moments_into(values, self._coupling, out[..., layout.known_moments :])
         return out
 
     def high_passed(self, state: SignalState, signals: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -360,10 +379,16 @@ def _surface(command, dt, servo_s, told):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _signals(  # type: ignore[no-untyped-def]
-    values, memory, smoothers, lateral, rates, inputs, x_vane, z_vane, memory_s, leak_s, reference, servo_s, servos, out
-):  # fmt: skip
-    """One pass over vehicles and samples; see the module's layout."""
+def _signals(values, form, memory, smoothers, servos, out):  # type: ignore[no-untyped-def]
+    """One pass over vehicles and samples; see the module's layout.
+
+    Args:
+        values: (vehicles, samples, channels).
+        form: ``_Form``.
+        memory, smoothers, servos: of ``SignalState``, in place.
+        out: (vehicles, samples, columns), filled.
+    """
+    lateral, rates, inputs = form.lateral, form.rates, form.inputs
     force = _AY if lateral else _AZ
     ns, nu = 1 + rates.size, inputs.size
     for i in range(values.shape[0]):
@@ -372,7 +397,9 @@ def _signals(  # type: ignore[no-untyped-def]
         for k in range(values.shape[1]):
             row = values[i, k]
             dt = row[_TIME] - last
-            velocity_measured, kinematic = _velocity_and_kinematics(row, lateral, x_vane, z_vane)
+            velocity_measured, kinematic = _velocity_and_kinematics(
+                row, lateral, form.x_vane_m, form.z_vane_m
+            )
             rate_now = row[force] + kinematic
             along_now = _along_path(row)
             if not (0.0 < dt <= MAX_GAP_S):
@@ -384,8 +411,10 @@ def _signals(  # type: ignore[no-untyped-def]
                     start_level(smoothers[i], speed)
                 elif np.isfinite(speed):
                     motion = 0.5 * dt * (along + along_now)
-                    speed = smoothers[i, 1, advance_level(smoothers[i], speed, motion, dt, memory_s)]
-                decay = np.exp(-dt / leak_s)
+                    speed = smoothers[
+                        i, 1, advance_level(smoothers[i], speed, motion, dt, form.airspeed_memory_s)
+                    ]
+                decay = np.exp(-dt / form.reconstruction_s)
                 velocity = decay * velocity + 0.5 * dt * (rate + rate_now)
             last, rate, along = row[_TIME], rate_now, along_now
             o = out[i, k]
@@ -399,12 +428,12 @@ def _signals(  # type: ignore[no-untyped-def]
             o[1 + ns] = row[force]
             for j in range(nu):
                 o[2 + ns + j] = row[inputs[j]]
-                if servo_s[j] > 0.0:
-                    o[2 + ns + j] = _surface(row[inputs[j]], dt, servo_s[j], servos[i, :, j])
+                if form.servo_s[j] > 0.0:
+                    o[2 + ns + j] = _surface(row[inputs[j]], dt, form.servo_s[j], servos[i, :, j])
             density = _density(row)
             c = 2 + ns + nu
             o[c] = kinematic
-            o[c + 1] = density * speed * speed / reference
+            o[c + 1] = density * speed * speed / form.pressure
             o[c + 2] = speed
             o[c + 3] = density
             o[c + 4] = row[_ALTITUDE]

@@ -61,7 +61,7 @@ def linearise(
 def _differences(
     parameters: NDArray[np.float64], point: TrimPoint, structure: ModeStructure
 ) -> dict[str, float]:
-    wind, gust, air, load, rates = np.zeros(3), np.zeros(6), np.empty(6), np.empty(8), np.empty(len(STATE))
+    force, rates = np.empty(3), np.empty(len(STATE))
     out: dict[str, float] = {}
     for regressor in structure.regressors:
         sides = []
@@ -73,7 +73,7 @@ def _differences(
                 throttle += sign * _CONTROL_STEP
             else:
                 surfaces[_SURFACE_INDEX[regressor]] += sign * _CONTROL_STEP
-            derivatives(state, surfaces, throttle, wind, gust, parameters, air, load, rates)
+            derivatives(state, surfaces, throttle, parameters, force, rates)
             sides.append(rates.copy())
         width = 2.0 * _STEP.get(regressor, _CONTROL_STEP)
         for equation in structure.equations:

@@ -25,7 +25,9 @@ from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre
 from wingwatch.estimators.batch.regression import (
     NoiseModel,
+    ReferredEstimate,
     Solution,
+    SolverReport,
     common_forces,
     corrected_step,
     equation_names,
@@ -143,6 +145,28 @@ class _Sums:
     own: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """Where the iterations ended.
+
+    Attributes:
+        theta: (k,); sums: there.
+        step: the last one.
+        variance: of the sensors' noise, (noises,); excess: of each equation's residual over it, (equations,).
+        moved: by how much another sensor noise than the readings' own would move theta, (k,).
+        iterations: how many; settled: whether theta came to rest.
+    """
+
+    theta: Array
+    sums: _Sums
+    step: Solution
+    variance: Array
+    excess: Array
+    moved: Array
+    iterations: int
+    settled: bool
+
+
 def frequency_equation_error(
     parts: Sequence[Manoeuvre], config: FrequencyEquationErrorConfig, *, natural: Array | None = None
 ) -> tuple[Estimate, Fit]:
@@ -170,10 +194,23 @@ def frequency_equation_error(
             f"band_hz {config.band_hz} holds {sum(b.power.size for b in bins)} bins of these manoeuvres, too few for "
             f"{width} derivatives an equation; widen the band or take longer manoeuvres"
         )
-    readings = _reading_power(parts)
+    start = plain_start(parts) if forces.any() == common_forces(parts).any() else np.zeros(ne * width)
+    return _report(
+        parts, bins, _iterated(bins, start, variance, _reading_power(parts), config), forces, natural
+    )
+
+
+def _iterated(
+    bins: Sequence[_Bins],
+    theta: Array,
+    variance: Array,
+    readings: Array,
+    config: FrequencyEquationErrorConfig,
+) -> _Found:
+    """From ``theta`` to where a step moves it no more; ``readings`` is their mean square, (noises,)."""
+    ne, width = bins[0].left.shape[1], bins[0].right.shape[2]
     variance = first = np.maximum(variance, 1e-24 * readings)
     share = signal_share(width, float(sum(b.power.size for b in bins)))
-    theta = plain_start(parts) if forces.any() == common_forces(parts).any() else np.zeros(ne * width)
     excess = np.ones(ne)
     settled, iteration = False, 0
     for iteration in range(1, config.iterations + 1):
@@ -191,9 +228,7 @@ def frequency_equation_error(
     if (variance != first).any():
         at_first = _sums(bins, theta, first, excess)
         moved = corrected_step(at_first.matrix, at_first.noise, at_first.score, share).step
-    return _report(
-        parts, bins, sums, moved, theta, solution, variance, excess, iteration, settled, forces, natural
-    )
+    return _Found(theta, sums, solution, variance, excess, moved, iteration, settled)
 
 
 def _reading_power(parts: Sequence[Manoeuvre]) -> Array:
@@ -350,23 +385,17 @@ def _ratios(sums: _Sums, freedom: float) -> list[float]:
 def _report(
     parts: Sequence[Manoeuvre],
     bins: Sequence[_Bins],
-    sums: _Sums,
-    moved: Array,
-    theta: Array,
-    solution: Solution,
-    variance: Array,
-    excess: Array,
-    iterations: int,
-    settled: bool,
+    found: _Found,
     forces: NDArray[np.bool_],
     natural: Array | None,
 ) -> tuple[Estimate, Fit]:
+    theta, sums, moved = found.theta, found.sums, found.moved
     config = parts[0].config
     ne = len(config.structure.equations)
     count = sum(len(e) for e in sums.expected)
     own = ne * sums.own
     freedom = 2.0 * count * ne - theta.size - own
-    inverse = solution.inverse
+    inverse = found.step.inverse
     white = 0.5 * inverse @ sums.matrix @ inverse
     names = equation_names(config, forces)
     channels = _channels(names, sums, theta.size / ne + sums.own)
@@ -376,21 +405,20 @@ def _report(
     doubts = [left_over(c, float(due[i]), slice(i * width, (i + 1) * width)) for i, c in enumerate(channels)]
     spectra = as_found(sums.bins, inverse, 1.0 - own / (2.0 * count * ne))
     coloured = covariance_of([b.influence(inverse) for b in sums.bins], spectra)
-    chosen = bool((excess > 1.0).any() or moved.any()) or beyond_chance(sums.bins, inverse, white, coloured)
+    chosen = bool((found.excess > 1.0).any() or moved.any()) or beyond_chance(
+        sums.bins, inverse, white, coloured
+    )
     # where third differences were wrong, noise is known no better than by what that changed
     coloured = (
         coloured
         + np.outer(moved, moved)
         + _off(parts, bins, sums, theta, inverse, spectra, [d is None for d in doubts])
     )
-    used = variance > _SILENT * _reading_power(parts)
-    noise = {name: float(np.sqrt(variance[j])) for j, name in enumerate(noise_names(config)) if used[j]}
-    return finished(
-        NAME, parts, theta, white, coloured, chosen, channels, noise,
-        samples=sum(len(p) for p in parts), parameters=theta.size + own, iterations=iterations, converged=settled,
-        freedom=freedom, natural=natural, hidden=solution.hidden,
-        left_over=[d for d in doubts if d is not None],
-    )  # fmt: skip
+    used = found.variance > _SILENT * _reading_power(parts)
+    noise = {name: float(np.sqrt(found.variance[j])) for j, name in enumerate(noise_names(config)) if used[j]}
+    referred = ReferredEstimate(theta, white, coloured, chosen, found.step.hidden)
+    solver = SolverReport(theta.size + own, found.iterations, found.settled, freedom)
+    return finished(NAME, parts, referred, channels, noise, solver, natural, doubts)
 
 
 def _off(

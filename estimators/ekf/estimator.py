@@ -36,7 +36,7 @@ from wingwatch.estimators.ekf.unrest import unrest_variance
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.kernels.hot import sizes
 from wingwatch.estimators.kernels.levels import LEVELS
-from wingwatch.estimators.reference import offsets, referred_scale, standing
+from wingwatch.estimators.reference import Posterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import MAX_GAP_S, SignalLayout
 
 __all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
@@ -388,9 +388,9 @@ class EkfEstimator:
             value += self._by_airspeed(state, vehicle, value)
         covariance = state.cov[vehicle, first : first + k, first : first + k] * np.outer(scale, scale)
         return standing(
-            self.name, c.structure, float(state.rows[vehicle, 0, 0]), value, covariance, state.informed_s[vehicle],
-            c.stale_s, 3.0 * c.prior_std * scale, bool(state.counts[vehicle, 0] > WARM_UP),
-            np.array([airspeed, altitude, density, alpha]), prior_ratio=1.0,
+            self.name, c.structure, float(state.rows[vehicle, 0, 0]),
+            Posterior(value, covariance, 3.0 * c.prior_std * scale, prior_ratio=1.0), state.informed_s[vehicle],
+            c.stale_s, bool(state.counts[vehicle, 0] > WARM_UP), np.array([airspeed, altitude, density, alpha]),
         )  # fmt: skip
 
     def _by_airspeed(self, state: EkfState, vehicle: int, value: Array) -> Array:

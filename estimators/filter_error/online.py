@@ -48,7 +48,7 @@ from wingwatch.estimators.filter_error.recursion import (
 )
 from wingwatch.estimators.filter_error.stepping import Trial, solve_vehicle
 from wingwatch.estimators.filter_error.verdict import unsettled
-from wingwatch.estimators.reference import offsets, referred_scale, standing
+from wingwatch.estimators.reference import Posterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
 __all__ = ["FilterConfig", "FilterEstimator", "FilterState"]
@@ -279,10 +279,11 @@ class FilterEstimator:
         begun = bool(state.status[vehicle, 0])
         estimate = standing(
             self.name, c.structure, time_s if begun else float("nan"),
-            value[at] * c.natural * scale + offsets(c.structure, airspeed, alpha),
-            covariance[at, at] * np.outer(factors, factors),
-            np.full(at.stop, -np.inf), np.inf, 3.0 * c.natural * scale, begun,
-            np.array([airspeed, altitude, density, alpha]), prior_ratio=c.prior_ratio,
+            Posterior(
+                value[at] * c.natural * scale + offsets(c.structure, airspeed, alpha),
+                covariance[at, at] * np.outer(factors, factors), 3.0 * c.natural * scale, c.prior_ratio,
+            ),
+            np.full(at.stop, -np.inf), np.inf, begun, np.array([airspeed, altitude, density, alpha]),
         )  # fmt: skip
         if state.filters.search[vehicle, h, 1] > _NOT_AT_REST:
             return unsettled(estimate, "the search for the most likely derivatives has not come to rest")

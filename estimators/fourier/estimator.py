@@ -23,7 +23,7 @@ from wingwatch.estimators.fourier.blocks import advance, block_room
 from wingwatch.estimators.fourier.dispersion import dispersion_of
 from wingwatch.estimators.fourier.marks import MARKS
 from wingwatch.estimators.fourier.noise import AIR_LEVELS
-from wingwatch.estimators.reference import offsets, referred_scale, standing
+from wingwatch.estimators.reference import Posterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
 __all__ = ["FourierConfig", "FourierEstimator", "FourierState"]
@@ -270,8 +270,8 @@ class FourierEstimator:
         covariance = state.covariance[vehicle] * np.outer(scale * wider, scale * wider)
         time_s = float(state.rows[vehicle, 1, 0])
         return standing(
-            self.name, c.structure, time_s, value, covariance, state.informed_s[vehicle], c.stale_s,
-            c.prior_std * scale, bool(state.counts[vehicle, 0]), condition,
+            self.name, c.structure, time_s, Posterior(value, covariance, c.prior_std * scale),
+            state.informed_s[vehicle], c.stale_s, bool(state.counts[vehicle, 0]), condition,
         )  # fmt: skip
 
     def dispersion_of(self, state: FourierState, vehicle: int = 0) -> Array:

@@ -212,14 +212,13 @@ def test_what_is_flown_has_the_derivatives_of_the_paper(aircraft: Aircraft, stru
 def six_degrees(aircraft: Aircraft, condition: FlightCondition) -> np.ndarray:
     """d(u v w p q r phi theta)/dt by differences of the simulated flight, attitude rates from its quaternion."""
     point = simulated_trim(aircraft, condition)
-    row, air, load, out = parameter_row(aircraft), np.empty(6), np.empty(8), np.empty(13)
-    still, gust = np.zeros(3), np.zeros(6)
+    row, force, out = parameter_row(aircraft), np.empty(3), np.empty(13)
 
     def rates(x: np.ndarray) -> np.ndarray:
         state = point.state.copy()
         state[3:6], state[10:13] = x[:3], x[3:6]
         state[6:10] = quaternion(x[6], x[7], 0.0)
-        simulated_rates(state, point.surfaces_rad, point.throttle, still, gust, row, air, load, out)
+        simulated_rates(state, point.surfaces_rad, point.throttle, row, force, out)
         ahead, behind = state.copy(), state.copy()
         ahead[6:10] += 1e-6 * out[6:10]
         behind[6:10] -= 1e-6 * out[6:10]

@@ -28,7 +28,7 @@ from wingwatch.aircraft import (
     unsteady_inertia,
 )
 from wingwatch.simulation import linearise, trim
-from wingwatch.simulation.aerodynamics import arc_tangent, load
+from wingwatch.simulation.aerodynamics import Deflections, Motion, arc_tangent, load
 from wingwatch.simulation.atmosphere import CELL_M, air_density, expand_density
 from wingwatch.simulation.dynamics import euler_angles, fly_held, thrust_n
 from wingwatch.simulation.layout import (
@@ -121,7 +121,11 @@ def test_forces_are_those_the_aircraft_file_means(
     wind = airspeed * np.array([
         math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta),
     ])  # fmt: skip
-    out = np.array(load(working_row(parameter_row(aircraft)), *wind, *rates, density, *surfaces, 0.0))  # type: ignore[call-arg]
+    out = np.array(
+        load(
+            working_row(parameter_row(aircraft)), Motion(*wind, *rates), Deflections(*surfaces), density, 0.0
+        )
+    )
     hat = (rates[0] * half_span, rates[1] * half_chord, rates[2] * half_span)
     expected = body_coefficients(
         c, aspect_ratio(geometry.span_m, geometry.wing_area_m2), alpha, beta, hat, surfaces
