@@ -120,12 +120,20 @@ from wingwatch.aircraft.uncertainty import (
     coefficient_standard_error,
     derivative_standard_errors,
 )
-from wingwatch.aircraft.vocabulary import DERIVATIVES, MODEL_DERIVATIVES, Derivative
+from wingwatch.aircraft.vocabulary import (
+    DERIVATIVES,
+    MODEL_DERIVATIVES,
+    SURFACE_OF_INPUT,
+    SURFACES,
+    Derivative,
+)
 
 __all__ = [
     "Derivative",
     "DERIVATIVES",
     "MODEL_DERIVATIVES",
+    "SURFACES",
+    "SURFACE_OF_INPUT",
     "ModeStructure",
     "SHORT_PERIOD",
     "SHORT_PERIOD_ALPHA",

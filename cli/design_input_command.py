@@ -17,6 +17,7 @@ from rich.table import Table
 from wingwatch.aircraft import (
     DERIVATIVES,
     STRUCTURES,
+    SURFACE_OF_INPUT,
     Aircraft,
     FlightCondition,
     ModeStructure,
@@ -28,7 +29,6 @@ from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import page, write_json
 from wingwatch.input_design import (
     INPUT_KINDS,
-    SURFACE_OF_INPUT,
     InputDesign,
     Promise,
     SensedPlant,

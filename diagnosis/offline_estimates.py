@@ -12,6 +12,7 @@ from wingwatch.aircraft import (
     MODEL_DERIVATIVES,
     MODEL_STRUCTURES,
     STRUCTURES,
+    SURFACE_OF_INPUT,
     Aircraft,
     AircraftDataError,
     FlightCondition,
@@ -50,7 +51,6 @@ __all__ = ["OFFLINE_ESTIMATORS", "OfflineEstimates", "estimate_offline"]
 
 OFFLINE_ESTIMATORS = ("equation-error", "frequency-equation-error", "output-error", "filter-error")
 
-_SURFACES = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
 
 _CYCLES, _SHORTEST_WINDOW_S = 1.2, 12.0
 """Length of a manoeuvre: cycles of the band's lowest frequency, and at least so many seconds."""
@@ -163,8 +163,8 @@ def _form(
     form: Form,
     band_hz: tuple[float, float],
 ) -> FlightForm:
-    commanded = {u for u, name in _SURFACES.items() if flight.kinds.get(f"{name}_rad") == "command"}
-    servos = {u: getattr(aircraft.actuators, name) for u, name in _SURFACES.items()}
+    commanded = {u for u, name in SURFACE_OF_INPUT.items() if flight.kinds.get(f"{name}_rad") == "command"}
+    servos = {u: getattr(aircraft.actuators, name) for u, name in SURFACE_OF_INPUT.items()}
     return FlightForm(
         (nominal.airspeed_true_m_s, nominal.air_density_kg_m3),
         frozenset(commanded),
@@ -201,7 +201,7 @@ def _filter(
     own: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
 ) -> Solve:
     """Filter error with the aircraft's wing span, vane, surface sensors and expected derivatives."""
-    columns = [f"{_SURFACES[u]}_rad" for u in structure.inputs if u in _SURFACES]
+    columns = [f"{SURFACE_OF_INPUT[u]}_rad" for u in structure.inputs if u in SURFACE_OF_INPUT]
     noise = [0.0 if flight.kinds.get(c) == "command" else aircraft.noise_std(c) for c in columns]
     known = tuple(n for n in noise if n is not None)
     config = FilterErrorConfig(

@@ -36,16 +36,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.kernels.levels import LEVELS, advance_level, start_level
-from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
+from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, INPUT_CHANNELS, MAX_GAP_S
 
-__all__ = ["CONDITION_COLUMNS", "SignalConfig", "SignalLayout", "Signals", "SignalState", "known_moments"]
-
-GRAVITY_M_S2 = 9.80665
-MAX_GAP_S = 0.5
-"""Above this distance between samples nothing is bridged: every recursion starts anew."""
+__all__ = [
+    "CONDITION_COLUMNS",
+    "MAX_GAP_S",
+    "SignalConfig",
+    "SignalLayout",
+    "Signals",
+    "SignalState",
+    "known_moments",
+]
 
 CONDITION_COLUMNS = 7
 
@@ -64,11 +69,7 @@ _BETA = CHANNEL_INDEX["sideslip_rad"]
 _ALTITUDE = CHANNEL_INDEX["altitude_m"]
 _DENSITY = CHANNEL_INDEX["air_density_kg_m3"]
 _TEMPERATURE = CHANNEL_INDEX["outside_air_temperature_k"]
-_ELEVATOR = CHANNEL_INDEX["elevator_rad"]
-_AILERON = CHANNEL_INDEX["aileron_rad"]
-_RUDDER = CHANNEL_INDEX["rudder_rad"]
 
-_INPUT_CHANNEL = {"eta": _ELEVATOR, "xi": _AILERON, "zeta": _RUDDER}
 _RATE_CHANNEL = {"p": _P, "q": _Q, "r": _R}
 
 
@@ -200,7 +201,7 @@ class Signals:
         self._form = _Form(
             lateral=lateral,
             rates=np.array([_RATE_CHANNEL[s] for s in structure.states[1:]]),
-            inputs=np.array([_INPUT_CHANNEL[u] for u in structure.inputs]),
+            inputs=np.array([CHANNEL_INDEX[INPUT_CHANNELS[u]] for u in structure.inputs]),
             x_vane_m=config.vane_position_m[0],
             z_vane_m=config.vane_position_m[2],
             airspeed_memory_s=config.airspeed_memory_s,

@@ -142,7 +142,7 @@ def equation_error(
     trims = len(parts) * ne * (2 if drift else 1)
     noise_std = {n: float(np.sqrt(v)) for n, v in zip(noise_names(shared), variance, strict=True) if v > 0.0}
     referred = ReferredEstimate(theta.reshape(-1), white, coloured, chosen, solution.hidden)
-    solver = SolverReport(theta.size + trims, turn + 1, True, freedom)
+    solver = SolverReport(sum(map(len, parts)), theta.size + trims, turn + 1, True, freedom)
     return finished(NAME, parts, referred, channels, noise_std, solver, natural, doubts)
 
 

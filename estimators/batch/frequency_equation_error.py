@@ -417,7 +417,7 @@ def _report(
     used = found.variance > _SILENT * _reading_power(parts)
     noise = {name: float(np.sqrt(found.variance[j])) for j, name in enumerate(noise_names(config)) if used[j]}
     referred = ReferredEstimate(theta, white, coloured, chosen, found.step.hidden)
-    solver = SolverReport(theta.size + own, found.iterations, found.settled, freedom)
+    solver = SolverReport(sum(map(len, parts)), theta.size + own, found.iterations, found.settled, freedom)
     return finished(NAME, parts, referred, channels, noise, solver, natural, doubts)
 
 

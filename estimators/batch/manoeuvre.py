@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
-from wingwatch.estimators.signals import MAX_GAP_S, SignalLayout
+from wingwatch.estimators.signals import SignalLayout
+from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = [
     "FlightColumns",

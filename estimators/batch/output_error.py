@@ -206,7 +206,9 @@ def _report(
     }
     coloured = coloured + may_be_off_by(problem, point, inverse, unexplained)
     referred = ReferredEstimate(point.parameters[:k], white[:k, :k], coloured[:k, :k], chosen, hidden)
-    solver = SolverReport(problem.size, iterations, settled, float(counts.sum() - problem.size))
+    solver = SolverReport(
+        sum(map(len, problem.parts)), problem.size, iterations, settled, float(counts.sum() - problem.size)
+    )
     return finished(NAME, problem.parts, referred, channels, noise, solver, natural, doubts)
 
 

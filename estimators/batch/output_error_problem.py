@@ -182,7 +182,7 @@ def input_noise_effect(problem: Problem, point: Point) -> tuple[Array, Array]:
             inputs = np.zeros((steps, problem.input_noise.size))
             inputs[1, j] = 1.0
             pulse = Record(
-                part.dt * np.arange(steps), inputs, part.held_steps[:steps] & False,
+                part.dt * np.arange(steps, dtype=np.float64), inputs, part.held_steps[:steps] & False,
                 np.tile(part.known.mean(axis=0), (steps, 1, 1)), np.zeros((steps, ns)),
                 np.full(steps, part.stability.mean()), np.full(steps, part.control.mean()), np.zeros(steps),
             )  # fmt: skip

@@ -134,11 +134,13 @@ class SolverReport:
     """How the solution was reached.
 
     Attributes:
+        samples: rows used.
         parameters: unknowns in all, trims and initial states included.
         iterations: of the solution; converged: whether it came to rest.
         freedom: degrees of freedom that are left.
     """
 
+    samples: int
     parameters: int
     iterations: int
     converged: bool
@@ -375,7 +377,7 @@ def finished(
     fit = Fit(
         channels, correlation(estimate.covariance),
         confidence_interval(estimate.value, estimate.covariance, solver.freedom), plain, wide, referred.use_coloured,
-        dict(noise_std), sum(len(p) for p in parts), len(parts), solver.parameters, solver.iterations,
+        dict(noise_std), solver.samples, len(parts), solver.parameters, solver.iterations,
         solver.converged,
     )  # fmt: skip
     return estimate, fit
