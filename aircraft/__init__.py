@@ -90,7 +90,7 @@ from wingwatch.aircraft.linearisation import (
 from wingwatch.aircraft.loading import AircraftFileError, library_names, load_aircraft, parse_aircraft
 from wingwatch.aircraft.modes import (
     ModeQuantity,
-    default_band_hz,
+    analysis_band_hz,
     mode_quantities,
     natural_frequency_and_damping,
     state_matrix,
@@ -221,7 +221,7 @@ __all__ = [
     "mode_quantities",
     "natural_frequency_and_damping",
     "state_matrix",
-    "default_band_hz",
+    "analysis_band_hz",
     "ICING_FACTORS",
     "ICING_SEVERITY_MAX",
     "IcingKind",

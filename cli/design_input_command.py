@@ -21,6 +21,7 @@ from wingwatch.aircraft import (
     Aircraft,
     FlightCondition,
     ModeStructure,
+    analysis_band_hz,
     linearised_at,
     load_aircraft,
     trim,
@@ -149,7 +150,7 @@ def _task(arguments: argparse.Namespace, aircraft: Aircraft) -> _Task:
         tuple(
             target
             for s in structures
-            for target in surface_targets(s, derivatives[s.name], aircraft.band_hz(s), amplitude)
+            for target in surface_targets(s, derivatives[s.name], analysis_band_hz(aircraft, s), amplitude)
         ),
     )
 

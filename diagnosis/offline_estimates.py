@@ -17,6 +17,7 @@ from wingwatch.aircraft import (
     AircraftDataError,
     FlightCondition,
     ModeStructure,
+    analysis_band_hz,
     mode_quantities,
 )
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
@@ -139,7 +140,7 @@ def _estimated(
     if nominal is None:
         raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]")
     solved = solved_as(structure)
-    band_hz = aircraft.band_hz(solved)
+    band_hz = analysis_band_hz(aircraft, solved)
     shape = _form(flight, aircraft, nominal, form, band_hz)
     if estimator == "filter-error":
         shape = replace(shape, window_s=max(shape.window_s, _FILTER_WINDOW_S))

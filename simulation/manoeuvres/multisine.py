@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, ModeStructure
+from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, ModeStructure, analysis_band_hz
 from wingwatch.aircraft.excitation import (
     deal_harmonics,
     low_peak_phases_rad,
@@ -131,7 +131,7 @@ def multisine(
     """
     for surface in surfaces:
         check_segment(surface, amplitude_rad, start_s, length_s, math.inf)
-    bands = [aircraft.band_hz(_MODE_BEHIND[s]) if band_hz is None else band_hz for s in surfaces]
+    bands = [analysis_band_hz(aircraft, _MODE_BEHIND[s]) if band_hz is None else band_hz for s in surfaces]
     dealt = deal_harmonics(surfaces, bands, length_s)
     return Multisine(
         surfaces,
