@@ -15,7 +15,7 @@ from wingwatch.estimators.batch.frequency_equation_error import (
     FrequencyEquationErrorConfig,
     frequency_equation_error,
 )
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, concatenated, manoeuvres
+from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, manoeuvres
 from wingwatch.estimators.batch.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.confounding import told_apart_text
 from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfState
@@ -61,7 +61,6 @@ __all__ = [
     "Manoeuvre",
     "ManoeuvreConfig",
     "manoeuvres",
-    "concatenated",
     "FORMS",
     "Form",
     "FlightForm",

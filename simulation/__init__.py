@@ -55,7 +55,6 @@ from wingwatch.simulation.manoeuvres import (
 )
 from wingwatch.simulation.route import Route, Waypoint, check_route, patrol
 from wingwatch.simulation.scenario import Scenario
-from wingwatch.simulation.scenario_timeline import parameters_at
 from wingwatch.simulation.sensor_errors import SensorErrors
 from wingwatch.simulation.trim import TrimPoint, trim
 from wingwatch.simulation.truth import flight_truth, truth
@@ -127,7 +126,6 @@ __all__ = [
     "TrimPoint",
     "trim",
     "linearise",
-    "parameters_at",
     "linear_response",
     "state_rates",
     "specific_force",

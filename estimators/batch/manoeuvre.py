@@ -4,7 +4,6 @@ Derivatives are common to all manoeuvres of a call, whether of one flight or of 
 initial states belong to each. A long flight is cut into windows, for its trim changes on the way.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -19,7 +18,6 @@ __all__ = [
     "FlightColumns",
     "Manoeuvre",
     "ManoeuvreConfig",
-    "concatenated",
     "cut",
     "manoeuvres",
     "signal_columns",
@@ -245,11 +243,6 @@ def _manoeuvre(config: ManoeuvreConfig, rows: FlightColumns) -> Manoeuvre:
         config, rows.time_s.copy(), **columns, measured=np.asarray(rows.measured.all(axis=0)),
         condition=(airspeed, altitude, density, alpha),
     )  # fmt: skip
-
-
-def concatenated(config: ManoeuvreConfig, flights: Sequence[Array]) -> tuple[Manoeuvre, ...]:
-    """Manoeuvres of several flights, each a signal array (samples, columns): common derivatives, own trims."""
-    return tuple(m for flight in flights for m in manoeuvres(config, flight))
 
 
 def signal_columns(structure: ModeStructure, reference: tuple[float, float], rows: Array) -> FlightColumns:

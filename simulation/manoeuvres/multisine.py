@@ -80,11 +80,6 @@ class Multisine:
             )
 
     @property
-    def frequencies_hz(self) -> tuple[tuple[float, ...], ...]:
-        """Of each surface."""
-        return tuple(tuple(k / self.length_s for k in ks) for ks in self.harmonics)
-
-    @property
     def relative_peak_factors(self) -> tuple[float, ...]:
         """Of each surface (``relative_peak_factor``)."""
         return tuple(

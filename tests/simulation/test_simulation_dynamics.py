@@ -118,12 +118,16 @@ def test_forces_are_those_the_aircraft_file_means(
     assert geometry is not None
     assert c is not None
     half_span, half_chord = 0.5 * geometry.span_m / airspeed, 0.5 * geometry.mean_chord_m / airspeed
-    wind = airspeed * np.array([
+    u, v, w = airspeed * np.array([
         math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta),
     ])  # fmt: skip
     out = np.array(
         load(
-            working_row(parameter_row(aircraft)), Motion(*wind, *rates), Deflections(*surfaces), density, 0.0
+            working_row(parameter_row(aircraft)),
+            Motion(u, v, w, *rates),
+            Deflections(*surfaces),
+            density,
+            0.0,
         )
     )
     hat = (rates[0] * half_span, rates[1] * half_chord, rates[2] * half_span)
