@@ -26,6 +26,7 @@ from wingwatch.aircraft import (
     load_aircraft,
     trim,
 )
+from wingwatch.cli.asked_condition import asked_condition
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import page, write_json
 from wingwatch.input_design import (
@@ -159,18 +160,9 @@ def _expected(
     arguments: argparse.Namespace, aircraft: Aircraft, structures: Sequence[ModeStructure]
 ) -> tuple[FlightCondition, float, Mapping[str, Mapping[str, float]]]:
     """Condition with its angle of attack, the trim's elevator, and the derivatives of each mode there."""
-    airspeed, altitude = arguments.airspeed, arguments.altitude
     if aircraft.coefficients is None and aircraft.conditions:
         return _stated(arguments, aircraft, structures)
-    if airspeed is None or altitude is None:
-        if aircraft.envelope is None:
-            raise CommandError(
-                f"aircraft {aircraft.name} states no [envelope], so no cruise; give --airspeed and --altitude"
-            )
-        cruise = aircraft.envelope.cruise
-        airspeed = cruise.airspeed_true_m_s if airspeed is None else airspeed
-        altitude = cruise.altitude_m if altitude is None else altitude
-    condition = FlightCondition(airspeed, altitude)
+    condition = asked_condition(arguments, aircraft)
     at = trim(aircraft, condition)
     derivatives = {s.name: linearised_at(aircraft, condition, s, at) for s in structures}
     return replace(condition, angle_of_attack_rad=at.angle_of_attack_rad), at.elevator_rad, derivatives

@@ -22,26 +22,24 @@ from wingwatch.estimators.batch.bin_residuals import (
 )
 from wingwatch.estimators.batch.endogeneity import left_unexplained, may_be_off, surface_response
 from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit
+from wingwatch.estimators.batch.frequency_equations import ManoeuvreBins, curved, manoeuvre_bins
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre
 from wingwatch.estimators.batch.regression import (
-    NoiseModel,
     ReferredEstimate,
     Solution,
     SolverReport,
     common_forces,
     corrected_step,
     equation_names,
-    equations,
     finished,
     left_over,
-    noise_model,
     noise_names,
     plain_start,
     shared_config,
     signal_share,
     stated_noise,
 )
-from wingwatch.estimators.batch.transform import harmonics_hz, noise_power, transform
+from wingwatch.estimators.batch.transform import transform
 from wingwatch.estimators.estimate import Estimate
 
 __all__ = ["FrequencyEquationErrorConfig", "frequency_equation_error"]
@@ -82,43 +80,6 @@ class FrequencyEquationErrorConfig:
     noise_std: tuple[float, ...] = ()
     iterations: int = 40
     tolerance: float = 1e-3
-
-
-@dataclass(frozen=True, slots=True)
-class _Bins:
-    """One manoeuvre in the frequency domain.
-
-    Attributes:
-        left: y, (bins, equations).
-        right: R, (bins, equations, regressors).
-        states: (bins, states).
-        bend: what turns the model into the states' curvature between samples, see ``_curved``.
-        own: columns of trims and jumps, (bins, own).
-        power: of unit white noise, (bins,).
-        noise: how the sensors' noise gets into both sides.
-        scale: mean factor of the regressors, (regressors,).
-        forces: equations that rest on an accelerometer, (equations,).
-    """
-
-    left: Complex
-    right: Complex
-    states: Complex
-    bend: "_Bend"
-    own: Complex
-    power: Array
-    noise: NoiseModel
-    scale: Array
-    forces: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True)
-class _Bend:
-    """Step squared over twelve; 2 pi j f; transforms of the scaled inputs' slopes (bins, inputs); known part of A."""
-
-    size: float
-    s: Complex
-    slopes: Complex
-    known: Array
 
 
 @dataclass(slots=True)
@@ -187,7 +148,7 @@ def frequency_equation_error(
     ne = len(shared.structure.equations)
     forces = common_forces(parts) & config.force_from_accelerometer
     variance = stated_noise(parts, forces, config.noise_std)
-    bins = [_bins(part.even(), forces, config) for part in parts]
+    bins = [manoeuvre_bins(part.even(), forces, config.band_hz, config.drift) for part in parts]
     width = len(shared.structure.regressors)
     if sum(b.power.size for b in bins) <= width + max(b.own.shape[1] for b in bins):
         raise ValueError(
@@ -201,7 +162,7 @@ def frequency_equation_error(
 
 
 def _iterated(
-    bins: Sequence[_Bins],
+    bins: Sequence[ManoeuvreBins],
     theta: Array,
     variance: Array,
     readings: Array,
@@ -238,50 +199,7 @@ def _reading_power(parts: Sequence[Manoeuvre]) -> Array:
     return np.asarray(np.maximum(power, 1e-12))
 
 
-def _bins(part: Manoeuvre, forces: NDArray[np.bool_], config: FrequencyEquationErrorConfig) -> _Bins:
-    eq = equations(part, forces, config.drift)
-    ns = eq.rates.shape[1]
-    f = harmonics_hz(config.band_hz, part.duration_s)
-    s = np.asarray(2j * np.pi * f, dtype=np.complex128)
-    n, dt = len(part), part.dt
-    held = np.zeros((n - 1, eq.regressors.shape[1]), dtype=bool)
-    held[:, ns:] = part.held_steps
-    # at the samples a force equation is algebra, so any interpolation serves it if it is the same for all of its terms
-    drawn, lines = transform(eq.regressors, dt, f, held), transform(eq.regressors, dt, f)
-    right = np.where(forces[:, None], lines[:, None], drawn[:, None])
-    states = transform(part.states, dt, f)
-    moved = np.where(held[:, ns:], 0.0, np.diff(eq.regressors[:, ns:], axis=0) / dt)
-    slopes = transform(np.vstack([moved, moved[-1:]]), dt, f, np.ones_like(held[:, ns:]))
-    bend = _Bend(dt**2 / 12.0, s, slopes, part.known.mean(axis=0))
-    left = transform(eq.direct, dt, f) + s[:, None] * (states @ eq.rates.T)
-    trims = transform(eq.trims - eq.trims.mean(axis=0), dt, f)
-    whole = np.linalg.norm(trims, axis=0) > 1e-9 * part.duration_s
-    own = np.column_stack([np.ones(f.size), trims[:, whole]])
-    power = noise_power(dt, part.duration_s, f)
-    return _Bins(
-        left, right, states, bend, own, power, noise_model(part, eq, s), part.regressor_scale, forces
-    )
-
-
-def _curved(b: _Bins, a: Array) -> tuple[Complex, Complex]:
-    """y and R with the states' curvature between samples, as the model has it.
-
-    A line between samples misses dt^2/12 of the second derivative's transform, and within a step that is
-    x'' = A x' + B u'. (The real constant that the ends of x' would add is one of the jumps.)
-    """
-    ne, ns = a.shape[0], b.states.shape[1]
-    whole = b.bend.known.copy()
-    whole[:ne] += a[:, :ns] * b.scale[:ns]
-    second = b.bend.s[:, None] * (b.states @ whole.T)
-    second[:, :ne] += b.bend.slopes @ a[:, ns:].T
-    missed = -b.bend.size * second
-    left = b.left + ~b.forces * np.einsum("bij,bj->bi", b.noise.plain, missed)
-    right = b.right.copy()
-    right[:, :, :ns] += ~b.forces[:, None] * b.scale[:ns] * missed[:, None]
-    return left, right
-
-
-def _sums(bins: Sequence[_Bins], theta: Array, variance: Array, excess: Array) -> _Sums:
+def _sums(bins: Sequence[ManoeuvreBins], theta: Array, variance: Array, excess: Array) -> _Sums:
     """Information, its noise, and the score at ``theta`` with trims eliminated."""
     k = theta.size
     out = _Sums(np.zeros((k, k)), np.zeros((k, k)), np.zeros(k), [], [], [], [], [], 0)
@@ -290,7 +208,7 @@ def _sums(bins: Sequence[_Bins], theta: Array, variance: Array, excess: Array) -
     return out
 
 
-def _add(out: _Sums, b: _Bins, theta: Array, variance: Array, excess: Array) -> None:
+def _add(out: _Sums, b: ManoeuvreBins, theta: Array, variance: Array, excess: Array) -> None:
     ne, width = b.left.shape[1], b.right.shape[2]
     own = b.own.shape[1]
     a = theta.reshape(ne, width)
@@ -299,7 +217,7 @@ def _add(out: _Sums, b: _Bins, theta: Array, variance: Array, excess: Array) -> 
         "bij,j,bkj->bik", noise_to_residual, variance, noise_to_residual.conj(), optimize=True
     )
     weight = np.linalg.inv(expected * np.sqrt(np.outer(excess, excess)))
-    left, right = _curved(b, a)
+    left, right = curved(b, a)
     columns = np.concatenate([right, np.repeat(b.own[:, None], ne, axis=1)], axis=2)
     full = np.einsum("bim,bij,bjn->imjn", columns.conj(), weight, columns, optimize=True).real
     residual = left - np.einsum("bim,im->bi", right, a)
@@ -384,7 +302,7 @@ def _ratios(sums: _Sums, freedom: float) -> list[float]:
 
 def _report(
     parts: Sequence[Manoeuvre],
-    bins: Sequence[_Bins],
+    bins: Sequence[ManoeuvreBins],
     found: _Found,
     forces: NDArray[np.bool_],
     natural: Array | None,
@@ -423,7 +341,7 @@ def _report(
 
 def _off(
     parts: Sequence[Manoeuvre],
-    bins: Sequence[_Bins],
+    bins: Sequence[ManoeuvreBins],
     sums: _Sums,
     theta: Array,
     inverse: Array,
@@ -453,12 +371,12 @@ def _off(
     return may_be_off(found) if found else np.zeros_like(inverse)
 
 
-def _instruments(part: Manoeuvre, b: _Bins, theta: Array) -> Complex:
+def _instruments(part: Manoeuvre, b: ManoeuvreBins, theta: Array) -> Complex:
     """What the surfaces alone make of the regressors, (bins, equations, regressors)."""
     ns = part.states.shape[1]
     out = b.right.copy()
     moved = surface_response(part, theta) * part.stability[:, None]
-    out[:, :, :ns] = transform(moved, part.dt, b.bend.s.imag / (2.0 * np.pi))[:, None]
+    out[:, :, :ns] = transform(moved, part.dt, b.curvature.s.imag / (2.0 * np.pi))[:, None]
     return out
 
 
