@@ -54,19 +54,11 @@ from wingwatch.aircraft.conventions import (
     unsteady_inertia,
 )
 from wingwatch.aircraft.excitation import (
-    SweepKind,
     deal_harmonics,
     doublet_pulse_s,
-    low_peak_phases_rad,
-    mode_frequency_rad_s,
     relative_peak_factor,
-    sample_wave,
     schroeder_phases_rad,
-    step_3211_modified_s,
     step_3211_s,
-    sweep_end_s,
-    sweep_phase_rad,
-    sweep_rate,
     wave,
 )
 from wingwatch.aircraft.icing import (
@@ -114,9 +106,6 @@ from wingwatch.aircraft.structures import (
 )
 from wingwatch.aircraft.thrust import ThrustSlopes, propulsion_thrust_n, thrust_slopes
 from wingwatch.aircraft.uncertainty import (
-    HANDBOOK_RELATIVE_STANDARD_ERROR,
-    HANDBOOK_STANDARD_ERROR_FLOOR,
-    coefficient_standard_error,
     derivative_standard_errors,
 )
 from wingwatch.aircraft.vocabulary import (
@@ -211,9 +200,6 @@ __all__ = [
     "linearised_at",
     "derived_from",
     "reduced",
-    "HANDBOOK_RELATIVE_STANDARD_ERROR",
-    "HANDBOOK_STANDARD_ERROR_FLOOR",
-    "coefficient_standard_error",
     "derivative_standard_errors",
     "ModeQuantity",
     "mode_quantities",
@@ -225,18 +211,10 @@ __all__ = [
     "IcingKind",
     "icing_factor",
     "icing_direction",
-    "SweepKind",
     "deal_harmonics",
     "doublet_pulse_s",
-    "low_peak_phases_rad",
-    "mode_frequency_rad_s",
     "relative_peak_factor",
-    "sample_wave",
     "schroeder_phases_rad",
-    "step_3211_modified_s",
     "step_3211_s",
-    "sweep_end_s",
-    "sweep_phase_rad",
-    "sweep_rate",
     "wave",
 ]

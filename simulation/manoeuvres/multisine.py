@@ -19,11 +19,10 @@ from wingwatch.aircraft.excitation import (
     low_peak_phases_rad,
     relative_peak_factor,
     sample_wave,
-    schroeder_phases_rad,
 )
 from wingwatch.simulation.manoeuvres.rows import Surface, check_segment, sine_rows
 
-__all__ = ["Multisine", "multisine", "relative_peak_factor", "schroeder_phases_rad"]
+__all__ = ["Multisine", "multisine"]
 
 _MODE_BEHIND: Mapping[str, ModeStructure] = {
     "elevator": SHORT_PERIOD,

@@ -21,8 +21,8 @@ from wingwatch.simulation.effects import (
     SensorScale,
     VaneUpwash,
 )
-from wingwatch.simulation.sensor_errors import READINGS
-from wingwatch.simulation.sensors import SIMULATED, Sensors
+from wingwatch.simulation.sensor_errors import READINGS, SIMULATED
+from wingwatch.simulation.sensors import Sensors
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, Cleaner, SampleBlock
 
 AEROSONDE = load_aircraft("aerosonde")
