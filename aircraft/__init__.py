@@ -28,7 +28,6 @@ from wingwatch.aircraft.atmosphere import (
     GRAVITY_M_S2,
     SEA_LEVEL_DENSITY_KG_M3,
     air_density_kg_m3,
-    indicated_from_true,
     isa_density_kg_m3,
     isa_pressure_pa,
     isa_temperature_k,
@@ -55,19 +54,11 @@ from wingwatch.aircraft.conventions import (
     unsteady_inertia,
 )
 from wingwatch.aircraft.excitation import (
-    SweepKind,
     deal_harmonics,
     doublet_pulse_s,
-    low_peak_phases_rad,
-    mode_frequency_rad_s,
     relative_peak_factor,
-    sample_wave,
     schroeder_phases_rad,
-    step_3211_modified_s,
     step_3211_s,
-    sweep_end_s,
-    sweep_phase_rad,
-    sweep_rate,
     wave,
 )
 from wingwatch.aircraft.icing import (
@@ -90,7 +81,7 @@ from wingwatch.aircraft.linearisation import (
 from wingwatch.aircraft.loading import AircraftFileError, library_names, load_aircraft, parse_aircraft
 from wingwatch.aircraft.modes import (
     ModeQuantity,
-    default_band_hz,
+    analysis_band_hz,
     mode_quantities,
     natural_frequency_and_damping,
     state_matrix,
@@ -115,17 +106,22 @@ from wingwatch.aircraft.structures import (
 )
 from wingwatch.aircraft.thrust import ThrustSlopes, propulsion_thrust_n, thrust_slopes
 from wingwatch.aircraft.uncertainty import (
-    HANDBOOK_RELATIVE_STANDARD_ERROR,
-    HANDBOOK_STANDARD_ERROR_FLOOR,
-    coefficient_standard_error,
     derivative_standard_errors,
 )
-from wingwatch.aircraft.vocabulary import DERIVATIVES, MODEL_DERIVATIVES, Derivative
+from wingwatch.aircraft.vocabulary import (
+    DERIVATIVES,
+    MODEL_DERIVATIVES,
+    SURFACE_OF_INPUT,
+    SURFACES,
+    Derivative,
+)
 
 __all__ = [
     "Derivative",
     "DERIVATIVES",
     "MODEL_DERIVATIVES",
+    "SURFACES",
+    "SURFACE_OF_INPUT",
     "ModeStructure",
     "SHORT_PERIOD",
     "SHORT_PERIOD_ALPHA",
@@ -156,7 +152,6 @@ __all__ = [
     "isa_density_kg_m3",
     "air_density_kg_m3",
     "true_from_indicated",
-    "indicated_from_true",
     "Aircraft",
     "Geometry",
     "Mass",
@@ -205,32 +200,21 @@ __all__ = [
     "linearised_at",
     "derived_from",
     "reduced",
-    "HANDBOOK_RELATIVE_STANDARD_ERROR",
-    "HANDBOOK_STANDARD_ERROR_FLOOR",
-    "coefficient_standard_error",
     "derivative_standard_errors",
     "ModeQuantity",
     "mode_quantities",
     "natural_frequency_and_damping",
     "state_matrix",
-    "default_band_hz",
+    "analysis_band_hz",
     "ICING_FACTORS",
     "ICING_SEVERITY_MAX",
     "IcingKind",
     "icing_factor",
     "icing_direction",
-    "SweepKind",
     "deal_harmonics",
     "doublet_pulse_s",
-    "low_peak_phases_rad",
-    "mode_frequency_rad_s",
     "relative_peak_factor",
-    "sample_wave",
     "schroeder_phases_rad",
-    "step_3211_modified_s",
     "step_3211_s",
-    "sweep_end_s",
-    "sweep_phase_rad",
-    "sweep_rate",
     "wave",
 ]

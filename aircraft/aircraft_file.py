@@ -322,22 +322,6 @@ class Aircraft(_Table):
     propulsion: Annotated[ElectricPropulsion | ConstantThrust, Field(discriminator="kind")] | None = None
     conditions: tuple[ConditionEntry, ...] = ()
 
-    def band_hz(self, structure: ModeStructure) -> tuple[float, float]:
-        """Analysis band (lowest, highest) in Hz of a mode.
-
-        The file's ``[modes.<structure>] band_hz`` where it is stated, else ``modes.default_band_hz`` of the
-        mode's frequency at cruise.
-
-        Raises:
-            AircraftDataError: neither the band nor anything to derive it from is stated.
-        """
-        stated = self.modes.get(structure.name)
-        if stated is not None:
-            return stated.band_hz
-        from wingwatch.aircraft.modes import default_band_hz
-
-        return default_band_hz(self, structure)
-
     def noise_std(self, column: str) -> float | None:
         """Noise standard deviation of a flight-table column in its unit, None where the file says none."""
         return self.sensors.noise_std.get(column)

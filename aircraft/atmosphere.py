@@ -12,7 +12,6 @@ __all__ = [
     "GRAVITY_M_S2",
     "SEA_LEVEL_DENSITY_KG_M3",
     "air_density_kg_m3",
-    "indicated_from_true",
     "isa_density_kg_m3",
     "isa_pressure_pa",
     "isa_temperature_k",
@@ -94,12 +93,4 @@ def true_from_indicated(
     return np.asarray(
         np.asarray(airspeed_indicated_m_s, dtype=np.float64)
         * np.sqrt(SEA_LEVEL_DENSITY_KG_M3 / np.asarray(air_density_kg_m3, dtype=np.float64))
-    )
-
-
-def indicated_from_true(airspeed_true_m_s: ArrayLike, air_density_kg_m3: ArrayLike) -> NDArray[np.float64]:
-    """Indicated airspeed in m/s from true airspeed in m/s at an air density in kg/m3; see above."""
-    return np.asarray(
-        np.asarray(airspeed_true_m_s, dtype=np.float64)
-        * np.sqrt(np.asarray(air_density_kg_m3, dtype=np.float64) / SEA_LEVEL_DENSITY_KG_M3)
     )

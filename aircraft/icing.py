@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wingwatch.aircraft.aircraft_file import Aircraft
 from wingwatch.aircraft.condition import FlightCondition
-from wingwatch.aircraft.conventions import unsteady_inertia
+from wingwatch.aircraft.conventions import Convention, display_name, unsteady_inertia
 from wingwatch.aircraft.linearisation import TrimError, linearised_derivatives
 from wingwatch.aircraft.structures import LATERAL, ModeStructure
 
@@ -88,14 +88,10 @@ ICING_FACTORS: Mapping[IcingKind, Mapping[str, float]] = {
 }
 """k' by place of the ice and by coefficient. CYda is not in the files: taken as unchanged, like Cnda."""
 
-_ROW = {"z": "CZ", "y": "CY", "m": "Cm", "l": "Cl", "n": "Cn"}
-_INDEX = {"w": "alpha", "v": "beta", "p": "p", "q": "q", "r": "r", "eta": "de", "xi": "da", "zeta": "dr"}
-
 
 def icing_factor(symbol: str, kind: IcingKind = "all") -> float:
     """k' of the coefficient behind a concise derivative: ``z_w`` that of CZalpha, ``n_v`` that of Cnbeta."""
-    row, index = symbol.split("_")
-    return ICING_FACTORS[kind][_ROW[row] + _INDEX[index]]
+    return ICING_FACTORS[kind][display_name(symbol, Convention.AMERICAN).replace("_", "")]
 
 
 def icing_direction(

@@ -15,7 +15,7 @@ from wingwatch.aircraft.structures import ModeStructure
 
 __all__ = [
     "ModeQuantity",
-    "default_band_hz",
+    "analysis_band_hz",
     "mode_quantities",
     "natural_frequency_and_damping",
     "state_matrix",
@@ -294,17 +294,25 @@ def _cruise_matrix(aircraft: Aircraft, structure: ModeStructure) -> Array:
     return state_matrix(structure, values, trimmed(aircraft, cruise), aircraft)
 
 
-def default_band_hz(aircraft: Aircraft, structure: ModeStructure) -> tuple[float, float]:
+def analysis_band_hz(aircraft: Aircraft, structure: ModeStructure) -> tuple[float, float]:
+    """Analysis band (lowest, highest) in Hz of a mode.
+
+    The file's ``[modes.<structure>] band_hz`` where it is stated, else that of the mode's frequency at cruise.
+
+    Raises:
+        AircraftDataError: neither the band nor anything to derive it from is stated.
+        TrimError: cruise is no possible level flight.
+    """
+    stated = aircraft.modes.get(structure.name)
+    return _default_band_hz(aircraft, structure) if stated is None else stated.band_hz
+
+
+def _default_band_hz(aircraft: Aircraft, structure: ModeStructure) -> tuple[float, float]:
     """Analysis band of a mode from its frequency at cruise, in Hz.
 
     0.055 times the frequency of the oscillation (of the slowest, in a full motion) to 2.2 times that of the fastest
     root: the ratio of the thesis's band to its short period. A mode that does not oscillate has its one root for
-    both. Cruise is the first of [[conditions]] that states the mode, else that
-    of [envelope].
-
-    Raises:
-        AircraftDataError: the file has neither, or no coefficients.
-        TrimError: cruise is no possible level flight.
+    both. Cruise is the first of [[conditions]] that states the mode, else that of [envelope].
     """
     a = _cruise_matrix(aircraft, structure)
     roots = np.linalg.eigvals(a)

@@ -9,7 +9,12 @@ rudder, tau throttle).
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-__all__ = ["DERIVATIVES", "MODEL_DERIVATIVES", "Derivative"]
+__all__ = ["DERIVATIVES", "MODEL_DERIVATIVES", "SURFACES", "SURFACE_OF_INPUT", "Derivative"]
+
+SURFACE_OF_INPUT: Mapping[str, str] = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
+"""Surface behind each control input of a model structure; the throttle, tau, is none."""
+
+SURFACES: tuple[str, ...] = tuple(SURFACE_OF_INPUT.values())
 
 
 @dataclass(frozen=True, slots=True)

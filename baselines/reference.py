@@ -5,7 +5,6 @@ its information C^-1 and C^-1 x; the sum is all that later flights need. Coordin
 non-dimensional (the affine form of ``wingwatch.aircraft``), so blocks of different airspeeds add up.
 """
 
-import json
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -131,10 +130,6 @@ class Reference:
         root = scale[:, None] * u / np.sqrt(w)
         return root @ (root.T @ self.vector), root @ root.T
 
-    def to_json(self) -> str:
-        """JSON text; every float reads back bit for bit."""
-        return json.dumps(self.to_dict(), allow_nan=False, separators=(",", ":"))
-
     def to_dict(self) -> dict[str, Any]:
         """Plain lists and numbers."""
         return {
@@ -143,19 +138,6 @@ class Reference:
             "blocks": self.blocks,
             "seconds": self.seconds,
         }
-
-    @classmethod
-    def from_json(cls, text: str) -> Self:
-        """Inverse of ``to_json``.
-
-        Raises:
-            ValueError: the text is no such JSON or breaks a rule of the class.
-        """
-        try:
-            data = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise ValueError(f"a reference is JSON, but this is not: {error}") from error
-        return cls.from_dict(data)
 
     @classmethod
     def from_dict(cls, data: Any) -> Self:

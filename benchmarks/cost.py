@@ -18,7 +18,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import STRUCTURES, Aircraft, ModeStructure, load_aircraft
+from wingwatch.aircraft import STRUCTURES, Aircraft, ModeStructure, analysis_band_hz, load_aircraft
 from wingwatch.baselines import OutOfEnvelope, apriori_envelope
 from wingwatch.estimators import (
     EkfConfig,
@@ -116,7 +116,9 @@ def modes(aircraft: Aircraft, vehicles: int) -> list[Mode]:
         )
         span_m = aircraft.geometry.span_m if aircraft.geometry else 0.0
         fourier = FourierEstimator(
-            FourierConfig(structure, aircraft.band_hz(structure), value, 3.0 * size, reference, span_m=span_m)
+            FourierConfig(
+                structure, analysis_band_hz(aircraft, structure), value, 3.0 * size, reference, span_m=span_m
+            )
         )
         ekf = EkfEstimator(EkfConfig(structure, value, size, reference, span_m=span_m))
         made.append(

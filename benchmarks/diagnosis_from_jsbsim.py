@@ -31,6 +31,7 @@ from jsbsim_peer import FT, SLUG, Peer
 from wingwatch.aircraft import (
     LATERAL,
     SHORT_PERIOD,
+    SURFACE_OF_INPUT,
     Actuator,
     Actuators,
     Aircraft,
@@ -79,9 +80,7 @@ _PROPERTIES = {
     "alphadot": ("aero/alphadot-rad_sec",),
 }
 _AXIS = {"z": "LIFT", "y": "SIDE", "l": "ROLL", "m": "PITCH", "n": "YAW"}
-_INDEX = {
-    "w": "alpha", "v": "beta", "p": "p", "q": "q", "r": "r", "eta": "elevator", "xi": "aileron", "zeta": "rudder",
-}  # fmt: skip
+_INDEX = {"w": "alpha", "v": "beta", "p": "p", "q": "q", "r": "r", **SURFACE_OF_INPUT}
 
 
 def _regressor(function: ET.Element) -> str:

@@ -21,6 +21,7 @@ from wingwatch.aircraft import (
     AircraftDataError,
     FlightCondition,
     TrimError,
+    analysis_band_hz,
     deal_harmonics,
     load_aircraft,
     schroeder_phases_rad,
@@ -190,7 +191,7 @@ def _manoeuvres(
 
 def _multisine(aircraft: Aircraft, amplitude_rad: float, length_s: float, start_s: float) -> Multisine:
     """All surfaces at once with Schroeder's phases, which take no search."""
-    bands = [aircraft.band_hz(mode) for mode in (SHORT_PERIOD, LATERAL, DUTCH_ROLL)]
+    bands = [analysis_band_hz(aircraft, mode) for mode in (SHORT_PERIOD, LATERAL, DUTCH_ROLL)]
     dealt = deal_harmonics(SURFACES, bands, length_s)
     phases = tuple(tuple(schroeder_phases_rad(len(ks)).tolist()) for ks in dealt)
     return Multisine(SURFACES, (amplitude_rad,) * 3, dealt, phases, length_s, start_s, length_s)

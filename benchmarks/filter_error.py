@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from simulated_flights import AMPLITUDE_RAD, Z_95, cruise_of, flight_form, fly, truth_of
 from turbulence import AIRCRAFT, FIRST_SEED, LEVELS
 
-from wingwatch.aircraft import MODEL_STRUCTURES, ModeStructure
+from wingwatch.aircraft import MODEL_STRUCTURES, SURFACE_OF_INPUT, ModeStructure
 from wingwatch.baselines import OutOfEnvelope, apriori_envelope
 from wingwatch.estimators import (
     Estimate,
@@ -37,7 +37,6 @@ from wingwatch.telemetry import SampleBlock
 Array = NDArray[np.float64]
 
 CRUISE = cruise_of(AIRCRAFT)
-SURFACES = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
 
 
 def estimate_flight(block: SampleBlock, structure: ModeStructure, *, beside: bool) -> tuple[Estimate, Fit]:
@@ -54,7 +53,7 @@ def estimate_flight(block: SampleBlock, structure: ModeStructure, *, beside: boo
     assert AIRCRAFT.geometry is not None
     config = FilterErrorConfig(
         AIRCRAFT.geometry.span_m, AIRCRAFT.sensors.vane_position_m[0],
-        input_noise_std=tuple(AIRCRAFT.noise_std(f"{SURFACES[u]}_rad") or 0.0 for u in structure.inputs),
+        input_noise_std=tuple(AIRCRAFT.noise_std(f"{SURFACE_OF_INPUT[u]}_rad") or 0.0 for u in structure.inputs),
     )  # fmt: skip
     return in_form(*filter_error(parts, config, expected=own, natural=natural), structure)
 

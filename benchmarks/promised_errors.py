@@ -18,6 +18,7 @@ from wingwatch.aircraft import (
     GRAVITY_M_S2,
     SHORT_PERIOD,
     ModeStructure,
+    analysis_band_hz,
     linearised_derivatives,
     load_aircraft,
     trimmed,
@@ -56,7 +57,7 @@ def inputs(plant: SensedPlant, kind: str, degrees: float) -> Array:
     """The designed input, shape (samples, 1)."""
     derivatives = dict(zip(plant.structure.derivatives, map(float, plant.derivatives), strict=True))
     targets = surface_targets(
-        plant.structure, derivatives, AIRCRAFT.band_hz(plant.structure), math.radians(degrees)
+        plant.structure, derivatives, analysis_band_hz(AIRCRAFT, plant.structure), math.radians(degrees)
     )
     return design_input(kind, targets, LENGTH_S, RATE_HZ).inputs_rad
 
@@ -100,7 +101,7 @@ def estimates(plant: SensedPlant, rows: Array) -> dict[str, Array]:
     fourier = FourierEstimator(
         FourierConfig(
             s,
-            AIRCRAFT.band_hz(s),
+            analysis_band_hz(AIRCRAFT, s),
             0.7 * aerodynamic,
             3.0 * size,
             reference,

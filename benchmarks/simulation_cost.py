@@ -19,7 +19,7 @@ from wingwatch.simulation import FleetSimulation, Icing, Scenario, doublet_sched
 from wingwatch.simulation.autopilot import MEMORY, ORDERS, autopilot
 from wingwatch.simulation.layout import STATE
 from wingwatch.simulation.prepared import working_row
-from wingwatch.simulation.random_numbers import NormalStreams, fill_normals
+from wingwatch.simulation.random_numbers import fill_normals, random_streams
 from wingwatch.simulation.rigid_body import advance
 from wingwatch.simulation.sensors import Sensors
 from wingwatch.simulation.turbulence import NORMALS, gust_step
@@ -102,7 +102,7 @@ def kernels_us(aircraft: Aircraft) -> dict[str, float]:
     steps = round(fleet.steps_hz[0] / RATE_HZ)
     c = working_row(constant.base[0])
     memory, orders = np.zeros(MEMORY), np.zeros(ORDERS)
-    streams = NormalStreams([np.random.default_rng(1)], [NORMALS]).streams
+    streams = random_streams([np.random.default_rng(1)])
     air = np.zeros_like(state.gust_filter[0]), np.zeros(NORMALS), np.zeros(6), np.zeros(6)
     assert state.rigid.shape[1] == len(STATE)
     per = WORK * 1e-6

@@ -23,8 +23,10 @@ from wingwatch.aircraft import (
     SHORT_PERIOD,
     Aircraft,
     ConstantThrust,
+    Convention,
     FlightCondition,
     IcingKind,
+    display_name,
     load_aircraft,
     natural_frequency_and_damping,
     state_matrix,
@@ -226,10 +228,6 @@ def print_thesis() -> None:
         )
 
 
-_ROW = {"z": "CZ", "y": "CY", "m": "Cm", "l": "Cl", "n": "Cn"}
-_COLUMN = {"w": "alpha", "v": "beta", "p": "p", "q": "q", "r": "r", "eta": "de", "xi": "da", "zeta": "dr"}
-
-
 @dataclass(frozen=True, slots=True)
 class IceComparison:
     """One concise derivative of the Twin Otter: the published form and ours, clean and its change under ice in %.
@@ -259,8 +257,7 @@ def compare_ice(kind: IcingKind = "all", severity: float = REFERENCE_SEVERITY) -
         ours = linearise(aircraft, condition, structure)
         ours_iced = linearise(aircraft, condition, structure, (Icing(severity, target=kind),))
         for symbol in structure.derivatives:
-            row, column = symbol.split("_")
-            name = _ROW[row] + _COLUMN[column]
+            name = display_name(symbol, Convention.AMERICAN).replace("_", "")
             out[symbol] = IceComparison(
                 100.0 * severity * ICING_FACTORS[kind][name] if CLEAN[name] else 0.0, clean[symbol],
                 percent(iced[symbol], clean[symbol]), ours[symbol], percent(ours_iced[symbol], ours[symbol]),

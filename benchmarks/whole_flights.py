@@ -25,7 +25,7 @@ from simulated_flights import (
 )
 from turbulence import AIRCRAFT, FIRST_SEED, LEVELS
 
-from wingwatch.aircraft import LATERAL, SHORT_PERIOD, ModeStructure
+from wingwatch.aircraft import LATERAL, SHORT_PERIOD, ModeStructure, analysis_band_hz
 from wingwatch.estimators import (
     Estimate,
     Fit,
@@ -50,7 +50,7 @@ FORM = flight_form(AIRCRAFT, cruise_of(AIRCRAFT), inertia_coupling(AIRCRAFT))
 def by_frequency(parts: Sequence[Manoeuvre]) -> tuple[Estimate, Fit]:
     """Equation error in the band that the aircraft file states."""
     return frequency_equation_error(
-        parts, FrequencyEquationErrorConfig(AIRCRAFT.band_hz(parts[0].config.structure))
+        parts, FrequencyEquationErrorConfig(analysis_band_hz(AIRCRAFT, parts[0].config.structure))
     )
 
 

@@ -17,18 +17,20 @@ from rich.table import Table
 from wingwatch.aircraft import (
     DERIVATIVES,
     STRUCTURES,
+    SURFACE_OF_INPUT,
     Aircraft,
     FlightCondition,
     ModeStructure,
+    analysis_band_hz,
     linearised_at,
     load_aircraft,
     trim,
 )
+from wingwatch.cli.asked_condition import asked_condition
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import page, write_json
 from wingwatch.input_design import (
     INPUT_KINDS,
-    SURFACE_OF_INPUT,
     InputDesign,
     Promise,
     SensedPlant,
@@ -149,7 +151,7 @@ def _task(arguments: argparse.Namespace, aircraft: Aircraft) -> _Task:
         tuple(
             target
             for s in structures
-            for target in surface_targets(s, derivatives[s.name], aircraft.band_hz(s), amplitude)
+            for target in surface_targets(s, derivatives[s.name], analysis_band_hz(aircraft, s), amplitude)
         ),
     )
 
@@ -158,18 +160,9 @@ def _expected(
     arguments: argparse.Namespace, aircraft: Aircraft, structures: Sequence[ModeStructure]
 ) -> tuple[FlightCondition, float, Mapping[str, Mapping[str, float]]]:
     """Condition with its angle of attack, the trim's elevator, and the derivatives of each mode there."""
-    airspeed, altitude = arguments.airspeed, arguments.altitude
     if aircraft.coefficients is None and aircraft.conditions:
         return _stated(arguments, aircraft, structures)
-    if airspeed is None or altitude is None:
-        if aircraft.envelope is None:
-            raise CommandError(
-                f"aircraft {aircraft.name} states no [envelope], so no cruise; give --airspeed and --altitude"
-            )
-        cruise = aircraft.envelope.cruise
-        airspeed = cruise.airspeed_true_m_s if airspeed is None else airspeed
-        altitude = cruise.altitude_m if altitude is None else altitude
-    condition = FlightCondition(airspeed, altitude)
+    condition = asked_condition(arguments, aircraft)
     at = trim(aircraft, condition)
     derivatives = {s.name: linearised_at(aircraft, condition, s, at) for s in structures}
     return replace(condition, angle_of_attack_rad=at.angle_of_attack_rad), at.elevator_rad, derivatives

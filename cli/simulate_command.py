@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
+from wingwatch.cli.asked_condition import asked_condition
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.simulation import (
@@ -101,22 +102,8 @@ def _manoeuvre_names(asked: list[str] | None) -> tuple[str, ...]:
     return tuple(n for n in names if n != "none")
 
 
-def _condition(arguments: argparse.Namespace, aircraft: Aircraft) -> FlightCondition:
-    """Where the flight is held: what was asked, else the aircraft's cruise."""
-    airspeed, altitude = arguments.airspeed, arguments.altitude
-    if airspeed is None or altitude is None:
-        if aircraft.envelope is None:
-            raise CommandError(
-                f"aircraft {aircraft.name} states no [envelope], so no cruise; give --airspeed and --altitude"
-            )
-        cruise = aircraft.envelope.cruise
-        airspeed = cruise.airspeed_true_m_s if airspeed is None else airspeed
-        altitude = cruise.altitude_m if altitude is None else altitude
-    return FlightCondition(airspeed, altitude)
-
-
 def _scenario(arguments: argparse.Namespace, aircraft: Aircraft, names: tuple[str, ...]) -> Scenario:
-    condition = _condition(arguments, aircraft)
+    condition = asked_condition(arguments, aircraft)
     speed, origin = arguments.wind
     return Scenario(
         aircraft,

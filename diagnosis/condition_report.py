@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import Aircraft
+from wingwatch.aircraft import SURFACES, Aircraft
 from wingwatch.diagnosis.static_derivatives import StaticDerivatives, static_derivatives
 from wingwatch.diagnosis.tracking import Track, untracked
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
@@ -38,7 +38,6 @@ PATH_S = 600.0
 _CERTAIN = 3.0
 """A delay takes the stated one's place where they differ by more than so many standard errors."""
 
-_SURFACES = ("elevator", "aileron", "rudder")
 _FORCES = tuple(f"specific_force_{axis}_m_s2" for axis in "xyz")
 
 
@@ -145,7 +144,7 @@ class _Steps:
     def servos(self) -> None:
         """Delays of surfaces whose position and command are both measured."""
         found: list[Parameter] = []
-        for surface in _SURFACES:
+        for surface in SURFACES:
             name = f"{surface}_rad"
             both = {name, f"{surface}_command_rad"} <= set(self._clean.present)
             if both and self._flight.kinds.get(name) == "position":

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import GRAVITY_M_S2, Aircraft, ConditionEntry, FlightCondition
+from wingwatch.aircraft import GRAVITY_M_S2, SURFACE_OF_INPUT, Aircraft, ConditionEntry, FlightCondition
 from wingwatch.diagnosis.candidate import INDEX
 from wingwatch.diagnosis.causes.derivative import COEFFICIENT
 from wingwatch.diagnosis.replay import body_state
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 _COEFFICIENT = {**COEFFICIENT, "m_q": "Cm_q"}
 _STATE = {"w": 5, "v": 4, "p": 10, "q": 11, "r": 12}
-_SURFACE = {"eta": 0, "xi": 1, "zeta": 2}
+_SURFACE = {symbol: place for place, symbol in enumerate(SURFACE_OF_INPUT)}
 _ROW = {"z": 5, "m": 11, "y": 4, "l": 10, "n": 12}
 _STEP = {"w": 1e-2, "v": 1e-2, "p": 1e-3, "q": 1e-3, "r": 1e-3, "eta": 1e-3, "xi": 1e-3, "zeta": 1e-3}
 _DRAG = 0.04
@@ -53,7 +53,7 @@ def _slope(row: Array, start: Array, at: FlightCondition, symbol: str) -> float:
             state[_STATE[by]] += sign * _STEP[by]
         else:
             surfaces[_SURFACE[by]] = sign * _STEP[by]
-        derivatives(state, surfaces, 0.0, np.zeros(3), np.zeros(6), row, np.empty(6), np.empty(3), rates)
+        derivatives(state, surfaces, 0.0, row, np.empty(3), rates)
         out.append(rates[_ROW[equation]])
     return float(out[0] - out[1]) / (2.0 * _STEP[by])
 

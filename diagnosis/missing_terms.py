@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from wingwatch.aircraft import SURFACES
 from wingwatch.diagnosis.causes import coefficients_of
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.evidence import ALIKE, BEYOND_DOUBT
@@ -165,7 +166,7 @@ def _signals(problem: Problem, followed: Mapping[int, Array]) -> Mapping[str, Ar
     length = 2.0 * flight.airspeed_m_s
     found = {name: outputs[:, k] * arm / length for k, (name, arm) in enumerate(over.items(), 1)}
     found |= {"angle of attack": outputs[:, 9], "sideslip": outputs[:, 10]}
-    for j, name in enumerate(("elevator", "aileron", "rudder")):
+    for j, name in enumerate(SURFACES):
         flown = np.where(np.isfinite(flight.flown[:, j]), flight.flown[:, j], flight.commands[:, j])
         column = np.concatenate([flown[w.start : w.stop] for w in problem.windows])
         found[name] = np.stack([column, column], axis=-1)

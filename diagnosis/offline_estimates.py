@@ -12,10 +12,12 @@ from wingwatch.aircraft import (
     MODEL_DERIVATIVES,
     MODEL_STRUCTURES,
     STRUCTURES,
+    SURFACE_OF_INPUT,
     Aircraft,
     AircraftDataError,
     FlightCondition,
     ModeStructure,
+    analysis_band_hz,
     mode_quantities,
 )
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
@@ -50,7 +52,6 @@ __all__ = ["OFFLINE_ESTIMATORS", "OfflineEstimates", "estimate_offline"]
 
 OFFLINE_ESTIMATORS = ("equation-error", "frequency-equation-error", "output-error", "filter-error")
 
-_SURFACES = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
 
 _CYCLES, _SHORTEST_WINDOW_S = 1.2, 12.0
 """Length of a manoeuvre: cycles of the band's lowest frequency, and at least so many seconds."""
@@ -139,7 +140,7 @@ def _estimated(
     if nominal is None:
         raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]")
     solved = solved_as(structure)
-    band_hz = aircraft.band_hz(solved)
+    band_hz = analysis_band_hz(aircraft, solved)
     shape = _form(flight, aircraft, nominal, form, band_hz)
     if estimator == "filter-error":
         shape = replace(shape, window_s=max(shape.window_s, _FILTER_WINDOW_S))
@@ -163,8 +164,8 @@ def _form(
     form: Form,
     band_hz: tuple[float, float],
 ) -> FlightForm:
-    commanded = {u for u, name in _SURFACES.items() if flight.kinds.get(f"{name}_rad") == "command"}
-    servos = {u: getattr(aircraft.actuators, name) for u, name in _SURFACES.items()}
+    commanded = {u for u, name in SURFACE_OF_INPUT.items() if flight.kinds.get(f"{name}_rad") == "command"}
+    servos = {u: getattr(aircraft.actuators, name) for u, name in SURFACE_OF_INPUT.items()}
     return FlightForm(
         (nominal.airspeed_true_m_s, nominal.air_density_kg_m3),
         frozenset(commanded),
@@ -201,7 +202,7 @@ def _filter(
     own: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
 ) -> Solve:
     """Filter error with the aircraft's wing span, vane, surface sensors and expected derivatives."""
-    columns = [f"{_SURFACES[u]}_rad" for u in structure.inputs if u in _SURFACES]
+    columns = [f"{SURFACE_OF_INPUT[u]}_rad" for u in structure.inputs if u in SURFACE_OF_INPUT]
     noise = [0.0 if flight.kinds.get(c) == "command" else aircraft.noise_std(c) for c in columns]
     known = tuple(n for n in noise if n is not None)
     config = FilterErrorConfig(

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition
+from wingwatch.aircraft import LATERAL, SHORT_PERIOD, SURFACES, FlightCondition
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.evidence import ALIKE
@@ -35,7 +35,6 @@ _LENGTH_S = 12.0
 _LEAD_S = 1.0
 _AMPLITUDE_RAD = math.radians(3.0)
 _BAND_HZ = (0.2, 2.0)
-_SURFACES = ("elevator", "aileron", "rudder")
 _MOST_TIMES = 20
 
 
@@ -126,7 +125,7 @@ def _flown(problem: Problem, point: Point, design: InputDesign) -> tuple[Problem
     count = lead + len(design.inputs_rad)
     added = np.zeros((count, 3))
     for surface, column in zip(design.surfaces, design.inputs_rad.T, strict=True):
-        added[lead:, _SURFACES.index(surface)] = column
+        added[lead:, SURFACES.index(surface)] = column
     rows = slice(its.start, its.stop)
 
     def steady(column: Array) -> Array:

@@ -28,10 +28,7 @@ def _lacking(flight: MeasuredFlight, k: int, window: Window, row: Array, inputs:
     at = min(k - window.start, len(inputs.flown) - 1)
     surfaces = np.where(np.isfinite(inputs.flown[at]), inputs.flown[at], inputs.commands[at])
     rates, force = np.empty(13), np.empty(3)
-    derivatives(
-        body_state(state, inputs.altitude), surfaces, float(inputs.throttle[at]), np.zeros(3), np.zeros(6), row,
-        np.empty(6), force, rates,
-    )  # fmt: skip
+    derivatives(body_state(state, inputs.altitude), surfaces, float(inputs.throttle[at]), row, force, rates)
     ahead = flight.outputs[k : k + 6]
     turning = (ahead[-1, 1:4] - ahead[0, 1:4]) / (5.0 * flight.dt_s) - rates[10:13]
     pushed = ahead[:, 4:7].mean(axis=0) - force

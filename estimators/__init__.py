@@ -1,10 +1,5 @@
 """Estimators: derivatives with covariance and standing, online, for batches of vehicles."""
 
-from wingwatch.estimators.batch.differentiation import (
-    differentiate_local,
-    differentiate_spline,
-    differentiate_wiener,
-)
 from wingwatch.estimators.batch.equation_error import EquationErrorConfig, equation_error
 from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit, correlated_pairs
 from wingwatch.estimators.batch.flight_manoeuvres import (
@@ -20,9 +15,8 @@ from wingwatch.estimators.batch.frequency_equation_error import (
     FrequencyEquationErrorConfig,
     frequency_equation_error,
 )
-from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, concatenated, manoeuvres
+from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, manoeuvres
 from wingwatch.estimators.batch.output_error import OutputErrorConfig, output_error
-from wingwatch.estimators.batch.smoothing import Smoothed, smooth_local, smooth_spline, smooth_wiener
 from wingwatch.estimators.confounding import told_apart_text
 from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfState
 from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
@@ -60,7 +54,6 @@ __all__ = [
     "Manoeuvre",
     "ManoeuvreConfig",
     "manoeuvres",
-    "concatenated",
     "FORMS",
     "Form",
     "FlightForm",
@@ -83,11 +76,4 @@ __all__ = [
     "ChannelFit",
     "channel_fit",
     "correlated_pairs",
-    "Smoothed",
-    "smooth_local",
-    "smooth_wiener",
-    "smooth_spline",
-    "differentiate_local",
-    "differentiate_wiener",
-    "differentiate_spline",
 ]

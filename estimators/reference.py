@@ -6,6 +6,7 @@ at the reference airspeed and density. The kinematic parts (forward speed in z_q
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,25 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.confounding import confounded_sets, told_apart_text
 from wingwatch.estimators.estimate import Estimate, Outcome
 
-__all__ = ["offsets", "referred_scale", "standing"]
+__all__ = ["ConcisePosterior", "offsets", "referred_scale", "standing"]
 
 Array = NDArray[np.float64]
+
+
+class ConcisePosterior(NamedTuple):
+    """Concise derivatives after the data, with the prior that they are measured against; (k,) each.
+
+    Attributes:
+        value: NaN where there is none.
+        covariance: (k, k).
+        prior_std: of the wide prior, three natural sizes.
+        prior_ratio: the prior that the covariance holds, in natural sizes.
+    """
+
+    value: Array
+    covariance: Array
+    prior_std: Array
+    prior_ratio: float = 3.0
 
 
 def referred_scale(
@@ -52,22 +69,20 @@ def standing(
     estimator: str,
     structure: ModeStructure,
     time_s: float,
-    value: Array,
-    covariance: Array,
+    posterior: ConcisePosterior,
     informed_s: Array,
     stale_s: float,
-    prior_std: Array,
     solved: bool,
     condition: Array,
-    prior_ratio: float = 3.0,
 ) -> Estimate:
     """An Estimate with its outcomes.
 
     A derivative is converged when its standard error is below a quarter of its size or of its natural size (a third
     of the wide prior); it is settling while data arrive; it is not observable when its regressor has carried
     nothing but noise for ``stale_s``, or the data have said less than its natural size, or it cannot be told from
-    others (``confounding``). ``prior_ratio`` is the prior that the covariance holds, in natural sizes.
+    others (``confounding``).
     """
+    value, covariance, prior_std, prior_ratio = posterior
     error = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     natural = prior_std / 3.0
     confounded, sets = confounded_sets(structure, covariance, natural, prior_ratio)

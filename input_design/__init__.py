@@ -2,7 +2,6 @@
 
 from wingwatch.input_design.design import (
     INPUT_KINDS,
-    SURFACE_OF_INPUT,
     InputDesign,
     SurfaceTarget,
     design_input,
@@ -19,7 +18,6 @@ from wingwatch.input_design.promise import (
 
 __all__ = [
     "INPUT_KINDS",
-    "SURFACE_OF_INPUT",
     "InputDesign",
     "ModeResponse",
     "Promise",

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.aircraft import SURFACE_OF_INPUT
 from wingwatch.aircraft.excitation import (
     SweepKind,
     deal_harmonics,
@@ -28,7 +29,6 @@ from wingwatch.aircraft.structures import ModeStructure
 
 __all__ = [
     "INPUT_KINDS",
-    "SURFACE_OF_INPUT",
     "InputDesign",
     "SurfaceTarget",
     "design_input",
@@ -37,7 +37,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-SURFACE_OF_INPUT: Mapping[str, str] = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
 _MOST_SAMPLES = 100_000
 
 

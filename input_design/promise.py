@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm_frechet
 
+from wingwatch.aircraft import SURFACE_OF_INPUT
 from wingwatch.aircraft.aircraft_file import Aircraft, AircraftDataError, Sensors
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.aircraft.condition import FlightCondition
 from wingwatch.aircraft.state_space import known_terms
 from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, LATERAL_FULL, SHORT_PERIOD, ModeStructure
 from wingwatch.estimators.reference import offsets
-from wingwatch.input_design.design import SURFACE_OF_INPUT
 
 __all__ = ["ModeResponse", "Promise", "SensedPlant", "promise", "sensed_plant"]
 

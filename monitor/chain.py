@@ -11,7 +11,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, FlightCondition, ModeStructure
+from wingwatch.aircraft import (
+    DUTCH_ROLL,
+    LATERAL,
+    SHORT_PERIOD,
+    Aircraft,
+    FlightCondition,
+    ModeStructure,
+    analysis_band_hz,
+)
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, apriori_envelope
 from wingwatch.estimators import (
     EkfConfig,
@@ -242,7 +250,7 @@ def _pair(
     )
     fourier = FourierConfig(
         structure,
-        aircraft.band_hz(structure),
+        analysis_band_hz(aircraft, structure),
         value,
         3.0 * natural,
         reference,

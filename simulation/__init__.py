@@ -46,16 +46,12 @@ from wingwatch.simulation.manoeuvres import (
     Multisine,
     Sweep,
     ThreeTwoOneOne,
-    doublet_pulse_s,
     doublet_schedule,
     multisine,
-    relative_peak_factor,
-    step_3211_s,
     three_two_one_one_schedule,
 )
 from wingwatch.simulation.route import Route, Waypoint, check_route, patrol
 from wingwatch.simulation.scenario import Scenario
-from wingwatch.simulation.scenario_timeline import parameters_at
 from wingwatch.simulation.sensor_errors import SensorErrors
 from wingwatch.simulation.trim import TrimPoint, trim
 from wingwatch.simulation.truth import flight_truth, truth
@@ -78,14 +74,11 @@ __all__ = [
     "Multisine",
     "Sweep",
     "multisine",
-    "relative_peak_factor",
     "three_two_one_one_schedule",
     "Route",
     "Waypoint",
     "check_route",
     "patrol",
-    "doublet_pulse_s",
-    "step_3211_s",
     "Effect",
     "EFFECTS",
     "EffectSyntaxError",
@@ -127,7 +120,6 @@ __all__ = [
     "TrimPoint",
     "trim",
     "linearise",
-    "parameters_at",
     "linear_response",
     "state_rates",
     "specific_force",

@@ -14,6 +14,7 @@ body's and stays; a thrust that is negative blows on nothing.
 """
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 
@@ -77,11 +78,30 @@ from wingwatch.simulation.prepared import (
     STALL_FACTOR,
 )  # fmt: skip
 
-__all__ = ["arc_tangent", "load"]
+__all__ = ["Deflections", "Motion", "arc_tangent", "load"]
 
 _STILL_M_S = 1e-6
 """Airspeed below which the air exerts nothing, so that no rate is divided by zero."""
 _SMALL_TANGENT = 0.3
+
+
+class Motion(NamedTuple):
+    """Motion of the reference point through the air, body axes, m/s and rad/s."""
+
+    u: float
+    v: float
+    w: float
+    p: float
+    q: float
+    r: float
+
+
+class Deflections(NamedTuple):
+    """Deflections of elevator, aileron and rudder in rad."""
+
+    eta: float
+    xi: float
+    zeta: float
 
 
 @njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
@@ -119,16 +139,18 @@ def _stalled(c, line, alpha, sine, cosine):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
-def load(c, u, v, w, p, q, r, density, eta, xi, zeta, blown):  # type: ignore[no-untyped-def]
+def load(c, motion, deflections, density, blown):  # type: ignore[no-untyped-def]
     """(X, Y, Z in N, L, M, N in N m, lift in N and pitching moment in N m per rad/s of alphadot), body axes.
 
     Args:
         c: working row.
-        u, v, w, p, q, r: motion of the reference point through the air, m/s and rad/s.
+        motion: ``Motion``.
+        deflections: ``Deflections``.
         density: kg/m3.
-        eta, xi, zeta: elevator, aileron, rudder in rad.
         blown: what the slipstream adds to the dynamic pressure on the tail, Pa.
     """
+    u, v, w, p, q, r = motion
+    eta, xi, zeta = deflections
     forward = u * u + w * w
     airspeed = math.sqrt(forward + v * v)
     if airspeed < _STILL_M_S:

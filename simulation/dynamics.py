@@ -10,17 +10,14 @@ from wingwatch.simulation.atmosphere import CELL_M, air_density, expand_density
 from wingwatch.simulation.prepared import WIDTH, prepare
 from wingwatch.simulation.propulsion import thrust_n
 from wingwatch.simulation.rigid_body import (
-    AIR,
     DENSITY,
     DENSITY_ALTITUDE,
     DENSITY_CURVE,
     DENSITY_SLOPE,
     ELEVATOR,
     FORCE,
-    GUST,
     SETTING_WIDTH,
     THROTTLE,
-    WIND,
     advance,
     rates,
 )
@@ -29,18 +26,15 @@ __all__ = ["air_density", "derivatives", "euler_angles", "fly_held", "quaternion
 
 
 @njit(cache=True, error_model="numpy")
-def derivatives(state, surfaces, throttle, wind, gust, row, air, load, out):  # type: ignore[no-untyped-def]
-    """d(state)/dt into ``out`` (13,).
+def derivatives(state, surfaces, throttle, row, force, out):  # type: ignore[no-untyped-def]
+    """d(state)/dt in still air into ``out`` (13,).
 
     Args:
         state: rigid-body state (13,).
         surfaces: elevator, aileron, rudder in rad.
         throttle: 0 to 1.
-        wind: steady wind in earth axes, m/s.
-        gust: motion of the air at the aircraft, body axes (6,).
         row: of ``layout.PARAMETERS``, as they are at this instant.
-        air: left with the motion of the reference point relative to the air (6,).
-        load: ``load[:3]`` is left with the specific force at the centre of gravity, m/s2.
+        force: left with the specific force at the centre of gravity (3,), m/s2.
         out: the result.
     """
     c, s = np.zeros(WIDTH), np.zeros(SETTING_WIDTH)
@@ -48,12 +42,9 @@ def derivatives(state, surfaces, throttle, wind, gust, row, air, load, out):  # 
     prepare(c)
     s[THROTTLE] = throttle
     s[ELEVATOR : ELEVATOR + 3] = surfaces
-    s[WIND : WIND + 3] = wind
-    s[GUST : GUST + 6] = gust
     s[DENSITY_ALTITUDE], s[DENSITY] = -state[2], air_density(-state[2])
     rates(c, s, state, 0, 0.0, out)
-    air[:6] = s[AIR : AIR + 6]
-    load[:3] = s[FORCE : FORCE + 3]
+    force[:] = s[FORCE : FORCE + 3]
 
 
 @njit(cache=True, error_model="numpy")

@@ -129,6 +129,25 @@ class FleetState(NamedTuple):
     """Where the centre of gravity was when last looked at."""
 
 
+class _Air(NamedTuple):
+    """The air about one vehicle, whose own motion changes from one draw to the next."""
+
+    turbulent: bool
+    row: NDArray[np.float64]
+    """Its turbulence's filter, as ``turbulence.gust_step`` reads it."""
+    state: NDArray[np.float64]
+    """The filter's states."""
+    normals: NDArray[np.float64]
+    """(NORMALS,): drawn for this step."""
+    gusts: NDArray[np.float64]
+    """Discrete gusts, ``gust_count`` of them."""
+    gust_count: int
+    end: NDArray[np.float64]
+    """(6,): motion at the end of the last step."""
+    middle: NDArray[np.float64]
+    """(6,): how far its middle lies from the straight line, of turbulence alone."""
+
+
 @njit(cache=True, error_model="numpy")
 def _parameters_now(times, columns, values, time_s, row):  # type: ignore[no-untyped-def]
     """The parameters that change, at a time, as ``Timeline.at`` has them; which row holds, or that they are
@@ -198,20 +217,21 @@ def in_body_axes(x, motion):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _air_of_step(c, s, x, turbulent, row, state, normals, gusts, gust_count, end_s, steps, end, middle):  # type: ignore[no-untyped-def]
+def _air_of_step(c, s, x, air, end_s, steps):  # type: ignore[no-untyped-def]
     """The air's motion over a stretch of steps into ``s``: at its start, and gain and curve of the first step."""
+    end, middle = air.end, air.middle
     for j in range(6):
         s[GUST + j] = end[j]
         end[j] = middle[j] = 0.0
-    if turbulent:
-        gust_step(row, state, normals, end, middle)
+    if air.turbulent:
+        gust_step(air.row, air.state, air.normals, end, middle)
         for j in range(6):
             end[j] *= c[GUST_GAIN]
             middle[j] *= c[GUST_GAIN]
         in_body_axes(x, end)
         in_body_axes(x, middle)
-    if gust_count > 0:
-        add_discrete_gusts(gusts, gust_count, end_s, end)
+    if air.gust_count > 0:
+        add_discrete_gusts(air.gusts, air.gust_count, end_s, end)
     for j in range(6):
         s[CURVE + j] = middle[j] / (steps * steps)
         s[RISE + j] = (end[j] - s[GUST + j]) / steps + 4.0 * (steps - 1.0) * s[CURVE + j]
@@ -270,15 +290,18 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
         state.surfaces[i],
         state.orders[i],
     )
-    memory, filter_state, end, stream = state.memory[i], state.gust_filter[i], state.gust[i], state.streams[i]
+    memory, stream = state.memory[i], state.streams[i]
     excitations, gains, route, wind = fleet.excitations[i], fleet.gains[i], fleet.route[i], fleet.wind[i]
-    gust_filter, gusts, centre = fleet.gust_filter[i], fleet.gusts[i], state.centre[i]
+    centre = state.centre[i]
     times = fleet.times[fleet.first_row[i] : fleet.first_row[i + 1]]
     columns = fleet.columns[fleet.first_column[i] : fleet.first_column[i + 1]]
     values = fleet.values[fleet.first_value[i] : fleet.first_value[i + 1]]
     k, middle, total, start = np.empty(13), np.empty(13), np.empty(13), np.empty(13)
     command, normals, above, decay = np.zeros(3), np.empty(NORMALS), np.empty(3), np.empty(3)
-    air_middle = np.zeros(6)
+    air = _Air(
+        fleet.turbulent[i], fleet.gust_filter[i], state.gust_filter[i], normals, fleet.gusts[i], fleet.gust_count[i],
+        state.gust[i], np.zeros(6),
+    )  # fmt: skip
     c[:_PARAMETERS] = fleet.base[i]
     prepared = _NONE_YET
     often = min(a_sample, a_frame)
@@ -293,13 +316,10 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
                     prepare(c)
                     servo_decay(c, 0.5 * dt, decay)
                     _move_centre(c, x, centre)
-            if index % a_gust == 0 and (fleet.turbulent[i] or fleet.gust_count[i] > 0):
-                if fleet.turbulent[i]:
+            if index % a_gust == 0 and (air.turbulent or air.gust_count > 0):
+                if air.turbulent:
                     fill_normals(stream, normals)
-                _air_of_step(
-                    c, s, x, fleet.turbulent[i], gust_filter, filter_state, normals, gusts, fleet.gust_count[i],
-                    (index + a_gust) / steps_hz, a_gust, end, air_middle,
-                )  # fmt: skip
+                _air_of_step(c, s, x, air, (index + a_gust) / steps_hz, a_gust)
             if index % a_frame == 0:
                 if fleet.sheared[i]:
                     _wind_of_frame(s, wind, -x[2], above)

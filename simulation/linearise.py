@@ -10,7 +10,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import Aircraft, FlightCondition, ModeStructure, derived_from, reduced
+from wingwatch.aircraft import (
+    SURFACE_OF_INPUT,
+    Aircraft,
+    FlightCondition,
+    ModeStructure,
+    derived_from,
+    reduced,
+)
 from wingwatch.simulation.dynamics import derivatives
 from wingwatch.simulation.effects import Effect
 from wingwatch.simulation.layout import STATE
@@ -20,7 +27,7 @@ from wingwatch.simulation.trim import TrimPoint, trim_row
 __all__ = ["linearise"]
 
 _STATE_INDEX = {"u": 3, "v": 4, "w": 5, "p": 10, "q": 11, "r": 12}
-_SURFACE_INDEX = {"eta": 0, "xi": 1, "zeta": 2}
+_SURFACE_INDEX = {symbol: place for place, symbol in enumerate(SURFACE_OF_INPUT)}
 _ROW_INDEX = {"x": 3, "y": 4, "z": 5, "l": 10, "m": 11, "n": 12}
 _STEP = {"u": 1e-3, "v": 1e-3, "w": 1e-3, "p": 1e-4, "q": 1e-4, "r": 1e-4}
 """Steps in m/s and rad/s; the cube root of machine precision times the size of each motion."""
@@ -61,7 +68,7 @@ def linearise(
 def _differences(
     parameters: NDArray[np.float64], point: TrimPoint, structure: ModeStructure
 ) -> dict[str, float]:
-    wind, gust, air, load, rates = np.zeros(3), np.zeros(6), np.empty(6), np.empty(8), np.empty(len(STATE))
+    force, rates = np.empty(3), np.empty(len(STATE))
     out: dict[str, float] = {}
     for regressor in structure.regressors:
         sides = []
@@ -73,7 +80,7 @@ def _differences(
                 throttle += sign * _CONTROL_STEP
             else:
                 surfaces[_SURFACE_INDEX[regressor]] += sign * _CONTROL_STEP
-            derivatives(state, surfaces, throttle, wind, gust, parameters, air, load, rates)
+            derivatives(state, surfaces, throttle, parameters, force, rates)
             sides.append(rates.copy())
         width = 2.0 * _STEP.get(regressor, _CONTROL_STEP)
         for equation in structure.equations:

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["NormalStreams", "fill_normals", "random_streams", "uniform"]
+__all__ = ["fill_normals", "random_streams", "uniform"]
 
 _LEVELS = 256
 _TAIL = 3.6541528853610088
@@ -116,35 +116,3 @@ def fill_normals(stream, out):  # type: ignore[no-untyped-def]
             s0, s1, s2, s3 = stream[0], stream[1], stream[2], stream[3]
         out[i] = x if (bits >> _U(8)) & _U(1) != _U(0) else -x
     stream[0], stream[1], stream[2], stream[3] = s0, s1, s2, s3
-
-
-@njit(cache=True, error_model="numpy")
-def _fill_all(streams, widths, out):  # type: ignore[no-untyped-def]
-    for i in range(out.shape[0]):
-        for k in range(out.shape[1]):
-            fill_normals(streams[i], out[i, k, : widths[i]])
-            for j in range(widths[i], out.shape[2]):
-                out[i, k, j] = 0.0
-
-
-class NormalStreams:
-    """Standard normal numbers, a stream of its own for each vehicle, consumed in order.
-
-    A vehicle's numbers depend on its seed and on how many it has consumed, not on its neighbours nor on how a flight
-    is cut into steps. A kernel that draws as it goes takes ``streams`` and ``fill_normals`` instead of ``take``.
-
-    Attributes:
-        streams: shape (vehicles, 4); a kernel that draws from them advances them.
-        width: the largest of the widths.
-    """
-
-    def __init__(self, generators: Sequence[np.random.Generator], widths: Sequence[int]) -> None:
-        self.streams = random_streams(generators)
-        self._widths = np.array(widths, dtype=np.int64)
-        self.width = int(max(widths, default=0))
-
-    def take(self, samples: int) -> NDArray[np.float64]:
-        """The next numbers, shape (vehicles, samples, width); beyond a vehicle's own width, zeros."""
-        out = np.empty((len(self.streams), samples, self.width))
-        _fill_all(self.streams, self._widths, out)
-        return out

@@ -10,7 +10,7 @@ import math
 
 from numba import njit
 
-from wingwatch.simulation.aerodynamics import load
+from wingwatch.simulation.aerodynamics import Deflections, Motion, load
 from wingwatch.simulation.layout import (
     CG_X,
     CG_Y,
@@ -126,9 +126,12 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     push = thrust(c, s[THROTTLE], math.sqrt(forward + va * va), density)
     surface = ELEVATOR + 3 * stage
     fx, fy, fz, roll, pitch, yaw, z_rate, m_rate = load(
-        c, ua, va, wa, pa, qa, ra, density, s[surface], s[surface + 1], s[surface + 2],
+        c,
+        Motion(ua, va, wa, pa, qa, ra),
+        Deflections(s[surface], s[surface + 1], s[surface + 2]),
+        density,
         max(0.0, push) * c[SLIPSTREAM_PER_NEWTON],
-    )  # fmt: skip
+    )
     fx += push
     pitch += push * c[THRUST_LINE_Z]
     g, per_mass = c[GRAVITY], c[MASS_INVERSE]

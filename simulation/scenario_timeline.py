@@ -2,15 +2,12 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from wingwatch.simulation.effects import Effect
 from wingwatch.simulation.scenario import Scenario
 from wingwatch.simulation.timeline import Timeline, base_row, timeline
 from wingwatch.simulation.turbulence import Turbulence, gust_scales
 
-__all__ = ["filter_level", "parameters_at", "timeline_of"]
+__all__ = ["filter_level", "timeline_of"]
 
 
 def filter_level(scenario_level: Turbulence, effects: Sequence[Effect]) -> Turbulence:
@@ -31,12 +28,3 @@ def timeline_of(scenario: Scenario) -> Timeline:
     gain = 0.0 if scenario.turbulence == "none" else 1.0
     clean = base_row(scenario.aircraft, scenario.condition, gain, sigma)
     return timeline(scenario.aircraft, scenario.condition, scenario.effects, clean)
-
-
-def parameters_at(scenario: Scenario, time_s: float) -> NDArray[np.float64]:
-    """What is flown at a time of a flight, shape (len(PARAMETERS),).
-
-    Raises:
-        AircraftDataError, TrimError: as ``base_row``.
-    """
-    return timeline_of(scenario).at(time_s)

@@ -9,38 +9,25 @@ from wingwatch.aircraft import SENSOR_COLUMNS
 
 __all__ = ["READINGS", "SIMULATED", "SensorErrors"]
 
+_NOT_SIMULATED = (
+    "airspeed_indicated_m_s",
+    "outside_air_temperature_k",
+    "aileron_left_rad",
+    "aileron_right_rad",
+)
+
+READINGS: tuple[str, ...] = tuple(column for column in SENSOR_COLUMNS if column not in _NOT_SIMULATED)
+"""Simulated columns that a sensor or a signal line stands behind: all but the time and what the autopilot wants."""
+
 SIMULATED: tuple[str, ...] = (
     "time_s",
-    "airspeed_true_m_s",
-    "roll_rate_rad_s",
-    "pitch_rate_rad_s",
-    "yaw_rate_rad_s",
-    "specific_force_x_m_s2",
-    "specific_force_y_m_s2",
-    "specific_force_z_m_s2",
-    "roll_rad",
-    "pitch_rad",
-    "heading_rad",
-    "elevator_rad",
-    "aileron_rad",
-    "rudder_rad",
-    "angle_of_attack_rad",
-    "sideslip_rad",
-    "throttle",
-    "altitude_m",
-    "air_density_kg_m3",
-    "elevator_command_rad",
-    "aileron_command_rad",
-    "rudder_command_rad",
+    *READINGS,
     "roll_demand_rad",
     "pitch_demand_rad",
     "airspeed_demand_m_s",
     "altitude_demand_m",
 )
 """Columns that a simulated flight has; the others are NaN."""
-
-READINGS: tuple[str, ...] = tuple(c for c in SIMULATED if c in SENSOR_COLUMNS)
-"""Simulated columns that a sensor or a signal line stands behind: all but the time and what the autopilot wants."""
 
 _VANES = ("angle_of_attack_rad", "sideslip_rad")
 _SlowColumns = Literal["absent", "held"]

@@ -75,6 +75,31 @@ class SensorState(NamedTuple):
     """(vehicles, 1 + entries)."""
 
 
+class _Piece(NamedTuple):
+    """Samples of one vehicle that pass through the stages together."""
+
+    vehicle: int
+    first: int
+    """Row of the first of them."""
+    rows: int
+    sample: int
+    """Number of the first of them since the start of the flight."""
+    rate_hz: float
+    noisy: int
+    """Entries with noise: numbers of ``_Workspace.normals`` a sample."""
+
+
+class _Workspace(NamedTuple):
+    """Room for a piece."""
+
+    normals: NDArray[np.float64]
+    """(rows * noisy,)."""
+    x: NDArray[np.float64]
+    """(rows,): one column."""
+    errors: NDArray[np.float64]
+    """(3, rows): its gain, bias and delay in samples."""
+
+
 @njit(cache=True, error_model="numpy")
 def _wrapped(angle):  # type: ignore[no-untyped-def]
     """To [-pi, pi], untouched where it is there."""
@@ -108,20 +133,21 @@ def _follow(x, n, sample, entries, lags, memory, i, j):  # type: ignore[no-untyp
 
 
 @njit(cache=True, error_model="numpy")
-def _severities(faults, i, j, sample, rate_hz, n, work):  # type: ignore[no-untyped-def]
-    """Faults of one entry onto its gain, bias and delay (rows of ``work``); severity as in ``Effect.severity``."""
+def _severities(faults, piece, j, errors):  # type: ignore[no-untyped-def]
+    """Faults of one entry onto its gain, bias and delay (rows of ``errors``); severity as in ``Effect.severity``."""
+    i, sample = piece.vehicle, piece.sample
     for f in range(faults.shape[1]):
         if faults[i, f, 0] != j:
             continue
         size, onset, ramp = faults[i, f, 4], faults[i, f, 5], faults[i, f, 6]
-        for k in range(n):
-            since = (sample + k) / rate_hz - onset
+        for k in range(piece.rows):
+            since = (sample + k) / piece.rate_hz - onset
             if since < 0.0:
                 continue
             severity = size if since >= ramp else size * since / ramp
-            work[1, k] += severity * faults[i, f, 1]
-            work[0, k] *= 1.0 + severity * faults[i, f, 2]
-            work[2, k] = max(work[2, k] + severity * faults[i, f, 3], 0.0)
+            errors[1, k] += severity * faults[i, f, 1]
+            errors[0, k] *= 1.0 + severity * faults[i, f, 2]
+            errors[2, k] = max(errors[2, k] + severity * faults[i, f, 3], 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -158,40 +184,45 @@ def _renew(x, n, sample, rate_hz, own_hz, held, reading):  # type: ignore[no-unt
 
 
 @njit(cache=True, error_model="numpy")
-def _late_and_faulty(x, n, sample, rate_hz, entries, faults, ring, i, j, work):  # type: ignore[no-untyped-def]
+def _late_and_faulty(piece, table, ring, j, work):  # type: ignore[no-untyped-def]
     """Delay, gain and bias of one entry that is delayed or has faults."""
+    entries, i, n, x, errors = table.entries, piece.vehicle, piece.rows, work.x, work.errors
     for k in range(n):
-        work[0, k], work[1, k], work[2, k] = entries[i, j, GAIN], entries[i, j, BIAS], entries[i, j, DELAY]
+        errors[0, k], errors[1, k], errors[2, k] = (
+            entries[i, j, GAIN],
+            entries[i, j, BIAS],
+            entries[i, j, DELAY],
+        )
     if entries[i, j, FAULTY] > 0.0:
-        _severities(faults, i, j, sample, rate_hz, n, work)
+        _severities(table.faults, piece, j, errors)
     if entries[i, j, DELAYED] > 0.0:
         start, mask = int(entries[i, j, RING_START]), int(entries[i, j, RING_MASK])
-        _delay(x, n, work, sample, entries[i, j, ANGLE] > 0.0, ring, start, mask)
+        _delay(x, n, errors, piece.sample, entries[i, j, ANGLE] > 0.0, ring, start, mask)
     for k in range(n):
-        x[k] = work[0, k] * x[k] + work[1, k]
+        x[k] = errors[0, k] * x[k] + errors[1, k]
 
 
 @njit(cache=True, error_model="numpy")
-def _read_block(  # type: ignore[no-untyped-def]
-    values, i, first, n, sample, rate_hz, count, normals, noisy, entries, faults, lags, memory, ring, x, work
-):
-    """``n`` samples of a vehicle through every stage but dropouts; ``normals`` has ``noisy`` numbers a sample."""
+def _read_piece(values, piece, table, state, work):  # type: ignore[no-untyped-def]
+    """A piece through every stage but dropouts."""
+    i, first, n, sample = piece.vehicle, piece.first, piece.rows, piece.sample
+    entries, memory, x = table.entries, state.memory, work.x
     place = 0
-    for j in range(count):
+    for j in range(table.entry_count[i]):
         column = int(entries[i, j, COLUMN])
         for k in range(n):
             x[k] = values[i, first + k, column]
         if entries[i, j, LAG] >= 0.0:
-            _follow(x, n, sample, entries, lags, memory, i, j)
+            _follow(x, n, sample, entries, table.lags, memory, i, j)
         gain, bias, noise_std = entries[i, j, GAIN], entries[i, j, BIAS], entries[i, j, NOISE_STD]
         if entries[i, j, FAULTY] > 0.0 or entries[i, j, DELAYED] > 0.0:
-            _late_and_faulty(x, n, sample, rate_hz, entries, faults, ring, i, j, work)
+            _late_and_faulty(piece, table, state.ring, j, work)
         elif gain != 1.0 or bias != 0.0:
             for k in range(n):
                 x[k] = gain * x[k] + bias
         if noise_std > 0.0:
             for k in range(n):
-                x[k] += noise_std * normals[place + k * noisy]
+                x[k] += noise_std * work.normals[place + k * piece.noisy]
             place += 1
         if entries[i, j, RESOLUTION] > 0.0:
             resolution = entries[i, j, RESOLUTION]
@@ -202,22 +233,29 @@ def _read_block(  # type: ignore[no-untyped-def]
                 x[k] = _wrapped(x[k])
         if entries[i, j, RATE] > 0.0:
             memory[i, j, READING] = _renew(
-                x, n, sample, rate_hz, entries[i, j, RATE], entries[i, j, HELD] > 0.0, memory[i, j, READING]
+                x,
+                n,
+                sample,
+                piece.rate_hz,
+                entries[i, j, RATE],
+                entries[i, j, HELD] > 0.0,
+                memory[i, j, READING],
             )
         for k in range(n):
             values[i, first + k, column] = x[k]
 
 
 @njit(cache=True, error_model="numpy")
-def _drop(values, i, first, n, sample, count, table, state):  # type: ignore[no-untyped-def]
+def _drop(values, piece, table, state):  # type: ignore[no-untyped-def]
     """Two-state Markov dropouts of whole samples (first) and of single columns, one number each a sample."""
+    i, first = piece.vehicle, piece.first
     dropout, missing, entries, stream = table.dropout, state.missing, table.entries, state.chance[i]
-    for k in range(first, first + n):
-        for j in range(1 + count):
+    for k in range(first, first + piece.rows):
+        for j in range(1 + table.entry_count[i]):
             if dropout[i, j, 0] == 0.0:
                 continue
             drawn = uniform(stream)
-            if sample + k - first == 0:
+            if piece.sample + k - first == 0:
                 missing[i, j] = drawn < dropout[i, j, 0]
             elif missing[i, j]:
                 missing[i, j] = drawn >= dropout[i, j, 2]
@@ -243,34 +281,18 @@ def read_sensors(values, first_sample, rate_hz, table, state):  # type: ignore[n
         table: ``SensorTable``.
         state: ``SensorState``.
     """
-    entries, faults, lags, memory, ring = table.entries, table.faults, table.lags, state.memory, state.ring
+    entries = table.entries
     length = min(_BLOCK, values.shape[1])
-    normals, x, work = np.empty(length * entries.shape[1]), np.empty(length), np.empty((3, length))
+    work = _Workspace(np.empty(length * entries.shape[1]), np.empty(length), np.empty((3, length)))
     for i in range(values.shape[0]):
-        count, noisy, dropping = table.entry_count[i], 0, table.dropout[i, 0, 0] > 0.0
-        for j in range(count):
+        noisy, dropping = 0, table.dropout[i, 0, 0] > 0.0
+        for j in range(table.entry_count[i]):
             noisy += entries[i, j, NOISE_STD] > 0.0
             dropping |= table.dropout[i, 1 + j, 0] > 0.0
         for first in range(0, values.shape[1], _BLOCK):
-            n, sample = min(_BLOCK, values.shape[1] - first), first_sample + first
-            fill_normals(state.noise[i], normals[: n * noisy])
-            _read_block(
-                values,
-                i,
-                first,
-                n,
-                sample,
-                rate_hz,
-                count,
-                normals,
-                noisy,
-                entries,
-                faults,
-                lags,
-                memory,
-                ring,
-                x,
-                work,
-            )
+            n = min(_BLOCK, values.shape[1] - first)
+            piece = _Piece(i, first, n, first_sample + first, rate_hz, noisy)
+            fill_normals(state.noise[i], work.normals[: n * noisy])
+            _read_piece(values, piece, table, state, work)
             if dropping:
-                _drop(values, i, first, n, sample, count, table, state)
+                _drop(values, piece, table, state)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from wingwatch.simulation.effects import Effect
-from wingwatch.simulation.random_numbers import NormalStreams, random_streams
+from wingwatch.simulation.random_numbers import random_streams
 from wingwatch.simulation.scenario import Scenario
-from wingwatch.simulation.sensor_errors import READINGS, SIMULATED
+from wingwatch.simulation.sensor_errors import READINGS
 from wingwatch.simulation.sensor_kernels import (
     ENTRY,
     FAULT,
@@ -30,7 +30,7 @@ from wingwatch.simulation.sensor_kernels import (
 )
 from wingwatch.telemetry import CHANNEL_INDEX
 
-__all__ = ["SIMULATED", "NormalStreams", "Sensors", "lag_filter"]
+__all__ = ["Sensors", "lag_filter"]
 
 _ANGLES = ("roll_rad", "heading_rad")
 _Lag = tuple[float, float, float]

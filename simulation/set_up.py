@@ -142,7 +142,9 @@ def _fleet(
         excitation_count=np.array([len(rows) for rows in excitations], dtype=np.int64),
         gains=np.array([v.gains for v in vehicles]),
         route=_padded([route_rows(s.route) for s in scenarios], ROUTE_COLUMNS),
-        wind=np.array([wind_row(s) for s in scenarios]),
+        wind=np.array(
+            [wind_row(s.wind_profile, s.wind_m_s, s.altitude_m, s.ground_altitude_m) for s in scenarios]
+        ),
         sheared=np.array([s.wind_profile != WindProfile() for s in scenarios]),
         turbulent=np.array([v.air is not None for v in vehicles]),
         gust_filter=np.array([nothing if v.air is None else v.air.row for v in vehicles]),

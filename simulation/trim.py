@@ -24,8 +24,6 @@ from wingwatch.simulation.timeline import base_row, timeline
 
 __all__ = ["TrimPoint", "body_jacobian", "trim", "trim_row"]
 
-_STILL_AIR = np.zeros(3)
-_NO_GUST = np.zeros(6)
 _NOTHING = 1e-15
 """Below rounding of any unknown: a symmetric flight is left exactly symmetric."""
 _RESIDUAL = 1e-8
@@ -157,12 +155,12 @@ def trim_row(
     if len(free) < len(_MOTIONS):
         raise TrimError(f"{what}: too many of its surfaces are stuck; choose a time before they are")
     x = _first_guess(aircraft, condition, climb_rad, bank_rad, row)
-    air, load, rates = np.empty(6), np.empty(8), np.empty(len(STATE))
+    force, rates = np.empty(3), np.empty(len(STATE))
 
     def accelerations(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
         x[free] = unknown
         state = _state(condition, climb_rad, x)
-        derivatives(state, x[4:7], x[_THROTTLE], _STILL_AIR, _NO_GUST, row, air, load, rates)
+        derivatives(state, x[4:7], x[_THROTTLE], row, force, rates)
         return rates[_MOTIONS].copy()
 
     found = np.asarray(root(accelerations, x[free].copy(), tol=1e-13).x, dtype=np.float64)
@@ -220,16 +218,14 @@ def _first_guess(
 
 def body_jacobian(row: NDArray[np.float64], point: TrimPoint) -> NDArray[np.float64]:
     """How velocity and rates (u, v, w, p, q, r) change with themselves at a trim, all else held, shape (6, 6), 1/s."""
-    air, load, rates = np.empty(6), np.empty(8), np.empty(len(STATE))
+    force, rates = np.empty(3), np.empty(len(STATE))
     out = np.empty((len(_MOTIONS), len(_MOTIONS)))
     for j, index in enumerate(_MOTIONS):
         sides = []
         for sign in (1.0, -1.0):
             state = point.state.copy()
             state[index] += sign * _STEP
-            derivatives(
-                state, point.surfaces_rad, point.throttle, _STILL_AIR, _NO_GUST, row, air, load, rates
-            )
+            derivatives(state, point.surfaces_rad, point.throttle, row, force, rates)
             sides.append(rates[_MOTIONS].copy())
         out[:, j] = (sides[0] - sides[1]) / (2.0 * _STEP)
     return out

@@ -7,14 +7,11 @@ that layer the wind is as at its edge. A change of direction with height is the 
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from wingwatch.simulation.scenario import Scenario
 
 __all__ = ["WIND", "WindProfile", "wind_at", "wind_row"]
 
@@ -73,18 +70,25 @@ WIND: tuple[str, ...] = (
 ) = range(len(WIND))  # fmt: skip
 
 
-def wind_row(scenario: "Scenario") -> NDArray[np.float64]:
-    """A scenario's wind as ``wind_at`` reads it, shape (len(WIND),)."""
-    profile = scenario.wind_profile
+def wind_row(
+    profile: WindProfile, wind_m_s: tuple[float, float, float], altitude_m: float, ground_altitude_m: float
+) -> NDArray[np.float64]:
+    """A wind as ``wind_at`` reads it, shape (len(WIND),).
+
+    Args:
+        profile: how it changes with height.
+        wind_m_s: velocity of the air over the ground (north, east, down), where ``profile`` says.
+        altitude_m: where that is without a boundary layer.
+        ground_altitude_m: above sea level.
+    """
     layered = profile.boundary_layer != "none"
-    ground = scenario.ground_altitude_m
     roughness = _ROUGHNESS_M.get(profile.boundary_layer, 1.0)
     return np.array([
-        *scenario.wind_m_s,
-        ground + REFERENCE_HEIGHT_M if layered else scenario.altitude_m,
+        *wind_m_s,
+        ground_altitude_m + REFERENCE_HEIGHT_M if layered else altitude_m,
         *profile.shear_per_s,
         profile.veer_rad_m,
-        float(layered), ground, roughness, 1.0 / math.log(REFERENCE_HEIGHT_M / roughness),
+        float(layered), ground_altitude_m, roughness, 1.0 / math.log(REFERENCE_HEIGHT_M / roughness),
     ])  # fmt: skip
 
 

@@ -36,7 +36,15 @@ from wingwatch.telemetry.messages import (
 )
 from wingwatch.telemetry.publisher import FlightPublisher
 from wingwatch.telemetry.readers import RawTable, TableError, read_table
-from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, CHANNELS, Channel, SampleBlock
+from wingwatch.telemetry.sample import (
+    CHANNEL_INDEX,
+    CHANNEL_NAMES,
+    CHANNELS,
+    INPUT_CHANNELS,
+    MAX_GAP_S,
+    Channel,
+    SampleBlock,
+)
 from wingwatch.telemetry.sequence import SequenceTracker
 from wingwatch.telemetry.service_messages import ServiceStream, decode_service_object, encode_service_object
 from wingwatch.telemetry.subscriber import InboundMessage, SensorSubscriber
@@ -46,6 +54,8 @@ __all__ = [
     "Channel",
     "CHANNELS",
     "CHANNEL_INDEX",
+    "INPUT_CHANNELS",
+    "MAX_GAP_S",
     "CHANNEL_NAMES",
     "SampleBlock",
     "RawTable",

@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.telemetry.flight import REQUIRED_CHANNELS
-from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
+from wingwatch.telemetry.sample import CHANNEL_INDEX, LEAPING_CHANNELS, MAX_GAP_S, SampleBlock
 
 __all__ = ["Aligner", "aligned_delays"]
 
 Array = NDArray[np.float64]
 
-MAX_GAP_S = 0.5
-"""Nothing is interpolated or held across a longer step."""
 MOST_ROWS = 20_000
 """A row waits for at most so many others, whatever their stamps: 10 s at 2 kHz."""
 
 _SAME_STAMP_S = 1e-6
-_LEAPING = ("roll_rad", "heading_rad")
 _REQUIRED = [CHANNEL_INDEX[name] for name in REQUIRED_CHANNELS]
 
 
@@ -86,7 +83,7 @@ class Aligner:
             if not present.size:
                 continue
             values, waits = _later(
-                run[present, 0], run[present, column], delay_s, name in self._held, name in _LEAPING
+                run[present, 0], run[present, column], delay_s, name in self._held, name in LEAPING_CHANNELS
             )
             out[present, column] = values
             waits &= (run[-1, 0] <= run[present, 0] + delay_s + MAX_GAP_S) & (len(run) - present <= MOST_ROWS)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.telemetry.flight import REQUIRED_CHANNELS
-from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, CHANNELS, SampleBlock
+from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, CHANNELS, MAX_GAP_S, SampleBlock
 
 __all__ = ["CleanResult", "Cleaner", "CleanerConfig", "CleanerState", "CleaningReport"]
 
@@ -45,7 +45,7 @@ class CleanerConfig:
         required: channels without whose finite value a sample is rejected.
     """
 
-    max_gap_s: float = 0.5
+    max_gap_s: float = MAX_GAP_S
     clock_jump_s: float = 1.0
     forward_jump_s: float = 3600.0
     agreement_s: float = 5.0

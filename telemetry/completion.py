@@ -15,11 +15,10 @@ from wingwatch.aircraft.atmosphere import (
     isa_pressure_pa,
     true_from_indicated,
 )
+from wingwatch.aircraft.vocabulary import SURFACES
 from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
 
 __all__ = ["complete", "derivations"]
-
-_SURFACES = ("elevator", "aileron", "rudder")
 
 
 def derivations(given: Collection[str]) -> Mapping[str, tuple[str, ...]]:
@@ -35,7 +34,7 @@ def derivations(given: Collection[str]) -> Mapping[str, tuple[str, ...]]:
     made: dict[str, tuple[str, ...]] = {}
     if "aileron_rad" not in given and {"aileron_left_rad", "aileron_right_rad"} <= set(given):
         made["aileron_rad"] = ("aileron_left_rad", "aileron_right_rad")
-    for surface in _SURFACES:
+    for surface in SURFACES:
         position, command = f"{surface}_rad", f"{surface}_command_rad"
         if position not in given and position not in made and command in given:
             made[position] = (command,)

@@ -13,10 +13,17 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.aircraft.vocabulary import SURFACE_OF_INPUT
 from wingwatch.telemetry.completion import complete, derivations
 from wingwatch.telemetry.maps import ChannelMap, apply_map, load_map
 from wingwatch.telemetry.readers import RawTable, read_table
-from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, SampleBlock
+from wingwatch.telemetry.sample import (
+    CHANNEL_INDEX,
+    CHANNEL_NAMES,
+    INPUT_CHANNELS,
+    SURFACE_CHANNELS,
+    SampleBlock,
+)
 
 __all__ = [
     "REQUIRED_CHANNELS",
@@ -46,18 +53,12 @@ REQUIRED_CHANNELS: tuple[str, ...] = (
 )
 """Channels without which a sample is of no use to any mode (contract "flight table")."""
 
-_MODE_CHANNELS: Mapping[str, tuple[str, ...]] = {
-    "eta": ("elevator_rad",),
-    "xi": ("aileron_rad",),
-    "zeta": ("rudder_rad",),
-}
 _ELSEWHERE: Mapping[str, str] = {
     "airspeed_true_m_s": "or airspeed_indicated_m_s",
     "elevator_rad": "or elevator_command_rad",
     "aileron_rad": "or aileron_command_rad, or aileron_left_rad and aileron_right_rad",
     "rudder_rad": "or rudder_command_rad",
 }
-_SURFACES = ("elevator_rad", "aileron_rad", "rudder_rad")
 
 
 class FlightError(ValueError):
@@ -148,7 +149,7 @@ def load_flight(path: Path, channel_map: ChannelMap | Path | None = None) -> Fli
     made = derivations(given)
     block = complete(SampleBlock.from_columns(columns), given)
     _demand_required(raw, unused, given)
-    for name in _SURFACES:
+    for name in SURFACE_CHANNELS:
         if name in made and name not in kinds:
             kinds[name] = "command" if made[name] == (_command_of(name),) else "position"
     quality = _quality(block, rules, made)
@@ -165,7 +166,8 @@ def missing_for(structure: ModeStructure, present: Collection[str]) -> tuple[str
     """
     needed = set(REQUIRED_CHANNELS)
     for symbol in structure.regressors:
-        needed.update(_MODE_CHANNELS.get(symbol, ()))
+        if symbol in SURFACE_OF_INPUT:
+            needed.add(INPUT_CHANNELS[symbol])
     return tuple(name for name in CHANNEL_NAMES if name in needed and name not in present)
 
 
@@ -216,7 +218,7 @@ def _command_of(surface: str) -> str:
 def _command_kinds(columns: dict[str, NDArray[np.float64]], rules: ChannelMap) -> dict[str, Kind]:
     """Kinds of the surfaces in the table; one that the map calls a command is put among the commands too."""
     kinds: dict[str, Kind] = {}
-    for name in _SURFACES:
+    for name in SURFACE_CHANNELS:
         if name not in columns:
             continue
         entry = rules.channels.get(name)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from wingwatch.telemetry.expressions import ExpressionError, evaluate, evaluate_filter
-from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS
+from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS, MAX_GAP_S
 from wingwatch.telemetry.units import SERVO_UNITS, UNITS, allowed_units
 
 __all__ = ["ChannelEntry", "ChannelMap", "MapError", "RowSelection", "load_map", "parse_map", "undelayed"]
@@ -87,7 +87,7 @@ class ChannelMap(_Part):
 
     format: Literal[1]
     clock: str | None = None
-    max_gap_s: _Positive = 0.5
+    max_gap_s: _Positive = MAX_GAP_S
     rows: RowSelection = RowSelection()
     channels: Mapping[str, ChannelEntry] = {}
 

@@ -11,7 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Channel", "CHANNELS", "CHANNEL_INDEX", "CHANNEL_NAMES", "MAX_TIME_S", "SampleBlock"]
+from wingwatch.aircraft.vocabulary import SURFACE_OF_INPUT, SURFACES
+
+__all__ = [
+    "Channel",
+    "CHANNELS",
+    "CHANNEL_INDEX",
+    "CHANNEL_NAMES",
+    "INPUT_CHANNELS",
+    "LEAPING_CHANNELS",
+    "MAX_GAP_S",
+    "MAX_TIME_S",
+    "SampleBlock",
+    "SURFACE_CHANNELS",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +49,9 @@ class Channel:
 MAX_TIME_S = 2.0**32
 """Largest stamp, either sign: any clock in seconds, Unix time until 2106 among them. Stamps below it resolve half a
 microsecond; microseconds sent for seconds lie beyond."""
+
+MAX_GAP_S = 0.5
+"""Nothing is bridged over a longer step between stamps: no interpolation, no hold, and every recursion starts anew."""
 
 CHANNELS: tuple[Channel, ...] = (
     Channel("time_s", "s", -MAX_TIME_S, MAX_TIME_S, "time stamp of the source's clock"),
@@ -73,6 +89,16 @@ CHANNELS: tuple[Channel, ...] = (
 
 CHANNEL_NAMES: tuple[str, ...] = tuple(c.name for c in CHANNELS)
 CHANNEL_INDEX: Mapping[str, int] = {name: i for i, name in enumerate(CHANNEL_NAMES)}
+
+SURFACE_CHANNELS: tuple[str, ...] = tuple(f"{surface}_rad" for surface in SURFACES)
+INPUT_CHANNELS: Mapping[str, str] = {
+    **dict(zip(SURFACE_OF_INPUT, SURFACE_CHANNELS, strict=True)),
+    "tau": "throttle",
+}
+"""Channel of each control input of a model structure."""
+
+LEAPING_CHANNELS = ("roll_rad", "heading_rad")
+"""Angles that may leap by a turn from one sample to the next."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 
+from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
+
 __all__ = ["Unit", "SERVO_UNITS", "UNITS", "allowed_units"]
 
 
@@ -25,7 +27,6 @@ class Unit:
 _FOOT_M = 0.3048
 _NAUTICAL_MILE_M = 1852.0
 _STATUTE_MILE_M = 1609.344
-_STANDARD_GRAVITY_M_S2 = 9.80665
 _DEGREE_RAD = pi / 180.0
 _SLUG_PER_FT3_KG_M3 = 14.593902937 / _FOOT_M**3
 
@@ -45,7 +46,7 @@ UNITS: Mapping[str, Unit] = {
     "rad/s": Unit("rad/s", 1.0),
     "deg/s": Unit("rad/s", _DEGREE_RAD),
     "m/s2": Unit("m/s2", 1.0),
-    "g": Unit("m/s2", _STANDARD_GRAVITY_M_S2),
+    "g": Unit("m/s2", GRAVITY_M_S2),
     "ft/s2": Unit("m/s2", _FOOT_M),
     "rad": Unit("rad", 1.0),
     "deg": Unit("rad", _DEGREE_RAD),

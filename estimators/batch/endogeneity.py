@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre
-from wingwatch.estimators.batch.output_kernel import respond
+from wingwatch.estimators.batch.output_kernel import Accelerometers, Record, respond
 
 __all__ = ["Difference", "left_unexplained", "may_be_off", "surface_response"]
 
@@ -71,11 +71,12 @@ def surface_response(part: Manoeuvre, theta: Array) -> Array:
     (ne, width), (n, ns) = theta.shape, part.states.shape
     inputs = np.ascontiguousarray(part.inputs - part.inputs.mean(axis=0))
     out, sensitivity = np.empty((n, ns)), np.empty((n, ns, ne * width + ne + ns))
-    respond(
-        np.ascontiguousarray(theta.reshape(-1)), np.zeros(ne + ns), False, np.zeros(0, dtype=np.int64),
-        part.config.lever_m, part.time_s, inputs, part.held_steps, part.known, np.zeros_like(part.rest),
-        part.stability, part.control, np.zeros(n), out, sensitivity,
+    moved = Record(
+        part.time_s, inputs, part.held_steps, part.known, np.zeros_like(part.rest), part.stability, part.control,
+        np.zeros(n),
     )  # fmt: skip
+    none = Accelerometers(np.zeros(0, dtype=np.int64), part.config.lever_m)
+    respond(np.ascontiguousarray(theta.reshape(-1)), np.zeros(ne + ns), False, none, moved, out, sensitivity)
     return out
 
 

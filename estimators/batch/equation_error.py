@@ -15,28 +15,32 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dst
 from scipy.stats import chi2
 
-from wingwatch.estimators.batch.differentiation import sine_derivative
 from wingwatch.estimators.batch.endogeneity import Difference, left_unexplained, may_be_off, surface_response
 from wingwatch.estimators.batch.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre
 from wingwatch.estimators.batch.regression import (
-    Equations,
+    ReferredEstimate,
+    SolverReport,
     common_forces,
     corrected_step,
     equation_names,
     equations,
     finished,
     left_over,
-    noise_model,
     noise_names,
     shared_config,
     signal_share,
     stated_noise,
 )
-from wingwatch.estimators.batch.smoothing import sine_series, wiener_gains
+from wingwatch.estimators.batch.smoothed_equations import (
+    SmoothedManoeuvre,
+    busiest_cutoff_hz,
+    inner_samples,
+    passed,
+    smoothed,
+)
 from wingwatch.estimators.estimate import Estimate
 
 __all__ = ["EquationErrorConfig", "equation_error"]
@@ -47,9 +51,6 @@ NAME = "equation-error"
 
 _CHANCE = 0.01
 """Chance that a residual that the sensors' noise explains is called coloured."""
-
-_MOST = 0.2
-"""Highest cutoff that is chosen, of the sample rate: above, a derivative of sampled data is no derivative any more."""
 
 _SINGULAR = 1e10
 """Condition of the instruments' products with the regressors beyond which they tell nothing."""
@@ -83,45 +84,6 @@ class EquationErrorConfig:
     covariance: Literal["auto", "white", "coloured"] = "auto"
 
 
-@dataclass(frozen=True, slots=True)
-class _Noise:
-    """What the sensors' noise alone makes of a manoeuvre's sums; n of the regressors, e of the equations' residuals.
-
-    Attributes:
-        residual: E[e_i(t) e_j(t + lag)] at lags 0 to n - 1, (equations, equations, n).
-        crossed: the part of the covariance of sums of n_m e_i that comes of n and e being one noise, sums over t and t'
-            of E[n_m(t) e_j(t')] E[e_i(t) n_k(t')], (equations, regressors, equations, regressors).
-        right: sums of n_m n_k, (regressors, regressors); left: of n_m and y's noise, (equations, regressors).
-        sources: variance of the residuals by sensor, (equations, noises).
-        freedom: how many independent values the residuals have.
-    """
-
-    residual: Array
-    crossed: Array
-    right: Array
-    left: Array
-    sources: Array
-    freedom: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Smooth:
-    """One manoeuvre smoothed, ends left out.
-
-    Attributes:
-        left: y, (n, equations); right: X by equation with trims projected out, (equations, n, regressors).
-        clean: y with trims projected out, (n, equations).
-        noise: what the sensors' noise makes of it.
-        values: independent values of a smoothed signal.
-    """
-
-    left: Array
-    right: Array
-    clean: Array
-    noise: _Noise
-    values: float
-
-
 def equation_error(
     parts: Sequence[Manoeuvre], config: EquationErrorConfig | None = None, *, natural: Array | None = None
 ) -> tuple[Estimate, Fit]:
@@ -145,11 +107,11 @@ def equation_error(
     variance = stated_noise(parts, forces, settings.noise_std)
     even = [p.even() for p in parts]
     drift = settings.drift or not all(p.measured.all() for p in parts)
-    cutoff = settings.cutoff_hz or _cutoff_hz(even)
+    cutoff = settings.cutoff_hz or busiest_cutoff_hz(even)
     theta = np.zeros((ne, len(shared.structure.regressors)))
     first = theta
     for turn in range(2 * _PASSES):
-        smooth = [_smooth(p, forces, drift, cutoff, theta, variance) for p in even]
+        smooth = [smoothed(p, forces, drift, cutoff, theta, variance) for p in even]
         matrix, noise, vector = _normal(smooth, theta, settings.correct_noise)
         share = signal_share(theta.shape[1], 0.5 * sum(m.values for m in smooth))
         solution = corrected_step(matrix, noise, vector, share)
@@ -178,157 +140,13 @@ def equation_error(
         + _off(even, smooth, forces, drift, cutoff, theta, solution.inverse, [d is None for d in doubts])
     )
     trims = len(parts) * ne * (2 if drift else 1)
-    return finished(
-        NAME, parts, theta.reshape(-1), white, coloured, chosen, channels,
-        {n: float(np.sqrt(v)) for n, v in zip(noise_names(shared), variance, strict=True) if v > 0.0},
-        samples=sum(len(p) for p in parts), parameters=theta.size + trims, iterations=turn + 1, converged=True,
-        freedom=freedom, natural=natural, hidden=solution.hidden,
-        left_over=[d for d in doubts if d is not None],
-    )  # fmt: skip
+    noise_std = {n: float(np.sqrt(v)) for n, v in zip(noise_names(shared), variance, strict=True) if v > 0.0}
+    referred = ReferredEstimate(theta.reshape(-1), white, coloured, chosen, solution.hidden)
+    solver = SolverReport(sum(map(len, parts)), theta.size + trims, turn + 1, True, freedom)
+    return finished(NAME, parts, referred, channels, noise_std, solver, natural, doubts)
 
 
-def _cutoff_hz(parts: Sequence[Manoeuvre]) -> float:
-    """Where the busiest measured state's signal falls to its noise."""
-    found = []
-    for part in parts:
-        for j in np.flatnonzero(part.measured):
-            series = sine_series(part.states[:, j], part.dt)
-            found.append(series.cutoff_hz(series.noise_std))
-    most = _MOST / parts[0].dt
-    return min(max(found), most) if found else most
-
-
-def _passed(columns: Array, dt: float, cutoff_hz: float, stretch: Array | None = None) -> Array:
-    """Every column through the smoothing; ``stretch`` (columns, n - 2) multiplies the gains."""
-    out = np.empty_like(columns)
-    for j in range(columns.shape[1]):
-        series = sine_series(columns[:, j], dt)
-        gains = wiener_gains(series, cutoff_hz)
-        if stretch is not None:
-            gains = gains * stretch[j]
-        out[:, j] = np.linspace(series.first, series.last, columns.shape[0])
-        out[1:-1, j] += 0.5 * dst(gains * series.coefficients, type=1)
-    return out
-
-
-def _held_as_smooth(part: Manoeuvre) -> tuple[Array, Array]:
-    """Inputs as samples of what a low-pass makes of them, and the gains' factor for each, (inputs, n - 2).
-
-    A held value acts half a step later than its sample. The mean of neighbours has that delay, with the amplitude
-    cos(x) instead of sin(x)/x at x = w dt / 2.
-    """
-    inputs, held = part.inputs * part.control[:, None], part.held_steps
-    still = held.mean(axis=0) > 0.5
-    mean = inputs.copy()
-    mean[1:] = 0.5 * (inputs[1:] + inputs[:-1])
-    x = 0.5 * np.pi * np.arange(1, len(part) - 1) / (len(part) - 1)
-    factor = np.where(still[:, None], np.tan(x) / x, 1.0)
-    return np.where(still, mean, inputs), factor
-
-
-def _unkinked(part: Manoeuvre, theta: Array) -> Array:
-    """States plus dt/12 of the jump that a held input's step makes in their rate: a sum over samples then
-    gives the integral over the kinked course (Euler and Maclaurin)."""
-    ne, ns = theta.shape[0], part.states.shape[1]
-    still = part.held_steps.mean(axis=0) > 0.5
-    jumps = np.zeros_like(part.inputs)
-    jumps[1:] = np.where(still, np.diff(part.inputs * part.control[:, None], axis=0), 0.0)
-    states = part.states.copy()
-    states[:, :ne] += part.dt / 12.0 * (jumps @ theta[:, ns:].T)
-    return states
-
-
-def _smooth(
-    part: Manoeuvre, forces: NDArray[np.bool_], drift: bool, cutoff_hz: float, theta: Array, variance: Array
-) -> _Smooth:
-    eq = equations(part, forces, drift)
-    (ne, ns), n, dt = eq.rates.shape, len(part), part.dt
-    inner = _inner(part, eq, cutoff_hz)
-    states = _unkinked(part, theta)
-    slopes = np.empty_like(states)
-    for j in range(ns):
-        series = sine_series(states[:, j], dt)
-        slopes[:, j] = sine_derivative(series, wiener_gains(series, cutoff_hz))
-    shift = np.einsum("nij,nj->ni", part.known, states - part.states)[:, :ne]
-    direct = eq.direct - np.where(forces, 0.0, shift)
-    left = (_passed(direct, dt, cutoff_hz) + slopes @ eq.rates.T)[inner]
-    inputs, factor = _held_as_smooth(part)
-    moved = np.column_stack([states * part.stability[:, None], inputs])
-    stretch = np.vstack([np.ones((ns, n - 2)), factor])
-    by_rate = _passed(moved, dt, cutoff_hz, stretch)[inner]
-    by_force = _passed(eq.regressors, dt, cutoff_hz)[inner]
-    trims, _ = np.linalg.qr(_passed(eq.trims, dt, cutoff_hz)[inner])
-    right = np.stack([by_force if f else by_rate for f in forces])
-    right = right - np.einsum("nt,st,eso->eno", trims, trims, right, optimize=True)
-    series = sine_series(states[:, 0], dt)
-    gains = wiener_gains(series, cutoff_hz)
-    noise = _expected(part, eq, theta, variance, gains, series.frequency_hz, trims)
-    return _Smooth(left, right, left - trims @ (trims.T @ left), noise, float(np.sum(gains**2)))
-
-
-def _expected(
-    part: Manoeuvre,
-    eq: Equations,
-    theta: Array,
-    variance: Array,
-    gains: Array,
-    frequency_hz: Array,
-    trims: Array,
-) -> _Noise:
-    """What the sensors' noise makes of sums over the samples that are kept, smoothed and without ``trims``."""
-    count = trims.shape[0]
-    heard = gains > 1e-3
-    s = np.asarray(2j * np.pi * frequency_hz[heard], dtype=np.complex128)
-    power = gains[heard] ** 2
-    model = noise_model(part, eq, s)
-    answer = model.residual(theta * part.regressor_scale)
-    spectrum = np.einsum("bim,m,bjm,b->ijb", answer.conj(), variance, answer, power, optimize=True)
-    spectrum /= len(part) - 1
-    order = np.flatnonzero(heard) + 1
-    sources = np.einsum("bim,m,b->im", np.abs(answer) ** 2, variance, power) / (len(part) - 1)
-    power *= _kept_share(order, len(part), trims)
-    common = np.einsum("bml,l,m->bml", model.heard.conj(), variance, part.regressor_scale)
-    products = np.einsum("bml,bjl->bjm", common, answer, optimize=True)
-    crossed = np.einsum("bjm,bik,b->imjk", products, products, power**2, optimize=True).real
-    right = np.einsum(
-        "bml,bnl,b->mn", common, model.heard * part.regressor_scale[:, None], power, optimize=True
-    )
-    left = np.einsum("bml,bjl,b->jm", common, model.left, power, optimize=True)
-    total = np.einsum("iib->b", spectrum).real
-    freedom = float(total.sum() ** 2 / max(np.sum(total**2), 1e-300))
-    share = count / (len(part) - 1)
-    return _Noise(
-        _by_lag(spectrum, order, len(part))[..., :count],
-        crossed * share,
-        right.real * share,
-        left.real * share,
-        sources,
-        freedom,
-    )
-
-
-def _by_lag(spectrum: NDArray[np.complex128], order: NDArray[np.int64], samples: int) -> Array:
-    """Real part of the sum over k of spectrum_k exp(j pi k lag / (samples - 1)), (..., samples), by the fast
-    transform; ``order`` holds the k of the last axis."""
-    whole = np.zeros((*spectrum.shape[:-1], 2 * (samples - 1)), dtype=np.complex128)
-    whole[..., order] = spectrum
-    return np.asarray(np.fft.ifft(whole, norm="forward")[..., :samples].real)
-
-
-def _kept_share(order: NDArray[np.int64], samples: int, trims: Array) -> Array:
-    """Share of the sine waves sin(pi k i / (samples - 1)) that is left without ``trims``, over the middle samples,
-    (orders,)."""
-    count = trims.shape[0]
-    first = (samples - count) // 2
-    padded = np.zeros((trims.shape[1], 2 * (samples - 1)))
-    padded[:, first : first + count] = trims.T
-    found = np.fft.ifft(padded, norm="forward")[:, order].imag
-    twice = np.exp(2j * np.pi * order / (samples - 1))
-    squares = 0.5 * (count - (twice**first * (1.0 - twice**count) / (1.0 - twice)).real)
-    return np.asarray(1.0 - np.sum(found**2, axis=0) / squares)
-
-
-def _normal(smooth: Sequence[_Smooth], theta: Array, correct: bool) -> tuple[Array, Array, Array]:
+def _normal(smooth: Sequence[SmoothedManoeuvre], theta: Array, correct: bool) -> tuple[Array, Array, Array]:
     """X'X and X'y of all equations, and what noise adds to the first; the second has its share taken out."""
     ne, width = theta.shape
     matrix, noise = np.zeros((ne, width, ne, width)), np.zeros((ne, width, ne, width))
@@ -344,7 +162,7 @@ def _normal(smooth: Sequence[_Smooth], theta: Array, correct: bool) -> tuple[Arr
     return matrix.reshape(k, k), noise.reshape(k, k), vector.reshape(k)
 
 
-def _no_more_than_found(variance: Array, smooth: Sequence[_Smooth], theta: Array) -> Array:
+def _no_more_than_found(variance: Array, smooth: Sequence[SmoothedManoeuvre], theta: Array) -> Array:
     """Sensors' noise variances that leave no more in an equation than its residual has.
 
     Third differences count gusts and vibration above the smoothing's cutoff as noise of the sensors. Of what an
@@ -364,11 +182,13 @@ def _no_more_than_found(variance: Array, smooth: Sequence[_Smooth], theta: Array
     return variance
 
 
-def _residuals(smooth: Sequence[_Smooth], theta: Array) -> list[Array]:
+def _residuals(smooth: Sequence[SmoothedManoeuvre], theta: Array) -> list[Array]:
     return [m.clean - np.einsum("eno,eo->ne", m.right, theta) for m in smooth]
 
 
-def _covariances(smooth: Sequence[_Smooth], theta: Array, inverse: Array) -> tuple[Array, Array, bool, float]:
+def _covariances(
+    smooth: Sequence[SmoothedManoeuvre], theta: Array, inverse: Array
+) -> tuple[Array, Array, bool, float]:
     """Covariance for sensors' noise, for residuals as they are, whether the first explains them, and freedom."""
     ne, width = theta.shape
     residuals = _residuals(smooth, theta)
@@ -400,7 +220,7 @@ def _covariances(smooth: Sequence[_Smooth], theta: Array, inverse: Array) -> tup
 
 def _off(
     parts: Sequence[Manoeuvre],
-    smooth: Sequence[_Smooth],
+    smooth: Sequence[SmoothedManoeuvre],
     forces: NDArray[np.bool_],
     drift: bool,
     cutoff_hz: float,
@@ -444,23 +264,18 @@ def _instruments(
 ) -> Array:
     """What the surfaces alone make of the regressors, smoothed and without trims as these, (n, regressors)."""
     eq = equations(part, forces, drift)
-    inner = _inner(part, eq, cutoff_hz)
+    inner = inner_samples(part, eq, cutoff_hz)
     moved = np.column_stack(
         [surface_response(part, theta) * part.stability[:, None], part.inputs * part.control[:, None]]
     )
-    trims, _ = np.linalg.qr(_passed(eq.trims, part.dt, cutoff_hz)[inner])
-    tools = _passed(moved, part.dt, cutoff_hz)[inner]
+    trims, _ = np.linalg.qr(passed(eq.trims, part.dt, cutoff_hz)[inner])
+    tools = passed(moved, part.dt, cutoff_hz)[inner]
     return np.asarray(tools - trims @ (trims.T @ tools))
 
 
-def _inner(part: Manoeuvre, eq: Equations, cutoff_hz: float) -> slice:
-    """Samples that smoothing's ends do not reach."""
-    n, ns = len(part), eq.rates.shape[1]
-    edge = min(int(np.ceil(0.5 / (cutoff_hz * part.dt))), (n - 2 * ns - 4) // 4)
-    return slice(edge, n - edge)
-
-
-def _channels(names: Sequence[str], smooth: Sequence[_Smooth], theta: Array) -> tuple[ChannelFit, ...]:
+def _channels(
+    names: Sequence[str], smooth: Sequence[SmoothedManoeuvre], theta: Array
+) -> tuple[ChannelFit, ...]:
     channels = []
     for i, name in enumerate(names):
         measured = [m.left[:, i] for m in smooth]

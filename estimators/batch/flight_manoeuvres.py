@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import FlightCondition, form_scale
+from wingwatch.aircraft import GRAVITY_M_S2, FlightCondition, form_scale
 from wingwatch.aircraft.structures import (
     DUTCH_ROLL,
     DUTCH_ROLL_BETA,
@@ -36,8 +36,8 @@ from wingwatch.estimators.batch.manoeuvre import (
 from wingwatch.estimators.batch.servo import ahead, moved, moves_as_told
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
-from wingwatch.estimators.signals import GRAVITY_M_S2, MAX_GAP_S, SignalConfig, Signals, known_moments
-from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, missing_for
+from wingwatch.estimators.signals import SignalConfig, Signals, known_moments
+from wingwatch.telemetry import CHANNEL_INDEX, INPUT_CHANNELS, MAX_GAP_S, SampleBlock, missing_for
 
 __all__ = ["FORMS", "FlightForm", "Form", "flight_manoeuvres", "in_form", "missing_channels", "solved_as"]
 
@@ -49,7 +49,6 @@ FORMS: tuple[Form, ...] = ("accelerometer", "differentiated", "reconstructed")
 
 _VANES = ("angle_of_attack_rad", "sideslip_rad")
 _VANE = {"w": _VANES[0], "v": _VANES[1]}
-_INPUT_CHANNEL = {"eta": "elevator_rad", "xi": "aileron_rad", "zeta": "rudder_rad", "tau": "throttle"}
 _STATE_CHANNEL = {"p": "roll_rate_rad_s", "theta": "pitch_rad", "phi": "roll_rad"}
 _SIGNALS = {SHORT_PERIOD: SHORT_PERIOD, DUTCH_ROLL: DUTCH_ROLL, LATERAL: LATERAL, LATERAL_FULL: LATERAL}
 _SOLVED_AS = {SHORT_PERIOD_ALPHA: SHORT_PERIOD, DUTCH_ROLL_BETA: DUTCH_ROLL}
@@ -90,7 +89,7 @@ def missing_channels(
 ) -> tuple[str, ...]:
     """Channels that a structure needs in a form and a flight does not have, in the order of the flight table."""
     solved = solved_as(structure)
-    needed = {_INPUT_CHANNEL[u] for u in solved.inputs} | set(missing_for(solved, present))
+    needed = {INPUT_CHANNELS[u] for u in solved.inputs} | set(missing_for(solved, present))
     if form != "reconstructed":
         needed |= {_VANE[s] for s in solved.states if s in _VANE}
     return tuple(name for name in CHANNEL_INDEX if name in needed and name not in present)
@@ -138,7 +137,7 @@ def _prepared(structure: ModeStructure, form: FlightForm, block: SampleBlock) ->
     if form.form == "reconstructed":
         values[:, [CHANNEL_INDEX[name] for name in _VANES]] = np.nan
     for symbol in set(structure.inputs) & set(form.servo_rad_s):
-        channel, servo = _INPUT_CHANNEL[symbol], form.servo_rad_s[symbol]
+        channel, servo = INPUT_CHANNELS[symbol], form.servo_rad_s[symbol]
         if symbol in form.commanded:
             position = moved(block.column(channel), block.time_s, servo, MAX_GAP_S)
             values[:, CHANNEL_INDEX[channel]] = ahead(position, block.time_s, servo)
@@ -160,7 +159,7 @@ def _signals(structure: ModeStructure, form: FlightForm, block: SampleBlock) -> 
 
 
 def _inputs(structure: ModeStructure, block: SampleBlock) -> Array:
-    return np.column_stack([block.column(_INPUT_CHANNEL[u]) for u in structure.inputs])
+    return np.column_stack([block.column(INPUT_CHANNELS[u]) for u in structure.inputs])
 
 
 def _forward(block: SampleBlock) -> Array:

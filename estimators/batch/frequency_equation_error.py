@@ -22,24 +22,24 @@ from wingwatch.estimators.batch.bin_residuals import (
 )
 from wingwatch.estimators.batch.endogeneity import left_unexplained, may_be_off, surface_response
 from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit
+from wingwatch.estimators.batch.frequency_equations import ManoeuvreBins, curved, manoeuvre_bins
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre
 from wingwatch.estimators.batch.regression import (
-    NoiseModel,
+    ReferredEstimate,
     Solution,
+    SolverReport,
     common_forces,
     corrected_step,
     equation_names,
-    equations,
     finished,
     left_over,
-    noise_model,
     noise_names,
     plain_start,
     shared_config,
     signal_share,
     stated_noise,
 )
-from wingwatch.estimators.batch.transform import harmonics_hz, noise_power, transform
+from wingwatch.estimators.batch.transform import transform
 from wingwatch.estimators.estimate import Estimate
 
 __all__ = ["FrequencyEquationErrorConfig", "frequency_equation_error"]
@@ -82,43 +82,6 @@ class FrequencyEquationErrorConfig:
     tolerance: float = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
-class _Bins:
-    """One manoeuvre in the frequency domain.
-
-    Attributes:
-        left: y, (bins, equations).
-        right: R, (bins, equations, regressors).
-        states: (bins, states).
-        bend: what turns the model into the states' curvature between samples, see ``_curved``.
-        own: columns of trims and jumps, (bins, own).
-        power: of unit white noise, (bins,).
-        noise: how the sensors' noise gets into both sides.
-        scale: mean factor of the regressors, (regressors,).
-        forces: equations that rest on an accelerometer, (equations,).
-    """
-
-    left: Complex
-    right: Complex
-    states: Complex
-    bend: "_Bend"
-    own: Complex
-    power: Array
-    noise: NoiseModel
-    scale: Array
-    forces: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True)
-class _Bend:
-    """Step squared over twelve; 2 pi j f; transforms of the scaled inputs' slopes (bins, inputs); known part of A."""
-
-    size: float
-    s: Complex
-    slopes: Complex
-    known: Array
-
-
 @dataclass(slots=True)
 class _Sums:
     """Normal equations of all manoeuvres at one linearisation, derivatives only.
@@ -143,6 +106,28 @@ class _Sums:
     own: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """Where the iterations ended.
+
+    Attributes:
+        theta: (k,); sums: there.
+        step: the last one.
+        variance: of the sensors' noise, (noises,); excess: of each equation's residual over it, (equations,).
+        moved: by how much another sensor noise than the readings' own would move theta, (k,).
+        iterations: how many; settled: whether theta came to rest.
+    """
+
+    theta: Array
+    sums: _Sums
+    step: Solution
+    variance: Array
+    excess: Array
+    moved: Array
+    iterations: int
+    settled: bool
+
+
 def frequency_equation_error(
     parts: Sequence[Manoeuvre], config: FrequencyEquationErrorConfig, *, natural: Array | None = None
 ) -> tuple[Estimate, Fit]:
@@ -163,17 +148,30 @@ def frequency_equation_error(
     ne = len(shared.structure.equations)
     forces = common_forces(parts) & config.force_from_accelerometer
     variance = stated_noise(parts, forces, config.noise_std)
-    bins = [_bins(part.even(), forces, config) for part in parts]
+    bins = [manoeuvre_bins(part.even(), forces, config.band_hz, config.drift) for part in parts]
     width = len(shared.structure.regressors)
     if sum(b.power.size for b in bins) <= width + max(b.own.shape[1] for b in bins):
         raise ValueError(
             f"band_hz {config.band_hz} holds {sum(b.power.size for b in bins)} bins of these manoeuvres, too few for "
             f"{width} derivatives an equation; widen the band or take longer manoeuvres"
         )
-    readings = _reading_power(parts)
+    start = plain_start(parts) if forces.any() == common_forces(parts).any() else np.zeros(ne * width)
+    return _report(
+        parts, bins, _iterated(bins, start, variance, _reading_power(parts), config), forces, natural
+    )
+
+
+def _iterated(
+    bins: Sequence[ManoeuvreBins],
+    theta: Array,
+    variance: Array,
+    readings: Array,
+    config: FrequencyEquationErrorConfig,
+) -> _Found:
+    """From ``theta`` to where a step moves it no more; ``readings`` is their mean square, (noises,)."""
+    ne, width = bins[0].left.shape[1], bins[0].right.shape[2]
     variance = first = np.maximum(variance, 1e-24 * readings)
     share = signal_share(width, float(sum(b.power.size for b in bins)))
-    theta = plain_start(parts) if forces.any() == common_forces(parts).any() else np.zeros(ne * width)
     excess = np.ones(ne)
     settled, iteration = False, 0
     for iteration in range(1, config.iterations + 1):
@@ -191,9 +189,7 @@ def frequency_equation_error(
     if (variance != first).any():
         at_first = _sums(bins, theta, first, excess)
         moved = corrected_step(at_first.matrix, at_first.noise, at_first.score, share).step
-    return _report(
-        parts, bins, sums, moved, theta, solution, variance, excess, iteration, settled, forces, natural
-    )
+    return _Found(theta, sums, solution, variance, excess, moved, iteration, settled)
 
 
 def _reading_power(parts: Sequence[Manoeuvre]) -> Array:
@@ -203,50 +199,7 @@ def _reading_power(parts: Sequence[Manoeuvre]) -> Array:
     return np.asarray(np.maximum(power, 1e-12))
 
 
-def _bins(part: Manoeuvre, forces: NDArray[np.bool_], config: FrequencyEquationErrorConfig) -> _Bins:
-    eq = equations(part, forces, config.drift)
-    ns = eq.rates.shape[1]
-    f = harmonics_hz(config.band_hz, part.duration_s)
-    s = np.asarray(2j * np.pi * f, dtype=np.complex128)
-    n, dt = len(part), part.dt
-    held = np.zeros((n - 1, eq.regressors.shape[1]), dtype=bool)
-    held[:, ns:] = part.held_steps
-    # at the samples a force equation is algebra, so any interpolation serves it if it is the same for all of its terms
-    drawn, lines = transform(eq.regressors, dt, f, held), transform(eq.regressors, dt, f)
-    right = np.where(forces[:, None], lines[:, None], drawn[:, None])
-    states = transform(part.states, dt, f)
-    moved = np.where(held[:, ns:], 0.0, np.diff(eq.regressors[:, ns:], axis=0) / dt)
-    slopes = transform(np.vstack([moved, moved[-1:]]), dt, f, np.ones_like(held[:, ns:]))
-    bend = _Bend(dt**2 / 12.0, s, slopes, part.known.mean(axis=0))
-    left = transform(eq.direct, dt, f) + s[:, None] * (states @ eq.rates.T)
-    trims = transform(eq.trims - eq.trims.mean(axis=0), dt, f)
-    whole = np.linalg.norm(trims, axis=0) > 1e-9 * part.duration_s
-    own = np.column_stack([np.ones(f.size), trims[:, whole]])
-    power = noise_power(dt, part.duration_s, f)
-    return _Bins(
-        left, right, states, bend, own, power, noise_model(part, eq, s), part.regressor_scale, forces
-    )
-
-
-def _curved(b: _Bins, a: Array) -> tuple[Complex, Complex]:
-    """y and R with the states' curvature between samples, as the model has it.
-
-    A line between samples misses dt^2/12 of the second derivative's transform, and within a step that is
-    x'' = A x' + B u'. (The real constant that the ends of x' would add is one of the jumps.)
-    """
-    ne, ns = a.shape[0], b.states.shape[1]
-    whole = b.bend.known.copy()
-    whole[:ne] += a[:, :ns] * b.scale[:ns]
-    second = b.bend.s[:, None] * (b.states @ whole.T)
-    second[:, :ne] += b.bend.slopes @ a[:, ns:].T
-    missed = -b.bend.size * second
-    left = b.left + ~b.forces * np.einsum("bij,bj->bi", b.noise.plain, missed)
-    right = b.right.copy()
-    right[:, :, :ns] += ~b.forces[:, None] * b.scale[:ns] * missed[:, None]
-    return left, right
-
-
-def _sums(bins: Sequence[_Bins], theta: Array, variance: Array, excess: Array) -> _Sums:
+def _sums(bins: Sequence[ManoeuvreBins], theta: Array, variance: Array, excess: Array) -> _Sums:
     """Information, its noise, and the score at ``theta`` with trims eliminated."""
     k = theta.size
     out = _Sums(np.zeros((k, k)), np.zeros((k, k)), np.zeros(k), [], [], [], [], [], 0)
@@ -255,7 +208,7 @@ def _sums(bins: Sequence[_Bins], theta: Array, variance: Array, excess: Array) -
     return out
 
 
-def _add(out: _Sums, b: _Bins, theta: Array, variance: Array, excess: Array) -> None:
+def _add(out: _Sums, b: ManoeuvreBins, theta: Array, variance: Array, excess: Array) -> None:
     ne, width = b.left.shape[1], b.right.shape[2]
     own = b.own.shape[1]
     a = theta.reshape(ne, width)
@@ -264,7 +217,7 @@ def _add(out: _Sums, b: _Bins, theta: Array, variance: Array, excess: Array) -> 
         "bij,j,bkj->bik", noise_to_residual, variance, noise_to_residual.conj(), optimize=True
     )
     weight = np.linalg.inv(expected * np.sqrt(np.outer(excess, excess)))
-    left, right = _curved(b, a)
+    left, right = curved(b, a)
     columns = np.concatenate([right, np.repeat(b.own[:, None], ne, axis=1)], axis=2)
     full = np.einsum("bim,bij,bjn->imjn", columns.conj(), weight, columns, optimize=True).real
     residual = left - np.einsum("bim,im->bi", right, a)
@@ -349,24 +302,18 @@ def _ratios(sums: _Sums, freedom: float) -> list[float]:
 
 def _report(
     parts: Sequence[Manoeuvre],
-    bins: Sequence[_Bins],
-    sums: _Sums,
-    moved: Array,
-    theta: Array,
-    solution: Solution,
-    variance: Array,
-    excess: Array,
-    iterations: int,
-    settled: bool,
+    bins: Sequence[ManoeuvreBins],
+    found: _Found,
     forces: NDArray[np.bool_],
     natural: Array | None,
 ) -> tuple[Estimate, Fit]:
+    theta, sums, moved = found.theta, found.sums, found.moved
     config = parts[0].config
     ne = len(config.structure.equations)
     count = sum(len(e) for e in sums.expected)
     own = ne * sums.own
     freedom = 2.0 * count * ne - theta.size - own
-    inverse = solution.inverse
+    inverse = found.step.inverse
     white = 0.5 * inverse @ sums.matrix @ inverse
     names = equation_names(config, forces)
     channels = _channels(names, sums, theta.size / ne + sums.own)
@@ -376,26 +323,25 @@ def _report(
     doubts = [left_over(c, float(due[i]), slice(i * width, (i + 1) * width)) for i, c in enumerate(channels)]
     spectra = as_found(sums.bins, inverse, 1.0 - own / (2.0 * count * ne))
     coloured = covariance_of([b.influence(inverse) for b in sums.bins], spectra)
-    chosen = bool((excess > 1.0).any() or moved.any()) or beyond_chance(sums.bins, inverse, white, coloured)
+    chosen = bool((found.excess > 1.0).any() or moved.any()) or beyond_chance(
+        sums.bins, inverse, white, coloured
+    )
     # where third differences were wrong, noise is known no better than by what that changed
     coloured = (
         coloured
         + np.outer(moved, moved)
         + _off(parts, bins, sums, theta, inverse, spectra, [d is None for d in doubts])
     )
-    used = variance > _SILENT * _reading_power(parts)
-    noise = {name: float(np.sqrt(variance[j])) for j, name in enumerate(noise_names(config)) if used[j]}
-    return finished(
-        NAME, parts, theta, white, coloured, chosen, channels, noise,
-        samples=sum(len(p) for p in parts), parameters=theta.size + own, iterations=iterations, converged=settled,
-        freedom=freedom, natural=natural, hidden=solution.hidden,
-        left_over=[d for d in doubts if d is not None],
-    )  # fmt: skip
+    used = found.variance > _SILENT * _reading_power(parts)
+    noise = {name: float(np.sqrt(found.variance[j])) for j, name in enumerate(noise_names(config)) if used[j]}
+    referred = ReferredEstimate(theta, white, coloured, chosen, found.step.hidden)
+    solver = SolverReport(sum(map(len, parts)), theta.size + own, found.iterations, found.settled, freedom)
+    return finished(NAME, parts, referred, channels, noise, solver, natural, doubts)
 
 
 def _off(
     parts: Sequence[Manoeuvre],
-    bins: Sequence[_Bins],
+    bins: Sequence[ManoeuvreBins],
     sums: _Sums,
     theta: Array,
     inverse: Array,
@@ -425,12 +371,12 @@ def _off(
     return may_be_off(found) if found else np.zeros_like(inverse)
 
 
-def _instruments(part: Manoeuvre, b: _Bins, theta: Array) -> Complex:
+def _instruments(part: Manoeuvre, b: ManoeuvreBins, theta: Array) -> Complex:
     """What the surfaces alone make of the regressors, (bins, equations, regressors)."""
     ns = part.states.shape[1]
     out = b.right.copy()
     moved = surface_response(part, theta) * part.stability[:, None]
-    out[:, :, :ns] = transform(moved, part.dt, b.bend.s.imag / (2.0 * np.pi))[:, None]
+    out[:, :, :ns] = transform(moved, part.dt, b.curvature.s.imag / (2.0 * np.pi))[:, None]
     return out
 
 

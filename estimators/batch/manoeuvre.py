@@ -4,7 +4,6 @@ Derivatives are common to all manoeuvres of a call, whether of one flight or of 
 initial states belong to each. A long flight is cut into windows, for its trim changes on the way.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -12,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
-from wingwatch.estimators.signals import MAX_GAP_S, SignalLayout
+from wingwatch.estimators.signals import SignalLayout
+from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = [
     "FlightColumns",
     "Manoeuvre",
     "ManoeuvreConfig",
-    "concatenated",
     "cut",
     "manoeuvres",
     "signal_columns",
@@ -244,11 +243,6 @@ def _manoeuvre(config: ManoeuvreConfig, rows: FlightColumns) -> Manoeuvre:
         config, rows.time_s.copy(), **columns, measured=np.asarray(rows.measured.all(axis=0)),
         condition=(airspeed, altitude, density, alpha),
     )  # fmt: skip
-
-
-def concatenated(config: ManoeuvreConfig, flights: Sequence[Array]) -> tuple[Manoeuvre, ...]:
-    """Manoeuvres of several flights, each a signal array (samples, columns): common derivatives, own trims."""
-    return tuple(m for flight in flights for m in manoeuvres(config, flight))
 
 
 def signal_columns(structure: ModeStructure, reference: tuple[float, float], rows: Array) -> FlightColumns:

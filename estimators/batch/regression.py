@@ -20,12 +20,14 @@ from wingwatch.estimators.batch.fit import ChannelFit, Fit, confidence_interval,
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig
 from wingwatch.estimators.batch.smoothing import white_noise_std
 from wingwatch.estimators.estimate import Estimate, Outcome
-from wingwatch.estimators.reference import offsets, referred_scale, standing
+from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
 
 __all__ = [
     "Equations",
     "LeftOver",
+    "ReferredEstimate",
     "Solution",
+    "SolverReport",
     "common_forces",
     "corrected_step",
     "equation_names",
@@ -107,6 +109,42 @@ class Solution:
     step: Array
     inverse: Array
     hidden: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class ReferredEstimate:
+    """Referred derivatives as an estimator found them.
+
+    Attributes:
+        value: (k,).
+        white: covariance for white sensor noise, (k, k); coloured: for the residuals as they are, (k, k).
+        use_coloured: whether the second counts.
+        hidden: derivatives that the data do not determine, (k,).
+    """
+
+    value: Array
+    white: Array
+    coloured: Array
+    use_coloured: bool
+    hidden: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class SolverReport:
+    """How the solution was reached.
+
+    Attributes:
+        samples: rows used.
+        parameters: unknowns in all, trims and initial states included.
+        iterations: of the solution; converged: whether it came to rest.
+        freedom: degrees of freedom that are left.
+    """
+
+    samples: int
+    parameters: int
+    iterations: int
+    converged: bool
+    freedom: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,49 +344,41 @@ def left_over(channel: ChannelFit, noise_variance: float, concerns: slice) -> Le
 def finished(
     name: str,
     parts: Sequence[Manoeuvre],
-    referred: Array,
-    white: Array,
-    coloured: Array,
-    use_coloured: bool,
+    referred: ReferredEstimate,
     channels: tuple[ChannelFit, ...],
     noise_std: Mapping[str, float],
-    *,
-    samples: int,
-    parameters: int,
-    iterations: int,
-    converged: bool,
-    freedom: float,
+    solver: SolverReport,
     natural: Array | None,
-    hidden: NDArray[np.bool_],
-    left_over: Sequence[LeftOver] = (),
+    left_over: Sequence[LeftOver | None],
 ) -> tuple[Estimate, Fit]:
     """Estimate and statistics from referred derivatives and their covariances.
 
     A derivative is converged, settling or not observable as online (``reference.standing``); ``natural`` is its
-    natural size (its own value where None), ``hidden`` says which ones the data do not determine at all, and
-    ``left_over`` what rejects derivatives because the model does not hold.
+    natural size (its own value where None), and ``left_over`` what rejects derivatives because the model does not
+    hold.
     """
     config = parts[0].config
     structure = config.structure
     condition = np.average([p.condition for p in parts], axis=0, weights=[p.duration_s for p in parts])
     airspeed, _, density, alpha = condition
     scale = referred_scale(structure, airspeed, density, config.reference)
-    value = referred * scale + offsets(structure, airspeed, alpha)
+    value = referred.value * scale + offsets(structure, airspeed, alpha)
+    white, coloured, hidden = referred.white, referred.coloured, referred.hidden
     if (np.diagonal(coloured) <= 0.0).any():  # rounding, where the data determine next to nothing
         coloured = white
     plain, wide = white * np.outer(scale, scale), coloured * np.outer(scale, scale)
-    covariance = wide if use_coloured else plain
+    covariance = wide if referred.use_coloured else plain
     size = np.abs(value) if natural is None else np.asarray(natural, dtype=np.float64)
     end = float(parts[-1].time_s[-1])
     informed = np.where(hidden, -np.inf, end)
-    estimate = standing(
-        name, structure, end, value, covariance, informed, np.inf, 3.0 * size, True, condition
-    )
-    estimate = _named(_rejected(estimate, left_over), hidden)
+    posterior = ConcisePosterior(value, covariance, 3.0 * size)
+    estimate = standing(name, structure, end, posterior, informed, np.inf, True, condition)
+    estimate = _named(_rejected(estimate, [found for found in left_over if found is not None]), hidden)
     fit = Fit(
         channels, correlation(estimate.covariance),
-        confidence_interval(estimate.value, estimate.covariance, freedom), plain, wide, use_coloured,
-        dict(noise_std), samples, len(parts), parameters, iterations, converged,
+        confidence_interval(estimate.value, estimate.covariance, solver.freedom), plain, wide, referred.use_coloured,
+        dict(noise_std), solver.samples, len(parts), solver.parameters, solver.iterations,
+        solver.converged,
     )  # fmt: skip
     return estimate, fit
 

@@ -37,7 +37,7 @@ from wingwatch.estimators.ekf.state import (
 from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.kernels.levels import LEVELS
-from wingwatch.estimators.reference import offsets, referred_scale, standing
+from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
 __all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
@@ -258,9 +258,10 @@ class EkfEstimator:
             value += self._by_airspeed(state, vehicle, value)
         covariance = state.cov[vehicle, parameters, parameters] * np.outer(scale, scale)
         return standing(
-            self.name, c.structure, float(state.rows[vehicle, NEWEST, TIME]), value, covariance,
-            state.informed_s[vehicle], c.stale_s, 3.0 * c.prior_std * scale, bool(state.samples[vehicle] > WARM_UP),
-            np.array([airspeed, altitude, density, alpha]), prior_ratio=1.0,
+            self.name, c.structure, float(state.rows[vehicle, NEWEST, TIME]),
+            ConcisePosterior(value, covariance, 3.0 * c.prior_std * scale, prior_ratio=1.0),
+            state.informed_s[vehicle], c.stale_s, bool(state.samples[vehicle] > WARM_UP),
+            np.array([airspeed, altitude, density, alpha]),
         )  # fmt: skip
 
     def _by_airspeed(self, state: EkfState, vehicle: int, value: Array) -> Array:

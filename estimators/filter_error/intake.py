@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.estimators.signals import MAX_GAP_S
+from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = [
     "BLOCK_ROWS",

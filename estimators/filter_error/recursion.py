@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from wingwatch.estimators.filter_error.increments import Head, Sums, add_rows, begin_record
+from wingwatch.estimators.filter_error.input_noise import signal_information
 from wingwatch.estimators.filter_error.lanes import Lanes, Setup, build_lanes, fastest_growth
 
 __all__ = [
@@ -54,9 +54,6 @@ FASTEST_GROWTH = 0.0
 
 _DAMPED = 0.2
 """Damping, 1/s, of where a search begins that would begin at motion that grows."""
-
-_LEAST_SIGNAL = 0.2
-"""Least part of a direction's information that is taken to be signal where surfaces are measured with noise."""
 
 MOST_GAINED = 50.0
 """Log-likelihood that gusts gain when the filter for still air rests: no chance makes as much."""
@@ -252,16 +249,7 @@ def _said(one: One, groups: slice) -> tuple[float, Array, Array, Array]:
     cost -= float(moved @ f.echo_cost[i, h, :, 0])
     score = score + moved @ f.echo_score[i, h]
     echo = np.einsum("u,uab->ab", moved, f.echo_information[i, h])
-    return cost, score, _signal(information, echo, f.arrival[i, h]), echo
-
-
-def _signal(information: Array, echo: Array, prior: Array) -> Array:
-    """Information without that of the surfaces' noise; a direction that is mostly noise keeps a fifth."""
-    if not echo.any():
-        return information
-    values, vectors = eigh(echo, information + prior)
-    back = (information + prior) @ vectors
-    return np.asarray(information - (back * np.minimum(values, 1.0 - _LEAST_SIGNAL)) @ back.T)
+    return cost, score, signal_information(information, echo, f.arrival[i, h]), echo
 
 
 def quadratic(one: One) -> tuple[float, Array, Array]:

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre
 from wingwatch.estimators.batch.regression import (
+    ReferredEstimate,
+    SolverReport,
     common_forces,
     finished,
     plain_start,
@@ -114,13 +116,18 @@ def _report(parts: Sequence[Manoeuvre], problem: Problem, solution: Solution) ->
     used = int(sum(np.count_nonzero(w.used) for w in problem.windows))
     unknowns = int(np.count_nonzero(problem.free)) + sum(own.size for own in solution.point.own)
     noise = np.sqrt(problem.model.physical(p).noise + np.mean([w.floor for w in problem.windows], axis=0))
-    estimate, fit = finished(
-        NAME, parts, p[at.theta] * size, plain, plain * np.outer(factors, factors), True, channels,
-        dict(zip(_channel_names(problem), noise.tolist(), strict=True)),
-        samples=sum(len(w) for w in problem.windows), parameters=unknowns, iterations=solution.iterations,
-        converged=solution.converged, freedom=float(used - unknowns), natural=size,
-        hidden=np.zeros(k, dtype=np.bool_),
-    )  # fmt: skip
+    referred = ReferredEstimate(
+        p[at.theta] * size, plain, plain * np.outer(factors, factors), True, np.zeros(k, dtype=np.bool_)
+    )
+    solver = SolverReport(
+        sum(map(len, problem.windows)),
+        unknowns,
+        solution.iterations,
+        solution.converged,
+        float(used - unknowns),
+    )
+    noise_std = dict(zip(_channel_names(problem), noise.tolist(), strict=True))
+    estimate, fit = finished(NAME, parts, referred, channels, noise_std, solver, size, ())
     if not solution.converged:
         return _unsettled(estimate, "the search for the most likely derivatives did not come to rest"), fit
     if guards.driven > _CONTRADICTED:

@@ -1,7 +1,7 @@
 """Blocks of the recursive Fourier estimator, compiled: filled, solved while they run, closed, added to what is known.
 
-Derivation and symbols: ``docs/methods/fourier.md`` sections 7 to 10. ``advance`` takes a ``State`` whose arrays lead with
-the vehicle axis; all else works on the state of one vehicle, in a workspace that is made once.
+Derivation and symbols: ``docs/methods/fourier.md`` sections 7 to 10. ``advance`` takes a ``State`` whose arrays lead
+with the vehicle axis; all else works on the state of one vehicle, in a workspace that is made once.
 """
 
 import math

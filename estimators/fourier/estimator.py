@@ -41,7 +41,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
-from wingwatch.estimators.reference import offsets, referred_scale, standing
+from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
 __all__ = ["FourierConfig", "FourierEstimator", "FourierState"]
@@ -307,8 +307,8 @@ class FourierEstimator:
         covariance = state.covariance[vehicle] * np.outer(scale * wider, scale * wider)
         time_s = float(state.rows[vehicle, LAST, TIME])
         return standing(
-            self.name, c.structure, time_s, value, covariance, state.informed_s[vehicle], c.stale_s,
-            c.prior_std * scale, bool(state.counts[vehicle, SOLUTIONS]), condition,
+            self.name, c.structure, time_s, ConcisePosterior(value, covariance, c.prior_std * scale),
+            state.informed_s[vehicle], c.stale_s, bool(state.counts[vehicle, SOLUTIONS]), condition,
         )  # fmt: skip
 
     def dispersion_of(self, state: FourierState, vehicle: int = 0) -> Array:

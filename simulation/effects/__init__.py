@@ -18,7 +18,6 @@ from wingwatch.simulation.effects.pitch_damping import PitchDamping
 from wingwatch.simulation.effects.registry import EFFECTS
 from wingwatch.simulation.effects.roll_yaw_coupling import RollYawCoupling
 from wingwatch.simulation.effects.rudder_effectiveness import RudderEffectiveness
-from wingwatch.simulation.effects.sensed import SENSED
 from wingwatch.simulation.effects.sensor_bias import SensorBias
 from wingwatch.simulation.effects.sensor_delay import SensorDelay
 from wingwatch.simulation.effects.sensor_position import SensorPosition
@@ -51,7 +50,6 @@ __all__ = [
     "PitchDamping",
     "RollYawCoupling",
     "RudderEffectiveness",
-    "SENSED",
     "SensorBias",
     "SensorDelay",
     "SensorFault",

@@ -10,15 +10,13 @@ trim.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from wingwatch.aircraft import DERIVATIVES
+from wingwatch.aircraft import DERIVATIVES, SURFACE_OF_INPUT
 from wingwatch.simulation.effects.effect import Effect, Parameters
 
 __all__ = ["DerivativeChange", "coefficient_behind"]
 
 _ROW = {"z": "CL", "y": "CY", "l": "Cl", "m": "Cm", "n": "Cn"}
-_INDEX = {
-    "w": "alpha", "v": "beta", "p": "p", "q": "q", "r": "r", "eta": "elevator", "xi": "aileron", "zeta": "rudder",
-}  # fmt: skip
+_INDEX = {"w": "alpha", "v": "beta", "p": "p", "q": "q", "r": "r", **SURFACE_OF_INPUT}
 
 
 def coefficient_behind(symbol: str) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from wingwatch.simulation.effects.effect import Effect, SensorFault
-from wingwatch.simulation.effects.sensed import SENSED
+from wingwatch.simulation.sensor_errors import READINGS
 
 __all__ = ["SensorDelay"]
 
@@ -16,7 +16,7 @@ class SensorDelay(Effect):
     name: ClassVar[str] = "sensor_delay"
     size_max: ClassVar[float] = 10.0
     size_meaning: ClassVar[str] = "the delay in s"
-    targets: ClassVar[tuple[str, ...]] = SENSED
+    targets: ClassVar[tuple[str, ...]] = READINGS
 
     def sensor_faults(self) -> tuple[SensorFault, ...]:
         """One column, later by the severity."""

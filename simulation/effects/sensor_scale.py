@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from wingwatch.simulation.effects.effect import Effect, SensorFault
-from wingwatch.simulation.effects.sensed import SENSED
+from wingwatch.simulation.sensor_errors import READINGS
 
 __all__ = ["SensorScale"]
 
@@ -17,7 +17,7 @@ class SensorScale(Effect):
     size_min: ClassVar[float] = -2.0
     size_max: ClassVar[float] = 10.0
     size_meaning: ClassVar[str] = "the ratio of reading to truth minus 1"
-    targets: ClassVar[tuple[str, ...]] = SENSED
+    targets: ClassVar[tuple[str, ...]] = READINGS
 
     def sensor_faults(self) -> tuple[SensorFault, ...]:
         """One column, times 1 + severity."""

@@ -7,7 +7,7 @@ from wingwatch.aircraft import DUTCH_ROLL, SHORT_PERIOD, Aircraft, FlightConditi
 from wingwatch.aircraft.excitation import doublet_pulse_s, mode_frequency_rad_s
 from wingwatch.simulation.manoeuvres.rows import Surface, check_segment, step_row
 
-__all__ = ["Doublet", "DoubletSchedule", "doublet_pulse_s", "doublet_schedule"]
+__all__ = ["Doublet", "DoubletSchedule", "doublet_schedule"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,17 +13,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, ModeStructure
+from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, ModeStructure, analysis_band_hz
 from wingwatch.aircraft.excitation import (
     deal_harmonics,
     low_peak_phases_rad,
     relative_peak_factor,
     sample_wave,
-    schroeder_phases_rad,
 )
 from wingwatch.simulation.manoeuvres.rows import Surface, check_segment, sine_rows
 
-__all__ = ["Multisine", "multisine", "relative_peak_factor", "schroeder_phases_rad"]
+__all__ = ["Multisine", "multisine"]
 
 _MODE_BEHIND: Mapping[str, ModeStructure] = {
     "elevator": SHORT_PERIOD,
@@ -80,11 +79,6 @@ class Multisine:
             )
 
     @property
-    def frequencies_hz(self) -> tuple[tuple[float, ...], ...]:
-        """Of each surface."""
-        return tuple(tuple(k / self.length_s for k in ks) for ks in self.harmonics)
-
-    @property
     def relative_peak_factors(self) -> tuple[float, ...]:
         """Of each surface (``relative_peak_factor``)."""
         return tuple(
@@ -131,7 +125,7 @@ def multisine(
     """
     for surface in surfaces:
         check_segment(surface, amplitude_rad, start_s, length_s, math.inf)
-    bands = [aircraft.band_hz(_MODE_BEHIND[s]) if band_hz is None else band_hz for s in surfaces]
+    bands = [analysis_band_hz(aircraft, _MODE_BEHIND[s]) if band_hz is None else band_hz for s in surfaces]
     dealt = deal_harmonics(surfaces, bands, length_s)
     return Multisine(
         surfaces,

@@ -7,7 +7,7 @@ from wingwatch.aircraft import DUTCH_ROLL, SHORT_PERIOD, Aircraft, FlightConditi
 from wingwatch.aircraft.excitation import mode_frequency_rad_s, step_3211_s
 from wingwatch.simulation.manoeuvres.rows import Surface, check_segment, step_row
 
-__all__ = ["ThreeTwoOneOne", "step_3211_s", "three_two_one_one_schedule"]
+__all__ = ["ThreeTwoOneOne", "three_two_one_one_schedule"]
 
 _UNITS = 7.0
 

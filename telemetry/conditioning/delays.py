@@ -20,15 +20,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from wingwatch.aircraft.vocabulary import SURFACES
 from wingwatch.telemetry.conditioning.gust_spectrum import fit_gust
 from wingwatch.telemetry.conditioning.kinematics import IDENTITIES, Columns
 from wingwatch.telemetry.conditioning.parameter import Parameter
 from wingwatch.telemetry.conditioning.positions import at_centre
 from wingwatch.telemetry.conditioning.sensor_noise import detrended
 from wingwatch.telemetry.conditioning.spectra import Bins, make_bins, smoothed_power, wiener_gain
-from wingwatch.telemetry.conditioning.stretches import MAX_GAP_S, even_stretch
+from wingwatch.telemetry.conditioning.stretches import even_stretch
 from wingwatch.telemetry.maps import undelayed
-from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
+from wingwatch.telemetry.sample import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
 
 __all__ = ["DelayConfig", "align", "estimate_delays", "estimate_servo_delay"]
 
@@ -324,7 +325,7 @@ def estimate_servo_delay(
     Raises:
         ValueError: no such surface, position or command missing, or no stretch is long enough.
     """
-    if surface not in ("elevator", "aileron", "rudder"):
+    if surface not in SURFACES:
         raise ValueError(f"surface is {surface!r}; give elevator, aileron or rudder")
     c = DelayConfig() if config is None else config
     position_name, command_name = f"{surface}_rad", f"{surface}_command_rad"

@@ -16,12 +16,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GRAVITY_M_S2", "IDENTITIES", "Columns", "velocity"]
+from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
+
+__all__ = ["IDENTITIES", "Columns", "velocity"]
 
 Array = NDArray[np.float64]
 Columns: TypeAlias = Mapping[str, Array]
-
-GRAVITY_M_S2 = 9.80665
 
 
 def velocity(c: Columns) -> tuple[Array, Array, Array]:

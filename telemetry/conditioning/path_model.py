@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.telemetry.conditioning.kinematics import GRAVITY_M_S2
+from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 
 __all__ = ["ERRORS", "MOTION", "READINGS", "PathModel", "smoothed"]
 

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from wingwatch.telemetry.conditioning.parameter import Parameter
 from wingwatch.telemetry.conditioning.path_model import ERRORS, MOTION, READINGS, PathModel, smoothed
 from wingwatch.telemetry.conditioning.positions import at_centre
-from wingwatch.telemetry.conditioning.stretches import MAX_GAP_S
-from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
+from wingwatch.telemetry.sample import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
 
 __all__ = ["PathConfig", "ReconstructedPath", "reconstruct_path"]
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from wingwatch.telemetry.conditioning.stretches import MAX_GAP_S, runs
-from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
+from wingwatch.telemetry.conditioning.stretches import runs
+from wingwatch.telemetry.sample import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
 
 __all__ = ["RunningTrim", "running_trim", "without_trim"]
 

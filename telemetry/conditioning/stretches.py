@@ -6,16 +6,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.telemetry.sample import SampleBlock
+from wingwatch.telemetry.sample import LEAPING_CHANNELS, MAX_GAP_S, SampleBlock
 
-__all__ = ["MAX_GAP_S", "even_stretch", "runs", "slopes"]
+__all__ = ["even_stretch", "runs", "slopes"]
 
 Array = NDArray[np.float64]
-
-MAX_GAP_S = 0.5
-"""Nothing is bridged over a longer step between stamps."""
-
-_LEAPING = ("roll_rad", "heading_rad")
 
 
 def runs(time_s: Array, max_gap_s: float = MAX_GAP_S) -> list[slice]:
@@ -63,7 +58,7 @@ def even_stretch(
     sampled = {}
     for name, column, present in zip(names, columns, kept, strict=True):
         there = longest[present[longest]]
-        values = np.unwrap(column[there]) if name in _LEAPING else column[there]
+        values = np.unwrap(column[there]) if name in LEAPING_CHANNELS else column[there]
         sampled[name] = np.interp(even, time_s[there], values)
     return even, sampled
 

@@ -206,11 +206,11 @@ def test_a_reference_comes_back_bit_for_bit_and_keeps_its_history(database: Data
     database.save_reference(replace(KEY, vehicle="uav-2"), first, 300.0)
     loaded = database.load_reference(KEY)
     assert loaded is not None
-    assert loaded.to_json() == second.to_json()
+    assert loaded.to_dict() == second.to_dict()
     assert loaded.information.tobytes() == second.information.tobytes()
     versions = database.reference_history(KEY)
     assert [v.updated_at_s for v in versions] == [100.0, 200.0]
-    assert versions[0].reference.to_json() == first.to_json()
+    assert versions[0].reference.to_dict() == first.to_dict()
 
 
 def test_the_history_of_a_reference_is_bounded(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:

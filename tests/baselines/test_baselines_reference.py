@@ -149,7 +149,7 @@ def test_json_brings_every_bit_back(seed: int, k: int, seconds: float) -> None:
     rng = np.random.default_rng(seed)
     j = spd(rng, k)
     reference = Reference.empty(k).add(j, rng.normal(size=k) * 1e-300, seconds)
-    back = Reference.from_json(reference.to_json())
+    back = Reference.from_dict(json.loads(json.dumps(reference.to_dict())))
     assert back.information.tobytes() == reference.information.tobytes()
     assert back.vector.tobytes() == reference.vector.tobytes()
     assert (back.blocks, back.seconds) == (1, seconds)
@@ -196,7 +196,6 @@ def test_a_prior_of_another_structure_is_refused() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "",
         "[]",
         "{}",
         '{"information": [[1]], "vector": [1], "blocks": 1, "seconds": 1, "more": 1}',
@@ -209,9 +208,8 @@ def test_a_prior_of_another_structure_is_refused() -> None:
 )
 def test_json_that_is_no_reference_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"\w"):
-        Reference.from_json(text)
+        Reference.from_dict(json.loads(text))
 
 
 def test_the_json_is_plain() -> None:
-    keys = json.loads(Reference.empty(1).to_json()).keys()
-    assert list(keys) == ["information", "vector", "blocks", "seconds"]
+    assert list(Reference.empty(1).to_dict()) == ["information", "vector", "blocks", "seconds"]

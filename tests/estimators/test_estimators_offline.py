@@ -28,7 +28,6 @@ from wingwatch.estimators import (
     Outcome,
     OutputErrorConfig,
     SignalLayout,
-    concatenated,
     correlated_pairs,
     equation_error,
     frequency_equation_error,
@@ -127,7 +126,7 @@ def test_two_flights_together_err_less_and_keep_their_own_trims(name: str, mode:
     flights[1] = flights[1].copy()
     flights[1][:, 1] += 2.0
     alone, _ = ESTIMATORS[name](case.parts(flights[0]))
-    parts = concatenated(case.config, flights)
+    parts = [part for flight in flights for part in case.parts(flight)]
     together, fit = ESTIMATORS[name](parts)
     assert (len(parts), fit.manoeuvres) == (2, 2)
     ratio = alone.standard_error / together.standard_error

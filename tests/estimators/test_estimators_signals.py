@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure, load_aircraft
 from wingwatch.estimators import InertiaCoupling, SignalConfig, Signals, inertia_coupling
-from wingwatch.estimators.signals import MAX_GAP_S
-from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
+from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
 
 G = 9.80665
 

@@ -21,6 +21,7 @@ from wingwatch.aircraft import (
     AircraftDataError,
     FlightCondition,
     ModeStructure,
+    analysis_band_hz,
     linearised_derivatives,
     load_aircraft,
     trim,
@@ -63,7 +64,9 @@ def made(
 ) -> tuple[SensedPlant, InputDesign]:
     """A mode with its sensors, and an input for it."""
     derivatives = linearised_derivatives(aircraft, LEVEL, structure)
-    targets = surface_targets(structure, derivatives, aircraft.band_hz(structure), math.radians(degrees))
+    targets = surface_targets(
+        structure, derivatives, analysis_band_hz(aircraft, structure), math.radians(degrees)
+    )
     plant = sensed_plant(aircraft, structure, trimmed(aircraft, LEVEL), derivatives)
     return plant, design_input(kind, targets, seconds, RATE_HZ)
 

@@ -424,7 +424,8 @@ def wind(altitude_m: float, profile: WindProfile, ground_m: float = 0.0) -> Arra
         ground_altitude_m=ground_m,
     )  # fmt: skip
     out = np.empty(3)
-    wind_at(wind_row(scenario), altitude_m, out)
+    row = wind_row(scenario.wind_profile, scenario.wind_m_s, scenario.altitude_m, scenario.ground_altitude_m)
+    wind_at(row, altitude_m, out)
     return out
 
 

@@ -28,7 +28,7 @@ from wingwatch.aircraft import (
     unsteady_inertia,
 )
 from wingwatch.simulation import linearise, trim
-from wingwatch.simulation.aerodynamics import arc_tangent, load
+from wingwatch.simulation.aerodynamics import Deflections, Motion, arc_tangent, load
 from wingwatch.simulation.atmosphere import CELL_M, air_density, expand_density
 from wingwatch.simulation.dynamics import euler_angles, fly_held, thrust_n
 from wingwatch.simulation.layout import (
@@ -118,10 +118,18 @@ def test_forces_are_those_the_aircraft_file_means(
     assert geometry is not None
     assert c is not None
     half_span, half_chord = 0.5 * geometry.span_m / airspeed, 0.5 * geometry.mean_chord_m / airspeed
-    wind = airspeed * np.array([
+    u, v, w = airspeed * np.array([
         math.cos(alpha) * math.cos(beta), math.sin(beta), math.sin(alpha) * math.cos(beta),
     ])  # fmt: skip
-    out = np.array(load(working_row(parameter_row(aircraft)), *wind, *rates, density, *surfaces, 0.0))  # type: ignore[call-arg]
+    out = np.array(
+        load(
+            working_row(parameter_row(aircraft)),
+            Motion(u, v, w, *rates),
+            Deflections(*surfaces),
+            density,
+            0.0,
+        )
+    )
     hat = (rates[0] * half_span, rates[1] * half_chord, rates[2] * half_span)
     expected = body_coefficients(
         c, aspect_ratio(geometry.span_m, geometry.wing_area_m2), alpha, beta, hat, surfaces

@@ -29,7 +29,7 @@ from wingwatch.simulation import (
     set_up,
     simulate,
 )
-from wingwatch.simulation.sensors import SIMULATED
+from wingwatch.simulation.sensor_errors import SIMULATED
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
 
 AEROSONDE = load_aircraft("aerosonde")

@@ -18,7 +18,7 @@ from wingwatch.aircraft import (
     load_aircraft,
 )
 from wingwatch.simulation import CgShift, linearise, trim
-from wingwatch.simulation.aerodynamics import load
+from wingwatch.simulation.aerodynamics import Deflections, Motion, load
 from wingwatch.simulation.atmosphere import air_density
 from wingwatch.simulation.dynamics import derivatives, quaternion, thrust_n
 from wingwatch.simulation.flight import _move_centre
@@ -47,8 +47,12 @@ def coefficients(
 ) -> Array:
     """(CL, CD, CY, Cl, Cm, Cn) without sideslip and rates."""
     x, y, z, roll, pitch, yaw, _, _ = load(
-        working_row(row), SPEED * math.cos(alpha), 0.0, SPEED * math.sin(alpha), 0.0, 0.0, 0.0, DENSITY, *surfaces, 0.0
-    )  # fmt: skip
+        working_row(row),
+        Motion(SPEED * math.cos(alpha), 0.0, SPEED * math.sin(alpha), 0.0, 0.0, 0.0),
+        Deflections(*surfaces),
+        DENSITY,
+        0.0,
+    )
     lift, drag = x * math.sin(alpha) - z * math.cos(alpha), -x * math.cos(alpha) - z * math.sin(alpha)
     return np.asarray(np.array([lift, drag, y, roll / SPAN, pitch / CHORD, yaw / SPAN]) / FORCE)
 
@@ -57,9 +61,9 @@ def rates(
     row: Array, state: Array, surfaces: tuple[float, float, float], throttle: float
 ) -> tuple[Array, Array]:
     """d(state)/dt and the specific force at the centre of gravity."""
-    air, work, out = np.empty(6), np.empty(8), np.empty(len(STATE))
-    derivatives(state, np.array(surfaces), throttle, np.zeros(3), np.zeros(6), row, air, work, out)
-    return out, work[:3].copy()
+    force, out = np.empty(3), np.empty(len(STATE))
+    derivatives(state, np.array(surfaces), throttle, row, force, out)
+    return out, force
 
 
 def flying(rate: tuple[float, float, float] = (0.2, -0.3, 0.4)) -> Array:
@@ -95,7 +99,9 @@ def test_forces_act_at_the_reference_point_wherever_the_centre_of_gravity_is() -
     omega = state[10:13]
     there = state[3:6] - np.cross(omega, cg)
     density = air_density(1000.0)
-    *_, lift_rate, pitch_rate = found = load(working_row(row), *there, *omega, density, *surfaces, 0.0)  # type: ignore[call-arg]
+    *_, lift_rate, pitch_rate = found = load(
+        working_row(row), Motion(*there, *omega), Deflections(*surfaces), density, 0.0
+    )
     assert lift_rate == pitch_rate == 0.0
     force, moment = np.array(found[:3]), np.array(found[3:6])
     force[0] += thrust_n(row, throttle, float(np.linalg.norm(there)), density)

@@ -12,7 +12,7 @@ from wingwatch.simulation import CgShift, Effect, ElevatorEffectiveness, Icing, 
 from wingwatch.simulation.effects import Parameters, parameters_under
 from wingwatch.simulation.flight import _parameters_now
 from wingwatch.simulation.layout import INDEX, PARAMETERS
-from wingwatch.simulation.scenario_timeline import parameters_at
+from wingwatch.simulation.scenario_timeline import timeline_of
 from wingwatch.simulation.timeline import Timeline, base_row, timeline
 
 AEROSONDE = load_aircraft("aerosonde")
@@ -120,7 +120,8 @@ def test_what_the_kernel_flies_is_what_the_timeline_says() -> None:
 def test_a_scenario_flies_with_gusts_on_or_off() -> None:
     calm, rough = Scenario(AEROSONDE), Scenario(AEROSONDE, turbulence="light")
     gain, sigma = INDEX["gust_gain"], INDEX["gust_sigma"]
-    assert (parameters_at(calm, 1.0)[gain], parameters_at(calm, 1.0)[sigma]) == (0.0, 0.0)
-    assert parameters_at(rough, 1.0)[gain] == 1.0
-    assert parameters_at(rough, 1.0)[sigma] > 1.0
-    assert parameters_at(calm, 1.0)[INDEX["alpha_reference"]] == pytest.approx(0.0598, abs=1e-4)
+    still, gusty = timeline_of(calm).at(1.0), timeline_of(rough).at(1.0)
+    assert (still[gain], still[sigma]) == (0.0, 0.0)
+    assert gusty[gain] == 1.0
+    assert gusty[sigma] > 1.0
+    assert still[INDEX["alpha_reference"]] == pytest.approx(0.0598, abs=1e-4)

@@ -1,0 +1,220 @@
+"""Samples into signals of one structure, compiled; ``signals`` has the equations and the layout of a row."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
+from wingwatch.estimators.kernels.levels import advance_level, start_level
+from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
+
+__all__ = ["SignalForm", "fill_moments", "fill_signals", "pass_high"]
+
+_TIME = CHANNEL_INDEX["time_s"]
+_AIRSPEED = CHANNEL_INDEX["airspeed_true_m_s"]
+_P = CHANNEL_INDEX["roll_rate_rad_s"]
+_Q = CHANNEL_INDEX["pitch_rate_rad_s"]
+_R = CHANNEL_INDEX["yaw_rate_rad_s"]
+_AX = CHANNEL_INDEX["specific_force_x_m_s2"]
+_AY = CHANNEL_INDEX["specific_force_y_m_s2"]
+_AZ = CHANNEL_INDEX["specific_force_z_m_s2"]
+_ROLL = CHANNEL_INDEX["roll_rad"]
+_PITCH = CHANNEL_INDEX["pitch_rad"]
+_ALPHA = CHANNEL_INDEX["angle_of_attack_rad"]
+_BETA = CHANNEL_INDEX["sideslip_rad"]
+_ALTITUDE = CHANNEL_INDEX["altitude_m"]
+_DENSITY = CHANNEL_INDEX["air_density_kg_m3"]
+_TEMPERATURE = CHANNEL_INDEX["outside_air_temperature_k"]
+
+
+class SignalForm(NamedTuple):
+    """What does not change of one structure's signals."""
+
+    lateral: bool
+    rates: NDArray[np.int64]
+    """(states - 1,): channels."""
+    inputs: NDArray[np.int64]
+    """(inputs,): channels."""
+    x_vane_m: float
+    z_vane_m: float
+    airspeed_memory_s: float
+    reconstruction_s: float
+    pressure: float
+    """rho V^2 at the reference, N/m2."""
+    servo_s: NDArray[np.float64]
+    """(inputs,)."""
+
+
+@njit(cache=True)
+def fill_signals(values, form, memory, smoothers, servos, out):  # type: ignore[no-untyped-def]
+    """One pass over vehicles and samples; see the layout of ``signals``.
+
+    Args:
+        values: (vehicles, samples, channels).
+        form: ``SignalForm``.
+        memory, smoothers, servos: of ``SignalState``, in place.
+        out: (vehicles, samples, columns), filled.
+    """
+    lateral, rates, inputs = form.lateral, form.rates, form.inputs
+    force = _AY if lateral else _AZ
+    ns, nu = 1 + rates.size, inputs.size
+    for i in range(values.shape[0]):
+        last, along, velocity, rate, seen = memory[i]
+        speed = np.nan
+        for k in range(values.shape[1]):
+            row = values[i, k]
+            dt = row[_TIME] - last
+            velocity_measured, kinematic = _velocity_and_kinematics(
+                row, lateral, form.x_vane_m, form.z_vane_m
+            )
+            rate_now = row[force] + kinematic
+            along_now = _along_path(row)
+            if not (0.0 < dt <= MAX_GAP_S):
+                start_level(smoothers[i], row[_AIRSPEED])
+                speed, velocity = row[_AIRSPEED], 0.0
+            else:
+                speed = row[_AIRSPEED]
+                if not np.isfinite(smoothers[i, 1, 0]):
+                    start_level(smoothers[i], speed)
+                elif np.isfinite(speed):
+                    motion = 0.5 * dt * (along + along_now)
+                    speed = smoothers[
+                        i, 1, advance_level(smoothers[i], speed, motion, dt, form.airspeed_memory_s)
+                    ]
+                decay = np.exp(-dt / form.reconstruction_s)
+                velocity = decay * velocity + 0.5 * dt * (rate + rate_now)
+            last, rate, along = row[_TIME], rate_now, along_now
+            o = out[i, k]
+            o[0] = row[_TIME]
+            measured = np.isfinite(velocity_measured)
+            if measured:
+                seen = 1.0
+            o[1] = velocity_measured if measured or seen == 1.0 else velocity
+            for j in range(rates.size):
+                o[2 + j] = row[rates[j]]
+            o[1 + ns] = row[force]
+            for j in range(nu):
+                o[2 + ns + j] = row[inputs[j]]
+                if form.servo_s[j] > 0.0:
+                    o[2 + ns + j] = _surface(row[inputs[j]], dt, form.servo_s[j], servos[i, :, j])
+            density = _density(row)
+            c = 2 + ns + nu
+            o[c] = kinematic
+            o[c + 1] = density * speed * speed / form.pressure
+            o[c + 2] = speed
+            o[c + 3] = density
+            o[c + 4] = row[_ALTITUDE]
+            o[c + 5] = row[_ALPHA]
+            o[c + 6] = 1.0 if measured else 0.0
+            if seen == 0.0 and not np.isfinite(row[_ALPHA]):
+                o[c + 5] = _level_alpha(row)
+        memory[i, 0], memory[i, 1], memory[i, 2], memory[i, 3], memory[i, 4] = (
+            last,
+            along,
+            velocity,
+            rate,
+            seen,
+        )
+
+
+@njit(cache=True)
+def pass_high(signals, passed, passing, kinematic, leak_s, out):  # type: ignore[no-untyped-def]
+    """See ``Signals.high_passed``; ``passing`` holds the columns that pass the filter."""
+    for i in range(signals.shape[0]):
+        for k in range(signals.shape[1]):
+            row = signals[i, k]
+            if row[kinematic + 6] == 1.0 or not np.isfinite(row[: kinematic + 1]).all():
+                continue
+            dt = row[0] - passed[i, 0, 0]
+            fresh = not (0.0 < dt <= MAX_GAP_S)
+            decay = np.exp(-dt / leak_s)
+            for j in passing:
+                passed[i, 1, j] = 0.0 if fresh else decay * passed[i, 1, j] + row[j] - passed[i, 0, j]
+                out[i, k, j] = passed[i, 1, j]
+            passed[i, 0] = row
+
+
+@njit(cache=True)
+def fill_moments(values, coupling, out):  # type: ignore[no-untyped-def]
+    """Into ``out`` (vehicles, samples, rates) the angular accelerations by ``coupling`` (rates, 4) of p q, q r, p r and
+    p^2 - r^2."""
+    for i in range(values.shape[0]):
+        for k in range(values.shape[1]):
+            p, q, r = values[i, k, _P], values[i, k, _Q], values[i, k, _R]
+            for j in range(coupling.shape[0]):
+                c = coupling[j]
+                moment = c[0] * p * q + c[1] * q * r + c[2] * p * r + c[3] * (p * p - r * r)
+                out[i, k, j] = moment if np.isfinite(moment) else 0.0
+
+
+@njit(cache=True)
+def _density(row: NDArray[np.float64]) -> float:
+    """Air density: measured, or from measured temperature, or the standard atmosphere's (troposphere)."""
+    if np.isfinite(row[_DENSITY]):
+        return float(row[_DENSITY])
+    altitude = min(max(row[_ALTITUDE], -1000.0), 20000.0)
+    temperature = 288.15 - 0.0065 * min(altitude, 11000.0)
+    pressure = 101325.0 * (temperature / 288.15) ** 5.255876
+    if altitude > 11000.0:
+        pressure *= np.exp(-GRAVITY_M_S2 * (altitude - 11000.0) / (287.05287 * temperature))
+    if np.isfinite(row[_TEMPERATURE]):
+        temperature = row[_TEMPERATURE]
+    return float(pressure / (287.05287 * temperature))
+
+
+@njit(cache=True)
+def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
+    """Air-relative w or v at the c.g. (NaN without vane) and the kinematic term of its rate."""
+    airspeed = row[_AIRSPEED]
+    alpha, beta = row[_ALPHA], row[_BETA]
+    w = airspeed * np.sin(alpha) + row[_Q] * x_vane
+    v = airspeed * np.sin(beta) - row[_R] * x_vane + row[_P] * z_vane
+    forward = airspeed * (np.cos(alpha) if np.isfinite(alpha) else 1.0)
+    cos_pitch = np.cos(row[_PITCH])
+    if lateral:
+        across = w if np.isfinite(w) else airspeed * np.sin(_level_alpha(row))
+        kinematic = -forward * row[_R] + row[_P] * across + GRAVITY_M_S2 * cos_pitch * np.sin(row[_ROLL])
+        return v, kinematic
+    side = v if np.isfinite(v) else 0.0
+    kinematic = forward * row[_Q] - row[_P] * side + GRAVITY_M_S2 * cos_pitch * np.cos(row[_ROLL])
+    return w, kinematic
+
+
+@njit(cache=True)
+def _level_alpha(row):  # type: ignore[no-untyped-def]
+    """Angle of attack of level flight without sideslip at this attitude; banks beyond 45 degrees count as 45."""
+    return np.arctan(np.tan(row[_PITCH]) / max(np.cos(row[_ROLL]), 0.7))
+
+
+@njit(cache=True)
+def _along_path(row):  # type: ignore[no-untyped-def]
+    """Rate of the inertial speed along the path without sideslip: specific force and gravity along it."""
+    alpha = row[_ALPHA] if np.isfinite(row[_ALPHA]) else 0.0
+    cos, sin = np.cos(alpha), np.sin(alpha)
+    cos_pitch = np.cos(row[_PITCH])
+    gravity = GRAVITY_M_S2 * (cos_pitch * np.cos(row[_ROLL]) * sin - np.sin(row[_PITCH]) * cos)
+    rate = row[_AX] * cos + row[_AZ] * sin + gravity
+    return rate if np.isfinite(rate) else 0.0
+
+
+@njit(cache=True)
+def _surface(command, dt, servo_s, servo):  # type: ignore[no-untyped-def]
+    """Where a servo has its surface: it went on to the command before, x = c + (x0 - c) exp(-dt / servo_s).
+
+    After a gap the surface is where it is commanded to be. NaN without a command, though the servo goes on.
+
+    Args:
+        servo: (2,), last command and the surface, in place.
+    """
+    if 0.0 < dt <= MAX_GAP_S:
+        servo[1] = servo[0] + (servo[1] - servo[0]) * np.exp(-dt / servo_s)
+    else:
+        servo[1] = np.nan
+    if not np.isfinite(command):
+        return np.nan
+    servo[0] = command
+    if not np.isfinite(servo[1]):
+        servo[1] = command
+    return servo[1]
