@@ -45,10 +45,12 @@ from wingwatch.estimators.ekf.state import (
     Model,
     Posterior,
     Readings,
+    Running,
     Sample,
     Step,
     Transition,
     Workspace,
+    running,
     sizes_of,
 )
 from wingwatch.estimators.kernels.hot import hot, lean, part, sizes
@@ -449,7 +451,7 @@ def _notes(model: Model, solutions: int) -> Notes:
     )  # fmt: skip
 
 
-def run_again(model: Model, state: EkfState, signals: Array, ends: NDArray[np.int64]) -> Notes:
+def run_again(model: Model, state: Running, signals: Array, ends: NDArray[np.int64]) -> Notes:
     """Runs rows of one vehicle that have been run before: the noise of sensors and vane is known.
 
     The other variances go on being learned from where they are.
@@ -472,4 +474,4 @@ def run_again(model: Model, state: EkfState, signals: Array, ends: NDArray[np.in
 def update_all(model: Model, state: EkfState, signals: Array) -> None:
     """Run all samples of all vehicles, (vehicles, samples, columns)."""
     ends = np.array([signals.shape[1]])
-    _update_all(_lengths(model), model, state, signals, ends, True, _notes(model, 0))
+    _update_all(_lengths(model), model, running(state), signals, ends, True, _notes(model, 0))

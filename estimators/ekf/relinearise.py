@@ -40,7 +40,7 @@ from wingwatch.estimators.ekf.covariance import inverse_of, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import run_again
 from wingwatch.estimators.ekf.solve import controls_of
-from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, Solved, one_vehicle
+from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, Running, Solved, one_vehicle
 from wingwatch.estimators.ekf.window import (
     WINDOW_ROWS,
     advance_checkpoints,
@@ -265,10 +265,10 @@ def _reseat(posterior: tuple[Array, Array], known: Information, first: int) -> N
     reseat(*posterior, covariance @ known.vector, covariance, first)
 
 
-def _from_checkpoint(state: EkfState, i: int, c: int) -> EkfState:
-    """A vehicle's filter at one of its checkpoints, a batch of one, as far as ``run_again`` advances it."""
+def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
+    """A vehicle's filter at one of its checkpoints, a batch of one."""
     points, one = state.window.checkpoints, slice(i, i + 1)
-    return state._replace(
+    return Running(
         z=points.z[one, c].copy(),
         cov=points.cov[one, c].copy(),
         noise=one_vehicle(state.noise, i),

@@ -40,6 +40,8 @@ __all__ = [
     "Model",
     "Noise",
     "Posterior",
+    "Running",
+    "running",
     "Readings",
     "Sample",
     "Sizes",
@@ -265,6 +267,28 @@ class EkfState(NamedTuple):
     """(n, k): its vector."""
     window: Window
     accepted: Accepted
+
+
+class Running(NamedTuple):
+    """What samples advance of an ``EkfState``, by its names: numba unpacks all that it is given at every call."""
+
+    z: Array
+    cov: Array
+    noise: Noise
+    memory: Memory
+    input_errors: InputErrors
+    input_moments: Array
+    rows: Array
+    condition: Array
+    samples: Counts
+
+
+def running(state: EkfState) -> Running:
+    """The same arrays."""
+    return Running(
+        state.z, state.cov, state.noise, state.memory, state.input_errors, state.input_moments, state.rows,
+        state.condition, state.samples,
+    )  # fmt: skip
 
 
 class Posterior(NamedTuple):

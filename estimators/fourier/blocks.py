@@ -81,7 +81,7 @@ from wingwatch.estimators.fourier.state import (
 from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.signals import MAX_GAP_S
 
-__all__ = ["Workspace", "advance", "block_workspace"]
+__all__ = ["Workspace", "advance", "block_workspace", "fill"]
 
 ROLLED = 0.1
 """Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: the score
@@ -479,20 +479,43 @@ def _vehicle_of(state, i):  # type: ignore[no-untyped-def]
 
 
 @lean
-def advance(model, state, follows, signals, solves, work):  # type: ignore[no-untyped-def]
-    """Take in samples (vehicles, samples, columns), and solve with every vehicle's running block if ``solves``.
+def fill(model, block, filters, signals, ends):  # type: ignore[no-untyped-def]
+    """Take samples (vehicles, samples, columns) into running blocks, as far as these go: most calls need no more.
+
+    Args:
+        model: ``Model``.
+        block, filters: ``Block`` and ``Filters`` of all vehicles, in place.
+        ends: (vehicles, 2), filled: the row at which the block ends, and why; the number of rows where it goes on.
+    """
+    for i in range(ends.shape[0]):
+        own = Block(block.bank[i], block.rows[i], block.sums[i], block.roughness[i])
+        ends[i, 0], ends[i, 1] = signals.shape[1], GOES_ON
+        for k in range(signals.shape[1]):
+            what = _take(model, own, Filters(filters.coefficients[i], filters.step[i]), signals[i, k])
+            if what != GOES_ON:
+                ends[i, 0], ends[i, 1] = k, what
+                break
+
+
+@lean
+def advance(model, state, follows, signals, ends, solves, work):  # type: ignore[no-untyped-def]
+    """Take in what ``fill`` left, and solve with every vehicle's running block if ``solves``.
 
     Args:
         model: ``Model``.
         state: ``State`` of all vehicles, in place.
         follows: (vehicles,) whether changes are looked for.
+        signals: (vehicles, samples, columns).
+        ends: (vehicles, 2), of ``fill``.
         work: ``Workspace``.
     """
     for i in range(follows.size):
         vehicle = _vehicle_of(state, i)
         block, progress, rows = vehicle.block, vehicle.progress, vehicle.block.rows
-        for k in range(signals.shape[1]):
-            what = _take(model, block, vehicle.filters, signals[i, k])
+        what = ends[i, 1]
+        for k in range(ends[i, 0], signals.shape[1]):
+            if k > ends[i, 0]:
+                what = _take(model, block, vehicle.filters, signals[i, k])
             if what == GOES_ON:
                 continue
             if what == FULL or rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s:

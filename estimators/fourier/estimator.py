@@ -19,7 +19,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.estimate import BlockEvidence, Estimate
 from wingwatch.estimators.fourier.air import air_channels
 from wingwatch.estimators.fourier.bank import bank_channels
-from wingwatch.estimators.fourier.blocks import advance, block_workspace
+from wingwatch.estimators.fourier.blocks import advance, block_workspace, fill
 from wingwatch.estimators.fourier.checkpoints import CHECKPOINTS
 from wingwatch.estimators.fourier.dispersion import dispersion_of
 from wingwatch.estimators.fourier.state import (
@@ -245,12 +245,22 @@ class FourierEstimator:
             ValueError: signals of another structure.
         """
         signals = self.layout.checked(signals)
-        advance(self._model, _grouped(state), state.follows, signals, False, self._workspace)
+        self._advance(state, signals, False)
 
     def solve(self, state: FourierState) -> None:
         """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz)."""
         none = np.empty((len(state.theta), 0, self.layout.columns))
-        advance(self._model, _grouped(state), state.follows, none, True, self._workspace)
+        self._advance(state, none, True)
+
+    def _advance(self, state: FourierState, signals: Array, solves: bool) -> None:
+        ends = np.zeros((len(state.theta), 2), dtype=np.int64)
+        block, filters = (
+            Block(state.bank, state.rows, state.sums, state.roughness),
+            Filters(state.coefficients, state.step),
+        )
+        fill(self._model, block, filters, signals, ends)
+        if solves or (ends[:, 0] < signals.shape[1]).any():
+            advance(self._model, _grouped(state), state.follows, signals, ends, solves, self._workspace)
 
     def resume(self, state: FourierState, information: Array, vector: Array, vehicle: int = 0) -> None:
         """Put a memory in the place of what closed blocks said; the running block stays.
