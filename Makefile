@@ -22,7 +22,7 @@ run: python   ## set up, then the service and a simulated fleet on 127.0.0.1:800
 	@$(BIN)/wingwatch demo $(ARGS)
 
 test: python  ## set up, then every check and test
-	@$(SETUP) --extra dev --extra postgres
+	@$(SETUP) --extra dev --extra postgres --extra dask
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy -p wingwatch
@@ -33,13 +33,13 @@ test: python  ## set up, then every check and test
 
 # Pins stay where they can; `make constraints UPGRADE=--upgrade` takes the newest of everything.
 constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade for the newest)
-	@$(SETUP) --extra dev --extra postgres
+	@$(SETUP) --extra dev --extra postgres --extra dask
 	CUSTOM_COMPILE_COMMAND="make constraints" $(BIN)/pip-compile $(UPGRADE) --quiet --generate-hashes --all-extras \
 	  --allow-unsafe --strip-extras --annotation-style=line --no-emit-index-url --no-emit-trusted-host \
 	  --no-emit-find-links --output-file constraints.txt pyproject.toml
 
 proto: python ## generate telemetry/protocol from proto/
-	@$(SETUP) --extra dev --extra postgres
+	@$(SETUP) --extra dev --extra postgres --extra dask
 	$(BIN)/python tools/generate_protocol.py
 
 clean:        ## remove the environment and the caches (the data folder stays)

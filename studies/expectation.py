@@ -85,6 +85,10 @@ class Expectations:
                 for p, moved in zip(s.exact.points, s.moved, strict=True)
             ]
             envelopes[name] = Envelope(
-                self._aircraft, s.exact.structure, points, configuration=s.exact.configuration, neighbourhood=DECLARED
+                self._aircraft,
+                s.exact.structure,
+                points,
+                configuration=s.exact.configuration,
+                neighbourhood=DECLARED,
             )
         return envelopes

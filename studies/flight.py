@@ -21,7 +21,15 @@ from wingwatch.monitor import AlertView, Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.chain import STRUCTURES_WATCHED
 from wingwatch.monitor.comparison import Coordinates, change_since
 from wingwatch.monitor.judge import BlockView, ModeBlock
-from wingwatch.simulation import EFFECTS, Effect, FleetSimulation, Scenario, TurbulenceOnset, linearise, patrol
+from wingwatch.simulation import (
+    EFFECTS,
+    Effect,
+    FleetSimulation,
+    Scenario,
+    TurbulenceOnset,
+    linearise,
+    patrol,
+)
 from wingwatch.simulation.sensor_errors import SIMULATED
 from wingwatch.studies.drawn_icing import drawn_icing
 from wingwatch.studies.expectation import Expectations
@@ -75,9 +83,7 @@ def _noisier(aircraft: Aircraft, scale: float) -> Aircraft:
     if scale == 1.0:
         return aircraft
     noise = {column: scale * std for column, std in aircraft.sensors.noise_std.items()}
-    return aircraft.model_copy(
-        update={"sensors": aircraft.sensors.model_copy(update={"noise_std": noise})}
-    )
+    return aircraft.model_copy(update={"sensors": aircraft.sensors.model_copy(update={"noise_std": noise})})
 
 
 def _effects(plan: FlightPlan) -> tuple[Effect, ...]:
@@ -107,7 +113,10 @@ class _Watch:
 
     def __init__(self, plan: FlightPlan, aircraft: Aircraft, expectations: Expectations) -> None:
         self.plan, self.aircraft = plan, aircraft
-        left_out = (*(_VANES if plan.sensors == "no_vanes" else ()), *(_POSITIONS if plan.surfaces == "commands" else ()))
+        left_out = (
+            *(_VANES if plan.sensors == "no_vanes" else ()),
+            *(_POSITIONS if plan.surfaces == "commands" else ()),
+        )
         self._given = tuple(c for c in SIMULATED if c not in left_out)
         self._left_out = [CHANNEL_INDEX[c] for c in left_out]
         drawn = plan.expectation == "drawn"
@@ -409,7 +418,10 @@ def _truth(watch: _Watch) -> dict[str, Any]:
     if change is None or plan.onset_s is None:
         return found
     parts = [
-        (end_s, 0.5 * _mean_square_share(plan, end_s, monitor.judge.config.block_s) * float(d @ information @ d))
+        (
+            end_s,
+            0.5 * _mean_square_share(plan, end_s, monitor.judge.config.block_s) * float(d @ information @ d),
+        )
         for end_s, name, information in watch.heard.information
         if (d := change.get(name)) is not None and end_s > plan.onset_s
     ]

@@ -55,6 +55,9 @@ _EFFECTS_OF: Mapping[Kind, tuple[str, ...]] = {
     "healthy": ("sensor_bias", "sensor_scale", "sensor_delay", "airspeed_error", "vane_upwash"),
 }  # fmt: skip
 
+_OF_A_TYPE = set("[(")
+"""Characters in those parts of a validation's place that are no keys."""
+
 _LEAST_AFTER_ONSET_S = 10.0
 """One block of the monitor."""
 
@@ -74,7 +77,9 @@ class Range(BaseModel):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low <= self.high):
-            raise ValueError(f"low is {self.low:g} and high is {self.high:g}; give two finite numbers in order")
+            raise ValueError(
+                f"low is {self.low:g} and high is {self.high:g}; give two finite numbers in order"
+            )
         return self
 
 
@@ -83,14 +88,24 @@ def _weighted(given: Any) -> Any:
         return {given: 1.0}
     if isinstance(given, list) and all(isinstance(name, str) for name in given):
         return {name: float(given.count(name)) for name in given}
+    if not isinstance(given, dict):
+        raise ValueError(
+            f"{given!r} is not understood; write a word, a list of words, or words with their weights"
+        )
     return given
 
 
 def _numbers(given: Any) -> Any:
-    return [given] if isinstance(given, int | float) else given
+    if isinstance(given, list | dict | Range):
+        return given
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        raise ValueError(f"{given!r} is no number; write one, a list, or {{ low = ..., high = ... }}")
+    return [given]
 
 
-Choices = Annotated[dict[str, Annotated[float, Field(gt=0.0)]], BeforeValidator(_weighted), Field(min_length=1)]
+Choices = Annotated[
+    dict[str, Annotated[float, Field(gt=0.0)]], BeforeValidator(_weighted), Field(min_length=1)
+]
 Numbers = Annotated[
     Range | Annotated[list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=1)],
     BeforeValidator(_numbers),
@@ -174,9 +189,16 @@ class Grid(BaseModel):
                     f"excitation {excitation!r} is flown on route {route!r} only, which the grid leaves out; "
                     "add that route or leave that excitation out"
                 )
-        for key, least in (("excitation_period_s", 5.0), ("noise_scale", 0.0), ("onset_s", 0.0), ("ramp_s", 0.0)):
+        for key, least in (
+            ("excitation_period_s", 5.0),
+            ("noise_scale", 0.0),
+            ("onset_s", 0.0),
+            ("ramp_s", 0.0),
+        ):
             if bounds(getattr(self, key))[0] < least:
-                raise ValueError(f"{key} reaches {bounds(getattr(self, key))[0]:g}; give numbers from {least:g}")
+                raise ValueError(
+                    f"{key} reaches {bounds(getattr(self, key))[0]:g}; give numbers from {least:g}"
+                )
         latest = bounds(self.onset_s)[1]
         if self.effects and latest > self.seconds - _LEAST_AFTER_ONSET_S:
             raise ValueError(
@@ -229,9 +251,10 @@ def checked_grid(kind: Kind, keys: Mapping[str, Any], where: str) -> Grid:
 
 
 def _first(error: ValidationError) -> str:
-    """The first of a validation's problems as a clause."""
-    first = error.errors()[0]
-    place = ".".join(str(part) for part in first["loc"] if part not in ("Range", "list[constrained-float]"))
+    """The first of a validation's problems as a clause; an unknown key explains what misses beside it."""
+    problems = sorted(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+    first = problems[0]
+    place = ".".join(str(part) for part in first["loc"] if not _OF_A_TYPE & set(str(part)))
     if first["type"] == "extra_forbidden":
         known = Effects.model_fields if place.startswith("effects.") else Grid.model_fields
         return f"unknown key {place!r}; known are {', '.join(known)}"

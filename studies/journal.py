@@ -12,11 +12,27 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from wingwatch.studies.grid import StudyError
-from wingwatch.studies.table import StudySettings, rows_table, write_atomically, write_study
+from wingwatch.studies.table import StudySettings, read_settings, rows_table, write_atomically, write_study
 
-__all__ = ["Journal"]
+__all__ = ["Journal", "settings_of"]
 
 _SETTINGS = "study.json"
+
+
+def _folder(out: Path) -> Path:
+    return out.with_name(f"{out.name}.parts")
+
+
+def settings_of(out: Path) -> StudySettings:
+    """The settings of a study, finished or not.
+
+    Raises:
+        StudyError, OSError: as ``read_settings``.
+    """
+    unfinished = _folder(out) / _SETTINGS
+    if not out.exists() and unfinished.exists():
+        return StudySettings.from_json(unfinished.read_text(encoding="utf-8"), str(unfinished))
+    return read_settings(out)
 
 
 class Journal:
@@ -33,7 +49,7 @@ class Journal:
 
     def __init__(self, out: Path, settings: StudySettings, *, resume: bool) -> None:
         self._out, self._settings = out, settings
-        self.folder = out.with_name(f"{out.name}.parts")
+        self.folder = _folder(out)
         if out.suffix.lower() != ".parquet":
             raise StudyError(f"{out}: a study is written as Parquet; end its name in .parquet")
         if not out.parent.is_dir():
@@ -54,9 +70,11 @@ class Journal:
             self.folder.mkdir()
         except OSError as error:
             raise StudyError(f"{self.folder} cannot be created ({(error.strerror or '').lower()})") from None
-        write_atomically(
-            self.folder / _SETTINGS, lambda path: path.write_text(self._settings.as_json(), encoding="utf-8")
-        )
+
+        def write(path: Path) -> None:
+            path.write_text(self._settings.as_json(), encoding="utf-8")
+
+        write_atomically(self.folder / _SETTINGS, write)
 
     def _text(self) -> str:
         try:
@@ -119,4 +137,3 @@ class Journal:
 
     def _table(self, index: int) -> Any:
         return pq.read_table(self._part(index))
-

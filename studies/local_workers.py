@@ -83,7 +83,9 @@ class LocalWorkers:
         """Keep every worker busy with one task more than it flies."""
         while waiting and len(under_way) < 2 * self._workers:
             alone = attempts.get(waiting[0].index, 0) >= _MOST_ATTEMPTS - 1
-            if under_way and (alone or any(attempts.get(t.index, 0) >= _MOST_ATTEMPTS - 1 for t in under_way.values())):
+            if under_way and (
+                alone or any(attempts.get(t.index, 0) >= _MOST_ATTEMPTS - 1 for t in under_way.values())
+            ):
                 return
             under_way[pool.submit(fly_task, waiting[0])] = waiting[0]
             waiting.popleft()

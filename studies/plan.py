@@ -7,7 +7,6 @@ were: two studies that differ in one key fly the same flights in all else.
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 import orjson
