@@ -162,9 +162,9 @@ class _Watch:
         if monitor.last_verdict is not None:
             heard.evidence.append((block.end_s, monitor.last_verdict.log_statistic))
         for name, mode in block.modes.items():
-            scores = heard.scores.setdefault(name, [])
-            if len(scores) < MOST_SCORED_BLOCKS:
-                scores.append([block.end_s, *self._score(mode)])
+            scores, score = heard.scores.setdefault(name, []), self._score(mode)
+            if len(scores) < MOST_SCORED_BLOCKS and np.isfinite(score).all():
+                scores.append([block.end_s, *score])
         for solution in report.solutions:
             for name, mode_solution in solution.modes.items():
                 if name in block.modes and mode_solution.gained is not None:

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
 
 from wingwatch.studies.run import Answer, Task, fly_task
@@ -87,13 +88,23 @@ class LocalWorkers:
                 alone or any(attempts.get(t.index, 0) >= _MOST_ATTEMPTS - 1 for t in under_way.values())
             ):
                 return
-            under_way[pool.submit(fly_task, waiting[0])] = waiting[0]
+            with _deaf_to_ctrl_c():
+                under_way[pool.submit(fly_task, waiting[0])] = waiting[0]
             waiting.popleft()
 
 
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Processes started inside never get SIGINT, not even while they load: the client ends them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _set_up(lifeline: Connection) -> None:
-    """In a worker: leave Ctrl-C to the client, and end when the client closes the line or is no more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """In a worker: end when the client closes the line or is no more."""
     threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
 
 
