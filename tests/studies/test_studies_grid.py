@@ -1,5 +1,6 @@
 """The grid file: defaults, words with weights, and refusals in one sentence."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,5 @@ def test_an_aircraft_that_cannot_be_flown_so_is_refused(tmp_path: Path, text: st
     path = tmp_path / "grid.toml"
     path.write_text(text, encoding="utf-8")
     grid = load_grid("icing", path)
-    with pytest.raises(StudyError, match=".") as refused:
+    with pytest.raises(StudyError, match=re.escape(said)):
         load_fleet(grid)
-    assert said in str(refused.value)
