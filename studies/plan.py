@@ -105,8 +105,10 @@ class _Draws:
         return np.random.default_rng([self._seed, zlib.crc32(f"{self._kind}/{what}".encode())])
 
     def word(self, what: str, choices: Mapping[str, float]) -> str:
-        weights = np.array(list(choices.values()))
-        return str(self.stream(what).choice(list(choices), p=weights / weights.sum()))
+        """The order in which the choices stand makes no difference."""
+        words = sorted(choices)
+        weights = np.array([choices[word] for word in words])
+        return str(self.stream(what).choice(words, p=weights / weights.sum()))
 
     def number(self, what: str, numbers: Range | list[float]) -> float:
         if isinstance(numbers, Range):

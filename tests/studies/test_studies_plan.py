@@ -42,6 +42,14 @@ def test_another_choice_of_one_quantity_leaves_the_others(tmp_path: Path) -> Non
     assert changed == {"turbulence", "air"}
 
 
+def test_the_order_of_choices_makes_no_difference() -> None:
+    grid = load_grid("icing", None)
+    turned = {
+        name: dict(reversed(list(getattr(grid, name).items()))) for name in ("turbulence", "excitation")
+    }
+    assert plans("icing", grid.model_copy(update=turned), 30) == plans("icing", grid, 30)
+
+
 def test_every_word_of_the_default_grids_is_drawn_and_can_be_flown() -> None:
     for kind in ("icing", "damage", "healthy"):
         grid = load_grid(kind, None)
