@@ -57,7 +57,8 @@ class DaskWorkers:
 
     def _done(self, futures: list[Any]) -> list[Any]:
         try:
-            self._distributed.wait(futures, timeout=_LOOK_S, return_when="FIRST_COMPLETED")
+            with self._client.as_current():
+                self._distributed.wait(futures, timeout=_LOOK_S, return_when="FIRST_COMPLETED")
         except TimeoutError:
             return []
         return [future for future in futures if future.done()]
