@@ -130,7 +130,7 @@ class _Lines:
 
 
 def _line(progress: Progress) -> str:
-    left = "" if progress.left_s is None else f", {_duration(progress.left_s)} left"
+    left = f", {_duration(progress.left_s)} left" if progress.left_s else ""
     return f"{progress.done} of {progress.flights} flights{left}: {progress.text}"
 
 
