@@ -64,6 +64,7 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_condition(commands)
     _add_diagnose(commands)
     _add_design_input(commands)
+    _add_study(commands)
     return parser
 
 
@@ -287,6 +288,87 @@ def _add_diagnose(commands: "_Commands[_Parser]") -> None:
         metavar="OUT.toml",
         help="write the extended aircraft file; nothing where none is offered",
     )
+
+
+_STUDY_EXAMPLES = """\
+wingwatch study icing --out icing.parquet
+  wingwatch study icing --out icing.parquet --resume
+  wingwatch study damage --config own_aircraft.toml --flights 500 --out damage.parquet
+  wingwatch study healthy --hours 300 --scheduler tcp://10.0.0.5:8786 --out healthy.parquet
+  wingwatch study icing --show-config > grid.toml
+  wingwatch study replay icing.parquet --seed 17 --out flight.parquet"""
+
+_STUDIES = {
+    "icing": "from which severity on ice is noticed: drawn flights with ice, simulated and watched, one row each",
+    "damage": "what damage is noticed, how soon and under which name: drawn flights, one row each",
+    "healthy": "how often an alert is false: flights without any fault and with faulty sensors, one row each",
+}
+
+
+def _add_study(commands: "_Commands[_Parser]") -> None:
+    does = "how good the monitor's decisions are: thousands of simulated flights whose truth is known"
+    parser = commands.add_parser(
+        "study",
+        help=does,
+        description=f"{does[0].upper()}{does[1:]}.",
+        epilog=f"examples:\n  {_STUDY_EXAMPLES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    studies = parser.add_subparsers(dest="study", metavar="STUDY", required=True, parser_class=_Parser)
+    for kind, what in _STUDIES.items():
+        _add_study_of(studies, kind, what)
+    _add_study_replay(studies)
+
+
+def _add_study_of(studies: "_Commands[_Parser]", kind: str, what: str) -> None:
+    example = f"wingwatch study {kind} --out {kind}.parquet"
+    add = _command(studies, kind, what, f"{example}\n  {example} --resume").add_argument
+    add(
+        "--out",
+        type=Path,
+        metavar="STUDY.parquet",
+        help="table to write; what is unfinished stays in STUDY.parquet.parts",
+    )
+    add("--config", type=Path, metavar="GRID.toml", help="what is drawn, in place of the default grid's keys")
+    add(
+        "--show-config",
+        action="store_true",
+        help="write the default grid to standard output, and fly nothing",
+    )
+    add("--flights", type=int, metavar="N", help="how many (default: the grid's)")
+    add("--hours", type=float, metavar="H", help="as many flights as take H hours, in place of --flights")
+    add(
+        "--seed",
+        type=int,
+        default=0,
+        help="of the first flight; the others follow one by one (default: %(default)s)",
+    )
+    add("--workers", type=int, metavar="N", help="processes of this machine (default: one a core)")
+    add(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="have a Dask cluster fly, such as tcp://127.0.0.1:8786, in place of this machine",
+    )
+    add("--resume", action="store_true", help="go on with the unfinished study of the same settings")
+
+
+def _add_study_replay(studies: "_Commands[_Parser]") -> None:
+    parser = _command(
+        studies,
+        "replay",
+        "one flight of a study, flown again: its plan, its row, and if wanted the flight itself",
+        "wingwatch study replay icing.parquet --seed 17 --out flight.parquet",
+    )
+    add = parser.add_argument
+    add(
+        "table",
+        type=Path,
+        metavar="STUDY.parquet",
+        help="the study, finished or not; it says what was drawn from",
+    )
+    add("--seed", type=int, required=True, help="of the flight")
+    add("--out", type=Path, metavar="FLIGHT", help="flight table to write (.csv or .parquet)")
 
 
 _DESIGN_EXAMPLES = """\

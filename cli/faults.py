@@ -41,6 +41,7 @@ def _loaded_sentence_types() -> tuple[type[BaseException], ...]:
         "wingwatch.telemetry.zenoh_link": ("LinkError",),
         "wingwatch.baselines.connection": ("DatabaseError",),
         "wingwatch.diagnosis.measured": ("DiagnosisError",),
+        "wingwatch.studies.grid": ("StudyError",),
         "wingwatch.api.server": ("AddressError",),
     }
     return tuple(

@@ -40,7 +40,8 @@ __all__ = ["Chain", "ChainState", "Solution", "STRUCTURES_WATCHED", "nominal_con
 
 Array = NDArray[np.float64]
 
-STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, DUTCH_ROLL, LATERAL)
+STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, LATERAL, DUTCH_ROLL)
+"""The Dutch roll stands in for the lateral structure, which holds it, where that cannot be estimated."""
 
 SOLUTION_INTERVAL_S = 0.5
 """Thesis 9.2: least squares at 2 Hz."""
@@ -114,6 +115,9 @@ class Chain:
         self._air = AirWatch(aircraft)
         pairs: list[Pair] = []
         for structure in STRUCTURES_WATCHED:
+            if structure is DUTCH_ROLL and LATERAL.name in self.envelopes:
+                self.absent[structure.name] = "part of the lateral structure"
+                continue
             missing = missing_for(structure, present)
             if missing:
                 self.absent[structure.name] = f"missing {', '.join(missing)}"

@@ -22,7 +22,7 @@ from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
 from wingwatch.monitor.comparison import Coordinates, natural_size
-from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock
+from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock, Verdict
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
@@ -60,6 +60,8 @@ class _Memory:
     """What the vehicle remembers beside its parts' own states."""
 
     latest: Solution | None = None
+    block: BlockView | None = None
+    verdict: Verdict | None = None
     observable_s: float = 0.0
     state: VehicleState = VehicleState.UNKNOWN
     state_since_s: float | None = None
@@ -138,6 +140,16 @@ class VehicleMonitor:
     def air(self) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
         return self.chain.air(self._chain_state)
+
+    @property
+    def last_block(self) -> BlockView | None:
+        """The latest block that was compared."""
+        return self._memory.block
+
+    @property
+    def last_verdict(self) -> Verdict | None:
+        """What the test said after it; None while there is nothing to compare with."""
+        return self._memory.verdict
 
     @property
     def last_sample_time_s(self) -> float | None:
@@ -225,6 +237,7 @@ class VehicleMonitor:
             return None
         block = BlockView(fresh[0].block.end_s, condition, modes)
         verdict = self.judge.consider(self._judge_state, block, self.book.onset_s)
+        self._memory.block, self._memory.verdict = block, verdict
         return self.book.follow(
             self.judge, self._judge_state, verdict, condition, solution.time_s, self.basis or "a-priori"
         )

@@ -24,7 +24,7 @@ from typing import ClassVar
 from wingwatch.aircraft import ICING_FACTORS, ICING_SEVERITY_MAX
 from wingwatch.simulation.effects.effect import Effect, Parameters
 
-__all__ = ["Icing"]
+__all__ = ["LINEAR_FACTORS", "NONLINEAR_SHARES", "Icing"]
 
 _BEHIND: Mapping[str, str] = {
     "CL_zero": "CZ0", "CL_alpha": "CZalpha", "CL_q": "CZq", "CL_elevator": "CZde", "CD_min": "CX0",
@@ -35,11 +35,12 @@ _BEHIND: Mapping[str, str] = {
 }  # fmt: skip
 """Published coefficient behind each of the aircraft file's."""
 
-_LINEAR: Mapping[str, Mapping[str, float]] = {
+LINEAR_FACTORS: Mapping[str, Mapping[str, float]] = {
     str(kind): {ours: published[theirs] for ours, theirs in _BEHIND.items()}
     for kind, published in ICING_FACTORS.items()
 }
-_NONLINEAR: Mapping[str, Mapping[str, float]] = {
+"""What a severity of 1 adds to the ratio of each coefficient to the clean one."""
+NONLINEAR_SHARES: Mapping[str, Mapping[str, float]] = {
     "nonlinear": {"ice_wing": 1.0, "ice_tail": 1.0},
     "nonlinear_wing": {"ice_wing": 1.0},
     "nonlinear_tail": {"ice_tail": 1.0},
@@ -60,13 +61,13 @@ class Icing(Effect):
     name: ClassVar[str] = "icing"
     size_max: ClassVar[float] = ICING_SEVERITY_MAX
     size_meaning: ClassVar[str] = "the severity eta"
-    targets: ClassVar[tuple[str, ...]] = (*_LINEAR, *_NONLINEAR)
+    targets: ClassVar[tuple[str, ...]] = (*LINEAR_FACTORS, *NONLINEAR_SHARES)
     target_default: ClassVar[str] = "all"
 
     def apply(self, parameters: Parameters, severity: float) -> None:
         """Each coefficient times 1 + severity k', or the severities of the non-linear model."""
-        if self.target in _LINEAR:
-            parameters.scale(_LINEAR[self.target], severity)
+        if self.target in LINEAR_FACTORS:
+            parameters.scale(LINEAR_FACTORS[self.target], severity)
         else:
-            for name, share in _NONLINEAR[self.target].items():
+            for name, share in NONLINEAR_SHARES[self.target].items():
                 parameters[name] += severity * share

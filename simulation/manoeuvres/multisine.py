@@ -9,6 +9,7 @@ import cmath
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -97,6 +98,12 @@ class Multisine:
         return tuple(out)
 
 
+@lru_cache(maxsize=256)
+def _phases_rad(harmonics: tuple[int, ...]) -> tuple[float, ...]:
+    """The search takes a second or more, and every flight of a type asks for the same."""
+    return tuple(low_peak_phases_rad(harmonics).tolist())
+
+
 def multisine(
     aircraft: Aircraft,
     amplitude_rad: float = math.radians(2.0),
@@ -131,7 +138,7 @@ def multisine(
         surfaces,
         (amplitude_rad,) * len(surfaces),
         dealt,
-        tuple(tuple(low_peak_phases_rad(ks).tolist()) for ks in dealt),
+        tuple(_phases_rad(ks) for ks in dealt),
         length_s,
         start_s,
         length_s if period_s is None else period_s,

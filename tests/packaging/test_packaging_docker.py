@@ -291,6 +291,8 @@ SERVICE_KEYS = {
     "cap_drop",
     "command",
     "depends_on",
+    "deploy",
+    "entrypoint",
     "environment",
     "healthcheck",
     "image",
@@ -312,7 +314,7 @@ def filled(text: str) -> str:
 
 def test_the_compose_file_has_the_keys_of_the_specification() -> None:
     assert set(COMPOSE) == {"name", "services", "volumes"}
-    assert set(SERVICES) == {"router", "service", "database"}
+    assert set(SERVICES) == {"router", "service", "database", "scheduler", "worker"}
     for service in SERVICES.values():
         assert set(service) <= SERVICE_KEYS
 
@@ -343,7 +345,7 @@ def test_the_service_s_image_carries_the_project_s_version_and_is_built_here() -
 
 def test_ports_open_on_this_machine_alone_unless_told_otherwise() -> None:
     ports = [filled(port) for service in SERVICES.values() for port in service.get("ports", [])]
-    assert sorted(ports) == ["127.0.0.1:7447:7447", "127.0.0.1:8000:8000"]
+    assert sorted(ports) == ["127.0.0.1:7447:7447", "127.0.0.1:8000:8000", "127.0.0.1:8786:8786"]
     assert not SERVICES["database"].get("ports")
 
 
@@ -367,9 +369,18 @@ def test_postgresql_stands_in_a_profile_that_nothing_needs() -> None:
     database = SERVICES["database"]
     assert database["profiles"] == ["postgres"]
     assert database["image"].startswith("postgres:")
-    assert [name for name, service in SERVICES.items() if service.get("profiles")] == ["database"]
+    assert SERVICES["router"].keys() & {"profiles"} == SERVICES["service"].keys() & {"profiles"} == set()
     assert SERVICES["service"]["depends_on"]["database"]["required"] is False
     assert filled(SERVICES["service"]["environment"]["WINGWATCH_DATABASE_URL"]) == ""
+
+
+def test_a_cluster_for_studies_stands_in_a_profile_of_its_own() -> None:
+    scheduler, worker = SERVICES["scheduler"], SERVICES["worker"]
+    assert scheduler["profiles"] == worker["profiles"] == ["dask"]
+    assert scheduler["image"] == worker["image"] == SERVICES["service"]["image"]
+    assert worker["entrypoint"] == ["dask", "worker", "tcp://scheduler:8786"]
+    assert worker["deploy"] == {"replicas": 2}
+    assert "--extra dask" in (ROOT / "docker" / "Dockerfile").read_text()
 
 
 def test_who_is_waited_for_says_when_it_is_healthy() -> None:

@@ -1,0 +1,103 @@
+"""Rows: what is said of a flight whose truth is known."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from study_flights import small_grid, untimed
+
+from wingwatch.studies import COLUMNS, FlightPlan, draw_plan, load_fleet
+from wingwatch.studies.flight import FlightMaker
+from wingwatch.studies.table import rows_table
+
+COMMAND = "wingwatch study replay test.parquet --seed {seed}"
+
+
+@pytest.fixture(scope="module")
+def flights(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[FlightMaker, list[FlightPlan], list[dict[str, Any]]]:
+    """Strong ice at 20 s, weak ice without vanes, no ice, and a flight that no aircraft can fly."""
+    grid = small_grid(tmp_path_factory.mktemp("grid"))
+    fleet = load_fleet(grid)
+    plan = replace(draw_plan("icing", grid, 1, fleet), target="all", severity=0.35, seconds=60.0)
+    blind = replace(plan, seed=2, sensors="no_vanes", surfaces="commands", expectation="exact")
+    healthy = replace(
+        plan, kind="healthy", seed=3, effect="", target="", severity=None, onset_s=None, ramp_s=None
+    )
+    impossible = replace(plan, seed=4, airspeed_true_m_s=5.0)
+    plans = [plan, blind, healthy, impossible]
+    maker = FlightMaker(fleet)
+    return maker, plans, maker.rows(plans, COMMAND)
+
+
+def test_rows_have_the_columns(flights: tuple[FlightMaker, list[FlightPlan], list[dict[str, Any]]]) -> None:
+    rows = flights[2]
+    assert all(list(row) == list(COLUMNS) for row in rows)
+    assert rows_table(rows).num_rows == 4
+    assert [row["seed"] for row in rows] == [1, 2, 3, 4]
+    assert rows[0]["command"] == "wingwatch study replay test.parquet --seed 1"
+
+
+def test_a_flight_is_the_same_alone_and_among_others(
+    flights: tuple[FlightMaker, list[FlightPlan], list[dict[str, Any]]],
+) -> None:
+    maker, plans, rows = flights
+    assert untimed(maker.rows(plans[:1], COMMAND)) == untimed(rows[:1])
+
+
+def test_strong_ice_is_noticed_and_its_information_counted(
+    flights: tuple[FlightMaker, list[FlightPlan], list[dict[str, Any]]],
+) -> None:
+    row = flights[2][0]
+    assert row["failed"] == ""
+    assert row["detected"]
+    assert row["delay_s"] == row["detected_s"] - 20.0
+    assert row["evidence_max"] > row["threshold"]
+    assert row["healthy_h"] == 20.0 / 3600.0
+    assert row["information"] > 10.0
+    assert row["information_rate_per_s"] > 0.0
+    assert math.isnan(row["bayes_factor_max"])
+    assert set(json.loads(row["icing_factors"])) >= {"CL_alpha", "Cm_elevator"}
+    scores = json.loads(row["block_scores"])
+    assert set(scores) == {"short_period", "lateral"}
+    assert all(len(score) == 3 and score[2] <= 15 for blocks in scores.values() for score in blocks)
+
+
+def test_without_vanes_nothing_is_compared(
+    flights: tuple[FlightMaker, list[FlightPlan], list[dict[str, Any]]],
+) -> None:
+    row = flights[2][1]
+    assert (row["failed"], row["detected"], row["observed_s"], row["block_scores"]) == ("", False, 0.0, "{}")
+    assert row["expectation_error"] == ""
+
+
+def test_a_healthy_flight_has_no_onset_and_a_bayes_factor(
+    flights: tuple[FlightMaker, list[FlightPlan], list[dict[str, Any]]],
+) -> None:
+    row = flights[2][2]
+    assert (row["failed"], row["false_alerts"], row["false_causes"]) == ("", 0, "[]")
+    assert row["healthy_h"] == 60.0 / 3600.0
+    assert 0.0 < row["bayes_factor_max"] < 100.0
+    assert math.isnan(row["onset_s"])
+    assert math.isnan(row["information"])
+
+
+def test_a_flight_that_cannot_be_flown_says_why_and_stops_no_other(
+    flights: tuple[FlightMaker, list[FlightPlan], list[dict[str, Any]]],
+) -> None:
+    row = flights[2][3]
+    assert "5 m/s" in row["failed"]
+    assert "\n" not in row["failed"]
+    assert row["flight_s"] == 0.0
+
+
+def test_a_grid_of_another_kind_of_effect_keeps_its_unit(tmp_path: Path) -> None:
+    more = "\n[[effects]]\nname = 'cg_shift'\nsize = 0.1\nin_chords = true\n"
+    grid = small_grid(tmp_path, "damage", more)
+    fleet = load_fleet(grid)
+    plan = draw_plan("damage", grid, 0, fleet)
+    assert plan.severity == pytest.approx(0.1 * fleet["aerosonde"].need_geometry("a test").mean_chord_m)
