@@ -43,6 +43,7 @@ CONDITIONS = (
 
 _CURVE_POINTS = 60
 _DELAY_POINTS = 120
+_BOUND_POINTS = 40
 _MOST_CLASSES = 10
 _FEWEST_IN_CLASS = 10
 _FRACTIONS = (0.25, 0.5, 0.75, 0.95)
@@ -105,7 +106,8 @@ class Delays:
         seconds: time by which a fraction of flights was noticed, keyed by the fraction; inf: not by the end.
         bound_s: the same of the bound of each flight, at its own information rate.
         over_bound: the median of delay over bound.
-        time_s, fraction, low, high: noticed over time with its limits; bound_fraction: by the bound.
+        time_s, fraction, low, high: noticed over time with its limits.
+        bound_time_s: by when the bound allows it for equally spaced fractions of the flights.
     """
 
     effect: str
@@ -119,7 +121,7 @@ class Delays:
     fraction: list[float]
     low: list[float]
     high: list[float]
-    bound_fraction: list[float]
+    bound_time_s: list[float]
 
 
 def condition_groups(rows: Rows, among: Flags) -> list[tuple[str, str, Flags]]:
@@ -197,7 +199,6 @@ def delays(
     times, fraction, low, high = noticed_fraction(delay, watched)
     kept = np.unique(np.linspace(0, times.size - 1, min(_DELAY_POINTS, times.size)).astype(np.intp))
     stated = bound[~np.isnan(bound)]
-    below = np.searchsorted(np.sort(stated), times[kept], side="right") / max(stated.size, 1)
     return Delays(
         effect=effect,
         by=by,
@@ -210,7 +211,7 @@ def delays(
         fraction=fraction[kept].tolist(),
         low=low[kept].tolist(),
         high=high[kept].tolist(),
-        bound_fraction=below.tolist(),
+        bound_time_s=[_quantile(stated, (k + 1) / _BOUND_POINTS) for k in range(_BOUND_POINTS)],
     )
 
 

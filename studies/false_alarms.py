@@ -68,9 +68,9 @@ class FalseAlarm:
 class OperatingCurve:
     """Detection and false alarms in one kind of air, were the threshold another.
 
-    An alert asks for more than evidence: for a clear cause, confirmed by the filter. So the alarms at a threshold are at
-    most the passages of the evidence; from the monitor's own threshold on they are at most the alarms that it gave and
-    whose evidence passed. Both axes are bounds of that kind.
+    An alert asks for more than evidence: for a clear cause, confirmed by the filter. So the alarms at a threshold are
+    at most the passages of the evidence; from the monitor's own threshold on they are at most the alarms that it gave
+    and whose evidence passed. Both axes are bounds of that kind.
 
     Attributes:
         by, group: column and its word; both empty for all air.

@@ -37,8 +37,8 @@ class Threshold:
         group: kind of air; empty for all.
         hours: healthy time that it rests on.
         own: the monitor's; own_per_hour: its false alarms, each limit at 95 %.
-        vouched: smallest threshold whose rate of alarms (``OperatingCurve`` says which bound) is at most the allowed one at 95 % confidence; NaN where the hours are
-            too few for any.
+        vouched: smallest threshold whose rate of alarms (``OperatingCurve`` says which bound) is at most the allowed
+            one at 95 % confidence; NaN where the hours are too few for any.
         estimate, lowest: smallest threshold whose estimated rate, and whose lower limit, is at most the allowed one.
         hours_needed: healthy time without a single passage that would vouch for the allowed rate.
     """
@@ -116,7 +116,7 @@ def _threshold(rows: Rows, group: str, well: Flags) -> Threshold:
 
 
 def answers(rows: Rows, effect: str, among: Flags, found: list[Threshold]) -> list[Answer]:
-    """For all flights with an effect, for each word of each condition, and for each cell of aircraft, air, excitation."""
+    """For all flights with an effect, for each word of a condition, and for each cell of air, excitation, aircraft."""
     by_air = {t.group: t for t in found}
     airs = rows.groups("turbulence", among, ORDER["turbulence"])
     excitations = rows.groups("excitation", among, ORDER["excitation"])

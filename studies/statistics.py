@@ -160,7 +160,7 @@ def _firth(x: Array, y: Array) -> tuple[Array, Array]:
         information = x.T @ (x * (p * (1.0 - p))[:, None])
         return float(y @ eta - np.logaddexp(0.0, eta).sum() + 0.5 * np.linalg.slogdet(information)[1])
 
-    beta = np.zeros(2)
+    beta: Array = np.zeros(2)
     value = penalised(beta)
     for _ in range(_MOST_STEPS):
         p = _expit(x @ beta)
@@ -175,7 +175,7 @@ def _firth(x: Array, y: Array) -> tuple[Array, Array]:
         if np.abs(step).max() < 1e-8:
             break
     p = _expit(x @ beta)
-    return beta, np.linalg.inv(x.T @ (x * (p * (1.0 - p))[:, None]))
+    return beta, np.asarray(np.linalg.inv(x.T @ (x * (p * (1.0 - p))[:, None])), dtype=np.float64)
 
 
 def _fit_probability(curve: DetectionCurve, s: Array, y: Array) -> float:
@@ -206,15 +206,17 @@ def noticed_fraction(delays: ArrayLike, watched: ArrayLike) -> tuple[Array, Arra
     d, end = np.asarray(delays, dtype=np.float64), np.asarray(watched, dtype=np.float64)
     seen = np.isfinite(d)
     last = np.where(seen, np.where(seen, d, 0.0), end)
-    times, counts = np.unique(last[seen], return_counts=True)
+    found, counts = np.unique(last[seen], return_counts=True)
+    times: Array = found.astype(np.float64)
     if not times.size:
         return times, times, times, times
     at_risk = last.size - np.searchsorted(np.sort(last), times, side="left")
     with np.errstate(divide="ignore", invalid="ignore"):
-        left = np.cumprod(1.0 - counts / at_risk)
+        left: Array = np.cumprod(1.0 - counts / at_risk, dtype=np.float64)
         greenwood = np.cumsum(counts / (at_risk * (at_risk - counts)))
         half = _Z * np.sqrt(greenwood) / np.abs(np.log(left))
-        high, low = 1.0 - left ** np.exp(half), 1.0 - left ** np.exp(-half)
+        high: Array = 1.0 - left ** np.exp(half)
+        low: Array = 1.0 - left ** np.exp(-half)
     certain = left <= 0.0
     low[certain] = low[~certain][-1] if (~certain).any() else 0.0
     high[certain] = 1.0

@@ -66,9 +66,9 @@ def worst_flights(rows: Rows, faulty: Flags, false_alarm_interval_s: float) -> l
         over = np.where(np.isfinite(bound) & (bound > 0.0), rows.number("delay_s") / bound, np.nan)
         z = (rows.number("size") - np.abs(rows.number("severity"))) / rows.number("size_standard_error")
     said, true = rows.words("said_cause"), rows.words("effect")
-    found = []
-    for row in _most(faulty & ~seen, information):
-        found.append(_flight(rows, row, "missed", _why_missed(rows, row)))
+    found = [
+        _flight(rows, row, "missed", _why_missed(rows, row)) for row in _most(faulty & ~seen, information)
+    ]
     for row in _most(faulty & seen & np.isfinite(over), over):
         why = f"said after {rows.number('delay_s')[row]:.0f} s, the bound is {bound[row]:.1f} s"
         found.append(_flight(rows, row, "late", why))
