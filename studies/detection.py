@@ -34,7 +34,7 @@ ORDER: dict[str, tuple[str, ...]] = {
     "turbulence": ("none", "light", "moderate", "severe", "changing"),
     "excitation": ("doublet", "3211", "multisine", "autopilot", "none"),
 }
-"""Conditions whose words have an order."""
+"""Columns whose words have an order."""
 
 CONDITIONS = (
     "turbulence", "excitation", "aircraft", "target", "route", "turbulence_model", "sensors", "surfaces", "expectation"
@@ -46,6 +46,7 @@ _DELAY_POINTS = 120
 _BOUND_POINTS = 40
 _MOST_CLASSES = 10
 _FEWEST_IN_CLASS = 10
+_FEWEST_FOR_A_SIZE = 3
 _FRACTIONS = (0.25, 0.5, 0.75, 0.95)
 
 
@@ -167,7 +168,7 @@ def _classes(size: Array, seen: Flags) -> list[SizeClass]:
     """Each size that was flown, or classes of equally many flights where there are more sizes than classes."""
     order = np.argsort(size, kind="stable")
     distinct = np.unique(size)
-    if distinct.size <= _MOST_CLASSES:
+    if distinct.size <= _MOST_CLASSES and _FEWEST_FOR_A_SIZE * distinct.size <= size.size:
         parts = [np.flatnonzero(size == s) for s in distinct]
     else:
         parts = np.array_split(order, max(1, min(_MOST_CLASSES, size.size // _FEWEST_IN_CLASS)))

@@ -185,9 +185,8 @@ def _operating_curve(rows: Rows, by: str, group: str, well: Flags, faulty: Flags
     if not evidence.size or not hours.sum() > 0.0:
         return None
     own = float(np.nanmedian(rows.number("threshold")[well | faulty]))
-    low, high = max(0.0, float(np.percentile(evidence, 2))), float(np.percentile(evidence, 98))
-    highest_well = float(np.nanmax(before)) if np.isfinite(before).any() else 0.0
-    thresholds = np.linspace(min(low, own), max(high, own, highest_well) + 0.5, _CURVE_POINTS)
+    highest_well = float(np.max(before[np.isfinite(before)], initial=0.0))
+    thresholds = np.linspace(0.0, max(3.0 * own, 1.05 * highest_well), _CURVE_POINTS)
     thresholds = np.unique(np.append(thresholds, own))
     alarmed, detected = rows.number("false_alerts")[well] > 0, rows.flag("detected")[faulty]
     rates = exceedance_rates(alarm_evidence(before, alarmed, own), hours, thresholds, _PASSAGE_CONFIDENCE)

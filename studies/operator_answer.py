@@ -39,7 +39,8 @@ class Threshold:
         own: the monitor's; own_per_hour: its false alarms, each limit at 95 %.
         vouched: smallest threshold whose rate of alarms (``OperatingCurve`` says which bound) is at most the allowed
             one at 95 % confidence; NaN where the hours are too few for any.
-        estimate, lowest: smallest threshold whose estimated rate, and whose lower limit, is at most the allowed one.
+        estimate: smallest threshold whose estimated rate is at most the allowed one; NaN where the hours are fewer than
+            those in which one alarm is allowed.
         hours_needed: healthy time without a single passage that would vouch for the allowed rate.
     """
 
@@ -49,7 +50,6 @@ class Threshold:
     own_per_hour: Interval
     vouched: float
     estimate: float
-    lowest: float
     hours_needed: float
 
 
@@ -109,8 +109,7 @@ def _threshold(rows: Rows, group: str, well: Flags) -> Threshold:
         own=own,
         own_per_hour=poisson_rate(alarms, total, _CONFIDENCE),
         vouched=smallest(rates.high),
-        estimate=smallest(rates.rate),
-        lowest=smallest(rates.low),
+        estimate=smallest(rates.rate) if total * ALLOWED_PER_HOUR >= 1.0 else math.nan,
         hours_needed=-math.log(0.5 * (1.0 - _CONFIDENCE)) / ALLOWED_PER_HOUR,
     )
 

@@ -97,8 +97,11 @@ class DetectionCurve:
     def size_at(self, probability: float) -> Interval:
         """The size that is detected with a probability; the limits are where the band's edges cross it (Fieller).
 
-        A curve that does not rise beyond doubt has no limits: 0 and inf.
+        Where the whole band lies above the probability, it is the smallest size flown or less. A curve that does not
+        rise beyond doubt has no limits: 0 and inf.
         """
+        if self.probability([self.smallest, self.largest])[1].min() >= probability:
+            return Interval(self.smallest, 0.0, self.smallest)
         if self.slope <= 0.0:
             return Interval(math.inf, 0.0, math.inf)
         v, level = self.covariance, float(logit(probability))

@@ -43,11 +43,14 @@ __all__ = [
     "threshold_text",
 ]
 
+_MOST_NAMED = 5
 BAD_FIT = 0.01
 """Below this probability a curve is called one that does not fit."""
 
 ANSWER_LEGEND = (
-    "Size that is noticed with 95 % probability within 30 s of its onset, with its 95 % interval. None up to a "
+    "Size that is noticed with 95 % probability within 30 s of its onset, with its 95 % interval; not known: "
+    "the flights "
+    "do not suffice to say. None up to a "
     "size: no "
     "flown size was. A size there is 'at least' or 'at most' the one given, because the study has delays at "
     "the monitor's "
@@ -78,16 +81,18 @@ def headline(s: Summary) -> tuple[str, str]:
         return _false_alarm_text(s), ""
     overall.sort(key=lambda a: (a.effect != "icing", -a.flights))
     first = overall[0]
-    if first.size.value <= first.largest:
+    if first.size.value <= first.largest and first.size.low > 0.0:
         size = size_text(first)
         answer = (
             f"{_capital(effect_text(first.effect))} is noticed with 95 % probability within 30 s from a "
             f"{size_axis(first.effect).split(' (')[0]} of {size} on, over all conditions flown."
         )
     else:
+        known = "is" if first.size.low >= first.largest else "is surely"
         answer = (
-            f"Over all conditions flown, {effect_text(first.effect)} of no size up to {number(first.largest, 2)} is "
-            f"noticed with 95 % probability within 30 s; of the largest tenth, {100.0 * first.seen:.0f} % are."
+            f"Over all conditions flown, {effect_text(first.effect)} of no size up to "
+            f"{number(first.largest, 2)} {known} "
+            f"noticed with 95 % probability within 30 s; of the largest tenth {100.0 * first.seen:.0f} % were."
         )
     best = _best(s.answers, first.effect)
     return answer, f"{best} {_false_alarm_text(s)}".strip()
@@ -100,7 +105,7 @@ def _best(found: Sequence[Answer], effect: str) -> str:
         return ""
     a = min(cells, key=lambda a: a.size.value)
     return (
-        f"Best is {a.aircraft or 'all aircraft'} with {group_text('turbulence', a.turbulence)} and "
+        f"Seen best: {a.aircraft or 'all aircraft'} with {group_text('turbulence', a.turbulence)} and "
         f"{group_text('excitation', a.excitation)}: from {size_text(a)} on."
     )
 
@@ -145,9 +150,9 @@ def threshold_text(s: Summary) -> str:
     needed = s.thresholds[0].hours_needed
     legend = (
         f" Vouched for: the smallest threshold whose rate of false alarms is at most one in 100 h at 95 % confidence, "
-        f"which takes {needed:.0f} h without a passage; estimate and not below: the same of the rate itself and of its "
-        "lower limit. Of thresholds under the monitor's own, only passages of the evidence are known, which are more "
-        "than alarms."
+        f"which takes {needed:.0f} h without an alarm; estimate: the same of the rate itself, from 100 h on. "
+        "Of thresholds "
+        "under the monitor's own, only passages of the evidence are known, which are more than alarms."
     )
     if not known:
         hours = max(t.hours for t in s.thresholds)
@@ -199,8 +204,8 @@ def detection_caption(groups: Sequence[Detection]) -> str:
     if best is worst:
         return f"Of {best.flights} flights {percent_text(best.detected)} were detected.{fit}"
     return (
-        f"Detected most with {group_text(best.by, best.group)} ({percent_text(best.detected)}) and least with "
-        f"{group_text(worst.by, worst.group)} ({percent_text(worst.detected)}).{fit}"
+        f"Detected most with {group_text(best.by, best.group)}, {percent_text(best.detected)}, and least with "
+        f"{group_text(worst.by, worst.group)}, {percent_text(worst.detected)}.{fit}"
     )
 
 
@@ -234,9 +239,13 @@ def delay_legend(s: Summary) -> str:
 def rate_caption(rates: Sequence[Rate]) -> str:
     """The rate over all, and where it is highest beyond doubt."""
     overall = rates[0]
-    high = [r for r in rates[1:] if r.per_hour.low > overall.per_hour.high]
-    where = f" Beyond doubt above it: {listed(group_text(r.by, r.group) for r in high)}." if high else ""
-    return f"Over all {per_100_h_text(overall.per_hour)} in 100 h; dashed: one in 100 h.{where}"
+    high = [group_text(r.by, r.group) for r in rates[1:] if r.per_hour.low > overall.per_hour.high]
+    where = f" Beyond doubt above it: {_first(high)}." if high else ""
+    return (
+        f"Over all {per_100_h_text(overall.per_hour)} in 100 h; dashed: one in 100 h; where hours are few, a "
+        "bar runs out "
+        f"of the picture.{where}"
+    )
 
 
 def threshold_caption(curve: OperatingCurve) -> str:
@@ -297,7 +306,7 @@ def scatter_caption(found: Sequence[Scatter]) -> str:
     small = [s for s in found if s.ratio.low > 1.0]
     large = [s for s in found if s.ratio.high < 1.0]
     parts = [
-        f"beyond doubt {words} in {listed(dict.fromkeys(_stratum(s) for s in some))}"
+        f"beyond doubt {words} in {_first(list(dict.fromkeys(_stratum(s) for s in some)))}"
         for words, some in (("too small", small), ("too large", large))
         if some
     ]
@@ -314,8 +323,14 @@ def exceedance_caption(found: Sequence[Exceedance]) -> str:
     """Strata in which large Bayes factors come too often."""
     often = [group_text(e.by, e.group) for e in found if e.too_often]
     if often:
-        return f"Above the dashed line large Bayes factors come too often: beyond doubt in {listed(often)}."
+        return f"Above the dashed line large Bayes factors come too often: beyond doubt in {_first(often)}."
     return "Nowhere do large Bayes factors come more often than 1/c beyond doubt."
+
+
+def _first(words: Sequence[str]) -> str:
+    """The first few, and how many more."""
+    more = len(words) - _MOST_NAMED
+    return listed([*words[:_MOST_NAMED], f"{more} more"] if more > 0 else words)
 
 
 def _capital(text: str) -> str:

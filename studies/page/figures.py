@@ -26,7 +26,7 @@ __all__ = [
 
 _COLOURS = 6
 _HEIGHT_PX = 400
-_ROW_PX = 30
+_ROW_PX = 34
 _DASHES = ("solid", "dash", "dot", "dashdot")
 _SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "x")
 
@@ -133,8 +133,9 @@ def rate_figure(name: str, rates: Sequence[Rate]) -> Figure:
             "rate, 95 % interval", [_wrapped(group_text(r.by, r.group)) for r in known], values, bars, "$s1"
         ),
     ]
+    ends = [4.0, 1.5 * max(values, default=0.0)] + [300.0 * r.per_hour.high for r in known if not r.by]
     layout = {
-        "xaxis": axis_layout("false alarms per 100 h") | {"rangemode": "tozero"},
+        "xaxis": axis_layout("false alarms per 100 h") | {"range": [-0.02 * max(ends), max(ends)]},
         "yaxis": _category_axis(),
         "shapes": [_level("x", 1.0) | {"name": "one in 100 h", "showlegend": True}],
     }
@@ -205,7 +206,8 @@ def operating_figure(name: str, curves: Sequence[OperatingCurve]) -> Figure:
             | {"error_y": _errors([seen.value], [seen.low], [seen.high], colour)}
         )
     layout = {
-        "xaxis": axis_layout("false alarms per 100 h") | {"type": "log", "nticks": 6},
+        "xaxis": axis_layout("false alarms per 100 h")
+        | {"type": "log", "nticks": 6, "range": [-1.0, _top(curves)]},
         "yaxis": axis_layout("fraction detected") | {"range": [-0.03, 1.03]},
         "shapes": [_level("x", 1.0)],
     }
@@ -309,6 +311,14 @@ def _dots(
         "type": "scatter", "mode": "markers", "name": name, "y": list(y), "x": plain_numbers(x), "error_x": bars,
         "marker": {"color": colour, "size": 8, "symbol": symbol},
     }  # fmt: skip
+
+
+def _top(curves: Sequence[OperatingCurve]) -> float:
+    """Decade that ends the axis of false alarms per 100 h."""
+    rates = [
+        100.0 * r for c in curves for r in (*c.evidence_per_hour, c.own_per_hour.high) if math.isfinite(r)
+    ]
+    return max(1.0, math.log10(1.2 * max(rates, default=1.0)))
 
 
 def _level(axis: str, value: float) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from wingwatch.studies.page.texts import (
     interval_text,
     per_100_h_text,
     percent_text,
+    size_flown_text,
     size_text,
 )
 from wingwatch.studies.summary import Summary
@@ -69,10 +70,10 @@ def _answers(s: Summary) -> str:
         _title("Threshold for one false alarm in 100 h"),
         table(
             ("air", "healthy hours", "false alarms per 100 h at the monitor's own threshold", "own threshold",
-             "vouched for", "estimate", "not below"),
+             "vouched for", "estimate"),
             [
                 (group_text("turbulence" if t.group else "", t.group), number(t.hours), per_100_h_text(t.own_per_hour),
-                 *(number(x) for x in (t.own, t.vouched, t.estimate, t.lowest)))
+                 *(number(x) for x in (t.own, t.vouched, t.estimate)))
                 for t in s.thresholds
             ],
         ),
@@ -134,7 +135,7 @@ def _detection(s: Summary, pictures: Pictures) -> str:
             )
             for by, group in _pictured(mine)
         ]
-        parts += [_title(effect_text(effect)), _grid(drawn), _detection_table(mine)]
+        parts += [_title(effect_text(effect)), _grid(drawn), _folded(_detection_table(mine))]
     return section(
         "detection", "Probability of detection", *parts, paragraph(captions.DETECTION_LEGEND, "legend")
     )
@@ -153,8 +154,7 @@ def _detection_table(found: Sequence[Detection]) -> str:
     rows = []
     for d in found:
         largest = max((c.largest for c in d.classes), default=math.nan)
-        none = f"none up to {number(largest, 2)}"
-        at = [none if x.value > largest else interval_text(x) for x in (d.size_50, d.size_95)]
+        at = [size_flown_text(x, largest) for x in (d.size_50, d.size_95)]
         fit = " (the curve does not fit)" if d.fit_probability < captions.BAD_FIT else ""
         words = (group_text(d.by, d.group), str(d.flights), percent_text(d.detected), percent_text(d.within))
         rows.append((*words, at[0], at[1] + fit, number(d.median_information)))
@@ -173,7 +173,7 @@ def _delays(s: Summary, pictures: Pictures) -> str:
             )
             for by, group in _pictured(mine)
         ]
-        parts += [_title(effect_text(effect)), _grid(drawn), _delay_table(mine)]
+        parts += [_title(effect_text(effect)), _grid(drawn), _folded(_delay_table(mine))]
     return section("delays", "Delay", *parts, paragraph(captions.delay_legend(s), "legend"))
 
 
@@ -224,7 +224,7 @@ def _false_alarms(s: Summary, pictures: Pictures) -> str:
         "false-alarms",
         "False alarms",
         pictures.place(rate_figure("rates", s.false_alarm_rates), captions.rate_caption(s.false_alarm_rates)),
-        table(("flights", "how many", "healthy hours", "false alarms", "per 100 h"), rows),
+        _folded(table(("flights", "how many", "healthy hours", "false alarms", "per 100 h"), rows)),
         paragraph(captions.RATE_LEGEND, "legend"),
         _title("Every one of them") + listing if listing else "",
         paragraph(f"and {more} more, which the JSON lists", "legend") if more > 0 else "",
@@ -274,7 +274,7 @@ def _sizes(s: Summary, pictures: Pictures) -> str:
     ]  # fmt: skip
     head = ("effect", "flights", "how many", "truth in the stated 95 % interval", "median error", "rms error",
             "rms error over stated")  # fmt: skip
-    return section("sizes", "Estimated against true size", _grid(drawn), table(head, rows))
+    return section("sizes", "Estimated against true size", _grid(drawn), _folded(table(head, rows)))
 
 
 def _confusion(s: Summary, pictures: Pictures) -> str:
@@ -321,21 +321,21 @@ def _calibration(s: Summary, pictures: Pictures) -> str:
     if s.block_scatter:
         parts += [
             pictures.place(scatter_figure("scatter", s.block_scatter), captions.scatter_caption(s.block_scatter)),
-            table(
+            _folded(table(
                 ("structure", "flights", "how many", "blocks", "chi-square per degree of freedom"),
                 [
                     (x.structure.replace("_", " "), group_text(x.by, x.group), str(x.flights), str(x.blocks),
                      interval_text(x.ratio))
                     for x in s.block_scatter
                 ],
-            ),
+            )),
         ]  # fmt: skip
     if s.bayes_factors:
         by_air = [e for e in s.bayes_factors if e.by in ("", "turbulence")]
         factors = s.bayes_factors[0].factor
         parts += [
             pictures.place(exceedance_figure("bayes", by_air), captions.exceedance_caption(s.bayes_factors)),
-            table(
+            _folded(table(
                 ("healthy flights", "how many", *(f"> {c:g} (at most {100.0 / c:.2g} %)" for c in factors)),
                 [
                     (group_text(e.by, e.group), str(e.flights),
@@ -343,7 +343,7 @@ def _calibration(s: Summary, pictures: Pictures) -> str:
                        for f, lo, hi in zip(e.fraction, e.low, e.high, strict=True)))
                     for e in s.bayes_factors
                 ],
-            ),
+            )),
         ]  # fmt: skip
     return section("calibration", "Calibration on healthy time", *parts) if parts else ""
 
@@ -377,6 +377,11 @@ def _grid(drawn: Iterable[str]) -> str:
 
 def _title(text: str) -> str:
     return f"<h3>{escape(text)}</h3>"
+
+
+def _folded(content: str) -> str:
+    """A long table, which opens on a click."""
+    return f"<details><summary>Figures of all groups</summary>{content}</details>"
 
 
 def _details(text: str, command: str) -> str:

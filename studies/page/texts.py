@@ -15,6 +15,7 @@ __all__ = [
     "per_100_h_text",
     "percent_text",
     "size_axis",
+    "size_flown_text",
     "size_text",
 ]
 
@@ -30,7 +31,6 @@ _COLUMNS: Mapping[str, str] = {
     "turbulence": "turbulence",
     "turbulence_model": "turbulence model",
     "excitation": "excitation",
-    "target": "what is affected",
     "expectation": "errors of the expectation",
     "surfaces": "surfaces reported as",
     "sensor fault": "sensor fault",
@@ -103,13 +103,18 @@ def size_text(answer: Answer, there: bool = False) -> str:
     Args:
         there: at the threshold for one false alarm in 100 h, else at the monitor's own.
     """
-    size = answer.size_at_threshold if there else answer.size
-    if math.isnan(size.value):
-        return "-"
-    low = number(size.low, 2)
-    if size.value > answer.largest:
-        beyond = f"none up to {number(answer.largest, 2)}"
-        return beyond if size.low >= answer.largest or size.low <= 0.0 else f"{beyond} (not below {low})"
-    high = number(size.high, 2) if size.high <= answer.largest else f"over {number(answer.largest, 2)}"
     relation = f"{answer.relation} " if there and answer.relation else ""
-    return f"{relation}{number(size.value, 2)} ({low} to {high})"
+    return relation + size_flown_text(answer.size_at_threshold if there else answer.size, answer.largest)
+
+
+def size_flown_text(size: Interval, largest: float) -> str:
+    """A size with its interval, as far as sizes were flown."""
+    if math.isnan(size.value) or (size.low <= 0.0 and size.high > largest):
+        return "not known"
+    end = number(largest, 2)
+    if size.low >= largest:
+        return f"none up to {end}"
+    if size.value > largest:
+        return f"over {end} (not below {number(size.low, 2)})"
+    high = number(size.high, 2) if size.high <= largest else f"over {end}"
+    return f"{number(size.value, 2)} ({number(size.low, 2)} to {high})"
