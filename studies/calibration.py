@@ -89,11 +89,11 @@ def _block_sums(rows: Rows, chosen: NDArray[np.intp]) -> dict[str, tuple[Array, 
     )
     for place, (row, text) in enumerate(rows.texts("block_scores", chosen)):
         for structure, blocks in orjson.loads(text or "{}").items():
-            used = [(c, k) for time_s, c, k in blocks if k > 0.0 and c is not None and time_s <= onset[row]]
-            chi_square, freedom, count = found[structure]
-            chi_square[place] = sum(c for c, _ in used)
-            freedom[place] = sum(k for _, k in used)
-            count[place] = len(used)
+            time_s, chi_square, freedom = np.array(blocks, dtype=np.float64).reshape(-1, 3).T
+            used = (freedom > 0.0) & (time_s <= onset[row])
+            sums = found[structure]
+            sums[0][place], sums[1][place] = chi_square[used].sum(), freedom[used].sum()
+            sums[2][place] = np.count_nonzero(used)
     return dict(found)
 
 

@@ -4,6 +4,7 @@ The study has the delay at the monitor's own threshold only. At a higher one, fl
 bound what is seen in time from above, so the size is "at least"; at a lower one the size is "at most".
 """
 
+import bisect
 import math
 from dataclasses import dataclass
 from typing import Literal
@@ -24,7 +25,6 @@ PROBABILITY = 0.95
 WITHIN_S = 30.0
 ALLOWED_PER_HOUR = 0.01
 
-_MOST_STEPS = 2000
 _CONFIDENCE = 0.90
 """Two-sided, so that each limit holds at 95 %."""
 
@@ -94,12 +94,16 @@ def _threshold(rows: Rows, group: str, well: Flags) -> Threshold:
         rows.number("evidence_max_before")[well], rows.number("false_alerts")[well] > 0, own
     )
     found = peaks[np.isfinite(peaks)]
-    steps = np.unique(np.concatenate([np.nextafter(np.sort(found)[-_MOST_STEPS:], np.inf), [0.0, own]]))
-    rates = exceedance_rates(peaks, hours, steps, _CONFIDENCE)
+    steps = np.unique(np.concatenate([np.nextafter(found, np.inf), [0.0, own]]))
 
-    def smallest(rate: Array) -> float:
-        fit = np.flatnonzero(rate <= ALLOWED_PER_HOUR)
-        return float(steps[fit[0]]) if fit.size else math.nan
+    def smallest(limit: Literal["rate", "high"]) -> float:
+        def fits(step: float) -> bool:
+            return bool(
+                getattr(exceedance_rates(peaks, hours, [step], _CONFIDENCE), limit)[0] <= ALLOWED_PER_HOUR
+            )
+
+        place = bisect.bisect_left(steps.tolist(), True, key=fits)
+        return float(steps[place]) if place < steps.size else math.nan
 
     total = float(hours.sum())
     alarms = float(np.nansum(rows.number("false_alerts")[well]))
@@ -108,8 +112,8 @@ def _threshold(rows: Rows, group: str, well: Flags) -> Threshold:
         hours=total,
         own=own,
         own_per_hour=poisson_rate(alarms, total, _CONFIDENCE),
-        vouched=smallest(rates.high),
-        estimate=smallest(rates.rate) if total * ALLOWED_PER_HOUR >= 1.0 else math.nan,
+        vouched=smallest("high"),
+        estimate=smallest("rate") if total * ALLOWED_PER_HOUR >= 1.0 else math.nan,
         hours_needed=-math.log(0.5 * (1.0 - _CONFIDENCE)) / ALLOWED_PER_HOUR,
     )
 

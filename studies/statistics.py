@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import expit, logit
+from scipy.special import expit, gammainccinv, gammaincinv, logit
 from scipy.stats import chi2, norm
 
 __all__ = [
@@ -62,10 +62,8 @@ def poisson_rate(events: float, exposure: float, confidence: float = 0.95) -> In
     if exposure <= 0.0:
         return UNKNOWN
     tail = 0.5 * (1.0 - confidence)
-    low = 0.5 * float(chi2.ppf(tail, 2.0 * events)) if events > 0 else 0.0
-    return Interval(
-        events / exposure, low / exposure, 0.5 * float(chi2.isf(tail, 2.0 * events + 2.0)) / exposure
-    )
+    low = float(gammaincinv(events, tail)) if events > 0 else 0.0
+    return Interval(events / exposure, low / exposure, float(gammainccinv(events + 1.0, tail)) / exposure)
 
 
 @dataclass(frozen=True, slots=True)
