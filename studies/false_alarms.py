@@ -143,7 +143,7 @@ def every_false_alarm(rows: Rows, well: Flags, sensor_faults: Flags) -> list[Fal
 
 def _alarm(rows: Rows, row: int, time_s: float, kind: str, cause: str) -> FalseAlarm:
     onset = rows.number("onset_s")[row]
-    before = not time_s > onset
+    before = not time_s >= onset
     sensor_fault = rows.text("effect", row) if rows.text("kind", row) == "healthy" and not before else ""
     return FalseAlarm(
         seed=int(rows.number("seed")[row]),

@@ -28,12 +28,14 @@ class Confusion:
 
     Attributes:
         effect: true one; ``nothing`` for healthy flights.
+        well: whether the aircraft is, as in healthy flights and under faults of sensors.
         said: number of flights by cause, ``unknown`` and ``nothing`` among them.
-        named: fraction of the flights of which something was said that were named rightly; of healthy flights the
-            fraction of which nothing was said.
+        named: fraction of the flights of which something was said that were named rightly; where the aircraft is
+            well, the fraction of which nothing was said.
     """
 
     effect: str
+    well: bool
     flights: int
     said: dict[str, int]
     named: Interval
@@ -72,7 +74,7 @@ def confusion(rows: Rows, faulty: Flags, healthy: Flags, sensor_faults: Flags) -
         counts = Counter(said[chosen].tolist())
         something = int(chosen.sum()) - counts[NOTHING]
         found.append(
-            Confusion(effect, int(chosen.sum()), _ordered(counts), wilson(counts[effect], something))
+            Confusion(effect, False, int(chosen.sum()), _ordered(counts), wilson(counts[effect], something))
         )
     for effect, chosen in rows.groups("effect", sensor_faults).items():
         counts = Counter(said[chosen].tolist())
@@ -84,7 +86,7 @@ def confusion(rows: Rows, faulty: Flags, healthy: Flags, sensor_faults: Flags) -
 
 def _quiet(effect: str, counts: Counter[str]) -> Confusion:
     """Flights of a healthy aircraft: saying nothing is right."""
-    return Confusion(effect, counts.total(), _ordered(counts), wilson(counts[NOTHING], counts.total()))
+    return Confusion(effect, True, counts.total(), _ordered(counts), wilson(counts[NOTHING], counts.total()))
 
 
 def _first_causes(rows: Rows, healthy: Flags) -> Counter[str]:

@@ -36,7 +36,7 @@ class Threshold:
     Attributes:
         group: kind of air; empty for all.
         hours: healthy time that it rests on.
-        own: the monitor's; own_per_hour: its false alarms, each limit at 95 %.
+        own: the monitor's; own_per_hour: its false alarms.
         vouched: smallest threshold whose rate of alarms (``OperatingCurve`` says which bound) is at most the allowed
             one at 95 % confidence; NaN where the hours are too few for any.
         estimate: smallest threshold whose estimated rate is at most the allowed one; NaN where the hours are fewer than
@@ -111,7 +111,7 @@ def _threshold(rows: Rows, group: str, well: Flags) -> Threshold:
         group=group,
         hours=total,
         own=own,
-        own_per_hour=poisson_rate(alarms, total, _CONFIDENCE),
+        own_per_hour=poisson_rate(alarms, total),
         vouched=smallest("high"),
         estimate=smallest("rate") if total * ALLOWED_PER_HOUR >= 1.0 else math.nan,
         hours_needed=-math.log(0.5 * (1.0 - _CONFIDENCE)) / ALLOWED_PER_HOUR,

@@ -34,7 +34,7 @@ class Flown:
 
     Attributes:
         flights: rows; failed, faulty, healthy, sensor_fault: of them.
-        hours: simulated flight; healthy_hours: of it before any onset, sensors not at fault.
+        hours: simulated flight; healthy_hours: of it before any onset.
         observed_fraction: of the time, in which at least one structure was observable.
         processor_h: that it took.
     """
@@ -101,9 +101,9 @@ def summarise(columns: pa.Table | Mapping[str, Any]) -> Summary:
     no_effect = rows.words("effect") == ""
     sensor_faults = flew & ~no_effect & (rows.words("kind") == "healthy")
     faulty = flew & ~no_effect & ~sensor_faults
-    well = flew & ~sensor_faults & (rows.number("healthy_h") > 0.0)
+    well = flew & (rows.number("healthy_h") > 0.0)
     healthy = flew & no_effect
-    rates = false_alarm_rates(rows, well | _before_onset(rows, sensor_faults), sensor_faults)
+    rates = false_alarm_rates(rows, well, sensor_faults)
     interval_s = 3600.0 / rates[0].per_hour.high if rates[0].per_hour.high > 0.0 else math.nan
     found = thresholds(rows, well)
     detections, answered, late = [], [], []
@@ -133,10 +133,6 @@ def summarise(columns: pa.Table | Mapping[str, Any]) -> Summary:
             for row in np.flatnonzero(~flew)[:_MOST_FAILED].tolist()
         ],
     )
-
-
-def _before_onset(rows: Rows, sensor_faults: Flags) -> Flags:
-    return sensor_faults & (rows.number("healthy_h") > 0.0)
 
 
 def _flown(

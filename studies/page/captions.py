@@ -27,7 +27,9 @@ __all__ = [
     "OPERATING_CAPTION",
     "RATE_LEGEND",
     "about",
+    "answer_caption",
     "answer_title",
+    "condition_text",
     "confusion_caption",
     "delay_caption",
     "delay_legend",
@@ -103,7 +105,7 @@ def _best(found: Sequence[Answer], effect: str) -> str:
     cells = [a for a in found if a.effect == effect and a.turbulence and a.excitation and _certain(a)]
     if not cells:
         return ""
-    a = min(cells, key=lambda a: a.size.value)
+    a = min(cells, key=lambda a: a.size.high)
     return (
         f"Seen best: {a.aircraft or 'all aircraft'} with {group_text('turbulence', a.turbulence)} and "
         f"{group_text('excitation', a.excitation)}: from {size_text(a)} on."
@@ -121,7 +123,7 @@ def _false_alarm_text(s: Summary) -> str:
     alarms = (
         f"{rate.alarms} false alarm{'' if rate.alarms == 1 else 's'}" if rate.alarms else "No false alarm"
     )
-    return f"{alarms} in {number(rate.hours)} h of healthy flight: {per_100_h_text(rate.per_hour)} in 100 h."
+    return f"{alarms} in {number(rate.hours)} h of healthy flight, a rate of {per_100_h_text(rate.per_hour)} in 100 h."
 
 
 def about(s: Summary) -> str:
@@ -140,6 +142,24 @@ def about(s: Summary) -> str:
 def answer_title(effect: str) -> str:
     """Above the table of one effect."""
     return f"{_capital(effect_text(effect))}: smallest {size_axis(effect)} noticed with 95 % probability within 30 s"
+
+
+def answer_caption(rows: Sequence[Answer]) -> str:
+    """In how many conditions a size is known, and which is the smallest."""
+    certain = [a for a in rows if _certain(a)]
+    if not certain:
+        return "In none of these groups is any flown size noticed so for certain; of an empty row nothing can be said."
+    best = min(certain, key=lambda a: a.size.high)
+    return (
+        f"In {len(certain)} of {len(rows)} groups of flights a flown size is noticed so for certain, the smallest with "
+        f"{condition_text(best)}: {size_text(best)}; of an empty row nothing can be said."
+    )
+
+
+def condition_text(a: Answer) -> str:
+    """Aircraft, air and excitation of an answer."""
+    named = [("aircraft", a.aircraft), ("turbulence", a.turbulence), ("excitation", a.excitation)]
+    return listed(group_text(by, word) for by, word in named if word) or "all flights"
 
 
 def threshold_text(s: Summary) -> str:
@@ -183,7 +203,7 @@ def excitation_text(rows: Sequence[Answer]) -> str:
             "What excitation buys in size cannot be said: with none of them 95 % are noticed in time for certain. "
             f"Of the largest tenth of sizes are noticed in time {seen}."
         )
-    best = min(known, key=lambda a: a.size.value)
+    best = min(known, key=lambda a: a.size.high)
     text = f"Best is {group_text('excitation', best.excitation)}, from {size_text(best)} on"
     if idle is None:
         return f"{text}."
@@ -278,7 +298,7 @@ def size_caption(z: Sizes) -> str:
 
 def confusion_caption(found: Sequence[Confusion]) -> str:
     """Which effect is named best and which worst."""
-    known = [c for c in found if c.effect != "nothing" and math.isfinite(c.named.value)]
+    known = [c for c in found if not c.well and math.isfinite(c.named.value)]
     if not known:
         return "Rows: the truth; columns: what was said."
     best, worst = max(known, key=lambda c: c.named.value), min(known, key=lambda c: c.named.value)

@@ -10,9 +10,11 @@ from wingwatch.studies.calibration import Exceedance, Scatter
 from wingwatch.studies.detection import Delays, Detection
 from wingwatch.studies.false_alarms import OperatingCurve, Rate
 from wingwatch.studies.naming import Confusion, Sizes
+from wingwatch.studies.operator_answer import Answer
 from wingwatch.studies.page.texts import column_text, effect_text, group_text, size_axis
 
 __all__ = [
+    "answer_figure",
     "confusion_figure",
     "delay_figure",
     "detection_figure",
@@ -61,6 +63,32 @@ def _band(x: Sequence[float], low: Sequence[float], high: Sequence[float], colou
     }  # fmt: skip
 
 
+def answer_figure(name: str, answers: Sequence[Answer], words: Sequence[str]) -> Figure:
+    """Size that is noticed with 95 % probability within 30 s, by condition; open: no flown size is."""
+    largest = max(a.largest for a in answers)
+    known = [(word, a) for word, a in zip(words, answers, strict=True) if a.size.low > 0.0]
+    inside = [(word, a) for word, a in known if a.size.value <= a.largest]
+    beyond = [(word, a) for word, a in known if a.size.value > a.largest]
+    data = []
+    if inside:
+        values, low = [a.size.value for _, a in inside], [a.size.low for _, a in inside]
+        bars = _errors(values, low, [min(a.size.high, 1.2 * largest) for _, a in inside], "$s1")
+        rows = [_wrapped(word) for word, _ in inside]
+        data.append(_dots("95 % within 30 s, 95 % interval", rows, values, bars, "$s1"))
+    if beyond:
+        ends = [a.largest for _, a in beyond]
+        bars = _errors(ends, [min(a.size.low, a.largest) for _, a in beyond], ends, "$s2")
+        rows = [_wrapped(word) for word, _ in beyond]
+        data.append(_dots("larger than what was flown", rows, ends, bars, "$s2", "triangle-right-open"))
+    layout = {
+        "xaxis": axis_layout(size_axis(answers[0].effect)) | {"range": [0.0, 1.15 * largest]},
+        "yaxis": _category_axis()
+        | {"categoryorder": "array", "categoryarray": [_wrapped(word) for word in words][::-1]},
+    }
+    title = f"{_capital(effect_text(answers[0].effect))}: smallest size noticed in time"
+    return Figure(name, escape(title), data, layout, _rows_height(len(answers)))
+
+
 def detection_figure(name: str, groups: Sequence[Detection]) -> Figure:
     """Probability of detection against size: fitted curves with bands, and classes of flights."""
     data: list[dict[str, Any]] = []
@@ -95,6 +123,9 @@ def detection_figure(name: str, groups: Sequence[Detection]) -> Figure:
 def delay_figure(name: str, groups: Sequence[Delays]) -> Figure:
     """Fraction of flights noticed over the time since onset, beside that of the bound."""
     data: list[dict[str, Any]] = []
+    times_s = [t for g in groups for t in (*g.time_s, *g.bound_time_s) if 0.0 < t < math.inf]
+    ends = max(min(times_s, default=1.0), 0.01), max(times_s, default=100.0)
+    log_range = {"type": "log", "nticks": 8, "range": [math.log10(end) for end in ends]}
     for k, group in enumerate(groups):
         colour, words = _colour(k), _legend(group.by, group.group)
         if group.time_s:
@@ -112,7 +143,7 @@ def delay_figure(name: str, groups: Sequence[Delays]) -> Figure:
                 | {"showlegend": len(groups) == 1}
             )
     layout = {
-        "xaxis": axis_layout("time since onset, s") | {"type": "log", "nticks": 8},
+        "xaxis": axis_layout("time since onset, s") | log_range,
         "yaxis": axis_layout("fraction of flights noticed") | {"range": [-0.03, 1.03]},
         "shapes": [_level("x", 30.0)],
     }

@@ -7,11 +7,12 @@ from typing import TypeVar
 
 from wingwatch.pages.document import Pictures
 from wingwatch.pages.markup import items, paragraph, section, table
-from wingwatch.pages.texts import listed, number
+from wingwatch.pages.texts import number
 from wingwatch.studies.detection import Delays, Detection
 from wingwatch.studies.operator_answer import Answer
 from wingwatch.studies.page import captions
 from wingwatch.studies.page.figures import (
+    answer_figure,
     confusion_figure,
     delay_figure,
     detection_figure,
@@ -51,7 +52,7 @@ def sections(summary: Summary, pictures: Pictures) -> str:
     """All sections below the answer, in their order."""
     return "".join(
         [
-            _answers(summary),
+            _answers(summary, pictures),
             _detection(summary, pictures),
             _delays(summary, pictures),
             _false_alarms(summary, pictures),
@@ -65,7 +66,7 @@ def sections(summary: Summary, pictures: Pictures) -> str:
     )
 
 
-def _answers(s: Summary) -> str:
+def _answers(s: Summary, pictures: Pictures) -> str:
     parts = [
         _title("Threshold for one false alarm in 100 h"),
         table(
@@ -81,30 +82,32 @@ def _answers(s: Summary) -> str:
     ]  # fmt: skip
     for effect in _effects(s):
         rows = [a for a in s.answers if a.effect == effect]
-        parts += [_title(captions.answer_title(effect)), _answer_table(rows), _by_excitation(rows)]
-        parts.append(paragraph(captions.excitation_text(rows)))
+        single = [a for a in rows if sum(map(bool, (a.aircraft, a.turbulence, a.excitation))) <= 1]
+        picture = answer_figure(
+            f"answer-{escape(effect)}", single, [captions.condition_text(a) for a in single]
+        )
+        parts += [
+            _title(captions.answer_title(effect)),
+            pictures.place(picture, captions.answer_caption(single)),
+        ]
+        parts += [paragraph(captions.excitation_text(rows)), _answer_table(single)]
+        parts.append(_folded(_by_excitation(rows), "Each aircraft in each air by excitation"))
     if s.answers:
         parts.append(paragraph(captions.ANSWER_LEGEND, "legend"))
     return section("answer", "What an operator can count on", *parts) if s.thresholds or s.answers else ""
 
 
 def _answer_table(rows: Sequence[Answer]) -> str:
-    single = [a for a in rows if sum(map(bool, (a.aircraft, a.turbulence, a.excitation))) <= 1]
     with_threshold = any(not math.isnan(a.threshold) for a in rows)
     head = ["flights", "how many", "size at the monitor's own threshold"]
     head += ["threshold for one in 100 h", "size there"] if with_threshold else []
     head += ["of the largest tenth, seen in time"]
     body = []
-    for a in single:
-        cells = [_condition(a), str(a.flights), size_text(a)]
+    for a in rows:
+        cells = [captions.condition_text(a), str(a.flights), size_text(a)]
         cells += [number(a.threshold), size_text(a, there=True)] if with_threshold else []
         body.append([*cells, f"{100.0 * a.seen:.0f} %"])
     return table(head, body)
-
-
-def _condition(a: Answer) -> str:
-    named = [("aircraft", a.aircraft), ("turbulence", a.turbulence), ("excitation", a.excitation)]
-    return listed(group_text(by, word) for by, word in named if word) or "all flights"
 
 
 def _by_excitation(rows: Sequence[Answer]) -> str:
@@ -210,7 +213,7 @@ def _false_alarms(s: Summary, pictures: Pictures) -> str:
     ]
     listing = "".join(
         _details(
-            f"seed {a.seed}, {a.time_s:.0f} s: {a.alert_kind}, {effect_text(a.cause)}; {a.aircraft}, "
+            f"seed {a.seed}, {a.time_s:.0f} s: {effect_text(a.cause)}; {a.aircraft}, "
             f"{group_text('turbulence', a.turbulence)}, {group_text('excitation', a.excitation)}, "
             f"{group_text('route', a.route)}"
             + (f", {group_text('sensor fault', a.sensor_fault)}" if a.sensor_fault else "")
@@ -226,7 +229,7 @@ def _false_alarms(s: Summary, pictures: Pictures) -> str:
         pictures.place(rate_figure("rates", s.false_alarm_rates), captions.rate_caption(s.false_alarm_rates)),
         _folded(table(("flights", "how many", "healthy hours", "false alarms", "per 100 h"), rows)),
         paragraph(captions.RATE_LEGEND, "legend"),
-        _title("Every one of them") + listing if listing else "",
+        _title("Every false alarm") + listing if listing else "",
         paragraph(f"and {more} more, which the JSON lists", "legend") if more > 0 else "",
     )
 
@@ -379,9 +382,9 @@ def _title(text: str) -> str:
     return f"<h3>{escape(text)}</h3>"
 
 
-def _folded(content: str) -> str:
+def _folded(content: str, title: str = "Figures of all groups") -> str:
     """A long table, which opens on a click."""
-    return f"<details><summary>Figures of all groups</summary>{content}</details>"
+    return f"<details><summary>{escape(title)}</summary>{content}</details>" if content else ""
 
 
 def _details(text: str, command: str) -> str:
