@@ -1,10 +1,12 @@
 """The columns of a study's table as arrays, and groups of its rows."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 __all__ = ["Rows"]
@@ -14,16 +16,23 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 _BATCH = 2000
+_LONG = ("block_scores", "expectation_error", "icing_factors")
+"""Columns whose texts are most of a study's file."""
 
 
 class Rows:
     """A study's rows, column by column.
 
     Args:
-        columns: a pyarrow table, or an array a column; names and types are those of ``table.COLUMNS``.
+        columns: a pyarrow table, or an array a column, or the study's file, of which long texts are then never in
+            memory all at once; names and types are those of ``table.COLUMNS``.
     """
 
-    def __init__(self, columns: pa.Table | Mapping[str, Any]) -> None:
+    def __init__(self, columns: pa.Table | Mapping[str, Any] | Path) -> None:
+        self._file = columns if isinstance(columns, Path) else None
+        if isinstance(columns, Path):
+            short = [name for name in pq.read_schema(columns).names if name not in _LONG]
+            columns = pq.read_table(columns, columns=short)
         self._columns = columns if isinstance(columns, pa.Table) else pa.table(dict(columns))
         self._words: dict[str, tuple[NDArray[np.object_], NDArray[np.int64]]] = {}
         self._numbers: dict[str, Array] = {}
@@ -52,10 +61,21 @@ class Rows:
         return str(self._columns[name][int(row)].as_py() or "")
 
     def texts(self, name: str, rows: Indices) -> Iterator[tuple[int, str]]:
-        """Long texts of a column, row by row; few of them are in memory at once."""
-        for first in range(0, rows.size, _BATCH):
-            part = rows[first : first + _BATCH]
-            yield from zip(part.tolist(), self._columns[name].take(pa.array(part)).to_pylist(), strict=True)
+        """Texts of a column at rows in their order; few of them are in memory at once."""
+        last = 0
+        for batch in self._batches(name):
+            first, last = last, last + len(batch)
+            part = rows[np.searchsorted(rows, first) : np.searchsorted(rows, last)]
+            yield from zip(part.tolist(), batch.take(pa.array(part - first)).to_pylist(), strict=True)
+
+    def _batches(self, name: str) -> Iterator[pa.Array]:
+        if self._file is not None and name in _LONG:
+            with pq.ParquetFile(self._file) as file:
+                for batch in file.iter_batches(_BATCH, columns=[name], use_threads=False):
+                    yield batch.column(0)
+        else:
+            for batch in self._columns.select([name]).to_batches(_BATCH):
+                yield batch.column(0)
 
     def groups(self, name: str, among: Flags, order: Sequence[str] = ()) -> dict[str, Flags]:
         """Rows by a column's words: known ones in their order, then the others by the alphabet."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,11 +91,12 @@ class Summary:
     failed: list[FailedFlight]
 
 
-def summarise(columns: pa.Table | Mapping[str, Any]) -> Summary:
+def summarise(columns: pa.Table | Mapping[str, Any] | Path) -> Summary:
     """The summary of a study's table, or of several with the same columns, one after the other.
 
     Args:
-        columns: a pyarrow table, or an array a column, as ``table.COLUMNS`` has them.
+        columns: a pyarrow table, or an array a column, as ``table.COLUMNS`` has them; or the study's file, which takes
+            least memory.
     """
     rows = Rows(columns)
     flew = rows.words("failed") == ""

@@ -181,7 +181,7 @@ def threshold_figure(name: str, curve: OperatingCurve) -> Figure:
         _line("alerts", x, curve.detected, "$s1", legendgroup="alerts"),
         _line("evidence alone", x, curve.evidence_detected, "$s2", dash="dash", legendgroup="evidence"),
     ]
-    top = max(curve.per_hour_high + curve.evidence_per_hour)
+    top = max((r for r in curve.per_hour_high + curve.evidence_per_hour if math.isfinite(r)), default=1.0)
     low = 0.1
     rate = {"yaxis": "y2", "showlegend": False}
     data += [

@@ -2,9 +2,11 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from study_tables import Truth, drawn_table
 
@@ -193,9 +195,11 @@ def test_a_study_of_healthy_flights_alone() -> None:
     assert found.thresholds
 
 
-def test_json_and_arrays_say_the_same(summary: Summary) -> None:
+def test_file_and_arrays_say_the_same(summary: Summary, tmp_path: Path) -> None:
     text = json.dumps(as_json(summary), allow_nan=False)
     table = drawn_table(12_000, 7, TRUTH)
     arrays = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
     assert json.dumps(as_json(summarise(arrays))) == text
+    pq.write_table(table, tmp_path / "study.parquet", row_group_size=5000)
+    assert json.dumps(as_json(summarise(tmp_path / "study.parquet"))) == text
     assert json.loads(text)["delays"][0]["seconds"]["0.95"]["value"] == "inf"
