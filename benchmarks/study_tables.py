@@ -1,6 +1,7 @@
 """Study tables whose truth is known: drawn figures in place of flights, in the columns of a study."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,7 +82,7 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
     )
     rate = np.where(faulty, 40.0 * severity**2 / (1.0 + excitation), np.nan)
     nothing = np.full(flights, "")
-    words = {
+    words: dict[str, Sequence[str] | NDArray[np.str_]] = {
         "kind": np.where(sensor, "healthy", "icing"), "failed": nothing, "aircraft": rng.choice(AIRCRAFT, flights),
         "command": [f"wingwatch study replay STUDY.parquet --seed {k}" for k in range(flights)],
         "route": rng.choice(("straight", "patrol"), flights), "turbulence": np.array(AIR)[air],

@@ -50,29 +50,22 @@ BAD_FIT = 0.01
 """Below this probability a curve is called one that does not fit."""
 
 ANSWER_LEGEND = (
-    "Size that is noticed with 95 % probability within 30 s of its onset, with its 95 % interval; not known: "
-    "the flights "
-    "do not suffice to say. None up to a "
-    "size: no "
-    "flown size was. A size there is 'at least' or 'at most' the one given, because the study has delays at "
-    "the monitor's "
-    "own threshold only."
+    "Size that is noticed with 95 % probability within 30 s of its onset, with its 95 % interval; not "
+    "known: the flights do not suffice to say. None up to a size: no flown size was. A size there is 'at "
+    "least' or 'at most' the one given, because the study has delays at the monitor's own threshold only."
 )
 DETECTION_LEGEND = (
     "Curves: logistic in the logarithm of size, with their 95 % band; points: flights of neighbouring sizes "
-    "with Wilson's "
-    "95 % interval; dashed: 95 %. Detected: an alert of any cause after the onset and before the flight's end. "
-    "Information: log likelihood ratio of the true change on the data that had arrived."
+    "with Wilson's 95 % interval; dashed: 95 %. Detected: an alert of any cause after the onset and before "
+    "the flight's end. Information: log likelihood ratio of the true change on the data that had arrived."
 )
 RATE_LEGEND = (
     "Alarms in healthy time: whole healthy flights, and faulty ones before the onset. Intervals are exact "
-    "(Poisson, 95 %). "
-    "Under a sensor fault the aircraft is well, and flights count until their first alarm."
+    "(Poisson, 95 %). Under a sensor fault the aircraft is well, and flights count until their first alarm."
 )
 OPERATING_CAPTION = (
     "Lines: what the evidence alone would give as the threshold moves; markers: the monitor as it is, which "
-    "also asks for a "
-    "clear and confirmed cause (a triangle: no false alarm yet, drawn at the upper limit)."
+    "also asks for a clear and confirmed cause (a triangle: no false alarm yet, drawn at the upper limit)."
 )
 
 
@@ -93,11 +86,26 @@ def headline(s: Summary) -> tuple[str, str]:
         known = "is" if first.size.low >= first.largest else "is surely"
         answer = (
             f"Over all conditions flown, {effect_text(first.effect)} of no size up to "
-            f"{number(first.largest, 2)} {known} "
-            f"noticed with 95 % probability within 30 s; of the largest tenth {100.0 * first.seen:.0f} % were."
+            f"{number(first.largest, 2)} {known} noticed with 95 % probability within 30 s; of the largest "
+            f"tenth {100.0 * first.seen:.0f} % were."
         )
     best = _best(s.answers, first.effect)
-    return answer, f"{best} {_false_alarm_text(s)}".strip()
+    return answer, f"{best} {_false_alarm_text(s)} {_threshold_sentence(s, first)}".strip()
+
+
+def _threshold_sentence(s: Summary, answer: Answer) -> str:
+    """What to configure for one false alarm in 100 h, and what it costs; over all air."""
+    if not s.thresholds:
+        return ""
+    over_all = s.thresholds[0]
+    if math.isnan(over_all.vouched):
+        return "These hours cannot vouch for one false alarm in 100 h at any threshold."
+    if over_all.vouched <= over_all.own:
+        return f"The monitor's own threshold of {number(over_all.own)} keeps to one false alarm in 100 h."
+    return (
+        f"For one false alarm in 100 h configure a threshold of {number(over_all.vouched)} in place of "
+        f"{number(over_all.own)}; the size there: {size_text(answer, there=True)}."
+    )
 
 
 def _best(found: Sequence[Answer], effect: str) -> str:
@@ -132,8 +140,7 @@ def about(s: Summary) -> str:
     failed = f", {f.failed} not flown to the end" if f.failed else ""
     return (
         f"{f.flights} simulated flights{failed} of {listed(f.aircraft)}, {number(f.hours)} h, of which the "
-        "monitor could "
-        f"observe {100.0 * f.observed_fraction:.0f} %; study {listed(f.kinds)}; wingwatch "
+        f"monitor could observe {100.0 * f.observed_fraction:.0f} %; study {listed(f.kinds)}; wingwatch "
         f"{listed(f.code_versions)}, settings {listed(f.settings_versions)}; {number(f.processor_h, 2)} h of "
         "processor time"
     )
@@ -151,8 +158,8 @@ def answer_caption(rows: Sequence[Answer]) -> str:
         return "In none of these groups is any flown size noticed so for certain; of an empty row nothing can be said."
     best = min(certain, key=lambda a: a.size.high)
     return (
-        f"In {len(certain)} of {len(rows)} groups of flights a flown size is noticed so for certain, the smallest with "
-        f"{condition_text(best)}: {size_text(best)}; of an empty row nothing can be said."
+        f"In {len(certain)} of {len(rows)} groups of flights a flown size is noticed so for certain, the "
+        f"smallest with {condition_text(best)}: {size_text(best)}; of an empty row nothing can be said."
     )
 
 
@@ -169,17 +176,16 @@ def threshold_text(s: Summary) -> str:
     known = [t for t in s.thresholds if not math.isnan(t.vouched)]
     needed = s.thresholds[0].hours_needed
     legend = (
-        f" Vouched for: the smallest threshold whose rate of false alarms is at most one in 100 h at 95 % confidence, "
-        f"which takes {needed:.0f} h without an alarm; estimate: the same of the rate itself, from 100 h on. "
-        "Of thresholds "
-        "under the monitor's own, only passages of the evidence are known, which are more than alarms."
+        " Vouched for: the smallest threshold whose rate of false alarms is at most one in 100 h at 95 % "
+        f"confidence, which takes {needed:.0f} h without an alarm; estimate: the same of the rate itself, "
+        "from 100 h on. Of thresholds under the monitor's own, only passages of the evidence are known, "
+        "which are more than alarms."
     )
     if not known:
         hours = max(t.hours for t in s.thresholds)
         return (
-            f"{number(hours)} healthy hours cannot vouch for one false alarm in 100 h at any threshold; sizes "
-            "are given "
-            f"at the monitor's own, with the false alarms that it had.{legend}"
+            f"{number(hours)} healthy hours cannot vouch for one false alarm in 100 h at any threshold; "
+            f"sizes are given at the monitor's own, with the false alarms that it had.{legend}"
         )
     return f"In {listed(map(_air, known))} the data vouch for a threshold.{legend}"
 
@@ -200,8 +206,8 @@ def excitation_text(rows: Sequence[Answer]) -> str:
             f"{100.0 * a.seen:.0f} % with {group_text('excitation', a.excitation)}" for a in plain.values()
         )
         return (
-            "What excitation buys in size cannot be said: with none of them 95 % are noticed in time for certain. "
-            f"Of the largest tenth of sizes are noticed in time {seen}."
+            "What excitation buys in size cannot be said: with none of them 95 % are noticed in time for "
+            f"certain. Of the largest tenth of sizes are noticed in time {seen}."
         )
     best = min(known, key=lambda a: a.size.high)
     text = f"Best is {group_text('excitation', best.excitation)}, from {size_text(best)} on"
@@ -224,8 +230,8 @@ def detection_caption(groups: Sequence[Detection]) -> str:
     if best is worst:
         return f"Of {best.flights} flights {percent_text(best.detected)} were detected.{fit}"
     return (
-        f"Detected most with {group_text(best.by, best.group)}, {percent_text(best.detected)}, and least with "
-        f"{group_text(worst.by, worst.group)}, {percent_text(worst.detected)}.{fit}"
+        f"Detected most with {group_text(best.by, best.group)}, {percent_text(best.detected)}, and least "
+        f"with {group_text(worst.by, worst.group)}, {percent_text(worst.detected)}.{fit}"
     )
 
 
@@ -237,9 +243,8 @@ def delay_caption(groups: Sequence[Delays]) -> str:
     least = min(known, key=lambda d: d.over_bound.value)
     where = f" with {group_text(least.by, least.group)}" if least.by else ""
     return (
-        "Dotted: the quickest detection that there can be with the information that arrived; the median delay "
-        "is nearest "
-        f"to it{where}, {number(least.over_bound.value, 2)} times the bound."
+        "Dotted: the quickest detection that there can be with the information that arrived; the median "
+        f"delay is nearest to it{where}, {number(least.over_bound.value, 2)} times the bound."
     )
 
 
@@ -248,11 +253,10 @@ def delay_legend(s: Summary) -> str:
     interval = s.false_alarm_interval_s / 3600.0
     return (
         "Flights without an alert count until their end (Kaplan and Meier). Bound: Lorden's, log(mean time "
-        "between false "
-        "alarms) over information rate, exact for information that arrives evenly, at each flight's mean rate over the "
-        f"first 60 s and a mean time of {number(interval)} h, the lower 95 % limit of what was measured. It "
-        "bounds the mean "
-        "delay, not each flight's; the monitor decides once in 10 s."
+        "between false alarms) over information rate, exact for information that arrives evenly, at each "
+        f"flight's mean rate over the first 60 s and a mean time of {number(interval)} h, the lower 95 % "
+        "limit of what was measured. It bounds the mean delay, not each flight's; the monitor decides once "
+        "in 10 s."
     )
 
 
@@ -263,8 +267,7 @@ def rate_caption(rates: Sequence[Rate]) -> str:
     where = f" Beyond doubt above it: {_first(high)}." if high else ""
     return (
         f"Over all {per_100_h_text(overall.per_hour)} in 100 h; dashed: one in 100 h; where hours are few, a "
-        "bar runs out "
-        f"of the picture.{where}"
+        f"bar runs out of the picture.{where}"
     )
 
 
@@ -272,10 +275,9 @@ def threshold_caption(curve: OperatingCurve) -> str:
     """What the monitor's own threshold gives."""
     return (
         f"At its own threshold of {number(curve.own_threshold)} the monitor detects "
-        f"{percent_text(curve.own_detected)} of "
-        f"the faulty flights with {per_100_h_text(curve.own_per_hour)} false alarms in 100 h. Alerts: at most, "
-        "from what it "
-        "said at its own threshold; below it, evidence without the other conditions of an alert."
+        f"{percent_text(curve.own_detected)} of the faulty flights with {per_100_h_text(curve.own_per_hour)} "
+        "false alarms in 100 h. Alerts: at most, from what it said at its own threshold; below it, evidence "
+        "without the other conditions of an alert."
     )
 
 
@@ -291,8 +293,8 @@ def size_caption(z: Sizes) -> str:
     )
     return (
         f"The stated 95 % interval holds the truth in {percent_text(covered)} of {z.flights} flights noticed "
-        "and rightly "
-        f"named: {verdict}. The median error is {number(z.median_error, 2)}; flights that were missed are not in it."
+        f"and rightly named: {verdict}. The median error is {number(z.median_error, 2)}; flights that were "
+        "missed are not in it."
     )
 
 
@@ -305,18 +307,17 @@ def confusion_caption(found: Sequence[Confusion]) -> str:
     if best is worst:
         return f"Of what was said of {effect_text(best.effect)}, {percent_text(best.named)} is its name."
     return (
-        f"Where something was said, {effect_text(best.effect)} is named rightly most often "
-        f"({percent_text(best.named)}), "
-        f"{effect_text(worst.effect)} least ({percent_text(worst.named)})."
+        f"Where something was said, {effect_text(best.effect)} is named rightly most often, "
+        f"{percent_text(best.named)}, and {effect_text(worst.effect)} least, {percent_text(worst.named)}."
     )
 
 
 def miss_texts(found: Iterable[Misses]) -> list[str]:
     """How many misses nobody could have avoided."""
     return [
-        f"{_capital(effect_text(m.effect))}: of {m.flights} missed flights, in {percent_text(m.beyond_reach)} less "
-        "information had arrived than the threshold asks for, so that no test could have noticed; in the others it was "
-        "there."
+        f"{_capital(effect_text(m.effect))}: of {m.flights} missed flights, in "
+        f"{percent_text(m.beyond_reach)} less information had arrived than the threshold asks for, so that a "
+        "miss is to be expected; in the others it was there."
         for m in found
     ]
 

@@ -364,7 +364,8 @@ def _failed(s: Summary) -> str:
 
 
 def _effects(s: Summary) -> list[str]:
-    return list(dict.fromkeys(d.effect for d in s.detection))
+    """Icing first, then by the alphabet."""
+    return sorted({d.effect for d in s.detection}, key=lambda effect: (effect != "icing", effect))
 
 
 def _pictured(found: Sequence[_Grouped]) -> list[tuple[str, list[_Grouped]]]:

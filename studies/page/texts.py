@@ -19,6 +19,8 @@ __all__ = [
     "size_text",
 ]
 
+NOT_KNOWN = "not known"
+
 _SIZES: Mapping[str, str] = {
     "icing": "severity (Twin Otter scale)",
     "surface_stuck": "deflection at which it is stuck, rad",
@@ -103,14 +105,21 @@ def size_text(answer: Answer, there: bool = False) -> str:
     Args:
         there: at the threshold for one false alarm in 100 h, else at the monitor's own.
     """
-    relation = f"{answer.relation} " if there and answer.relation else ""
-    return relation + size_flown_text(answer.size_at_threshold if there else answer.size, answer.largest)
+    if not there:
+        return size_flown_text(answer.size, answer.largest)
+    size = answer.size_at_threshold
+    words = size_flown_text(size, answer.largest)
+    if not answer.relation or words == NOT_KNOWN:
+        return words
+    if size.value <= answer.largest:
+        return f"{answer.relation} {words}"
+    return words if answer.relation == "at least" else NOT_KNOWN
 
 
 def size_flown_text(size: Interval, largest: float) -> str:
     """A size with its interval, as far as sizes were flown."""
     if math.isnan(size.value) or (size.low <= 0.0 and size.high > largest):
-        return "not known"
+        return NOT_KNOWN
     end = number(largest, 2)
     if size.low >= largest:
         return f"none up to {end}"
