@@ -2,7 +2,8 @@
 
 Intervals are two-sided at 95 % where nothing else is said. References: Wilson (1927) for proportions; Garwood (1936)
 for Poisson rates; Firth (1993) and Fieller (1954) for the detection curve; Kaplan and Meier (1958) for delays that not
-every flight has; Moustakides (2004) and Shiryaev (1996) for the quickest detection there is.
+every flight has; Lorden (1971) and Moustakides (2004) for the quickest detection there is. Derivations:
+``docs/methods/study_statistics.md``.
 """
 
 import math
