@@ -11,8 +11,9 @@ from wingwatch.cli.diagnosing import diagnose_file
 from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.diagnosis import Diagnosis, as_json, write_report
-from wingwatch.diagnosis.summary import cause_title, parameter_text, probability_text
-from wingwatch.diagnosis.whole_file import write_whole
+from wingwatch.diagnosis.summary import cause_title, parameter_text
+from wingwatch.pages.texts import probability_text
+from wingwatch.pages.whole_file import write_whole
 
 __all__ = ["run"]
 

@@ -15,13 +15,10 @@ from wingwatch.diagnosis.summary import (
     display,
     headline,
     label_title,
-    listed,
-    number,
     parameter_text,
-    percent,
-    probability_text,
     unexplained_text,
 )
+from wingwatch.pages.texts import listed, number, percent, probability_text
 
 __all__ = ["show"]
 

@@ -4,10 +4,11 @@ The terminal and the report share these, so that both say the same.
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from wingwatch.diagnosis.result import Cause, Diagnosis, Interval, Misfit, ParameterEstimate
+from wingwatch.pages.texts import listed, percent, with_error
 
 __all__ = [
     "Display",
@@ -18,14 +19,9 @@ __all__ = [
     "display",
     "headline",
     "label_title",
-    "listed",
-    "number",
     "parameter_text",
     "parameter_title",
-    "percent",
-    "probability_text",
     "unexplained_text",
-    "with_error",
 ]
 
 _ONLY_NOISE = 0.8
@@ -89,13 +85,6 @@ def display(channel: str) -> Display:
     return Display(channel.replace("_", " "), "", 1.0)
 
 
-def probability_text(probability: float) -> str:
-    """A probability; next to 0 and 1 only on which side."""
-    if probability > 0.999:
-        return "> 0.999"
-    return "< 0.001" if probability < 0.001 else number(probability)
-
-
 def parameter_title(name: str) -> str:
     """A parameter's name in words, without the unit that stands behind its value."""
     shown = display(name.removesuffix("_kg"))
@@ -120,32 +109,6 @@ def cause_title(cause: Cause) -> str:
     return label_title(cause.label)
 
 
-def number(value: float, digits: int = 3) -> str:
-    """A figure with so many significant digits, a dash where it is not known."""
-    if not math.isfinite(value):
-        return "-"
-    text = f"{value:.{digits}g}"
-    return f"{value:.0f}" if "e" in text and 1.0 <= abs(value) < 1e6 else text
-
-
-def percent(part: float) -> str:
-    """A part as percent, a dash where it is not known."""
-    return f"{100.0 * part:.0f} %" if math.isfinite(part) else "-"
-
-
-def with_error(value: float, standard_error: float) -> str:
-    """Value ± standard error, to two digits of the error."""
-    if not math.isfinite(value):
-        return "-"
-    if not (math.isfinite(standard_error) and standard_error > 0.0):
-        return number(value, 4)
-    exponent = math.floor(math.log10(standard_error))
-    if not -5 <= exponent <= 4:
-        return f"{value:.3g} ± {standard_error:.2g}"
-    places = max(1 - exponent, 0)
-    return f"{value:.{places}f} ± {standard_error:.{places}f}"
-
-
 def parameter_text(name: str, parameter: ParameterEstimate) -> str:
     """A parameter with its standard error and unit."""
     unit = f" {parameter.unit}" if parameter.unit else ""
@@ -162,12 +125,6 @@ def change_text(change: Interval) -> str:
     if change.high < 0.0 or change.low > 0.0:
         return f"{sign * change.value:.0f} % {'smaller' if sign < 0.0 else 'larger'}{interval}"
     return f"{round(100.0 * change.value, 0) + 0.0:+.0f} %{interval}"
-
-
-def listed(words: Iterable[str]) -> str:
-    """ "a", "a and b", "a, b and c"."""
-    items = list(words)
-    return items[0] if len(items) == 1 else f"{', '.join(items[:-1])} and {items[-1]}" if items else ""
 
 
 def beyond_noise(misfit: Misfit) -> float:

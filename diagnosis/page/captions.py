@@ -4,7 +4,8 @@ import numpy as np
 
 from wingwatch.diagnosis.page.traces import excerpt_s
 from wingwatch.diagnosis.result import Diagnosis, Gain
-from wingwatch.diagnosis.summary import by_misfit, display, label_title, listed, number
+from wingwatch.diagnosis.summary import by_misfit, display, label_title
+from wingwatch.pages.texts import listed, number
 
 __all__ = ["gain_caption", "misfit_caption", "ranking_caption", "spectrum_caption", "trace_caption"]
 

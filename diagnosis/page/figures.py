@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from wingwatch.diagnosis.page.picture import BOTTOM_PX, TOP_PX, Figure, axis_layout, plain_numbers
 from wingwatch.diagnosis.result import Diagnosis, Gain
-from wingwatch.diagnosis.summary import by_misfit, display, label_title, number
+from wingwatch.diagnosis.summary import by_misfit, display, label_title
+from wingwatch.pages.picture import BOTTOM_PX, TOP_PX, Figure, axis_layout, plain_numbers
+from wingwatch.pages.texts import number
 
 __all__ = ["gain_figure", "misfit_figure", "ranking_figure", "spectrum_figures"]
 

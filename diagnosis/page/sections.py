@@ -10,8 +10,6 @@ from wingwatch.diagnosis.page.figures import (
     ranking_figure,
     spectrum_figures,
 )
-from wingwatch.diagnosis.page.markup import items, paragraph, section, table
-from wingwatch.diagnosis.page.picture import Figure
 from wingwatch.diagnosis.page.traces import trace_figure
 from wingwatch.diagnosis.result import Cause, Diagnosis, Gain
 from wingwatch.diagnosis.summary import (
@@ -20,45 +18,19 @@ from wingwatch.diagnosis.summary import (
     change_text,
     display,
     label_title,
-    listed,
-    number,
     parameter_title,
-    percent,
-    probability_text,
     unexplained_text,
-    with_error,
 )
+from wingwatch.pages.document import Pictures
+from wingwatch.pages.markup import items, paragraph, section, table
+from wingwatch.pages.texts import listed, number, percent, probability_text, with_error
 
-__all__ = ["Page", "sections"]
+__all__ = ["sections"]
 
 _MOST_RANKED = 20
 
 
-class Page:
-    """Collects the pictures that sections place.
-
-    Attributes:
-        figures: in the order in which they stand.
-    """
-
-    def __init__(self) -> None:
-        self.figures: list[Figure] = []
-
-    def place(self, figure: Figure | None, caption: str = "") -> str:
-        """The element in which a picture will be drawn, with its sentence; nothing without a picture."""
-        if figure is None:
-            return ""
-        self.figures.append(figure)
-        described = escape(f"{figure.title}. {caption}".strip(), quote=True)
-        return (
-            f'<figure><div class="picture" id="{escape(figure.name)}" role="img" aria-label="{described}" '
-            f'style="min-height:{figure.height_px}px"></div>'
-            + (f"<figcaption>{escape(caption)}</figcaption>" if caption else "")
-            + "</figure>"
-        )
-
-
-def sections(diagnosis: Diagnosis, page: Page) -> str:
+def sections(diagnosis: Diagnosis, page: Pictures) -> str:
     """All sections below the answer, in their order."""
     parts = [_traces(diagnosis, page), _misfit(diagnosis, page), _spectra(diagnosis, page)]
     parts += [_ranking(diagnosis, page), _causes(diagnosis), _not_separable(diagnosis)]
@@ -66,14 +38,14 @@ def sections(diagnosis: Diagnosis, page: Page) -> str:
     return "".join(parts)
 
 
-def _traces(d: Diagnosis, page: Page) -> str:
+def _traces(d: Diagnosis, page: Pictures) -> str:
     figure = trace_figure(d)
     if figure is None:
         return ""
     return section("flight", "The flight and its simulation", page.place(figure, captions.trace_caption(d)))
 
 
-def _misfit(d: Diagnosis, page: Page) -> str:
+def _misfit(d: Diagnosis, page: Pictures) -> str:
     if not d.misfit:
         return ""
     head = (
@@ -111,7 +83,7 @@ def _misfit(d: Diagnosis, page: Page) -> str:
     )  # fmt: skip
 
 
-def _spectra(d: Diagnosis, page: Page) -> str:
+def _spectra(d: Diagnosis, page: Pictures) -> str:
     figures = [page.place(figure) for figure in spectrum_figures(d)]
     if not figures:
         return ""
@@ -121,7 +93,7 @@ def _spectra(d: Diagnosis, page: Page) -> str:
     )
 
 
-def _ranking(d: Diagnosis, page: Page) -> str:
+def _ranking(d: Diagnosis, page: Pictures) -> str:
     if not d.ranking:
         return ""
     found = {cause.label for cause in d.causes}
@@ -174,7 +146,7 @@ def _not_separable(d: Diagnosis) -> str:
     return section("inseparable", "What no flight can tell apart", table(("causes", "why"), rows))
 
 
-def _gain(d: Diagnosis, page: Page) -> str:
+def _gain(d: Diagnosis, page: Pictures) -> str:
     if d.gain is None:
         why = (
             "Without a cause there is no extended model." if not d.causes

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.diagnosis.page.picture import BOTTOM_PX, TOP_PX, Figure, axis_layout, plain_numbers
 from wingwatch.diagnosis.result import Diagnosis, Traces
 from wingwatch.diagnosis.summary import by_misfit, display
+from wingwatch.pages.picture import BOTTOM_PX, TOP_PX, Figure, axis_layout, plain_numbers
 
 __all__ = ["EXCERPT_S", "excerpt_s", "trace_figure"]
 

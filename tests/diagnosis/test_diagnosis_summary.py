@@ -16,13 +16,10 @@ from wingwatch.diagnosis.summary import (
     display,
     headline,
     label_title,
-    listed,
-    number,
     parameter_text,
-    probability_text,
     unexplained_text,
-    with_error,
 )
+from wingwatch.pages.texts import listed, number, probability_text, with_error
 from wingwatch.telemetry import CHANNEL_NAMES
 
 

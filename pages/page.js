@@ -13,7 +13,8 @@
       return value;
     }
     if (Array.isArray(value)) {
-      return typeof value[0] === "object" && value[0] !== null ? value.map((v) => resolved(v, colour, shared)) : value;
+      const nested = value.length <= 2 || (typeof value[0] === "object" && value[0] !== null); // not the long ones
+      return nested ? value.map((v) => resolved(v, colour, shared)) : value;
     }
     if (value !== null && typeof value === "object") {
       return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, resolved(v, colour, shared)]));

@@ -1,0 +1,1 @@
+"""Pages that stand alone: one HTML file with its pictures, styles, scripts and figures inside."""
