@@ -319,6 +319,7 @@ def _add_study(commands: "_Commands[_Parser]") -> None:
     for kind, what in _STUDIES.items():
         _add_study_of(studies, kind, what)
     _add_study_replay(studies)
+    _add_study_show(studies)
 
 
 def _add_study_of(studies: "_Commands[_Parser]", kind: str, what: str) -> None:
@@ -330,6 +331,7 @@ def _add_study_of(studies: "_Commands[_Parser]", kind: str, what: str) -> None:
         metavar="STUDY.parquet",
         help="table to write; what is unfinished stays in STUDY.parquet.parts",
     )
+    add("--report", type=Path, metavar="FILE.html", help="write what the study says as one page")
     add("--config", type=Path, metavar="GRID.toml", help="what is drawn, in place of the default grid's keys")
     add(
         "--show-config",
@@ -369,6 +371,23 @@ def _add_study_replay(studies: "_Commands[_Parser]") -> None:
     )
     add("--seed", type=int, required=True, help="of the flight")
     add("--out", type=Path, metavar="FLIGHT", help="flight table to write (.csv or .parquet)")
+
+
+def _add_study_show(studies: "_Commands[_Parser]") -> None:
+    parser = _command(
+        studies,
+        "show",
+        "what finished studies say: from what severity on faults are noticed, how late, how often falsely",
+        "wingwatch study show icing.parquet healthy.parquet --report studies.html",
+    )
+    parser.add_argument(
+        "tables",
+        metavar="STUDY.parquet",
+        nargs="+",
+        type=Path,
+        help="finished studies, taken together: healthy flights say how often an alert is false",
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE.html", help="write it as one page")
 
 
 _DESIGN_EXAMPLES = """\

@@ -2,13 +2,13 @@
 
 import argparse
 import datetime
-import os
 from pathlib import Path
 
 from wingwatch.aircraft import aircraft_toml, load_aircraft, parse_aircraft
 from wingwatch.cli.diagnose_page import show
 from wingwatch.cli.diagnosing import diagnose_file
 from wingwatch.cli.faults import CommandError, say
+from wingwatch.cli.output_files import check_output
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.diagnosis import Diagnosis, as_json, write_report
 from wingwatch.diagnosis.summary import cause_title, parameter_text
@@ -48,17 +48,8 @@ def _check(arguments: argparse.Namespace) -> None:
         ("--report", arguments.report, (".html", ".htm")),
         ("--model", arguments.model, (".toml",)),
     ):
-        if out is None:
-            continue
-        if out.suffix.lower() not in suffixes:
-            raise CommandError(
-                f"{option} {out}: it is written as {' or '.join(suffixes)}; choose such a suffix"
-            )
-        if not out.parent.is_dir():
-            raise CommandError(f"{option} {out}: there is no folder {out.parent}; create it")
-        if out.is_dir() or not os.access(out.parent, os.W_OK):
-            raise CommandError(f"{option} {out}: no file can be written there; choose another place")
-        if any(out.resolve() == path.resolve() for path in inputs):
+        check_output(option, out, suffixes)
+        if out is not None and any(out.resolve() == path.resolve() for path in inputs):
             raise CommandError(f"{option} {out} is a file that is read; give another name")
 
 

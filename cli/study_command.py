@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, TextColumn
@@ -18,13 +19,18 @@ from rich.progress import Progress as Bar
 
 from wingwatch.cli.ending import asked_to_end
 from wingwatch.cli.faults import CommandError, say
+from wingwatch.cli.output_files import check_output
 from wingwatch.cli.progress import page, write_json
 from wingwatch.studies import StudySettings, draw_plan, load_fleet, load_grid
 from wingwatch.studies.flight import FlightMaker
 from wingwatch.studies.grid import default_text
 from wingwatch.studies.journal import settings_of
 from wingwatch.studies.local_workers import LocalWorkers
+from wingwatch.studies.page.captions import about, headline
+from wingwatch.studies.report import write_report
 from wingwatch.studies.run import Progress, Workers, run_study
+from wingwatch.studies.summary import as_json, summarise
+from wingwatch.studies.table import read_settings, read_study
 from wingwatch.studies.versions import code_version, settings_version
 from wingwatch.telemetry import write_flight
 
@@ -33,6 +39,7 @@ __all__ = ["run"]
 _INTERRUPTED = 130
 _LINE_S = 60.0
 """Between two lines of progress where there is no terminal."""
+_PAGE_SUFFIXES = (".html", ".htm")
 _FLIGHT_SUFFIXES = (".csv", ".parquet")
 
 
@@ -48,6 +55,7 @@ def _fly(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         raise CommandError("a study needs --out STUDY.parquet, the table to write")
     settings = _settings(arguments)
+    check_output("--report", arguments.report, _PAGE_SUFFIXES)
     with asked_to_end() as end, _shown(arguments.json) as show:
         progress = run_study(
             settings, arguments.out, _workers(arguments), resume=arguments.resume, end=end, show=show
@@ -58,6 +66,8 @@ def _fly(arguments: argparse.Namespace) -> int:
             "goes on from there"
         )
         return _INTERRUPTED
+    if arguments.report is not None:
+        write_report(summarise(arguments.out), arguments.report)
     if arguments.json:
         write_json(_result(arguments.out, settings, progress))
     else:
@@ -187,9 +197,30 @@ def _replay(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _show(arguments: argparse.Namespace) -> int:
+    check_output("--report", arguments.report, _PAGE_SUFFIXES)
+    for table in arguments.tables:
+        read_settings(table)
+    if len(arguments.tables) == 1:
+        summary = summarise(arguments.tables[0])
+    else:
+        rows = [read_study(table).table.replace_schema_metadata(None) for table in arguments.tables]
+        summary = summarise(pa.concat_tables(rows))
+    if arguments.report is not None:
+        write_report(summary, arguments.report)
+    if arguments.json:
+        write_json(as_json(summary))
+        return 0
+    console = page()
+    for sentence in (*headline(summary), about(summary)):
+        console.print(escape(sentence), soft_wrap=True)
+    return 0
+
+
 _COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "icing": _fly,
     "damage": _fly,
     "healthy": _fly,
     "replay": _replay,
+    "show": _show,
 }

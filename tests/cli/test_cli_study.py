@@ -55,6 +55,7 @@ def grid(tmp_path: Path) -> Path:
         (("--out", "a.parquet", "--hours", "-1"), "give a positive number of hours"),
         (("--out", "a.parquet", "--seed", "-1"), "give a number from 0"),
         (("--out", "a.parquet", "--workers", "0"), "--workers 0: give at least one"),
+        (("--out", "a.parquet", "--report", "a.txt"), "written as .html or .htm"),
         (("--out", "a.parquet", "--workers", "2", "--scheduler", "tcp://a:1"), "leave one out"),
         (("--out", "a.parquet", "--config", "nowhere.toml"), "no such file"),
     ],
@@ -97,6 +98,12 @@ def test_a_study_is_flown_and_one_of_its_flights_again(
     refused = run(capsys, ["study", "replay", out, "--seed", 7])
     assert (refused.code, "has flights 5 to 6" in refused.err) == (2, True)
     assert run(capsys, [*options, "--resume"]).code == 2
+    report = tmp_path / "report.html"
+    shown = run(capsys, ["study", "show", out, out, "--report", report])
+    assert (shown.code, "4 simulated flights" in shown.out) == (0, True)
+    assert "wingwatch study replay icing.parquet --seed 6" in report.read_text(encoding="utf-8")
+    assert run(capsys, ["study", "show", out, "--json"]).json["flown"]["flights"] == 2
+    assert run(capsys, ["study", "show", flight]).code == 2
 
 
 def test_ctrl_c_leaves_what_can_be_resumed(
