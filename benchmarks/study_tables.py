@@ -104,6 +104,7 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
         "size": np.where(detected, severity + t.error_ratio * error * rng.standard_normal(flights), np.nan),
         "size_standard_error": np.where(detected, error, np.nan),
         "evidence_max": np.where(effect != "", after, np.nan), "evidence_max_before": before,
+        "evidence_max_30_s": np.where(effect != "", np.where(delay <= 30.0, after, np.minimum(after, 0.0)), np.nan),
         "information": rate * watched, "information_rate_per_s": rate,
         "bayes_factor_max": np.where(effect == "", 1.0 / rng.uniform(1e-12, 1.0, flights), np.nan),
         "threshold": np.full(flights, t.threshold), "wall_s": np.ones(flights), "processor_s": np.ones(flights),

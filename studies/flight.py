@@ -45,6 +45,8 @@ MOST_SCORED_BLOCKS = 40
 RATE_WINDOW_S = 60.0
 """After the onset, over which the information's rate is taken."""
 
+_SOON_S = 30.0
+"""After the onset, within which an operator wants to know (``evidence_max_30_s``)."""
 _PIECE_S = 0.5
 """No more than one solution of the monitor falls into a piece."""
 _UNSENSED = "pitch_demand_rad"
@@ -332,6 +334,7 @@ def unflown_row(plan: FlightPlan, command: str, why: str) -> dict[str, Any]:
         "false_alerts": 0,
         "false_causes": "[]",
         "evidence_max": nan,
+        "evidence_max_30_s": nan,
         "evidence_max_before": nan,
         "information": nan,
         "information_rate_per_s": nan,
@@ -362,6 +365,7 @@ def _said(watch: _Watch) -> dict[str, Any]:
     hit = next((heard.last[a.id] for a in heard.raised.values() if a.raised_s >= ends_s), None)
     before = [e for t, e in heard.evidence if t <= ends_s]
     after = [e for t, e in heard.evidence if t > ends_s]
+    soon = [e for t, e in heard.evidence if ends_s < t <= ends_s + _SOON_S]
     said: dict[str, Any] = {
         "flight_s": flight_s,
         "observed_s": monitor.observable_s,
@@ -370,6 +374,7 @@ def _said(watch: _Watch) -> dict[str, Any]:
         "false_alerts": len(false),
         "false_causes": json.dumps([[a.raised_s, a.kind, a.cause] for a in false]),
         "evidence_max": max(after, default=np.nan),
+        "evidence_max_30_s": max(soon, default=np.nan),
         "evidence_max_before": max(before, default=np.nan),
         "block_scores": json.dumps(heard.scores),
         "bayes_factor_max": _largest_bayes_factor(watch) if plan.effect == "" else np.nan,

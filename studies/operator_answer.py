@@ -1,6 +1,6 @@
 """What an operator asks: from which size on a fault is seen in time, at a rate of false alarms that one can live with.
 
-The study has the delay at the monitor's own threshold only. At a higher one, flights whose evidence ever passed it
+The study has the delay at the monitor's own threshold only. At a higher one, flights whose evidence passed it in time
 bound what is seen in time from above, so the size is "at least"; at a lower one the size is "at most".
 """
 
@@ -149,7 +149,7 @@ def _answer(
     if math.isnan(threshold):
         there = unknown
     elif air is not None and threshold > air.own:
-        passed = soon & (rows.number("evidence_max")[among] >= threshold)
+        passed = soon & (rows.number("evidence_max_30_s")[among] >= threshold)
         higher = fit_detection(size, passed)
         there, relation = (higher.size_at(PROBABILITY) if higher else unknown), "at least"
     elif air is not None and threshold < air.own:

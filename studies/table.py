@@ -69,6 +69,7 @@ COLUMNS: Mapping[str, pa.DataType] = {
     "false_alerts": pa.int32(),
     "false_causes": pa.string(),
     "evidence_max": pa.float64(),
+    "evidence_max_30_s": pa.float64(),
     "evidence_max_before": pa.float64(),
     "information": pa.float64(),
     "information_rate_per_s": pa.float64(),
