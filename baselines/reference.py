@@ -21,6 +21,9 @@ _ROUNDING = 1e-9
 """Asymmetry or negative eigenvalue, relative to the largest entry, that may come from rounding alone: an
 inverse of a covariance with condition number 1e6 (its author's, not ours) has errors of about 1e6 eps."""
 
+_NOTHING = float(np.finfo(np.float64).tiny / np.finfo(np.float64).eps)
+"""Information that has been discounted to this is none: smaller numbers lose their digits."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reference:
@@ -176,7 +179,7 @@ def _require_semidefinite(m: NDArray[np.float64]) -> None:
     diagonal = np.diagonal(m)
     if np.any(diagonal < 0.0):
         raise ValueError(f"the matrix has a negative diagonal entry, {diagonal.min():.6g}")
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scale = np.sqrt(np.where(diagonal > _NOTHING, diagonal, 1.0))
     unit = m / np.outer(scale, scale)
     if unit.size and float(np.abs(unit - unit.T).max()) > _ROUNDING:
         raise ValueError("the matrix must be symmetric")

@@ -221,8 +221,11 @@ def _beside_small_errors(problem: Problem, solution: Solution) -> Solution:
 
 
 def _counts(tried: Tried) -> bool:
+    """Whether it is beyond doubt, of a size that matters, and of one that such a cause can have."""
     size = np.abs(tried.value) > np.maximum(_SURE * tried.error, _least(tried.candidate))
-    return bool(tried.evidence > BEYOND_DOUBT and size.any())
+    fitted, parameters = tried.solution.point.values[-1], tried.candidate.parameters
+    possible = all(p.low < v < p.high or v == 0.0 for v, p in zip(fitted, parameters, strict=True))
+    return bool(tried.evidence > BEYOND_DOUBT and size.any() and possible)
 
 
 def _least(candidate: Candidate) -> Array:

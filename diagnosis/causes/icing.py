@@ -14,7 +14,7 @@ _PUBLISHED = {
     "CY_beta": "CYbeta", "CY_rudder": "CYdr", "Cl_beta": "Clbeta", "Cl_p": "Clp", "Cl_aileron": "Clda",
     "Cl_rudder": "Cldr", "Cn_beta": "Cnbeta", "Cn_r": "Cnr", "Cn_rudder": "Cndr",
 }  # fmt: skip
-_SEVERITY = FreeParameter("severity", "", 0.01, 0.15, 0.01, -0.2, 0.6)
+_SEVERITY = FreeParameter("severity", "", 0.01, 0.15, 0.01, 0.0, 0.6)
 
 
 def candidates(subject: Subject) -> list[Candidate]:

@@ -13,7 +13,7 @@ from wingwatch.diagnosis.replay import Model
 
 __all__ = ["candidates"]
 
-_LOST = FreeParameter("fraction_of_semi_span_lost", "", 0.01, 0.2, 0.02, -0.02, 0.9)
+_LOST = FreeParameter("fraction_of_semi_span_lost", "", 0.01, 0.2, 0.02, 0.0, 0.9)
 
 
 def candidates(subject: Subject) -> list[Candidate]:

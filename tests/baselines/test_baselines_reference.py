@@ -213,3 +213,14 @@ def test_json_that_is_no_reference_is_refused(text: str) -> None:
 
 def test_the_json_is_plain() -> None:
     assert list(Reference.empty(1).to_dict()) == ["information", "vector", "blocks", "seconds"]
+
+
+def test_information_discounted_to_next_to_nothing_is_none_and_no_error() -> None:
+    """A direction that one block saw, forgotten until its numbers lose their digits."""
+    root = np.array([[3.0, 1.0, 0.0], [0.2, 2.0, 1.0]])
+    faded = np.diag([1.0, 1.0, 3e-157])
+    block = faded @ root.T @ root @ faded
+    block[2, 2] *= 0.3  # what rounding of denormal numbers leaves
+    added = Reference.empty(3).add(block, np.zeros(3), 5.0)
+    assert added.blocks == 1
+    assert np.array_equal(added.information, 0.5 * (block + block.T))
