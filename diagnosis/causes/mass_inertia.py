@@ -21,8 +21,8 @@ def candidates(subject: Subject) -> list[Candidate]:
     return [
         Candidate(
             "mass_inertia", "", (_RATIO,), lambda model, v: scale(model, _FACTORS, v[0]),
-            "mass and moments of inertia differ from the simulation's by {0:+.0%}, or thrust and all coefficients by the "
-            "inverse: motion shows their ratio alone",
+            "mass and moments of inertia differ from the simulation's by {0:+.0%}, or thrust and all coefficients by "
+            "the inverse: motion shows their ratio alone",
             _mend, 2.0,
         )
     ]  # fmt: skip

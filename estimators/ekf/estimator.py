@@ -37,6 +37,7 @@ from wingwatch.estimators.ekf.state import (
 from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.kernels.levels import LEVELS
+from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
@@ -137,8 +138,11 @@ class EkfEstimator:
                 gain=np.full(n, LEAST),
                 fisher=np.full((n, 2), LEAST),
                 corrections=np.zeros((n, 2)),
+                inputs=np.tile(self.model.input_variance, (n, 1)),
             ),
-            memory=Memory(np.zeros((n, ns, 5)), np.zeros((n, 4, LEVELS)), np.zeros(n)),
+            memory=Memory(
+                np.zeros((n, ns, 5)), np.zeros((n, 4, LEVELS)), np.zeros(n), np.zeros((n, nu, READING_MEMORY))
+            ),
             input_errors=InputErrors(
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()
             ),

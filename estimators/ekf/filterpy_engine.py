@@ -89,7 +89,7 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     process = np.zeros((after.size, after.size))
     process[:nx, :nx] = process_noise(model, noise, i, jacobian, step)
     predicted, rows = measure(model, after, step)
-    added = float(input_noise(model, jacobian, rows[ns], after, process[:nx, :nx]))
+    added = float(input_noise(model, jacobian, rows[ns], after, noise.inputs[i], process[:nx, :nx]))
     process[-ns:, -ns:] = np.diag(trim_drift(model, noise, i, step))
     measured = np.ones(ns + 1, dtype=bool)
     measured[0] = new[model.sizes.kinematic + VANE] == 1.0

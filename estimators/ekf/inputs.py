@@ -46,7 +46,7 @@ def track_inputs(moments, new, first, nu):  # type: ignore[no-untyped-def]
 
 
 @hot
-def input_error_effect(model, row, z, j):  # type: ignore[no-untyped-def]
+def input_error_effect(model, row, z, j, variance):  # type: ignore[no-untyped-def]
     """Effect of one standard error of input ``j``'s reading, as ``row`` (nz,) of the Jacobian answers.
 
     Controls, as the trim constants, go with dynamic pressure, so an input acts as its own part of each constant.
@@ -55,32 +55,32 @@ def input_error_effect(model, row, z, j):  # type: ignore[no-untyped-def]
     effect = 0.0
     for k in range(ns):
         effect += row[nz - ns + k] * z[nz - ns - ns * nd + k * nd + ns + j]
-    return effect * np.sqrt(model.input_variance[j])
+    return effect * np.sqrt(variance[j])
 
 
 @hot
-def input_noise_into(model, jacobian, z, effect, q):  # type: ignore[no-untyped-def]
-    """What the reading errors of the inputs add to ``q`` of ``process_noise_into``; ``effect`` (nx,) is workspace.
+def input_noise_into(model, jacobian, z, variance, effect, q):  # type: ignore[no-untyped-def]
+    """What reading errors of ``variance`` (nu,) add to ``q`` of ``process_noise_into``; ``effect`` (nx,) is workspace.
 
     An error is in the means of two steps, its fractions adding up to one: over more than a step it acts as one whole.
     """
     nx = model.sizes.dynamic
     for j in range(model.sizes.inputs):
-        if model.input_variance[j] > 0.0:
+        if variance[j] > 0.0:
             for a in range(nx):
-                effect[a] = input_error_effect(model, jacobian[a], z, j)
+                effect[a] = input_error_effect(model, jacobian[a], z, j, variance)
             for a in range(nx):
                 for b in range(nx):
                     q[a, b] += effect[a] * effect[b]
 
 
 @njit(cache=True)
-def input_noise(model, jacobian, row, z, q):  # type: ignore[no-untyped-def]
+def input_noise(model, jacobian, row, z, variance, q):  # type: ignore[no-untyped-def]
     """``input_noise_into``; returns what the same errors add to the variance of the accelerometer's ``row``."""
-    input_noise_into(model, jacobian, z, np.empty(model.sizes.dynamic), q)
+    input_noise_into(model, jacobian, z, variance, np.empty(model.sizes.dynamic), q)
     added = 0.0
     for j in range(model.sizes.inputs):
-        added += input_error_effect(model, row, z, j) ** 2
+        added += input_error_effect(model, row, z, j, variance) ** 2
     return added
 
 

@@ -56,6 +56,7 @@ from wingwatch.estimators.ekf.state import (
 from wingwatch.estimators.kernels.hot import hot, lean, part, sizes
 from wingwatch.estimators.kernels.intersample import course
 from wingwatch.estimators.kernels.levels import advance_level, start_level
+from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings, reading_variance
 from wingwatch.estimators.signals import CONDITION_COLUMNS, MAX_GAP_S
 
 __all__ = [
@@ -197,7 +198,7 @@ def inertial_motion(new, old, dt, ns, kinematic):  # type: ignore[no-untyped-def
 
 @hot
 def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignore[no-untyped-def]
-    """Noise that needs no filter: the sensors', and the gusts that the vane sees against inertial motion.
+    """Noise that needs no filter: the sensors', the inputs', and the gusts that the vane sees against inertial motion.
 
     ``after`` is what the filter predicts after ``z``, ``rate`` the weight of the sample in the means.
     """
@@ -205,6 +206,10 @@ def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignor
     learn_reading_noise(
         noise.reading[i], memory.differences[i], model.stated_variance, sample, z, after, rate, ns
     )
+    for j in range(model.sizes.inputs):
+        readings, stated = memory.readings[i, j], model.input_variance[j]
+        follow_reading(readings, sample.new[2 + ns + j], sample.dt_s, stated)
+        noise.inputs[i, j] = reading_variance(readings, stated)
     if sample.inertial:
         level = memory.levels[i]
         index = advance_level(level, sample.new[1], sample.motion, sample.dt_s, model.adapt_s)
@@ -291,7 +296,7 @@ def _take_readings(model, noise, i, sample, z, step, readings):  # type: ignore[
     force = predicted - z[model.sizes.augmented - ns] * step.pressure_ratio
     added = 0.0
     for j in range(model.sizes.inputs):
-        added += input_error_effect(model, readings.row, z, j) ** 2
+        added += input_error_effect(model, readings.row, z, j, noise.inputs[i]) ** 2
     for j in range(ns + 1):
         readings.innovation[j] = new[1 + j] - (z[j] if j < ns else predicted)
         readings.variance[j] = noise.reading[i, j]
@@ -321,7 +326,7 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
         learn_noise(model, noise, state.memory, i, sample, z, after, rate)
     trim_drift_into(model, noise, i, step, space.drift)
     process_noise_into(model, noise, i, jacobian, step, space.sources, space.process)
-    input_noise_into(model, jacobian, z, space.variance, space.process)
+    input_noise_into(model, jacobian, z, noise.inputs[i], space.variance, space.process)
     predict_input_errors(model, state.input_errors, i, jacobian, step.newest_fraction, space.variance)
     predict(model, cov, space.process, jacobian, space.drift, space.product)
     for c in range(model.sizes.augmented):
@@ -357,6 +362,8 @@ def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-d
     if not (0.0 < dt <= MAX_GAP_S):
         _restart(model, Posterior(state.z[i], state.cov[i]), state.noise.reading[i], new)
         start_level(state.memory.levels[i], new[1])
+        for j in range(model.sizes.inputs):
+            forget_readings(state.memory.readings[i, j])
         state.input_errors.age[i] = 0
         older[:] = np.nan
     else:

@@ -96,6 +96,8 @@ class Span(NamedTuple):
     """(s, nu): inputs at rest."""
     middle: int
     """Rows of the window before its second checkpoint, 0 where there is none."""
+    input_variance: Array
+    """(nu,): of the inputs' readings, rad2."""
 
 
 @part
@@ -201,7 +203,7 @@ def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-de
     resting, keep, prior_std = span.resting[s], span.keep[s], model.prior_std
     noise_information = np.empty((k, k))
     input_noise_information(
-        notes.error_information[s], notes.input_moments[s], model.input_variance, resting, noise_information
+        notes.error_information[s], notes.input_moments[s], span.input_variance, resting, noise_information
     )
     if resting.any():
         _take_back(known, before, controls_of(resting, model.sizes.states, model.sizes.inputs))
@@ -300,7 +302,8 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
     reseat(run.z[0], run.cov[0], *fixed, first)
     ends = window.ends[i, : window.solutions[i]]
     chosen = np.flatnonzero(ends > begin)
-    span = Span(ends[chosen], window.keep[i, chosen], window.resting[i, chosen], middle_row)
+    resting = window.resting[i, chosen]
+    span = Span(ends[chosen], window.keep[i, chosen], resting, middle_row, state.noise.inputs[i])
     rows = recalled(window.rows[i, begin:count], float(run.rows[0, NEWEST, TIME]))
     notes = run_again(model, run, rows, span.ends - begin)
     if not _put_together(model, fixed, span, notes, known, middle):

@@ -58,7 +58,10 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     ns, nu, first = model.sizes.states, model.sizes.inputs, model.sizes.dynamic
     z, cov, moments = state.z[i], state.cov[i], state.input_moments[i]
     information, vector, solved = state.information[i], state.vector[i], state.solutions[i] > 0
-    resting = _resting(moments, state.moved_s[i], model.input_variance, state.rows[i, NEWEST, TIME])
+    variance = state.noise.inputs[i]
+    # What little noise a young filter believes in must not make a motion of noise.
+    largest = np.maximum(variance, model.input_variance)
+    resting = _resting(moments, state.moved_s[i], largest, state.rows[i, NEWEST, TIME])
     k = vector.size
     before, mean = np.empty((k, k)), np.zeros(k)
     more = True
@@ -71,7 +74,7 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
                     mean[a] += before[a, b] * vector[b]
             keep_marginal(z, cov, mean, before, controls_of(resting, ns, nu), first)
         input_noise_information(
-            state.input_errors.information[i], moments, model.input_variance, resting, noise_information
+            state.input_errors.information[i], moments, variance, resting, noise_information
         )
         more = False
         fraction = 0.0

@@ -118,7 +118,7 @@ class Model(NamedTuple):
     stated_variance: Array
     """(ns,): of the measured states as the aircraft file states it, 0 where it says nothing."""
     input_variance: Array
-    """(nu,): of the inputs' readings, rad2."""
+    """(nu,): of the inputs' readings as it is stated, rad2; 0 of exact ones."""
     servo_s: Array
     """(nu,): time constant of the servo; 0 for an input held between samples, infinite where it is not known."""
     lever_m: Array
@@ -148,6 +148,8 @@ class Noise(NamedTuple):
     """(n, 2): running Fisher information of the accelerometer's variance and of ``gain``."""
     corrections: Array
     """(n, 2): discounted sums of the corrections of the first state and of the gusts' angular acceleration."""
+    inputs: Array
+    """(n, nu): variance of the inputs' readings, rad2; 0 of exact ones."""
 
 
 class Memory(NamedTuple):
@@ -159,6 +161,8 @@ class Memory(NamedTuple):
     """(n, 4, LEVELS): smoothers of the velocity that the vane measures, see ``kernels.levels``."""
     roughness: Array
     """(n,): sum of squared second differences of the accelerometer during the warm-up, m2/s4."""
+    readings: Array
+    """(n, nu, READING_MEMORY): of the inputs' readings, see ``kernels.reading_noise``."""
 
 
 class InputErrors(NamedTuple):

@@ -39,6 +39,7 @@ from wingwatch.estimators.fourier.solution import (
     AIR_MEMORY,
     ALONE,
     BEGIN,
+    INPUT_RESOLUTION,
     LEARN,
     MOVE,
     SolutionWorkspace,
@@ -58,8 +59,6 @@ from wingwatch.estimators.fourier.state import (
     CLOSED,
     CONDITION,
     DENSITY,
-    DIFFERENCES,
-    INPUT_DIFFERENCES,
     LAST,
     SAMPLES,
     SOLUTIONS,
@@ -79,6 +78,7 @@ from wingwatch.estimators.fourier.state import (
     State,
 )
 from wingwatch.estimators.kernels.hot import lean, part
+from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings, reading_variance
 from wingwatch.estimators.signals import MAX_GAP_S
 
 __all__ = ["Workspace", "advance", "block_workspace", "fill"]
@@ -128,7 +128,7 @@ class Workspace(NamedTuple):
 def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Workspace:
     """Workspace for ns states, nu inputs, signal rows of so many columns, and ns or ns + 1 rows of a block."""
     k, channels = ns * (ns + nu), bank_channels(ns, nu) + air_channels(ns, nu)
-    window = ((channels, 2, bins), (3, columns), INPUT_DIFFERENCES + nu, ns + 2)
+    window = ((channels, 2, bins), (3, columns), SAMPLES + 1, ns + 2)
     return Workspace(
         solution_workspace(ns, nu, bins, rows),
         block_solution(ns, nu),
@@ -194,6 +194,7 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
         work.size[a] = prior.std[a] / 3.0
     for j in range(work.noise.size):
         work.noise[j] = known.noise_known[j] if known.noise_known[WEIGHT] > 0.0 else known.noise[j]
+    _believe_inputs(model, vehicle.filters, work.noise)
     around = Prior(work.anchor, work.size)
     own = Linearisation(work.own, work.noise, known.noise_known)
     solve_block(model, block, own, nothing, around, LEARN, solving, found)
@@ -271,17 +272,13 @@ def _gather(sums, row, condition):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _add_second_differences(block, new, ns, nu):  # type: ignore[no-untyped-def]
-    """Add second differences: roots of their magnitudes of states and accelerometer, squares of inputs."""
-    rows, sums, roughness = block.rows, block.sums, block.roughness
+def _add_second_differences(block, new, ns):  # type: ignore[no-untyped-def]
+    """Add the roots of the magnitudes of second differences of states and accelerometer."""
+    rows, roughness = block.rows, block.roughness
     for j in range(ns + 1):
         difference = new[1 + j] - 2.0 * rows[LAST, 1 + j] + rows[BEFORE, 1 + j]
         roughness[j] += math.sqrt(abs(difference))
     roughness[ns + 1] += 1.0
-    for j in range(nu):
-        difference = new[2 + ns + j] - 2.0 * rows[LAST, 2 + ns + j] + rows[BEFORE, 2 + ns + j]
-        sums[INPUT_DIFFERENCES + j] += difference * difference
-    sums[DIFFERENCES] += 1.0
 
 
 @lean
@@ -295,11 +292,15 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
             return GOES_ON
     dt = new[TIME] - rows[LAST, TIME]
     if not (0.0 < dt <= MAX_GAP_S):
+        for j in range(nu):
+            forget_readings(filters.readings[j])
         return GAP
     advance_bank(model.omega, model.servo_s, filters, bank, rows, new, ns)
     advance_air(model.exponents, filters.coefficients, bank, rows, new, ns)
     if math.isfinite(rows[BEFORE, 1]):
-        _add_second_differences(block, new, ns, nu)
+        _add_second_differences(block, new, ns)
+    for j in range(nu):
+        follow_reading(filters.readings[j], new[2 + ns + j], dt, model.input_variance[j])
     copy_vector(rows[LAST], rows[BEFORE])
     copy_vector(new, rows[LAST])
     _gather(block.sums, new, condition)
@@ -323,6 +324,16 @@ def _restart(model, block, row, gap, checkpoint_rows):  # type: ignore[no-untype
 
 
 @part
+def _believe_inputs(model, filters, noise):  # type: ignore[no-untyped-def]
+    """The inputs' part of the noise variances, as their readings have shown it."""
+    first = 2 * model.lever.size + 1
+    for j in range(model.servo_s.size):
+        noise[first + j] = max(
+            reading_variance(filters.readings[j], model.input_variance[j]), INPUT_RESOLUTION
+        )
+
+
+@part
 def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Solve with the running block; ``work.found`` becomes what the block alone says."""
     block, known, memory = vehicle.block, vehicle.posterior, vehicle.memory
@@ -332,6 +343,7 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     if vehicle.progress.counts[SOLUTIONS] == 0:
         start_noise(model, block.roughness, known.noise)
         asked = BEGIN
+    _believe_inputs(model, vehicle.filters, known.noise)
     at = Linearisation(known.theta, known.noise, known.noise_known)
     solve_block(model, block, at, memory, model.prior, asked, work.solving, found)
     copy_matrix(found.covariance, known.covariance)
@@ -357,6 +369,7 @@ def _before(model, vehicle, work, m):  # type: ignore[no-untyped-def]
     _cut_out(model, vehicle, work, m)
     for j in range(work.noise.size):
         work.noise[j] = vehicle.posterior.noise_known[j]
+    _believe_inputs(model, vehicle.filters, work.noise)
 
 
 @part
@@ -462,7 +475,7 @@ def _vehicle_of(state, i):  # type: ignore[no-untyped-def]
     filters, block, posterior, progress = state.filters, state.block, state.posterior, state.progress
     evidence, points = state.evidence, state.checkpoints
     return State(
-        Filters(filters.coefficients[i], filters.step[i]),
+        Filters(filters.coefficients[i], filters.step[i], filters.readings[i]),
         Block(block.bank[i], block.rows[i], block.sums[i], block.roughness[i]),
         Posterior(
             posterior.theta[i], posterior.covariance[i], posterior.noise[i], posterior.noise_known[i],
@@ -489,9 +502,10 @@ def fill(model, block, filters, signals, ends):  # type: ignore[no-untyped-def]
     """
     for i in range(ends.shape[0]):
         own = Block(block.bank[i], block.rows[i], block.sums[i], block.roughness[i])
+        own_filters = Filters(filters.coefficients[i], filters.step[i], filters.readings[i])
         ends[i, 0], ends[i, 1] = signals.shape[1], GOES_ON
         for k in range(signals.shape[1]):
-            what = _take(model, own, Filters(filters.coefficients[i], filters.step[i]), signals[i, k])
+            what = _take(model, own, own_filters, signals[i, k])
             if what != GOES_ON:
                 ends[i, 0], ends[i, 1] = k, what
                 break

@@ -25,8 +25,8 @@ from wingwatch.estimators.fourier.dispersion import dispersion_of
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
     CLOSED,
-    INPUT_DIFFERENCES,
     LAST,
+    SAMPLES,
     SOLUTIONS,
     START,
     TIME,
@@ -41,6 +41,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
+from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
@@ -69,7 +70,8 @@ class FourierConfig:
             samples; 0 where that is not known: it then moves evenly.
         force_from_accelerometer: force equation from the accelerometer; else from the velocity's rate.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
-        input_noise_std: of each measured input, rad; not more than the input's own roughness is believed.
+        input_noise_std: of each measured input, rad, as the aircraft file states it; what its readings show counts
+            beside it. 0: exact.
         smallest_share: fraction of signal in the regressors' power below which a direction counts as unseen (more
             where the bins are so few that noise alone may look like it).
         span_m: over which gust-induced pitch (yaw) and roll rates are smoothed; 0: the air is not known to cause any.
@@ -123,7 +125,7 @@ class FourierState:
     """Everything the estimator remembers, one row a vehicle; shapes and units are those of the groups in ``state``.
 
     Attributes:
-        coefficients, step: ``Filters``.
+        coefficients, step, readings: ``Filters``.
         bank, rows, sums, roughness: the running ``Block``.
         theta, covariance, noise, noise_known, informed_s, changed_s: ``Posterior``.
         counts, condition, evidence_span, scatter: ``Progress``.
@@ -136,6 +138,7 @@ class FourierState:
 
     coefficients: Array
     step: Array
+    readings: Array
     bank: Array
     rows: Array
     sums: Array
@@ -192,12 +195,13 @@ class FourierEstimator:
         ns, nu, k = self.layout.states, self.layout.inputs, len(c.structure.derivatives)
         nf, columns = c.omega_rad_s.size, self.layout.columns
         channels = (bank_channels(ns, nu) + air_channels(ns, nu), 2, nf)
-        sensors, sums = 2 * ns + 1, INPUT_DIFFERENCES + nu
+        sensors, sums = 2 * ns + 1, SAMPLES + 1
         noise = np.ones((n, sensors + nu + AIR_VARIANCES))
         noise[:, sensors:] = 0.0
         return FourierState(
             coefficients=np.zeros((n, 8, nf)),
             step=np.full((n, 1), -1.0),
+            readings=np.zeros((n, nu, READING_MEMORY)),
             bank=np.zeros((n, *channels)),
             rows=np.full((n, 3, columns), np.nan),
             sums=np.zeros((n, sums)),
@@ -256,7 +260,7 @@ class FourierEstimator:
         ends = np.zeros((len(state.theta), 2), dtype=np.int64)
         block, filters = (
             Block(state.bank, state.rows, state.sums, state.roughness),
-            Filters(state.coefficients, state.step),
+            Filters(state.coefficients, state.step, state.readings),
         )
         fill(self._model, block, filters, signals, ends)
         if solves or (ends[:, 0] < signals.shape[1]).any():
@@ -361,7 +365,7 @@ def _grouped(s: FourierState) -> State:
         s.checkpoint_sensitivity, s.checkpoint_information, s.checkpoint_vector, s.checkpoint_bias
     )
     return State(
-        Filters(s.coefficients, s.step),
+        Filters(s.coefficients, s.step, s.readings),
         Block(s.bank, s.rows, s.sums, s.roughness),
         Posterior(s.theta, s.covariance, s.noise, s.noise_known, s.informed_s, s.changed_s),
         Progress(s.counts, s.condition, s.evidence_span, s.scatter),

@@ -49,9 +49,7 @@ from wingwatch.estimators.fourier.state import (
     ALPHA,
     BETWEEN,
     DENSITY,
-    DIFFERENCES,
     GUST,
-    INPUT_DIFFERENCES,
     LAST,
     ROLLING,
     SAMPLES,
@@ -397,11 +395,6 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
     air = air_of(model, sums[AIRSPEED] / sums[SAMPLES])
     block_transforms(omega, block.bank, span, air.turn_s, ns, nu, transforms.lines, transforms.phase)
     _present(model, sums, scale, work.forward_speed)
-    for j in range(nu):
-        variance = min(
-            model.input_variance[j], sums[INPUT_DIFFERENCES + j] / (6.0 * max(sums[DIFFERENCES], 1.0))
-        )
-        noise[2 * ns + 1 + j] = max(variance, INPUT_RESOLUTION)
     noise[BETWEEN] = between_samples_variance(noise[GUST], power / span)
     for _ in range(3 if asked == BEGIN else 1):
         _form(model, block, at, power, fraction, work, found)

@@ -22,11 +22,9 @@ __all__ = [
     "CLOSED",
     "CONDITION",
     "DENSITY",
-    "DIFFERENCES",
     "DISPERSION",
     "FREEDOM",
     "GUST",
-    "INPUT_DIFFERENCES",
     "LAST",
     "ROLLING",
     "SAMPLES",
@@ -57,8 +55,8 @@ TIME = 0
 CONDITION = 2
 """Columns from the kinematic term to the flight condition, which has the order of the next four names."""
 
-AIRSPEED, DENSITY, ALTITUDE, ALPHA, SAMPLES, DIFFERENCES, INPUT_DIFFERENCES = range(7)
-"""Places in ``Block.sums``; the last is the first input's."""
+AIRSPEED, DENSITY, ALTITUDE, ALPHA, SAMPLES = range(5)
+"""Places in ``Block.sums``."""
 
 START, LAST, BEFORE = range(3)
 """Rows of ``Block.rows``."""
@@ -98,7 +96,7 @@ class Model(NamedTuple):
         lever: (states,) accelerometer's place from the c.g., by what each state's rate adds to the force, m.
         exponents: (states + inputs,) power of the airspeed in each column's derivatives: 1 states, 2 inputs.
         servo_s: (inputs,) time constants of the servos; infinite where unknown, 0 for a command.
-        input_variance: (inputs,) largest believed noise variance, rad^2.
+        input_variance: (inputs,) noise variance as it is stated, rad^2; 0 of exact ones.
         prior: derivatives before the data.
         reference_airspeed_m_s, reference_density_kg_m3: condition to which derivatives are referred.
         block_s, first_solution_s, memory_s, stale_s, smallest_signal: of ``FourierConfig``.
@@ -132,15 +130,17 @@ class Model(NamedTuple):
 
 
 class Filters(NamedTuple):
-    """One-pole filters of a time step.
+    """One-pole filters of a time step, and what the readings have shown.
 
     Attributes:
         coefficients: (8, bins), rows as ``bank`` makes them, s where they multiply a signal.
         step: (1,) the time step they are for, s.
+        readings: (inputs, READING_MEMORY), see ``kernels.reading_noise``.
     """
 
     coefficients: Array
     step: Array
+    readings: Array
 
 
 class Block(NamedTuple):
@@ -149,8 +149,8 @@ class Block(NamedTuple):
     Attributes:
         bank: (channels, 2, bins) transforms, real and imaginary part; unit of the signal times s.
         rows: (3, columns) signal rows at the window's start, the last one and the one before.
-        sums: (6 + inputs,) over the window: airspeed (m/s), density (kg/m3), altitude (m), angle of attack (rad),
-            number of samples; then the number of second differences, and the squared ones of each input (rad^2).
+        sums: (5,) over the window: airspeed (m/s), density (kg/m3), altitude (m), angle of attack (rad), number of
+            samples.
         roughness: (states + 2,) sums of the roots of magnitudes of second differences of states and accelerometer, and
             their number.
     """

@@ -22,6 +22,7 @@ from wingwatch.estimators.fourier.state import (
     Prior,
     Transforms,
 )
+from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 
 Array = NDArray[np.float64]
 Real = NDArray[np.floating[Any]]
@@ -52,7 +53,7 @@ PITCH_MODEL = Model(
 
 def new_filters(bins: int) -> Filters:
     """Filters before the first sample."""
-    return Filters(np.zeros((8, bins)), np.full(1, -1.0))
+    return Filters(np.zeros((8, bins)), np.full(1, -1.0), np.zeros((1, READING_MEMORY)))
 
 
 def rows_before(rows: Real, k: int) -> Array:
