@@ -79,6 +79,7 @@ from wingwatch.aircraft.linearisation import (
     trimmed,
 )
 from wingwatch.aircraft.loading import AircraftFileError, library_names, load_aircraft, parse_aircraft
+from wingwatch.aircraft.mass_and_balance import american_map, at_loading, carried
 from wingwatch.aircraft.modes import (
     ModeQuantity,
     analysis_band_hz,
@@ -198,6 +199,9 @@ __all__ = [
     "trimmed",
     "linearised_derivatives",
     "linearised_at",
+    "at_loading",
+    "carried",
+    "american_map",
     "derived_from",
     "reduced",
     "derivative_standard_errors",
