@@ -42,14 +42,14 @@ def at_loading(aircraft: Aircraft, mass_kg: float | None, cg_shift_m: float | No
         AircraftDataError: the file lacks [mass] or [geometry].
         ValueError: a mass that is not positive, or a shift that is not finite.
     """
+    shift = cg_shift_m or 0.0
+    if shift == 0.0 and (mass_kg is None or (aircraft.mass is not None and mass_kg == aircraft.mass.mass_kg)):
+        return aircraft
     stated = aircraft.need_mass(_PURPOSE)
     aircraft.need_geometry(_PURPOSE)
     mass = stated.mass_kg if mass_kg is None else mass_kg
-    shift = cg_shift_m or 0.0
     if not (0.0 < mass < math.inf and math.isfinite(shift)):
         raise ValueError(f"mass_kg is {mass} and cg_shift_m {shift}; give a positive mass and a finite shift")
-    if mass == stated.mass_kg and shift == 0.0:
-        return aircraft
     table = stated.model_copy(update={"mass_kg": mass, "cg_shift_m": stated.cg_shift_m + shift})
     s = aircraft.sensors
     places = {

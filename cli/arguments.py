@@ -19,6 +19,8 @@ _STRUCTURES = (
     "dutch_roll_beta", "roll", "spiral", "lateral", "lateral_full",
 )  # fmt: skip
 
+_CONVENTIONS = ("concise", "dimensional", "british", "american")
+
 _EXAMPLES = """\
 examples:
   wingwatch demo
@@ -96,6 +98,16 @@ def _add_aircraft_and_map(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--map", type=Path, metavar="MAP", help="channel map (TOML)")
 
 
+def _add_convention(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--convention",
+        choices=_CONVENTIONS,
+        default="concise",
+        help="what derivatives, their standard errors and expectations are given in; the others than concise need "
+        "[geometry] and [mass] of the aircraft file (default: %(default)s)",
+    )
+
+
 def _add_estimate(commands: "_Commands[_Parser]") -> None:
     parser = _command(
         commands,
@@ -111,6 +123,7 @@ def _add_estimate(commands: "_Commands[_Parser]") -> None:
         help="CSV, Parquet or MATLAB file; several are one after another, with common derivatives",
     )
     _add_aircraft_and_map(parser)
+    _add_convention(parser)
     parser.add_argument(
         "--estimator",
         choices=(
@@ -155,6 +168,7 @@ def _add_monitor(commands: "_Commands[_Parser]") -> None:
         "wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml",
     )
     _add_flight(parser)
+    _add_convention(parser)
     parser.add_argument(
         "--baseline",
         metavar="DB",
@@ -415,6 +429,7 @@ def _add_design_input(commands: "_Commands[_Parser]") -> None:
     )
     add("--kind", choices=_INPUT_KINDS, help="shape of the input")
     add("--compare", action="store_true", help="all kinds side by side, in place of one")
+    _add_convention(parser)
     add("--amplitude", type=float, default=2.0, metavar="DEG", help="of every surface (default: %(default)g)")
     add("--airspeed", type=float, metavar="M_S", help="true airspeed (default: the aircraft's cruise)")
     add("--altitude", type=float, metavar="M", help="altitude (default: the aircraft's cruise)")
