@@ -255,6 +255,7 @@ class FleetMonitor:
         self._alerts[alert.id] = alert
         while len(self._alerts) > self._settings.kept_alerts:
             self._alerts.pop(next(iter(self._alerts)))
+            self._count("alerts_forgotten")
         self._event(
             "alert",
             {"id": alert.id, "fleet": alert.fleet, "vehicle": alert.vehicle, "state": str(alert.state),
@@ -318,7 +319,7 @@ class FleetMonitor:
         """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
         known.note_fault(error, self._clock())
         if known.monitor is None:
-            known.held.clear()  # there is none to be made, and what waits for it must not grow
+            known.drop_held()  # there is none to be made, and what waits for it must not grow
         self._count("faults")
         if self._problems["faults"] <= _LOGGED_FAULTS:
             _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle)
@@ -332,6 +333,7 @@ class FleetMonitor:
         of_names = {
             "vehicles_forgotten": self._vehicles.forgotten,
             "too_many_vehicles": self._vehicles.refused,
+            "events_forgotten": self._event_id - len(self._events),
         }
         return self._problems | {name: times for name, times in of_names.items() if times}
 

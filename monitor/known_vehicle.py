@@ -94,6 +94,12 @@ class KnownVehicle:
     def start_anew(self) -> None:
         """It is another aircraft from now on, or none that is known."""
         self.monitor, self.recalled, self.recall_s = None, False, None
+        self.drop_held()
+
+    def drop_held(self) -> None:
+        """What waits is not watched: the samples are counted."""
+        if self.held:
+            self.count("dropped_waiting", sum(len(message.block) for message in self.held))
         self.held.clear()
 
     @property
