@@ -30,6 +30,7 @@ examples:
   wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet
   wingwatch diagnose flight.csv --aircraft aerosonde --report report.html
   wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
+  wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
 
@@ -67,6 +68,7 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_diagnose(commands)
     _add_design_input(commands)
     _add_study(commands)
+    _add_baseline(commands)
     return parser
 
 
@@ -402,6 +404,41 @@ def _add_study_show(studies: "_Commands[_Parser]") -> None:
         help="finished studies, taken together: healthy flights say how often an alert is false",
     )
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="write it as one page")
+
+
+_BASELINE_ACTIONS = {
+    "show": "what is expected of an aircraft now, and what a vehicle's flights have taught",
+    "history": "every entry there ever was, what superseded it, and every kept version of what a vehicle taught",
+    "import": "put the [[conditions]] of an aircraft file into the database; each supersedes the entry at its point",
+}
+
+
+def _add_baseline(commands: "_Commands[_Parser]") -> None:
+    does = "the baseline database: what is expected of an aircraft, by whom, since when"
+    example = "wingwatch baseline show data/wingwatch.db --aircraft aerosonde --vehicle uav1"
+    parser = commands.add_parser(
+        "baseline",
+        help=does,
+        description=f"{does[0].upper()}{does[1:]}.",
+        epilog=f"examples:\n  {example}\n  wingwatch baseline import data/wingwatch.db --aircraft identified.toml",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, parser_class=_Parser)
+    for name, what in _BASELINE_ACTIONS.items():
+        one = _command(actions, name, what, example.replace("show", name))
+        one.add_argument("database", metavar="DB", help="database of a service (file or URL)")
+        one.add_argument(
+            "--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file"
+        )
+        if name == "import":
+            continue
+        _add_convention(one)
+        one.add_argument("--configuration", default="clean", help="of the aircraft (default: %(default)s)")
+        one.add_argument("--fleet", default="default", help="of the vehicle (default: %(default)s)")
+        one.add_argument(
+            "--vehicle", metavar="ID", help="whose flights' teaching to show (default: nobody's)"
+        )
 
 
 _DESIGN_EXAMPLES = """\
