@@ -243,7 +243,7 @@ class ModeEstimate(_OpenAnswer):
     derivatives: dict[str, DerivativeValue]
     confounded: list[list[str]] = Field(
         default_factory=list,
-        description="sets of derivatives that cannot be told apart: only combinations are known",
+        description="sets of derivatives that cannot be distinguished: only combinations are known",
     )
     natural_frequency_rad_s: float | None = None
     natural_frequency_rad_s_standard_error: float | None = None

@@ -213,7 +213,7 @@ def _designed(task: _Task, kind: str, length_s: float, rate_hz: float, conventio
         )
         for plant in task.plants
     )
-    shown = tuple(_rows(task, told, convention) for told in promises)
+    shown = tuple(_rows(task, promised, convention) for promised in promises)
     return Designed(
         design, promises, shown, input_notes(task.aircraft, design, promises, task.elevator_trim_rad)
     )
@@ -251,15 +251,19 @@ def _summary(one: Designed, task: _Task) -> dict[str, Any]:
         }
     return {
         "surfaces": surfaces,
-        "promise": {told.structure.name: rows for told, rows in zip(one.promises, one.shown, strict=True)},
-        "response": {
-            told.structure.name: {
-                name: {"smallest": float(values.min()), "largest": float(values.max())}
-                for name, values in told.response.quantities.items()
-            }
-            for told in one.promises
+        "promise": {
+            promised.structure.name: rows for promised, rows in zip(one.promises, one.shown, strict=True)
         },
-        "signal_to_noise": {told.structure.name: told.response.signal_to_noise for told in one.promises},
+        "response": {
+            promised.structure.name: {
+                name: {"smallest": float(values.min()), "largest": float(values.max())}
+                for name, values in promised.response.quantities.items()
+            }
+            for promised in one.promises
+        },
+        "signal_to_noise": {
+            promised.structure.name: promised.response.signal_to_noise for promised in one.promises
+        },
         "notes": list(one.notes),
     }
 
@@ -282,19 +286,19 @@ def _column(table: NDArray[np.float64], i: int) -> NDArray[np.float64]:
     return np.ascontiguousarray(table[:, i])
 
 
-def _rows(task: _Task, told: Promise, convention: str) -> _Rows:
-    """Value and standard error of each derivative in a convention, infinite where it cannot be told."""
+def _rows(task: _Task, promised: Promise, convention: str) -> _Rows:
+    """Value and standard error of each derivative in a convention, infinite where it cannot be promised."""
     rows = {
         symbol: {"value": float(value), "standard_error": float(error), "unit": DERIVATIVES[symbol].unit}
         for symbol, value, error in zip(
-            told.structure.derivatives, told.derivatives, told.standard_error, strict=True
+            promised.structure.derivatives, promised.derivatives, promised.standard_error, strict=True
         )
     }
     mode = {"condition": asdict(task.condition), "derivatives": rows}
     made = in_convention(
-        {"": {told.structure.name: mode}}, task.aircraft, convention, task.condition.configuration
+        {"": {promised.structure.name: mode}}, task.aircraft, convention, task.condition.configuration
     )
-    shown: _Rows = made[""][told.structure.name]["derivatives"]
+    shown: _Rows = made[""][promised.structure.name]["derivatives"]
     return {
         symbol: row | {"standard_error": math.inf if row["standard_error"] is None else row["standard_error"]}
         for symbol, row in shown.items()
@@ -331,9 +335,9 @@ def _show(console: Console, head: Mapping[str, Any], one: Designed) -> None:
             f"  {target.surface}: {step}energy {1e3 * design.energy_rad2_s[i]:.3g}e-3 rad2 s, relative peak factor "
             f"{peaks[i]:.2f}, {100.0 * shares[i]:.0f} % of its power in {low:.3g} to {high:.3g} Hz"
         )
-    for told, rows in zip(one.promises, one.shown, strict=True):
-        console.print(_promise_table(told, rows))
-        console.print(f"  response: {_response_text(told)}")
+    for promised, rows in zip(one.promises, one.shown, strict=True):
+        console.print(_promise_table(promised, rows))
+        console.print(f"  response: {_response_text(promised)}")
     for note in one.notes:
         console.print(f"note: {escape(note)}", style="yellow")
 
@@ -346,8 +350,8 @@ def _show_head(console: Console, head: Mapping[str, Any]) -> None:
     )
 
 
-def _promise_table(told: Promise, rows: _Rows) -> Table:
-    table = Table(title=f"{told.structure.name}: promised", title_justify="left", title_style="bold")
+def _promise_table(promised: Promise, rows: _Rows) -> Table:
+    table = Table(title=f"{promised.structure.name}: promised", title_justify="left", title_style="bold")
     for name in ("derivative", "unit", "value", "standard error", "in percent"):
         table.add_column(name, justify="left" if name in ("derivative", "unit") else "right")
     for symbol, row in rows.items():
@@ -366,9 +370,9 @@ def _percent(error: float, value: float) -> str:
     return f"{100.0 * error / abs(value):.2g}" if math.isfinite(error) and value != 0.0 else "-"
 
 
-def _response_text(told: Promise) -> str:
+def _response_text(promised: Promise) -> str:
     parts = []
-    for name, values in told.response.quantities.items():
+    for name, values in promised.response.quantities.items():
         low, high = float(values.min()), float(values.max())
         if name.endswith("_rad_s"):
             text = f"{math.degrees(low):.3g} to {math.degrees(high):.3g} degrees/s"

@@ -190,7 +190,7 @@ def _fit_line(fit: Mapping[str, Any]) -> str:
         pairs = (
             f"{' and '.join(p['derivatives'])} ({p['correlation']:+.2f})" for p in fit["correlated_pairs"]
         )
-        parts.append(f"hardly told apart: {', '.join(pairs)}")
+        parts.append(f"hardly distinguished: {', '.join(pairs)}")
     if fit["residuals_coloured"]:
         parts.append("standard errors for coloured residuals")
     return "; ".join(parts)
