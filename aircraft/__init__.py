@@ -1,4 +1,20 @@
-"""The words: derivatives, mode structures, flight condition, conventions, aircraft files and the library."""
+"""The words: derivatives, mode structures, flight condition, conventions, aircraft files and the library.
+
+Example:
+    What an aircraft file makes expect at a flight condition, in two conventions:
+
+    >>> from wingwatch.aircraft import SHORT_PERIOD, Convention, FlightCondition, convert
+    >>> from wingwatch.aircraft import linearised_derivatives, load_aircraft, trimmed
+    >>> aerosonde = load_aircraft("aerosonde")
+    >>> cruise = trimmed(aerosonde, FlightCondition(25.0, 1000.0))
+    >>> concise = linearised_derivatives(aerosonde, cruise, SHORT_PERIOD)
+    >>> american = convert(
+    ...     concise, aircraft=aerosonde, condition=cruise, structure=SHORT_PERIOD,
+    ...     source=Convention.CONCISE, target=Convention.AMERICAN,
+    ... )
+    >>> round(concise["m_q"], 2), round(american["m_q"], 1)
+    (-4.64, -38.2)
+"""
 
 from wingwatch.aircraft.aerodynamics import (
     BodyCoefficients,
@@ -79,6 +95,7 @@ from wingwatch.aircraft.linearisation import (
     trimmed,
 )
 from wingwatch.aircraft.loading import AircraftFileError, library_names, load_aircraft, parse_aircraft
+from wingwatch.aircraft.mass_and_balance import american_map, at_loading, carried
 from wingwatch.aircraft.modes import (
     ModeQuantity,
     analysis_band_hz,
@@ -198,6 +215,9 @@ __all__ = [
     "trimmed",
     "linearised_derivatives",
     "linearised_at",
+    "at_loading",
+    "carried",
+    "american_map",
     "derived_from",
     "reduced",
     "derivative_standard_errors",

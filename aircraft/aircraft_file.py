@@ -132,13 +132,18 @@ class Geometry(_Table):
 
 
 class Mass(_Table):
-    """Mass and moments of inertia about the centre of gravity in body axes."""
+    """Mass and moments of inertia about the centre of gravity in body axes.
+
+    ``cg_shift_m`` says how far aft of the point that the moments of [coefficients] are about the centre of gravity
+    lies; all else in the file is from the centre of gravity itself.
+    """
 
     mass_kg: Positive
     inertia_x_kg_m2: Positive
     inertia_y_kg_m2: Positive
     inertia_z_kg_m2: Positive
     inertia_xz_kg_m2: float = 0.0
+    cg_shift_m: float = 0.0
 
     @model_validator(mode="after")
     def _realisable(self) -> "Mass":
@@ -333,6 +338,11 @@ class Aircraft(_Table):
     def entries(self, structure: ModeStructure, configuration: str = "clean") -> tuple[ConditionEntry, ...]:
         """The stated conditions that have all of a structure's derivatives in a configuration."""
         return tuple(c for c in self.conditions if c.configuration == configuration and c.covers(structure))
+
+    @property
+    def cg_shift_m(self) -> float:
+        """How far aft of the coefficients' own point the centre of gravity lies, m."""
+        return 0.0 if self.mass is None else self.mass.cg_shift_m
 
     def need_geometry(self, purpose: str) -> Geometry:
         """The geometry, or AircraftDataError saying what for."""

@@ -117,7 +117,8 @@ def unsteady_inertia(aircraft: Aircraft, condition: FlightCondition) -> tuple[fl
     """(Z_wdot in kg, M_wdot in kg m) from the file's alphadot coefficients; zeros where it has none.
 
     Z_wdot = -¼ρSc cos²α CL_alphadot, M_wdot = ¼ρSc² cosα Cm_alphadot: dα/dt = cosα dw/dt / V at constant
-    forward speed, and the lift turned into body axes. Both concern thesis table B.4.
+    forward speed, and the lift turned into body axes. Both concern thesis table B.4. A centre of gravity behind the
+    coefficients' point adds the moment of Z_wdot.
     """
     coefficients = aircraft.coefficients
     if coefficients is None or (coefficients.CL.alphadot == 0.0 and coefficients.Cm.alphadot == 0.0):
@@ -126,7 +127,8 @@ def unsteady_inertia(aircraft: Aircraft, condition: FlightCondition) -> tuple[fl
     cos = math.cos(condition.angle_of_attack_rad)
     chord = geometry.mean_chord_m
     common = 0.25 * condition.air_density_kg_m3 * geometry.wing_area_m2 * chord * cos
-    return -common * cos * coefficients.CL.alphadot, common * chord * coefficients.Cm.alphadot
+    z_wdot = -common * cos * coefficients.CL.alphadot
+    return z_wdot, common * chord * coefficients.Cm.alphadot - aircraft.cg_shift_m * z_wdot
 
 
 def longitudinal_mass_matrix(aircraft: Aircraft, condition: FlightCondition) -> NDArray[np.float64]:

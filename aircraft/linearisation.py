@@ -20,6 +20,7 @@ from wingwatch.aircraft.aerodynamics import (
 )
 from wingwatch.aircraft.aircraft_file import Aircraft, AircraftDataError
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
+from wingwatch.aircraft.centre_of_gravity import about_centre
 from wingwatch.aircraft.coefficients import Coefficients
 from wingwatch.aircraft.condition import FlightCondition
 from wingwatch.aircraft.conventions import Convention, convert
@@ -58,6 +59,8 @@ _DERIVED: Mapping[ModeStructure, ModeStructure] = {
 }
 
 _LOWEST_ALPHA_RAD, _HIGHEST_ALPHA_RAD = -0.35, 0.6
+_ELEVATOR_STEPS = 8
+"""Of Newton's method for a shifted centre of gravity; only the elevator's small drag makes it more than one."""
 _STEP = 1e-20
 """Imaginary step: no difference is formed, so it may be as small as it likes."""
 
@@ -99,8 +102,8 @@ def trim(aircraft: Aircraft, condition: FlightCondition) -> Trim:
     """Steady, level, wings-level flight: pitching moment zero, weight carried by lift and inclined thrust.
 
     With thrust along x body, T cosα = D and L + T sinα = m g, hence L + D tanα = m g; the elevator follows
-    from Cm = 0. The root on the branch of rising lift is taken. The condition's own angle of attack is not
-    used.
+    from Cm = 0 about the centre of gravity. The root on the branch of rising lift is taken. The condition's own
+    angle of attack is not used.
 
     Raises:
         AircraftDataError: the file lacks [coefficients], [geometry] or [mass], or the configuration is
@@ -113,8 +116,17 @@ def trim(aircraft: Aircraft, condition: FlightCondition) -> Trim:
     pressure_area = condition.dynamic_pressure_pa * geometry.wing_area_m2
     needed = mass.mass_kg * GRAVITY_M_S2 / pressure_area
 
+    aft = mass.cg_shift_m / geometry.mean_chord_m
+
     def elevator(alpha: float) -> float:
-        return -(c.Cm.zero + c.Cm.alpha * alpha) / c.Cm.elevator
+        eta = -(c.Cm.zero + c.Cm.alpha * alpha) / c.Cm.elevator
+        if aft == 0.0:
+            return eta
+        slope = c.Cm.elevator + aft * c.CL.elevator * math.cos(alpha)
+        for _ in range(_ELEVATOR_STEPS):
+            at = body_coefficients(c, aspect, alpha, surfaces=(eta, 0.0, 0.0))
+            eta -= float((at.Cm - aft * at.CZ).real) / slope
+        return eta
 
     def excess(alpha: float) -> float:
         eta = elevator(alpha)
@@ -308,14 +320,15 @@ def linearised_at(
         american = _full_longitudinal(aircraft, condition, c, aspect, at, throttle)
     else:
         full, american = LATERAL, _lateral(c, aspect, at)
-    concise = convert(
-        american,
-        aircraft=aircraft,
-        condition=here,
-        structure=full,
-        source=Convention.AMERICAN,
-        target=Convention.CONCISE,
-    )
+
+    def converted(values: Mapping[str, float], source: Convention, target: Convention) -> dict[str, float]:
+        return convert(
+            values, aircraft=aircraft, condition=here, structure=full, source=source, target=target
+        )
+
+    dimensional = converted(american, Convention.AMERICAN, Convention.DIMENSIONAL)
+    moved = about_centre(dimensional, full, aircraft.cg_shift_m)
+    concise = converted(moved, Convention.DIMENSIONAL, Convention.CONCISE)
     return {symbol: concise[symbol] for symbol in structure.derivatives}
 
 

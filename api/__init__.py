@@ -1,6 +1,7 @@
 """The door: REST, event stream and status page. It translates what the monitor knows and computes nothing."""
 
 from wingwatch.api.app import create_app
+from wingwatch.api.conventions import convert_modes
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.ports import (
     DiagnosisPort,
@@ -44,4 +45,5 @@ __all__ = [
     "alert_document",
     "vehicle_document",
     "encode_json",
+    "convert_modes",
 ]

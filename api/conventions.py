@@ -10,17 +10,18 @@ from wingwatch.aircraft import (
     Aircraft,
     Convention,
     FlightCondition,
+    at_loading,
     convert,
     convert_standard_errors,
     display_name,
     unit,
 )
-from wingwatch.aircraft.structures import STRUCTURES, ModeStructure
+from wingwatch.aircraft.structures import MODEL_STRUCTURES, ModeStructure
 from wingwatch.api.encoding import quantity
 from wingwatch.api.problems import ProblemError
 from wingwatch.monitor.views import VehicleView
 
-__all__ = ["convert_estimators"]
+__all__ = ["convert_estimators", "convert_modes"]
 
 _CONDITION = ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad")
 _Change = Callable[..., dict[str, float]]
@@ -38,11 +39,7 @@ def convert_estimators(
     target: Convention,
     aircraft: Callable[[str], Aircraft],
 ) -> dict[str, Any]:
-    """Every mode's concise derivatives in the target convention, under their concise symbols as keys.
-
-    The flight condition is the estimate's own (key ``condition`` of the mode) or the vehicle's latest. A
-    standard error is carried by the conversion's linear part; where that mixes two derivatives (the roll and
-    yaw moments through the product of inertia) their errors are taken as independent.
+    """``convert_modes`` for a vehicle, as it is loaded.
 
     Raises:
         ProblemError: 422 where aircraft or condition are not known or do not suffice.
@@ -50,13 +47,9 @@ def convert_estimators(
     if vehicle.aircraft is None:
         raise _unconvertible(vehicle, "it has not announced its aircraft; ask for convention=concise")
     try:
-        known = aircraft(vehicle.aircraft)
-        return {
-            estimator: {
-                name: _mode(mode, STRUCTURES[name], vehicle, target, known) for name, mode in modes.items()
-            }
-            for estimator, modes in estimators.items()
-        }
+        known = at_loading(aircraft(vehicle.aircraft), vehicle.mass_kg, vehicle.cg_shift_m)
+        configuration = vehicle.configuration or "clean"
+        return convert_modes(estimators, known, target, latest=vehicle.condition, configuration=configuration)
     except ValueError as error:
         raise _unconvertible(vehicle, str(error)) from error
 
@@ -68,8 +61,47 @@ def _unconvertible(vehicle: VehicleView, why: str) -> ProblemError:
     )
 
 
-def _condition(mode: Mapping[str, Any], vehicle: VehicleView) -> FlightCondition:
-    condition: Mapping[str, float | None] = mode.get("condition") or vehicle.condition
+def convert_modes(
+    estimators: Mapping[str, Any],
+    aircraft: Aircraft,
+    target: Convention,
+    *,
+    latest: Mapping[str, float | None] | None = None,
+    configuration: str = "clean",
+) -> dict[str, Any]:
+    """Every mode's concise derivatives in the target convention, under their concise symbols as keys.
+
+    A derivative's entry gets the convention's ``unit`` and ``name``. A standard error is carried by the conversion's
+    linear part; where that mixes two derivatives (the roll and yaw moments through the product of inertia) their errors
+    are taken as independent. An ``interval_95`` keeps its width in standard errors.
+
+    Args:
+        estimators: modes by estimator and structure, as the contract's ``estimate`` object has them.
+        aircraft: as it is loaded; needs [geometry] and [mass].
+        target: the convention.
+        latest: flight condition of modes that state none of their own (key ``condition``).
+        configuration: of the aircraft.
+
+    Raises:
+        ValueError: a condition is not known, or the aircraft's file does not suffice; one sentence.
+    """
+    return {
+        estimator: {
+            name: _mode(
+                mode, MODEL_STRUCTURES[name], _condition(mode, latest or {}, configuration), target, aircraft
+            )
+            for name, mode in modes.items()
+        }
+        for estimator, modes in estimators.items()
+    }
+
+
+def _condition(
+    mode: Mapping[str, Any], latest: Mapping[str, float | None], configuration: str
+) -> FlightCondition:
+    condition: Mapping[str, float | None] = mode.get("condition") or latest
+    if any(quantity(condition.get(key)) is None for key in _CONDITION[:2]):
+        condition = latest
     airspeed, altitude, density, alpha = (quantity(condition.get(key)) for key in _CONDITION)
     if airspeed is None or altitude is None:
         raise ValueError("its airspeed or altitude is not known yet; ask for convention=concise")
@@ -77,7 +109,7 @@ def _condition(mode: Mapping[str, Any], vehicle: VehicleView) -> FlightCondition
         airspeed_true_m_s=airspeed,
         altitude_m=altitude,
         air_density_kg_m3=math.nan if density is None else density,
-        configuration=vehicle.configuration or "clean",
+        configuration=configuration,
         angle_of_attack_rad=alpha or 0.0,
     )
 
@@ -85,12 +117,12 @@ def _condition(mode: Mapping[str, Any], vehicle: VehicleView) -> FlightCondition
 def _mode(
     mode: Mapping[str, Any],
     structure: ModeStructure,
-    vehicle: VehicleView,
+    condition: FlightCondition,
     target: Convention,
     aircraft: Aircraft,
 ) -> dict[str, Any]:
-    condition = _condition(mode, vehicle)
     derivatives = {symbol: dict(entry) for symbol, entry in mode["derivatives"].items()}
+    widths = {symbol: _width(entry) for symbol, entry in derivatives.items() if "interval_95" in entry}
     for key, change in _CHANGES.items():
         change_here = partial(
             change,
@@ -108,11 +140,23 @@ def _mode(
     for symbol, entry in derivatives.items():
         entry["unit"] = unit(symbol, target)
         entry["name"] = display_name(symbol, target)
+        if symbol in widths:
+            value, error = (math.nan if entry[k] is None else entry[k] for k in ("value", "standard_error"))
+            entry["interval_95"] = [value - widths[symbol] * error, value + widths[symbol] * error]
     return {**mode, "derivatives": derivatives}
+
+
+def _width(entry: Mapping[str, Any]) -> float:
+    """Half of an interval in standard errors; NaN where either is not known."""
+    low, high = entry["interval_95"]
+    error = entry["standard_error"]
+    return float(0.5 * (high - low) / error) if math.isfinite(error) and error > 0.0 else math.nan
 
 
 def _changed(known: Mapping[str, float], structure: ModeStructure, change: _Change) -> dict[str, float]:
     """What is known, converted; left out is what rests on an unknown: two stand-ins for that one disagree."""
+    if not known:
+        return {}
     if len(known) == len(structure.derivatives):
         return change(known)
     first, second = (change({**dict.fromkeys(structure.derivatives, x), **known}) for x in (0.0, 1.0))

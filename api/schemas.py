@@ -132,6 +132,10 @@ class VehicleDocument(_Answer):
     rejected_by_channel: dict[str, int] = Field(
         default_factory=dict, description="samples refused as non-finite or out of range, by channel at fault"
     )
+    mass_kg: float | None = Field(
+        default=None, description="mass that is expected: the announced one, else the aircraft file's"
+    )
+    cg_shift_m: float = Field(default=0.0, description="centre of gravity in use, aft of the aircraft file's")
 
 
 class VehicleList(_Answer):
@@ -239,7 +243,7 @@ class ModeEstimate(_OpenAnswer):
     derivatives: dict[str, DerivativeValue]
     confounded: list[list[str]] = Field(
         default_factory=list,
-        description="sets of derivatives that cannot be told apart: only combinations are known",
+        description="sets of derivatives that cannot be distinguished: only combinations are known",
     )
     natural_frequency_rad_s: float | None = None
     natural_frequency_rad_s_standard_error: float | None = None
@@ -319,6 +323,8 @@ def vehicle_document(view: VehicleView) -> VehicleDocument:
         condition={key: quantity(value) for key, value in view.condition.items()},
         air=None if view.air is None else air_document(view.air),
         rejected_by_channel=dict(view.rejected_by_channel),
+        mass_kg=view.mass_kg,
+        cg_shift_m=view.cg_shift_m,
     )
 
 

@@ -1,6 +1,18 @@
 """Baselines: what each derivative is expected to be at a flight condition, and how well that is known.
 
 The database's names are looked up when first asked for, so that estimating offline needs no database library.
+
+Example:
+    What is expected of the short period at one point of the envelope, and how well that is known:
+
+    >>> from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, load_aircraft, trimmed
+    >>> from wingwatch.baselines import apriori_envelope
+    >>> aerosonde = load_aircraft("aerosonde")
+    >>> at = trimmed(aerosonde, FlightCondition(27.0, 1200.0))
+    >>> found = apriori_envelope(aerosonde, SHORT_PERIOD).lookup(at)
+    >>> m_q = SHORT_PERIOD.derivatives.index("m_q")
+    >>> f"{found.value[m_q]:.1f} +- {found.standard_error[m_q]:.1f}, {found.provenance}"
+    '-4.9 +- 1.0, a-priori'
 """
 
 from importlib import import_module

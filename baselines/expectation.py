@@ -6,7 +6,7 @@ and derivations: docs/decisions/0011-baseline-envelope.md.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from wingwatch.aircraft import (
     ModeStructure,
     Provenance,
     affine,
+    carried,
     isa_density_kg_m3,
 )
 from wingwatch.baselines.interpolation import Placement, interpolator
@@ -213,6 +214,23 @@ class Envelope:
         self._why_unscaled = ""
         if points:
             self._prepare()
+
+    def at_loading(self, aircraft: Aircraft) -> "Envelope":
+        """The same entries at the mass and centre of gravity of another loading of the aircraft (``aircraft.carried``).
+
+        Raises:
+            AircraftDataError: the aircraft's file lacks [mass] or [geometry].
+        """
+        points = []
+        for p in self.points:
+            value, covariance, condition = carried(
+                p.value, p.covariance, self.structure, p.condition, (self.aircraft, aircraft)
+            )
+            points.append(replace(p, value=value, covariance=covariance, condition=condition))
+        return Envelope(
+            aircraft, self.structure, points, configuration=self.configuration,
+            neighbourhood=self.neighbourhood, absent=self._absent,
+        )  # fmt: skip
 
     def _prepare(self) -> None:
         places = np.array([_place(p.condition) for p in self.points])

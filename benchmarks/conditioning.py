@@ -135,7 +135,7 @@ def path(flights: int) -> None:
             [p.parameters for p in paths],
             injected,
         )
-        print(f"  hardly told apart: {sorted({pair for p in paths for pair in p.confounded})}")
+        print(f"  hardly distinguished: {sorted({pair for p in paths for pair in p.confounded})}")
         print(f"  CPU time {spent / (2.0 * flights):.2f} s a minute of flight")
 
 

@@ -1,4 +1,4 @@
-"""Surfaces that move together: what cannot be told apart is named, and only that.
+"""Surfaces that move together: what cannot be distinguished is named, and only that.
 
 Simulated flights of the Aerosonde, six degrees of freedom, autopilot closed, sensor noise: with independent doublets of
 all surfaces, with aileron and rudder doublets at the same moments, with a rudder that is mixed to the aileron, and
@@ -42,7 +42,7 @@ class Case:
 
 
 def cases() -> tuple[Case, ...]:
-    """The ways of flying, the first and the last two without anything that cannot be told apart."""
+    """The ways of flying, the first and the last two without anything that cannot be distinguished."""
     usual = doublet_schedule(AIRCRAFT, FlightCondition(25.0, 1000.0), period_s=10.0, spacing_s=3.0)
     aileron = replace(
         usual,
@@ -89,7 +89,7 @@ def flown(case: Case, seconds: float, seed: int = SEED) -> list[Estimate]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        description="Surfaces that move together: what cannot be told apart is named."
+        description="Surfaces that move together: what cannot be distinguished is named."
     )
     parser.add_argument("--seconds", type=float, default=120.0, help=f"of flight, more than {READ_FROM_S:g}")
     seconds = parser.parse_args().seconds

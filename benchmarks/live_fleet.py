@@ -59,7 +59,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "decoding": ((fleet_module, "decode_sensors"),),
     "cleaning": ((VehicleMonitor, "prepared"),),
     "signals": ((Signals, "update"), (Signals, "high_passed")),
-    "Fourier form": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
+    "Fourier estimator": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
     "filter": ((EkfEstimator, "update"), (EkfEstimator, "solve"), (EkfEstimator, "release")),
     "estimates": ((FourierEstimator, "estimate"), (EkfEstimator, "estimate")),
     "test for changes": ((Judge, "consider"),),

@@ -1,4 +1,4 @@
-"""Directional forgetting of the Fourier form beside a time constant: one surface at a time, long quiet, a change.
+"""Directional forgetting of the Fourier estimator beside a time constant: one surface at a time, long quiet, a change.
 
     .venv/bin/python benchmarks/memory.py [--seeds 20] [--quiet 600]
 

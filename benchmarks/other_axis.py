@@ -11,7 +11,7 @@ describes is, in pitch, ((I_z - I_x) p r - I_xz (p^2 - r^2)) / I_y. The chain's 
 Per aircraft, surfaces, amplitude and structure: share of derivatives ``converged``, ``settling`` and not observable or
 rejected; truth in the stated 95 % interval of the converged ones; true or withheld (inside its interval, or not
 observable, or rejected); largest error over stated error of the converged ones; and what the coupling did at its
-largest, rad/s2. ``ekf`` is the filter as the live chain shows it, ``ekf alone`` without the Fourier form's word.
+largest, rad/s2. ``ekf`` is the filter as the live chain shows it, ``ekf alone`` without the Fourier estimator's word.
 """
 
 import argparse

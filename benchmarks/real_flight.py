@@ -75,7 +75,7 @@ def trace(monitor: VehicleMonitor, solutions: list[Solution], structure: str, sy
 
 
 def halves(flight: Path, channel_map: Path, aircraft: str) -> list[tuple[str, float, float, float, float]]:
-    """The Fourier form on each half of the flight alone: symbol, value and error of both.
+    """The Fourier estimator on each half of the flight alone: symbol, value and error of both.
 
     A half's derivatives are those at its last blocks' airspeed and angle of attack. Both are taken to the mean of the
     two halves' conditions: what acts by rho V or rho V^2 (table B.3), U and W in z_q, y_r and y_p by these.

@@ -123,7 +123,7 @@ def signals(plant: Plant, states: Array, surface: Array) -> Array:
 
 def estimators(plant: Plant) -> dict[str, FourierEstimator | EkfEstimator]:
     """Both estimators, and the filter without forgetting, started 30 % off with priors as wide as the live chain's:
-    three times a derivative's size for the Fourier form, once for the filter."""
+    three times a derivative's size for the Fourier estimator, once for the filter."""
     truth = np.array(plant.truth)
     start = START_AT * truth
     start[1] -= plant.turn

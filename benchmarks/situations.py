@@ -56,7 +56,7 @@ Z_95 = 1.959964
 
 
 def fourier(flight: Flight) -> Estimate:
-    """The Fourier form with the live chain's settings."""
+    """The Fourier estimator with the live chain's settings."""
     k = flight.known
     config = FourierConfig(
         k.plant.structure,
@@ -74,7 +74,7 @@ def fourier(flight: Flight) -> Estimate:
 
 
 def ekf(flight: Flight) -> Estimate:
-    """The filter with the live chain's settings, without the Fourier form's word on what the data carry."""
+    """The filter with the live chain's settings, without the Fourier estimator's word on what the data carry."""
     k = flight.known
     config = EkfConfig(
         k.plant.structure,
@@ -91,7 +91,7 @@ def ekf(flight: Flight) -> Estimate:
 
 
 def filter_online(flight: Flight) -> Estimate:
-    """The filter that needs no word from the Fourier form."""
+    """The filter that needs no word from the Fourier estimator."""
     k = flight.known
     config = FilterConfig(
         k.plant.structure,

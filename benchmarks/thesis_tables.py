@@ -152,7 +152,7 @@ def _frequency(band_hz: tuple[float, float]) -> Solve:
 
 
 def online(plant: Plant, rows: Array) -> tuple[Array, Array]:
-    """Recursive Fourier form with forgetting, solved at 2 Hz (9.2)."""
+    """Recursive Fourier estimator with forgetting, solved at 2 Hz (9.2)."""
     start = START_AT * np.array(plant.truth)
     start[1] -= plant.turn
     memory_s = 1.0 / (FORGETTING_HZ * (1.0 - FORGETTING))

@@ -83,11 +83,11 @@ def follow_step(plant: Plant, seeds: int, stepped: bool) -> dict[str, Course]:
     surface = doublets(plant, DURATION_S, 6.0, EVERY_S)
     rows = noisy_rows(plant, step_states(plant, surface, stepped), surface, seeds)
     found = {e.name: follow(e, rows, STEP_S, every=SOLVE_EVERY) for e in estimators(plant)}
-    return {**found, "ekf, told by fourier as in the live chain": follow_told(plant, rows)}
+    return {**found, "ekf, reset by fourier as in the live chain": follow_supervised(plant, rows)}
 
 
-def follow_told(plant: Plant, rows: Array) -> Course:
-    """The filter's course from the step on where the Fourier form tells it which derivatives have changed."""
+def follow_supervised(plant: Plant, rows: Array) -> Course:
+    """The filter's course from the step on where the Fourier estimator tells it which derivatives have changed."""
     fourier, ekf = estimators(plant)
     sums, state = fourier.init(len(rows)), ekf.init(len(rows))
     since, read = [], []

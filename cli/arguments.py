@@ -19,6 +19,8 @@ _STRUCTURES = (
     "dutch_roll_beta", "roll", "spiral", "lateral", "lateral_full",
 )  # fmt: skip
 
+_CONVENTIONS = ("concise", "dimensional", "british", "american")
+
 _EXAMPLES = """\
 examples:
   wingwatch demo
@@ -28,6 +30,7 @@ examples:
   wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet
   wingwatch diagnose flight.csv --aircraft aerosonde --report report.html
   wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
+  wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
 
@@ -65,6 +68,7 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_diagnose(commands)
     _add_design_input(commands)
     _add_study(commands)
+    _add_baseline(commands)
     return parser
 
 
@@ -96,6 +100,16 @@ def _add_aircraft_and_map(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--map", type=Path, metavar="MAP", help="channel map (TOML)")
 
 
+def _add_convention(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--convention",
+        choices=_CONVENTIONS,
+        default="concise",
+        help="what derivatives, their standard errors and expectations are given in; the others than concise need "
+        "[geometry] and [mass] of the aircraft file (default: %(default)s)",
+    )
+
+
 def _add_estimate(commands: "_Commands[_Parser]") -> None:
     parser = _command(
         commands,
@@ -111,6 +125,7 @@ def _add_estimate(commands: "_Commands[_Parser]") -> None:
         help="CSV, Parquet or MATLAB file; several are one after another, with common derivatives",
     )
     _add_aircraft_and_map(parser)
+    _add_convention(parser)
     parser.add_argument(
         "--estimator",
         choices=(
@@ -155,6 +170,7 @@ def _add_monitor(commands: "_Commands[_Parser]") -> None:
         "wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml",
     )
     _add_flight(parser)
+    _add_convention(parser)
     parser.add_argument(
         "--baseline",
         metavar="DB",
@@ -390,6 +406,41 @@ def _add_study_show(studies: "_Commands[_Parser]") -> None:
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="write it as one page")
 
 
+_BASELINE_ACTIONS = {
+    "show": "what is expected of an aircraft now, and what a vehicle's flights have taught",
+    "history": "every entry there ever was, what superseded it, and every kept version of what a vehicle taught",
+    "import": "put the [[conditions]] of an aircraft file into the database; each supersedes the entry at its point",
+}
+
+
+def _add_baseline(commands: "_Commands[_Parser]") -> None:
+    does = "the baseline database: what is expected of an aircraft, by whom, since when"
+    example = "wingwatch baseline show data/wingwatch.db --aircraft aerosonde --vehicle uav1"
+    parser = commands.add_parser(
+        "baseline",
+        help=does,
+        description=f"{does[0].upper()}{does[1:]}.",
+        epilog=f"examples:\n  {example}\n  wingwatch baseline import data/wingwatch.db --aircraft identified.toml",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, parser_class=_Parser)
+    for name, what in _BASELINE_ACTIONS.items():
+        one = _command(actions, name, what, example.replace("show", name))
+        one.add_argument("database", metavar="DB", help="database of a service (file or URL)")
+        one.add_argument(
+            "--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file"
+        )
+        if name == "import":
+            continue
+        _add_convention(one)
+        one.add_argument("--configuration", default="clean", help="of the aircraft (default: %(default)s)")
+        one.add_argument("--fleet", default="default", help="of the vehicle (default: %(default)s)")
+        one.add_argument(
+            "--vehicle", metavar="ID", help="whose flights' teaching to show (default: nobody's)"
+        )
+
+
 _DESIGN_EXAMPLES = """\
 wingwatch design-input --aircraft aerosonde --mode short_period --kind doublet
   wingwatch design-input --aircraft aerosonde --mode short_period --mode lateral --kind multisine --out input.csv \\
@@ -415,6 +466,7 @@ def _add_design_input(commands: "_Commands[_Parser]") -> None:
     )
     add("--kind", choices=_INPUT_KINDS, help="shape of the input")
     add("--compare", action="store_true", help="all kinds side by side, in place of one")
+    _add_convention(parser)
     add("--amplitude", type=float, default=2.0, metavar="DEG", help="of every surface (default: %(default)g)")
     add("--airspeed", type=float, metavar="M_S", help="true airspeed (default: the aircraft's cruise)")
     add("--altitude", type=float, metavar="M", help="altitude (default: the aircraft's cruise)")

@@ -18,7 +18,14 @@ from wingwatch.baselines import (
 )
 from wingwatch.cli.faults import CommandError
 
-__all__ = ["Baseline", "read_baseline", "stored_cells", "stored_envelopes", "stored_references"]
+__all__ = [
+    "Baseline",
+    "check_exists",
+    "read_baseline",
+    "stored_cells",
+    "stored_envelopes",
+    "stored_references",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +34,16 @@ class Baseline:
 
     envelopes: Mapping[str, Envelope] = field(default_factory=dict)
     references: Mapping[str, Reference] = field(default_factory=dict)
+
+
+def check_exists(option: str, where: str) -> None:
+    """Refuse a database file that does not exist: reading makes none.
+
+    Raises:
+        CommandError: there is no such file.
+    """
+    if "://" not in where and not Path(where).is_file():
+        raise CommandError(f"{option} {where}: there is no such file; give the database of a service")
 
 
 def read_baseline(
@@ -38,8 +55,7 @@ def read_baseline(
         CommandError: the file does not exist (it is not made here).
         DatabaseError: the database cannot be read.
     """
-    if "://" not in where and not Path(where).is_file():
-        raise CommandError(f"--baseline {where}: there is no such file; give the database of a service")
+    check_exists("--baseline", where)
     with open_database(where) as database:
         return Baseline(
             stored_envelopes(database, aircraft, configuration),

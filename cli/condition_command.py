@@ -116,7 +116,7 @@ def _show(console: Console, found: Conditioned, source: str, aircraft: str, out:
     if found.path is not None:
         console.print(_table("errors of sensors", found.path.parameters))
         for one, other in found.path.confounded:
-            console.print(f"  hardly told apart: {one} and {other}", style="dim")
+            console.print(f"  hardly distinguished: {one} and {other}", style="dim")
         ratio, worst = max((ratio, name) for name, ratio in found.path.fit.items())
         verdict = "one rigid body's motion" if found.path.compatible else "not one rigid body's motion"
         console.print(

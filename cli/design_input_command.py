@@ -4,7 +4,7 @@ import argparse
 import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from wingwatch.aircraft import (
     trim,
 )
 from wingwatch.cli.asked_condition import asked_condition
+from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import page, write_json
 from wingwatch.input_design import (
@@ -46,6 +47,9 @@ __all__ = ["Designed", "run"]
 
 _PLOTS = (".png", ".pdf", ".svg")
 _ENERGY_REFERENCE = "doublet"
+
+_Rows = dict[str, dict[str, Any]]
+"""Derivatives of a mode by symbol: value, standard error, unit, and the name where that is not the symbol."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +77,14 @@ class Designed:
 
     Attributes:
         design: the input.
-        promises: one a mode.
+        promises: one a mode, concise.
+        shown: for each of them its derivatives, values and standard errors in the convention asked for.
         notes: what stands against it.
     """
 
     design: InputDesign
     promises: tuple[Promise, ...]
+    shown: tuple[_Rows, ...]
     notes: tuple[str, ...]
 
 
@@ -86,11 +92,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     _check(arguments)
     aircraft = load_aircraft(arguments.aircraft)
+    check_convention(aircraft, arguments.convention)
     kinds = tuple(INPUT_KINDS) if arguments.compare else (arguments.kind,)
     try:
         task = _task(arguments, aircraft)
         length_s = _length_s(task) if arguments.length is None else arguments.length
-        made = {kind: _designed(task, kind, length_s, arguments.rate) for kind in kinds}
+        made = {kind: _designed(task, kind, length_s, arguments.rate, arguments.convention) for kind in kinds}
     except ValueError as error:  # what cannot be trimmed, designed or promised, each in one sentence
         raise CommandError(" ".join(str(error).split())) from None
     head = _head(task, arguments, length_s)
@@ -195,7 +202,7 @@ def _length_s(task: _Task) -> float:
     return float(math.ceil(1.0 / min(t.band_hz[0] for t in task.targets) - 1e-9))
 
 
-def _designed(task: _Task, kind: str, length_s: float, rate_hz: float) -> Designed:
+def _designed(task: _Task, kind: str, length_s: float, rate_hz: float, convention: str) -> Designed:
     design = design_input(kind, task.targets, length_s, rate_hz)
     column = {name: i for i, name in enumerate(design.surfaces)}
     promises = tuple(
@@ -206,7 +213,10 @@ def _designed(task: _Task, kind: str, length_s: float, rate_hz: float) -> Design
         )
         for plant in task.plants
     )
-    return Designed(design, promises, input_notes(task.aircraft, design, promises, task.elevator_trim_rad))
+    shown = tuple(_rows(task, promised, convention) for promised in promises)
+    return Designed(
+        design, promises, shown, input_notes(task.aircraft, design, promises, task.elevator_trim_rad)
+    )
 
 
 def _head(task: _Task, arguments: argparse.Namespace, length_s: float) -> dict[str, Any]:
@@ -218,6 +228,7 @@ def _head(task: _Task, arguments: argparse.Namespace, length_s: float) -> dict[s
         "amplitude_rad": math.radians(arguments.amplitude),
         "length_s": round(length_s * arguments.rate) / arguments.rate,
         "rate_hz": arguments.rate,
+        "convention": arguments.convention,
     }
 
 
@@ -241,20 +252,18 @@ def _summary(one: Designed, task: _Task) -> dict[str, Any]:
     return {
         "surfaces": surfaces,
         "promise": {
-            told.structure.name: {
-                symbol: {"value": value, "standard_error": error, "unit": DERIVATIVES[symbol].unit}
-                for symbol, value, error in _rows(told)
-            }
-            for told in one.promises
+            promised.structure.name: rows for promised, rows in zip(one.promises, one.shown, strict=True)
         },
         "response": {
-            told.structure.name: {
+            promised.structure.name: {
                 name: {"smallest": float(values.min()), "largest": float(values.max())}
-                for name, values in told.response.quantities.items()
+                for name, values in promised.response.quantities.items()
             }
-            for told in one.promises
+            for promised in one.promises
         },
-        "signal_to_noise": {told.structure.name: told.response.signal_to_noise for told in one.promises},
+        "signal_to_noise": {
+            promised.structure.name: promised.response.signal_to_noise for promised in one.promises
+        },
         "notes": list(one.notes),
     }
 
@@ -277,15 +286,23 @@ def _column(table: NDArray[np.float64], i: int) -> NDArray[np.float64]:
     return np.ascontiguousarray(table[:, i])
 
 
-def _rows(told: Promise) -> list[tuple[str, float, float]]:
-    return list(
-        zip(
-            told.structure.derivatives,
-            map(float, told.derivatives),
-            map(float, told.standard_error),
-            strict=True,
+def _rows(task: _Task, promised: Promise, convention: str) -> _Rows:
+    """Value and standard error of each derivative in a convention, infinite where it cannot be promised."""
+    rows = {
+        symbol: {"value": float(value), "standard_error": float(error), "unit": DERIVATIVES[symbol].unit}
+        for symbol, value, error in zip(
+            promised.structure.derivatives, promised.derivatives, promised.standard_error, strict=True
         )
+    }
+    mode = {"condition": asdict(task.condition), "derivatives": rows}
+    made = in_convention(
+        {"": {promised.structure.name: mode}}, task.aircraft, convention, task.condition.configuration
     )
+    shown: _Rows = made[""][promised.structure.name]["derivatives"]
+    return {
+        symbol: row | {"standard_error": math.inf if row["standard_error"] is None else row["standard_error"]}
+        for symbol, row in shown.items()
+    }
 
 
 def _write(arguments: argparse.Namespace, one: Designed, task: _Task) -> None:
@@ -318,9 +335,9 @@ def _show(console: Console, head: Mapping[str, Any], one: Designed) -> None:
             f"  {target.surface}: {step}energy {1e3 * design.energy_rad2_s[i]:.3g}e-3 rad2 s, relative peak factor "
             f"{peaks[i]:.2f}, {100.0 * shares[i]:.0f} % of its power in {low:.3g} to {high:.3g} Hz"
         )
-    for told in one.promises:
-        console.print(_promise_table(told))
-        console.print(f"  response: {_response_text(told)}")
+    for promised, rows in zip(one.promises, one.shown, strict=True):
+        console.print(_promise_table(promised, rows))
+        console.print(f"  response: {_response_text(promised)}")
     for note in one.notes:
         console.print(f"note: {escape(note)}", style="yellow")
 
@@ -333,17 +350,17 @@ def _show_head(console: Console, head: Mapping[str, Any]) -> None:
     )
 
 
-def _promise_table(told: Promise) -> Table:
-    table = Table(title=f"{told.structure.name}: promised", title_justify="left", title_style="bold")
+def _promise_table(promised: Promise, rows: _Rows) -> Table:
+    table = Table(title=f"{promised.structure.name}: promised", title_justify="left", title_style="bold")
     for name in ("derivative", "unit", "value", "standard error", "in percent"):
         table.add_column(name, justify="left" if name in ("derivative", "unit") else "right")
-    for symbol, value, error in _rows(told):
-        told_apart = math.isfinite(error)
+    for symbol, row in rows.items():
+        value, error = row["value"], row["standard_error"]
         table.add_row(
-            symbol,
-            DERIVATIVES[symbol].unit,
+            row.get("name", symbol),
+            row["unit"],
             f"{value:.4g}",
-            f"{error:.2g}" if told_apart else "-",
+            f"{error:.2g}" if math.isfinite(error) else "-",
             _percent(error, value),
         )
     return table
@@ -353,9 +370,9 @@ def _percent(error: float, value: float) -> str:
     return f"{100.0 * error / abs(value):.2g}" if math.isfinite(error) and value != 0.0 else "-"
 
 
-def _response_text(told: Promise) -> str:
+def _response_text(promised: Promise) -> str:
     parts = []
-    for name, values in told.response.quantities.items():
+    for name, values in promised.response.quantities.items():
         low, high = float(values.min()), float(values.max())
         if name.endswith("_rad_s"):
             text = f"{math.degrees(low):.3g} to {math.degrees(high):.3g} degrees/s"
@@ -394,8 +411,9 @@ def _comparison(title: str, made: Mapping[str, Designed], amplitude: Mapping[str
         end_section=True,
     )
     for m, first in enumerate(next(iter(made.values())).promises):
-        rows = {kind: _rows(one.promises[m]) for kind, one in made.items()}
-        for j, symbol in enumerate(first.structure.derivatives):
-            cells = [_percent(rows[kind][j][2] / amplitude[kind], rows[kind][j][1]) for kind in made]
-            table.add_row(symbol, *cells)
+        rows = {kind: one.shown[m] for kind, one in made.items()}
+        for symbol in first.structure.derivatives:
+            of_kind = {kind: rows[kind][symbol] for kind in made}
+            cells = [_percent(r["standard_error"] / amplitude[k], r["value"]) for k, r in of_kind.items()]
+            table.add_row(next(iter(of_kind.values())).get("name", symbol), *cells)
     return table

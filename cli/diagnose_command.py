@@ -78,7 +78,7 @@ def _provenance(found: Diagnosis, today: datetime.date) -> str:
         lines.append(f"- {cause_title(cause)}, probability {probability_text(cause.probability)}")
         lines += [f"    {parameter_text(name, p)}" for name, p in cause.parameters.items()]
         if cause.indistinguishable_from:
-            lines.append(f"    not told from: {', '.join(cause.indistinguishable_from)}")
+            lines.append(f"    not distinguished from: {', '.join(cause.indistinguishable_from)}")
     if found.gain is not None:
         lines.append(f"Judged on {found.gain.source}.")
     lines.append("Causes that an aircraft file cannot state, such as a sensor's bias, are not in it.")

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from wingwatch.aircraft import Aircraft, load_aircraft
+from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.estimate_history import HistoryWriter
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import Watched, watch
@@ -35,8 +36,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandError(
             f"{option} is for estimators of the whole flight; add --estimator {' or '.join(OFFLINE_ESTIMATORS)}"
         )
-    history = None if arguments.history is None else HistoryWriter(arguments.history, arguments.estimator)
+    history = None
+    if arguments.history is not None:
+        history = HistoryWriter(arguments.history, arguments.estimator, arguments.convention)
     aircraft = load_aircraft(arguments.aircraft)
+    check_convention(aircraft, arguments.convention)
     flight = joined([load_flight(path, arguments.map) for path in arguments.flights])
     if whole:
         _run_offline(arguments, flight, aircraft)
@@ -44,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     watched = watch(flight, aircraft, Progress(), listener=history)
     if history is not None:
         history.close()
-    result = _result(watched, arguments.estimator)
+    result = _result(watched, arguments)
     if arguments.json:
         write_json(result)
     else:
@@ -63,7 +67,10 @@ def _run_offline(arguments: argparse.Namespace, flight: FlightTable, aircraft: A
     result = {
         "time_s": solved.last_s,
         "basis": solved.monitor.basis,
-        "estimators": {arguments.estimator: dict(solved.modes)},
+        "convention": arguments.convention,
+        "estimators": in_convention(
+            {arguments.estimator: dict(solved.modes)}, aircraft, arguments.convention
+        ),
         "not_estimated": dict(solved.absent),
         "cleaning": counted.cleaning,
     }
@@ -73,11 +80,14 @@ def _run_offline(arguments: argparse.Namespace, flight: FlightTable, aircraft: A
     _show(page(), result, solved.monitor, flight.source, counted.cleaning_text, list(solved.modes))
 
 
-def _result(watched: Watched, estimator: str | None) -> dict[str, Any]:
+def _result(watched: Watched, arguments: argparse.Namespace) -> dict[str, Any]:
     """The contract's object, of one estimator or of all."""
-    result = {**watched.monitor.derivatives(), "cleaning": watched.cleaning}
-    if estimator is not None:
-        result["estimators"] = {estimator: result["estimators"][estimator]}
+    monitor, chosen = watched.monitor, arguments.estimator
+    result = {**monitor.derivatives(), "convention": arguments.convention, "cleaning": watched.cleaning}
+    estimators = result["estimators"] if chosen is None else {chosen: result["estimators"][chosen]}
+    result["estimators"] = in_convention(
+        estimators, monitor.aircraft, arguments.convention, monitor.configuration, monitor.view().condition
+    )
     return result
 
 
@@ -116,7 +126,7 @@ def _table(structure: str, estimators: Mapping[str, Any]) -> Table:
         table.add_column("95 % interval", justify="right")
     table.add_column("expected", justify="right")
     for symbol, first in modes[0].items():
-        cells = [symbol, first["unit"]]
+        cells = [first.get("name", symbol), first["unit"]]
         for rows in modes:
             row = rows[symbol]
             cells += [_number(row["value"], row["standard_error"]), row["outcome"].replace("_", " ")]
@@ -180,7 +190,7 @@ def _fit_line(fit: Mapping[str, Any]) -> str:
         pairs = (
             f"{' and '.join(p['derivatives'])} ({p['correlation']:+.2f})" for p in fit["correlated_pairs"]
         )
-        parts.append(f"hardly told apart: {', '.join(pairs)}")
+        parts.append(f"hardly distinguished: {', '.join(pairs)}")
     if fit["residuals_coloured"]:
         parts.append("standard errors for coloured residuals")
     return "; ".join(parts)

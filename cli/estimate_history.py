@@ -1,5 +1,6 @@
 """Every estimate of a flight over time, beside what was expected at that moment, as a CSV or Parquet file."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
-from wingwatch.aircraft import DERIVATIVES, FlightCondition
-from wingwatch.baselines import OutOfEnvelope
+from wingwatch.cli.convention import in_convention
 from wingwatch.cli.faults import CommandError
 from wingwatch.estimators import Estimate
 from wingwatch.monitor import Report, VehicleMonitor
@@ -29,6 +29,8 @@ COLUMNS: dict[str, pa.DataType] = {
 }
 """One row a derivative; the first eight are those of the REST history. Empty where nothing is known."""
 
+_CONDITION = ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad")
+
 
 class HistoryWriter:
     """Listens to a flight being watched and writes the file at its end.
@@ -36,18 +38,20 @@ class HistoryWriter:
     Args:
         path: ends in ``.csv`` or ``.parquet``.
         estimator: only this one; both where None.
+        convention: of values, errors and expectations.
 
     Raises:
         CommandError: another suffix, or a folder that does not exist.
     """
 
-    def __init__(self, path: Path, estimator: str | None = None) -> None:
+    def __init__(self, path: Path, estimator: str | None = None, convention: str = "concise") -> None:
         if path.suffix.lower() not in (".csv", ".parquet"):
             raise CommandError(f"--history {path}: give a name that ends in .csv or .parquet")
         if not path.parent.is_dir():
             raise CommandError(f"--history {path}: the folder {path.parent} does not exist; make it first")
         self._path = path
         self._estimator = estimator
+        self._convention = convention
         self._rows: list[tuple[object, ...]] = []
 
     def __call__(self, monitor: VehicleMonitor, report: Report) -> None:
@@ -56,7 +60,7 @@ class HistoryWriter:
             for mode in solution.modes.values():
                 for estimate in (mode.fourier, mode.ekf):
                     if self._estimator in (None, estimate.estimator):
-                        self._take(monitor, estimate, solution.time_s)
+                        self._take(monitor, estimate, mode.ekf.condition, solution.time_s)
 
     def close(self) -> None:
         """Write the file.
@@ -78,34 +82,22 @@ class HistoryWriter:
             reason = error.strerror or "it cannot be written"
             raise CommandError(f"--history {self._path}: {reason.lower()}; choose another path") from error
 
-    def _take(self, monitor: VehicleMonitor, estimate: Estimate, time_s: float) -> None:
-        k = len(estimate.structure.derivatives)
-        expected, spread = _expected(monitor, estimate) or ((np.nan,) * k, (np.nan,) * k)
-        columns = (estimate.value, estimate.standard_error, estimate.outcomes, expected, spread)
-        for symbol, value, error, outcome, mean, std in zip(
-            estimate.structure.derivatives, *columns, strict=True
-        ):
-            unit = DERIVATIVES[symbol].unit
-            where = (time_s, estimate.estimator, estimate.structure.name, symbol)
-            self._rows.append(
-                (*where, _known(value), _known(error), unit, str(outcome), _known(mean), _known(std))
-            )
+    def _take(
+        self, monitor: VehicleMonitor, estimate: Estimate, latest: Sequence[float], time_s: float
+    ) -> None:
+        """Rows of one estimate; ``latest`` is the condition where it has none of its own yet."""
+        name = estimate.structure.name
+        at = estimate.condition if np.isfinite(estimate.condition[:2]).all() else latest
+        if not np.isfinite(at[:2]).all():
+            return
+        mode = monitor.mode_object(estimate) | {"condition": dict(zip(_CONDITION, at, strict=True))}
+        made = in_convention({"": {name: mode}}, monitor.aircraft, self._convention, monitor.configuration)
+        for symbol, row in made[""][name]["derivatives"].items():
+            self._rows.append((
+                time_s, estimate.estimator, name, symbol, _known(row["value"]), _known(row["standard_error"]),
+                row["unit"], row["outcome"], _known(row.get("expected")), _known(row.get("expected_standard_error")),
+            ))  # fmt: skip
 
 
-def _expected(
-    monitor: VehicleMonitor, estimate: Estimate
-) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
-    airspeed, altitude, density, alpha = (float(x) for x in estimate.condition)
-    if not (np.isfinite(airspeed) and airspeed > 0.0 and np.isfinite(density)):
-        return None
-    condition = FlightCondition(
-        airspeed, altitude, density, monitor.configuration, alpha if np.isfinite(alpha) else 0.0
-    )
-    found = monitor.expectation(estimate.structure, condition)
-    if isinstance(found, OutOfEnvelope):
-        return None
-    return tuple(found.value.tolist()), tuple(found.standard_error.tolist())
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _known(value: float | None) -> float | None:
+    return float(value) if value is not None and np.isfinite(value) else None

@@ -1,13 +1,13 @@
 """A recorded flight through the very code that watches live, in pieces of one message each."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wingwatch.aircraft import Aircraft, load_aircraft
+from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.baselines import Envelope, Reference
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import Progress
@@ -33,11 +33,13 @@ class Watched:
         monitor: in its state after the last sample.
         flight: the flight.
         alerts: each alert as it stood last, in the order in which they were raised.
+        conditions: by alert, the flight condition of the evidence.
     """
 
     monitor: VehicleMonitor
     flight: FlightTable
     alerts: tuple[AlertView, ...]
+    conditions: Mapping[str, FlightCondition] = field(default_factory=dict)
 
     @property
     def duration_s(self) -> float:
@@ -103,12 +105,19 @@ def watch(
         reasons = "; ".join(f"{name}: {why}" for name, why in monitor.chain.absent.items())
         raise CommandError(f"{flight.source}: no mode can be estimated ({reasons})")
     alerts: dict[str, AlertView] = {}
+    conditions: dict[str, FlightCondition] = {}
     for piece in progress.track(list(_pieces(flight.block)), "watching the flight"):
         report = monitor.feed(piece)
-        alerts.update((alert.id, alert) for alert in report.alerts)
+        for alert in report.alerts:
+            known, block = alerts.get(alert.id), monitor.last_block
+            if block is not None and (known is None or alert.evidence is not known.evidence):
+                conditions[alert.id] = (
+                    block.condition
+                )  # a piece holds one solution, so this is the evidence's block
+            alerts[alert.id] = alert
         if listener is not None:
             listener(monitor, report)
-    return Watched(monitor, flight, tuple(alerts.values()))
+    return Watched(monitor, flight, tuple(alerts.values()), conditions)
 
 
 def _pieces(block: SampleBlock) -> Iterator[SampleBlock]:

@@ -152,7 +152,7 @@ def _diagnosis() -> None:
 
 
 STEPS: Mapping[str, KernelStep] = {
-    "fourier": KernelStep("the Fourier form", 70.0, _fourier),
+    "fourier": KernelStep("the Fourier estimator", 70.0, _fourier),
     "filter": KernelStep("the Kalman filter", 50.0, _filter),
     "simulation": KernelStep("simulated flight", 25.0, _simulation),
     "watch": KernelStep("signals and the monitor", 4.0, _watch, after=("fourier", "filter")),

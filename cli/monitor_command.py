@@ -1,25 +1,35 @@
 """`wingwatch monitor`: status and alerts of a recorded flight."""
 
 import argparse
+from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from wingwatch.aircraft import Convention
 from wingwatch.api import AlertDocument, air_document, alert_document
 from wingwatch.cli.baseline import Baseline, read_baseline
+from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.flight_watch import Watched, load, watch
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.telemetry import check_name
 
 __all__ = ["run"]
 
+_Rows = list[dict[str, Any]]
+"""Evidence of one alert, a row a derivative."""
+
+_ERRORS = ("standard_error", "expected", "expected_standard_error")
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     fleet, vehicle = check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
     flight, aircraft = load(arguments.flight, arguments.map, arguments.aircraft)
+    check_convention(aircraft, arguments.convention)
     baseline = Baseline()
     if arguments.baseline is not None:
         baseline = read_baseline(arguments.baseline, fleet, vehicle, aircraft)
@@ -28,14 +38,40 @@ def run(arguments: argparse.Namespace) -> int:
         references=baseline.references, envelopes=baseline.envelopes,
     )  # fmt: skip
     alerts = [alert_document(alert) for alert in watched.alerts]
+    evidence = {alert.id: _evidence(alert, watched, arguments.convention) for alert in alerts}
     if arguments.json:
-        write_json(_result(watched, alerts))
+        write_json(_result(watched, alerts, evidence) | {"convention": arguments.convention})
     else:
-        _show(page(), watched, alerts)
+        _show(page(), watched, alerts, evidence)
     return 0
 
 
-def _result(watched: Watched, alerts: list[AlertDocument]) -> dict[str, Any]:
+def _evidence(alert: AlertDocument, watched: Watched, convention: str) -> _Rows:
+    """The alert's evidence in a convention; ``z`` is what the test saw, and stays."""
+    rows: _Rows = [part.model_dump(mode="json") for part in alert.evidence]
+    if convention == Convention.CONCISE or not rows:
+        return rows
+    monitor, parts = watched.monitor, {row["derivative"]: row for row in rows}
+    condition = asdict(watched.conditions[alert.id])
+    modes = {
+        name: {
+            "condition": condition,
+            "derivatives": {
+                s: {"value": parts[s]["estimate"], **{key: parts[s][key] for key in _ERRORS}}
+                for s in coordinates.structure.derivatives
+                if s in parts
+            },
+        }
+        for name, coordinates in monitor.judge.coordinates.items()
+    }
+    made = in_convention({"": modes}, monitor.aircraft, convention, monitor.configuration)[""]
+    for mode in made.values():
+        for symbol, entry in mode["derivatives"].items():
+            parts[symbol] |= {"estimate": entry.pop("value"), **entry}
+    return rows
+
+
+def _result(watched: Watched, alerts: list[AlertDocument], evidence: Mapping[str, _Rows]) -> dict[str, Any]:
     monitor = watched.monitor
     return {
         "duration_s": watched.duration_s,
@@ -44,13 +80,15 @@ def _result(watched: Watched, alerts: list[AlertDocument]) -> dict[str, Any]:
         "reason": monitor.reason,
         "basis": monitor.basis,
         "basis_text": monitor.basis_text,
-        "alerts": [alert.model_dump(mode="json") for alert in alerts],
+        "alerts": [alert.model_dump(mode="json") | {"evidence": evidence[alert.id]} for alert in alerts],
         "air": air_document(monitor.air).model_dump(mode="json") if monitor.air else None,
         "cleaning": watched.cleaning,
     }
 
 
-def _show(console: Console, watched: Watched, alerts: list[AlertDocument]) -> None:
+def _show(
+    console: Console, watched: Watched, alerts: list[AlertDocument], evidence: Mapping[str, _Rows]
+) -> None:
     monitor = watched.monitor
     console.print(f"[bold]{escape(watched.flight.source)}[/]  aircraft {monitor.aircraft.name}")
     console.print(escape(watched.cleaning_text), style="dim")
@@ -68,18 +106,22 @@ def _show(console: Console, watched: Watched, alerts: list[AlertDocument]) -> No
         console.print(
             f"[bold]{alert.level} {alert.id}[/] raised at {alert.raised_s:.1f} s{until}: {escape(alert.text)}"
         )
-        console.print(_evidence(alert))
+        console.print(_table(evidence[alert.id]))
 
 
-def _evidence(alert: AlertDocument) -> Table:
+def _table(evidence: _Rows) -> Table:
     table = Table()
     for name in ("derivative", "estimate", "expected", "z"):
         table.add_column(name, justify="left" if name == "derivative" else "right")
-    for part in alert.evidence:
+    for part in evidence:
         table.add_row(
-            part.derivative,
-            f"{part.estimate:.4g} ± {part.standard_error:.2g}",
-            f"{part.expected:.4g} ± {part.expected_standard_error:.2g}",
-            f"{part.z:.1f}",
+            part.get("name", part["derivative"]),
+            _number(part["estimate"], part["standard_error"]),
+            _number(part["expected"], part["expected_standard_error"]),
+            f"{part['z']:.1f}",
         )
     return table
+
+
+def _number(value: float | None, error: float | None) -> str:
+    return "-" if value is None or error is None else f"{value:.4g} ± {error:.2g}"

@@ -345,7 +345,9 @@ def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str
         )
     absent = [OUTPUTS[k] for k in (9, 10) if k not in subject.flight.compared]
     if absent:
-        notes.append(f"no {' and no '.join(absent)}: gusts are told from motion by the accelerometers alone")
+        notes.append(
+            f"no {' and no '.join(absent)}: gusts are distinguished from motion by the accelerometers alone"
+        )
     gusts = found.last.point.noise.gusts[1:3]
     if float(gusts.max()) > 0.3:
         notes.append(

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import (
-    MODEL_DERIVATIVES,
     MODEL_STRUCTURES,
     STRUCTURES,
     SURFACE_OF_INPUT,
@@ -46,6 +45,7 @@ from wingwatch.estimators import (
 )
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.monitor.chain import nominal_condition
+from wingwatch.monitor.mode_object import mode_object
 from wingwatch.telemetry import FlightTable, SampleBlock
 
 __all__ = ["OFFLINE_ESTIMATORS", "OfflineEstimates", "estimate_offline"]
@@ -239,45 +239,16 @@ def _expected(envelope: Envelope, estimate: Estimate) -> tuple[FlightCondition |
 def _mode(aircraft: Aircraft, envelope: Envelope, estimate: Estimate, fit: Fit) -> dict[str, Any]:
     symbols = estimate.structure.derivatives
     condition, expected = _expected(envelope, estimate)
-    rows: dict[str, dict[str, Any]] = {}
-    for k, symbol in enumerate(symbols):
-        rows[symbol] = {
-            "value": float(estimate.value[k]),
-            "standard_error": float(estimate.standard_error[k]),
-            "interval_95": fit.interval[k].tolist(),
-            "unit": MODEL_DERIVATIVES[symbol].unit,
-            "outcome": str(estimate.outcomes[k]),
-        }
-        if expected is not None:
-            rows[symbol]["expected"] = float(expected.value[k])
-            rows[symbol]["expected_standard_error"] = float(expected.standard_error[k])
     values = dict(zip(symbols, estimate.value.tolist(), strict=True))
     quantities = mode_quantities(estimate.structure, values, estimate.covariance, condition, aircraft)
-    first = {q.name: (q.value, q.standard_error) for q in reversed(quantities)}
-    frequency = first.get("natural_frequency_rad_s", (math.nan, math.nan))
-    damping = first.get("damping_ratio", (math.nan, math.nan))
-    return {
-        "outcome": str(estimate.outcome),
-        "reason": estimate.reason,
-        "condition": dict(
-            zip(
-                ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad"),
-                estimate.condition,
-                strict=True,
-            )
-        ),
-        "derivatives": rows,
-        "natural_frequency_rad_s": frequency[0],
-        "natural_frequency_rad_s_standard_error": frequency[1],
-        "damping_ratio": damping[0],
-        "damping_ratio_standard_error": damping[1],
-        "modes": [
-            {"mode": q.mode, "quantity": q.name, "value": q.value, "standard_error": q.standard_error,
-             "unit": q.unit}
-            for q in quantities
-        ],
-        "fit": _fit(symbols, estimate, fit),
-    }  # fmt: skip
+    mode = mode_object(estimate, expected, quantities)
+    for k, symbol in enumerate(symbols):
+        mode["derivatives"][symbol]["interval_95"] = fit.interval[k].tolist()
+    modes = [
+        {"mode": q.mode, "quantity": q.name, "value": q.value, "standard_error": q.standard_error, "unit": q.unit}
+        for q in quantities
+    ]  # fmt: skip
+    return mode | {"modes": modes, "fit": _fit(symbols, estimate, fit)}
 
 
 def _fit(symbols: Sequence[str], estimate: Estimate, fit: Fit) -> dict[str, Any]:

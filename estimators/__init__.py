@@ -1,4 +1,24 @@
-"""Estimators: derivatives with covariance and standing, online, for batches of vehicles."""
+"""Estimators: derivatives with covariance and standing, online, for batches of vehicles.
+
+Example:
+    The derivatives of a linear flight without noise come back from its samples:
+
+    >>> import numpy as np
+    >>> from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, linearised_derivatives, load_aircraft, trimmed
+    >>> from wingwatch.estimators import FlightForm, equation_error, flight_manoeuvres
+    >>> from wingwatch.simulation import linear_flight
+    >>> aerosonde = load_aircraft("aerosonde")
+    >>> cruise = trimmed(aerosonde, FlightCondition(25.0, 1000.0))
+    >>> true = linearised_derivatives(aerosonde, cruise, SHORT_PERIOD)
+    >>> elevator_rad = 0.03 * np.sign(np.sin(2.0 * np.arange(600) / 50.0))
+    >>> flight = linear_flight(SHORT_PERIOD, true, cruise, elevator_rad, 50.0)
+    >>> form = FlightForm((25.0, cruise.air_density_kg_m3))
+    >>> estimate, fit = equation_error(flight_manoeuvres(SHORT_PERIOD, form, [flight]))
+    >>> bool(np.allclose(estimate.value, list(true.values()), rtol=0.01))
+    True
+    >>> str(estimate.outcome)
+    'converged'
+"""
 
 from wingwatch.estimators.batch.equation_error import EquationErrorConfig, equation_error
 from wingwatch.estimators.batch.fit import ChannelFit, Fit, channel_fit, correlated_pairs

@@ -87,7 +87,7 @@ def told_apart_text(structure: ModeStructure, sets: tuple[tuple[str, ...], ...])
         together = _listed([_WORDS.get(c, c) for c in columns])
         clauses.setdefault(together, []).append(_listed(list(names)))
     return "; ".join(
-        f"{', '.join(names)} cannot be told apart: {together} move together"
+        f"{', '.join(names)} cannot be distinguished: {together} move together"
         for together, names in clauses.items()
     )
 

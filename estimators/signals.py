@@ -38,11 +38,10 @@ from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Mod
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.signals import SignalForm, fill_moments, fill_signals, pass_high
-from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, INPUT_CHANNELS, MAX_GAP_S
+from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, INPUT_CHANNELS
 
 __all__ = [
     "CONDITION_COLUMNS",
-    "MAX_GAP_S",
     "SignalConfig",
     "SignalLayout",
     "Signals",

@@ -95,10 +95,10 @@ def _of_errors(told: Promise) -> Iterator[str]:
     symbols, error = told.structure.derivatives, told.standard_error
     hidden = [s for s, e, v in zip(symbols, error, told.derivatives, strict=True) if not e < abs(v)]
     if hidden:
-        yield f"not told from nought: {', '.join(hidden)}"
+        yield f"not distinguished from zero: {', '.join(hidden)}"
     if not np.isfinite(error).all():
         return
     together = np.argwhere(np.triu(np.abs(told.correlation), 1) > _CORRELATION)
     if len(together):
         pairs = ", ".join(f"{symbols[i]} with {symbols[j]}" for i, j in together)
-        yield f"hardly told apart: {pairs}"
+        yield f"hardly distinguished: {pairs}"

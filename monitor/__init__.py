@@ -1,4 +1,19 @@
-"""Monitor: findings, causes, alerts and the live loop."""
+"""Monitor: findings, causes, alerts and the live loop.
+
+Example:
+    One vehicle watched, by the code that watches a fleet live:
+
+    >>> from wingwatch.aircraft import load_aircraft
+    >>> from wingwatch.monitor import VehicleMonitor
+    >>> from wingwatch.simulation import Scenario, doublet_schedule, simulate
+    >>> aerosonde = load_aircraft("aerosonde")
+    >>> doublets = doublet_schedule(aerosonde, aerosonde.envelope.cruise)
+    >>> flight = simulate(Scenario(aerosonde, manoeuvres=(doublets,), seed=1), 20.0)
+    >>> monitor = VehicleMonitor(aerosonde, "default", "uav1", flight.present, {}, new_id=lambda: "a1")
+    >>> report = monitor.feed(flight)
+    >>> str(monitor.state), monitor.reason, len(report.alerts)
+    ('healthy', 'no change against what is expected', 0)
+"""
 
 from wingwatch.monitor.causes import CAUSES, Cause
 from wingwatch.monitor.cell_memory import CellBook, CellPlace

@@ -113,7 +113,7 @@ class CellBook:
 
         Args:
             name: its structure.
-            block: the Fourier form's evidence.
+            block: the Fourier estimator's evidence.
             condition: mean over the block.
             natural: natural size of each derivative in the structure's coordinates, (k,).
             alarmed: an alert stands: nothing is learned or resumed.

@@ -15,6 +15,7 @@ from wingwatch.aircraft import (
     DUTCH_ROLL,
     LATERAL,
     SHORT_PERIOD,
+    SURFACE_OF_INPUT,
     Aircraft,
     FlightCondition,
     ModeStructure,
@@ -33,7 +34,7 @@ from wingwatch.estimators import (
 )
 from wingwatch.monitor.air_watch import AirState, AirWatch
 from wingwatch.monitor.supervision import ModeSolution, Pair, PairState, Supervisor
-from wingwatch.telemetry import SampleBlock, missing_for
+from wingwatch.telemetry import INPUT_CHANNELS, SampleBlock, missing_for
 from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["Chain", "ChainState", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
@@ -56,8 +57,6 @@ _SAME_TIME_S = 1e-6
 _VANE = {"w": "angle_of_attack_rad", "v": "sideslip_rad"}
 _FORCE_COLUMN = {"w": "specific_force_z_m_s2", "v": "specific_force_y_m_s2"}
 _RATE_COLUMN = {"p": "roll_rate_rad_s", "q": "pitch_rate_rad_s", "r": "yaw_rate_rad_s"}
-_INPUT_COLUMN = {"eta": "elevator_rad", "xi": "aileron_rad", "zeta": "rudder_rad"}
-_SURFACE = {"eta": "elevator", "xi": "aileron", "zeta": "rudder"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,11 +232,11 @@ def _pair(
     value = prior.value - offsets(structure, condition.airspeed_true_m_s, condition.angle_of_attack_rad)
     error = np.sqrt(np.diagonal(prior.covariance))
     natural = np.maximum(np.abs(value), 2.0 * error)
-    told = tuple(kinds.get(_INPUT_COLUMN[u], "position") == "command" for u in structure.inputs)
+    told = tuple(kinds.get(INPUT_CHANNELS[u], "position") == "command" for u in structure.inputs)
     sensors = aircraft.sensors
     imu = sensors.imu_position_m
     noise = tuple(
-        0.0 if still else aircraft.noise_std(_INPUT_COLUMN[u]) or 0.0
+        0.0 if still else aircraft.noise_std(INPUT_CHANNELS[u]) or 0.0
         for u, still in zip(structure.inputs, told, strict=True)
     )
     servo_s = tuple(_servo_s(aircraft, u) for u in structure.inputs)
@@ -283,5 +282,5 @@ def _pair(
 
 def _servo_s(aircraft: Aircraft, symbol: str) -> float:
     """Time constant of a surface's servo, 0 where the aircraft file says nothing of it."""
-    servo = getattr(aircraft.actuators, _SURFACE[symbol])
+    servo = getattr(aircraft.actuators, SURFACE_OF_INPUT[symbol])
     return 1.0 / (2.0 * np.pi * servo.bandwidth_hz) if servo else 0.0

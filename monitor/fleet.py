@@ -163,6 +163,7 @@ class FleetMonitor:
         self._vehicles.sort((fleet, vehicle))
         if changed or known.aircraft is None:
             known.start_anew()
+        known.announce_loading()
         return []
 
     def _sampled(self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage) -> list[_Told]:
@@ -173,6 +174,7 @@ class FleetMonitor:
         if known.aircraft is None:
             known.count("unannounced" if known.message is None else "unknown_aircraft", len(message.block))
             return ["ask"] if known.message is None and self._may_ask(known) else []
+        known.take_loading()
         known.held.append(message)
         self._held += 1
         return self._feed(fleet, vehicle, known, known.monitor is None)
@@ -191,7 +193,8 @@ class FleetMonitor:
     def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
         """Start the vehicle's monitor with what is kept of it, or without after a while, and then add it later."""
         store, aircraft, announced = self._store, known.aircraft, known.message
-        if aircraft is None or announced is None or not (known.held or known.monitor):
+        loading = known.loading
+        if aircraft is None or announced is None or loading is None or not (known.held or known.monitor):
             return
         memory: VehicleMemory | None = VehicleMemory()
         if store is not None:
@@ -199,7 +202,7 @@ class FleetMonitor:
             memory = self._guarded(ask)
         if known.monitor is not None:
             if memory is not None:
-                known.monitor.adopt(memory)
+                known.monitor.adopt(loading.recalled(memory))
                 known.recalled = True
                 known.saved_blocks = sum(r.blocks for r in memory.references.values())
             return
@@ -210,7 +213,7 @@ class FleetMonitor:
             return
         given = known.held[0].given
         known.monitor = self._maker.make(
-            fleet, vehicle, aircraft, announced, given, memory or VehicleMemory()
+            fleet, vehicle, loading.aircraft, announced, given, loading.recalled(memory or VehicleMemory())
         )
         known.recalled = memory is not None
         known.saved_blocks = _blocks(known.monitor)
@@ -252,6 +255,7 @@ class FleetMonitor:
         self._alerts[alert.id] = alert
         while len(self._alerts) > self._settings.kept_alerts:
             self._alerts.pop(next(iter(self._alerts)))
+            self._count("alerts_forgotten")
         self._event(
             "alert",
             {"id": alert.id, "fleet": alert.fleet, "vehicle": alert.vehicle, "state": str(alert.state),
@@ -278,17 +282,20 @@ class FleetMonitor:
             rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]
         if rows:
             self._guarded(lambda: store.append_estimates(rows))
-        if not known.recalled:
+        loading = known.loading
+        if not known.recalled or loading is None:
             return  # nothing is written over what has not been read
         name, configuration = monitor.aircraft.name, monitor.configuration
-        cells = monitor.cells.take_changed()
+        cells = loading.kept_cells(monitor.cells.take_changed())
         if cells:
             self._guarded(lambda: store.save_cells(fleet, vehicle, name, configuration, cells))
         learned = _blocks(monitor)
         if learned > known.saved_blocks:
             known.saved_blocks = learned
             self._guarded(
-                lambda: store.save_references(fleet, vehicle, name, configuration, monitor.references)
+                lambda: store.save_references(
+                    fleet, vehicle, name, configuration, loading.kept(monitor.references)
+                )
             )
 
     def _guarded(self, action: Callable[[], Any]) -> Any:
@@ -312,7 +319,7 @@ class FleetMonitor:
         """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
         known.note_fault(error, self._clock())
         if known.monitor is None:
-            known.held.clear()  # there is none to be made, and what waits for it must not grow
+            known.drop_held()  # there is none to be made, and what waits for it must not grow
         self._count("faults")
         if self._problems["faults"] <= _LOGGED_FAULTS:
             _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle)
@@ -326,6 +333,7 @@ class FleetMonitor:
         of_names = {
             "vehicles_forgotten": self._vehicles.forgotten,
             "too_many_vehicles": self._vehicles.refused,
+            "events_forgotten": self._event_id - len(self._events),
         }
         return self._problems | {name: times for name, times in of_names.items() if times}
 

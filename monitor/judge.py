@@ -81,7 +81,7 @@ class ModeBlock:
     """One structure's part of a block, in coordinates that do not depend on the flight condition.
 
     Attributes:
-        information, vector: the Fourier form's evidence, (k, k) and (k,); bias: information times the bias that
+        information, vector: the Fourier estimator's evidence, (k, k) and (k,); bias: information times the bias that
             gusts are expected to have caused, (k,).
         expected, expected_covariance: the expectation.
         ekf: the filter's estimate at the block's end; ekf_stands: whether it has standing.

@@ -5,6 +5,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.monitor.loading import Loading, loading_of
 from wingwatch.monitor.vehicle import VehicleMonitor
 from wingwatch.monitor.views import VehicleState, VehicleView
 from wingwatch.telemetry import AircraftMessage, SensorsMessage, SequenceTracker
@@ -21,6 +22,7 @@ class KnownVehicle:
 
     Attributes:
         message: what it said it is; aircraft: that aircraft where it is known here; problem: why it is not.
+        announced: the loading it announced last; loading: the one that it is watched at.
         monitor: from its first samples on.
         arrivals: follows the numbers of its messages.
         counts: samples and messages that were not used, by reason.
@@ -39,6 +41,8 @@ class KnownVehicle:
     message: AircraftMessage | None = None
     aircraft: Aircraft | None = None
     problem: str = ""
+    announced: Loading | None = None
+    loading: Loading | None = None
     monitor: VehicleMonitor | None = None
     arrivals: SequenceTracker = field(default_factory=SequenceTracker)
     counts: dict[str, int] = field(default_factory=dict)
@@ -65,9 +69,37 @@ class KnownVehicle:
         self.count("faults")
         self.fault, self.fault_s = f"{type(error).__name__}: {error}"[:200], now_s
 
+    def announce_loading(self) -> None:
+        """Note how the aircraft of its message is loaded, and count what of that cannot be used."""
+        if self.aircraft is None or self.message is None:
+            self.announced = None
+            return
+        self.announced = loading_of(self.aircraft, self.message)
+        for name in self.announced.unused:
+            self.count(name)
+
+    def take_loading(self) -> None:
+        """Watch it at the announced loading from now on; where that is another, estimation begins anew.
+
+        An alert in force is not ended by an announcement: the loading then waits until it is cleared.
+        """
+        if self.announced is None or self.announced is self.loading:
+            return
+        if self.monitor is not None and self.loading is not None:
+            if not self.announced.differs(self.loading) or self.monitor.book.active is not None:
+                return
+            self.start_anew()
+        self.loading = self.announced
+
     def start_anew(self) -> None:
         """It is another aircraft from now on, or none that is known."""
         self.monitor, self.recalled, self.recall_s = None, False, None
+        self.drop_held()
+
+    def drop_held(self) -> None:
+        """What waits is not watched: the samples are counted."""
+        if self.held:
+            self.count("dropped_waiting", sum(len(message.block) for message in self.held))
         self.held.clear()
 
     @property
@@ -106,6 +138,21 @@ class KnownVehicle:
         )
 
     @property
+    def _loading_text(self) -> str:
+        """The loading in use and what of the announced one is not used."""
+        loading, announced = self.loading, self.announced
+        if loading is None or announced is None:
+            return ""
+        waits = self.monitor is not None and announced.differs(loading)
+        said = [
+            loading.text,
+            *(text for name, text in announced.unused.items() if name not in loading.unused),
+        ]
+        if waits:
+            said.append("It has announced another since, which counts once its alert is cleared.")
+        return " ".join(part for part in said if part)
+
+    @property
     def _unknown_because(self) -> str:
         if self.message is None:
             return "samples arrive but the vehicle has not said what aircraft it is"
@@ -128,13 +175,16 @@ class KnownVehicle:
             return self.bare_view(fleet, vehicle, state, reason or "")
         view = self.monitor.view()
         unread = "" if self.recalled else " What is kept of its earlier flights has not been read yet."
+        loaded = f" {text}" if (text := self._loading_text) else ""
         return replace(
             view,
             state=state,
             reason=view.reason if reason is None else reason,
-            basis_text=view.basis_text + unread,
+            basis_text=view.basis_text + loaded + unread,
             counts=self.all_counts,
             active_alerts=tuple(name for name in view.active_alerts if name in alerts),
+            mass_kg=None if self.loading is None else self.loading.mass_kg,
+            cg_shift_m=0.0 if self.loading is None else self.loading.cg_shift_m,
         )
 
     def bare_view(self, fleet: str, vehicle: str, state: VehicleState, reason: str) -> VehicleView:

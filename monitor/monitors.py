@@ -14,8 +14,11 @@ from wingwatch.telemetry import AircraftMessage, derivations
 __all__ = ["MonitorMaker"]
 
 _KEPT_TYPES = 64
-"""Types in a configuration whose stated envelopes are kept, and with certain channels whose estimators are: invented
-names cannot fill the memory."""
+"""Types in a configuration and loading whose stated envelopes are kept, and with certain channels whose estimators are:
+invented names cannot fill the memory."""
+
+_Type = tuple[str, str, float | None, float]
+"""Name, configuration, mass and shift of the centre of gravity."""
 
 
 class MonitorMaker:
@@ -28,8 +31,8 @@ class MonitorMaker:
 
     def __init__(self, new_id: Callable[[], str], judge: JudgeConfig) -> None:
         self._new_id, self._judge = new_id, judge
-        self._apriori: dict[tuple[str, str], tuple[Aircraft, Mapping[str, Envelope]]] = {}
-        self._chains: dict[tuple[str, str, tuple[str, ...]], Chain] = {}
+        self._apriori: dict[_Type, tuple[Aircraft, Mapping[str, Envelope]]] = {}
+        self._chains: dict[tuple[_Type, tuple[str, ...]], Chain] = {}
 
     def make(
         self,
@@ -43,17 +46,19 @@ class MonitorMaker:
         """A monitor at the start of a flight.
 
         Args:
+            aircraft: as it is loaded (``Loading.aircraft``).
             given: channels that the vehicle's messages carry: these count, not what its first few samples happen to
                 hold, for a vane may start late.
             memory: what is kept of its earlier flights.
         """
-        place = (aircraft.name, announced.configuration)
+        mass_kg = aircraft.mass.mass_kg if aircraft.mass else None
+        place = (aircraft.name, announced.configuration, mass_kg, aircraft.cg_shift_m)
         known_type, apriori = self._apriori.get(place, (None, {}))
-        if known_type is not aircraft:
+        if known_type != aircraft:
             apriori = {}
-        kind = (*place, tuple(given))
+        kind = (place, tuple(given))
         shared = self._chains.get(kind)
-        if memory.envelopes or (shared is not None and shared.aircraft is not aircraft):
+        if memory.envelopes or (shared is not None and shared.aircraft != aircraft):
             shared = None
         monitor = VehicleMonitor(
             aircraft, fleet, vehicle, [*given, *derivations(given)], surface_kinds(given),

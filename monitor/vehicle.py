@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from wingwatch.aircraft import (
-    DERIVATIVES,
     DUTCH_ROLL,
     LATERAL,
     SHORT_PERIOD,
@@ -23,6 +22,7 @@ from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock, Verdict
+from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
@@ -34,8 +34,6 @@ __all__ = ["Report", "VehicleMonitor", "surface_kinds"]
 
 LEAST_AIRSPEED_M_S = 1.0
 """Slower is not flying: at rest an airspeed sensor reads noise about zero, of either sign, and estimation waits."""
-
-_CONDITION = ("airspeed_true_m_s", "altitude_m", "air_density_kg_m3", "angle_of_attack_rad")
 
 
 def surface_kinds(given: Sequence[str]) -> dict[str, str]:
@@ -122,9 +120,10 @@ class VehicleMonitor:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Samples accepted and rejected, by reason; ``too_slow`` are accepted ones that were not estimated from."""
-        too_slow = {"too_slow": self._memory.too_slow} if self._memory.too_slow else {}
-        return {**self.cleaner.report.counts, **too_slow}
+        """Samples accepted and rejected, by reason; ``too_slow`` and ``unaligned`` are accepted ones that were not
+        estimated from: on the ground, and without a reading that a stated delay makes late."""
+        unused = {"too_slow": self._memory.too_slow, "unaligned": self._aligner.dropped}
+        return {**self.cleaner.report.counts, **{name: times for name, times in unused.items() if times}}
 
     @property
     def observable_s(self) -> float:
@@ -343,37 +342,9 @@ class VehicleMonitor:
 
     def mode_object(self, estimate: Estimate) -> dict[str, Any]:
         """The contract's object of one mode by one estimator, beside what is expected at its condition."""
-        expected = self._expected_now(estimate)
-        symbols = estimate.structure.derivatives
-        error = estimate.standard_error
-        rows = {}
-        for k, symbol in enumerate(symbols):
-            row: dict[str, Any] = {
-                "value": float(estimate.value[k]),
-                "standard_error": float(error[k]),
-                "unit": DERIVATIVES[symbol].unit,
-                "outcome": str(estimate.outcomes[k]),
-            }
-            if expected is not None:
-                row["expected"] = float(expected.value[k])
-                row["expected_standard_error"] = float(expected.standard_error[k])
-            rows[symbol] = row
-        values = dict(zip(symbols, estimate.value.tolist(), strict=True))
+        values = dict(zip(estimate.structure.derivatives, estimate.value.tolist(), strict=True))
         quantities = mode_quantities(estimate.structure, values, estimate.covariance)
-        shown = {q.name: (q.value, q.standard_error) for q in reversed(quantities)}
-        frequency = shown.get("natural_frequency_rad_s", (np.nan, np.nan))
-        damping = shown.get("damping_ratio", (np.nan, np.nan))
-        return {
-            "outcome": str(estimate.outcome),
-            "reason": estimate.reason,
-            "confounded": [list(names) for names in estimate.confounded],
-            "condition": dict(zip(_CONDITION, estimate.condition, strict=True)),
-            "derivatives": rows,
-            "natural_frequency_rad_s": frequency[0],
-            "natural_frequency_rad_s_standard_error": frequency[1],
-            "damping_ratio": damping[0],
-            "damping_ratio_standard_error": damping[1],
-        }
+        return mode_object(estimate, self._expected_now(estimate), quantities)
 
     def worst(self) -> WorstDerivative | None:
         """The derivative furthest from its expectation, among those that are observable.

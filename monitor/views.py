@@ -74,6 +74,8 @@ class VehicleView:
         condition: latest airspeed_true_m_s, altitude_m, air_density_kg_m3 (empty before the first sample).
         air: gusts of the last half minute; None without a vane and before there is half a minute.
         rejected_by_channel: samples refused as non-finite or out of range, by channel at fault.
+        mass_kg: of the aircraft as it is expected, where it or its file states one.
+        cg_shift_m: its centre of gravity aft of the file's.
     """
 
     fleet: str
@@ -92,6 +94,8 @@ class VehicleView:
     condition: Mapping[str, float]
     air: AirQuality | None = None
     rejected_by_channel: Mapping[str, int] = field(default_factory=dict)
+    mass_kg: float | None = None
+    cg_shift_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

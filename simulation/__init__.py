@@ -1,4 +1,19 @@
-"""Simulated flight: a six-degree-of-freedom aircraft whose truth is known, with sensors, autopilot and effects."""
+"""Simulated flight: a six-degree-of-freedom aircraft whose truth is known, with sensors, autopilot and effects.
+
+Example:
+    Ten seconds with elevator, aileron and rudder doublets, half of the elevator's effect lost after five:
+
+    >>> from wingwatch.aircraft import SHORT_PERIOD, load_aircraft
+    >>> from wingwatch.simulation import Scenario, doublet_schedule, linearise, parse_effect, simulate
+    >>> aerosonde = load_aircraft("aerosonde")
+    >>> cruise = aerosonde.envelope.cruise
+    >>> lost = (parse_effect("elevator_effectiveness:0.5@5"),)
+    >>> doublets = (doublet_schedule(aerosonde, cruise),)
+    >>> len(simulate(Scenario(aerosonde, manoeuvres=doublets, effects=lost, seed=1), 10.0))
+    500
+    >>> [round(linearise(aerosonde, cruise, SHORT_PERIOD, lost, at)["m_eta"], 1) for at in (4.0, 6.0)]
+    [-31.7, -15.8]
+"""
 
 from wingwatch.simulation.demo import demo_fleet
 from wingwatch.simulation.effects import (

@@ -72,8 +72,9 @@ PARAMETERS: tuple[str, ...] = COEFFICIENTS + _FURTHER
   and right;
 - ``CL_alpha_square``, ``Cm_alpha_square``: per rad^2, of the angle of attack less ``alpha_reference``;
 - ``ice_*``: severities of the non-linear icing model (wing, tail, left wing less right wing);
-- ``cg_*_m``: where the centre of gravity is, from the point that the aircraft file's coefficients and places refer to
-  (its clean centre of gravity), body axes; forces keep their reference point, so their moments change with it;
+- ``cg_*_m``: where the centre of gravity is, from the point that the aircraft file's coefficients refer to (its clean
+  centre of gravity, unless [mass] states a ``cg_shift_m``), body axes; forces keep their reference point, so their
+  moments change with it;
 - ``thrust_share``: thrust over what the throttle would give; ``thrust_line_z_m``: thrust line below the
   reference point; ``slipstream_share``: share of the tail that the propeller's slipstream blows on;
 - bandwidths in rad/s, infinite for a surface without actuator; backlash and dead band are full widths in rad;
@@ -136,7 +137,7 @@ def parameter_row(aircraft: Aircraft) -> NDArray[np.float64]:
         "area_m2": geometry.wing_area_m2, "span_m": geometry.span_m, "chord_m": geometry.mean_chord_m,
         "mass_kg": mass.mass_kg, "inertia_x": mass.inertia_x_kg_m2, "inertia_y": mass.inertia_y_kg_m2,
         "inertia_z": mass.inertia_z_kg_m2, "inertia_xz": mass.inertia_xz_kg_m2,
-        "airspeed_reading": 1.0, "gust_gain": 1.0,
+        "cg_x_m": -mass.cg_shift_m, "airspeed_reading": 1.0, "gust_gain": 1.0,
     }  # fmt: skip
     values |= _propulsion(aircraft, mass.mass_kg)
     for surface in SURFACES:
@@ -144,6 +145,7 @@ def parameter_row(aircraft: Aircraft) -> NDArray[np.float64]:
     for place in ("imu", "vane"):
         position = getattr(aircraft.sensors, f"{place}_position_m")
         values |= {f"{place}_{axis}_m": position[i] for i, axis in enumerate("xyz")}
+        values[f"{place}_x_m"] -= mass.cg_shift_m
     return np.array([values.get(name, 0.0) for name in PARAMETERS])
 
 

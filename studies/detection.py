@@ -39,7 +39,7 @@ ORDER: dict[str, tuple[str, ...]] = {
 CONDITIONS = (
     "turbulence", "excitation", "aircraft", "target", "route", "turbulence_model", "sensors", "surfaces", "expectation"
 )  # fmt: skip
-"""Columns by which flights are told apart; the first four have a picture."""
+"""Columns by which flights are distinguished; the first four have a picture."""
 
 _CURVE_POINTS = 60
 _DELAY_POINTS = 120

@@ -1,4 +1,16 @@
-"""Telemetry: the sample, how it arrives, and what is done before an estimator may see it."""
+"""Telemetry: the sample, how it arrives, and what is done before an estimator may see it.
+
+Example:
+    Two samples as a vehicle publishes them, and as the service takes them in:
+
+    >>> from wingwatch.telemetry import JSON, SampleBlock, decode_sensors, encode_sensors
+    >>> samples = SampleBlock.from_columns({"time_s": [0.00, 0.02], "pitch_rate_rad_s": [0.01, 0.03]})
+    >>> payload = encode_sensors(0, samples, JSON)
+    >>> payload
+    b'{"sequence":0,"columns":{"time_s":[0.0,0.02],"pitch_rate_rad_s":[0.01,0.03]}}'
+    >>> decode_sensors(payload, JSON).block.column("pitch_rate_rad_s").tolist()
+    [0.01, 0.03]
+"""
 
 from wingwatch.telemetry.alignment import Aligner, aligned_delays
 from wingwatch.telemetry.cleaning import Cleaner, CleanerConfig, CleanerState, CleaningReport, CleanResult

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wingwatch.telemetry.flight import REQUIRED_CHANNELS
 from wingwatch.telemetry.sample import CHANNEL_INDEX, LEAPING_CHANNELS, MAX_GAP_S, SampleBlock
+from wingwatch.telemetry.shown_later import shown_later
 
 __all__ = ["Aligner", "aligned_delays"]
 
@@ -19,7 +20,6 @@ Array = NDArray[np.float64]
 MOST_ROWS = 20_000
 """A row waits for at most so many others, whatever their stamps: 10 s at 2 kHz."""
 
-_SAME_STAMP_S = 1e-6
 _REQUIRED = [CHANNEL_INDEX[name] for name in REQUIRED_CHANNELS]
 
 
@@ -43,6 +43,9 @@ class Aligner:
         delays_s: by channel, each from 0 on; without any, blocks pass as they are.
         held: channels that are held rather than interpolated, beside the ``*_command_rad``.
 
+    Attributes:
+        dropped: rows left out so far, because a reading of theirs never came: the stream ended or tore before it.
+
     Raises:
         ValueError: a name that is no channel, or the time, or a delay that is not a finite number from 0 on.
     """
@@ -58,6 +61,7 @@ class Aligner:
         self._delays = {name: delay for name, delay in delays_s.items() if delay > 0.0}
         self._held = {*held, *(name for name in CHANNEL_INDEX if name.endswith("_command_rad"))}
         self._waiting = np.empty((0, len(CHANNEL_INDEX)))
+        self.dropped = 0
 
     def feed(self, block: SampleBlock) -> SampleBlock:
         """Rows whose readings are complete, in order; those without a required channel are left out."""
@@ -72,7 +76,9 @@ class Aligner:
         last, ready = self._aligned(runs[-1])
         self._waiting = runs[-1][ready:].copy()
         out = np.concatenate([*done, last[:ready]])
-        return SampleBlock(out[np.isfinite(out[:, _REQUIRED]).all(axis=1)])
+        whole = np.isfinite(out[:, _REQUIRED]).all(axis=1)
+        self.dropped += int(np.count_nonzero(~whole))
+        return SampleBlock(out[whole])
 
     def _aligned(self, run: Array) -> tuple[Array, int]:
         """A run without gaps, aligned as far as its readings go, and how many of its first rows are complete."""
@@ -96,20 +102,7 @@ def _later(
     time_s: Array, values: Array, delay_s: float, held: bool, leaping: bool
 ) -> tuple[Array, NDArray[np.bool_]]:
     """What readings (n,) show ``delay_s`` later, NaN where that is not known; and where it has not come yet."""
-    wanted = time_s + delay_s
-    right = np.searchsorted(time_s, wanted - _SAME_STAMP_S, side="left")
-    waits = right >= time_s.size
-    right = np.minimum(right, time_s.size - 1)
-    exact = np.abs(time_s[right] - wanted) <= _SAME_STAMP_S
-    left = np.where(exact, right, np.maximum(right - 1, 0))
-    width = time_s[right] - time_s[left]
-    if held:
-        found = values[left]
-    else:
-        change = values[right] - values[left]
-        if leaping:  # the shorter way round
-            change = (change + np.pi) % (2.0 * np.pi) - np.pi
-        share = np.divide(wanted - time_s[left], width, out=np.zeros_like(width), where=width > 0.0)
-        found = np.where(exact, values[right], values[left] + share * change)
-    far = right - np.arange(time_s.size) > MOST_ROWS
-    return np.where(waits | far | (width > MAX_GAP_S), np.nan, found), waits
+    shown = shown_later(time_s, values, delay_s, held, leaping)
+    waits = shown.right >= time_s.size
+    far = np.minimum(shown.right, time_s.size - 1) - np.arange(time_s.size) > MOST_ROWS
+    return np.where(waits | far | (shown.width_s > MAX_GAP_S), np.nan, shown.values), waits

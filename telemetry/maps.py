@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from wingwatch.telemetry.expressions import ExpressionError, evaluate, evaluate_filter
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS, MAX_GAP_S
+from wingwatch.telemetry.shown_later import SAME_STAMP_S, shown_later
 from wingwatch.telemetry.units import SERVO_UNITS, UNITS, allowed_units
 
 __all__ = ["ChannelEntry", "ChannelMap", "MapError", "RowSelection", "load_map", "parse_map", "undelayed"]
@@ -21,7 +22,6 @@ _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 _Text = Annotated[str, Field(min_length=1, max_length=300)]
 _MAX_DELAY_S = 10.0
-_SAME_STAMP_S = 1e-6  # the resolution of autopilot stamps: a sum of stamp and delay rounds below it
 
 
 class MapError(ValueError):
@@ -269,16 +269,6 @@ def undelayed(
 def _undelayed_run(
     time_s: NDArray[np.float64], values: NDArray[np.float64], delay_s: float, max_gap_s: float, held: bool
 ) -> NDArray[np.float64]:
-    wanted = time_s + delay_s
-    right = np.searchsorted(time_s, wanted - _SAME_STAMP_S, side="left")
-    inside = (right < time_s.size) & (wanted >= time_s[0] - _SAME_STAMP_S)
-    right = np.clip(right, 0, time_s.size - 1)
-    exact = np.abs(time_s[right] - wanted) <= _SAME_STAMP_S
-    left = np.where(exact, right, np.maximum(right - 1, 0))
-    width = time_s[right] - time_s[left]
-    if held:
-        result = values[left]
-    else:
-        weight = np.divide(wanted - time_s[left], width, out=np.zeros_like(width), where=width > 0.0)
-        result = np.where(exact, values[right], values[left] * (1.0 - weight) + values[right] * weight)
-    return np.where(inside & (width <= max_gap_s), result, np.nan)
+    shown = shown_later(time_s, values, delay_s, held)
+    inside = (shown.right < time_s.size) & (time_s + delay_s >= time_s[0] - SAME_STAMP_S)
+    return np.where(inside & (shown.width_s <= max_gap_s), shown.values, np.nan)

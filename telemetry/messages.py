@@ -102,7 +102,7 @@ class AircraftMessage(BaseModel):
     Attributes:
         aircraft: name of a library aircraft or of a file that the service was given; never a path.
         configuration: configuration in the sense of the aircraft file.
-        mass_kg: actual mass where it is known.
+        mass_kg: actual mass where it is known; whether an aircraft can have it, the monitor says.
         cg_shift_m: centre of gravity behind (positive) that of the aircraft file, where it is known.
     """
 
@@ -110,7 +110,7 @@ class AircraftMessage(BaseModel):
 
     aircraft: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,127}$")]
     configuration: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")] = "clean"
-    mass_kg: Annotated[float, Field(gt=0.0, le=_MAX_MASS_KG)] | None = None
+    mass_kg: Annotated[float, Field(ge=0.0, le=_MAX_MASS_KG)] | None = None
     cg_shift_m: Annotated[float, Field(ge=-_MAX_SHIFT_M, le=_MAX_SHIFT_M)] | None = None
 
 

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import Aircraft
+from wingwatch.aircraft import Aircraft, at_loading
 from wingwatch.diagnosis.candidate import INDEX, Candidate, FreeParameter, Subject
-from wingwatch.diagnosis.coefficients import with_added
 from wingwatch.diagnosis.replay import Model
 
 __all__ = ["candidates"]
@@ -28,13 +27,7 @@ def _change(model: Model, v: NDArray[np.float64]) -> None:
 
 
 def _mend(aircraft: Aircraft, v: NDArray[np.float64]) -> Aircraft | None:
-    """Moments about the new centre: forces keep their places (small angles)."""
-    c, g = aircraft.coefficients, aircraft.geometry
-    if c is None or g is None:
+    """The same aircraft about the new centre, where its file says enough."""
+    if aircraft.mass is None or aircraft.geometry is None:
         return None
-    pitch, yaw = float(v[0]) / g.mean_chord_m, float(v[0]) / g.span_m
-    moved = {
-        f"Cm_{name}": pitch * getattr(c.CL, name) for name in ("zero", "alpha", "q", "alphadot", "elevator")
-    }
-    moved |= {f"Cn_{name}": yaw * getattr(c.CY, name) for name in ("beta", "p", "r", "aileron", "rudder")}
-    return with_added(aircraft, moved)
+    return at_loading(aircraft, None, float(v[0]))

@@ -32,5 +32,6 @@ def _mend(aircraft: Aircraft, v: NDArray[np.float64]) -> Aircraft | None:
     mass = aircraft.mass
     if mass is None:
         return None
-    changed = {name: value * (1.0 + float(v[0])) for name, value in mass.model_dump().items()}
-    return updated(aircraft, mass=changed)
+    stated = mass.model_dump()
+    changed = {name: value * (1.0 + float(v[0])) for name, value in stated.items() if name != "cg_shift_m"}
+    return updated(aircraft, mass=stated | changed)

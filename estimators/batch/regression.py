@@ -414,7 +414,7 @@ def _named(estimate: Estimate, hidden: NDArray[np.bool_]) -> Estimate:
     )
     outcome = Outcome.NOT_OBSERVABLE if 2 * len(names) > len(outcomes) else estimate.outcome
     told = f"; {estimate.reason}" if Outcome.REJECTED in estimate.outcomes else ""
-    reason = f"not told apart, or not moved: {', '.join(names)}{told}"
+    reason = f"not distinguished, or not moved: {', '.join(names)}{told}"
     return replace(
         estimate, value=value, covariance=covariance, outcomes=outcomes, outcome=outcome, reason=reason
     )

@@ -41,7 +41,8 @@ from wingwatch.estimators.ekf.state import (
     one_vehicle,
     put_vehicle,
 )
-from wingwatch.estimators.signals import CONDITION_COLUMNS, MAX_GAP_S
+from wingwatch.estimators.signals import CONDITION_COLUMNS
+from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = ["update_all"]
 

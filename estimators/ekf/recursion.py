@@ -57,7 +57,8 @@ from wingwatch.estimators.kernels.hot import hot, lean, part, sizes
 from wingwatch.estimators.kernels.intersample import course
 from wingwatch.estimators.kernels.levels import advance_level, start_level
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings, reading_variance
-from wingwatch.estimators.signals import CONDITION_COLUMNS, MAX_GAP_S
+from wingwatch.estimators.signals import CONDITION_COLUMNS
+from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = [
     "SETTLE_S",

@@ -183,7 +183,7 @@ class FilterEstimator:
             state.status[:, 1] = 0
             raise ValueError(
                 f"no vane measured the velocity of vehicle {vehicles}: the filter has nothing that tells gusts from "
-                "motion; use the Fourier form"
+                "motion; use the Fourier estimator"
             )
 
     def solve(self, state: FilterState) -> None:

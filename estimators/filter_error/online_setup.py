@@ -82,7 +82,7 @@ class FilterConfig:
         if not self.measures_velocity:
             raise ValueError(
                 "the filter needs a vane: with a reconstructed velocity it has nothing that tells gusts from motion; "
-                "use the Fourier form"
+                "use the Fourier estimator"
             )
         for name in ("held", "input_noise_std"):
             given = getattr(self, name)

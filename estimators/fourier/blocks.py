@@ -79,7 +79,7 @@ from wingwatch.estimators.fourier.state import (
 )
 from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings, reading_variance
-from wingwatch.estimators.signals import MAX_GAP_S
+from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = ["Workspace", "advance", "block_workspace", "fill"]
 

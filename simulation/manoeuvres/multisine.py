@@ -1,6 +1,6 @@
 """The multisine: sums of sines, each surface with harmonics of its own, so that all may move at once.
 
-Harmonics of one period are orthogonal over it, and no two surfaces share one: their effects can be told apart although
+Harmonics of one period are orthogonal over it, and no two surfaces share one: effects can be distinguished although
 they act together (Klein and Morelli, Aircraft System Identification, section 9.4). Phases make the peak low for
 the power (``wingwatch.aircraft.excitation``).
 """
@@ -76,7 +76,7 @@ class Multisine:
         shared = sorted(k for k in set().union(*self.harmonics) if sum(k in ks for ks in self.harmonics) > 1)
         if shared:
             raise ValueError(
-                f"a multisine has harmonics {shared} on two surfaces, which could not be told apart; share them out"
+                f"a multisine has harmonics {shared} on two surfaces, which could not be distinguished; share them out"
             )
 
     @property

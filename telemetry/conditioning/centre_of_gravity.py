@@ -258,7 +258,7 @@ def _same_rows(block: SampleBlock, forces: Array) -> Array:
 def _needed(block: SampleBlock, name: str) -> Array:
     column = block.column(name)
     if not np.isfinite(column).any():
-        raise ValueError(f"the flight has no {name}: the centre of gravity cannot be told without it")
+        raise ValueError(f"the flight has no {name}: the centre of gravity cannot be found without it")
     return column
 
 

@@ -49,7 +49,7 @@ def even_stretch(
     longest = max(stretches, key=len, default=rows)
     if len(longest) < 64:
         raise ValueError(
-            f"the longest stretch without a gap has {len(longest)} samples: at least 64 are needed"
+            f"the longest window without a gap has {len(longest)} samples: at least 64 are needed"
         )
     step = float(np.median(np.diff(time_s[longest])))
     even = time_s[longest]

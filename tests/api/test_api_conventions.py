@@ -49,6 +49,7 @@ def client() -> Generator[httpx.Client]:
         vehicle("young", condition={}),
         vehicle("bare", aircraft="jetstream31"),
         vehicle("part"),
+        vehicle("loaded", mass_kg=20.0, cg_shift_m=0.01),
     ]
     modes = {
         "given": {
@@ -59,12 +60,13 @@ def client() -> Generator[httpx.Client]:
         "young": {"short_period": mode(SHORT_PERIOD)},
         "bare": {"short_period": mode(SHORT_PERIOD)},
         "part": {"short_period": mode(SHORT_PERIOD)},
+        "loaded": {"short_period": mode(SHORT_PERIOD, condition=CONDITION)},
     }
     modes["part"]["short_period"]["derivatives"] = {
         "z_w": derivative(math.nan, math.inf, expected=-4.0),
         "m_q": derivative(-6.0, 0.1),
     }
-    for name in names:
+    for name in (*names, "loaded"):
         monitor.current["default", name] = {"time_s": 9.0, "estimators": {"fourier": modes[name]}}
     with served(monitor) as (_, connection):
         yield connection
@@ -127,6 +129,11 @@ def test_american_pitch_damping_by_hand(client: httpx.Client) -> None:
     entry = shown(client, "latest", Convention.AMERICAN)["short_period"]["derivatives"]["m_q"]
     assert entry["value"] == pytest.approx(wanted, rel=1e-14)  # a dozen roundings of 1.1e-16
     assert entry["name"] == "Cm_q"
+
+
+def test_a_loaded_vehicle_is_converted_at_its_own_mass(client: httpx.Client) -> None:
+    entries = shown(client, "loaded", Convention.DIMENSIONAL)["short_period"]["derivatives"]
+    assert entries["z_w"]["value"] == pytest.approx(20.0 * VALUES[SHORT_PERIOD]["z_w"], rel=1e-12)
 
 
 def test_an_unknown_derivative_stays_unknown_and_spoils_no_other(client: httpx.Client) -> None:

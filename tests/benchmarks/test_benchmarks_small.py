@@ -155,7 +155,7 @@ def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
     assert row[:3] == ["2", "50", "0"]  # vehicles, messages sent, messages lost
     assert float(row[4]) < 5.0  # seconds behind
     taken_us = {line[:18].strip(): line[18:].split() for line in said}
-    for stage in ("decoding", "cleaning", "Fourier form", "filter"):
+    for stage in ("decoding", "cleaning", "Fourier estimator", "filter"):
         assert float(taken_us[stage][0]) > 0.0
 
 

@@ -96,7 +96,7 @@ def test_history_ends_where_the_estimate_stands(
         assert {row["estimator"] for row in rows} == {"fourier"}
         last = [row for row in rows if row["time_s"] == times[-1]]
         assert len(last) == per_solution
-        for row in last:  # the Fourier form stands at its last solution
+        for row in last:  # the Fourier estimator stands at its last solution
             now = result["estimators"]["fourier"][row["structure"]]["derivatives"][row["derivative"]]
             assert row["value"] == pytest.approx(now["value"], rel=1e-15)
             assert row["standard_error"] == pytest.approx(now["standard_error"], rel=1e-15)
@@ -328,7 +328,7 @@ def test_what_earlier_flights_taught_is_read_from_the_database(tmp_path: Path) -
 
 
 def test_json_has_null_for_what_is_not_known(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """One second is not enough for the Fourier form; JSON knows neither NaN nor infinity."""
+    """One second is not enough for the Fourier estimator; JSON knows neither NaN nor infinity."""
     path = tmp_path / "short.csv"
     write_flight(demo_block("healthy", 1.0), path)
     ran = run(capsys, ["estimate", path, "--aircraft", "aerosonde", "--json"])

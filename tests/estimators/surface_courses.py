@@ -26,4 +26,4 @@ def surface_course(manoeuvre: str, seconds: float, rate_hz: float) -> NDArray[np
     surface, keep = np.zeros(time.size), np.exp(-1.0 / (rate_hz * SERVO_S))
     for k in range(1, time.size):
         surface[k] = command[k - 1] + keep * (surface[k - 1] - command[k - 1])
-    return AMPLITUDE_RAD * surface
+    return np.asarray(AMPLITUDE_RAD * surface)

@@ -115,7 +115,7 @@ def test_the_filter_that_learns_of_it_follows_too(courses: tuple[int, dict[str, 
     """It inflates the covariance as of the change and filters again what came since: no later than the first."""
     number, found = courses
     course, truth = (
-        next(c for name, c in found.items() if name.startswith("ekf, told")),
+        next(c for name, c in found.items() if name.startswith("ekf, reset")),
         stepped_truth(PLANTS[number]),
     )
     late = course.since_s >= 3.0

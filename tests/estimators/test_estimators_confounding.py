@@ -1,4 +1,4 @@
-"""What cannot be told apart is named, and only that; on made-up covariances and on simulated flights."""
+"""What cannot be distinguished is named, and only that; on made-up covariances and on simulated flights."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_a_combination_that_alone_is_known_is_named(prior_ratio: float) -> None:
         "n_zeta",
     ]
     text = told_apart_text(LATERAL, sets)
-    assert "l_xi and l_zeta cannot be told apart: aileron and rudder move together" in text
+    assert "l_xi and l_zeta cannot be distinguished: aileron and rudder move together" in text
     assert "roll rate, aileron and rudder move together" in text
 
 
@@ -76,4 +76,4 @@ def test_simulated_flight_names_the_mixed_surfaces_and_only_them() -> None:
         outcomes = dict(zip(SYMBOLS, e.outcomes, strict=True))
         assert {outcomes["l_zeta"], outcomes["n_xi"], outcomes["n_zeta"]} == {"not_observable"}
         assert outcomes["l_p"] == "converged"
-        assert "cannot be told apart: aileron and rudder move together" in e.reason
+        assert "cannot be distinguished: aileron and rudder move together" in e.reason

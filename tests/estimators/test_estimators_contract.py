@@ -66,7 +66,7 @@ def all_finite(state: State, vehicle: int, runner: Runner) -> bool:
 @every_estimator
 @every_plant
 def test_clean_plant_is_recovered(make: Maker, plant: Plant) -> None:
-    """Within 1 % (issue 2), by the Fourier form, exact between samples to second order in the step, within 0.02 %."""
+    """Within 1 % (issue 2), by the Fourier one, exact between samples to second order in the step, within 0.02 %."""
     runner = make(plant)
     signals = make_signals(plant, doublets(plant, 22.0))
     estimate = runner.estimate(runner.run(signals[None]))

@@ -292,4 +292,4 @@ def test_notes_name_the_limits_that_are_passed() -> None:
     assert "manages 201: give a smaller amplitude" in notes(SHORT_PERIOD, "multisine", 20.0)
     assert "takes 0.18 s from one step to the next, of 0.16 s" in notes(SHORT_PERIOD, "3211", 18.0)
     assert "beyond the stall at 26.9" in notes(SHORT_PERIOD, "3211", 60.0)
-    assert "not told from nought: l_zeta" in notes(LATERAL, "impulse", 2.0)
+    assert "not distinguished from zero: l_zeta" in notes(LATERAL, "impulse", 2.0)

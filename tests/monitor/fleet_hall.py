@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.baselines import EstimateRecord, Reference
+from wingwatch.baselines import Envelope, EstimateRecord, Reference
 from wingwatch.monitor import (
     AlertState,
     AlertView,
@@ -64,6 +64,7 @@ class FakeStore:
     broken: bool = False
     unread: bool = False
     known: Mapping[str, Reference] = field(default_factory=dict)
+    envelopes: Mapping[str, Envelope] = field(default_factory=dict)
     earlier: Sequence[AlertView] = ()
     asked: list[tuple[str, str]] = field(default_factory=list)
     learned: list[tuple[str, int]] = field(default_factory=list)
@@ -80,7 +81,7 @@ class FakeStore:
     ) -> VehicleMemory | None:
         self._fail()
         self.asked.append((aircraft.name, configuration))
-        return None if self.unread else VehicleMemory(references=self.known)
+        return None if self.unread else VehicleMemory(self.known, self.envelopes)
 
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]

@@ -365,11 +365,29 @@ def test_events_grow_and_are_bounded(flight: SampleBlock) -> None:
     assert len(ids) == 5
     assert ids == list(range(ids[0], ids[0] + 5))
     assert ids[0] > 1
+    assert hall.fleet.problems["events_forgotten"] == ids[0] - 1
     assert [e.id for e in hall.fleet.events(ids[2])] == ids[3:]
     assert hall.fleet.events(ids[-1]) == []
     assert hall.fleet.events(ids[-1] + 1000) == []
     hall.fly(flight, 12, 14)
     assert [e.id for e in hall.fleet.events(ids[-1])] == [ids[-1] + 1, ids[-1] + 2]
+
+
+def test_samples_that_wait_and_are_not_watched_are_counted(flight: SampleBlock) -> None:
+    hall = Hall(store=FakeStore(unread=True))
+    hall.announce()
+    hall.fly(flight, 0, 2)
+    assert "dropped_waiting" not in hall.view().counts
+    hall.announce(aircraft="twin")
+    assert hall.view().counts["dropped_waiting"] == 2 * PIECE
+
+
+def test_alerts_beyond_those_kept_are_counted() -> None:
+    older = replace(OLD_ALERT, id="older")
+    hall = Hall(FleetSettings(kept_alerts=1), FakeStore(earlier=(OLD_ALERT, older)))
+    hall.fleet.act_on_alert("old", AlertAction.ACKNOWLEDGE, "ann", "seen")
+    assert [a.id for a in hall.fleet.alerts()] == ["old"]
+    assert hall.fleet.problems["alerts_forgotten"] == 1
 
 
 # -- alerts ----------------------------------------------------------------------------------------

@@ -81,3 +81,8 @@ def test_equations_are_numbered_in_order(page: Path) -> None:
 @pytest.mark.parametrize("page", sorted((DOCS / "methods").glob("*.md")), ids=named)
 def test_methods_speak_the_field_s_words(page: Path) -> None:
     assert not PRIVATE.findall(page.read_text())
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if "decisions" not in p.parts], ids=named)
+def test_pages_leave_the_words_that_were_ours_alone(page: Path) -> None:
+    assert not re.findall(r"\b(?:told|unrest|stretch(?:es)?|Fourier form)\b", page.read_text())

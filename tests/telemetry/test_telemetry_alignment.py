@@ -76,6 +76,15 @@ def test_rows_leave_in_order_and_none_is_lost_but_for_ends() -> None:
     assert after[-1] >= TIME[-1] - 0.2 - 0.021
 
 
+def test_rows_whose_later_readings_never_come_are_counted() -> None:
+    """The last 0.05 s before a gap have no pitch rate, which every row needs; the heading's 0.2 s are not required."""
+    aligner = Aligner({"pitch_rate_rad_s": 0.05})
+    block = flight()
+    out = aligner.feed(block)
+    waiting = int(np.count_nonzero(block.time_s > out.time_s[-1]))
+    assert aligner.dropped == len(block) - len(out) - waiting == 3
+
+
 def test_without_delays_blocks_pass_untouched() -> None:
     block = flight()
     assert Aligner({"pitch_rate_rad_s": 0.0}).feed(block) is block
