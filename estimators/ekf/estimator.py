@@ -139,6 +139,7 @@ class EkfEstimator:
                 fisher=np.full((n, 2), LEAST),
                 corrections=np.zeros((n, 2)),
                 inputs=np.tile(self.model.input_variance, (n, 1)),
+                largest_inputs=np.tile(self.model.input_variance, (n, 1)),
             ),
             memory=Memory(
                 np.zeros((n, ns, 5)), np.zeros((n, 4, LEVELS)), np.zeros(n), np.zeros((n, nu, READING_MEMORY))

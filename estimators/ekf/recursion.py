@@ -56,7 +56,12 @@ from wingwatch.estimators.ekf.state import (
 from wingwatch.estimators.kernels.hot import hot, lean, part, sizes
 from wingwatch.estimators.kernels.intersample import course
 from wingwatch.estimators.kernels.levels import advance_level, start_level
-from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings, reading_variance
+from wingwatch.estimators.kernels.reading_noise import (
+    follow_reading,
+    forget_readings,
+    largest_variance,
+    reading_variance,
+)
 from wingwatch.estimators.signals import CONDITION_COLUMNS
 from wingwatch.telemetry import MAX_GAP_S
 
@@ -211,6 +216,7 @@ def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignor
         readings, stated = memory.readings[i, j], model.input_variance[j]
         follow_reading(readings, sample.new[2 + ns + j], sample.dt_s, stated)
         noise.inputs[i, j] = reading_variance(readings, stated)
+        noise.largest_inputs[i, j] = largest_variance(readings, stated)
     if sample.inertial:
         level = memory.levels[i]
         index = advance_level(level, sample.new[1], sample.motion, sample.dt_s, model.adapt_s)

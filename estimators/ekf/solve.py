@@ -59,8 +59,7 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     z, cov, moments = state.z[i], state.cov[i], state.input_moments[i]
     information, vector, solved = state.information[i], state.vector[i], state.solutions[i] > 0
     variance = state.noise.inputs[i]
-    # What little noise a young filter believes in must not make a motion of noise.
-    largest = np.maximum(variance, model.input_variance)
+    largest = state.noise.largest_inputs[i]
     resting = _resting(moments, state.moved_s[i], largest, state.rows[i, NEWEST, TIME])
     k = vector.size
     before, mean = np.empty((k, k)), np.zeros(k)

@@ -150,6 +150,8 @@ class Noise(NamedTuple):
     """(n, 2): discounted sums of the corrections of the first state and of the gusts' angular acceleration."""
     inputs: Array
     """(n, nu): variance of the inputs' readings, rad2; 0 of exact ones."""
+    largest_inputs: Array
+    """(n, nu): the same at most."""
 
 
 class Memory(NamedTuple):

@@ -17,14 +17,14 @@ import math
 
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["READING_MEMORY", "follow_reading", "forget_readings", "reading_variance"]
+__all__ = ["READING_MEMORY", "follow_reading", "forget_readings", "largest_variance", "reading_variance"]
 
-_LAST, _FRESH, _REPEATS, _READINGS, _COUNT, _MEDIAN, _LEVEL = 0, 6, 7, 8, 9, 10, 13
+_LAST, _FRESH, _REPEATS, _READINGS, _COUNT, _MEDIAN, _LEVEL, _LARGEST = 0, 6, 7, 8, 9, 10, 13, 14
 _FIRST, _FOURTH, _SIXTH = range(_MEDIAN, _MEDIAN + 3)
-READING_MEMORY = 14
+READING_MEMORY = 15
 """Numbers remembered of an input, zeros at the start: the last difference of each order from none to five, readings
 since a gap or jump, how often the last was repeated, readings and whole differences seen, logarithms of the medians of
-steps and of differences of the fourth and the sixth order, and the variance believed."""
+steps and of differences of the fourth and the sixth order, the variance believed and what it may be at most."""
 
 JUMP = 4.0
 """2.7 standard deviations of a step by noise."""
@@ -34,7 +34,7 @@ LEAK = 0.4346
 
 _MEMORY_S = 60.0
 _MOST_REPEATS = 4.0
-_FEWEST = 32.0
+_FEWEST = 16.0
 """Steps before the differences begin, and differences without which the stated variance is believed."""
 _EVERY = 16
 """Differences after which the variance is computed anew."""
@@ -92,13 +92,19 @@ def follow_reading(memory, reading, dt, stated):  # type: ignore[no-untyped-def]
     _follow_median(memory, _FOURTH, math.log(max(abs(fourth), _TINY)), memory[_COUNT], dt)
     _follow_median(memory, _SIXTH, math.log(max(abs(difference), _TINY)), memory[_COUNT], dt)
     if memory[_COUNT] >= _FEWEST and memory[_COUNT] % _EVERY == 0.0:
-        memory[_LEVEL] = _believed(memory, max(dt / _MEMORY_S, 1.0 / memory[_COUNT]), stated)
+        _believe(memory, max(dt / _MEMORY_S, 1.0 / memory[_COUNT]), stated)
 
 
 @lean
 def reading_variance(memory, stated):  # type: ignore[no-untyped-def]
     """Variance of an input's readings as it is believed now, rad2."""
     return memory[_LEVEL] if memory[_COUNT] >= _FEWEST else stated
+
+
+@lean
+def largest_variance(memory, stated):  # type: ignore[no-untyped-def]
+    """The stated variance, or what the readings' may be at most where that is more, rad2."""
+    return max(stated, memory[_LARGEST]) if memory[_COUNT] >= _FEWEST else stated
 
 
 @lean
@@ -117,11 +123,12 @@ def _follow_median(memory, which, log, count, dt):  # type: ignore[no-untyped-de
 
 
 @lean
-def _believed(memory, weight, stated):  # type: ignore[no-untyped-def]
+def _believe(memory, weight, stated):  # type: ignore[no-untyped-def]
     """Within the limits that the differences set the value nearest to the stated one, and from there on towards the
-    stated one by what chance and it know, both as errors of a logarithm."""
+    stated one by what chance and it know, both as errors of a logarithm; and two standard errors more."""
     fourth = math.exp(2.0 * (memory[_FOURTH] - _LOG_NORMAL) - _LOG_70)
     sixth = math.exp(2.0 * (memory[_SIXTH] - _LOG_NORMAL) - _LOG_924)
     found = min(max(stated, sixth - LEAK * max(fourth - sixth, 0.0)), sixth)
     chance = _CHANCE * _CHANCE * weight
-    return found * (stated / found) ** (chance / (chance + _STATED * _STATED))
+    memory[_LEVEL] = found * (stated / found) ** (chance / (chance + _STATED * _STATED))
+    memory[_LARGEST] = sixth * math.exp(2.0 * math.sqrt(chance))
