@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 VERSION_TABLE = "wingwatch_schema"
-"""Where the revision stands: a name of our own, so that another program's tables are told from ours."""
+"""Where the revision stands: a name of our own, so that another program's tables are distinguished from ours."""
 
 CONNECT_TIMEOUT_S = 5
 """How long a PostgreSQL server may take to answer a new connection."""

@@ -40,7 +40,7 @@ def draw(path: Path, title: str, design: InputDesign, promises: Sequence[Promise
     """Draw an input and the response of its modes into a file, whose suffix says the format."""
     from matplotlib.figure import Figure
 
-    quantities = [item for told in promises for item in told.response.quantities.items()]
+    quantities = [item for one in promises for item in one.response.quantities.items()]
     figure = Figure(figsize=(13.0, max(6.0, 1.35 * len(quantities))), dpi=110, layout="constrained")
     figure.suptitle(title, fontsize=13)
     halves: Any = figure.subfigures(1, 2)

@@ -220,11 +220,11 @@ class DiagnosisJobs:
                 return
             command = [*self._command, str(job.folder)]
             process = self._process = DiagnosisProcess(command, job.folder, self._limits.longest_s)
-        for told in process.lines():
+        for message in process.lines():
             with self._changed:
-                job.doing = str(told.get("doing", job.doing))
-                job.progress = float(told.get("progress", job.progress))
-                job.problem = str(told.get("problem", job.problem))
+                job.doing = str(message.get("doing", job.doing))
+                job.progress = float(message.get("progress", job.progress))
+                job.problem = str(message.get("problem", job.problem))
         problem = process.problem()
         with self._changed:
             self._process = None

@@ -46,11 +46,11 @@ class DiagnosisProcess:
         assert out is not None
         while line := out.readline(_LONGEST_LINE):
             try:
-                told = json.loads(line)
+                message = json.loads(line)
             except ValueError:
                 continue
-            if isinstance(told, dict):
-                yield told
+            if isinstance(message, dict):
+                yield message
 
     def end(self) -> None:
         """Stop it at once: it holds nothing but its own folder."""

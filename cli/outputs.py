@@ -168,7 +168,7 @@ class ZenohOutputs:
             query.drop()
 
     def _documents(self, asked: Any) -> Iterator[tuple[str, ServiceStream, Mapping[str, Any]]]:
-        """Alerts come oldest first: of several replies under one key Zenoh keeps the last unless told otherwise."""
+        """Alerts come oldest first: of several replies under one key Zenoh keeps the last unless asked otherwise."""
         monitor = self._monitor
         if monitor is None:
             return

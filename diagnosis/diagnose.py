@@ -62,7 +62,7 @@ def diagnose(
         kinds: ``command`` for surface columns that are commands; others are measured positions.
         validate: another flight of the same aircraft, to measure the gain on; else windows left out.
         source: the flight's name, for the report.
-        progress: told what is being done, and which part is done (0 to 1).
+        progress: called with what is being done, and which part is done (0 to 1).
 
     Raises:
         DiagnosisError: a flight or an aircraft file that cannot be diagnosed; the sentence says why.

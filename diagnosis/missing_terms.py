@@ -56,7 +56,7 @@ class _Term:
 
 
 def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ...]:
-    """Terms that what is left follows beyond doubt, the best first, with those that cannot be told from it."""
+    """Terms that what is left follows beyond doubt, the best first, with those that cannot be distinguished from it."""
     point, model = solution.point, model_at(problem, solution.point)
     measured, sensors = without_delays(problem.subject.flight, model), model.sensors
     followed: dict[int, Array] = {}
@@ -102,8 +102,8 @@ def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ..
     across = np.linalg.solve(h[:known, :known], h[:known, known:])
     score = g[known:] - across.T @ g[:known]
     information = np.diagonal(h)[known:] - np.einsum("ij,ij->j", h[:known, known:], across)
-    told = information > 1e-6 * np.diagonal(h)[known:]  # else it is a linear term
-    gain = np.where(told, 0.5 * score**2 / np.where(told, information, 1.0), 0.0)
+    informed = information > 1e-6 * np.diagonal(h)[known:]  # else it is a linear term
+    gain = np.where(informed, 0.5 * score**2 / np.where(informed, information, 1.0), 0.0)
     blocks = sum(len(b) for b in evaluation.blocks)
     evidence = gain - 0.5 * math.log(max(blocks, 2)) - math.log(len(terms))
     order = [int(i) for i in np.argsort(-gain) if evidence[i] > BEYOND_DOUBT and gain[i] > gain.max() - ALIKE]

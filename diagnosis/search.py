@@ -80,7 +80,7 @@ class Found:
     """A cause that was taken.
 
     Attributes:
-        best: it; alike: what it cannot be told from; tried: all that were tried beside it.
+        best: it; alike: what it cannot be distinguished from; tried: all that were tried beside it.
         held_out: ``held_out_gain``.
         matters: whether it changes what is measured by a part that matters; else it is known and no cause of anything.
     """

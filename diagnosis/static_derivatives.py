@@ -205,12 +205,12 @@ def neutral_point(cg_m: Sequence[float], slopes: Sequence[Parameter]) -> Paramet
     """
     if len(cg_m) != len(slopes):
         raise ValueError(f"{len(cg_m)} centres of gravity and {len(slopes)} slopes: give one slope a flight")
-    told = [(x, s) for x, s in zip(cg_m, slopes, strict=True) if s.observable]
-    if len(told) < 3:
-        reason = f"{len(told)} flights with a slope: at least 3 centres of gravity are needed"
+    usable = [(x, s) for x, s in zip(cg_m, slopes, strict=True) if s.observable]
+    if len(usable) < 3:
+        reason = f"{len(usable)} flights with a slope: at least 3 centres of gravity are needed"
         return Parameter("neutral point", math.nan, math.inf, "m", False, reason)
-    x, y = np.array([t[0] for t in told]), np.array([t[1].value for t in told])
-    line = straight_line(x, y, np.zeros(x.size), np.array([t[1].standard_error for t in told]))
+    x, y = np.array([t[0] for t in usable]), np.array([t[1].value for t in usable])
+    line = straight_line(x, y, np.zeros(x.size), np.array([t[1].standard_error for t in usable]))
     if abs(line.slope) < 3.0 * math.sqrt(line.covariance[1, 1]):
         return Parameter(
             "neutral point", math.nan, math.inf, "m", False, "the slope hardly changes with the centre"

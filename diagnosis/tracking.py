@@ -10,5 +10,5 @@ Track = Callable[[Sequence[Any], str], Iterable[Any]]
 
 
 def untracked(steps: Sequence[Any], what: str) -> Iterable[Any]:
-    """The steps; nobody is told."""
+    """The steps; nothing is shown."""
     return steps

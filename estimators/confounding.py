@@ -7,9 +7,9 @@ derivatives have the covariance C = (J + I / 9)^-1. Derivative a is confounded i
     C_aa > 1/16          it has not converged: its standard error is over a quarter of its natural size, and
     J_aa C_aa >= 400     were all others known, its standard error would be a twentieth of what it is.
 
-What it cannot be told from are those of its equation whose error goes with its own, |C_ab| > 0.9 sqrt(C_aa C_bb) (above
-0.9 regressors count as collinear: Klein and Morelli 2006, section 5.4). A derivative that nothing moved has J_aa near
-zero: it is not observable, but not confounded.
+What it cannot be distinguished from are those of its equation whose error goes with its own,
+|C_ab| > 0.9 sqrt(C_aa C_bb) (above 0.9 regressors count as collinear: Klein and Morelli 2006, section 5.4). A
+derivative that nothing moved has J_aa near zero: it is not observable, but not confounded.
 """
 
 import numpy as np
@@ -36,7 +36,7 @@ _WORDS = {
 def confounded_sets(
     structure: ModeStructure, covariance: Array, natural: Array, prior_ratio: float
 ) -> tuple[NDArray[np.bool_], tuple[tuple[str, ...], ...]]:
-    """Which derivatives cannot be told from others, and from which.
+    """Which derivatives cannot be distinguished from others, and from which.
 
     Args:
         structure: the mode's.

@@ -29,9 +29,9 @@ def input_notes(
         elevator_trim_rad: deflection that the elevator has already.
     """
     notes = list(_of_surfaces(aircraft, design, elevator_trim_rad))
-    for told in promises:
-        notes += _of_response(aircraft, told)
-        notes += _of_errors(told)
+    for one in promises:
+        notes += _of_response(aircraft, one)
+        notes += _of_errors(one)
     return tuple(notes)
 
 
@@ -74,8 +74,8 @@ def _of_rate(design: InputDesign, i: int, target: SurfaceTarget, limit_rad_s: fl
         )
 
 
-def _of_response(aircraft: Aircraft, told: Promise) -> Iterator[str]:
-    weak = {c: r for c, r in told.response.signal_to_noise.items() if r < _SIGNAL_TO_NOISE}
+def _of_response(aircraft: Aircraft, one: Promise) -> Iterator[str]:
+    weak = {c: r for c, r in one.response.signal_to_noise.items() if r < _SIGNAL_TO_NOISE}
     if weak:
         yield (
             f"signal-to-noise below {_SIGNAL_TO_NOISE:g}: "
@@ -83,7 +83,7 @@ def _of_response(aircraft: Aircraft, told: Promise) -> Iterator[str]:
             + " (a larger amplitude or a longer input raises it)"
         )
     stall = None if aircraft.coefficients is None else aircraft.coefficients.stall
-    alpha = told.response.quantities.get("angle_of_attack_rad")
+    alpha = one.response.quantities.get("angle_of_attack_rad")
     if stall is not None and alpha is not None and float(alpha.max()) > stall.angle_rad:
         yield (
             f"angle of attack goes to {math.degrees(float(alpha.max())):.3g} degrees, beyond the stall at "
@@ -91,14 +91,14 @@ def _of_response(aircraft: Aircraft, told: Promise) -> Iterator[str]:
         )
 
 
-def _of_errors(told: Promise) -> Iterator[str]:
-    symbols, error = told.structure.derivatives, told.standard_error
-    hidden = [s for s, e, v in zip(symbols, error, told.derivatives, strict=True) if not e < abs(v)]
+def _of_errors(one: Promise) -> Iterator[str]:
+    symbols, error = one.structure.derivatives, one.standard_error
+    hidden = [s for s, e, v in zip(symbols, error, one.derivatives, strict=True) if not e < abs(v)]
     if hidden:
         yield f"not distinguished from zero: {', '.join(hidden)}"
     if not np.isfinite(error).all():
         return
-    together = np.argwhere(np.triu(np.abs(told.correlation), 1) > _CORRELATION)
+    together = np.argwhere(np.triu(np.abs(one.correlation), 1) > _CORRELATION)
     if len(together):
         pairs = ", ".join(f"{symbols[i]} with {symbols[j]}" for i, j in together)
         yield f"hardly distinguished: {pairs}"

@@ -132,8 +132,8 @@ class StudySettings:
             StudyError: no settings, or those of another version.
         """
         try:
-            told: dict[str, Any] = json.loads(text)
-            version = told["schema"]
+            kept: dict[str, Any] = json.loads(text)
+            version = kept["schema"]
         except (ValueError, KeyError, TypeError):
             raise StudyError(f"{where} is no study of wingwatch") from None
         if version != SCHEMA_VERSION:
@@ -141,15 +141,15 @@ class StudySettings:
                 f"{where} has version {version} of the study table, and this program reads version {SCHEMA_VERSION}; "
                 "read it with the program that wrote it, or fly the study anew"
             )
-        kind: Kind = told["kind"]
+        kind: Kind = kept["kind"]
         return cls(
             kind,
-            checked_grid(kind, told["grid"], where),
-            told["first_seed"],
-            told["flights"],
-            {name: Aircraft.model_validate(a) for name, a in told["aircraft"].items()},
-            told["code_version"],
-            told["settings_version"],
+            checked_grid(kind, kept["grid"], where),
+            kept["first_seed"],
+            kept["flights"],
+            {name: Aircraft.model_validate(a) for name, a in kept["aircraft"].items()},
+            kept["code_version"],
+            kept["settings_version"],
         )
 
 

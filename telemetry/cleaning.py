@@ -63,7 +63,7 @@ class CleanerConfig:
 
 @dataclass(frozen=True, slots=True)
 class CleaningReport:
-    """What cleaning did to a stretch of samples.
+    """What cleaning did to a window of samples.
 
     Attributes:
         accepted: rows passed on.
@@ -82,7 +82,7 @@ class CleaningReport:
     pending: int = 0
 
     def __add__(self, later: "CleaningReport") -> "CleaningReport":
-        """Both stretches together; what is pending is the later one's."""
+        """Both windows together; what is pending is the later one's."""
         return CleaningReport(
             self.accepted + later.accepted,
             _sum(self.rejected, later.rejected),

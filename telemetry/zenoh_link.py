@@ -1,4 +1,4 @@
-"""The Zenoh session: loopback and no scouting unless told otherwise, one sentence where it cannot be had."""
+"""The Zenoh session: loopback and no scouting unless set otherwise, one sentence where it cannot be had."""
 
 import json
 from collections.abc import Iterator

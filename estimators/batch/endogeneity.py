@@ -102,11 +102,11 @@ def _of_one(d: Difference) -> Array:
     reach = np.sqrt(np.diagonal(d.bound))
     if not (np.isfinite(d.value).all() and np.isfinite(d.covariance).all() and d.covariance.any()):
         return d.bound
-    told = np.flatnonzero(np.diagonal(d.covariance) > 0.0)
-    scale = np.sqrt(np.diagonal(d.covariance)[told])
-    values, vectors = np.linalg.eigh(d.covariance[np.ix_(told, told)] / np.outer(scale, scale))
+    known = np.flatnonzero(np.diagonal(d.covariance) > 0.0)
+    scale = np.sqrt(np.diagonal(d.covariance)[known])
+    values, vectors = np.linalg.eigh(d.covariance[np.ix_(known, known)] / np.outer(scale, scale))
     kept = values > _FLAT * values[-1]
-    part = vectors[:, kept].T @ (d.value[told] / scale)
+    part = vectors[:, kept].T @ (d.value[known] / scale)
     off = d.covariance.copy()
     if float(part @ (part / values[kept])) > chi2.ppf(1.0 - _CHANCE, int(kept.sum())):
         off += np.outer(d.value, d.value)

@@ -1,6 +1,6 @@
 """How well a model fits, and what its estimates may be trusted with (thesis 5.4).
 
-All of it works on lists of stretches, one a manoeuvre: means are taken out per stretch, so that trim offsets
+All of it works on lists of windows, one a manoeuvre: means are taken out per window, so that trim offsets
 neither flatter R2 nor Theil's coefficient, and nothing is correlated across a gap.
 """
 
@@ -74,7 +74,7 @@ class Fit:
         coloured: whether the estimate carries the second, because the first does not explain the residuals.
         noise_std: of each measured channel as estimated.
         samples: rows used.
-        manoeuvres: stretches used.
+        manoeuvres: windows used.
         parameters: unknowns in all, trims and initial states included.
         iterations: of the solution.
         converged: whether it came to rest.
@@ -97,11 +97,11 @@ class Fit:
 def autocovariance(
     residuals: Sequence[Array], others: Sequence[Array] | None = None, lags: int = LAGS
 ) -> Array:
-    """Mean of v(i) w(i + k) over all stretches for k = 0 to ``lags``, divided by the number of samples (5.52).
+    """Mean of v(i) w(i + k) over all windows for k = 0 to ``lags``, divided by the number of samples (5.52).
 
     Args:
-        residuals: stretches of shape (n_m,), of any lengths.
-        others: w, stretches of the same lengths; the residuals themselves where None.
+        residuals: windows of shape (n_m,), of any lengths.
+        others: w, windows of the same lengths; the residuals themselves where None.
         lags: largest lag.
     """
     others = residuals if others is None else others
@@ -119,7 +119,7 @@ def channel_fit(
 
     Args:
         name: of the channel.
-        measured, predicted: stretches of shape (n_m,).
+        measured, predicted: windows of shape (n_m,).
         parameters: degrees of freedom that the fit took from this channel.
 
     Raises:
@@ -191,11 +191,11 @@ def is_white(residuals: Sequence[Sequence[Array]], lags: int = LAGS) -> bool:
     """Whether the residuals of all channels pass for white noise (Ljung and Box 1978), wrong in 1 % of cases.
 
     Args:
-        residuals: per channel, stretches of shape (n_m,).
+        residuals: per channel, windows of shape (n_m,).
     """
-    for stretches in residuals:
-        n = sum(v.size for v in stretches)
-        c = autocovariance(stretches, lags=lags)
+    for windows in residuals:
+        n = sum(v.size for v in windows)
+        c = autocovariance(windows, lags=lags)
         if c[0] <= 0.0 or n <= lags + 2:
             continue
         k = np.arange(1, lags + 1)
@@ -206,7 +206,7 @@ def is_white(residuals: Sequence[Sequence[Array]], lags: int = LAGS) -> bool:
 
 
 def coloured_sum(left: Array, right: Array, covariance: Array, *, taper: bool = True) -> Array:
-    """Sum over i and j of x(i) R(i - j) y(j)', the middle of (5.53), for one stretch.
+    """Sum over i and j of x(i) R(i - j) y(j)', the middle of (5.53), for one window.
 
     Args:
         left: x, (n, p).

@@ -1,4 +1,4 @@
-"""Manoeuvres: stretches of a flight without gaps, as the estimators that work on files read them.
+"""Manoeuvres: windows of a flight without gaps, as the estimators that work on files read them.
 
 Derivatives are common to all manoeuvres of a call, whether of one flight or of several; trim, drift, biases and
 initial states belong to each. A long flight is cut into windows, for its trim changes on the way.
@@ -40,8 +40,8 @@ class ManoeuvreConfig:
         reference: (airspeed_true_m_s, air_density_kg_m3) to which derivatives are referred.
         held: for each input, whether it is held between samples (a command) or moves on a line (a position).
         imu_position_m: (x, y, z) of the accelerometer from the c.g., body axes.
-        window_s: longest manoeuvre; longer stretches are cut into equal parts.
-        shortest_s: stretches below this are left out.
+        window_s: longest manoeuvre; longer windows are cut into equal parts.
+        shortest_s: windows below this are left out.
         use_accelerometer: whether force equations may rest on the accelerometer.
         lever_m: an accelerometer reads its equation's force less lever times state derivatives (7.1, 7.3),
             (equations, states).
@@ -74,7 +74,7 @@ class ManoeuvreConfig:
 
 @dataclass(frozen=True, slots=True)
 class Manoeuvre:
-    """One stretch of n samples of dx/dt = (known + aerodynamics) x + ..., in the order of the structure.
+    """One window of n samples of dx/dt = (known + aerodynamics) x + ..., in the order of the structure.
 
     Attributes:
         config: shared by all manoeuvres of a call.
@@ -192,7 +192,7 @@ def manoeuvres(config: ManoeuvreConfig, signals: Array) -> tuple[Manoeuvre, ...]
         signals: shape (samples, columns) as ``Signals`` lays them out; rows that are not finite are left out.
 
     Returns:
-        none where the flight has no stretch of ``shortest_s``.
+        none where the flight has no window of ``shortest_s``.
 
     Raises:
         ValueError: another shape.
@@ -206,7 +206,7 @@ def manoeuvres(config: ManoeuvreConfig, signals: Array) -> tuple[Manoeuvre, ...]
 def cut(config: ManoeuvreConfig, flight: FlightColumns) -> tuple[Manoeuvre, ...]:
     """Cut a flight at gaps, where a state begins or ends to be measured, and into windows.
 
-    Samples without all states, inputs and conditions are left out; none comes back where no stretch has
+    Samples without all states, inputs and conditions are left out; none comes back where no window has
     ``shortest_s``. Where forward velocity is a state, what airspeed does to the forces is in its column: the scales are
     then those of each manoeuvre's mean, and its trim does not follow the dynamic pressure.
     """

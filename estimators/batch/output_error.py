@@ -188,8 +188,8 @@ def _report(
     white = rescaled(problem, point, inverse, counts / left)
     coloured = coloured_covariance(problem, point, inverse, counts / left)
     k = problem.common
-    channels, stretches = _channels(problem, point, taken)
-    chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not is_white(stretches))
+    channels, windows = _channels(problem, point, taken)
+    chosen = settings.covariance == "coloured" or (settings.covariance == "auto" and not is_white(windows))
     noise = {c.name: c.residual_std for c in channels}
     sensors = dict(
         zip(
@@ -215,8 +215,8 @@ def _report(
 def _channels(
     problem: Problem, point: Point, taken: Array
 ) -> tuple[tuple[ChannelFit, ...], list[list[Array]]]:
-    """Statistics of every channel that was used, and its residuals by stretch."""
-    channels, stretches = [], []
+    """Statistics of every channel that was used, and its residuals by window."""
+    channels, windows = [], []
     for c, name in enumerate(channel_names(problem)):
         mask = [u[:, c] for u in problem.used]
         if not any(m.any() for m in mask):
@@ -224,8 +224,8 @@ def _channels(
         z = [r[:, c][m] for r, m in zip(problem.readings, mask, strict=True) if m.any()]
         y = [o[:, c][m] for o, m in zip(point.outputs, mask, strict=True) if m.any()]
         channels.append(channel_fit(name, z, y, float(taken[c])))
-        stretches.append([a - b for a, b in zip(z, y, strict=True)])
-    return tuple(channels), stretches
+        windows.append([a - b for a, b in zip(z, y, strict=True)])
+    return tuple(channels), windows
 
 
 def _unseen(whitened: Array, k: int) -> NDArray[np.bool_]:

@@ -51,7 +51,7 @@ _STILL = 1e-18
 """Of the largest power: a regressor with less has not moved but for rounding."""
 
 _FLAT = 1e-9
-"""Of the largest eigenvalue of the regressors' correlation: what is less is one column told by others."""
+"""Of the largest eigenvalue of the regressors' correlation: what is less is one column given by others."""
 
 _LEAST_SHARE = 0.2
 """A direction in which less than this share of the regressors' power is signal is dropped."""
@@ -413,8 +413,8 @@ def _named(estimate: Estimate, hidden: NDArray[np.bool_]) -> Estimate:
         Outcome.NOT_OBSERVABLE if h else o for h, o in zip(hidden, estimate.outcomes, strict=True)
     )
     outcome = Outcome.NOT_OBSERVABLE if 2 * len(names) > len(outcomes) else estimate.outcome
-    told = f"; {estimate.reason}" if Outcome.REJECTED in estimate.outcomes else ""
-    reason = f"not distinguished, or not moved: {', '.join(names)}{told}"
+    why = f"; {estimate.reason}" if Outcome.REJECTED in estimate.outcomes else ""
+    reason = f"not distinguished, or not moved: {', '.join(names)}{why}"
     return replace(
         estimate, value=value, covariance=covariance, outcomes=outcomes, outcome=outcome, reason=reason
     )

@@ -21,7 +21,7 @@ from wingwatch.telemetry.conditioning.parameter import Parameter
 from wingwatch.telemetry.conditioning.positions import FORCES, RATES, lever_matrix
 from wingwatch.telemetry.conditioning.sensor_noise import detrended
 from wingwatch.telemetry.conditioning.spectra import make_bins, noise_floor, smoothed_power
-from wingwatch.telemetry.conditioning.stretches import even_stretch, runs, slopes
+from wingwatch.telemetry.conditioning.windows import even_window, runs, slopes
 from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
 
 __all__ = ["centre_of_gravity", "centre_shift", "imu_separation"]
@@ -42,7 +42,7 @@ def imu_separation(
 ) -> tuple[Parameter, ...]:
     """Place of a second accelerometer triad from the first, body axes, by what they read apart.
 
-    Least squares over the bins of a tapered stretch (``spectra``), each equation weighted by its own residual, what the
+    Least squares over the bins of a tapered window (``spectra``), each equation weighted by its own residual, what the
     gyros' noise adds to the regressors' power taken away. A constant difference (biases) lies below the band.
 
     Args:
@@ -54,13 +54,13 @@ def imu_separation(
         x, y, z of the separation in m; not observable where the aircraft does not turn about an axis across.
 
     Raises:
-        ValueError: shapes differ or no complete stretch is long enough.
+        ValueError: shapes differ or no complete window is long enough.
     """
     second = _same_rows(block, second_forces_m_s2)
     difference = second - np.stack([block.column(n) for n in FORCES], axis=1)
     carried = block.values.copy()
     carried[:, [CHANNEL_INDEX[n] for n in FORCES]] = difference
-    time_s, columns = even_stretch(SampleBlock(carried), (*RATES, *FORCES))
+    time_s, columns = even_window(SampleBlock(carried), (*RATES, *FORCES))
     bins = make_bins(len(time_s), float(time_s[1] - time_s[0]), band_hz)
     rates = np.stack([columns[n] for n in RATES], axis=1)
     products = lever_matrix(rates, np.zeros_like(rates)) - np.mean(

@@ -13,7 +13,7 @@ _KINDS = ("bias of ", "scale of ")
 
 
 def without_errors(block: SampleBlock, parameters: Sequence[Parameter]) -> SampleBlock:
-    """A table whose channels read (value - bias) / (1 + scale), for the errors that were told.
+    """A table whose channels read (value - bias) / (1 + scale), for the errors that were found.
 
     Args:
         block: samples.

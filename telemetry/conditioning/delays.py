@@ -27,7 +27,7 @@ from wingwatch.telemetry.conditioning.parameter import Parameter
 from wingwatch.telemetry.conditioning.positions import at_centre
 from wingwatch.telemetry.conditioning.sensor_noise import detrended
 from wingwatch.telemetry.conditioning.spectra import Bins, make_bins, smoothed_power, wiener_gain
-from wingwatch.telemetry.conditioning.stretches import even_stretch
+from wingwatch.telemetry.conditioning.windows import even_window
 from wingwatch.telemetry.maps import undelayed
 from wingwatch.telemetry.sample import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
 
@@ -62,7 +62,7 @@ _GUST_LENGTH_M = 533.4
 """Of MIL-F-8785C; in the band that is used, any length of this order gives the same power."""
 
 _AIR_SHARE = 0.5
-"""Where the air's part of what a delay is told from may be this large, a bound on its error is none."""
+"""Where the air's part of what a delay is found from may be this large, a bound on its error is none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,22 +140,22 @@ def estimate_delays(block: SampleBlock, config: DelayConfig | None = None) -> tu
         not below that of a number known only to lie in the range.
 
     Raises:
-        ValueError: channels are missing or no stretch is long enough.
+        ValueError: channels are missing or no window is long enough.
     """
     c = DelayConfig() if config is None else config
     present = set(block.present)
     names = [n for n in (*_MOTION, "heading_rad", *_WITH_VANES) if n in present or n in _MOTION]
-    time_s, columns = even_stretch(block, names)
-    stretch = _Stretch(time_s, columns, c)
+    time_s, columns = even_window(block, names)
+    window = _Window(time_s, columns, c)
     found: list[Parameter] = []
     for identity, delayed in _PLAN:
         if set(delayed) <= present:
-            found += stretch.fit(identity, delayed)
+            found += window.fit(identity, delayed)
     return tuple(found)
 
 
-class _Stretch:
-    """A stretch of flight with the delays that are known so far."""
+class _Window:
+    """A window of flight with the delays that are known so far."""
 
     def __init__(self, time_s: Array, columns: Columns, config: DelayConfig) -> None:
         self._config = config
@@ -291,7 +291,7 @@ def _air_error(
 
     Power X of the residual is a gust's, as its spectrum shows (``gust_spectrum``). The aircraft answers it, by no more
     than it all: of a column of power M it may be sqrt(X / M), all of it where X is more, in the worst phase. Where half
-    of what a delay is told from may be the air's own, nothing is known.
+    of what a delay is found from may be the air's own, nothing is known.
     """
     gust_time = _GUST_LENGTH_M / max(float(np.mean(columns["airspeed_true_m_s"])), 1.0)
     excess = fit_gust(np.abs(sides[0] - sides[1]) ** 2, identity, columns, bins, gust_time).power
@@ -323,13 +323,13 @@ def estimate_servo_delay(
         The delay in s and, where it was to be found, the time constant in s.
 
     Raises:
-        ValueError: no such surface, position or command missing, or no stretch is long enough.
+        ValueError: no such surface, position or command missing, or no window is long enough.
     """
     if surface not in SURFACES:
         raise ValueError(f"surface is {surface!r}; give elevator, aileron or rudder")
     c = DelayConfig() if config is None else config
     position_name, command_name = f"{surface}_rad", f"{surface}_command_rad"
-    time_s, columns = even_stretch(block, (position_name, command_name))
+    time_s, columns = even_window(block, (position_name, command_name))
     servo = _Servo(columns[position_name], columns[command_name], float(time_s[1] - time_s[0]))
     fit = servo.fit(c.largest_s, time_constant_s, c.iterations)
     label, follows = f"{position_name} behind {command_name}", servo.follows(fit[0])
@@ -339,9 +339,11 @@ def estimate_servo_delay(
         found = [_delay(label, fit[0][0], fit[1][0], 0.0, c)]
     if time_constant_s is None:
         error = float(fit[1][1])
-        told = follows and error < c.ignorance_s
-        reason = "" if told else "the flight moves it too little"
-        found.append(Parameter(f"time constant of {surface}", float(fit[0][1]), error, "s", told, reason))
+        observable = follows and error < c.ignorance_s
+        reason = "" if observable else "the flight moves it too little"
+        found.append(
+            Parameter(f"time constant of {surface}", float(fit[0][1]), error, "s", observable, reason)
+        )
     return tuple(found)
 
 

@@ -1,4 +1,4 @@
-"""A number found from data: never without its standard error and without saying whether the data told it."""
+"""A number found from data: never without its standard error and without saying whether the data show it."""
 
 from dataclasses import dataclass
 

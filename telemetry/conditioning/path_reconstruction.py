@@ -7,7 +7,7 @@ steps to the most likely flight (iterated extended Kalman smoother; Bell, SIAM J
 about its own noisy state, the filter believes to see what only noise shows: errors came out up to 2.4 times too small.
 
 What no channel of the flight table sees: the ground. So horizontal wind is not observable. Attitudes are taken as
-true but for noise: a tilt of the attitude reference cannot be told from biases of the accelerometers.
+true but for noise: a tilt of the attitude reference cannot be distinguished from biases of the accelerometers.
 """
 
 import math
@@ -330,14 +330,14 @@ def _result(run: _Run, last: _Pass, states: Array) -> ReconstructedPath:
     parameters = []
     for i in free:
         name, unit = ERRORS[i]
-        told, reason = True, ""
+        observable, reason = True, ""
         if i in run.spoilt:
-            told, reason = False, "in rough air the aircraft answers the gusts that the sensor sees"
-            parameters.append(Parameter(name, math.nan, math.inf, unit, told, reason))
+            observable, reason = False, "in rough air the aircraft answers the gusts that the sensor sees"
+            parameters.append(Parameter(name, math.nan, math.inf, unit, observable, reason))
             continue
         if not alone[i] < run.prior[i]:
-            told, reason = False, "the flight alone says less of it than was supposed before"
-        parameters.append(Parameter(name, float(value[i]), float(error[i]), unit, told, reason))
+            observable, reason = False, "the flight alone says less of it than was supposed before"
+        parameters.append(Parameter(name, float(value[i]), float(error[i]), unit, observable, reason))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = covariance / np.outer(error, error)
     confounded = tuple(

@@ -8,7 +8,7 @@ same first-order vane correction inside its pass over a stream.
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.telemetry.conditioning.stretches import slopes
+from wingwatch.telemetry.conditioning.windows import slopes
 from wingwatch.telemetry.sample import CHANNEL_INDEX, SampleBlock
 
 __all__ = ["at_centre", "flow_at_centre", "forces_at_centre", "lever_matrix"]
@@ -86,7 +86,7 @@ def forces_at_centre(
 def at_centre(block: SampleBlock, vane_position_m: Position, imu_position_m: Position) -> SampleBlock:
     """A table whose flow angles and specific forces are those of the centre of gravity.
 
-    Angular accelerations are slopes of the rates (``stretches.slopes``), so forces are NaN in stretches of fewer
+    Angular accelerations are slopes of the rates (``windows.slopes``), so forces are NaN in windows of fewer
     than seven samples when the accelerometers sit elsewhere. A position of zeros leaves its channels to the bit.
     """
     values = block.values.copy()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from wingwatch.telemetry.conditioning.stretches import runs
+from wingwatch.telemetry.conditioning.windows import runs
 from wingwatch.telemetry.sample import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
 
 __all__ = ["RunningTrim", "running_trim", "without_trim"]
@@ -34,19 +34,19 @@ class RunningTrim:
 def running_trim(time_s: Array, values: Array, corner_hz: float, max_gap_s: float = MAX_GAP_S) -> Array:
     """Slow part of each column: a straight line fitted around every instant under a Gaussian weight.
 
-    Away from a stretch's ends it is a filter without phase, gain exp(-(2 pi f s)^2 / 2) with s such that the power
+    Away from a window's ends it is a filter without phase, gain exp(-(2 pi f s)^2 / 2) with s such that the power
     is halved at the corner. A constant and a straight drift are wholly trim, at the ends too. It is linear and the
     same for all columns, so what is left obeys the same linear equations as the whole, dx/dt = A x + B u, with the
     trim's constant gone: at the corner states and inputs shrink alike. Missing values weigh nothing.
 
     Args:
-        time_s: stamps, shape (n,); nearly even within a stretch.
+        time_s: stamps, shape (n,); nearly even within a window.
         values: shape (n,) or (n, k).
         corner_hz: below it belongs to the trim; a tenth of the slowest mode of interest.
         max_gap_s: a new trim starts after a longer step.
 
     Returns:
-        Shape of ``values``; NaN where a value is missing, and in stretches of fewer than three samples.
+        Shape of ``values``; NaN where a value is missing, and in windows of fewer than three samples.
 
     Raises:
         ValueError: a corner that is not positive.

@@ -22,7 +22,7 @@ def identity_noise(identity: str, columns: Columns, bins: Bins) -> tuple[float, 
     """Power of the transform of (measured' - rate) that noise makes: of the rate's channels, and of the measured ones.
 
     The first is flat, the second goes with the frequency squared. Each channel's level is that of the top of its own
-    spectrum; how it enters is the identity's slope in it, root mean square over the stretch.
+    spectrum; how it enters is the identity's slope in it, root mean square over the window.
     """
     measured, rate = IDENTITIES[identity](columns)
     flat, rising = 0.0, 0.0

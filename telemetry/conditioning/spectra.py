@@ -1,4 +1,4 @@
-"""Transforms of a tapered stretch that turn dx/dt = f into algebra without differentiating and without end points.
+"""Transforms of a tapered window that turn dx/dt = f into algebra without differentiating and without end points.
 
 With a taper g that is zero at both ends, the transform of g dx/dt is the integral of -(d/dt)(g e^{-jwt}) x: the slope
 falls on the taper, which is known (Shinbrot's modulating functions, 1957). So a kinematic identity holds bin by bin
@@ -16,23 +16,23 @@ Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]
 
 _RAMP = 0.1
-"""Share of the stretch over which the taper rises, and falls again."""
+"""Share of the window over which the taper rises, and falls again."""
 _FEWEST = 8
 """Bins to either side over which power is averaged."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bins:
-    """A stretch's bins, spaced by one over its length.
+    """A window's bins, spaced by one over its length.
 
     Attributes:
         omega_rad_s: frequencies, shape (k,).
         step_s: of the samples.
-        samples: in the stretch.
+        samples: in the window.
         taper: shape (n,).
         taper_slope: its rate, shape (n,).
         overlap: variance of a sum over bins over that of independent ones: T int g^4 / (int g^2)^2.
-        kept: which of the stretch's bins these are.
+        kept: which of the window's bins these are.
     """
 
     omega_rad_s: Array
@@ -62,7 +62,7 @@ class Bins:
 
 
 def make_bins(samples: int, step_s: float, band_hz: tuple[float, float]) -> Bins:
-    """Bins of a stretch within a band, at most 0.45 of the sample rate.
+    """Bins of a window within a band, at most 0.45 of the sample rate.
 
     Raises:
         ValueError: fewer than 16 bins.

@@ -1,4 +1,4 @@
-"""Steady segments: stretches of straight flight at rest, with means and their standard errors (thesis 4.2.1)."""
+"""Steady segments: windows of straight flight at rest, with means and their standard errors (thesis 4.2.1)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.telemetry.conditioning.delays import coloured_spread
-from wingwatch.telemetry.conditioning.stretches import runs
+from wingwatch.telemetry.conditioning.windows import runs
 from wingwatch.telemetry.sample import SampleBlock
 
 __all__ = ["SteadyLimits", "SteadySegment", "steady_segments"]

@@ -22,7 +22,7 @@ from wingwatch.telemetry.conditioning.parameter import Parameter
 from wingwatch.telemetry.conditioning.positions import at_centre
 from wingwatch.telemetry.conditioning.sensor_noise import detrended
 from wingwatch.telemetry.conditioning.spectra import Bins, make_bins
-from wingwatch.telemetry.conditioning.stretches import even_stretch
+from wingwatch.telemetry.conditioning.windows import even_window
 from wingwatch.telemetry.sample import SampleBlock
 
 __all__ = ["GUST_CHANNELS", "VANES", "AirConfig", "AirQuality", "turbulence_intensity"]
@@ -33,7 +33,7 @@ GUST_CHANNELS = (
     "airspeed_true_m_s", "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "specific_force_x_m_s2",
     "specific_force_y_m_s2", "specific_force_z_m_s2", "roll_rad", "pitch_rad",
 )  # fmt: skip
-"""Channels without which no gust is told."""
+"""Channels without which no gust is found."""
 
 VANES = ("angle_of_attack_rad", "sideslip_rad")
 """At least one of them, too: of the vertical and of the lateral gust."""
@@ -115,11 +115,11 @@ def turbulence_intensity(block: SampleBlock, config: AirConfig | None = None) ->
     """Strength of the vertical and the lateral gust, and whether the air was fit for estimating.
 
     Args:
-        block: samples, aligned; the longest stretch without a gap is used.
+        block: samples, aligned; the longest window without a gap is used.
         config: what is supposed.
 
     Raises:
-        ValueError: no vane at all, a needed channel is missing or no stretch is long enough.
+        ValueError: no vane at all, a needed channel is missing or no window is long enough.
     """
     c = AirConfig() if config is None else config
     there = [part for part in _COMPONENTS if part[2] in block.present]
@@ -127,7 +127,7 @@ def turbulence_intensity(block: SampleBlock, config: AirConfig | None = None) ->
         raise ValueError(
             "the flight has neither angle_of_attack_rad nor sideslip_rad: gusts show in vanes only"
         )
-    time_s, columns = even_stretch(block, (*GUST_CHANNELS, *(part[2] for part in there)))
+    time_s, columns = even_window(block, (*GUST_CHANNELS, *(part[2] for part in there)))
     moved = at_centre(
         SampleBlock.from_columns({"time_s": time_s, **columns}), c.vane_position_m, c.imu_position_m
     )

@@ -22,7 +22,7 @@ from wingwatch.telemetry.conditioning import (
     running_trim,
     without_trim,
 )
-from wingwatch.telemetry.conditioning.stretches import even_stretch, runs, slopes
+from wingwatch.telemetry.conditioning.windows import even_window, runs, slopes
 
 Array = NDArray[np.float64]
 AIRCRAFT = load_aircraft("aerosonde")
@@ -104,20 +104,20 @@ def test_slopes_are_exact_for_quartics_and_as_noisy_as_stated() -> None:
     assert np.std(noisy) == pytest.approx(0.511 / 0.02, rel=0.05)
 
 
-def test_runs_end_at_gaps_and_even_stretch_takes_the_longest() -> None:
+def test_runs_end_at_gaps_and_even_window_takes_the_longest() -> None:
     time_s = np.concatenate(
         [np.arange(70, dtype=np.float64) * 0.02, 3.0 + np.arange(100, dtype=np.float64) * 0.02]
     )
     assert runs(time_s) == [slice(0, 70), slice(70, 170)]
     block = SampleBlock.from_columns({"time_s": time_s, "pitch_rad": time_s**2})
-    even, columns = even_stretch(block, ["pitch_rad"])
+    even, columns = even_window(block, ["pitch_rad"])
     assert even[0] == 3.0
     assert even.size == 100
     assert np.array_equal(columns["pitch_rad"], time_s[70:] ** 2)
     with pytest.raises(ValueError, match="no roll_rad"):
-        even_stretch(block, ["roll_rad"])
+        even_window(block, ["roll_rad"])
     with pytest.raises(ValueError, match="at least 64"):
-        even_stretch(SampleBlock(block.values[:50]), ["pitch_rad"])
+        even_window(SampleBlock(block.values[:50]), ["pitch_rad"])
 
 
 def test_aligned_channels_take_the_value_they_show_later() -> None:

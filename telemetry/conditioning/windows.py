@@ -1,4 +1,4 @@
-"""Stretches of a flight: runs without a gap, on an even time base, and slopes that know the stamps."""
+"""Windows of a flight: runs without a gap, on an even time base, and slopes that know the stamps."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wingwatch.telemetry.sample import LEAPING_CHANNELS, MAX_GAP_S, SampleBlock
 
-__all__ = ["even_stretch", "runs", "slopes"]
+__all__ = ["even_window", "runs", "slopes"]
 
 Array = NDArray[np.float64]
 
@@ -22,10 +22,10 @@ def runs(time_s: Array, max_gap_s: float = MAX_GAP_S) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges) if b > a]
 
 
-def even_stretch(
+def even_window(
     block: SampleBlock, names: Sequence[str], max_gap_s: float = MAX_GAP_S
 ) -> tuple[Array, Mapping[str, Array]]:
-    """The longest stretch in which every named channel has readings at most ``max_gap_s`` apart, evenly sampled.
+    """The longest window in which every named channel has readings at most ``max_gap_s`` apart, evenly sampled.
 
     The step is the median one; readings are interpolated, roll and heading unwrapped. Even stamps stay to the bit.
 
@@ -33,7 +33,7 @@ def even_stretch(
         Stamps, shape (n,), and the channels by name, each (n,).
 
     Raises:
-        ValueError: a channel without a reading, or no stretch of at least 64 samples.
+        ValueError: a channel without a reading, or no window of at least 64 samples.
     """
     columns = [block.column(name) for name in names]
     if absent := [n for n, c in zip(names, columns, strict=True) if not np.isfinite(c).any()]:
@@ -43,10 +43,8 @@ def even_stretch(
     covered = [_covered(time_s, k, max_gap_s) for k in kept]
     inside = np.logical_and.reduce([np.isfinite(time_s), *covered])
     rows = np.flatnonzero(inside)
-    stretches = (
-        [rows[s] for s in runs(np.where(inside, time_s, np.nan)[rows], max_gap_s)] if rows.size else []
-    )
-    longest = max(stretches, key=len, default=rows)
+    windows = [rows[s] for s in runs(np.where(inside, time_s, np.nan)[rows], max_gap_s)] if rows.size else []
+    longest = max(windows, key=len, default=rows)
     if len(longest) < 64:
         raise ValueError(
             f"the longest window without a gap has {len(longest)} samples: at least 64 are needed"
@@ -82,10 +80,10 @@ def slopes(time_s: Array, values: Array, max_gap_s: float = MAX_GAP_S) -> Array:
     Args:
         time_s: stamps, shape (n,).
         values: shape (n,) or (n, k).
-        max_gap_s: stretches end at longer steps; at a stretch's ends the quartic of the nearest whole window is used.
+        max_gap_s: windows end at longer steps; at a window's ends the quartic of the nearest whole window is used.
 
     Returns:
-        Shape of ``values``; NaN in stretches of fewer than seven samples and where a neighbour is missing.
+        Shape of ``values``; NaN in windows of fewer than seven samples and where a neighbour is missing.
     """
     half_width = 3
     width = 2 * half_width + 1
