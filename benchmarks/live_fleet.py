@@ -61,7 +61,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "signals": ((Signals, "update"), (Signals, "high_passed")),
     "Fourier form": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
     "filter": ((EkfEstimator, "update"), (EkfEstimator, "solve"), (EkfEstimator, "release")),
-    "estimates": ((FourierEstimator, "estimate"), (EkfEstimator, "estimate")),
+    "estimates": ((FourierEstimator, "estimate_of"), (FourierEstimator, "says"), (EkfEstimator, "estimate_of")),
     "test for changes": ((Judge, "consider"),),
     "news": ((VehicleMonitor, "derivatives"), (VehicleMonitor, "view")),
     "all else": ((FleetMonitor, "receive"), (FleetMonitor, "tick")),

@@ -18,7 +18,7 @@ from wingwatch.estimators.batch.frequency_equation_error import (
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, manoeuvres
 from wingwatch.estimators.batch.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.confounding import told_apart_text
-from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfState
+from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfSnapshot, EkfState
 from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
 from wingwatch.estimators.filter_error import (
     FilterConfig,
@@ -27,9 +27,14 @@ from wingwatch.estimators.filter_error import (
     FilterState,
     filter_error,
 )
-from wingwatch.estimators.fourier.estimator import FourierConfig, FourierEstimator, FourierState
+from wingwatch.estimators.fourier.estimator import (
+    FourierConfig,
+    FourierEstimator,
+    FourierSnapshot,
+    FourierState,
+)
 from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
-from wingwatch.estimators.reference import offsets, referred_scale
+from wingwatch.estimators.reference import Says, offsets, referred_scale
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState
 
 __all__ = [
@@ -39,10 +44,13 @@ __all__ = [
     "BlockEvidence",
     "FourierConfig",
     "FourierEstimator",
+    "FourierSnapshot",
     "FourierState",
     "EkfConfig",
     "EkfEstimator",
+    "EkfSnapshot",
     "EkfState",
+    "Says",
     "InertiaCoupling",
     "inertia_coupling",
     "SignalConfig",

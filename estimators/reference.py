@@ -6,6 +6,7 @@ at the reference airspeed and density. The kinematic parts (forward speed in z_q
 """
 
 import math
+from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.confounding import confounded_sets, told_apart_text
 from wingwatch.estimators.estimate import Estimate, Outcome
 
-__all__ = ["ConcisePosterior", "offsets", "referred_scale", "standing"]
+__all__ = ["ConcisePosterior", "Says", "offsets", "referred_scale", "says_something", "standing"]
 
 Array = NDArray[np.float64]
 
@@ -105,6 +106,36 @@ def standing(
         (float(condition[0]), float(condition[1]), float(condition[2]), float(condition[3])),
         sets,
     )  # fmt: skip
+
+
+class Says(Enum):
+    """What can be said of an estimate's outcome without making it."""
+
+    SOMETHING = "settling or converged"
+    NOTHING = "not observable or rejected"
+    UNDECIDED = "only the estimate tells"
+
+
+_ROUNDING = 1e-9
+"""Of a standard error over a natural size: so near to a limit only the estimate tells on which side it is."""
+
+
+def says_something(value: Array, ratio: Array, stale: NDArray[np.bool_]) -> Says:
+    """What ``standing`` will make of a solution under a prior of three natural sizes.
+
+    Args:
+        value: derivatives, (k,).
+        ratio: standard error of each over its natural size, (k,).
+        stale: whether its regressor has carried nothing but noise for long, (k,).
+    """
+    if not (np.isfinite(value).all() and np.isfinite(ratio).all()):
+        return Says.UNDECIDED
+    if 2 * np.count_nonzero(stale | (ratio > 1.0 + _ROUNDING)) > ratio.size:
+        return Says.NOTHING
+    # Only those with an error above a quarter of their natural size can be found to be confounded.
+    if 2 * np.count_nonzero(stale | (ratio > 0.25 - _ROUNDING)) <= ratio.size:
+        return Says.SOMETHING
+    return Says.UNDECIDED
 
 
 def _together(

@@ -29,11 +29,14 @@ from wingwatch.aircraft import ModeStructure
 from wingwatch.estimators import (
     BlockEvidence,
     EkfEstimator,
+    EkfSnapshot,
     EkfState,
     Estimate,
     FourierEstimator,
+    FourierSnapshot,
     FourierState,
     Outcome,
+    Says,
     Signals,
     SignalState,
     told_apart_text,
@@ -109,19 +112,56 @@ class PairState:
     rough_s: float = -np.inf
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ModeSolution:
-    """What both estimators say of one mode, and what the last closed block added."""
+    """What both estimators say of one mode, and what the last closed block added.
 
-    structure: ModeStructure
-    fourier: Estimate
-    ekf: Estimate
+    Estimates are made when somebody asks for them; they are of the solution's time all the same.
+    """
+
+    pair: Pair
+    seen: tuple[FourierSnapshot, EkfSnapshot]
     block: BlockEvidence
     gained: tuple[Array, Array] | None
     rough: bool = False
     """Whether the air makes a tenth or more of the rotation: changes are then not looked for."""
-    reconstructed: bool = False
-    """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has standing."""
+    _made: tuple[Estimate, Estimate] | None = None
+
+    @property
+    def structure(self) -> ModeStructure:
+        """The mode's."""
+        return self.pair.structure
+
+    @property
+    def reconstructed(self) -> bool:
+        """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has
+        standing."""
+        return not self.pair.vane
+
+    @property
+    def fourier(self) -> Estimate:
+        """The Fourier form's estimate."""
+        return self._both()[0]
+
+    @property
+    def ekf(self) -> Estimate:
+        """The filter's."""
+        return self._both()[1]
+
+    @property
+    def says_something(self) -> bool:
+        """Whether the Fourier form's estimate is settling or converged."""
+        says = (
+            self.pair.fourier.says(self.seen[0]) if self.pair.vane and self._made is None else Says.UNDECIDED
+        )
+        if says is Says.UNDECIDED:
+            return self.fourier.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
+        return says is Says.SOMETHING
+
+    def _both(self) -> tuple[Estimate, Estimate]:
+        if self._made is None:
+            self._made = _with_standing(self.pair, self.seen, self.rough)
+        return self._made
 
 
 class Supervisor:
@@ -213,15 +253,22 @@ def _is_rough(pair: Pair, state: PairState, gusty: bool) -> bool:
 def _read(
     pair: Pair, state: PairState, time_s: float, rough: bool, gained: tuple[Array, Array] | None
 ) -> ModeSolution:
-    """Both estimates with the standing that each has beside the other."""
-    fourier = pair.fourier.estimate(state.fourier)
-    unseen = pair.fourier.unseen(state.fourier)
-    ekf = _beside_fourier(pair.ekf.estimate(state.ekf), fourier, unseen)
+    """What is known of a mode now."""
     if not pair.vane:
         rough = rough or 0.0 <= time_s - state.rough_s < ROUGH_MEMORY_S
-        fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
-    evidence = pair.fourier.evidence(state.fourier)
-    return ModeSolution(pair.structure, fourier, ekf, evidence, gained, rough, not pair.vane)
+    seen = pair.fourier.snapshot(state.fourier), pair.ekf.snapshot(state.ekf)
+    return ModeSolution(pair, seen, pair.fourier.evidence(state.fourier), gained, rough)
+
+
+def _with_standing(
+    pair: Pair, seen: tuple[FourierSnapshot, EkfSnapshot], rough: bool
+) -> tuple[Estimate, Estimate]:
+    """Both estimates with the standing that each has beside the other."""
+    fourier = pair.fourier.estimate_of(seen[0])
+    ekf = _beside_fourier(pair.ekf.estimate_of(seen[1]), fourier, pair.fourier.unseen(seen[0]))
+    if pair.vane:
+        return fourier, ekf
+    return _without_vane(fourier, rough), _without_vane(ekf, rough)
 
 
 def _without_vane(estimate: Estimate, rough: bool) -> Estimate:

@@ -254,7 +254,7 @@ class VehicleMonitor:
 
     def _update_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
-        seen = any(_seen(solution.modes[s.name]) for s in self._compared)
+        seen = any(solution.modes[s.name].says_something for s in self._compared)
         if seen:
             slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
             m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
@@ -449,7 +449,3 @@ def _compared(structures: Sequence[ModeStructure]) -> tuple[ModeStructure, ...]:
     """Structures the monitor compares: short period, and the fullest lateral one there is."""
     lateral = LATERAL if LATERAL in structures else DUTCH_ROLL
     return tuple(s for s in (SHORT_PERIOD, lateral) if s in structures)
-
-
-def _seen(mode: ModeSolution) -> bool:
-    return mode.fourier.outcome in (Outcome.CONVERGED, Outcome.SETTLING)

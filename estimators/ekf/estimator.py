@@ -5,7 +5,7 @@ prediction and correction to ``filterpy.kalman.ExtendedKalmanFilter`` and serves
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
-__all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
+__all__ = ["EkfConfig", "EkfEstimator", "EkfSnapshot", "EkfState"]
 
 Array = NDArray[np.float64]
 
@@ -90,6 +90,24 @@ class EkfConfig:
     def __post_init__(self) -> None:
         if not self.held:
             object.__setattr__(self, "held", (False,) * len(self.structure.inputs))
+
+
+class EkfSnapshot(NamedTuple):
+    """What an estimate of one vehicle is made of, copied out of the state.
+
+    Attributes:
+        z, condition, informed_s: of ``EkfState``.
+        covariance: (k, k) of the derivatives.
+        row: the last signal row.
+        started: whether the filter has begun.
+    """
+
+    z: Array
+    covariance: Array
+    condition: Array
+    informed_s: Array
+    row: Array
+    started: bool
 
 
 class EkfEstimator:
@@ -250,32 +268,48 @@ class EkfEstimator:
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
-        c, parameters = self.config, self._parameters
-        _, airspeed, density, altitude, alpha = state.condition[vehicle]
+        return self.estimate_of(self.snapshot(state, vehicle))
+
+    def snapshot(self, state: EkfState, vehicle: int = 0) -> EkfSnapshot:
+        """What an estimate is made of, for whoever may want it later."""
+        parameters = self._parameters
+        return EkfSnapshot(
+            state.z[vehicle].copy(),
+            state.cov[vehicle, parameters, parameters].copy(),
+            state.condition[vehicle].copy(),
+            state.informed_s[vehicle].copy(),
+            state.rows[vehicle, NEWEST].copy(),
+            bool(state.samples[vehicle] > WARM_UP),
+        )
+
+    def estimate_of(self, seen: EkfSnapshot) -> Estimate:
+        """The estimate as of a snapshot."""
+        c = self.config
+        _, airspeed, density, altitude, alpha = seen.condition
         scale = referred_scale(c.structure, airspeed, density, c.reference)
-        value = state.z[vehicle, parameters] * scale + offsets(c.structure, airspeed, alpha)
+        value = seen.z[self._parameters] * scale + offsets(c.structure, airspeed, alpha)
         if c.structure.states[0] == "w":
-            value += self._by_airspeed(state, vehicle, value)
-        covariance = state.cov[vehicle, parameters, parameters] * np.outer(scale, scale)
+            value += self._by_airspeed(seen, value)
         return standing(
-            self.name, c.structure, float(state.rows[vehicle, NEWEST, TIME]),
-            ConcisePosterior(value, covariance, 3.0 * c.prior_std * scale, prior_ratio=1.0),
-            state.informed_s[vehicle], c.stale_s, bool(state.samples[vehicle] > WARM_UP),
-            np.array([airspeed, altitude, density, alpha]),
+            self.name, c.structure, float(seen.row[TIME]),
+            ConcisePosterior(
+                value, seen.covariance * np.outer(scale, scale), 3.0 * c.prior_std * scale, prior_ratio=1.0
+            ),
+            seen.informed_s, c.stale_s, seen.started, np.array([airspeed, altitude, density, alpha]),
         )  # fmt: skip
 
-    def _by_airspeed(self, state: EkfState, vehicle: int, value: Array) -> Array:
+    def _by_airspeed(self, seen: EkfSnapshot, value: Array) -> Array:
         """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha).
 
         The filter's forces go with rho V (states) and rho V^2 (inputs and constants), V measured; a concise derivative
         by w holds their slope by V too, for z_w -2 g sin(alpha) / V and a little more.
         """
         ns, nu = self.layout.states, self.layout.inputs
-        _, airspeed, _, _, alpha = state.condition[vehicle]
-        row, by_w = state.rows[vehicle, NEWEST], np.zeros((ns, ns + nu))
+        _, airspeed, _, _, alpha = seen.condition
+        row, by_w = seen.row, np.zeros((ns, ns + nu))
         if np.isfinite(alpha) and airspeed > 1.0:
             table, kappa = value.reshape(ns, ns + nu), row[self.layout.kinematic + PRESSURE_RATIO]
-            still = state.z[vehicle, -ns:] * kappa + table[:, ns:] @ row[self.layout.first_input :][:nu]
+            still = seen.z[-ns:] * kappa + table[:, ns:] @ row[self.layout.first_input :][:nu]
             by_w[:, 0] = np.sin(alpha) * (2.0 * still / airspeed + table[:, 0] * np.sin(alpha))
         return by_w.ravel()
 

@@ -10,6 +10,7 @@ is forgotten with ``memory_s`` where new data replace it.
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +42,17 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
-from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
+from wingwatch.estimators.reference import (
+    ConcisePosterior,
+    Says,
+    offsets,
+    referred_scale,
+    says_something,
+    standing,
+)
 from wingwatch.estimators.signals import SignalLayout
 
-__all__ = ["FourierConfig", "FourierEstimator", "FourierState"]
+__all__ = ["FourierConfig", "FourierEstimator", "FourierSnapshot", "FourierState"]
 
 Array = NDArray[np.float64]
 
@@ -170,6 +178,25 @@ class FourierState:
     checkpoint_vector: Array
     checkpoint_bias: Array
     follows: NDArray[np.bool_]
+
+
+class FourierSnapshot(NamedTuple):
+    """What an estimate of one vehicle is made of, copied out of the state.
+
+    Attributes:
+        theta, covariance, informed_s: of ``Posterior``.
+        scatter, condition: of ``Progress``.
+        time_s: stamp of the last sample.
+        solved: whether there was a solution.
+    """
+
+    theta: Array
+    covariance: Array
+    informed_s: Array
+    scatter: Array
+    condition: Array
+    time_s: float
+    solved: bool
 
 
 class FourierEstimator:
@@ -299,31 +326,52 @@ class FourierEstimator:
         solved = now - start >= self.config.first_solution_s - 1e-9
         return np.where(solved, np.where(state.informed_s.max(axis=1) == now, 1, 0), -1)
 
-    def unseen(self, state: FourierState, vehicle: int = 0) -> NDArray[np.bool_]:
+    def unseen(self, seen: FourierSnapshot) -> NDArray[np.bool_]:
         """Which derivatives' regressors have carried nothing but noise for ``stale_s``, shape (k,)."""
-        return np.asarray(state.rows[vehicle, LAST, TIME] - state.informed_s[vehicle] > self.config.stale_s)
+        return np.asarray(seen.time_s - seen.informed_s > self.config.stale_s)
 
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
-        c = self.config
-        condition = state.condition[vehicle]
-        airspeed_m_s, _, density_kg_m3, alpha = condition
-        scale = referred_scale(c.structure, airspeed_m_s, density_kg_m3, c.reference)
-        value = state.theta[vehicle] * scale + offsets(c.structure, airspeed_m_s, alpha)
-        value += self._by_airspeed(value, airspeed_m_s, alpha)
-        wider = np.repeat(
-            np.sqrt(self.dispersion_of(state, vehicle)), self.layout.states + self.layout.inputs
-        )
-        covariance = state.covariance[vehicle] * np.outer(scale * wider, scale * wider)
-        time_s = float(state.rows[vehicle, LAST, TIME])
-        return standing(
-            self.name, c.structure, time_s, ConcisePosterior(value, covariance, c.prior_std * scale),
-            state.informed_s[vehicle], c.stale_s, bool(state.counts[vehicle, SOLUTIONS]), condition,
+        return self.estimate_of(self.snapshot(state, vehicle))
+
+    def snapshot(self, state: FourierState, vehicle: int = 0) -> FourierSnapshot:
+        """What an estimate is made of, for whoever may want it later."""
+        return FourierSnapshot(
+            state.theta[vehicle].copy(), state.covariance[vehicle].copy(), state.informed_s[vehicle].copy(),
+            state.scatter[vehicle].copy(), state.condition[vehicle].copy(), float(state.rows[vehicle, LAST, TIME]),
+            bool(state.counts[vehicle, SOLUTIONS]),
         )  # fmt: skip
 
-    def dispersion_of(self, state: FourierState, vehicle: int = 0) -> Array:
-        """How many times the variances are larger than the blocks themselves say, by equation, shape (equations,)."""
-        return np.array([dispersion_of(row) for row in state.scatter[vehicle]])
+    def estimate_of(self, seen: FourierSnapshot) -> Estimate:
+        """The estimate as of a snapshot."""
+        c = self.config
+        airspeed_m_s, _, density_kg_m3, alpha = seen.condition
+        scale = referred_scale(c.structure, airspeed_m_s, density_kg_m3, c.reference)
+        value = seen.theta * scale + offsets(c.structure, airspeed_m_s, alpha)
+        value += self._by_airspeed(value, airspeed_m_s, alpha)
+        wider = np.repeat(
+            np.sqrt([dispersion_of(row) for row in seen.scatter]), self.layout.states + self.layout.inputs
+        )
+        covariance = seen.covariance * np.outer(scale * wider, scale * wider)
+        return standing(
+            self.name, c.structure, seen.time_s, ConcisePosterior(value, covariance, c.prior_std * scale),
+            seen.informed_s, c.stale_s, seen.solved, seen.condition,
+        )  # fmt: skip
+
+    def says(self, seen: FourierSnapshot) -> Says:
+        """Whether the estimate of a snapshot will be settling or converged, where that is plain without making it.
+
+        Errors and natural sizes go with the same scale, so their ratios are those of the referred derivatives.
+        """
+        airspeed_m_s, _, density_kg_m3, _ = seen.condition
+        if not seen.solved:
+            return Says.NOTHING
+        if not 0.0 < airspeed_m_s * density_kg_m3 < np.inf:
+            return Says.UNDECIDED
+        dispersion = [dispersion_of(row) for row in seen.scatter]
+        wider = np.repeat(dispersion, self.layout.states + self.layout.inputs)
+        variance = np.maximum(np.diagonal(seen.covariance), 0.0) * wider
+        return says_something(seen.theta, 3.0 * np.sqrt(variance) / self.config.prior_std, self.unseen(seen))
 
     def _by_airspeed(self, value: Array, airspeed_m_s: float, alpha: float) -> Array:
         """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha).
