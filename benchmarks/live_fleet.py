@@ -61,10 +61,14 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "signals": ((Signals, "update"), (Signals, "high_passed")),
     "Fourier form": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
     "filter": ((EkfEstimator, "update"), (EkfEstimator, "solve"), (EkfEstimator, "release")),
-    "estimates": ((FourierEstimator, "estimate_of"), (FourierEstimator, "says"), (EkfEstimator, "estimate_of")),
+    "estimates": (
+        (FourierEstimator, "estimate_of"),
+        (FourierEstimator, "says"),
+        (EkfEstimator, "estimate_of"),
+    ),
     "test for changes": ((Judge, "consider"),),
     "news": ((VehicleMonitor, "derivatives"), (VehicleMonitor, "view")),
-    "all else": ((FleetMonitor, "receive"), (FleetMonitor, "tick")),
+    "all else": ((FleetMonitor, "receive_all"), (FleetMonitor, "tick")),
 }
 """What is timed; time within a stage that another one takes is the other's."""
 

@@ -19,6 +19,7 @@ from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, man
 from wingwatch.estimators.batch.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.confounding import told_apart_text
 from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfSnapshot, EkfState
+from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
 from wingwatch.estimators.filter_error import (
     FilterConfig,
@@ -34,6 +35,7 @@ from wingwatch.estimators.fourier.estimator import (
     FourierState,
 )
 from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
+from wingwatch.estimators.lanes import Lanes, padded
 from wingwatch.estimators.reference import Says, offsets, referred_scale
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState
 
@@ -51,6 +53,9 @@ __all__ = [
     "EkfSnapshot",
     "EkfState",
     "Says",
+    "Lanes",
+    "arrays_of",
+    "padded",
     "InertiaCoupling",
     "inertia_coupling",
     "SignalConfig",

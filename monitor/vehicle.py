@@ -1,7 +1,7 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -51,8 +51,8 @@ def surface_kinds(given: Sequence[str]) -> dict[str, str]:
 class Report:
     """What a block of samples led to: solutions, and alerts that were raised, changed or cleared."""
 
-    solutions: Sequence[Solution] = ()
-    alerts: Sequence[AlertView] = ()
+    solutions: list[Solution] = field(default_factory=list)
+    alerts: list[AlertView] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -109,7 +109,7 @@ class VehicleMonitor:
         self.chain = (
             chain.of_another() if chain else Chain(aircraft, present, kinds, configuration, envelopes)
         )
-        self._chain_state = self.chain.init()
+        self.chain_state = self.chain.init()
         self._compared = _compared(self.chain.seen)
         nominal = nominal_condition(aircraft)
         self._stated = self._stated_provenance(nominal)
@@ -139,7 +139,7 @@ class VehicleMonitor:
     @property
     def air(self) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
-        return self.chain.air(self._chain_state)
+        return self.chain.air(self.chain_state)
 
     @property
     def last_block(self) -> BlockView | None:
@@ -154,7 +154,7 @@ class VehicleMonitor:
     @property
     def last_sample_time_s(self) -> float | None:
         """Stamp of the last sample used."""
-        t = self._chain_state.last_s
+        t = self.chain_state.last_s
         return t if np.isfinite(t) else None
 
     def adopt(self, memory: VehicleMemory) -> None:
@@ -168,22 +168,28 @@ class VehicleMonitor:
 
     def feed(self, block: SampleBlock) -> Report:
         """Take in samples as they came (completed, not cleaned)."""
-        clean = self.prepared(block)
-        solutions: list[Solution] = []
-        alerts: list[AlertView] = []
-        for solution in self.chain.advance(self._chain_state, clean):
-            solutions.append(solution)
-            changed = self._judge_solution(solution)
-            before, self._memory.latest = self._memory.latest, solution
-            if changed is not None:
-                alerts.append(changed)
-            self._update_state(solution, before)
+        report = Report()
+        for solution in self.chain.advance(self.chain_state, self.prepared(block)):
+            report.solutions.append(solution)
+            if (changed := self.follow(solution)) is not None:
+                report.alerts.append(changed)
+        self.note_rest()
+        return report
+
+    def follow(self, solution: Solution) -> AlertView | None:
+        """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
+        changed = self._judge_solution(solution)
+        before, self._memory.latest = self._memory.latest, solution
+        self._update_state(solution, before)
+        return changed
+
+    def note_rest(self) -> None:
+        """After some samples: who is at rest is not observable."""
         if self._memory.resting and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
             self._memory.state, self._memory.state_since_s = (
                 VehicleState.NOT_OBSERVABLE,
                 self.last_sample_time_s,
             )
-        return Report(solutions, alerts)
 
     def prepared(self, block: SampleBlock) -> SampleBlock:
         """Samples as the chain takes them: cleaned, without the delays that the aircraft file states, and in flight.
@@ -250,7 +256,7 @@ class VehicleMonitor:
             alarmed=self.book.active is not None, rough=mode.rough,
         )  # fmt: skip
         if memory is not None:
-            self.chain.resume(self._chain_state, name, *memory)
+            self.chain.resume(self.chain_state, name, *memory)
 
     def _update_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
@@ -319,7 +325,7 @@ class VehicleMonitor:
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
         """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""
-        at = self.chain.current(self._chain_state) if solution is None else solution
+        at = self.chain.current(self.chain_state) if solution is None else solution
         estimators: dict[str, dict[str, Any]] = {"fourier": {}, "ekf": {}}
         for name, mode in at.modes.items():
             for estimate in (mode.fourier, mode.ekf):

@@ -42,6 +42,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
+from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import (
     ConcisePosterior,
     Says,
@@ -261,33 +262,41 @@ class FourierEstimator:
             follows=np.ones(n, dtype=np.bool_),
         )
 
-    def update(self, state: FourierState, signals: Array) -> None:
+    def update(self, state: FourierState, signals: Array, lanes: Lanes | None = None) -> None:
         """Take in samples; blocks that become full are closed.
 
         Args:
             state: advanced in place.
             signals: shape (vehicles, samples, columns) from ``Signals``; rows with a missing value are passed over.
+            lanes: whose rows these are; all vehicles of the state and all rows if not given.
 
         Raises:
             ValueError: signals of another structure.
         """
         signals = self.layout.checked(signals)
-        self._advance(state, signals, False)
+        lanes = lanes or all_lanes(*signals.shape[:2])
+        ends = np.zeros((len(signals), 2), dtype=np.int64)
+        block = Block(state.bank, state.rows, state.sums, state.roughness)
+        fill(self._model, block, Filters(state.coefficients, state.step), signals, lanes, ends)
+        if (ends[:, 0] < lanes.counts).any():
+            self._advance(state, signals, lanes, ends, False)
 
-    def solve(self, state: FourierState) -> None:
-        """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz)."""
-        none = np.empty((len(state.theta), 0, self.layout.columns))
-        self._advance(state, none, True)
+    def solve(self, state: FourierState, places: NDArray[np.int64] | None = None) -> None:
+        """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz).
 
-    def _advance(self, state: FourierState, signals: Array, solves: bool) -> None:
-        ends = np.zeros((len(state.theta), 2), dtype=np.int64)
-        block, filters = (
-            Block(state.bank, state.rows, state.sums, state.roughness),
-            Filters(state.coefficients, state.step),
-        )
-        fill(self._model, block, filters, signals, ends)
-        if solves or (ends[:, 0] < signals.shape[1]).any():
-            advance(self._model, _grouped(state), state.follows, signals, ends, solves, self._workspace)
+        Args:
+            state: in place.
+            places: the vehicles, each once; all if not given.
+        """
+        places = np.arange(len(state.theta)) if places is None else places
+        lanes = Lanes(places, np.zeros(places.size, dtype=np.int64))
+        none = np.empty((places.size, 0, self.layout.columns))
+        self._advance(state, none, lanes, np.zeros((places.size, 2), dtype=np.int64), True)
+
+    def _advance(
+        self, state: FourierState, signals: Array, lanes: Lanes, ends: NDArray[np.int64], solves: bool
+    ) -> None:
+        advance(self._model, _grouped(state), state.follows, signals, lanes, ends, solves, self._workspace)
 
     def resume(self, state: FourierState, information: Array, vector: Array, vehicle: int = 0) -> None:
         """Put a memory in the place of what closed blocks said; the running block stays.
@@ -303,28 +312,32 @@ class FourierEstimator:
         for discounted in _grouped(state).discounted:
             discounted[vehicle] = 0.0
 
-    def follow_changes(self, state: FourierState, yes: bool) -> None:
-        """Whether changes are looked for; not where the caller knows that the model leaves out what acts."""
-        state.follows[:] = yes
+    def follow_changes(
+        self, state: FourierState, yes: bool | NDArray[np.bool_], places: NDArray[np.int64] | None = None
+    ) -> None:
+        """Whether changes of some vehicles, or all, are looked for; not where the caller knows that the model leaves
+        out what acts."""
+        state.follows[slice(None) if places is None else places] = yes
 
-    def blocks_closed(self, state: FourierState, vehicle: int = 0) -> int:
-        """How many blocks have been closed."""
-        return int(state.counts[vehicle, CLOSED])
+    def blocks_closed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """How many blocks of some vehicles have been closed, shape (m,)."""
+        return np.asarray(state.counts[places, CLOSED])
 
     def block_start_s(self, state: FourierState, vehicle: int = 0) -> float:
         """When the running block began."""
         return float(state.rows[vehicle, START, TIME])
 
-    def changed(self, state: FourierState, vehicle: int = 0) -> NDArray[np.bool_]:
-        """Which derivatives the last solution found to have changed and inflated the covariance of, shape (k,)."""
-        return np.asarray(state.changed_s[vehicle] == state.rows[vehicle, LAST, TIME])
+    def changed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which derivatives of some vehicles the last solution found to have changed and inflated the covariance of,
+        shape (m, k)."""
+        return np.asarray(state.changed_s[places] == state.rows[places, LAST, TIME][:, None])
 
-    def sees(self, state: FourierState) -> NDArray[np.int64]:
-        """What the running blocks carried at the last solution: 1 signal of any regressor, 0 noise, -1 not known, for
-        they have only begun; shape (vehicles,)."""
-        now, start = state.rows[:, LAST, TIME], state.rows[:, START, TIME]
+    def sees(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """What the running blocks of some vehicles carried at the last solution: 1 signal of any regressor, 0 noise, -1
+        not known, for they have only begun; shape (m,)."""
+        now, start = state.rows[places, LAST, TIME], state.rows[places, START, TIME]
         solved = now - start >= self.config.first_solution_s - 1e-9
-        return np.where(solved, np.where(state.informed_s.max(axis=1) == now, 1, 0), -1)
+        return np.where(solved, np.where(state.informed_s[places].max(axis=1) == now, 1, 0), -1)
 
     def unseen(self, seen: FourierSnapshot) -> NDArray[np.bool_]:
         """Which derivatives' regressors have carried nothing but noise for ``stale_s``, shape (k,)."""
@@ -393,7 +406,7 @@ class FourierEstimator:
             float, state.evidence_span[vehicle]
         )
         return BlockEvidence(
-            blocks=self.blocks_closed(state, vehicle),
+            blocks=int(state.counts[vehicle, CLOSED]),
             start_s=start_s,
             end_s=end_s,
             information=state.evidence_matrix[vehicle].copy(),
