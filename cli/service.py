@@ -29,7 +29,6 @@ __all__ = ["Pump", "Service", "running_service"]
 
 _LOG = logging.getLogger(__name__)
 _GATHERED = 32  # messages; REST waits while so many are taken in
-_GATHER_S = 0.003  # vehicles whose messages come within this time advance together, which costs half
 _TICK_S = 1.0
 _IDLE_S = 0.2
 _STOP_S = 1.0
@@ -112,8 +111,7 @@ class Pump:
         self._prepared.set()
         next_tick_s = self._clock()
         while not self._ending:
-            if self._arrived.wait(_IDLE_S):
-                time.sleep(_GATHER_S)
+            self._arrived.wait(_IDLE_S)
             self._arrived.clear()
             full = True
             while full and not self._ending:

@@ -7,6 +7,7 @@ at the reference airspeed and density. The kinematic parts (forward speed in z_q
 
 import math
 from enum import Enum
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -48,13 +49,20 @@ def referred_scale(
     Columns of velocities and rates grow with rho V, those of angles and inputs with rho V^2. Phugoid and spiral are
     gravity and the full motion's quotients, of which neither law holds: theirs are not carried over, the factor is 1.
     """
-    if any(row in ("theta", "phi") for row in structure.equations):
+    goes_by_angle = _goes_by_angle(structure)
+    if goes_by_angle is None:
         return np.ones(len(structure.derivatives))
     by_velocity = air_density_kg_m3 * airspeed_true_m_s / (reference[0] * reference[1])
     by_angle = by_velocity * airspeed_true_m_s / reference[0]
-    row = [
-        by_angle if c in ("alpha", "beta", *structure.inputs) else by_velocity for c in structure.regressors
-    ]
+    return np.where(goes_by_angle, by_angle, by_velocity)
+
+
+@cache
+def _goes_by_angle(structure: ModeStructure) -> NDArray[np.bool_] | None:
+    """Which derivatives grow with rho V^2, (k,); None where neither law holds."""
+    if any(row in ("theta", "phi") for row in structure.equations):
+        return None
+    row = [c in ("alpha", "beta", *structure.inputs) for c in structure.regressors]
     return np.array(row * len(structure.equations))
 
 
@@ -62,8 +70,19 @@ def offsets(structure: ModeStructure, airspeed_true_m_s: float, angle_of_attack_
     """Kinematic part of each concise derivative (thesis table B.4), shape (k,)."""
     alpha = angle_of_attack_rad if np.isfinite(angle_of_attack_rad) else 0.0
     forward, down = airspeed_true_m_s * np.cos(alpha), airspeed_true_m_s * np.sin(alpha)
-    kinematic = {"z_q": forward, "y_r": -forward, "y_p": down, "x_q": -down}
-    return np.array([kinematic.get(symbol, 0.0) for symbol in structure.derivatives])
+    kinematic, out = (
+        {"z_q": forward, "y_r": -forward, "y_p": down, "x_q": -down},
+        np.zeros(len(structure.derivatives)),
+    )
+    for k, symbol in _kinematic(structure):
+        out[k] = kinematic[symbol]
+    return out
+
+
+@cache
+def _kinematic(structure: ModeStructure) -> tuple[tuple[int, str], ...]:
+    """Places and symbols of the derivatives with a kinematic part."""
+    return tuple((k, s) for k, s in enumerate(structure.derivatives) if s in ("z_q", "y_r", "y_p", "x_q"))
 
 
 def standing(

@@ -5,7 +5,6 @@ the service, the demo and the tests.
 """
 
 import logging
-import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,6 +16,7 @@ from wingwatch.baselines import EstimateRecord
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
 from wingwatch.monitor.chain import Solution
+from wingwatch.monitor.fair_lock import FairLock
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
@@ -47,6 +47,7 @@ __all__ = ["FleetMonitor", "FleetSettings"]
 _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
 _MOST_HELD = 2000  # messages, of all vehicles together
+_SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 _Told = tuple[ServiceStream, Callable[[], News]] | Literal["ask"]
@@ -110,7 +111,7 @@ class FleetMonitor:
         self._find, self._clock = find_aircraft, clock
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
-        self._lock = threading.RLock()
+        self._lock = FairLock()
         self._vehicles = Roster(self._settings.max_vehicles, clock, self._alarmed)
         self._forgotten = 0
         self._asks_left = _MOST_ASKS
@@ -432,10 +433,14 @@ class FleetMonitor:
                 return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
 
     def vehicles(self) -> Sequence[VehicleView]:
-        """All vehicles ever heard of, worst state first; samples are taken in between one and the next."""
+        """All vehicles ever heard of, worst state first; samples are taken in between some and the next."""
         with self._lock:
             everyone = list(self._vehicles.items())
-        views = [self._view(fleet, vehicle, known) for (fleet, vehicle), known in everyone]
+        views: list[VehicleView] = []
+        for start in range(0, len(everyone), _SHOWN_AT_ONCE):
+            with self._lock:
+                some = everyone[start : start + _SHOWN_AT_ONCE]
+                views += [self._view(fleet, vehicle, known) for (fleet, vehicle), known in some]
         return sorted(views, key=lambda v: (STATE_ORDER.index(v.state), v.fleet, v.vehicle))
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:

@@ -154,7 +154,9 @@ class ModeSolution:
 
     pair: Pair
     seen: tuple[FourierSnapshot, EkfSnapshot]
-    block: BlockEvidence
+    block: BlockEvidence | None
+    """What the Fourier form has of the block that was closed, where one was; ``gained``: what the filter learned since
+    the one before."""
     gained: tuple[Array, Array] | None
     rough: bool = False
     """Whether the air makes a tenth or more of the rotation: changes are then not looked for."""
@@ -266,7 +268,7 @@ class Supervisor:
         place = np.array([lane.place])
         gusty = self._feels_gusts(place)
         return {
-            name: _read(p, state, lane.place, time_s, bool(_is_rough(p, state, place, gusty)[0]), None)
+            name: _read(p, state, lane.place, time_s, bool(_is_rough(p, state, place, gusty)[0]), False)
             for (name, p), state in zip(self.pairs.items(), self._states.values(), strict=True)
         }
 
@@ -286,9 +288,8 @@ class Supervisor:
         closed = pair.fourier.blocks_closed(state.fourier, places)
         news = closed != state.blocks[places]
         state.blocks[places] = closed
-        # What the filter learned since the last block was closed, where another is.
         solutions = [
-            _read(pair, state, i, at_s, is_rough, pair.ekf.take_gained(state.ekf, i) if new else None)
+            _read(pair, state, i, at_s, is_rough, new)
             for i, at_s, is_rough, new in zip(*map(_listed, (places, time_s, rough, news)), strict=True)
         ]
         # Rough air contradicts what is remembered, too; without a vane all may.
@@ -339,14 +340,13 @@ def _is_rough(pair: Pair, state: PairState, places: Places, gusty: Flags) -> Fla
     return rough if pair.vane else rough & gusty
 
 
-def _read(
-    pair: Pair, state: PairState, i: int, time_s: float, rough: bool, gained: tuple[Array, Array] | None
-) -> ModeSolution:
-    """What is known of a mode of vehicle ``i`` now."""
+def _read(pair: Pair, state: PairState, i: int, time_s: float, rough: bool, closed: bool) -> ModeSolution:
+    """What is known of a mode of vehicle ``i`` now, and of the block that it has ``closed``, if so."""
     if not pair.vane:
         rough = rough or 0.0 <= time_s - float(state.rough_s[i]) < ROUGH_MEMORY_S
     seen = pair.fourier.snapshot(state.fourier, i), pair.ekf.snapshot(state.ekf, i)
-    return ModeSolution(pair, seen, pair.fourier.evidence(state.fourier, i), gained, rough)
+    block = pair.fourier.evidence(state.fourier, i) if closed else None
+    return ModeSolution(pair, seen, block, pair.ekf.take_gained(state.ekf, i) if closed else None, rough)
 
 
 def _with_standing(

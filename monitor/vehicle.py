@@ -17,7 +17,7 @@ from wingwatch.aircraft import (
     mode_quantities,
 )
 from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope, Reference
-from wingwatch.estimators import Estimate, Outcome
+from wingwatch.estimators import BlockEvidence, Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
@@ -222,13 +222,13 @@ class VehicleMonitor:
 
     def _judge_solution(self, solution: Solution) -> AlertView | None:
         """If blocks were closed, compare them and follow up."""
-        fresh = [m for s in self._compared if (m := solution.modes[s.name]).gained is not None]
-        if not fresh:
+        closed = [(m, m.block) for s in self._compared if (m := solution.modes[s.name]).block is not None]
+        if not closed:
             return None
         modes = {}
         condition = None
-        for mode in fresh:
-            airspeed, altitude, density, alpha = mode.block.condition
+        for mode, evidence in closed:
+            airspeed, altitude, density, alpha = evidence.condition
             condition = FlightCondition(
                 airspeed, altitude, density, self.configuration, alpha if np.isfinite(alpha) else 0.0
             )
@@ -237,22 +237,24 @@ class VehicleMonitor:
                 self._memory.outside = expectation.reason
                 continue
             self._memory.outside = ""
-            modes[mode.structure.name] = self.judge.mode_block(mode, expectation, condition)
-            self._remember(mode, modes[mode.structure.name], condition)
+            modes[mode.structure.name] = self.judge.mode_block(mode, evidence, expectation, condition)
+            self._remember(mode, evidence, modes[mode.structure.name], condition)
         if condition is None or not modes:
             return None
-        block = BlockView(fresh[0].block.end_s, condition, modes)
+        block = BlockView(closed[0][1].end_s, condition, modes)
         verdict = self.judge.consider(self._judge_state, block, self.book.onset_s)
         self._memory.block, self._memory.verdict = block, verdict
         return self.book.follow(
             self.judge, self._judge_state, verdict, condition, solution.time_s, self.basis or "a-priori"
         )
 
-    def _remember(self, mode: ModeSolution, seen: ModeBlock, condition: FlightCondition) -> None:
+    def _remember(
+        self, mode: ModeSolution, evidence: BlockEvidence, seen: ModeBlock, condition: FlightCondition
+    ) -> None:
         """The block joins the memory of its cell; in another cell than before, its memory is resumed."""
         name = mode.structure.name
         memory = self.cells.block(
-            name, mode.block, condition, natural_size(seen.expected, seen.expected_covariance),
+            name, evidence, condition, natural_size(seen.expected, seen.expected_covariance),
             alarmed=self.book.active is not None, rough=mode.rough,
         )  # fmt: skip
         if memory is not None:
