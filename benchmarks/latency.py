@@ -15,8 +15,8 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
 
@@ -32,7 +32,6 @@ from wingwatch.telemetry import (
     AircraftMessage,
     FlightPublisher,
     SampleBlock,
-    SensorSubscriber,
     ZenohSettings,
     open_session,
 )
@@ -59,32 +58,17 @@ class Course:
     unanswered: int
 
 
-@dataclass(slots=True)
-class Inside:
-    """Messages of sensors inside the service: from arrival to the state that rests on them, in seconds."""
+def timed_receive_all(delays_s: list[float]) -> Callable[[FleetMonitor, Sequence[InboundMessage]], None]:
+    """A stand-in that notes how long messages of sensors were inside the service: from their being taken over to the
+    state that rests on them."""
+    receive_all = FleetMonitor.receive_all
 
-    arrived: deque[tuple[str, float]] = field(default_factory=deque)
-    delays: list[float] = field(default_factory=list)
+    def timing(self: FleetMonitor, messages: Sequence[InboundMessage]) -> None:
+        receive_all(self, messages)
+        now_s = time.monotonic()
+        delays_s.extend(now_s - m.received_s for m in messages if m.stream == "sensors")
 
-
-def watch_inside(inside: Inside) -> tuple[object, object]:
-    """Stand-ins for the two methods between which a message waits and is worked on; the loop keeps their order."""
-    drain, receive = SensorSubscriber.drain, FleetMonitor.receive
-
-    def noting_drain(self: SensorSubscriber, max_items: int) -> list[InboundMessage]:
-        taken = drain(self, max_items)
-        inside.arrived.extend((m.stream, m.received_s) for m in taken)
-        return taken
-
-    def timing_receive(
-        self: FleetMonitor, fleet: str, vehicle: str, stream: str, payload: bytes, encoding: str
-    ) -> None:
-        receive(self, fleet, vehicle, stream, payload, encoding)
-        noted, received_s = inside.arrived.popleft()
-        if noted == "sensors":
-            inside.delays.append(time.monotonic() - received_s)
-
-    return noting_drain, timing_receive
+    return timing
 
 
 def fly(endpoint: str, samples: int, seconds: float, handed: "deque[tuple[float, float]]") -> None:
@@ -150,14 +134,12 @@ def ask(url: str, endpoint: str, samples: int, seconds: float) -> Course:
     return Course(delays, answers, len(waiting) + len(handed))
 
 
-def course(samples: int, seconds: float) -> tuple[Course, Inside]:
+def course(samples: int, seconds: float) -> tuple[Course, list[float]]:
     """One run with messages of so many samples against a service of its own."""
-    inside = Inside()
-    noting_drain, timing_receive = watch_inside(inside)
+    inside: list[float] = []
     with (
         tempfile.TemporaryDirectory() as folder,
-        mock.patch.object(SensorSubscriber, "drain", noting_drain),
-        mock.patch.object(FleetMonitor, "receive", timing_receive),
+        mock.patch.object(FleetMonitor, "receive_all", timed_receive_all(inside)),
     ):
         with socket.create_server(("127.0.0.1", 0)) as server:
             endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
@@ -168,8 +150,7 @@ def course(samples: int, seconds: float) -> tuple[Course, Inside]:
             with multiprocessing.get_context("spawn").Pool(1) as pool:
                 found = pool.apply(ask, (service.url, endpoint, samples, seconds))
     settled = round(SETTLE_S * RATE_HZ) // samples * VEHICLES
-    inside.delays = inside.delays[settled:]
-    return found, inside
+    return found, inside[settled:]
 
 
 def _row(label: str, delays_s: Sequence[float]) -> None:
@@ -190,12 +171,12 @@ def main() -> None:
     print(f"  {'':<52}{'p50':>10}{'p99':>10}{'largest':>10}{'number':>10}")
     for samples in (10, 1):
         found, inside = course(samples, seconds)
-        if not found.delays or not inside.delays:
+        if not found.delays or not inside:
             raise SystemExit("no answer ever rested on a sample that was sent; is loopback blocked?")
         print(f"messages of {samples} sample{'s' if samples > 1 else ''}, {found.unanswered} never answered")
         _row("handed to Zenoh until the first answer with it", found.delays)
         _row("one question and its answer", found.answers)
-        _row("inside: message's arrival until the state has it", inside.delays)
+        _row("inside: message's arrival until the state has it", inside)
 
 
 if __name__ == "__main__":

@@ -54,17 +54,27 @@ FLIGHTS = 32
 COMPILE_S, PATIENCE_S, ARRIVE_S = 300.0, 30.0, 1.0
 ASK_EVERY_S, FLEET_EVERY_S = 0.1, 2.0
 PUMP = "wingwatch-pump"
-OTHERS = ("wingwatch-http", "wingwatch-outputs", "wingwatch-store", "wingwatch-recall")
+OTHERS = (
+    "wingwatch-subscriber",
+    "wingwatch-http",
+    "wingwatch-outputs",
+    "wingwatch-store",
+    "wingwatch-recall",
+)
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "decoding": ((fleet_module, "decode_sensors"),),
     "cleaning": ((VehicleMonitor, "prepared"),),
     "signals": ((Signals, "update"), (Signals, "high_passed")),
     "Fourier estimator": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
     "filter": ((EkfEstimator, "update"), (EkfEstimator, "solve"), (EkfEstimator, "release")),
-    "estimates": ((FourierEstimator, "estimate"), (EkfEstimator, "estimate")),
+    "estimates": (
+        (FourierEstimator, "estimate_of"),
+        (FourierEstimator, "says"),
+        (EkfEstimator, "estimate_of"),
+    ),
     "test for changes": ((Judge, "consider"),),
     "news": ((VehicleMonitor, "derivatives"), (VehicleMonitor, "view")),
-    "all else": ((FleetMonitor, "receive"), (FleetMonitor, "tick")),
+    "all else": ((FleetMonitor, "receive_all"), (FleetMonitor, "tick")),
 }
 """What is timed; time within a stage that another one takes is the other's."""
 
@@ -391,14 +401,14 @@ def main() -> None:
         runs.append(course(n, arguments.seconds, arguments.samples_per_message))
         report(runs[-1])
     print("\nprocessor time of the service, us a vehicle-sample")
-    print(f"{'vehicles':>18}" + "".join(f"{run.vehicles:9d}" for run in runs))
+    print(f"{'vehicles':>20}" + "".join(f"{run.vehicles:9d}" for run in runs))
     for stage in STAGES:
-        print(f"{stage:>18}" + "".join(f"{run.stages_us[stage]:9.1f}" for run in runs))
+        print(f"{stage:>20}" + "".join(f"{run.stages_us[stage]:9.1f}" for run in runs))
     for thread in OTHERS:
-        print(f"{thread:>18}" + "".join(f"{run.threads_us.get(thread, 0.0):9.1f}" for run in runs))
+        print(f"{thread:>20}" + "".join(f"{run.threads_us.get(thread, 0.0):9.1f}" for run in runs))
     known = [sum(run.stages_us.values()) + sum(run.threads_us.get(t, 0.0) for t in OTHERS) for run in runs]
     print(
-        f"{'Zenoh and rest':>18}"
+        f"{'Zenoh and rest':>20}"
         + "".join(f"{run.all_us - us:9.1f}" for run, us in zip(runs, known, strict=True))
     )
     for run in runs:

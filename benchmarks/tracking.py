@@ -98,7 +98,7 @@ def follow_supervised(plant: Plant, rows: Array) -> Course:
         ekf.update(state, piece)
         ekf.solve(state)
         for i in range(len(rows)):
-            ekf.release(state, fourier.changed(sums, i), i, fourier.block_start_s(sums, i))
+            ekf.release(state, fourier.changed(sums, np.array([i]))[0], i, fourier.block_start_s(sums, i))
         if piece[0, -1, 0] > rows[0, 0, 0] + STEP_S:
             since.append(float(piece[0, -1, 0] - rows[0, 0, 0]) - STEP_S)
             read.append([ekf.estimate(state, i) for i in range(len(rows))])

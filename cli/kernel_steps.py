@@ -73,7 +73,7 @@ def _filter() -> None:
         for start in range(0, samples, half_second):
             estimator.update(state, rows[None, start : start + half_second])
             estimator.solve(state)
-        estimator.gust_variance(state, 0)
+        estimator.gust_variance(state, np.array([0]))
 
 
 def _level_flight(layout: SignalLayout, moving: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
 __all__ = ["Pump", "Service", "running_service"]
 
 _LOG = logging.getLogger(__name__)
-_DRAIN = 256
+_GATHERED = 32  # messages; REST waits while so many are taken in
 _TICK_S = 1.0
 _IDLE_S = 0.2
 _STOP_S = 1.0
@@ -90,7 +90,7 @@ class Pump:
         self._thread.start()
 
     def stop(self) -> None:
-        """End after the message in hand. Loading kernels cannot be interrupted and is left behind."""
+        """End after the messages in hand. Loading kernels cannot be interrupted and is left behind."""
         self._ending = True
         self._preparation.stop()
         self._arrived.set()
@@ -113,13 +113,12 @@ class Pump:
         while not self._ending:
             self._arrived.wait(_IDLE_S)
             self._arrived.clear()
-            while messages := self._subscriber.drain(_DRAIN):
-                for m in messages:
-                    self._safely(self._monitor.receive, m.fleet, m.vehicle, m.stream, m.payload, m.encoding)
-                    if self._ending:
-                        return
+            full = True
+            while full and not self._ending:
+                messages = self._subscriber.drain(_GATHERED)
+                self._safely(self._monitor.receive_all, messages)
                 next_tick_s = self._tick(next_tick_s)
-            next_tick_s = self._tick(next_tick_s)
+                full = len(messages) == _GATHERED
 
     def _tick(self, due_s: float) -> float:
         now_s = self._clock()

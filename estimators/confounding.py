@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.symmetric import eigen
 
 __all__ = ["confounded_sets", "told_apart_text"]
 
@@ -52,12 +54,12 @@ def confounded_sets(
     error = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
     if not np.isfinite(covariance).all() or not (natural > 0.0).all() or (error <= 0.25 * natural).all():
         return hidden, ()
-    spread, directions = np.linalg.eigh(covariance / np.outer(natural, natural))
-    gained = np.maximum(1.0 / np.maximum(spread, 1e-12) - prior_ratio**-2, 0.0)
-    alone = np.square(directions) @ gained
-    unknown = (directions / (gained + WIDE_PRIOR**-2)) @ directions.T
+    alone, unknown = np.zeros(len(symbols)), np.zeros(covariance.shape)
+    _by_data_alone(covariance, natural, prior_ratio, alone, unknown)
     size = np.sqrt(np.diagonal(unknown))
     hidden = (np.square(size) > UNKNOWN_VARIANCE) & (alone * np.square(size) >= LOST_TO_OTHERS)
+    if not hidden.any():
+        return hidden, ()
     linked = np.abs(unknown) > SHARED_CORRELATION * np.outer(size, size)
     row = np.arange(len(symbols)) // len(structure.regressors)
     linked &= (hidden[:, None] | hidden[None, :]) & (row[:, None] == row[None, :])
@@ -75,6 +77,23 @@ def confounded_sets(
         else:
             hidden[a] = False
     return hidden, tuple(sets)
+
+
+@whole
+def _by_data_alone(covariance, natural, prior_ratio, alone, unknown):  # type: ignore[no-untyped-def]
+    """Adds the diagonal of J to ``alone`` (k,), and C to ``unknown`` (k, k)."""
+    k = natural.size
+    directions, spread = np.empty((k, k)), np.empty(k)
+    for a in range(k):
+        for b in range(k):
+            directions[a, b] = covariance[a, b] / (natural[a] * natural[b])
+    eigen(directions, spread, np.empty(k), np.empty(k))
+    for d in range(k):
+        gained = max(1.0 / max(spread[d], 1e-12) - prior_ratio**-2, 0.0)
+        for a in range(k):
+            alone[a] += directions[d, a] * directions[d, a] * gained
+            for b in range(k):
+                unknown[a, b] += directions[d, a] * directions[d, b] / (gained + WIDE_PRIOR**-2)
 
 
 def told_apart_text(structure: ModeStructure, sets: tuple[tuple[str, ...], ...]) -> str:

@@ -6,6 +6,8 @@ at the reference airspeed and density. The kinematic parts (forward speed in z_q
 """
 
 import math
+from enum import Enum
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +17,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.confounding import confounded_sets, told_apart_text
 from wingwatch.estimators.estimate import Estimate, Outcome
 
-__all__ = ["ConcisePosterior", "offsets", "referred_scale", "standing"]
+__all__ = ["ConcisePosterior", "Says", "offsets", "referred_scale", "says_something", "standing"]
 
 Array = NDArray[np.float64]
 
@@ -47,13 +49,20 @@ def referred_scale(
     Columns of velocities and rates grow with rho V, those of angles and inputs with rho V^2. Phugoid and spiral are
     gravity and the full motion's quotients, of which neither law holds: theirs are not carried over, the factor is 1.
     """
-    if any(row in ("theta", "phi") for row in structure.equations):
+    goes_by_angle = _goes_by_angle(structure)
+    if goes_by_angle is None:
         return np.ones(len(structure.derivatives))
     by_velocity = air_density_kg_m3 * airspeed_true_m_s / (reference[0] * reference[1])
     by_angle = by_velocity * airspeed_true_m_s / reference[0]
-    row = [
-        by_angle if c in ("alpha", "beta", *structure.inputs) else by_velocity for c in structure.regressors
-    ]
+    return np.where(goes_by_angle, by_angle, by_velocity)
+
+
+@cache
+def _goes_by_angle(structure: ModeStructure) -> NDArray[np.bool_] | None:
+    """Which derivatives grow with rho V^2, (k,); None where neither law holds."""
+    if any(row in ("theta", "phi") for row in structure.equations):
+        return None
+    row = [c in ("alpha", "beta", *structure.inputs) for c in structure.regressors]
     return np.array(row * len(structure.equations))
 
 
@@ -61,8 +70,19 @@ def offsets(structure: ModeStructure, airspeed_true_m_s: float, angle_of_attack_
     """Kinematic part of each concise derivative (thesis table B.4), shape (k,)."""
     alpha = angle_of_attack_rad if np.isfinite(angle_of_attack_rad) else 0.0
     forward, down = airspeed_true_m_s * np.cos(alpha), airspeed_true_m_s * np.sin(alpha)
-    kinematic = {"z_q": forward, "y_r": -forward, "y_p": down, "x_q": -down}
-    return np.array([kinematic.get(symbol, 0.0) for symbol in structure.derivatives])
+    kinematic, out = (
+        {"z_q": forward, "y_r": -forward, "y_p": down, "x_q": -down},
+        np.zeros(len(structure.derivatives)),
+    )
+    for k, symbol in _kinematic(structure):
+        out[k] = kinematic[symbol]
+    return out
+
+
+@cache
+def _kinematic(structure: ModeStructure) -> tuple[tuple[int, str], ...]:
+    """Places and symbols of the derivatives with a kinematic part."""
+    return tuple((k, s) for k, s in enumerate(structure.derivatives) if s in ("z_q", "y_r", "y_p", "x_q"))
 
 
 def standing(
@@ -105,6 +125,36 @@ def standing(
         (float(condition[0]), float(condition[1]), float(condition[2]), float(condition[3])),
         sets,
     )  # fmt: skip
+
+
+class Says(Enum):
+    """What can be said of an estimate's outcome without making it."""
+
+    SOMETHING = "settling or converged"
+    NOTHING = "not observable or rejected"
+    UNDECIDED = "only the estimate tells"
+
+
+_ROUNDING = 1e-9
+"""Of a standard error over a natural size: so near to a limit only the estimate tells on which side it is."""
+
+
+def says_something(value: Array, ratio: Array, stale: NDArray[np.bool_]) -> Says:
+    """What ``standing`` will make of a solution under a prior of three natural sizes.
+
+    Args:
+        value: derivatives, (k,).
+        ratio: standard error of each over its natural size, (k,).
+        stale: whether its regressor has carried nothing but noise for long, (k,).
+    """
+    if not (np.isfinite(value).all() and np.isfinite(ratio).all()):
+        return Says.UNDECIDED
+    if 2 * np.count_nonzero(stale | (ratio > 1.0 + _ROUNDING)) > ratio.size:
+        return Says.NOTHING
+    # Only those with an error above a quarter of their natural size can be found to be confounded.
+    if 2 * np.count_nonzero(stale | (ratio > 0.25 - _ROUNDING)) <= ratio.size:
+        return Says.SOMETHING
+    return Says.UNDECIDED
 
 
 def _together(

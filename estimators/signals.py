@@ -38,6 +38,7 @@ from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Mod
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.signals import SignalForm, fill_moments, fill_signals, pass_high
+from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, INPUT_CHANNELS
 
 __all__ = [
@@ -181,33 +182,38 @@ class Signals:
         servos = np.full((vehicles, 2, self.config.layout.inputs), np.nan)
         return SignalState(memory, np.zeros((vehicles, 4, LEVELS)), passed, servos)
 
-    def update(self, state: SignalState, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def update(
+        self, state: SignalState, values: NDArray[np.float64], lanes: Lanes | None = None
+    ) -> NDArray[np.float64]:
         """Signals of a batch.
 
         Args:
             state: advanced in place.
             values: shape (vehicles, samples, channels) as in ``SampleBlock.values``.
+            lanes: whose rows these are; all vehicles of the state and all rows if not given.
 
         Returns:
-            shape (vehicles, samples, layout.columns).
+            shape (vehicles, samples, layout.columns), undefined beyond a lane's rows.
         """
         if values.ndim != 3 or values.shape[2] != len(CHANNELS):
             raise ValueError(f"values have shape (vehicles, samples, {len(CHANNELS)}), got {values.shape}")
         layout = self.config.layout
         out = np.empty((*values.shape[:2], layout.columns))
-        fill_signals(
-            np.ascontiguousarray(values), self._form, state.memory, state.airspeed, state.servos, out
-        )
+        values, lanes = np.ascontiguousarray(values), lanes or all_lanes(*values.shape[:2])
+        fill_signals(values, lanes, self._form, state.memory, state.airspeed, state.servos, out)
         fill_moments(values, self._coupling, out[..., layout.known_moments :])
         return out
 
-    def high_passed(self, state: SignalState, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    def high_passed(
+        self, state: SignalState, signals: NDArray[np.float64], lanes: Lanes | None = None
+    ) -> NDArray[np.float64]:
         """Signals whose rates, accelerometer, inputs, kinematic term and known moments went the way of a reconstructed
         velocity.
 
         Args:
             state: advanced in place.
             signals: of ``update``, the next in time.
+            lanes: as there.
 
         Returns:
             the same shape; rows whose velocity a vane measured are as they were.
@@ -215,7 +221,8 @@ class Signals:
         out = signals.copy()
         layout = self.config.layout
         passing = np.array([*range(2, layout.kinematic + 1), *range(layout.known_moments, layout.columns)])
-        pass_high(signals, state.passed, passing, layout.kinematic, self.config.reconstruction_s, out)
+        lanes = lanes or all_lanes(*signals.shape[:2])
+        pass_high(signals, lanes, state.passed, passing, layout.kinematic, self.config.reconstruction_s, out)
         return out
 
 

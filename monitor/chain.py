@@ -31,9 +31,10 @@ from wingwatch.estimators import (
     Signals,
     inertia_coupling,
     offsets,
+    padded,
 )
 from wingwatch.monitor.air_watch import AirState, AirWatch
-from wingwatch.monitor.supervision import ModeSolution, Pair, PairState, Supervisor
+from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, Supervisor
 from wingwatch.telemetry import INPUT_CHANNELS, SampleBlock, missing_for
 from wingwatch.telemetry.conditioning import AirQuality
 
@@ -69,9 +70,9 @@ class Solution:
 
 @dataclass(slots=True)
 class ChainState:
-    """Everything a chain remembers of its vehicle."""
+    """What a chain remembers of one vehicle, and the lane with what its estimators do."""
 
-    modes: dict[str, PairState]
+    lane: Lane
     air: AirState = field(default_factory=AirState)
     next_solution_s: float = float("nan")
     last_s: float = float("nan")
@@ -149,7 +150,7 @@ class Chain:
         return found.reason if isinstance(found, OutOfEnvelope) else found
 
     def of_another(self) -> "Chain":
-        """The chain of another vehicle of this type and these channels: both share the estimators, which remember none.
+        """The chain of another vehicle of this type and these channels: both share estimators, each in its lane.
 
         Expectations are each vehicle's own.
         """
@@ -159,20 +160,74 @@ class Chain:
 
     def init(self) -> ChainState:
         """State before the first sample."""
-        return ChainState(self.supervisor.init())
+        return ChainState(self.supervisor.join())
 
     def advance(self, state: ChainState, block: SampleBlock) -> Iterator[Solution]:
         """Take in clean samples; yields a solution at every half second of their clock.
 
         Samples slower than 10 Hz have to be ``LEAST_ROWS`` for a solution; at 2 Hz and slower there is none.
         """
-        start = 0
-        for k in self._due(state, block.time_s):
-            self._take(state, block.values[start : k + 1])
-            start = k + 1
-            self._air.look(state.air, state.last_s)
-            yield Solution(state.last_s, self.supervisor.solve(state.modes, state.last_s))
-        self._take(state, block.values[start:])
+        faults: dict[int, Exception] = {}
+        for solutions in self.advance_together([state], [block], faults):
+            yield from solutions.values()
+        if faults:
+            raise faults[0]
+
+    def advance_together(
+        self, states: Sequence[ChainState], blocks: Sequence[SampleBlock], faults: dict[int, Exception]
+    ) -> Iterator[dict[int, Solution]]:
+        """Vehicles of this chain's type advance together, each as if it were alone.
+
+        Args:
+            states: of different vehicles, of this chain or of those made by ``of_another``.
+            blocks: clean samples of each.
+            faults: by the vehicle's number in ``states``, what the program failed on; such a vehicle goes no further in
+                these samples. The caller may enter faults of its own between one round of solutions and the next.
+
+        Yields:
+            by number, the solutions of all vehicles that have come to their next one.
+        """
+        dues = [self._due(state, block.time_s) for state, block in zip(states, blocks, strict=True)]
+        starts = [0] * len(states)
+        going = list(range(len(states)))
+        while going:
+            pieces: dict[int, Array] = {}
+            due: list[int] = []
+            for n in going:
+                try:
+                    k = next(dues[n], None)
+                    end = len(blocks[n]) if k is None else k + 1
+                    values = blocks[n].values[starts[n] : end]
+                    if len(values):
+                        self._air.take(states[n].air, values)
+                    if k is not None:
+                        self._air.look(states[n].air, states[n].last_s)
+                except Exception as error:  # one vehicle's fault is not the others'
+                    faults[n] = error
+                    continue
+                if k is not None:
+                    due.append(n)
+                if len(values):
+                    pieces[n] = values
+                starts[n] = end
+            if pieces:
+                rows, lanes = padded([states[n].lane.place for n in pieces], list(pieces.values()))
+                self.supervisor.take(lanes, rows)
+            if due:
+                yield self._solve(states, due, faults)
+            going = [n for n in due if n not in faults]
+
+    def _solve(
+        self, states: Sequence[ChainState], due: Sequence[int], faults: dict[int, Exception]
+    ) -> dict[int, Solution]:
+        """Solutions by number; a vehicle that the program failed on has none, but is in ``faults``."""
+        at_s = [states[n].last_s for n in due]
+        places = np.array([states[n].lane.place for n in due])
+        of_places: dict[int, Exception] = {}
+        modes = self.supervisor.solve(places, np.array(at_s), of_places)
+        faults |= {n: of_places[states[n].lane.place] for n in due if states[n].lane.place in of_places}
+        solved = zip(due, at_s, modes, strict=True)
+        return {n: Solution(last_s, found) for n, last_s, found in solved if n not in faults}
 
     def _due(self, state: ChainState, time_s: Array) -> Iterator[int]:
         """Rows after which there is a solution, in order; the state's clock stands at each when it is given."""
@@ -201,7 +256,7 @@ class Chain:
 
     def current(self, state: ChainState) -> Solution:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
-        return Solution(state.last_s, self.supervisor.read(state.modes, state.last_s))
+        return Solution(state.last_s, self.supervisor.read(state.lane, state.last_s))
 
     def air(self, state: ChainState) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
@@ -209,12 +264,7 @@ class Chain:
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
         """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
-        self.supervisor.pairs[structure].fourier.resume(state.modes[structure].fourier, information, vector)
-
-    def _take(self, state: ChainState, values: Array) -> None:
-        if len(values):
-            self._air.take(state.air, values)
-            self.supervisor.take(state.modes, values)
+        self.supervisor.resume(state.lane, structure, information, vector)
 
 
 def _next_solution_s(due_s: float, time_s: float) -> float:

@@ -5,7 +5,6 @@ the service, the demo and the tests.
 """
 
 import logging
-import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,11 +16,13 @@ from wingwatch.baselines import EstimateRecord
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
 from wingwatch.monitor.chain import Solution
+from wingwatch.monitor.fair_lock import FairLock
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
 from wingwatch.monitor.ports import News, Outputs, Store, VehicleMemory
 from wingwatch.monitor.roster import Roster, VehicleKey
+from wingwatch.monitor.together import feed_together
 from wingwatch.monitor.vehicle import Report, VehicleMonitor
 from wingwatch.monitor.views import (
     AlertAction,
@@ -33,6 +34,7 @@ from wingwatch.monitor.views import (
 )
 from wingwatch.telemetry import (
     AircraftMessage,
+    InboundMessage,
     MessageError,
     SensorsMessage,
     ServiceStream,
@@ -45,6 +47,7 @@ __all__ = ["FleetMonitor", "FleetSettings"]
 _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
 _MOST_HELD = 2000  # messages, of all vehicles together
+_SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 _Told = tuple[ServiceStream, Callable[[], News]] | Literal["ask"]
@@ -108,7 +111,7 @@ class FleetMonitor:
         self._find, self._clock = find_aircraft, clock
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
-        self._lock = threading.RLock()
+        self._lock = FairLock()
         self._vehicles = Roster(self._settings.max_vehicles, clock, self._alarmed)
         self._forgotten = 0
         self._asks_left = _MOST_ASKS
@@ -129,28 +132,48 @@ class FleetMonitor:
         What a message holds that is no message is counted; what the program fails on is counted and shown in the
         vehicle's state.
         """
-        with self._lock:
-            known = self._vehicles.heard((fleet, vehicle))
-            if known is None:
-                return
-            try:
-                if stream == "aircraft":
-                    news = self._announced(fleet, vehicle, known, decode_aircraft(payload, encoding))
-                else:
-                    news = self._sampled(fleet, vehicle, known, decode_sensors(payload, encoding))
-            except MessageError as error:
-                known.count(f"message_{error.reason}")
-                return
-            except Exception as error:  # one vehicle's fault must neither end the watch nor pass for health
-                self._note_fault(fleet, vehicle, known, error)
-                return
-        self._tell(fleet, vehicle, news)
+        self.receive_all([InboundMessage(fleet, vehicle, stream, payload, encoding, self._clock())])
 
-    def _announced(
-        self, fleet: str, vehicle: str, known: KnownVehicle, message: AircraftMessage
-    ) -> list[_Told]:
+    def receive_all(self, messages: Sequence[InboundMessage]) -> None:
+        """Take in messages in the order of their arrival, their vehicles together, as ``receive`` takes in one.
+
+        What may be asked waits until all of them are taken in: a few dozen at a time.
+        """
+        told: list[tuple[VehicleKey, list[_Told]]] = []
+        with self._lock:
+            ready: dict[VehicleKey, KnownVehicle] = {}
+            for message in messages:
+                key = message.fleet, message.vehicle
+                known = self._vehicles.heard(key)
+                if known is None:
+                    continue
+                if message.stream == "aircraft" and key in ready:
+                    told += self._advance({key: ready.pop(key)})  # its samples so far are of what it was
+                news = self._taken_in(key, known, message)
+                if news:
+                    told.append((key, news))
+                if known.monitor is not None and known.held:
+                    ready[key] = known
+            told += self._advance(ready)
+        for (fleet, vehicle), news in told:
+            self._tell(fleet, vehicle, news)
+
+    def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> list[_Told]:
+        """One message decoded; samples that can be used are held for ``_advance``."""
+        try:
+            if message.stream == "aircraft":
+                self._announced(key, known, decode_aircraft(message.payload, message.encoding))
+                return []
+            return self._sampled(key, known, decode_sensors(message.payload, message.encoding))
+        except MessageError as error:
+            known.count(f"message_{error.reason}")
+        except Exception as error:  # one vehicle's fault must neither end the watch nor pass for health
+            self._note_fault(*key, known, error)
+        return []
+
+    def _announced(self, key: VehicleKey, known: KnownVehicle, message: AircraftMessage) -> None:
         if message == known.message:
-            return []
+            return
         changed = known.message is not None and (
             message.aircraft != known.message.aircraft or message.configuration != known.message.configuration
         )
@@ -160,13 +183,12 @@ class FleetMonitor:
         except ValueError as error:
             known.aircraft, known.problem = None, str(error)
             known.count("unknown_aircraft")
-        self._vehicles.sort((fleet, vehicle))
+        self._vehicles.sort(key)
         if changed or known.aircraft is None:
             known.start_anew()
         known.announce_loading()
-        return []
 
-    def _sampled(self, fleet: str, vehicle: str, known: KnownVehicle, message: SensorsMessage) -> list[_Told]:
+    def _sampled(self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage) -> list[_Told]:
         if not known.arrivals.observe(message.sequence, message.stream, *message.span_s):
             known.refused_s = self._clock()
             return []
@@ -177,18 +199,33 @@ class FleetMonitor:
         known.take_loading()
         known.held.append(message)
         self._held += 1
-        return self._feed(fleet, vehicle, known, known.monitor is None)
+        if known.monitor is None and not known.recalled:
+            self._recall(*key, known)
+        return []
 
-    def _feed(self, fleet: str, vehicle: str, known: KnownVehicle, recall: bool) -> list[_Told]:
-        """Hand over what is held, once there is a monitor; ``recall``: ask for what is kept if it is not read yet."""
-        if recall and not known.recalled:
-            self._recall(fleet, vehicle, known)
-        news: list[_Told] = []
-        while known.monitor is not None and known.held:
-            self._held -= 1
-            report = known.monitor.feed(known.held.popleft().block)
-            news += self._digest(fleet, vehicle, known, report)
-        return news
+    def _advance(self, ready: Mapping[VehicleKey, KnownVehicle]) -> list[tuple[VehicleKey, list[_Told]]]:
+        """Hand over what is held of vehicles that have a monitor, message by message, all vehicles at once."""
+        told: list[tuple[VehicleKey, list[_Told]]] = []
+        going = [(key, known, known.monitor) for key, known in ready.items() if known.monitor is not None]
+        while going := [one for one in going if one[1].held]:
+            self._held -= len(going)
+            blocks = [known.held.popleft().block for _, known, _ in going]
+            reports = feed_together([monitor for _, _, monitor in going], blocks)
+            sound = []
+            for one, report in zip(going, reports, strict=True):
+                key, known, _ = one
+                try:
+                    if isinstance(report, Exception):
+                        raise report
+                    news = self._digest(*key, known, report)
+                except Exception as error:  # it must neither end the watch of others nor pass for health
+                    self._note_fault(*key, known, error)
+                    continue
+                sound.append(one)
+                if news:
+                    told.append((key, news))
+            going = sound
+        return told
 
     def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
         """Start the vehicle's monitor with what is kept of it, or without after a while, and then add it later."""
@@ -307,13 +344,16 @@ class FleetMonitor:
             self._event("problem", {"what": "store", "text": str(error)})
             return None
 
-    def _safely_fed(self, fleet: str, vehicle: str, known: KnownVehicle) -> list[_Told]:
+    def _late_start(self, key: VehicleKey, known: KnownVehicle) -> list[_Told]:
         """What is held of a vehicle handed over, if it can be by now."""
-        try:
-            return [] if known.recalled else self._feed(fleet, vehicle, known, True)
-        except Exception as error:
-            self._note_fault(fleet, vehicle, known, error)
+        if known.recalled:
             return []
+        try:
+            self._recall(*key, known)
+        except Exception as error:
+            self._note_fault(*key, known, error)
+            return []
+        return [told for _, news in self._advance({key: known}) for told in news]
 
     def _note_fault(self, fleet: str, vehicle: str, known: KnownVehicle, error: Exception) -> None:
         """Inside an ``except``: the vehicle's state shows it, the log says where it came from."""
@@ -373,7 +413,7 @@ class FleetMonitor:
             self._held = sum(len(known.held) for _, known in self._vehicles.items())
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
             for (fleet, vehicle), known in self._vehicles.items():
-                news = self._safely_fed(fleet, vehicle, known)
+                news = self._late_start((fleet, vehicle), known)
                 state, _ = known.standing(now, self._settings.stale_s)
                 if state is not known.shown:
                     known.published_s = now
@@ -399,10 +439,14 @@ class FleetMonitor:
                 return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
 
     def vehicles(self) -> Sequence[VehicleView]:
-        """All vehicles ever heard of, worst state first; samples are taken in between one and the next."""
+        """All vehicles ever heard of, worst state first; samples are taken in between some and the next."""
         with self._lock:
             everyone = list(self._vehicles.items())
-        views = [self._view(fleet, vehicle, known) for (fleet, vehicle), known in everyone]
+        views: list[VehicleView] = []
+        for start in range(0, len(everyone), _SHOWN_AT_ONCE):
+            with self._lock:
+                some = everyone[start : start + _SHOWN_AT_ONCE]
+                views += [self._view(fleet, vehicle, known) for (fleet, vehicle), known in some]
         return sorted(views, key=lambda v: (STATE_ORDER.index(v.state), v.fleet, v.vehicle))
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 
 from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
-from wingwatch.estimators import Outcome
+from wingwatch.estimators import BlockEvidence, Outcome
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.comparison import (
     Change,
@@ -196,12 +196,16 @@ class Judge:
         state.founded = state.founded or founded or (own and bool(state.references))
 
     def mode_block(
-        self, mode: ModeSolution, expectation: Expectation, condition: FlightCondition
+        self,
+        mode: ModeSolution,
+        evidence: BlockEvidence,
+        expectation: Expectation,
+        condition: FlightCondition,
     ) -> ModeBlock:
         """A structure's evidence, expectation and filter estimate brought to common coordinates."""
         c = self.coordinates[mode.structure.name]
-        information, vector = c.of_evidence(mode.block.information, mode.block.vector, condition)
-        bias = c.slope(condition) * mode.block.bias
+        information, vector = c.of_evidence(evidence.information, evidence.vector, condition)
+        bias = c.slope(condition) * evidence.bias
         expected, covariance = c.from_concise(expectation.value, expectation.covariance, condition)
         wander = (self.config.model_error * natural_size(expected, covariance)) ** 2
         information, vector, bias = blurred(information, vector, bias, wander)

@@ -18,8 +18,10 @@ Fourier form and filter read the same signals and know nothing of each other. Ea
   so the median of the squares is followed, not their mean.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+from weakref import finalize
 
 import numpy as np
 from numba import njit
@@ -29,22 +31,32 @@ from wingwatch.aircraft import ModeStructure
 from wingwatch.estimators import (
     BlockEvidence,
     EkfEstimator,
+    EkfSnapshot,
     EkfState,
     Estimate,
     FourierEstimator,
+    FourierSnapshot,
     FourierState,
+    Lanes,
     Outcome,
+    Says,
     Signals,
     SignalState,
+    arrays_of,
     told_apart_text,
 )
 
 __all__ = [
-    "NO_VANE", "ROUGHNESS", "ModeSolution", "Pair", "PairState", "Supervisor", "follow_motion", "follow_roughness",
-    "is_gusty",
+    "NO_VANE", "ROUGHNESS", "Lane", "ModeSolution", "Pair", "PairState", "Supervisor", "follow_motion",
+    "follow_roughness", "is_gusty",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Places = NDArray[np.int64]
+
+_LEAST_LANES = 8
+"""Places are added by eight at least, else by a quarter: memory for a quarter more vehicles than there are."""
 
 NO_VANE = "reconstructed, no vane"
 
@@ -92,12 +104,12 @@ class Pair:
 
 @dataclass(slots=True)
 class PairState:
-    """What a pair remembers of its vehicle.
+    """What a pair remembers of its vehicles, one row each.
 
     Attributes:
         motion: of ``follow_motion``; roughness: of ``follow_roughness``.
-        blocks: blocks closed at the last solution.
-        rough_s: when the air was last found rough without a vane.
+        blocks: blocks closed at the last solution, (n,).
+        rough_s: when the air was last found rough without a vane, (n,).
     """
 
     signals: SignalState
@@ -105,27 +117,92 @@ class PairState:
     ekf: EkfState
     motion: Array
     roughness: Array
-    blocks: int = 0
-    rough_s: float = -np.inf
+    blocks: Places
+    rough_s: Array
+
+    def put(self, which: Places | slice, other: "PairState") -> None:
+        """Some vehicles become those of another state, in place."""
+        for kept, new in zip(self._arrays(), other._arrays(), strict=True):
+            kept[which] = new
+
+    def _arrays(self) -> Iterator[NDArray[Any]]:
+        for part in (self.signals, self.fourier):
+            yield from (getattr(part, f.name) for f in fields(part))
+        yield from (array for _, array in arrays_of(self.ekf))
+        yield from (self.motion, self.roughness, self.blocks, self.rough_s)
 
 
-@dataclass(frozen=True, slots=True)
+class Lane:
+    """The place of one vehicle in the states of its type; it is free again when the lane is dropped.
+
+    Attributes:
+        place: row of the states.
+    """
+
+    __slots__ = ("__weakref__", "place")
+
+    def __init__(self, place: int) -> None:
+        self.place = place
+
+
+@dataclass(slots=True)
 class ModeSolution:
-    """What both estimators say of one mode, and what the last closed block added."""
+    """What both estimators say of one mode, and what the last closed block added.
 
-    structure: ModeStructure
-    fourier: Estimate
-    ekf: Estimate
-    block: BlockEvidence
+    Estimates are made when somebody asks for them; they are of the solution's time all the same.
+    """
+
+    pair: Pair
+    seen: tuple[FourierSnapshot, EkfSnapshot]
+    block: BlockEvidence | None
+    """What the Fourier form has of the block that was closed, where one was; ``gained``: what the filter learned since
+    the one before."""
     gained: tuple[Array, Array] | None
     rough: bool = False
     """Whether the air makes a tenth or more of the rotation: changes are then not looked for."""
-    reconstructed: bool = False
-    """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has standing."""
+    _made: tuple[Estimate, Estimate] | None = None
+
+    @property
+    def structure(self) -> ModeStructure:
+        """The mode's."""
+        return self.pair.structure
+
+    @property
+    def reconstructed(self) -> bool:
+        """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has
+        standing."""
+        return not self.pair.vane
+
+    @property
+    def fourier(self) -> Estimate:
+        """The Fourier form's estimate."""
+        return self._both()[0]
+
+    @property
+    def ekf(self) -> Estimate:
+        """The filter's."""
+        return self._both()[1]
+
+    @property
+    def says_something(self) -> bool:
+        """Whether the Fourier form's estimate is settling or converged."""
+        says = (
+            self.pair.fourier.says(self.seen[0]) if self.pair.vane and self._made is None else Says.UNDECIDED
+        )
+        if says is Says.UNDECIDED:
+            return self.fourier.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
+        return says is Says.SOMETHING
+
+    def _both(self) -> tuple[Estimate, Estimate]:
+        if self._made is None:
+            self._made = _with_standing(self.pair, self.seen, self.rough)
+        return self._made
 
 
 class Supervisor:
-    """Leads the pairs of one aircraft, and carries over what one estimator of a pair says to the other.
+    """Leads the pairs of all vehicles of a type, and carries over what one estimator of a pair says to the other.
+
+    Vehicles advance together or alone; no number of one enters another's.
 
     Args:
         pairs: one a structure.
@@ -133,95 +210,154 @@ class Supervisor:
 
     def __init__(self, pairs: Sequence[Pair]) -> None:
         self.pairs = {p.structure.name: p for p in pairs}
+        self._size = 0
+        self._free: list[int] = []
+        self._states: dict[str, PairState] = {}
 
-    def init(self) -> dict[str, PairState]:
-        """State before the first sample, by structure."""
-        return {
-            name: PairState(
-                p.signals.init(1), p.fourier.init(1), p.ekf.init(1),
-                np.full((3, len(p.structure.states)), np.nan), np.zeros(ROUGHNESS),
-            )
-            for name, p in self.pairs.items()
-        }  # fmt: skip
-
-    def take(self, states: Mapping[str, PairState], values: Array) -> None:
-        """Take in clean samples, shape (n, columns)."""
+    def join(self) -> Lane:
+        """A place for one more vehicle, its states as before the first sample."""
+        if not self._free:
+            self._grow(self._size + (max(self._size // 4, _LEAST_LANES) if self._size else 1))
+        lane = Lane(self._free.pop())
+        place = np.array([lane.place])
         for name, p in self.pairs.items():
-            state = states[name]
-            signals = p.signals.update(state.signals, values[None])
-            whole = signals if p.vane else p.signals.high_passed(state.signals, signals)
-            p.fourier.update(state.fourier, whole)
-            p.ekf.update(state.ekf, signals)
-            follow_motion(state.motion, signals[0], MOTION_S)
+            self._states[name].put(place, _init(p, 1))
+        finalize(lane, self._free.append, lane.place).atexit = False
+        return lane
+
+    def _grow(self, size: int) -> None:
+        for name, p in self.pairs.items():
+            grown = _init(p, size)
+            if self._size:
+                grown.put(slice(self._size), self._states[name])
+            self._states[name] = grown
+        self._free += range(size - 1, self._size - 1, -1)
+        self._size = size
+
+    def take(self, lanes: Lanes, values: Array) -> None:
+        """Take in clean samples, shape (vehicles, samples, columns)."""
+        for name, p in self.pairs.items():
+            state = self._states[name]
+            signals = p.signals.update(state.signals, values, lanes)
+            whole = signals if p.vane else p.signals.high_passed(state.signals, signals, lanes)
+            p.fourier.update(state.fourier, whole, lanes)
+            p.ekf.update(state.ekf, signals, lanes)
+            follow_motions(state.motion, signals, lanes, MOTION_S)
             if not p.vane:
-                forces = np.ascontiguousarray(signals[0, :, p.signals.config.layout.accelerometer])
-                follow_roughness(state.roughness, forces, ROUGHNESS_SAMPLES)
+                column = p.signals.config.layout.accelerometer
+                follow_roughnesses(state.roughness, signals, lanes, column, ROUGHNESS_SAMPLES)
 
-    def solve(self, states: Mapping[str, PairState], time_s: float) -> dict[str, ModeSolution]:
-        """Bring both estimators of every structure up to the last sample, each with what the other says."""
-        gusty = self._feels_gusts(states)
-        return {name: self._solve(p, states[name], time_s, gusty) for name, p in self.pairs.items()}
+    def solve(
+        self, places: Places, time_s: Array, faults: dict[int, Exception]
+    ) -> list[dict[str, ModeSolution]]:
+        """Bring both estimators of every structure up to the last sample, each with what the other says.
 
-    def read(self, states: Mapping[str, PairState], time_s: float) -> dict[str, ModeSolution]:
+        Args:
+            places: the vehicles, (m,).
+            time_s: of the last sample of each, (m,).
+            faults: by place, gets what the program failed on of one vehicle; the others go on.
+        """
+        gusty = self._feels_gusts(places)
+        by_mode = [self._solve(p, places, time_s, gusty, faults) for p in self.pairs.values()]
+        return [dict(zip(self.pairs, modes, strict=True)) for modes in zip(*by_mode, strict=True)] or [
+            {} for _ in places
+        ]
+
+    def read(self, lane: Lane, time_s: float) -> dict[str, ModeSolution]:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
-        gusty = self._feels_gusts(states)
+        place = np.array([lane.place])
+        gusty = self._feels_gusts(place)
         return {
-            name: _read(p, states[name], time_s, _is_rough(p, states[name], gusty), None)
-            for name, p in self.pairs.items()
+            name: _read(p, state, lane.place, time_s, bool(_is_rough(p, state, place, gusty)[0]), False)
+            for (name, p), state in zip(self.pairs.items(), self._states.values(), strict=True)
         }
 
-    def _solve(self, pair: Pair, state: PairState, time_s: float, gusty: bool) -> ModeSolution:
-        pair.fourier.solve(state.fourier)
-        pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier))
-        rough = _is_rough(pair, state, gusty)
-        if rough:
-            state.rough_s = time_s
-        solution = _read(pair, state, time_s, rough, _gained(pair, state))
+    def resume(self, lane: Lane, structure: str, information: Array, vector: Array) -> None:
+        """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
+        state = self._states[structure].fourier
+        self.pairs[structure].fourier.resume(state, information, vector, lane.place)
+
+    def _solve(
+        self, pair: Pair, places: Places, time_s: Array, gusty: Flags, faults: dict[int, Exception]
+    ) -> list[ModeSolution]:
+        state = self._states[pair.structure.name]
+        pair.fourier.solve(state.fourier, places)
+        faults |= pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier, places), places)
+        rough = _is_rough(pair, state, places, gusty)
+        state.rough_s[places[rough]] = time_s[rough]
+        closed = pair.fourier.blocks_closed(state.fourier, places)
+        news = closed != state.blocks[places]
+        state.blocks[places] = closed
+        solutions = [
+            _read(pair, state, i, at_s, is_rough, new)
+            for i, at_s, is_rough, new in zip(*map(_listed, (places, time_s, rough, news)), strict=True)
+        ]
         # Rough air contradicts what is remembered, too; without a vane all may.
-        trusted = pair.vane and not solution.rough
-        pair.fourier.follow_changes(state.fourier, trusted)
-        changed = pair.fourier.changed(state.fourier)
-        if trusted and changed.any():
-            not_yet_s = pair.fourier.block_start_s(state.fourier)  # a change begins the running block
-            pair.ekf.release(state.ekf, changed, since_s=not_yet_s)
-        return solution
+        trusted = ~rough if pair.vane else np.zeros_like(rough)
+        pair.fourier.follow_changes(state.fourier, trusted, places)
+        changed = pair.fourier.changed(state.fourier, places)
+        for m in np.flatnonzero(trusted & changed.any(axis=1)):
+            i = int(places[m])
+            not_yet_s = pair.fourier.block_start_s(state.fourier, i)  # a change begins the running block
+            try:
+                pair.ekf.release(state.ekf, changed[m], i, not_yet_s)
+            except Exception as error:  # the others are not to suffer by it
+                faults[i] = error
+        return solutions
 
-    def _feels_gusts(self, states: Mapping[str, PairState]) -> bool:
-        """Whether an accelerometer does: asked where no vane sees them."""
-        return any(
-            is_gusty(states[n].roughness, p.force_noise_variance) for n, p in self.pairs.items() if not p.vane
-        )
-
-
-def _gained(pair: Pair, state: PairState) -> tuple[Array, Array] | None:
-    """What the filter learned since the last block was closed; None while no other is."""
-    closed = pair.fourier.blocks_closed(state.fourier)
-    if closed == state.blocks:
-        return None
-    state.blocks = closed
-    return pair.ekf.take_gained(state.ekf)
+    def _feels_gusts(self, places: Places) -> Flags:
+        """Of which vehicles an accelerometer does, (m,): asked where no vane sees them."""
+        felt = np.zeros(places.size, dtype=np.bool_)
+        for name, p in self.pairs.items():
+            if not p.vane:
+                memory = self._states[name].roughness
+                felt |= np.array([is_gusty(memory[i], p.force_noise_variance) for i in places])
+        return felt
 
 
-def _is_rough(pair: Pair, state: PairState, gusty: bool) -> bool:
-    """Whether the air is rough now; ``gusty``: whether an accelerometer feels it."""
-    mean, square, _ = state.motion
+def _init(pair: Pair, vehicles: int) -> PairState:
+    return PairState(
+        pair.signals.init(vehicles),
+        pair.fourier.init(vehicles),
+        pair.ekf.init(vehicles),
+        np.full((vehicles, 3, len(pair.structure.states)), np.nan),
+        np.zeros((vehicles, ROUGHNESS)),
+        np.zeros(vehicles, dtype=np.int64),
+        np.full(vehicles, -np.inf),
+    )
+
+
+def _listed(array: NDArray[Any]) -> list[Any]:
+    return array.tolist()  # type: ignore[no-any-return]
+
+
+def _is_rough(pair: Pair, state: PairState, places: Places, gusty: Flags) -> Flags:
+    """Whose air is rough now, (m,); ``gusty``: whose accelerometer feels it."""
+    mean, square = state.motion[places, 0], state.motion[places, 1]
     with np.errstate(over="ignore"):  # a filter that diverged: infinitely rough all right
-        fraction = pair.ekf.gust_variance(state.ekf, 0) / np.maximum(square - mean**2, 1e-12)
-    return bool((fraction[1:] > ROUGH_FRACTION).any()) and (pair.vane or gusty)
+        fraction = pair.ekf.gust_variance(state.ekf, places) / np.maximum(square - mean**2, 1e-12)
+    rough: Flags = (fraction[:, 1:] > ROUGH_FRACTION).any(axis=1)
+    return rough if pair.vane else rough & gusty
 
 
-def _read(
-    pair: Pair, state: PairState, time_s: float, rough: bool, gained: tuple[Array, Array] | None
-) -> ModeSolution:
-    """Both estimates with the standing that each has beside the other."""
-    fourier = pair.fourier.estimate(state.fourier)
-    unseen = pair.fourier.unseen(state.fourier)
-    ekf = _beside_fourier(pair.ekf.estimate(state.ekf), fourier, unseen)
+def _read(pair: Pair, state: PairState, i: int, time_s: float, rough: bool, closed: bool) -> ModeSolution:
+    """What is known of a mode of vehicle ``i`` now, and of the block that it has ``closed``, if so."""
     if not pair.vane:
-        rough = rough or 0.0 <= time_s - state.rough_s < ROUGH_MEMORY_S
-        fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
-    evidence = pair.fourier.evidence(state.fourier)
-    return ModeSolution(pair.structure, fourier, ekf, evidence, gained, rough, not pair.vane)
+        rough = rough or 0.0 <= time_s - float(state.rough_s[i]) < ROUGH_MEMORY_S
+    seen = pair.fourier.snapshot(state.fourier, i), pair.ekf.snapshot(state.ekf, i)
+    block = pair.fourier.evidence(state.fourier, i) if closed else None
+    return ModeSolution(pair, seen, block, pair.ekf.take_gained(state.ekf, i) if closed else None, rough)
+
+
+def _with_standing(
+    pair: Pair, seen: tuple[FourierSnapshot, EkfSnapshot], rough: bool
+) -> tuple[Estimate, Estimate]:
+    """Both estimates with the standing that each has beside the other."""
+    fourier = pair.fourier.estimate_of(seen[0])
+    ekf = _beside_fourier(pair.ekf.estimate_of(seen[1]), fourier, pair.fourier.unseen(seen[0]))
+    if pair.vane:
+        return fourier, ekf
+    return _without_vane(fourier, rough), _without_vane(ekf, rough)
 
 
 def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
@@ -268,6 +404,20 @@ def _beside_fourier(ekf: Estimate, fourier: Estimate, unseen: NDArray[np.bool_])
         reason = f"{text}; {ekf.reason}" if ekf.reason and not ekf.confounded else text
         return replace(ekf, outcomes=outcomes, reason=reason, confounded=confounded)
     return replace(ekf, outcomes=outcomes)
+
+
+@njit(cache=True, nogil=True)
+def follow_motions(motion, signals, lanes, memory_s):  # type: ignore[no-untyped-def]
+    """``follow_motion`` of vehicles in lanes: ``motion`` (n, 3, ns), ``signals`` (vehicles, samples, columns)."""
+    for m in range(lanes.place.size):
+        follow_motion(motion[lanes.place[m]], signals[m, : lanes.counts[m]], memory_s)
+
+
+@njit(cache=True, nogil=True)
+def follow_roughnesses(memory, signals, lanes, column, memory_samples):  # type: ignore[no-untyped-def]
+    """``follow_roughness`` of vehicles in lanes: ``memory`` (n, ROUGHNESS), readings in a column of ``signals``."""
+    for m in range(lanes.place.size):
+        follow_roughness(memory[lanes.place[m]], signals[m, : lanes.counts[m], column], memory_samples)
 
 
 @njit(cache=True)

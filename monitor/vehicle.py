@@ -1,7 +1,7 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from wingwatch.aircraft import (
     mode_quantities,
 )
 from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope, Reference
-from wingwatch.estimators import Estimate, Outcome
+from wingwatch.estimators import BlockEvidence, Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
@@ -49,8 +49,8 @@ def surface_kinds(given: Sequence[str]) -> dict[str, str]:
 class Report:
     """What a block of samples led to: solutions, and alerts that were raised, changed or cleared."""
 
-    solutions: Sequence[Solution] = ()
-    alerts: Sequence[AlertView] = ()
+    solutions: list[Solution] = field(default_factory=list)
+    alerts: list[AlertView] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -107,7 +107,7 @@ class VehicleMonitor:
         self.chain = (
             chain.of_another() if chain else Chain(aircraft, present, kinds, configuration, envelopes)
         )
-        self._chain_state = self.chain.init()
+        self.chain_state = self.chain.init()
         self._compared = _compared(self.chain.seen)
         nominal = nominal_condition(aircraft)
         self._stated = self._stated_provenance(nominal)
@@ -138,7 +138,7 @@ class VehicleMonitor:
     @property
     def air(self) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
-        return self.chain.air(self._chain_state)
+        return self.chain.air(self.chain_state)
 
     @property
     def last_block(self) -> BlockView | None:
@@ -153,7 +153,7 @@ class VehicleMonitor:
     @property
     def last_sample_time_s(self) -> float | None:
         """Stamp of the last sample used."""
-        t = self._chain_state.last_s
+        t = self.chain_state.last_s
         return t if np.isfinite(t) else None
 
     def adopt(self, memory: VehicleMemory) -> None:
@@ -167,22 +167,28 @@ class VehicleMonitor:
 
     def feed(self, block: SampleBlock) -> Report:
         """Take in samples as they came (completed, not cleaned)."""
-        clean = self.prepared(block)
-        solutions: list[Solution] = []
-        alerts: list[AlertView] = []
-        for solution in self.chain.advance(self._chain_state, clean):
-            solutions.append(solution)
-            changed = self._judge_solution(solution)
-            before, self._memory.latest = self._memory.latest, solution
-            if changed is not None:
-                alerts.append(changed)
-            self._update_state(solution, before)
+        report = Report()
+        for solution in self.chain.advance(self.chain_state, self.prepared(block)):
+            report.solutions.append(solution)
+            if (changed := self.follow(solution)) is not None:
+                report.alerts.append(changed)
+        self.note_rest()
+        return report
+
+    def follow(self, solution: Solution) -> AlertView | None:
+        """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
+        changed = self._judge_solution(solution)
+        before, self._memory.latest = self._memory.latest, solution
+        self._update_state(solution, before)
+        return changed
+
+    def note_rest(self) -> None:
+        """After some samples: who is at rest is not observable."""
         if self._memory.resting and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
             self._memory.state, self._memory.state_since_s = (
                 VehicleState.NOT_OBSERVABLE,
                 self.last_sample_time_s,
             )
-        return Report(solutions, alerts)
 
     def prepared(self, block: SampleBlock) -> SampleBlock:
         """Samples as the chain takes them: cleaned, without the delays that the aircraft file states, and in flight.
@@ -215,13 +221,13 @@ class VehicleMonitor:
 
     def _judge_solution(self, solution: Solution) -> AlertView | None:
         """If blocks were closed, compare them and follow up."""
-        fresh = [m for s in self._compared if (m := solution.modes[s.name]).gained is not None]
-        if not fresh:
+        closed = [(m, m.block) for s in self._compared if (m := solution.modes[s.name]).block is not None]
+        if not closed:
             return None
         modes = {}
         condition = None
-        for mode in fresh:
-            airspeed, altitude, density, alpha = mode.block.condition
+        for mode, evidence in closed:
+            airspeed, altitude, density, alpha = evidence.condition
             condition = FlightCondition(
                 airspeed, altitude, density, self.configuration, alpha if np.isfinite(alpha) else 0.0
             )
@@ -230,30 +236,32 @@ class VehicleMonitor:
                 self._memory.outside = expectation.reason
                 continue
             self._memory.outside = ""
-            modes[mode.structure.name] = self.judge.mode_block(mode, expectation, condition)
-            self._remember(mode, modes[mode.structure.name], condition)
+            modes[mode.structure.name] = self.judge.mode_block(mode, evidence, expectation, condition)
+            self._remember(mode, evidence, modes[mode.structure.name], condition)
         if condition is None or not modes:
             return None
-        block = BlockView(fresh[0].block.end_s, condition, modes)
+        block = BlockView(closed[0][1].end_s, condition, modes)
         verdict = self.judge.consider(self._judge_state, block, self.book.onset_s)
         self._memory.block, self._memory.verdict = block, verdict
         return self.book.follow(
             self.judge, self._judge_state, verdict, condition, solution.time_s, self.basis or "a-priori"
         )
 
-    def _remember(self, mode: ModeSolution, seen: ModeBlock, condition: FlightCondition) -> None:
+    def _remember(
+        self, mode: ModeSolution, evidence: BlockEvidence, seen: ModeBlock, condition: FlightCondition
+    ) -> None:
         """The block joins the memory of its cell; in another cell than before, its memory is resumed."""
         name = mode.structure.name
         memory = self.cells.block(
-            name, mode.block, condition, natural_size(seen.expected, seen.expected_covariance),
+            name, evidence, condition, natural_size(seen.expected, seen.expected_covariance),
             alarmed=self.book.active is not None, rough=mode.rough,
         )  # fmt: skip
         if memory is not None:
-            self.chain.resume(self._chain_state, name, *memory)
+            self.chain.resume(self.chain_state, name, *memory)
 
     def _update_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
-        seen = any(_seen(solution.modes[s.name]) for s in self._compared)
+        seen = any(solution.modes[s.name].says_something for s in self._compared)
         if seen:
             slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
             m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
@@ -318,7 +326,7 @@ class VehicleMonitor:
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
         """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""
-        at = self.chain.current(self._chain_state) if solution is None else solution
+        at = self.chain.current(self.chain_state) if solution is None else solution
         estimators: dict[str, dict[str, Any]] = {"fourier": {}, "ekf": {}}
         for name, mode in at.modes.items():
             for estimate in (mode.fourier, mode.ekf):
@@ -420,7 +428,3 @@ def _compared(structures: Sequence[ModeStructure]) -> tuple[ModeStructure, ...]:
     """Structures the monitor compares: short period, and the fullest lateral one there is."""
     lateral = LATERAL if LATERAL in structures else DUTCH_ROLL
     return tuple(s for s in (SHORT_PERIOD, lateral) if s in structures)
-
-
-def _seen(mode: ModeSolution) -> bool:
-    return mode.fourier.outcome in (Outcome.CONVERGED, Outcome.SETTLING)

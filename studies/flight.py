@@ -169,8 +169,8 @@ class _Watch:
                 scores.append([block.end_s, *score])
         for solution in report.solutions:
             for name, mode_solution in solution.modes.items():
-                if name in block.modes and mode_solution.gained is not None:
-                    found = mode_solution.block
+                found = mode_solution.block
+                if name in block.modes and found is not None:
                     information, _ = monitor.judge.coordinates[name].of_evidence(
                         found.information, found.vector, block.condition
                     )

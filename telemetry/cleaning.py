@@ -108,10 +108,8 @@ class CleaningReport:
         return "; ".join(parts)
 
 
-def _sum(one: Mapping[str, int], other: Mapping[str, int]) -> dict[str, int]:
-    return {
-        name: one.get(name, 0) + other.get(name, 0) for name in [*one, *(n for n in other if n not in one)]
-    }
+def _sum(one: Mapping[str, int], other: Mapping[str, int]) -> Mapping[str, int]:
+    return {**one, **{name: one.get(name, 0) + times for name, times in other.items()}} if other else one
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,9 +177,9 @@ class Cleaner:
     def clean(self, block: SampleBlock) -> CleanResult:
         """The rows of the stream that are decided by now, and the counts of this block."""
         sound, rejected, by_channel = self._sound_rows(block.values)
-        time_s = sound[:, 0]
-        if not len(self._state.held) and self._advances(time_s):
-            result = self._accept_all(sound, rejected, by_channel)
+        steps = self._steps(sound[:, 0])
+        if not len(self._state.held) and ((steps > 0.0) & (steps <= self._config.forward_jump_s)).all():
+            result = self._accept_all(sound, steps, rejected, by_channel)
         else:
             result = self._sort_out(sound, rejected, by_channel)
         self._report = self._report + result.report
@@ -205,22 +203,24 @@ class Cleaner:
         rejected = {"non_finite": int(without.sum()), "out_of_range": int((beyond & ~without).sum())}
         return values[~(without | beyond)], {k: n for k, n in rejected.items() if n}, by_channel
 
-    def _advances(self, time_s: NDArray[np.float64]) -> bool:
-        """Whether every step is an ordinary one forward."""
-        if time_s.size == 0:
-            return True
-        steps = self._steps(time_s)
-        return bool(np.all((steps > 0.0) & (steps <= self._config.forward_jump_s)))
-
     def _steps(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Steps between stamps, the first one from the last accepted row if there is one."""
         last = self._state.last_time_s
-        return np.diff(time_s) if last is None else np.diff(time_s, prepend=last)
+        if last is None or not time_s.size:
+            return time_s[1:] - time_s[:-1]
+        steps = np.empty(time_s.size)
+        steps[0] = time_s[0] - last
+        np.subtract(time_s[1:], time_s[:-1], out=steps[1:])
+        return steps
 
     def _accept_all(
-        self, rows: NDArray[np.float64], rejected: dict[str, int], by_channel: dict[str, int]
+        self,
+        rows: NDArray[np.float64],
+        steps: NDArray[np.float64],
+        rejected: dict[str, int],
+        by_channel: dict[str, int],
     ) -> CleanResult:
-        gaps = int(np.count_nonzero(self._steps(rows[:, 0]) > self._config.max_gap_s)) if len(rows) else 0
+        gaps = int(np.count_nonzero(steps > self._config.max_gap_s))
         if len(rows):
             self._state = CleanerState(float(rows[-1, 0]), self._state.held)
         events = {"gap": gaps} if gaps else {}

@@ -5,6 +5,8 @@ itself, so a flight gives the same numbers, to the bit, however it arrives and h
 """
 
 from collections.abc import Collection, Mapping
+from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +33,13 @@ def derivations(given: Collection[str]) -> Mapping[str, tuple[str, ...]]:
         Sources by channel: a surface from its left and right half or from its command, air density from
         temperature and altitude or from altitude alone, true airspeed from indicated airspeed and density.
     """
+    return _derivations(frozenset(given))
+
+
+@lru_cache(maxsize=256)
+def _derivations(given: frozenset[str]) -> Mapping[str, tuple[str, ...]]:
     made: dict[str, tuple[str, ...]] = {}
-    if "aileron_rad" not in given and {"aileron_left_rad", "aileron_right_rad"} <= set(given):
+    if "aileron_rad" not in given and {"aileron_left_rad", "aileron_right_rad"} <= given:
         made["aileron_rad"] = ("aileron_left_rad", "aileron_right_rad")
     for surface in SURFACES:
         position, command = f"{surface}_rad", f"{surface}_command_rad"
@@ -44,7 +51,7 @@ def derivations(given: Collection[str]) -> Mapping[str, tuple[str, ...]]:
     density = "air_density_kg_m3" in given or "air_density_kg_m3" in made
     if "airspeed_true_m_s" not in given and "airspeed_indicated_m_s" in given and density:
         made["airspeed_true_m_s"] = ("airspeed_indicated_m_s", "air_density_kg_m3")
-    return made
+    return MappingProxyType(made)
 
 
 def complete(block: SampleBlock, given: Collection[str] | None = None) -> SampleBlock:

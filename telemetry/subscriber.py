@@ -1,14 +1,15 @@
 """Receiving: messages of all vehicles wait, undecoded, in a bounded queue for the service's loop.
 
-Zenoh's callbacks must neither block nor call Zenoh, so they only check the key, copy the bytes and leave. They
-run in Zenoh's own thread: with a thread for each subscription, as is usual, samples overtake the aircraft
-message that was sent before them.
+Zenoh keeps what arrives in channels of its own, without this interpreter; every few milliseconds a thread takes over
+what is there, checks the key and copies the bytes. A callback a message would stop whoever computes at every message.
+Aircraft messages go before the samples that were taken over with them, for these may be the first of that vehicle.
 """
 
+import logging
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Lock
+from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Any, Self
 
@@ -17,6 +18,16 @@ import zenoh
 from wingwatch.telemetry.keys import KEY_ROOT, KeyNameError, parse_key, vehicle_key
 
 __all__ = ["InboundMessage", "SensorSubscriber"]
+
+_LOG = logging.getLogger(__name__)
+
+_GATHER_S = 0.003
+"""Time between two looks at the channels: vehicles whose messages come within it can be advanced together."""
+
+_CHANNEL = 16_384
+"""Messages that a channel takes; a link whose channel is full waits."""
+
+_END_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +40,7 @@ class InboundMessage:
         stream: ``sensors`` or ``aircraft``.
         payload: its bytes; of a payload above the limit only so many that decoding says ``too_large``.
         encoding: Zenoh's encoding, as text.
-        received_s: the subscriber's clock on arrival.
+        received_s: the subscriber's clock when it was taken over, a few milliseconds after its arrival.
     """
 
     fleet: str
@@ -49,7 +60,7 @@ class SensorSubscriber:
     Args:
         session: an open session.
         clock: seconds, for the time of arrival.
-        on_arrival: called after each message from Zenoh's thread; it must return at once (set an event).
+        on_arrival: called after messages came, from another thread; it must return at once (set an event).
         capacity: most messages waiting; more are dropped and counted as ``overflow``.
         capacity_bytes: most bytes waiting; likewise.
         max_message_bytes: longest payload kept whole.
@@ -76,11 +87,12 @@ class SensorSubscriber:
         self._counts = {"received": 0, "overflow": 0, "bad_key": 0}
         self._lock = Lock()
         self._subscribers = [
-            session.declare_subscriber(
-                f"{KEY_ROOT}/*/*/{stream}", zenoh.handlers.Callback(self._arrived, indirect=False)
-            )
+            session.declare_subscriber(f"{KEY_ROOT}/*/*/{stream}", zenoh.handlers.FifoChannel(_CHANNEL))
             for stream in ("aircraft", "sensors")
         ]
+        self._ending = Event()
+        self._thread = Thread(target=self._run, name="wingwatch-subscriber", daemon=True)
+        self._thread.start()
         self._ask(f"{KEY_ROOT}/*/*/aircraft")
 
     def __enter__(self) -> Self:
@@ -93,6 +105,8 @@ class SensorSubscriber:
 
     def close(self) -> None:
         """Ends the subscription; what waits can still be drained."""
+        self._ending.set()
+        self._thread.join(_END_S)
         while self._subscribers:
             self._subscribers.pop().undeclare()  # type: ignore[no-untyped-call]
 
@@ -118,6 +132,24 @@ class SensorSubscriber:
         """Ask a vehicle what aircraft it is; the answer comes as a message. Never called in Zenoh's thread."""
         self._ask(vehicle_key(fleet, vehicle, "aircraft"))
 
+    def _run(self) -> None:
+        while not self._ending.wait(_GATHER_S):
+            try:
+                self._take_over()
+            except zenoh.ZError:
+                return  # the session is closed: nothing more comes
+            except Exception:  # no message may end the service of all others
+                _LOG.exception("messages could not be taken over")
+
+    def _take_over(self) -> None:
+        aircraft, sensors = self._subscribers
+        samples = _waiting(sensors)  # first: whatever was announced before them is there by now
+        news = _waiting(aircraft) + samples
+        for sample in news:
+            self._arrived(sample)
+        if news and self._on_arrival is not None:
+            self._on_arrival()
+
     def _arrived(self, sample: zenoh.Sample) -> None:
         if sample.kind != zenoh.SampleKind.PUT:
             return
@@ -131,8 +163,6 @@ class SensorSubscriber:
             key.fleet, key.vehicle, key.leaf, payload, str(sample.encoding), self._clock()
         )
         self._queue(message)
-        if self._on_arrival is not None:
-            self._on_arrival()
 
     def _queue(self, message: InboundMessage) -> None:
         with self._lock:
@@ -154,3 +184,13 @@ class SensorSubscriber:
     def _answered(self, reply: Any) -> None:
         if reply.ok is not None:
             self._arrived(reply.ok)
+            if self._on_arrival is not None:
+                self._on_arrival()
+
+
+def _waiting(channel: Any) -> list[zenoh.Sample]:
+    """All that a channel holds now, not more than it can hold."""
+    taken: list[zenoh.Sample] = []
+    while len(taken) < _CHANNEL and (sample := channel.try_recv()) is not None:
+        taken.append(sample)
+    return taken

@@ -119,7 +119,7 @@ def _measured_of(gain, i, row, j, ns, nz):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def inverse_of(cov, chosen):  # type: ignore[no-untyped-def]
     """Inverse of the covariance of some parameters, (m, m)."""
     m = chosen.size
@@ -131,7 +131,7 @@ def inverse_of(cov, chosen):  # type: ignore[no-untyped-def]
     return inverse
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def put_marginal(z, cov, chosen, inverse, value, covariance):  # type: ignore[no-untyped-def]
     """Gives some parameters another mean and covariance; all else, given these, stays.
 
@@ -174,7 +174,7 @@ def put_marginal(z, cov, chosen, inverse, value, covariance):  # type: ignore[no
             cov[chosen[a], chosen[b]] = covariance[a, b]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def forget(z, cov, prior_value, prior_information, keep, noise_information, first):  # type: ignore[no-untyped-def]
     """Stabilised forgetting: what is known of the parameters is mixed with the prior, keep : 1 - keep.
 
@@ -207,7 +207,7 @@ def forget(z, cov, prior_value, prior_information, keep, noise_information, firs
     put_marginal(z, cov, chosen, inverse, value, mixed)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def keep_marginal(z, cov, value, covariance, chosen, first):  # type: ignore[no-untyped-def]
     """Gives some derivatives the mean and covariance back that they had; all else, given these, stays.
 
@@ -226,7 +226,7 @@ def keep_marginal(z, cov, value, covariance, chosen, first):  # type: ignore[no-
     put_marginal(z, cov, first + chosen, inverse_of(cov, first + chosen), mean, before)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def reseat(z, cov, value, covariance, first):  # type: ignore[no-untyped-def]
     """Gives the derivatives another mean and covariance; all else, given the derivatives, stays.
 

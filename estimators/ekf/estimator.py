@@ -5,7 +5,7 @@ prediction and correction to ``filterpy.kalman.ExtendedKalmanFilter`` and serves
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +38,11 @@ from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
+from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
 from wingwatch.estimators.signals import SignalLayout
 
-__all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
+__all__ = ["EkfConfig", "EkfEstimator", "EkfSnapshot", "EkfState"]
 
 Array = NDArray[np.float64]
 
@@ -93,6 +94,24 @@ class EkfConfig:
             object.__setattr__(self, "held", (False,) * len(self.structure.inputs))
 
 
+class EkfSnapshot(NamedTuple):
+    """What an estimate of one vehicle is made of, copied out of the state.
+
+    Attributes:
+        z, condition, informed_s: of ``EkfState``.
+        covariance: (k, k) of the derivatives.
+        row: the last signal row.
+        started: whether the filter has begun.
+    """
+
+    z: Array
+    covariance: Array
+    condition: Array
+    informed_s: Array
+    row: Array
+    started: bool
+
+
 class EkfEstimator:
     """The filter: ``init``, ``update``, ``solve``, ``estimate``; a batch of vehicles at a time."""
 
@@ -103,21 +122,15 @@ class EkfEstimator:
         self.layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
         self.model = _model(config, self.layout.states, self.layout.inputs)
 
-    def gust_variance(self, state: EkfState, vehicle: int) -> Array:
-        """Variance of each state that gusts alone cause within ten seconds, shape (ns,).
+    def gust_variance(self, state: EkfState, places: NDArray[np.int64]) -> Array:
+        """Variance of each state of some vehicles that gusts alone cause within ten seconds, shape (m, ns).
 
         Zeros for a filter that knows only calm air, NaN before there is a condition.
         """
-        sizes = self.model.sizes
-        _, airspeed, density, _, alpha = state.condition[vehicle]
-        if sizes.gusts == 0 or not np.isfinite(airspeed):
-            return np.full(sizes.states, 0.0 if sizes.gusts == 0 else np.nan)
-        structure = self.config.structure
-        scale = referred_scale(structure, airspeed, density, self.config.reference)
-        forward = offsets(structure, airspeed, alpha)[: sizes.states]
-        return np.asarray(
-            gust_variance(self.model, state.z[vehicle], state.noise, vehicle, scale, forward, airspeed)
-        )
+        out = np.zeros((places.size, self.model.sizes.states))
+        if self.model.sizes.gusts > 0:
+            gust_variance(self.model, state.z, state.noise, state.condition, places, out)
+        return out
 
     def init(self, vehicles: int) -> EkfState:
         """State before the first sample."""
@@ -182,18 +195,26 @@ class EkfEstimator:
             accepted=prior_accepted(c.prior_value, c.prior_std, n),
         )
 
-    def update(self, state: EkfState, signals: Array) -> None:
+    def update(self, state: EkfState, signals: Array, lanes: Lanes | None = None) -> None:
         """Take in samples: shape (vehicles, samples, columns) from ``Signals``; incomplete rows are passed over.
+
+        Args:
+            state: advanced in place.
+            signals: of the vehicles in ``lanes``; of all where these are not given.
 
         Raises:
             ValueError: signals of another structure.
         """
         signals = self.layout.checked(signals)
-        remember(signals, self.layout.kinematic + 5, state.rows, state.window.rows, state.window.filled)
+        lanes = lanes or all_lanes(*signals.shape[:2])
+        complete = self.layout.kinematic + 5
+        remember(signals, lanes, complete, state.rows, state.window.rows, state.window.filled)
         update = filterpy_engine.update_all if self.config.engine == "filterpy" else update_all
-        update(self.model, state, signals)
+        update(self.model, state, signals, lanes)
 
-    def solve(self, state: EkfState, seen: NDArray[np.int64] | None = None) -> None:
+    def solve(
+        self, state: EkfState, seen: NDArray[np.int64] | None = None, places: NDArray[np.int64] | None = None
+    ) -> dict[int, Exception]:
         """Note what was learned, then forget with ``memory_s``, unless all is quiet; where it matters, the last seconds
         are run again, linearised about what is known now. A filter whose numbers are no longer finite starts anew.
 
@@ -201,22 +222,32 @@ class EkfEstimator:
             state: in place.
             seen: of each vehicle, what the data since the last solution carried, as far as that can be told:
                 ``accepted``'s SIGNAL, NOISE or UNDECIDED, shape (vehicles,). All SIGNAL if not given.
+            places: the vehicles, each once; all if not given.
+
+        Returns:
+            vehicles that the program failed on, and how; the others are solved.
         """
-        n, first = len(state.z), self.model.sizes.dynamic
-        lost = ~(np.isfinite(state.z).all(axis=1) & np.isfinite(state.cov).all(axis=(1, 2)))
+        places = np.arange(len(state.z)) if places is None else places
+        n, first = places.size, self.model.sizes.dynamic
+        lost = ~(np.isfinite(state.z[places]).all(axis=1) & np.isfinite(state.cov[places]).all(axis=(1, 2)))
         if lost.any():
-            put_vehicle(state, lost, self.init(int(lost.sum())))
-        quiet = [] if seen is None else [int(i) for i in np.flatnonzero(seen == NOISE)]
+            put_vehicle(state, places[lost], self.init(int(lost.sum())))
+        faults: dict[int, Exception] = {}
+        quiet = [] if seen is None else places[seen == NOISE].tolist()
         for i in quiet:
-            go_back(state, i, first)
+            try:
+                go_back(state, i, first)
+            except Exception as error:  # the others are not to suffer by it
+                faults[i] = error
         solved = Solved(np.empty(n), np.empty(n), np.empty((n, self.layout.inputs), dtype=np.bool_))
-        solve_all(self.model, state, solved)
-        relinearise_all(self.model, state, solved)
+        solve_all(self.model, state, places, solved)
+        faults |= relinearise_all(self.model, state, places, solved)
         for i in quiet:
             begin_window(state, i)
         if seen is not None:
-            for decided in np.flatnonzero(seen != UNDECIDED):
-                accept(state, int(decided), first)
+            for decided in places[seen != UNDECIDED].tolist():
+                accept(state, decided, first)
+        return faults
 
     def release(
         self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0, since_s: float = np.inf
@@ -255,32 +286,48 @@ class EkfEstimator:
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
-        c, parameters = self.config, self._parameters
-        _, airspeed, density, altitude, alpha = state.condition[vehicle]
+        return self.estimate_of(self.snapshot(state, vehicle))
+
+    def snapshot(self, state: EkfState, vehicle: int = 0) -> EkfSnapshot:
+        """What an estimate is made of, for whoever may want it later."""
+        parameters = self._parameters
+        return EkfSnapshot(
+            state.z[vehicle].copy(),
+            state.cov[vehicle, parameters, parameters].copy(),
+            state.condition[vehicle].copy(),
+            state.informed_s[vehicle].copy(),
+            state.rows[vehicle, NEWEST].copy(),
+            bool(state.samples[vehicle] > WARM_UP),
+        )
+
+    def estimate_of(self, seen: EkfSnapshot) -> Estimate:
+        """The estimate as of a snapshot."""
+        c = self.config
+        _, airspeed, density, altitude, alpha = seen.condition
         scale = referred_scale(c.structure, airspeed, density, c.reference)
-        value = state.z[vehicle, parameters] * scale + offsets(c.structure, airspeed, alpha)
+        value = seen.z[self._parameters] * scale + offsets(c.structure, airspeed, alpha)
         if c.structure.states[0] == "w":
-            value += self._by_airspeed(state, vehicle, value)
-        covariance = state.cov[vehicle, parameters, parameters] * np.outer(scale, scale)
+            value += self._by_airspeed(seen, value)
         return standing(
-            self.name, c.structure, float(state.rows[vehicle, NEWEST, TIME]),
-            ConcisePosterior(value, covariance, 3.0 * c.prior_std * scale, prior_ratio=1.0),
-            state.informed_s[vehicle], c.stale_s, bool(state.samples[vehicle] > WARM_UP),
-            np.array([airspeed, altitude, density, alpha]),
+            self.name, c.structure, float(seen.row[TIME]),
+            ConcisePosterior(
+                value, seen.covariance * np.outer(scale, scale), 3.0 * c.prior_std * scale, prior_ratio=1.0
+            ),
+            seen.informed_s, c.stale_s, seen.started, np.array([airspeed, altitude, density, alpha]),
         )  # fmt: skip
 
-    def _by_airspeed(self, state: EkfState, vehicle: int, value: Array) -> Array:
+    def _by_airspeed(self, seen: EkfSnapshot, value: Array) -> Array:
         """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha).
 
         The filter's forces go with rho V (states) and rho V^2 (inputs and constants), V measured; a concise derivative
         by w holds their slope by V too, for z_w -2 g sin(alpha) / V and a little more.
         """
         ns, nu = self.layout.states, self.layout.inputs
-        _, airspeed, _, _, alpha = state.condition[vehicle]
-        row, by_w = state.rows[vehicle, NEWEST], np.zeros((ns, ns + nu))
+        _, airspeed, _, _, alpha = seen.condition
+        row, by_w = seen.row, np.zeros((ns, ns + nu))
         if np.isfinite(alpha) and airspeed > 1.0:
             table, kappa = value.reshape(ns, ns + nu), row[self.layout.kinematic + PRESSURE_RATIO]
-            still = state.z[vehicle, -ns:] * kappa + table[:, ns:] @ row[self.layout.first_input :][:nu]
+            still = seen.z[-ns:] * kappa + table[:, ns:] @ row[self.layout.first_input :][:nu]
             by_w[:, 0] = np.sin(alpha) * (2.0 * still / airspeed + table[:, 0] * np.sin(alpha))
         return by_w.ravel()
 

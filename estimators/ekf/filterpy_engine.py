@@ -41,6 +41,7 @@ from wingwatch.estimators.ekf.state import (
     one_vehicle,
     put_vehicle,
 )
+from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.signals import CONDITION_COLUMNS
 from wingwatch.telemetry import MAX_GAP_S
 
@@ -49,10 +50,10 @@ __all__ = ["update_all"]
 Array = NDArray[np.float64]
 
 
-def update_all(model: Model, state: EkfState, signals: Array) -> None:
-    """Run all samples of all vehicles, (vehicles, samples, columns)."""
-    for i in range(signals.shape[0]):
-        for new in signals[i]:
+def update_all(model: Model, state: EkfState, signals: Array, lanes: Lanes) -> None:
+    """Run all samples of some vehicles, (vehicles, samples, columns)."""
+    for rows, i, count in zip(signals, lanes.place.tolist(), lanes.counts.tolist(), strict=True):
+        for new in rows[:count]:
             if np.isfinite(new[: model.sizes.kinematic + ALPHA]).all():
                 _take(model, state, i, new)
 
@@ -67,7 +68,7 @@ def _take(model: Model, state: EkfState, i: int, new: Array) -> None:
     settled = samples > WARM_UP and not (inertial and samples * dt < SETTLE_S)
     if not 0.0 < dt <= MAX_GAP_S or not settled or not np.isfinite(older[TIME]):
         one = one_vehicle(state, i)
-        recursion.update_all(model, one, np.ascontiguousarray(new)[None, None])
+        recursion.update_all(model, one, np.ascontiguousarray(new)[None, None], all_lanes(1, 1))
         put_vehicle(state, [i], one)
         return
     state.samples[i] = samples

@@ -74,7 +74,7 @@ def input_noise_into(model, jacobian, z, variance, effect, q):  # type: ignore[n
                     q[a, b] += effect[a] * effect[b]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def input_noise(model, jacobian, row, z, variance, q):  # type: ignore[no-untyped-def]
     """``input_noise_into``; returns what the same errors add to the variance of the accelerometer's ``row``."""
     input_noise_into(model, jacobian, z, variance, np.empty(model.sizes.dynamic), q)
@@ -152,7 +152,7 @@ def correct_input_errors(model, errors, i, readings, gains, work):  # type: igno
                 errors.information[i, j, c, r] = errors.energy[i, j, c, r]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def input_noise_information(error_information, moments, variance, resting, out):  # type: ignore[no-untyped-def]
     """Information that came of reading errors since the last solution, into ``out`` (k, k); none of a resting input.
 

@@ -72,7 +72,7 @@ def _series(a, ns, a2, a3, out):  # type: ignore[no-untyped-def]
         out[k, k] += 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def transition(model, z, step):  # type: ignore[no-untyped-def]
     """One step of the augmented state ``z`` (nz,), as a ``Transition``."""
     ns, nx = model.sizes.states, model.sizes.dynamic
@@ -152,7 +152,7 @@ def _sensitivity_to_states(model, step, first, work):  # type: ignore[no-untyped
         jacobian[ns + g, ns + g] = step.decay[g]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def measure(model, z, step):  # type: ignore[no-untyped-def]
     """Predicted measurements: the states, then the accelerometer at its place.
 

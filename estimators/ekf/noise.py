@@ -126,7 +126,7 @@ def adapt_process(variance, discounted, correction, before, after, decay, rate):
     return variance * (1.0 + rate * (min(ratio, FASTEST) - 1.0)), discounted
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-def]
     """Covariance that a step adds to states and gust states, (nx, nx): sources that strike at any time within the step.
 
@@ -165,7 +165,7 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
                 q[a, b] += w * work[1, b] + u * work[0, b]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def trim_drift(model, noise, i, step):  # type: ignore[no-untyped-def]
     """Variance that a step adds to the trim constants, (ns,): slower changes than the trim corner are theirs."""
     drift = np.empty(model.sizes.states)

@@ -53,7 +53,7 @@ from wingwatch.estimators.ekf.state import (
     running,
     sizes_of,
 )
-from wingwatch.estimators.kernels.hot import hot, lean, part, sizes
+from wingwatch.estimators.kernels.hot import hot, lean, part, sizes, whole
 from wingwatch.estimators.kernels.intersample import course
 from wingwatch.estimators.kernels.levels import advance_level, start_level
 from wingwatch.estimators.kernels.reading_noise import (
@@ -62,6 +62,7 @@ from wingwatch.estimators.kernels.reading_noise import (
     largest_variance,
     reading_variance,
 )
+from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.signals import CONDITION_COLUMNS
 from wingwatch.telemetry import MAX_GAP_S
 
@@ -149,7 +150,7 @@ def _step_on(drive, sample, kinematic):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def step_of(model, sample):  # type: ignore[no-untyped-def]
     """What drives the model over the step of a ``Sample``."""
     drive = _drive(model.sizes.states, model.sizes.inputs, model.sizes.gusts)
@@ -224,7 +225,7 @@ def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignor
         noise.gust[i] = gain * gain / (1.0 - gain) * noise.reading[i, 0]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def adapt_noise(model, noise, i, posterior, prediction, step, force, rate):  # type: ignore[no-untyped-def]
     """``_adapt_noise`` for the engine "filterpy"."""
     _adapt_noise(model, noise, i, posterior, prediction, step, force, rate)
@@ -410,7 +411,7 @@ def _note(state, i, s, notes):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _run(lengths, given, state, signals, ends, first_time, notes, space):  # type: ignore[no-untyped-def]
+def _run(lengths, given, state, given_rows, ends, first_time, notes, space):  # type: ignore[no-untyped-def]
     """``update_all`` in a workspace; the sizes in ``lengths`` take the place of those in the model."""
     model = Model(
         _sizes_of(len(lengths[0]), len(lengths[1]), len(lengths[2])), given.longitudinal, given.roll,
@@ -418,11 +419,12 @@ def _run(lengths, given, state, signals, ends, first_time, notes, space):  # typ
         given.reference_airspeed_m_s, given.reference_density_kg_m3, given.stated_variance, given.input_variance,
         given.servo_s, given.lever_m, given.gust_length_m, given.gust_direction, given.prior_value, given.prior_std,
     )  # fmt: skip
-    for i in range(signals.shape[0]):
-        begin = 0
+    signals, lanes = given_rows
+    for m in range(lanes.place.size):
+        i, begin = lanes.place[m], 0
         for s in range(ends.size):
-            for k in range(begin, ends[s]):
-                new = signals[i, k]
+            for k in range(begin, min(ends[s], lanes.counts[m])):
+                new = signals[m, k]
                 complete = True
                 for c in range(model.sizes.kinematic + ALPHA):
                     complete = complete and np.isfinite(new[c])
@@ -433,8 +435,8 @@ def _run(lengths, given, state, signals, ends, first_time, notes, space):  # typ
                 _note(state, i, s, notes)
 
 
-@njit(cache=True)
-def _update_all(lengths, model, state, signals, ends, first_time, notes):  # type: ignore[no-untyped-def]
+@whole
+def _update_all(lengths, model, state, rows, ends, first_time, notes):  # type: ignore[no-untyped-def]
     ns, nx, nz = model.sizes.states, model.sizes.dynamic, model.sizes.augmented
     square, readings = (ns, ns), (ns + 2) // 2 * 2
     space = Workspace(
@@ -448,7 +450,7 @@ def _update_all(lengths, model, state, signals, ends, first_time, notes):  # typ
         Gains(np.zeros((readings, nz)), np.zeros(readings), np.zeros(readings)),
         np.empty(nx),
     )  # fmt: skip
-    _run(lengths, model, state, signals, ends, first_time, notes, space)
+    _run(lengths, model, state, rows, ends, first_time, notes, space)
 
 
 def _lengths(model: Model) -> tuple[tuple[int, ...], ...]:
@@ -481,11 +483,12 @@ def run_again(model: Model, state: Running, signals: Array, ends: NDArray[np.int
     """
     notes = _notes(model, ends.size)
     state.input_moments[:] = 0.0
-    _update_all(_lengths(model), model, state, signals[None], ends, False, notes)
+    rows = signals[None], all_lanes(1, len(signals))
+    _update_all(_lengths(model), model, state, rows, ends, False, notes)
     return notes
 
 
-def update_all(model: Model, state: EkfState, signals: Array) -> None:
-    """Run all samples of all vehicles, (vehicles, samples, columns)."""
+def update_all(model: Model, state: EkfState, signals: Array, lanes: Lanes) -> None:
+    """Run all samples of some vehicles, (vehicles, samples, columns)."""
     ends = np.array([signals.shape[1]])
-    _update_all(_lengths(model), model, running(state), signals, ends, True, _notes(model, 0))
+    _update_all(_lengths(model), model, running(state), (signals, lanes), ends, True, _notes(model, 0))

@@ -48,7 +48,7 @@ from wingwatch.estimators.ekf.window import (
     innovation_log_variance,
     recalled,
 )
-from wingwatch.estimators.kernels.hot import part
+from wingwatch.estimators.kernels.hot import part, whole
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["relinearise_all", "run_window_again"]
@@ -155,7 +155,7 @@ def _left_out(state, i, first, kept, prior_information):  # type: ignore[no-unty
     return max(off.sum(), moved.sum()), max(off[0], moved[0]), fraction
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _inverse(matrix, work, out):  # type: ignore[no-untyped-def]
     """Inverse of a symmetric matrix into ``out``; returns whether the matrix is positive definite and finite."""
     n = matrix.shape[0]
@@ -169,7 +169,7 @@ def _inverse(matrix, work, out):  # type: ignore[no-untyped-def]
     return sound
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
     for a in range(out.size):
         out[a] = 0.0
@@ -177,7 +177,7 @@ def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
             out[a] += matrix[a, b] * vector[b]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _take_back(known, before, chosen):  # type: ignore[no-untyped-def]
     """Resting inputs: the marginal of their derivatives is again that of ``before``.
 
@@ -195,7 +195,7 @@ def _take_back(known, before, chosen):  # type: ignore[no-untyped-def]
             known.vector[chosen[a]] += old[a, b] * before.value[chosen[b]] - new[a, b] * mean[chosen[b]]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-def]
     """What solution ``s`` does to what is known: resting inputs (``before``: as known before the half second),
     information that came of reading errors, forgetting."""
@@ -219,7 +219,7 @@ def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-de
             information[a, b] = information[b, a] = 0.5 * (information[a, b] + information[b, a])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-untyped-def]
     """Half second by half second, what the run about a fixed point says joins what is known.
 
@@ -322,24 +322,25 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
     return True
 
 
-@njit(cache=True)
-def _assess(model, state, solved, fresh, matters):  # type: ignore[no-untyped-def]
+@whole
+def _assess(model, state, places, solved, fresh, matters):  # type: ignore[no-untyped-def]
     """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the window begins anew) and from
     which checkpoint on it ``matters`` to run the window again (-1: from none)."""
     first, k, window, kept = model.sizes.dynamic, state.vector.shape[1], state.window, np.ones(2)
     prior_information = 1.0 / (model.prior_std[:k] * model.prior_std[:k])
-    for i in range(state.z.shape[0]):
-        fresh[i] = matters[i] = -1
+    for m in range(places.size):
+        i = places[m]
+        fresh[m] = matters[m] = -1
         count, solutions = window.filled[i], window.solutions[i]
-        if np.isnan(solved.keep[i]) or count == 0:
+        if np.isnan(solved.keep[m]) or count == 0:
             continue
         if count > window.rows.shape[1] or not np.isfinite(state.cov[i]).all():
             window.rerun[i] = 0
             begin_window(state, i)
             continue
-        fresh[i] = count - (window.ends[i, solutions - 1] if solutions > 0 else 0)
-        window.ends[i, solutions], window.keep[i, solutions] = count, solved.keep[i]
-        window.resting[i, solutions] = solved.resting[i]
+        fresh[m] = count - (window.ends[i, solutions - 1] if solutions > 0 else 0)
+        window.ends[i, solutions], window.keep[i, solutions] = count, solved.keep[m]
+        window.resting[i, solutions] = solved.resting[m]
         window.solutions[i] += 1
         middle = window.middle[i]
         kept[:] = 1.0
@@ -352,36 +353,46 @@ def _assess(model, state, solved, fresh, matters):  # type: ignore[no-untyped-de
         start = 1 if 0 < middle < count and before <= _MATTERS else 0
         again = count - middle if start == 1 else count
         spare = _SPARE_ROWS + _SPARE * state.samples[i] - window.rerun[i] - again
-        if left_out > max(_MATTERS, np.sqrt(solved.gained[i])) and spare >= 0.0:
+        if left_out > max(_MATTERS, np.sqrt(solved.gained[m])) and spare >= 0.0:
             window.rerun[i] += again
-            matters[i] = start
+            matters[m] = start
         elif _TAUGHT < fraction < _MATTERS * _MATTERS:
-            fresh[i] = -1
+            fresh[m] = -1
             begin_window(state, i)
 
 
-@njit(cache=True)
-def _advance_all(state, fresh):  # type: ignore[no-untyped-def]
+@whole
+def _advance_all(state, places, fresh):  # type: ignore[no-untyped-def]
     """The checkpoints of all vehicles whose window goes on."""
-    for i in range(fresh.size):
-        if fresh[i] >= 0:
-            advance_checkpoints(state, i, fresh[i])
+    for m in range(fresh.size):
+        if fresh[m] >= 0:
+            advance_checkpoints(state, places[m], fresh[m])
 
 
-def relinearise_all(model: Model, state: EkfState, solved: Solved) -> None:
+def relinearise_all(
+    model: Model, state: EkfState, places: NDArray[np.int64], solved: Solved
+) -> dict[int, Exception]:
     """After a solution: the window is run again where linearisation has left out what matters, and the checkpoints
     advance.
+
+    Returns the vehicles whose run failed, and how.
 
     Few windows are, so what is done with one is put together here from kernels: compiled as a whole for each number
     of states it would take longer than all the filter.
     """
     parameters = slice(model.sizes.dynamic, model.sizes.dynamic + state.vector.shape[1])
-    fresh, matters = np.empty((2, len(state.z)), dtype=np.int64)
-    _assess(model, state, solved, fresh, matters)
-    for i in np.flatnonzero(matters >= 0):
-        if run_window_again(model, state, int(i), int(matters[i])):
-            covariance = state.cov[i, parameters, parameters]
-            state.information[i] = np.linalg.inv(covariance)
-            state.vector[i] = state.information[i] @ state.z[i, parameters]
-            state.variance[i] = np.diag(covariance)
-    _advance_all(state, fresh)
+    fresh, matters = np.empty((2, len(places)), dtype=np.int64)
+    _assess(model, state, places, solved, fresh, matters)
+    faults: dict[int, Exception] = {}
+    for m in np.flatnonzero(matters >= 0):
+        i = int(places[m])
+        try:
+            if run_window_again(model, state, i, int(matters[m])):
+                covariance = state.cov[i, parameters, parameters]
+                state.information[i] = np.linalg.inv(covariance)
+                state.vector[i] = state.information[i] @ state.z[i, parameters]
+                state.variance[i] = np.diag(covariance)
+        except Exception as error:  # the others are not to suffer by it
+            faults[i], fresh[m] = error, -1
+    _advance_all(state, places, fresh)
+    return faults

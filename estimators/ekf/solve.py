@@ -7,7 +7,7 @@ from wingwatch.estimators.ekf.covariance import forget, inverse_of, keep_margina
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.state import NEWEST, READINGS, SQUARES, SUM, TIME
-from wingwatch.estimators.kernels.hot import part
+from wingwatch.estimators.kernels.hot import part, whole
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["controls_of", "solve_all"]
@@ -23,7 +23,7 @@ NOISE_FRACTION = 0.5
 for."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _resting(moments, moved_s, variance, now_s):  # type: ignore[no-untyped-def]
     """Which inputs have not moved beyond their own noise for ``MOVED_S``."""
     resting = np.zeros(variance.size, dtype=np.bool_)
@@ -37,7 +37,7 @@ def _resting(moments, moved_s, variance, now_s):  # type: ignore[no-untyped-def]
     return resting
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def controls_of(resting, ns, nu):  # type: ignore[no-untyped-def]
     """Indices of the derivatives that belong to resting inputs."""
     chosen = np.zeros(ns * (ns + nu), dtype=np.bool_)
@@ -113,29 +113,30 @@ def _account(state, i, first, noise_information, fresh):  # type: ignore[no-unty
     return max(fraction / k, 0.0)
 
 
-@njit(cache=True)
-def solve_all(model, state, solved):  # type: ignore[no-untyped-def]
+@whole
+def solve_all(model, state, places, solved):  # type: ignore[no-untyped-def]
     """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten.
 
-    What was done is left in ``solved``.
+    ``places``: vehicles of the state, (m,). What was done is left in ``solved``.
     """
     k, first = state.vector.shape[1], model.sizes.dynamic
     prior_information = 1.0 / (model.prior_std * model.prior_std)
     noise_information, chosen = np.zeros((k, k)), np.arange(first, first + k)
-    for i in range(state.z.shape[0]):
+    for m in range(places.size):
+        i = places[m]
         now_s, z, cov = state.rows[i, NEWEST, TIME], state.z[i], state.cov[i]
         if state.samples[i] <= WARM_UP:
             state.input_moments[i] = 0.0
-            solved.keep[i] = np.nan
+            solved.keep[m] = np.nan
             continue
-        solved.resting[i] = _without_noise(model, state, i, noise_information)
+        solved.resting[m] = _without_noise(model, state, i, noise_information)
         fresh = inverse_of(cov, chosen)
-        solved.gained[i] = _account(state, i, first, noise_information, fresh)
+        solved.gained[m] = _account(state, i, first, noise_information, fresh)
         elapsed_s = now_s - state.solved_s[i]
         state.solved_s[i] = now_s
         forgets = 0.0 < elapsed_s < model.stale_s and now_s - np.max(state.informed_s[i]) < model.stale_s
         keep = np.exp(-elapsed_s / model.memory_s) if forgets else 1.0
-        solved.keep[i] = keep
+        solved.keep[m] = keep
         if forgets or noise_information.any():
             forget(z, cov, model.prior_value, prior_information, keep, noise_information, first)
             fresh = inverse_of(cov, chosen)

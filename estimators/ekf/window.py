@@ -5,7 +5,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState
-from wingwatch.estimators.kernels.hot import part
+from wingwatch.estimators.kernels.hot import part, whole
 
 __all__ = [
     "SOLUTIONS",
@@ -32,28 +32,30 @@ SOLUTIONS = 64
 """Solutions within a window that are kept at most."""
 
 
-@njit(cache=True)
-def remember(signals, complete, state_rows, rows, filled):  # type: ignore[no-untyped-def]
+@whole
+def remember(signals, lanes, complete, state_rows, rows, filled):  # type: ignore[no-untyped-def]
     """Complete rows (the first ``complete`` columns finite) join the window; beyond its size they are counted.
 
     In single precision, finer than any sensor resolves, the time since the row before in the place of the time.
-    ``state_rows`` of ``EkfState``, before the filter takes the signals in; ``rows, filled`` of ``Window``.
+    ``lanes`` of the signals; ``state_rows`` of ``EkfState``, before the filter takes the signals in; ``rows`` and
+    ``filled`` of ``Window``.
     """
-    for i in range(signals.shape[0]):
+    for m in range(lanes.place.size):
+        i = lanes.place[m]
         before = state_rows[i, NEWEST, TIME]
-        for k in range(signals.shape[1]):
+        for k in range(lanes.counts[m]):
             finite = True
             for c in range(complete):
-                finite = finite and np.isfinite(signals[i, k, c])
+                finite = finite and np.isfinite(signals[m, k, c])
             if not finite:
                 continue
             r = filled[i]
             if r < rows.shape[1]:
                 for c in range(1, signals.shape[2]):
-                    rows[i, r, c] = signals[i, k, c]
-                since = signals[i, k, TIME] - before
+                    rows[i, r, c] = signals[m, k, c]
+                since = signals[m, k, TIME] - before
                 rows[i, r, TIME] = since if np.isfinite(since) else 0.0
-            before = signals[i, k, TIME]
+            before = signals[m, k, TIME]
             filled[i] += 1
 
 
@@ -64,7 +66,7 @@ def recalled(rows: NDArray[np.float32], before_s: float) -> Array:
     return signals
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def innovation_log_variance(reading, gust, out):  # type: ignore[no-untyped-def]
     """Logarithms of the innovations' variances, by state and for the accelerometer, (ns + 1,): ``reading, gust`` of
     ``Noise``, one vehicle's.
@@ -76,7 +78,7 @@ def innovation_log_variance(reading, gust, out):  # type: ignore[no-untyped-def]
         out[j] = np.log(reading[j] + 0.5 * (walk + np.sqrt(walk * walk + 4.0 * walk * reading[j])))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def set_checkpoint(state, i, checkpoints, m):  # type: ignore[no-untyped-def]
     """A vehicle's present state as its checkpoint ``m``; what follows is linearised about it."""
     k = state.vector.shape[1]
@@ -90,13 +92,13 @@ def set_checkpoint(state, i, checkpoints, m):  # type: ignore[no-untyped-def]
     checkpoints.information[i, m] = state.information[i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def empty_window(window, i):  # type: ignore[no-untyped-def]
     """Nothing that came before is run again."""
     window.filled[i] = window.middle[i] = window.solutions[i] = 0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def begin_window(state, i):  # type: ignore[no-untyped-def]
     """What follows may be run again from here, nothing before it."""
     empty_window(state.window, i)

@@ -77,7 +77,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
-from wingwatch.estimators.kernels.hot import lean, part
+from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings, reading_variance
 from wingwatch.telemetry import MAX_GAP_S
 
@@ -491,50 +491,54 @@ def _vehicle_of(state, i):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@lean
-def fill(model, block, filters, signals, ends):  # type: ignore[no-untyped-def]
+@entry
+def fill(model, block, filters, signals, lanes, ends):  # type: ignore[no-untyped-def]
     """Take samples (vehicles, samples, columns) into running blocks, as far as these go: most calls need no more.
 
     Args:
         model: ``Model``.
         block, filters: ``Block`` and ``Filters`` of all vehicles, in place.
+        lanes: ``Lanes`` of the samples.
         ends: (vehicles, 2), filled: the row at which the block ends, and why; the number of rows where it goes on.
     """
-    for i in range(ends.shape[0]):
+    for m in range(ends.shape[0]):
+        i = lanes.place[m]
         own = Block(block.bank[i], block.rows[i], block.sums[i], block.roughness[i])
         own_filters = Filters(filters.coefficients[i], filters.step[i], filters.readings[i])
-        ends[i, 0], ends[i, 1] = signals.shape[1], GOES_ON
-        for k in range(signals.shape[1]):
-            what = _take(model, own, own_filters, signals[i, k])
+        ends[m, 0], ends[m, 1] = lanes.counts[m], GOES_ON
+        for k in range(lanes.counts[m]):
+            what = _take(model, own, own_filters, signals[m, k])
             if what != GOES_ON:
-                ends[i, 0], ends[i, 1] = k, what
+                ends[m, 0], ends[m, 1] = k, what
                 break
 
 
-@lean
-def advance(model, state, follows, signals, ends, solves, work):  # type: ignore[no-untyped-def]
-    """Take in what ``fill`` left, and solve with every vehicle's running block if ``solves``.
+@entry
+def advance(model, state, follows, signals, lanes, ends, solves, work):  # type: ignore[no-untyped-def]
+    """Take in what ``fill`` left, and solve with the running block of each of the vehicles if ``solves``.
 
     Args:
         model: ``Model``.
         state: ``State`` of all vehicles, in place.
         follows: (vehicles,) whether changes are looked for.
         signals: (vehicles, samples, columns).
+        lanes: ``Lanes`` of the samples.
         ends: (vehicles, 2), of ``fill``.
         work: ``Workspace``.
     """
-    for i in range(follows.size):
+    for m in range(lanes.place.size):
+        i = lanes.place[m]
         vehicle = _vehicle_of(state, i)
         block, progress, rows = vehicle.block, vehicle.progress, vehicle.block.rows
-        what = ends[i, 1]
-        for k in range(ends[i, 0], signals.shape[1]):
-            if k > ends[i, 0]:
-                what = _take(model, block, vehicle.filters, signals[i, k])
+        what = ends[m, 1]
+        for k in range(ends[m, 0], lanes.counts[m]):
+            if k > ends[m, 0]:
+                what = _take(model, block, vehicle.filters, signals[m, k])
             if what == GOES_ON:
                 continue
             if what == FULL or rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s:
                 _close(model, vehicle, work)
-            _restart(model, block, signals[i, k], what == GAP, vehicle.checkpoints.rows)
+            _restart(model, block, signals[m, k], what == GAP, vehicle.checkpoints.rows)
         if not solves or not (rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s - 1e-9):
             continue
         for attempt in range(2):

@@ -10,6 +10,7 @@ is forgotten with ``memory_s`` where new data replace it.
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +43,18 @@ from wingwatch.estimators.fourier.state import (
     State,
 )
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
-from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
+from wingwatch.estimators.lanes import Lanes, all_lanes
+from wingwatch.estimators.reference import (
+    ConcisePosterior,
+    Says,
+    offsets,
+    referred_scale,
+    says_something,
+    standing,
+)
 from wingwatch.estimators.signals import SignalLayout
 
-__all__ = ["FourierConfig", "FourierEstimator", "FourierState"]
+__all__ = ["FourierConfig", "FourierEstimator", "FourierSnapshot", "FourierState"]
 
 Array = NDArray[np.float64]
 
@@ -175,6 +184,25 @@ class FourierState:
     follows: NDArray[np.bool_]
 
 
+class FourierSnapshot(NamedTuple):
+    """What an estimate of one vehicle is made of, copied out of the state.
+
+    Attributes:
+        theta, covariance, informed_s: of ``Posterior``.
+        scatter, condition: of ``Progress``.
+        time_s: stamp of the last sample.
+        solved: whether there was a solution.
+    """
+
+    theta: Array
+    covariance: Array
+    informed_s: Array
+    scatter: Array
+    condition: Array
+    time_s: float
+    solved: bool
+
+
 class FourierEstimator:
     """The estimator: ``init``, ``update``, ``solve``, ``estimate``; a batch of vehicles at a time."""
 
@@ -238,33 +266,43 @@ class FourierEstimator:
             follows=np.ones(n, dtype=np.bool_),
         )
 
-    def update(self, state: FourierState, signals: Array) -> None:
+    def update(self, state: FourierState, signals: Array, lanes: Lanes | None = None) -> None:
         """Take in samples; blocks that become full are closed.
 
         Args:
             state: advanced in place.
             signals: shape (vehicles, samples, columns) from ``Signals``; rows with a missing value are passed over.
+            lanes: whose rows these are; all vehicles of the state and all rows if not given.
 
         Raises:
             ValueError: signals of another structure.
         """
         signals = self.layout.checked(signals)
-        self._advance(state, signals, False)
-
-    def solve(self, state: FourierState) -> None:
-        """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz)."""
-        none = np.empty((len(state.theta), 0, self.layout.columns))
-        self._advance(state, none, True)
-
-    def _advance(self, state: FourierState, signals: Array, solves: bool) -> None:
-        ends = np.zeros((len(state.theta), 2), dtype=np.int64)
-        block, filters = (
-            Block(state.bank, state.rows, state.sums, state.roughness),
-            Filters(state.coefficients, state.step, state.readings),
+        lanes = lanes or all_lanes(*signals.shape[:2])
+        ends = np.zeros((len(signals), 2), dtype=np.int64)
+        block = Block(state.bank, state.rows, state.sums, state.roughness)
+        fill(
+            self._model, block, Filters(state.coefficients, state.step, state.readings), signals, lanes, ends
         )
-        fill(self._model, block, filters, signals, ends)
-        if solves or (ends[:, 0] < signals.shape[1]).any():
-            advance(self._model, _grouped(state), state.follows, signals, ends, solves, self._workspace)
+        if (ends[:, 0] < lanes.counts).any():
+            self._advance(state, signals, lanes, ends, False)
+
+    def solve(self, state: FourierState, places: NDArray[np.int64] | None = None) -> None:
+        """Bring ``theta`` and its covariance up to the last sample (the thesis does it at 2 Hz).
+
+        Args:
+            state: in place.
+            places: the vehicles, each once; all if not given.
+        """
+        places = np.arange(len(state.theta)) if places is None else places
+        lanes = Lanes(places, np.zeros(places.size, dtype=np.int64))
+        none = np.empty((places.size, 0, self.layout.columns))
+        self._advance(state, none, lanes, np.zeros((places.size, 2), dtype=np.int64), True)
+
+    def _advance(
+        self, state: FourierState, signals: Array, lanes: Lanes, ends: NDArray[np.int64], solves: bool
+    ) -> None:
+        advance(self._model, _grouped(state), state.follows, signals, lanes, ends, solves, self._workspace)
 
     def resume(self, state: FourierState, information: Array, vector: Array, vehicle: int = 0) -> None:
         """Put a memory in the place of what closed blocks said; the running block stays.
@@ -280,54 +318,79 @@ class FourierEstimator:
         for discounted in _grouped(state).discounted:
             discounted[vehicle] = 0.0
 
-    def follow_changes(self, state: FourierState, yes: bool) -> None:
-        """Whether changes are looked for; not where the caller knows that the model leaves out what acts."""
-        state.follows[:] = yes
+    def follow_changes(
+        self, state: FourierState, yes: bool | NDArray[np.bool_], places: NDArray[np.int64] | None = None
+    ) -> None:
+        """Whether changes of some vehicles, or all, are looked for; not where the caller knows that the model leaves
+        out what acts."""
+        state.follows[slice(None) if places is None else places] = yes
 
-    def blocks_closed(self, state: FourierState, vehicle: int = 0) -> int:
-        """How many blocks have been closed."""
-        return int(state.counts[vehicle, CLOSED])
+    def blocks_closed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """How many blocks of some vehicles have been closed, shape (m,)."""
+        return np.asarray(state.counts[places, CLOSED])
 
     def block_start_s(self, state: FourierState, vehicle: int = 0) -> float:
         """When the running block began."""
         return float(state.rows[vehicle, START, TIME])
 
-    def changed(self, state: FourierState, vehicle: int = 0) -> NDArray[np.bool_]:
-        """Which derivatives the last solution found to have changed and inflated the covariance of, shape (k,)."""
-        return np.asarray(state.changed_s[vehicle] == state.rows[vehicle, LAST, TIME])
+    def changed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which derivatives of some vehicles the last solution found to have changed and inflated the covariance of,
+        shape (m, k)."""
+        return np.asarray(state.changed_s[places] == state.rows[places, LAST, TIME][:, None])
 
-    def sees(self, state: FourierState) -> NDArray[np.int64]:
-        """What the running blocks carried at the last solution: 1 signal of any regressor, 0 noise, -1 not known, for
-        they have only begun; shape (vehicles,)."""
-        now, start = state.rows[:, LAST, TIME], state.rows[:, START, TIME]
+    def sees(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """What the running blocks of some vehicles carried at the last solution: 1 signal of any regressor, 0 noise, -1
+        not known, for they have only begun; shape (m,)."""
+        now, start = state.rows[places, LAST, TIME], state.rows[places, START, TIME]
         solved = now - start >= self.config.first_solution_s - 1e-9
-        return np.where(solved, np.where(state.informed_s.max(axis=1) == now, 1, 0), -1)
+        return np.where(solved, np.where(state.informed_s[places].max(axis=1) == now, 1, 0), -1)
 
-    def unseen(self, state: FourierState, vehicle: int = 0) -> NDArray[np.bool_]:
+    def unseen(self, seen: FourierSnapshot) -> NDArray[np.bool_]:
         """Which derivatives' regressors have carried nothing but noise for ``stale_s``, shape (k,)."""
-        return np.asarray(state.rows[vehicle, LAST, TIME] - state.informed_s[vehicle] > self.config.stale_s)
+        return np.asarray(seen.time_s - seen.informed_s > self.config.stale_s)
 
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
-        c = self.config
-        condition = state.condition[vehicle]
-        airspeed_m_s, _, density_kg_m3, alpha = condition
-        scale = referred_scale(c.structure, airspeed_m_s, density_kg_m3, c.reference)
-        value = state.theta[vehicle] * scale + offsets(c.structure, airspeed_m_s, alpha)
-        value += self._by_airspeed(value, airspeed_m_s, alpha)
-        wider = np.repeat(
-            np.sqrt(self.dispersion_of(state, vehicle)), self.layout.states + self.layout.inputs
-        )
-        covariance = state.covariance[vehicle] * np.outer(scale * wider, scale * wider)
-        time_s = float(state.rows[vehicle, LAST, TIME])
-        return standing(
-            self.name, c.structure, time_s, ConcisePosterior(value, covariance, c.prior_std * scale),
-            state.informed_s[vehicle], c.stale_s, bool(state.counts[vehicle, SOLUTIONS]), condition,
+        return self.estimate_of(self.snapshot(state, vehicle))
+
+    def snapshot(self, state: FourierState, vehicle: int = 0) -> FourierSnapshot:
+        """What an estimate is made of, for whoever may want it later."""
+        return FourierSnapshot(
+            state.theta[vehicle].copy(), state.covariance[vehicle].copy(), state.informed_s[vehicle].copy(),
+            state.scatter[vehicle].copy(), state.condition[vehicle].copy(), float(state.rows[vehicle, LAST, TIME]),
+            bool(state.counts[vehicle, SOLUTIONS]),
         )  # fmt: skip
 
-    def dispersion_of(self, state: FourierState, vehicle: int = 0) -> Array:
-        """How many times the variances are larger than the blocks themselves say, by equation, shape (equations,)."""
-        return np.array([dispersion_of(row) for row in state.scatter[vehicle]])
+    def estimate_of(self, seen: FourierSnapshot) -> Estimate:
+        """The estimate as of a snapshot."""
+        c = self.config
+        airspeed_m_s, _, density_kg_m3, alpha = seen.condition
+        scale = referred_scale(c.structure, airspeed_m_s, density_kg_m3, c.reference)
+        value = seen.theta * scale + offsets(c.structure, airspeed_m_s, alpha)
+        value += self._by_airspeed(value, airspeed_m_s, alpha)
+        wider = np.repeat(
+            np.sqrt([dispersion_of(row) for row in seen.scatter]), self.layout.states + self.layout.inputs
+        )
+        covariance = seen.covariance * np.outer(scale * wider, scale * wider)
+        return standing(
+            self.name, c.structure, seen.time_s, ConcisePosterior(value, covariance, c.prior_std * scale),
+            seen.informed_s, c.stale_s, seen.solved, seen.condition,
+        )  # fmt: skip
+
+    def says(self, seen: FourierSnapshot) -> Says:
+        """Whether the estimate of a snapshot will be settling or converged, where that is plain without making it.
+
+        Errors and natural sizes go with the same scale, so their ratios are those of the referred derivatives.
+        """
+        airspeed_m_s, _, density_kg_m3, _ = seen.condition
+        if not seen.solved:
+            return Says.NOTHING
+        if not 0.0 < airspeed_m_s * density_kg_m3 < np.inf:
+            return Says.UNDECIDED
+        dispersion = [dispersion_of(row) for row in seen.scatter]
+        wider = np.repeat(dispersion, self.layout.states + self.layout.inputs)
+        variance = np.maximum(np.diagonal(seen.covariance), 0.0) * wider
+        return says_something(seen.theta, 3.0 * np.sqrt(variance) / self.config.prior_std, self.unseen(seen))
 
     def _by_airspeed(self, value: Array, airspeed_m_s: float, alpha: float) -> Array:
         """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha).
@@ -349,7 +412,7 @@ class FourierEstimator:
             float, state.evidence_span[vehicle]
         )
         return BlockEvidence(
-            blocks=self.blocks_closed(state, vehicle),
+            blocks=int(state.counts[vehicle, CLOSED]),
             start_s=start_s,
             end_s=end_s,
             information=state.evidence_matrix[vehicle].copy(),

@@ -18,13 +18,24 @@ _OPTIONS: dict[str, Any] = {
     "cache": True,
     "forceinline": True,
     "_nrt": False,
+    "error_model": "numpy",
     "fastmath": {"contract", "reassoc"},
 }
 hot: Any = njit(**_OPTIONS)
 """Decorator of such a kernel. A product may be fused into its sum, a sum taken in another order; NaN stays NaN."""
 
-lean: Any = njit(**{**_OPTIONS, "forceinline": False, "error_model": "numpy"})
-"""The same for a kernel that is called from several places: it stays one piece of code, and a division is one."""
+lean: Any = njit(**{**_OPTIONS, "forceinline": False})
+"""The same for a kernel that is called from several places: it stays one piece of code."""
+
+entry: Any = njit(**{**_OPTIONS, "forceinline": False, "nogil": True})
+"""The same for one that Python calls with the rows of many vehicles: other threads run meanwhile."""
+
+whole: Any = njit(cache=True, nogil=True, error_model="numpy")
+"""Decorator of a kernel that may allocate, on the path of a solution. Other threads run meanwhile.
+
+As in all the others a division by zero gives what it gives in numpy: a kernel that takes many vehicles must not end at
+one of them.
+"""
 
 part: Any = njit(inline="always")
 """Decorator of a piece of one ``lean`` kernel, written apart to be read: it is compiled as text of that kernel alone.

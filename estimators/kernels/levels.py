@@ -21,7 +21,7 @@ _ALLOWED = 4.0
 """Twice the log-likelihood that a slower smoother may be worse by: it is preferred within chance."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def set_gains(memory, dt):  # type: ignore[no-untyped-def]
     """Gains for a time step; nothing to do where it is the step they are for."""
     if abs(dt - memory[3, 0]) > 1e-6 * dt:
@@ -30,7 +30,7 @@ def set_gains(memory, dt):  # type: ignore[no-untyped-def]
         memory[3, 0] = dt
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def start_level(memory, reading):  # type: ignore[no-untyped-def]
     """Every smoother at a first reading, nothing known of its errors."""
     memory[1, :] = reading
@@ -38,7 +38,7 @@ def start_level(memory, reading):  # type: ignore[no-untyped-def]
     memory[3, 1] = 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def advance_level(memory, reading, motion, dt, memory_s):  # type: ignore[no-untyped-def]
     """One reading more; returns the index of the smoother to go by.
 

@@ -47,12 +47,13 @@ class SignalForm(NamedTuple):
     """(inputs,)."""
 
 
-@njit(cache=True)
-def fill_signals(values, form, memory, smoothers, servos, out):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: ignore[no-untyped-def]
     """One pass over vehicles and samples; see the layout of ``signals``.
 
     Args:
         values: (vehicles, samples, channels).
+        lanes: ``Lanes`` of these vehicles.
         form: ``SignalForm``.
         memory, smoothers, servos: of ``SignalState``, in place.
         out: (vehicles, samples, columns), filled.
@@ -60,11 +61,12 @@ def fill_signals(values, form, memory, smoothers, servos, out):  # type: ignore[
     lateral, rates, inputs = form.lateral, form.rates, form.inputs
     force = _AY if lateral else _AZ
     ns, nu = 1 + rates.size, inputs.size
-    for i in range(values.shape[0]):
+    for m in range(lanes.place.size):
+        i = lanes.place[m]
         last, along, velocity, rate, seen = memory[i]
         speed = np.nan
-        for k in range(values.shape[1]):
-            row = values[i, k]
+        for k in range(lanes.counts[m]):
+            row = values[m, k]
             dt = row[_TIME] - last
             velocity_measured, kinematic = _velocity_and_kinematics(
                 row, lateral, form.x_vane_m, form.z_vane_m
@@ -86,7 +88,7 @@ def fill_signals(values, form, memory, smoothers, servos, out):  # type: ignore[
                 decay = np.exp(-dt / form.reconstruction_s)
                 velocity = decay * velocity + 0.5 * dt * (rate + rate_now)
             last, rate, along = row[_TIME], rate_now, along_now
-            o = out[i, k]
+            o = out[m, k]
             o[0] = row[_TIME]
             measured = np.isfinite(velocity_measured)
             if measured:
@@ -119,12 +121,13 @@ def fill_signals(values, form, memory, smoothers, servos, out):  # type: ignore[
         )
 
 
-@njit(cache=True)
-def pass_high(signals, passed, passing, kinematic, leak_s, out):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model="numpy")
+def pass_high(signals, lanes, passed, passing, kinematic, leak_s, out):  # type: ignore[no-untyped-def]
     """See ``Signals.high_passed``; ``passing`` holds the columns that pass the filter."""
-    for i in range(signals.shape[0]):
-        for k in range(signals.shape[1]):
-            row = signals[i, k]
+    for m in range(lanes.place.size):
+        i = lanes.place[m]
+        for k in range(lanes.counts[m]):
+            row = signals[m, k]
             if row[kinematic + 6] == 1.0 or not np.isfinite(row[: kinematic + 1]).all():
                 continue
             dt = row[0] - passed[i, 0, 0]
@@ -132,11 +135,11 @@ def pass_high(signals, passed, passing, kinematic, leak_s, out):  # type: ignore
             decay = np.exp(-dt / leak_s)
             for j in passing:
                 passed[i, 1, j] = 0.0 if fresh else decay * passed[i, 1, j] + row[j] - passed[i, 0, j]
-                out[i, k, j] = passed[i, 1, j]
+                out[m, k, j] = passed[i, 1, j]
             passed[i, 0] = row
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def fill_moments(values, coupling, out):  # type: ignore[no-untyped-def]
     """Into ``out`` (vehicles, samples, rates) the angular accelerations by ``coupling`` (rates, 4) of p q, q r, p r and
     p^2 - r^2."""
@@ -149,7 +152,7 @@ def fill_moments(values, coupling, out):  # type: ignore[no-untyped-def]
                 out[i, k, j] = moment if np.isfinite(moment) else 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _density(row: NDArray[np.float64]) -> float:
     """Air density: measured, or from measured temperature, or the standard atmosphere's (troposphere)."""
     if np.isfinite(row[_DENSITY]):
@@ -164,7 +167,7 @@ def _density(row: NDArray[np.float64]) -> float:
     return float(pressure / (287.05287 * temperature))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
     """Air-relative w or v at the c.g. (NaN without vane) and the kinematic term of its rate."""
     airspeed = row[_AIRSPEED]
@@ -182,13 +185,13 @@ def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-u
     return w, kinematic
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _level_alpha(row):  # type: ignore[no-untyped-def]
     """Angle of attack of level flight without sideslip at this attitude; banks beyond 45 degrees count as 45."""
     return np.arctan(np.tan(row[_PITCH]) / max(np.cos(row[_ROLL]), 0.7))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _along_path(row):  # type: ignore[no-untyped-def]
     """Rate of the inertial speed along the path without sideslip: specific force and gravity along it."""
     alpha = row[_ALPHA] if np.isfinite(row[_ALPHA]) else 0.0
@@ -199,7 +202,7 @@ def _along_path(row):  # type: ignore[no-untyped-def]
     return rate if np.isfinite(rate) else 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _surface(command, dt, servo_s, servo):  # type: ignore[no-untyped-def]
     """Where a servo has its surface: it went on to the command before, x = c + (x0 - c) exp(-dt / servo_s).
 

@@ -3,7 +3,7 @@
 import io
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -68,10 +68,11 @@ class Recorder:
         self.got: list[str] = []
         self.ticks = 0
 
-    def receive(self, fleet: str, vehicle: str, stream: str, payload: bytes, encoding: str) -> None:
-        if vehicle == "bad":
-            raise ZeroDivisionError("a fault of the program")
-        self.got.append(vehicle)
+    def receive_all(self, messages: Sequence[InboundMessage]) -> None:
+        for message in messages:
+            if message.vehicle == "bad":
+                raise ZeroDivisionError("a fault of the program")
+            self.got.append(message.vehicle)
 
     def tick(self) -> None:
         self.ticks += 1
@@ -112,7 +113,10 @@ def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
     queue, monitor = Queue(), Recorder()
     pump, arrived = pump_over(queue, monitor)
     pump.start()
-    queue.messages = [message("a"), message("bad"), message("b")]
+    queue.messages = [message("a"), message("bad")]
+    arrived.set()
+    until(lambda: pump.faults == 1)
+    queue.messages = [message("b")]
     arrived.set()
     until(lambda: monitor.got == ["a", "b"])
     assert pump.faults == 1

@@ -20,7 +20,7 @@ def filter_in(gust_step: float) -> tuple[EkfEstimator, np.ndarray]:
     for variance in state.noise:
         variance[0] = 0.0
     state.noise.gust[0] = gust_step**2
-    return estimator, estimator.gust_variance(state, 0)
+    return estimator, estimator.gust_variance(state, np.array([0]))[0]
 
 
 def test_calm_air_causes_nothing_and_gusts_by_their_square() -> None:

@@ -158,15 +158,15 @@ def test_a_vehicle_over_which_the_program_fails_is_not_healthy(
     before = hall.view().state
     assert before in (VehicleState.HEALTHY, VehicleState.NOT_OBSERVABLE)
 
-    feed = VehicleMonitor.feed
+    prepared = VehicleMonitor.prepared
 
     def failing(monitor: VehicleMonitor, block: SampleBlock) -> object:
         if monitor.vehicle == "uav":
             raise ZeroDivisionError("a fault of the program")
-        return feed(monitor, block)
+        return prepared(monitor, block)
 
     with monkeypatch.context() as patched:
-        patched.setattr(VehicleMonitor, "feed", failing)
+        patched.setattr(VehicleMonitor, "prepared", failing)
         for k in range(20, 25):
             hall.sample(second(flight, k), k)
             hall.sample(second(flight, k), k, vehicle="other")
@@ -193,7 +193,7 @@ def test_an_alert_stands_through_faults_and_says_so(monkeypatch: pytest.MonkeyPa
     hall = Hall()
     hall.announce()
     hall.fly(damaged, 0, 108)
-    monkeypatch.setattr(VehicleMonitor, "feed", lambda *_: 1 / 0)
+    monkeypatch.setattr(VehicleMonitor, "prepared", lambda *_: 1 / 0)
     hall.fly(damaged, 108, 110)
     assert hall.view().state is VehicleState.DEGRADED
     assert "Meanwhile the program failed on its samples 2 times" in hall.view().reason

@@ -406,7 +406,7 @@ class TestBadInput:
         with SensorSubscriber(service, time.monotonic, lambda: woken.append(1)) as subscriber:
             for _ in range(4):
                 service.put("wingwatch/v1/f/uav/sensors", b"{}")
-            until(lambda: len(woken) == 4)
+            until(lambda: subscriber.waiting == 4 and bool(woken))
             assert [len(subscriber.drain(3)), len(subscriber.drain(3)), len(subscriber.drain(3))] == [3, 1, 0]
 
     def test_a_deletion_is_no_message(self, service: zenoh.Session, subscriber: SensorSubscriber) -> None:
