@@ -30,6 +30,7 @@ examples:
   wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
+  wingwatch token create lead --scope operate
 
 A flight is a CSV, Parquet or MATLAB file. A channel map (TOML) names its columns where they are not called as
 the flight table has them. `wingwatch COMMAND --help` says more about each command.
@@ -65,6 +66,7 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_diagnose(commands)
     _add_design_input(commands)
     _add_study(commands)
+    _add_token(commands)
     return parser
 
 
@@ -441,7 +443,9 @@ def _add_serve(commands: "_Commands[_Parser]") -> None:
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="settings (TOML); flags here override them"
     )
-    parser.add_argument("--host", help="HTTP address (default: 127.0.0.1)")
+    parser.add_argument(
+        "--host", help="HTTP address (default: 127.0.0.1); one that others can reach takes tokens"
+    )
     parser.add_argument("--port", type=int, help="HTTP port (default: 8000)")
     parser.add_argument(
         "--listen",
@@ -452,7 +456,25 @@ def _add_serve(commands: "_Commands[_Parser]") -> None:
     parser.add_argument(
         "--connect", action="append", metavar="ENDPOINT", help="Zenoh router to connect to; may be repeated"
     )
-    parser.add_argument("--data", type=Path, metavar="DIR", help="folder of the database (default: data)")
+    parser.add_argument(
+        "--name",
+        action="append",
+        metavar="HOST",
+        help="host name under which others reach HTTP, beside addresses and localhost; may be repeated",
+    )
+    parser.add_argument(
+        "--certificate", type=Path, metavar="FILE", help="serve HTTPS with this certificate (PEM)"
+    )
+    parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
+    parser.add_argument(
+        "--require-token",
+        action="store_true",
+        default=None,
+        help="ask for tokens on loopback too, as behind a proxy",
+    )
+    parser.add_argument(
+        "--data", type=Path, metavar="DIR", help="folder of the database and the tokens (default: data)"
+    )
     parser.add_argument(
         "--aircraft",
         action="append",
@@ -460,6 +482,50 @@ def _add_serve(commands: "_Commands[_Parser]") -> None:
         metavar="FILE",
         help="aircraft file beside the library; may be repeated",
     )
+
+
+_TOKEN_EXAMPLES = """\
+wingwatch token create lead --scope operate
+  wingwatch token list
+  wingwatch token revoke lead"""
+
+_TOKEN_ACTIONS = {
+    "create": "make a token and show it, once",
+    "list": "names and scopes of all tokens",
+    "revoke": "withdraw a token; a running service refuses it from now on",
+}
+
+
+def _add_token(commands: "_Commands[_Parser]") -> None:
+    does = "tokens for REST and the status page, asked for by a service that others can reach"
+    parser = commands.add_parser(
+        "token",
+        help=does,
+        description=f"{does[0].upper()}{does[1:]}.",
+        epilog=f"examples:\n  {_TOKEN_EXAMPLES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, parser_class=_Parser)
+    for action, what in _TOKEN_ACTIONS.items():
+        name = "" if action == "list" else " lead"
+        add = _command(actions, action, what, f"wingwatch token {action}{name}").add_argument
+        if action != "list":
+            add("name", metavar="NAME", help="of the token: 1 to 63 of a-z, 0-9, '_' and '-'")
+        if action == "create":
+            add(
+                "--scope",
+                choices=("read", "operate"),
+                default="read",
+                help="what it permits; operate: reading, and acting on alerts and diagnoses (default: %(default)s)",
+            )
+        add(
+            "--data",
+            type=Path,
+            default=Path("data"),
+            metavar="DIR",
+            help="the service's data folder (default: %(default)s)",
+        )
 
 
 def _add_demo(commands: "_Commands[_Parser]") -> None:

@@ -29,7 +29,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     logging.basicConfig(level=logging.WARNING, format="wingwatch: %(message)s")
     settings = ServeSettings(
-        port=arguments.port, listen=(arguments.listen,), database=str(arguments.data / _DATABASE)
+        port=arguments.port,
+        listen=(arguments.listen,),
+        data=arguments.data,
+        database=str(arguments.data / _DATABASE),
     )
     with asked_to_end() as end:
         fleet: SimulatedFleet | None = None

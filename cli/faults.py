@@ -42,7 +42,7 @@ def _loaded_sentence_types() -> tuple[type[BaseException], ...]:
         "wingwatch.baselines.connection": ("DatabaseError",),
         "wingwatch.diagnosis.measured": ("DiagnosisError",),
         "wingwatch.studies.grid": ("StudyError",),
-        "wingwatch.api.server": ("AddressError",),
+        "wingwatch.api.server": ("AddressError", "CertificateError"),
     }
     return tuple(
         getattr(sys.modules[module], name)

@@ -39,7 +39,18 @@ INSTRUCTIONS = {
     "ENTRYPOINT",
     "CMD",
 }
-SERVE_OPTIONS = {"--config", "--host", "--port", "--listen", "--connect", "--data", "--aircraft"}
+SERVE_OPTIONS = {
+    "--config",
+    "--host",
+    "--port",
+    "--listen",
+    "--connect",
+    "--name",
+    "--certificate",
+    "--private-key",
+    "--data",
+    "--aircraft",
+}
 
 
 @dataclass(frozen=True)
