@@ -482,6 +482,9 @@ def _add_serve(commands: "_Commands[_Parser]") -> None:
         metavar="FILE",
         help="aircraft file beside the library; may be repeated",
     )
+    parser.add_argument(
+        "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"
+    )
 
 
 _TOKEN_EXAMPLES = """\

@@ -24,7 +24,8 @@ from wingwatch.api import (
     listen,
     read_certificate,
 )
-from wingwatch.baselines import Database, DatabaseError, open_database
+from wingwatch.baselines import open_database
+from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
@@ -44,6 +45,8 @@ _TICK_S = 1.0
 _IDLE_S = 0.2
 _STOP_S = 1.0
 _DATABASE_PATIENCE_S = 1.0
+_MOST_QUEUED_S = 5.0
+_MOST_BEHIND_S = 60.0
 _LOADING = "The numerical kernels are being loaded."
 _SWITCH_S = 0.0005  # each message that arrives waits so long for the interpreter while the pump is busy
 
@@ -154,7 +157,7 @@ class Parts:
 
     http: HttpServer
     monitor: FleetMonitor
-    database: Database
+    probe: DatabaseProbe
     store: DatabaseStore
     session: zenoh.Session
     link: ZenohSettings
@@ -162,6 +165,7 @@ class Parts:
     outputs: ZenohOutputs
     pump: Pump
     tokens: TokenRegister
+    diagnoses: DiagnosisJobs
 
 
 class Service:
@@ -199,10 +203,12 @@ class Service:
         """Per part None, or its problem in one sentence."""
         return {
             "zenoh": self._zenoh_problem(),
+            "messages": self._messages_problem(),
             "database": self._database_problem(),
             "http": self._parts.http.problem,
             "tokens": self._parts.tokens.problem,
             "estimators": self.pump.problem,
+            "diagnoses": None if self._parts.diagnoses.alive else "the loop that runs diagnoses has ended.",
         }
 
     def counters(self) -> Mapping[str, Mapping[str, int]]:
@@ -223,14 +229,23 @@ class Service:
             info = self._parts.session.info
             if not [*info.routers_zid(), *info.peers_zid()]:
                 return f"the connection to {' '.join(self._parts.link.connect)} is lost; it is tried again."
-        return None
+        return None if self._parts.outputs.alive else "the loop that publishes has ended."
+
+    def _messages_problem(self) -> str | None:
+        waiting_s = self._parts.subscriber.waiting_s
+        if waiting_s <= _MOST_QUEUED_S:
+            return None
+        return f"messages wait for {waiting_s:.0f} s before they are taken in; what is shown is as old."
 
     def _database_problem(self) -> str | None:
-        try:
-            self._parts.database.check()
-        except DatabaseError as error:
-            return f"{error}."
-        return None if self._parts.store.problem is None else f"{self._parts.store.problem}."
+        store = self._parts.store
+        if not store.alive:
+            return "the loop that reads or writes the database has ended."
+        if store.behind_s > _MOST_BEHIND_S:
+            return f"entries have waited for {store.behind_s:.0f} s to be written."
+        if (problem := self._parts.probe.problem()) is not None:
+            return problem
+        return None if store.problem is None else f"{store.problem}."
 
 
 def _remove(database: Path) -> None:
@@ -311,7 +326,19 @@ def running_service(
         )
         http = HttpServer(app, listening, tls=tls)
         service: Service = Service(
-            Parts(http, monitor, database, store, session, link, subscriber, outputs, pump, tokens)
+            Parts(
+                http=http,
+                monitor=monitor,
+                probe=DatabaseProbe(database.check),
+                store=store,
+                session=session,
+                link=link,
+                subscriber=subscriber,
+                outputs=outputs,
+                pump=pump,
+                tokens=tokens,
+                diagnoses=diagnoses,
+            )
         )
         stack.callback(pump.stop)
         pump.start()

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.logs import LogFormat
 
 __all__ = ["DATABASE_VARIABLE", "ServeSettings", "serve_settings"]
 
@@ -18,6 +19,7 @@ DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 _MOST_BYTES = 100_000
 _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
+    "log_format",
 )  # fmt: skip
 _PATHS = ("data", "certificate", "private_key")
 
@@ -36,6 +38,7 @@ class ServeSettings(BaseModel):
         database: URL or path that replaces the one in ``data``.
         aircraft: files beside the library.
         stale_s: silence after which a vehicle is stale.
+        log_format: of what is written to standard error.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -52,6 +55,7 @@ class ServeSettings(BaseModel):
     database: str | None = None
     aircraft: tuple[Path, ...] = ()
     stale_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 5.0
+    log_format: LogFormat = "text"
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod

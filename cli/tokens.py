@@ -157,7 +157,6 @@ class TokenRegister:
     def __init__(self, file: TokenFile) -> None:
         self._file = file
         self._seen = _Seen(None, {}, None)
-        self._look()
 
     @property
     def problem(self) -> str | None:

@@ -2,20 +2,16 @@
 
 import json
 import stat
-import threading
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
 from cli_flights import run
+from cli_services import service_in
 
-from wingwatch.api import Caller, KernelsView, TokenScope
+from wingwatch.api import Caller, TokenScope
 from wingwatch.cli.faults import CommandError
-from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.tokens import TokenFile, TokenRegister
 
@@ -102,30 +98,6 @@ def test_a_file_that_breaks_while_the_service_runs_permits_nobody(
     file.path.write_bytes(whole)
     assert register.find(token) is not None
     assert register.problem is None
-
-
-class Waiting:
-    """A preparation that goes on until it is ended: no kernel is needed here."""
-
-    def __init__(self) -> None:
-        self._end = threading.Event()
-
-    def prepare(self) -> bool:
-        self._end.wait(60.0)
-        return False
-
-    def view(self) -> KernelsView | None:
-        return None
-
-    def stop(self) -> None:
-        self._end.set()
-
-
-@contextmanager
-def service_in(folder: Path, **settings: Any) -> Iterator[Service]:
-    given = ServeSettings(port=0, listen=("tcp/127.0.0.1:0",), data=folder, **settings)
-    with running_service(given, preparation=Waiting()) as service:
-        yield service
 
 
 def test_beyond_loopback_it_does_not_start_without_a_token(
