@@ -66,7 +66,8 @@ class AccessSettings:
         find: whose token this is; None for one that is none of ours.
         required: whether a request needs a token.
         names: host names under which the service is found, beside addresses and ``localhost``.
-        reading, acting: how often one client may.
+        reading, acting: how often one client may, where tokens are required: a program on the same machine may ask as
+            often as it likes.
         guessing: how often one address may come with a token that is none of ours.
     """
 
@@ -136,7 +137,8 @@ class Access:
         caller = None if token is None else self._settings.find(token)
         client = address if caller is None else f"token {caller.name}"
         reads = request.method in _READING
-        self._check_rate(self._reading if reads else self._acting, client)
+        if self._settings.required:
+            self._check_wait((self._reading if reads else self._acting).take(client))
         if not is_open:
             self._check_scope(caller, reads, address)
 
@@ -216,9 +218,6 @@ class Access:
                 "wrong_scope", address, HTTPStatus.FORBIDDEN,
                 f"Token '{caller.name}' may only read; acting takes one of scope operate.",
             )  # fmt: skip
-
-    def _check_rate(self, limit: RateLimit, client: str) -> None:
-        self._check_wait(limit.take(client))
 
     def _check_wait(self, wait_s: float) -> None:
         if wait_s > 0.0:

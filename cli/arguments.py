@@ -31,6 +31,7 @@ examples:
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
   wingwatch token create lead --scope operate
+  wingwatch access uav1 uav2 --out access.json5
 
 A flight is a CSV, Parquet or MATLAB file. A channel map (TOML) names its columns where they are not called as
 the flight table has them. `wingwatch COMMAND --help` says more about each command.
@@ -67,6 +68,7 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_design_input(commands)
     _add_study(commands)
     _add_token(commands)
+    _add_access(commands)
     return parser
 
 
@@ -215,6 +217,17 @@ def _add_publish(commands: "_Commands[_Parser]") -> None:
         default=1.0,
         metavar="1.0|max",
         help="speed relative to the time stamps, or max: as fast as it is taken, nothing lost (default: 1.0)",
+    )
+    parser.add_argument(
+        "--authority",
+        type=Path,
+        metavar="FILE",
+        help="for tls/ endpoints: whose certificates are trusted (PEM)",
+    )
+    parser.add_argument("--certificate", type=Path, metavar="FILE", help="the vehicle's own (PEM)")
+    parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
+    parser.add_argument(
+        "--user", help="in place of a certificate; its password is read from WINGWATCH_ZENOH_PASSWORD"
     )
 
 
@@ -529,6 +542,32 @@ def _add_token(commands: "_Commands[_Parser]") -> None:
             metavar="DIR",
             help="the service's data folder (default: %(default)s)",
         )
+
+
+def _add_access(commands: "_Commands[_Parser]") -> None:
+    parser = _command(
+        commands,
+        "access",
+        "Zenoh's access rules: a vehicle writes its own keys, the service alone derivatives, status and alerts",
+        "wingwatch access uav1 uav2 north.uav1 --reader tower --out access.json5",
+    )
+    add = parser.add_argument
+    add("vehicles", metavar="VEHICLE", nargs="+", help="name, or FLEET.NAME where its fleet is not default")
+    add(
+        "--reader",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="who may subscribe and ask, and writes nothing; may be repeated",
+    )
+    add("--service", default="service", metavar="NAME", help="who the service is (default: %(default)s)")
+    add(
+        "--by",
+        choices=("certificate", "user"),
+        default="certificate",
+        help="what these are: common names of certificates or users (default: %(default)s)",
+    )
+    add("--out", type=Path, metavar="FILE", help="write the rules to FILE (default: standard output)")
 
 
 def _add_demo(commands: "_Commands[_Parser]") -> None:

@@ -39,6 +39,7 @@ def _loaded_sentence_types() -> tuple[type[BaseException], ...]:
         "wingwatch.telemetry.flight": ("FlightError",),
         "wingwatch.telemetry.keys": ("KeyNameError",),
         "wingwatch.telemetry.zenoh_link": ("LinkError",),
+        "wingwatch.telemetry.link_security": ("LinkSecurityError",),
         "wingwatch.baselines.connection": ("DatabaseError",),
         "wingwatch.diagnosis.measured": ("DiagnosisError",),
         "wingwatch.studies.grid": ("StudyError",),

@@ -1,6 +1,7 @@
 """The service: HTTP, database, Zenoh and the fleet's monitor wired together, started and ended in order."""
 
 import logging
+import os
 import socket
 import sys
 import threading
@@ -30,6 +31,7 @@ from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
 from wingwatch.cli.kernels import KernelCompiler, KernelError, Preparation
+from wingwatch.cli.link_settings import link_security
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
@@ -274,7 +276,8 @@ def running_service(
         fresh: remove the SQLite file of ``settings`` first, once the port is ours.
 
     Raises:
-        AddressError, CertificateError, DatabaseError, LinkError, AircraftFileError, CommandError: one sentence each.
+        AddressError, CertificateError, DatabaseError, LinkError, LinkSecurityError, AircraftFileError,
+            CommandError: one sentence each.
     """
     with ExitStack() as stack:
         listening = listen(settings.host, settings.port)
@@ -289,7 +292,8 @@ def running_service(
             _remove(Path(settings.where))
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
         store = stack.enter_context(DatabaseStore(database, wall_clock))
-        link = ZenohSettings.for_service(settings.listen, settings.connect)
+        security = link_security(settings.zenoh, os.environ)
+        link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session))
         stack.callback(sys.setswitchinterval, sys.getswitchinterval())

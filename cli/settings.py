@@ -9,6 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.link_settings import LinkTable
 from wingwatch.cli.logs import LogFormat
 
 __all__ = ["DATABASE_VARIABLE", "ServeSettings", "serve_settings"]
@@ -38,6 +39,7 @@ class ServeSettings(BaseModel):
         database: URL or path that replaces the one in ``data``.
         aircraft: files beside the library.
         stale_s: silence after which a vehicle is stale.
+        zenoh: certificates, user and access rules of Zenoh's links.
         log_format: of what is written to standard error.
     """
 
@@ -56,6 +58,7 @@ class ServeSettings(BaseModel):
     aircraft: tuple[Path, ...] = ()
     stale_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 5.0
     log_format: LogFormat = "text"
+    zenoh: LinkTable = LinkTable()
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod
@@ -91,9 +94,14 @@ def serve_settings(arguments: argparse.Namespace, environment: Mapping[str, str]
         if given is not None:
             values[name] = tuple(given) if isinstance(given, list) else given
     try:
-        return ServeSettings.model_validate(values)
+        settings = ServeSettings.model_validate(values)
     except ValidationError as error:
         raise CommandError(_sentence(error, path)) from None
+    return (
+        settings
+        if path is None
+        else settings.model_copy(update={"zenoh": settings.zenoh.beside(path.parent)})
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -181,6 +181,12 @@ def test_one_client_s_flood_does_not_shut_out_another() -> None:
         assert counts["too_often"] == 2
 
 
+def test_on_loopback_a_program_may_ask_as_often_as_it_likes() -> None:
+    few = Rate(per_s=0.01, burst=1)
+    with served(flying(), access=AccessSettings(reading=few, acting=few)) as (_, client):
+        assert {client.get("/v1/vehicles").status_code for _ in range(5)} == {200}
+
+
 def test_a_bucket_fills_at_its_rate_and_knows_a_bounded_number_of_clients() -> None:
     now_s = 0.0
     limit = RateLimit(Rate(per_s=2.0, burst=3), lambda: now_s)

@@ -13,7 +13,17 @@ from wingwatch.cli import estimate_command
 from wingwatch.cli.main import main
 
 HELP_WITHIN_S = 0.3
-COMMANDS = ("demo", "serve", "publish", "simulate", "estimate", "monitor", "diagnose", "design-input")
+COMMANDS = (
+    "demo",
+    "serve",
+    "publish",
+    "simulate",
+    "estimate",
+    "monitor",
+    "diagnose",
+    "design-input",
+    "access",
+)
 
 
 def test_help_names_every_command_with_examples(capsys: pytest.CaptureFixture[str]) -> None:
