@@ -186,7 +186,7 @@ class Access:
                 f"The service is not known as {printable(host)}; name it with --name, or use its address.",
             )  # fmt: skip
         origin = request.headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc.lower() != (host or "").lower():
+        if origin is not None and origin.partition("://")[2].lower() != (host or "").lower():
             raise self._refuse(
                 "foreign_origin", address, HTTPStatus.FORBIDDEN,
                 f"A page of {printable(origin)} may not ask here; only the service's own page may.",

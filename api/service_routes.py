@@ -84,7 +84,7 @@ def session_router(access: Access) -> APIRouter:
         answered = answer(access.identify(entry.token, address))
         answered.set_cookie(
             COOKIE, entry.token, max_age=_SESSION_S, httponly=True, samesite="strict",
-            secure=request.url.scheme == "https",
+            secure="https" in (request.scope["scheme"], request.headers.get("origin", "").partition("://")[0]),
         )  # fmt: skip
         return answered
 

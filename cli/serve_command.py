@@ -3,6 +3,7 @@
 import argparse
 import logging
 import os
+import resource
 import threading
 import time
 from collections.abc import Callable
@@ -16,9 +17,10 @@ from wingwatch.cli.progress import write_json
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import serve_settings
 
-__all__ = ["await_ready", "run", "write_address"]
+__all__ = ["allow_open_files", "await_ready", "run", "write_address"]
 
 _LOG = logging.getLogger(__name__)
+_MOST_FILES = 65_536
 _LOOK_S = 0.2
 _SAY_S = 10.0
 
@@ -27,6 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     settings = serve_settings(arguments, os.environ)
     configure_logs(settings.log_format)
+    allow_open_files()
     tell: Callable[[str], object] = say if settings.log_format == "text" else _LOG.info
     with asked_to_end() as end:
         with running_service(settings) as service:
@@ -36,6 +39,14 @@ def run(arguments: argparse.Namespace) -> int:
             end.wait()
             tell("ending")
         return leave(0, service.pump.alive)
+
+
+def allow_open_files() -> None:
+    """As many as the system lets this process have: each vehicle's link and each listener takes one."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = _MOST_FILES if hard == resource.RLIM_INFINITY else min(hard, _MOST_FILES)
+    if soft != resource.RLIM_INFINITY and soft < most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
 
 def write_address(service: Service, as_json: bool) -> None:

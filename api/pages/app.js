@@ -323,13 +323,18 @@ function askToken() {
   for (const part of ["no-alerts", "no-vehicles", "past", "kernels"]) byId(part).hidden = true;
   document.title = "wingwatch";
   known = null;
+  if (stream) stream.close();
   byId("token").focus();
 }
 
 async function showSession() {
-  const { name, scope } = await get("/v1/session");
-  byId("session").hidden = name === null;
-  byId("who").textContent = name === null ? "" : `Logged in as ${name} (${scope}).`;
+  try {
+    const { name, scope } = await get("/v1/session");
+    byId("session").hidden = name === null;
+    byId("who").textContent = name === null ? "" : `Logged in as ${name} (${scope}).`;
+  } catch (error) {
+    console.warn(error);
+  }
 }
 
 async function logIn(event) {
@@ -354,7 +359,11 @@ async function logIn(event) {
 }
 
 async function logOut() {
-  await fetch("/v1/session", { method: "DELETE", signal: AbortSignal.timeout(TIMEOUT_MS) });
+  try {
+    await fetch("/v1/session", { method: "DELETE", signal: AbortSignal.timeout(TIMEOUT_MS) });
+  } catch (error) {
+    console.warn(error);
+  }
   refresh();
 }
 
@@ -407,7 +416,7 @@ async function refresh() {
   }
   asking = false;
   tellLink(lost);
-  plan(askAgain ? REFRESH_MS : streaming && !compiling ? POLL_LIVE_MS : POLL_ALONE_MS);
+  if (byId("login").hidden) plan(askAgain ? REFRESH_MS : streaming && !compiling ? POLL_LIVE_MS : POLL_ALONE_MS);
 }
 
 function plan(delay) {

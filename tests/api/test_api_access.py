@@ -15,6 +15,7 @@ from certificates import Authority, needs_openssl
 
 from wingwatch.api import (
     AccessSettings,
+    AppSettings,
     Caller,
     CertificateError,
     HttpServer,
@@ -59,6 +60,8 @@ def clear(client: httpx.Client, headers: Mapping[str, str] | None = None, **body
         {"Host": "[evil"},
         {"Origin": "http://evil.example"},
         {"Origin": "null"},
+        {"Origin": "http://[evil"},
+        {"Origin": ""},
         {"Origin": "http://127.0.0.1:1"},
     ],
 )
@@ -208,6 +211,11 @@ def test_a_browser_logs_in_and_out_and_its_cookie_is_no_script_s(client: httpx.C
     cookie = answer.headers["set-cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=strict" in cookie
+    assert "Secure" not in cookie
+    behind_proxy = {"Host": "127.0.0.1", "Origin": "https://127.0.0.1"}
+    again = client.post("/v1/session", json={"token": "act"}, headers=behind_proxy)
+    assert "Secure" in again.headers["set-cookie"]
+    client.post("/v1/session", json={"token": "act"})
     assert client.get("/v1/status").status_code == 200
     assert clear(client, note="seen").json()["notes"] == ["clear by lead: seen"]
     assert client.delete("/v1/session").json()["name"] is None
@@ -253,13 +261,16 @@ def test_the_page_asks_for_a_token_and_then_shows_the_fleet(monitor: FakeMonitor
 def test_over_tls_answers_and_cookies_are_safe_and_a_silent_handshake_ends(tmp_path: Path) -> None:
     authority = Authority(tmp_path)
     tls = read_certificate(*authority.sign("service"))
-    app = create_app(flying(), dict, None, "1")
+    access = AccessSettings(find=TOKENS.get)
+    app = create_app(flying(), dict, None, "1", AppSettings(access=access))
     trust = ssl.create_default_context(cafile=str(authority.certificate))
     with HttpServer(app, listen("127.0.0.1", 0), tls=tls) as server:
         assert server.url == f"https://127.0.0.1:{server.port}"
         with socket.create_connection(("127.0.0.1", server.port), timeout=10.0) as silent:
             with httpx.Client(base_url=server.url, verify=trust) as client:
                 assert client.get("/v1/status").status_code == 200
+                entered = client.post("/v1/session", json={"token": "act"})
+                assert "Secure" in entered.headers["set-cookie"]
             assert silent.recv(1) == b""
         with pytest.raises(httpx.RemoteProtocolError):
             httpx.get(server.url.replace("https", "http"))

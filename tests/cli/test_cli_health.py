@@ -4,6 +4,7 @@ import io
 import json
 import logging
 import re
+import resource
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +19,7 @@ from cli_services import service_in
 from wingwatch.baselines import Database, DatabaseError
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.logs import JsonLines, TextLines, configure_logs
+from wingwatch.cli.serve_command import allow_open_files
 from wingwatch.cli.service import Service
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.telemetry import ZenohSettings, open_session, vehicle_key
@@ -141,6 +143,17 @@ def test_a_database_that_fails_is_told_and_one_that_works_again_too(error: Excep
     probe = DatabaseProbe(check)
     assert (probe.problem() or "").endswith(words)
     assert probe.problem() is None
+
+
+def test_a_service_may_have_as_many_files_as_the_system_permits() -> None:
+    """Links and connections above the usual 1024 would otherwise leave the database none."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (min(soft, 512), hard))
+        allow_open_files()
+        assert resource.getrlimit(resource.RLIMIT_NOFILE) == (min(hard, 65_536), hard)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def logged(formatter: logging.Formatter, text: str, error: bool = False, **extra: Any) -> str:
