@@ -37,6 +37,7 @@ _SESSION = "/v1/session"
 _OPEN = ("/", "/health/live", "/health/ready", _SESSION)
 _OPEN_BELOW = "/pages/"
 _NAMES_HERE = ("localhost",)
+_LOGGED = Rate(per_s=0.2, burst=20)
 
 
 class TokenScope(StrEnum):
@@ -113,7 +114,7 @@ class Access:
         self._settings = settings
         self._names = {name.lower() for name in (*_NAMES_HERE, *settings.names)}
         self._reading, self._acting = RateLimit(settings.reading, clock), RateLimit(settings.acting, clock)
-        self._guessing = RateLimit(settings.guessing, clock)
+        self._guessing, self._logging = RateLimit(settings.guessing, clock), RateLimit(_LOGGED, clock)
         self.counts = dict.fromkeys(
             ("foreign_host", "foreign_origin", "no_token", "wrong_token", "wrong_scope", "too_often"), 0
         )
@@ -133,8 +134,11 @@ class Access:
         address = request.client.host if request.client is not None else "unknown"
         path = request.scope["path"]  # which routes go by; a URL is taken apart once more
         is_open = path in _OPEN or path.startswith(_OPEN_BELOW)
-        token = self._token(request, address, is_open)
-        caller = None if token is None else self._settings.find(token)
+        token, asked = _token_of(request)
+        strict = not is_open and (asked or self._settings.required)
+        caller = None
+        if token is not None:
+            caller = self.identify(token, address) if strict else self._settings.find(token)
         client = address if caller is None else f"token {caller.name}"
         reads = request.method in _READING
         if self._settings.required:
@@ -151,31 +155,16 @@ class Access:
         """Whose token this is.
 
         Raises:
-            ProblemError: 401 for one that is none of ours, 429 for an address that has tried too many.
+            ProblemError: 401 for one that is none of ours, 429 for an address that has tried too many of them.
         """
-        self._check_wait(self._guessing.wait_s(address))
         caller = self._settings.find(token)
-        if caller is None:
-            self._guessing.take(address)
-            raise self._refuse(
-                "wrong_token", address, HTTPStatus.UNAUTHORIZED,
-                "The token is none of this service's; `wingwatch token list` names those that it has.",
-            )  # fmt: skip
-        return caller
-
-    def _token(self, request: Request, address: str, is_open: bool) -> str | None:
-        """The token of a request if it is one of ours; a browser's is forgotten where none is needed."""
-        kind, _, token = request.headers.get("authorization", "").partition(" ")
-        if kind and not is_open:
-            if kind.lower() != "bearer":
-                token = ""
-            self.identify(token.strip(), address)
-        if kind:
-            return token.strip()
-        kept = request.cookies.get(COOKIE)
-        if kept is not None and self._settings.required and not is_open:
-            self.identify(kept, address)
-        return kept
+        if caller is not None:
+            return caller
+        self._check_wait(self._guessing.take(address))
+        raise self._refuse(
+            "wrong_token", address, HTTPStatus.UNAUTHORIZED,
+            "The token is none of this service's; `wingwatch token list` names those that it has.",
+        )  # fmt: skip
 
     def _check_names(self, request: Request) -> None:
         address = request.client.host if request.client is not None else "unknown"
@@ -231,10 +220,18 @@ class Access:
 
     def _refuse(self, count: str, address: str, status: HTTPStatus, sentence: str) -> ProblemError:
         self.counts[count] += 1
-        if self.counts[count] <= 10 or self.counts[count] % 100 == 0:  # a flood must not fill the log
+        if self._logging.take(count) == 0.0:  # a flood must not fill the log
             _LOG.warning("refused %s (%s, %d so far): %s", address, count, self.counts[count], sentence)
         headers = {"WWW-Authenticate": "Bearer"} if status is HTTPStatus.UNAUTHORIZED else None
         return ProblemError(status, sentence, headers=headers)
+
+
+def _token_of(request: Request) -> tuple[str | None, bool]:
+    """The token that a request carries, and whether it asks to be let in by it: a browser sends a cookie unasked."""
+    kind, _, token = request.headers.get("authorization", "").partition(" ")
+    if kind:
+        return token.strip() if kind.lower() == "bearer" else "", True
+    return request.cookies.get(COOKIE), False
 
 
 class AccessGuard:

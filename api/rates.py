@@ -41,10 +41,6 @@ class RateLimit:
             self._left.popitem(last=False)
         return 0.0 if permitted else (1.0 - left) / self._rate.per_s
 
-    def wait_s(self, client: str) -> float:
-        """Seconds until there is a permission; none is used."""
-        return max(0.0, (1.0 - self._filled(client, self._clock())) / self._rate.per_s)
-
     def _filled(self, client: str, now_s: float) -> float:
         left, then_s = self._left.get(client, (float(self._rate.burst), now_s))
         return min(float(self._rate.burst), left + (now_s - then_s) * self._rate.per_s)

@@ -6,8 +6,9 @@ import threading
 import time
 from collections.abc import Generator
 from functools import partial
+from http import HTTPStatus
+from http.client import HTTPConnection
 
-import httpx
 import pytest
 from api_fakes import FakeMonitor, alert
 
@@ -32,11 +33,16 @@ def connected(server: HttpServer, count: int, text: bytes = b"") -> Generator[li
         yield opened
 
 
-def alive(server: HttpServer) -> float:
-    """Seconds until the service says that it lives."""
-    before = time.monotonic()
-    assert httpx.get(f"{server.url}/health/live", timeout=5.0).status_code == 200
-    return time.monotonic() - before
+HEALTHCHECK_S = 4.0
+"""How long the image's healthcheck waits for an answer."""
+
+
+def alive(server: HttpServer) -> bool:
+    """Whether the service says so in time; by a plain client, since httpx first reads the machine's certificates."""
+    asking = HTTPConnection("127.0.0.1", server.port, timeout=HEALTHCHECK_S)
+    with contextlib.closing(asking):
+        asking.request("GET", "/health/live")
+        return asking.getresponse().status == HTTPStatus.OK
 
 
 def has_ended(connection: socket.socket) -> bool:
@@ -57,7 +63,7 @@ BEGUN = {
 def test_512_connections_that_wait_do_not_take_health_down(text: bytes) -> None:
     with serving(Connections()) as server, connected(server, 600, text):
         for _ in range(5):
-            assert alive(server) < 2.0
+            assert alive(server)
         assert server.counts["gave_way"] >= 88
         assert server.counts["refused"] == 0
 
@@ -65,7 +71,7 @@ def test_512_connections_that_wait_do_not_take_health_down(text: bytes) -> None:
 def test_who_has_waited_longest_gives_way() -> None:
     with serving(Connections(most=3)) as server, connected(server, 3) as held:
         time.sleep(0.1)
-        assert alive(server) < 2.0
+        assert alive(server)
         assert has_ended(held[0])
         held[2].sendall(b"GET /health/live HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         assert held[2].recv(12) == b"HTTP/1.1 200"
