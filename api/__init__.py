@@ -1,6 +1,8 @@
 """The door: REST, event stream and status page. It translates what the monitor knows and computes nothing."""
 
-from wingwatch.api.app import create_app
+from wingwatch.api.access import AccessSettings, Caller, TokenScope
+from wingwatch.api.app import AppSettings, create_app
+from wingwatch.api.connections import Connections
 from wingwatch.api.conventions import convert_modes
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.ports import (
@@ -21,14 +23,31 @@ from wingwatch.api.schemas import (
     alert_document,
     vehicle_document,
 )
-from wingwatch.api.server import AddressError, HttpServer, PortInUse, listen, serve
+from wingwatch.api.server import (
+    AddressError,
+    CertificateError,
+    HttpServer,
+    PortInUse,
+    beyond_loopback,
+    listen,
+    read_certificate,
+    serve,
+)
 
 __all__ = [
     "create_app",
+    "AppSettings",
+    "AccessSettings",
+    "Caller",
+    "TokenScope",
     "HttpServer",
     "listen",
     "serve",
+    "Connections",
+    "beyond_loopback",
+    "read_certificate",
     "AddressError",
+    "CertificateError",
     "PortInUse",
     "DiagnosisPort",
     "DiagnosisState",

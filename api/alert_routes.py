@@ -1,11 +1,14 @@
 """Routes about alerts: the list, one alert, and what a person does to it."""
 
+import logging
 from http import HTTPStatus
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Query, Response
+from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict, Field
 
+from wingwatch.api.access import Caller, admission_of
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import json_answer
 from wingwatch.api.paging import decode_cursor, encode_cursor
@@ -14,6 +17,8 @@ from wingwatch.api.schemas import AlertDocument, AlertList, Name, PersonAction, 
 from wingwatch.monitor.views import AlertAction, AlertState, AlertView
 
 __all__ = ["alert_router"]
+
+_LOG = logging.getLogger(__name__)
 
 AlertId = Annotated[str, Path(min_length=1, max_length=200)]
 
@@ -65,13 +70,17 @@ def alert_router(door: Door) -> APIRouter:
 
 
 def _add_action(router: APIRouter, door: Door, action: AlertAction) -> None:
-    def act(alert_id: AlertId, person: PersonAction) -> Response:
+    def act(request: Request, alert_id: AlertId, person: PersonAction) -> Response:
+        who = _signature(admission_of(request).caller, person)
         try:
-            view = door.monitor.act_on_alert(alert_id, action, person.who, person.note)
+            view = door.monitor.act_on_alert(alert_id, action, who, person.note)
         except ValueError as error:
             raise ProblemError(HTTPStatus.CONFLICT, str(error)) from error
         if view is None:
             raise _unknown(alert_id)
+        _LOG.info(
+            "%s of alert %s by %s", action, view.id, who, extra={"vehicle": f"{view.fleet}/{view.vehicle}"}
+        )
         return json_answer(alert_document(view))
 
     router.add_api_route(
@@ -82,6 +91,16 @@ def _add_action(router: APIRouter, door: Door, action: AlertAction) -> None:
         response_model=AlertDocument,
         summary=f"{action.capitalize()} an alert",
     )
+
+
+def _signature(caller: Caller | None, person: PersonAction) -> str:
+    """Under which name an action is kept: the token's comes first, for it alone is known to be true."""
+    if caller is None:
+        if person.who is None:
+            fault = {"type": "missing", "loc": ("body", "who"), "msg": "Field required", "input": None}
+            raise RequestValidationError([fault])
+        return person.who
+    return caller.name if person.who in (None, caller.name) else f"{caller.name}, for {person.who}"
 
 
 def _page(door: Door, query: AlertQuery) -> AlertList:

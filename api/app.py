@@ -1,13 +1,16 @@
 """The application: every route, its errors as problem documents, and the status page."""
 
+import secrets
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from fastapi import FastAPI
 
 from wingwatch.aircraft import Aircraft, library_names, load_aircraft
+from wingwatch.api.access import Access, AccessGuard, AccessSettings
 from wingwatch.api.alert_routes import alert_router
-from wingwatch.api.diagnosis_routes import LARGEST_FLIGHT_BYTES, diagnosis_router
+from wingwatch.api.diagnosis_routes import FLIGHT_SIZE, diagnosis_router
 from wingwatch.api.door import Door
 from wingwatch.api.events import EventStreams
 from wingwatch.api.fleet_routes import fleet_router
@@ -16,10 +19,41 @@ from wingwatch.api.page_files import pages_router
 from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
-from wingwatch.api.service_routes import event_router, health_router
+from wingwatch.api.service_routes import event_router, health_router, session_router
 from wingwatch.monitor.views import MonitorPort
 
-__all__ = ["create_app"]
+__all__ = ["AppSettings", "create_app"]
+
+_STARTS, _START_STEP = 9_000_000, 10**9  # ids of two starts are apart, and stay below 2^53
+
+
+def _library_aircraft(name: str) -> Aircraft:
+    """Only the library: a name that came over the network must not open a file."""
+    if name not in library_names():
+        raise ValueError(f"aircraft {name!r} is not in the library, which has {', '.join(library_names())}")
+    return load_aircraft(name)
+
+
+@dataclass(frozen=True, slots=True)
+class AppSettings:
+    """What an application may have beside a monitor.
+
+    Attributes:
+        access: who may do what; everybody, unless told otherwise.
+        aircraft: an aircraft by its announced name (ValueError with one sentence where there is none), for
+            conventions other than concise; the library unless told otherwise.
+        diagnoses: jobs that diagnose uploaded flights; None where none are taken.
+        counters: of the service, by part, shown on the status.
+        kernels: the compilation of the numerical kernels, shown on the status; None when there is none.
+        keep_alive_s: silence after which an event stream carries a comment.
+    """
+
+    access: AccessSettings = field(default_factory=AccessSettings)
+    aircraft: Callable[[str], Aircraft] = _library_aircraft
+    diagnoses: DiagnosisPort | None = None
+    counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict
+    kernels: Callable[[], KernelsView | None] = lambda: None
+    keep_alive_s: float = 10.0
 
 
 def create_app(
@@ -27,12 +61,7 @@ def create_app(
     readiness: Callable[[], Mapping[str, str | None]],
     history: HistoryPort | None,
     version: str,
-    *,
-    aircraft: Callable[[str], Aircraft] | None = None,
-    diagnoses: DiagnosisPort | None = None,
-    counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict,
-    kernels: Callable[[], KernelsView | None] = lambda: None,
-    keep_alive_s: float = 10.0,
+    settings: AppSettings | None = None,
 ) -> FastAPI:
     """The REST application over a monitor.
 
@@ -41,27 +70,27 @@ def create_app(
         readiness: per part of the service None, or its problem in one sentence; asked at ``/health/ready``.
         history: past estimates; None where none are kept.
         version: the service's version, shown on the status.
-        aircraft: an aircraft by its announced name (ValueError with one sentence where there is none), for
-            conventions other than concise; the library without.
-        diagnoses: jobs that diagnose uploaded flights; None where none are taken.
-        counters: of the service, by part, shown on the status.
-        kernels: the compilation of the numerical kernels, shown on the status; None when there is none.
-        keep_alive_s: silence after which an event stream carries a comment.
 
     Returns:
         an application whose ``state.close_streams()`` ends every event stream; ``HttpServer`` calls it.
     """
-    streams = EventStreams(monitor, keep_alive_s)
+    settings = settings or AppSettings()
+    streams = EventStreams(monitor, settings.keep_alive_s, start=_START_STEP * secrets.randbelow(_STARTS))
+    access = Access(settings.access)
+
+    def counters() -> Mapping[str, Mapping[str, int]]:
+        return {**settings.counters(), "access": dict(access.counts), "events": dict(streams.counts)}
+
     door = Door(
         monitor,
         readiness,
         history,
         version,
-        aircraft or _library_aircraft,
+        settings.aircraft,
         streams,
         counters,
-        diagnoses,
-        kernels,
+        settings.diagnoses,
+        settings.kernels,
     )
     app = FastAPI(
         title="wingwatch",
@@ -72,26 +101,21 @@ def create_app(
         redirect_slashes=False,
     )
     app.state.close_streams = streams.close
-    for router in (fleet_router(door), alert_router(door), event_router(door), diagnosis_router(door)):
+    versioned = (fleet_router(door), alert_router(door), event_router(door), diagnosis_router(door))
+    for router in (*versioned, session_router(access)):
         app.include_router(router, prefix="/v1", responses=PROBLEM_RESPONSES)
     app.include_router(health_router(door), responses=PROBLEM_RESPONSES)
     app.include_router(pages_router())
-    app.add_middleware(BodyLimit, larger={"/v1/diagnoses": LARGEST_FLIGHT_BYTES})
+    app.add_middleware(BodyLimit, larger={"/v1/diagnoses": FLIGHT_SIZE})
+    app.add_middleware(AccessGuard, access=access)
     install_problem_handlers(app)
     app.add_middleware(SafetyHeaders)
-    _describe_problems(app)
+    _describe(app)
     return app
 
 
-def _library_aircraft(name: str) -> Aircraft:
-    """Only the library: a name that came over the network must not open a file."""
-    if name not in library_names():
-        raise ValueError(f"aircraft {name!r} is not in the library, which has {', '.join(library_names())}")
-    return load_aircraft(name)
-
-
-def _describe_problems(app: FastAPI) -> None:
-    """Put the problem document among the schemas of ``/openapi.json``, which every operation refers to."""
+def _describe(app: FastAPI) -> None:
+    """Add to ``/openapi.json`` the problem document, which every operation refers to, and the token."""
     describe = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -100,6 +124,8 @@ def _describe_problems(app: FastAPI) -> None:
         schemas = description.setdefault("components", {}).setdefault("schemas", {})
         schemas.update(schema.pop("$defs", {}))
         schemas["Problem"] = schema
+        description["components"]["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+        description["security"] = [{}, {"token": []}]
         return description
 
     app.openapi = openapi  # type: ignore[method-assign]

@@ -10,13 +10,16 @@ from starlette.concurrency import run_in_threadpool
 
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import JsonResponse, quantity
+from wingwatch.api.guards import BodySize
 from wingwatch.api.ports import DiagnosisPort, DiagnosisState, DiagnosisUpload, DiagnosisView, QueueFullError
 from wingwatch.api.problems import ProblemError, printable
 
-__all__ = ["LARGEST_FLIGHT_BYTES", "diagnosis_router"]
+__all__ = ["FLIGHT_SIZE", "diagnosis_router"]
 
-LARGEST_FLIGHT_BYTES = 64 * 2**20
 _LONGEST_UPLOAD_S = 300.0
+FLIGHT_SIZE = BodySize(64 * 2**20, _LONGEST_UPLOAD_S + 10.0)
+"""The upload's own limit comes first, with its own sentence."""
+
 _LONGEST_MAP = 20_000
 
 _FORM_TYPES = ("", "text/plain", "application/x-www-form-urlencoded", "multipart/form-data")

@@ -22,6 +22,7 @@ __all__ = [
     "ProblemError",
     "install_problem_handlers",
     "printable",
+    "problem_answer",
 ]
 
 PROBLEM_MEDIA_TYPE = "application/problem+json"
@@ -45,13 +46,21 @@ class ProblemError(Exception):
         status: HTTP status code.
         detail: one sentence for the caller.
         checks: per part of the service its problem or None, where the problem is about readiness.
+        headers: of the answer, beside the usual ones.
     """
 
-    def __init__(self, status: int, detail: str, checks: Mapping[str, str | None] | None = None) -> None:
+    def __init__(
+        self,
+        status: int,
+        detail: str,
+        checks: Mapping[str, str | None] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
         super().__init__(detail)
         self.status = status
         self.detail = detail
         self.checks = checks
+        self.headers = headers
 
 
 class FaultGuard:
@@ -111,12 +120,17 @@ def _problem(status: int, detail: str) -> Problem:
     return Problem(title=HTTPStatus(status).phrase, status=status, detail=detail)
 
 
-async def _refused(request: Request, error: Exception) -> Response:
-    assert isinstance(error, ProblemError)
+def problem_answer(request: Request, error: ProblemError) -> Response:
+    """The answer to a request that is refused."""
     problem = _problem(error.status, error.detail)
     if error.checks is not None:
         problem = problem.model_copy(update={"checks": dict(error.checks)})
-    return _document(request, problem)
+    return _document(request, problem, error.headers)
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, ProblemError)
+    return problem_answer(request, error)
 
 
 async def _invalid(request: Request, error: Exception) -> Response:
@@ -143,6 +157,7 @@ async def _http(request: Request, error: Exception) -> Response:
             f"{printable(request.method)} is not offered at {path}; use {allowed}."
         ),
         HTTPStatus.REQUEST_ENTITY_TOO_LARGE: f"The request's body is too large; at most {error.detail} are read.",
+        HTTPStatus.REQUEST_TIMEOUT: f"The request's body did not arrive within {error.detail}; send it again.",
         HTTPStatus.BAD_REQUEST: "The request's body cannot be read; send one JSON object encoded as UTF-8.",
     }
     detail = details.get(HTTPStatus(error.status_code), f"The request was refused: {error.detail}.")

@@ -31,7 +31,9 @@ __all__ = [
     "PersonAction",
     "Problem",
     "Ready",
+    "SessionDocument",
     "StatusDocument",
+    "TokenEntry",
     "VehicleDocument",
     "VehicleList",
     "air_document",
@@ -295,12 +297,31 @@ class Ready(_Answer):
     checks: dict[str, str | None] = Field(description="each part of the service: null where it works")
 
 
+class TokenEntry(BaseModel):
+    """A token that a person logs in with."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)
+
+    token: str = Field(min_length=1, max_length=200)
+
+
+class SessionDocument(_Answer):
+    """Who asks."""
+
+    name: str | None = Field(description="of the token; null without one")
+    scope: str | None = Field(description="`read` or `operate`; null without a token")
+    required: bool = Field(description="whether the service asks for a token")
+
+
 class PersonAction(BaseModel):
     """Who acts on an alert, and why."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)
 
-    who: str = Field(min_length=1, max_length=100, pattern=_Line)
+    who: str | None = Field(
+        default=None, min_length=1, max_length=100, pattern=_Line,
+        description="required without a token; with one it stands behind the token's name",
+    )  # fmt: skip
     note: str = Field(default="", max_length=1000, pattern=_Line)
 
 

@@ -8,21 +8,35 @@ import logging
 import math
 import signal
 import socket
+import ssl
 import threading
 from collections.abc import Callable, Generator
+from functools import partial
+from pathlib import Path
 from types import FrameType
 from typing import Self
 
 import uvicorn
 from fastapi import FastAPI
 
-__all__ = ["AddressError", "HttpServer", "PortInUse", "listen", "serve"]
+from wingwatch.api.connections import BoundedConnection, Connections
+
+__all__ = [
+    "AddressError",
+    "CertificateError",
+    "HttpServer",
+    "PortInUse",
+    "beyond_loopback",
+    "listen",
+    "read_certificate",
+    "serve",
+]
 
 _LOG = logging.getLogger(__name__)
 _BACKLOG = 256
 _LAST_PORT = 65_535
-_MOST_CONNECTIONS = 512
 _START_S = 10.0
+_HANDSHAKE_S = 5.0
 
 
 class AddressError(OSError):
@@ -33,11 +47,14 @@ class PortInUse(AddressError):
     """Another process already listens there."""
 
 
+class CertificateError(ValueError):
+    """Files with which TLS cannot be offered; its text is one sentence for the user."""
+
+
 def listen(host: str, port: int) -> socket.socket:
     """A listening TCP socket, taken now, served later; port 0 lets the system choose.
 
-    Whoever asks first thing knows that the port is theirs before a session or a database is opened. A host
-    beyond loopback is the caller's explicit choice and is logged as a warning.
+    Whoever asks first thing knows that the port is theirs before a session or a database is opened.
 
     Raises:
         PortInUse: another process listens there.
@@ -63,10 +80,39 @@ def listen(host: str, port: int) -> socket.socket:
         bound.close()
         raise _refusal(error, host, port) from error
     bound.set_inheritable(False)
-    chosen = bound.getsockname()[0]
-    if not ipaddress.ip_address(chosen.split("%")[0]).is_loopback:
-        _LOG.warning("listening on %s: whoever reaches this machine can read and act on alerts", chosen)
     return bound
+
+
+def beyond_loopback(listening: socket.socket) -> bool:
+    """Whether other machines can reach a listening socket."""
+    chosen = str(listening.getsockname()[0])
+    return not ipaddress.ip_address(chosen.split("%")[0]).is_loopback
+
+
+def read_certificate(certificate: Path, private_key: Path) -> ssl.SSLContext:
+    """What TLS is offered with.
+
+    Raises:
+        CertificateError: files that cannot be read, or do not belong together.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    for path in (certificate, private_key):
+        try:
+            path.open("rb").close()
+        except OSError as error:
+            reason = (error.strerror or "unreadable").lower()
+            raise CertificateError(
+                f"{path}: {reason}; give a certificate and its private key (PEM)"
+            ) from None
+    try:
+        context.load_cert_chain(certificate, private_key, password="")
+    except (ssl.SSLError, OSError) as error:
+        what = getattr(error, "reason", None) or error
+        raise CertificateError(
+            f"{certificate} and {private_key} are no certificate with its private key ({what}): "
+            "give PEM files that belong together, the key without a password"
+        ) from None
+    return context
 
 
 class HttpServer:
@@ -76,10 +122,21 @@ class HttpServer:
         app: made by ``create_app``.
         listening: made by ``listen``; closed at the end.
         grace_s: how long requests under way may go on after the end was asked for; streams end at once.
+        tls: made by ``read_certificate``; plain HTTP without.
+        connections: their limits.
     """
 
-    def __init__(self, app: FastAPI, listening: socket.socket, grace_s: float = 1.0) -> None:
-        self._server = _server(app, grace_s)
+    def __init__(
+        self,
+        app: FastAPI,
+        listening: socket.socket,
+        grace_s: float = 1.0,
+        tls: ssl.SSLContext | None = None,
+        connections: Connections | None = None,
+    ) -> None:
+        self._connections = connections or Connections()
+        self._server = _server(app, grace_s, self._connections, tls)
+        self._scheme = "http" if tls is None else "https"
         self._listening = listening
         self._address = listening.getsockname()
         self._thread: threading.Thread | None = None
@@ -95,7 +152,12 @@ class HttpServer:
         """Where a browser on this machine finds the status page."""
         host = str(self._address[0])
         host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
-        return f"http://[{host}]:{self.port}" if ":" in host else f"http://{host}:{self.port}"
+        return f"{self._scheme}://{f'[{host}]' if ':' in host else host}:{self.port}"
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Connections that were closed, by reason."""
+        return dict(self._connections.counts)
 
     @property
     def problem(self) -> str | None:
@@ -149,7 +211,7 @@ class HttpServer:
 def serve(app: FastAPI, listening: socket.socket, grace_s: float = 1.0) -> None:
     """Serve in the calling (main) thread until SIGINT or SIGTERM, then return for the caller to tidy up."""
     try:
-        _server(app, grace_s).run(sockets=[listening])
+        _server(app, grace_s, Connections(), None).run(sockets=[listening])
     finally:
         listening.close()
 
@@ -157,10 +219,38 @@ def serve(app: FastAPI, listening: socket.socket, grace_s: float = 1.0) -> None:
 class _Server(uvicorn.Server):
     """Uvicorn that ends event streams first, and returns from a signal instead of dying of it."""
 
-    def __init__(self, config: uvicorn.Config, before_shutdown: Callable[[], None], grace_s: float) -> None:
+    def __init__(
+        self,
+        config: uvicorn.Config,
+        before_shutdown: Callable[[], None],
+        grace_s: float,
+        connections: Connections,
+        tls: ssl.SSLContext | None,
+    ) -> None:
         super().__init__(config)
         self._before_shutdown = before_shutdown
         self._grace_s = grace_s
+        self._bounded = connections
+        self._tls = tls
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn does for given sockets, with limits on connections and on the handshake of TLS."""
+        connection = partial(
+            BoundedConnection,
+            self._bounded,
+            config=self.config,
+            server_state=self.server_state,
+            app_state=self.lifespan.state,
+        )
+        handshake_s = None if self._tls is None else _HANDSHAKE_S
+        loop = asyncio.get_running_loop()
+        self.servers = [
+            await loop.create_server(
+                connection, sock=one, ssl=self._tls, backlog=_BACKLOG, ssl_handshake_timeout=handshake_s
+            )
+            for one in sockets or []
+        ]
+        self.started = True
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._before_shutdown()
@@ -192,7 +282,7 @@ class _Server(uvicorn.Server):
         self.should_exit = True
 
 
-def _server(app: FastAPI, grace_s: float) -> _Server:
+def _server(app: FastAPI, grace_s: float, connections: Connections, tls: ssl.SSLContext | None) -> _Server:
     config = uvicorn.Config(
         app,
         http="h11",
@@ -202,11 +292,9 @@ def _server(app: FastAPI, grace_s: float) -> _Server:
         log_config=None,
         access_log=False,
         server_header=False,
-        limit_concurrency=_MOST_CONNECTIONS,
-        backlog=_BACKLOG,
         timeout_graceful_shutdown=math.ceil(grace_s) + 1,  # only for what outlives its connection
     )
-    return _Server(config, app.state.close_streams, grace_s)
+    return _Server(config, app.state.close_streams, grace_s, connections, tls)
 
 
 def _refusal(error: OSError, host: str, port: int) -> AddressError:

@@ -1,17 +1,21 @@
-"""Routes about the service itself: the event stream and its health."""
+"""Routes about the service itself: the event stream, its health, and who asks."""
 
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Response
+from fastapi import APIRouter, Header, Request, Response
 from fastapi.responses import StreamingResponse
 
+from wingwatch.api.access import COOKIE, Access, Caller, admission_of
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import json_answer
+from wingwatch.api.events import Listener
 from wingwatch.api.problems import ProblemError
-from wingwatch.api.schemas import Live, Ready
+from wingwatch.api.schemas import Live, Ready, SessionDocument, TokenEntry
 
-__all__ = ["event_router", "health_router"]
+__all__ = ["event_router", "health_router", "session_router"]
+
+_SESSION_S = 12 * 3600
 
 _STREAM: dict[int | str, dict[str, Any]] = {
     200: {
@@ -26,9 +30,12 @@ def event_router(door: Door) -> APIRouter:
     router = APIRouter(tags=["events"])
 
     @router.get("/events", response_class=StreamingResponse, responses=_STREAM, summary="Server-sent events")
-    async def events(last_event_id: Annotated[str | None, Header(max_length=100)] = None) -> Response:
+    async def events(
+        request: Request, last_event_id: Annotated[str | None, Header(max_length=100)] = None
+    ) -> Response:
+        admission = admission_of(request)
         return StreamingResponse(
-            door.streams.admit(last_event_id),
+            door.streams.admit(last_event_id, Listener(admission.client, admission.holds)),
             media_type="text/event-stream",
             headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
         )
@@ -45,11 +52,46 @@ def health_router(door: Door) -> APIRouter:
         return json_answer(Live(version=door.version))
 
     @router.get("/ready", response_model=Ready, summary="Zenoh, database and HTTP all work")
-    def ready() -> Response:
+    def ready(request: Request) -> Response:
         checks = dict(door.readiness())
         problems = [f"{part}: {problem}" for part, problem in checks.items() if problem is not None]
+        if problems and not admission_of(request).may_read:
+            raise ProblemError(
+                HTTPStatus.SERVICE_UNAVAILABLE, "The service is not ready; who has a token is told why."
+            )
         if problems:
             raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, " ".join(problems), checks)
         return json_answer(Ready(checks=checks))
+
+    return router
+
+
+def session_router(access: Access) -> APIRouter:
+    """The route ``/session``: logging in on the status page, and out of it."""
+    router = APIRouter(tags=["session"])
+
+    def answer(caller: Caller | None) -> Response:
+        name, scope = (None, None) if caller is None else (caller.name, str(caller.scope))
+        return json_answer(SessionDocument(name=name, scope=scope, required=access.required))
+
+    @router.get("/session", response_model=SessionDocument, summary="Who asks")
+    async def session(request: Request) -> Response:
+        return answer(admission_of(request).caller)
+
+    @router.post("/session", response_model=SessionDocument, summary="Log in: the token becomes a cookie")
+    async def log_in(request: Request, entry: TokenEntry) -> Response:
+        address = request.client.host if request.client is not None else "unknown"
+        answered = answer(access.identify(entry.token, address))
+        answered.set_cookie(
+            COOKIE, entry.token, max_age=_SESSION_S, httponly=True, samesite="strict",
+            secure="https" in (request.scope["scheme"], request.headers.get("origin", "").partition("://")[0]),
+        )  # fmt: skip
+        return answered
+
+    @router.delete("/session", response_model=SessionDocument, summary="Log out")
+    async def log_out() -> Response:
+        answered = answer(None)
+        answered.delete_cookie(COOKIE, httponly=True, samesite="strict")
+        return answered
 
     return router

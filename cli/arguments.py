@@ -33,6 +33,8 @@ examples:
   wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
+  wingwatch token create lead --scope operate
+  wingwatch access uav1 uav2 --out access.json5
 
 A flight is a CSV, Parquet or MATLAB file. A channel map (TOML) names its columns where they are not called as
 the flight table has them. `wingwatch COMMAND --help` says more about each command.
@@ -69,6 +71,8 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_design_input(commands)
     _add_study(commands)
     _add_baseline(commands)
+    _add_token(commands)
+    _add_access(commands)
     return parser
 
 
@@ -229,6 +233,17 @@ def _add_publish(commands: "_Commands[_Parser]") -> None:
         default=1.0,
         metavar="1.0|max",
         help="speed relative to the time stamps, or max: as fast as it is taken, nothing lost (default: 1.0)",
+    )
+    parser.add_argument(
+        "--authority",
+        type=Path,
+        metavar="FILE",
+        help="for tls/ endpoints: whose certificates are trusted (PEM)",
+    )
+    parser.add_argument("--certificate", type=Path, metavar="FILE", help="the vehicle's own (PEM)")
+    parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
+    parser.add_argument(
+        "--user", help="in place of a certificate; its password is read from WINGWATCH_ZENOH_PASSWORD"
     )
 
 
@@ -493,7 +508,9 @@ def _add_serve(commands: "_Commands[_Parser]") -> None:
     parser.add_argument(
         "--config", type=Path, metavar="FILE", help="settings (TOML); flags here override them"
     )
-    parser.add_argument("--host", help="HTTP address (default: 127.0.0.1)")
+    parser.add_argument(
+        "--host", help="HTTP address (default: 127.0.0.1); one that others can reach takes tokens"
+    )
     parser.add_argument("--port", type=int, help="HTTP port (default: 8000)")
     parser.add_argument(
         "--listen",
@@ -504,7 +521,25 @@ def _add_serve(commands: "_Commands[_Parser]") -> None:
     parser.add_argument(
         "--connect", action="append", metavar="ENDPOINT", help="Zenoh router to connect to; may be repeated"
     )
-    parser.add_argument("--data", type=Path, metavar="DIR", help="folder of the database (default: data)")
+    parser.add_argument(
+        "--name",
+        action="append",
+        metavar="HOST",
+        help="host name under which others reach HTTP, beside addresses and localhost; may be repeated",
+    )
+    parser.add_argument(
+        "--certificate", type=Path, metavar="FILE", help="serve HTTPS with this certificate (PEM)"
+    )
+    parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
+    parser.add_argument(
+        "--require-token",
+        action="store_true",
+        default=None,
+        help="ask for tokens on loopback too, as behind a proxy",
+    )
+    parser.add_argument(
+        "--data", type=Path, metavar="DIR", help="folder of the database and the tokens (default: data)"
+    )
     parser.add_argument(
         "--aircraft",
         action="append",
@@ -512,6 +547,79 @@ def _add_serve(commands: "_Commands[_Parser]") -> None:
         metavar="FILE",
         help="aircraft file beside the library; may be repeated",
     )
+    parser.add_argument(
+        "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"
+    )
+
+
+_TOKEN_EXAMPLES = """\
+wingwatch token create lead --scope operate
+  wingwatch token list
+  wingwatch token revoke lead"""
+
+_TOKEN_ACTIONS = {
+    "create": "make a token and show it, once",
+    "list": "names and scopes of all tokens",
+    "revoke": "withdraw a token; a running service refuses it from now on",
+}
+
+
+def _add_token(commands: "_Commands[_Parser]") -> None:
+    does = "tokens for REST and the status page, asked for by a service that others can reach"
+    parser = commands.add_parser(
+        "token",
+        help=does,
+        description=f"{does[0].upper()}{does[1:]}.",
+        epilog=f"examples:\n  {_TOKEN_EXAMPLES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, parser_class=_Parser)
+    for action, what in _TOKEN_ACTIONS.items():
+        name = "" if action == "list" else " lead"
+        add = _command(actions, action, what, f"wingwatch token {action}{name}").add_argument
+        if action != "list":
+            add("name", metavar="NAME", help="of the token: 1 to 63 of a-z, 0-9, '_' and '-'")
+        if action == "create":
+            add(
+                "--scope",
+                choices=("read", "operate"),
+                default="read",
+                help="what it permits; operate: reading, and acting on alerts and diagnoses (default: %(default)s)",
+            )
+        add(
+            "--data",
+            type=Path,
+            default=Path("data"),
+            metavar="DIR",
+            help="the service's data folder (default: %(default)s)",
+        )
+
+
+def _add_access(commands: "_Commands[_Parser]") -> None:
+    parser = _command(
+        commands,
+        "access",
+        "Zenoh's access rules: a vehicle writes its own keys, the service alone derivatives, status and alerts",
+        "wingwatch access uav1 uav2 north.uav1 --reader tower --out access.json5",
+    )
+    add = parser.add_argument
+    add("vehicles", metavar="VEHICLE", nargs="+", help="name, or FLEET.NAME where its fleet is not default")
+    add(
+        "--reader",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="who may subscribe and ask, and writes nothing; may be repeated",
+    )
+    add("--service", default="service", metavar="NAME", help="who the service is (default: %(default)s)")
+    add(
+        "--by",
+        choices=("certificate", "user"),
+        default="certificate",
+        help="what these are: common names of certificates or users (default: %(default)s)",
+    )
+    add("--out", type=Path, metavar="FILE", help="write the rules to FILE (default: standard output)")
 
 
 def _add_demo(commands: "_Commands[_Parser]") -> None:

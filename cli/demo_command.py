@@ -1,7 +1,6 @@
 """`wingwatch demo`: the service and a simulated fleet in one process, on loopback only."""
 
 import argparse
-import logging
 import threading
 from contextlib import ExitStack
 
@@ -13,6 +12,7 @@ from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.fleet_display import FleetLines, fleet_table
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO
 from wingwatch.cli.kernels import KernelCompiler
+from wingwatch.cli.logs import configure_logs
 from wingwatch.cli.serve_command import await_ready, write_address
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import ServeSettings
@@ -27,9 +27,12 @@ _DATABASE = "demo.db"
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
-    logging.basicConfig(level=logging.WARNING, format="wingwatch: %(message)s")
+    configure_logs("text")
     settings = ServeSettings(
-        port=arguments.port, listen=(arguments.listen,), database=str(arguments.data / _DATABASE)
+        port=arguments.port,
+        listen=(arguments.listen,),
+        data=arguments.data,
+        database=str(arguments.data / _DATABASE),
     )
     with asked_to_end() as end:
         fleet: SimulatedFleet | None = None

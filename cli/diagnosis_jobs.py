@@ -107,6 +107,11 @@ class DiagnosisJobs:
         self._thread.join(_JOIN_S)
         shutil.rmtree(self._folder, ignore_errors=True)
 
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
     # -- what the door calls -------------------------------------------------------------------------
 
     def open(self, aircraft: str, channel_map: str, file: str) -> "_Upload":

@@ -39,10 +39,11 @@ def _loaded_sentence_types() -> tuple[type[BaseException], ...]:
         "wingwatch.telemetry.flight": ("FlightError",),
         "wingwatch.telemetry.keys": ("KeyNameError",),
         "wingwatch.telemetry.zenoh_link": ("LinkError",),
+        "wingwatch.telemetry.link_security": ("LinkSecurityError",),
         "wingwatch.baselines.connection": ("DatabaseError",),
         "wingwatch.diagnosis.measured": ("DiagnosisError",),
         "wingwatch.studies.grid": ("StudyError",),
-        "wingwatch.api.server": ("AddressError",),
+        "wingwatch.api.server": ("AddressError", "CertificateError"),
     }
     return tuple(
         getattr(sys.modules[module], name)

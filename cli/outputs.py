@@ -77,6 +77,11 @@ class ZenohOutputs:
         self._news.set()
         self._thread.join(_JOIN_S)  # a link that takes nothing holds it; the session's end frees it
 
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
     def answer_from(self, monitor: MonitorPort) -> None:
         """From now on answer queries with what the monitor knows, and show that the service lives."""
         self._monitor = monitor
@@ -151,9 +156,13 @@ class ZenohOutputs:
     def _put(self, fleet: str, vehicle: str, stream: ServiceStream, news: Callable[[], News]) -> None:
         urgent = stream == "alerts"
         control, priority = zenoh.CongestionControl, zenoh.Priority
+        value = news()
+        if isinstance(value, AlertView):
+            said = (value.level, value.cause, value.id, value.state)
+            _LOG.info("%s alert (%s) %s is %s", *said, extra={"vehicle": f"{fleet}/{vehicle}"})
         self._session.put(
             vehicle_key(fleet, vehicle, stream),
-            encode_service_object(stream, _document(fleet, vehicle, news())),
+            encode_service_object(stream, _document(fleet, vehicle, value)),
             encoding=JSON,
             congestion_control=control.BLOCK if urgent else control.DROP,
             priority=priority.INTERACTIVE_HIGH if urgent else priority.DATA,

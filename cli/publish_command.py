@@ -1,6 +1,7 @@
 """`wingwatch publish`: a flight into Zenoh, as a vehicle sends it."""
 
 import argparse
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,7 @@ import zenoh
 
 from wingwatch.aircraft import library_names, load_aircraft
 from wingwatch.cli.faults import CommandError, say
+from wingwatch.cli.link_settings import security_of
 from wingwatch.cli.progress import Progress, write_json
 from wingwatch.telemetry import (
     AircraftMessage,
@@ -31,9 +33,10 @@ def run(arguments: argparse.Namespace) -> int:
     fleet, vehicle = check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
     aircraft = AircraftMessage(aircraft=_announced(arguments.aircraft))
     flight = load_flight(arguments.flight, arguments.map)
+    security = security_of(arguments, os.environ)
     began_s = time.monotonic()
     with (
-        open_session(ZenohSettings.for_vehicle((arguments.connect,))) as session,
+        open_session(ZenohSettings.for_vehicle((arguments.connect,), security)) as session,
         Progress().count(len(flight.block), f"publishing {vehicle}") as show,
     ):
         messages = _publish(session, fleet, vehicle, aircraft, flight, arguments.rate, show)

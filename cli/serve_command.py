@@ -3,6 +3,7 @@
 import argparse
 import logging
 import os
+import resource
 import threading
 import time
 from collections.abc import Callable
@@ -11,28 +12,41 @@ from rich.console import Console
 
 from wingwatch.cli.ending import asked_to_end, leave
 from wingwatch.cli.faults import say
+from wingwatch.cli.logs import configure_logs
 from wingwatch.cli.progress import write_json
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import serve_settings
 
-__all__ = ["await_ready", "run", "write_address"]
+__all__ = ["allow_open_files", "await_ready", "run", "write_address"]
 
+_LOG = logging.getLogger(__name__)
+_MOST_FILES = 65_536
 _LOOK_S = 0.2
 _SAY_S = 10.0
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
-    logging.basicConfig(level=logging.WARNING, format="wingwatch: %(message)s")
     settings = serve_settings(arguments, os.environ)
+    configure_logs(settings.log_format)
+    allow_open_files()
+    tell: Callable[[str], object] = say if settings.log_format == "text" else _LOG.info
     with asked_to_end() as end:
         with running_service(settings) as service:
             write_address(service, arguments.json)
-            if await_ready(service, end):
-                say("ready")
+            if await_ready(service, end, tell):
+                tell("ready")
             end.wait()
-            say("ending")
+            tell("ending")
         return leave(0, service.pump.alive)
+
+
+def allow_open_files() -> None:
+    """As many as the system lets this process have: each vehicle's link and each listener takes one."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = _MOST_FILES if hard == resource.RLIM_INFINITY else min(hard, _MOST_FILES)
+    if soft != resource.RLIM_INFINITY and soft < most:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
 
 
 def write_address(service: Service, as_json: bool) -> None:
@@ -43,10 +57,10 @@ def write_address(service: Service, as_json: bool) -> None:
         print(f"status page {service.url}   Zenoh {' '.join(service.endpoints)}", flush=True)
 
 
-def await_ready(service: Service, end: threading.Event) -> bool:
+def await_ready(service: Service, end: threading.Event, tell: Callable[[str], object] = say) -> bool:
     """Wait until samples are taken in, or the end is asked for, or it turns out that neither will come."""
     console = Console(stderr=True)
-    if console.is_terminal:
+    if console.is_terminal and tell is say:
         with console.status("starting") as status:
             return _await(service, end, status.update)
     last_said_s = time.monotonic()
@@ -55,7 +69,7 @@ def await_ready(service: Service, end: threading.Event) -> bool:
         nonlocal last_said_s
         if time.monotonic() - last_said_s >= _SAY_S:
             last_said_s = time.monotonic()
-            say(text)
+            tell(text)
 
     return _await(service, end, say_at_times)
 

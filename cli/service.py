@@ -1,11 +1,14 @@
 """The service: HTTP, database, Zenoh and the fleet's monitor wired together, started and ended in order."""
 
 import logging
+import os
+import socket
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
@@ -13,19 +16,30 @@ import zenoh
 from threadpoolctl import threadpool_limits
 
 from wingwatch import __version__
-from wingwatch.api import HttpServer, create_app, listen
-from wingwatch.baselines import Database, DatabaseError, open_database
+from wingwatch.api import (
+    AccessSettings,
+    AppSettings,
+    HttpServer,
+    beyond_loopback,
+    create_app,
+    listen,
+    read_certificate,
+)
+from wingwatch.baselines import open_database
+from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
 from wingwatch.cli.kernels import KernelCompiler, KernelError, Preparation
+from wingwatch.cli.link_settings import link_security
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
+from wingwatch.cli.tokens import TokenFile, TokenRegister
 from wingwatch.monitor import FleetMonitor, FleetSettings
 from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
 
-__all__ = ["Pump", "Service", "running_service"]
+__all__ = ["Parts", "Pump", "Service", "running_service"]
 
 _LOG = logging.getLogger(__name__)
 _GATHERED = 32  # messages; REST waits while so many are taken in
@@ -33,6 +47,8 @@ _TICK_S = 1.0
 _IDLE_S = 0.2
 _STOP_S = 1.0
 _DATABASE_PATIENCE_S = 1.0
+_MOST_QUEUED_S = 5.0
+_MOST_BEHIND_S = 60.0
 _LOADING = "The numerical kernels are being loaded."
 _SWITCH_S = 0.0005  # each message that arrives waits so long for the interpreter while the pump is busy
 
@@ -136,68 +152,101 @@ class Pump:
                 _LOG.exception("a message led to a fault of the program")
 
 
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What a service consists of, each of them started and ended elsewhere."""
+
+    http: HttpServer
+    monitor: FleetMonitor
+    probe: DatabaseProbe
+    store: DatabaseStore
+    session: zenoh.Session
+    link: ZenohSettings
+    subscriber: SensorSubscriber
+    outputs: ZenohOutputs
+    pump: Pump
+    tokens: TokenRegister
+    diagnoses: DiagnosisJobs
+
+
 class Service:
     """What runs: its address, its monitor, and whether all of it works."""
 
-    def __init__(
-        self, http: HttpServer, monitor: FleetMonitor, database: Database, session: zenoh.Session, pump: Pump,
-        store: DatabaseStore, settings: ZenohSettings, subscriber: SensorSubscriber,
-        outputs: ZenohOutputs,
-    ) -> None:  # fmt: skip
-        self.monitor = monitor
-        self.pump = pump
-        self._http, self._database, self._session, self._store = http, database, session, store
-        self._zenoh, self._subscriber, self._outputs = settings, subscriber, outputs
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+
+    @property
+    def monitor(self) -> FleetMonitor:
+        """Of the fleet."""
+        return self._parts.monitor
+
+    @property
+    def pump(self) -> Pump:
+        """What takes messages in."""
+        return self._parts.pump
 
     @property
     def url(self) -> str:
         """Of the status page."""
-        return self._http.url
+        return self._parts.http.url
 
     @property
     def port(self) -> int:
         """Of HTTP."""
-        return self._http.port
+        return self._parts.http.port
 
     @property
     def endpoints(self) -> tuple[str, ...]:
         """Of Zenoh: those listened on, or the routers connected to."""
-        return self._zenoh.listen or self._zenoh.connect
+        return self._parts.link.listen or self._parts.link.connect
 
     def readiness(self) -> Mapping[str, str | None]:
         """Per part None, or its problem in one sentence."""
         return {
             "zenoh": self._zenoh_problem(),
+            "messages": self._messages_problem(),
             "database": self._database_problem(),
-            "http": self._http.problem,
+            "http": self._parts.http.problem,
+            "tokens": self._parts.tokens.problem,
             "estimators": self.pump.problem,
+            "diagnoses": None if self._parts.diagnoses.alive else "the loop that runs diagnoses has ended.",
         }
 
     def counters(self) -> Mapping[str, Mapping[str, int]]:
         """What each part dropped or failed on."""
         return {
-            "messages": self._subscriber.counts,
+            "messages": self._parts.subscriber.counts,
             "monitor": self.monitor.problems,
             "loop": {"faults": self.pump.faults},
-            "store": self._store.counts,
-            "outputs": dict(self._outputs.dropped),
+            "store": self._parts.store.counts,
+            "outputs": dict(self._parts.outputs.dropped),
+            "connections": self._parts.http.counts,
         }
 
     def _zenoh_problem(self) -> str | None:
-        if self._session.is_closed():
+        if self._parts.session.is_closed():
             return "the Zenoh session is closed."
-        if self._zenoh.mode == "client":
-            info = self._session.info
+        if self._parts.link.mode == "client":
+            info = self._parts.session.info
             if not [*info.routers_zid(), *info.peers_zid()]:
-                return f"the connection to {' '.join(self._zenoh.connect)} is lost; it is tried again."
-        return None
+                return f"the connection to {' '.join(self._parts.link.connect)} is lost; it is tried again."
+        return None if self._parts.outputs.alive else "the loop that publishes has ended."
+
+    def _messages_problem(self) -> str | None:
+        waiting_s = self._parts.subscriber.waiting_s
+        if waiting_s <= _MOST_QUEUED_S:
+            return None
+        return f"messages wait for {waiting_s:.0f} s before they are taken in; what is shown is as old."
 
     def _database_problem(self) -> str | None:
-        try:
-            self._database.check()
-        except DatabaseError as error:
-            return f"{error}."
-        return None if self._store.problem is None else f"{self._store.problem}."
+        store = self._parts.store
+        if not store.alive:
+            return "the loop that reads or writes the database has ended."
+        if store.behind_s > _MOST_BEHIND_S:
+            return f"entries have waited for {store.behind_s:.0f} s to be written."
+        if (problem := self._parts.probe.problem()) is not None:
+            return problem
+        return None if store.problem is None else f"{store.problem}."
 
 
 def _remove(database: Path) -> None:
@@ -226,17 +275,24 @@ def running_service(
         fresh: remove the SQLite file of ``settings`` first, once the port is ours.
 
     Raises:
-        AddressError, DatabaseError, LinkError, AircraftFileError, CommandError: one sentence each.
+        AddressError, CertificateError, DatabaseError, LinkError, LinkSecurityError, AircraftFileError,
+            CommandError: one sentence each.
     """
     with ExitStack() as stack:
         listening = listen(settings.host, settings.port)
         stack.callback(listening.close)
+        tokens = TokenRegister(TokenFile(settings.data))
+        access = _access(settings, listening, tokens)
+        tls = None
+        if settings.certificate is not None and settings.private_key is not None:
+            tls = read_certificate(settings.certificate, settings.private_key)
         hangar = Hangar(settings.aircraft)
         if fresh:
             _remove(Path(settings.where))
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
         store = stack.enter_context(DatabaseStore(database, wall_clock))
-        link = ZenohSettings.for_service(settings.listen, settings.connect)
+        security = link_security(settings.zenoh, os.environ)
+        link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session))
         stack.callback(sys.setswitchinterval, sys.getswitchinterval())
@@ -263,14 +319,53 @@ def running_service(
             lambda: service.readiness(),
             database,
             __version__,
-            aircraft=hangar.find,
-            diagnoses=diagnoses,
-            counters=lambda: service.counters(),
-            kernels=preparation.view,
+            AppSettings(
+                access=access,
+                aircraft=hangar.find,
+                diagnoses=diagnoses,
+                counters=lambda: service.counters(),
+                kernels=preparation.view,
+            ),
         )
-        http = HttpServer(app, listening)
-        service = Service(http, monitor, database, session, pump, store, link, subscriber, outputs)
+        http = HttpServer(app, listening, tls=tls)
+        service: Service = Service(
+            Parts(
+                http=http,
+                monitor=monitor,
+                probe=DatabaseProbe(database.check),
+                store=store,
+                session=session,
+                link=link,
+                subscriber=subscriber,
+                outputs=outputs,
+                pump=pump,
+                tokens=tokens,
+                diagnoses=diagnoses,
+            )
+        )
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)
         yield service
+
+
+def _access(settings: ServeSettings, listening: socket.socket, tokens: TokenRegister) -> AccessSettings:
+    """Who may do what at the address that is listened on.
+
+    Raises:
+        CommandError: tokens are required there, and there is none.
+    """
+    others = beyond_loopback(listening)
+    if others or settings.require_token:
+        tokens.require_some()
+    if others and settings.certificate is None:
+        _LOG.warning(
+            "listening on %s without TLS: tokens and answers can be read on the way; give --certificate and "
+            "--private-key unless something in front of the service offers TLS",
+            listening.getsockname()[0],
+        )
+    return AccessSettings(
+        find=tokens.find,
+        required=others or settings.require_token,
+        names=(settings.host, *settings.name),
+    )

@@ -4,11 +4,13 @@ import argparse
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.link_settings import LinkTable
+from wingwatch.cli.logs import LogFormat
 
 __all__ = ["DATABASE_VARIABLE", "ServeSettings", "serve_settings"]
 
@@ -16,6 +18,11 @@ DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 """Environment variable; empty counts as not set. It goes before the file's ``database``."""
 
 _MOST_BYTES = 100_000
+_FLAGS = (
+    "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
+    "log_format",
+)  # fmt: skip
+_PATHS = ("data", "certificate", "private_key")
 
 
 class ServeSettings(BaseModel):
@@ -25,10 +32,15 @@ class ServeSettings(BaseModel):
         host, port: where HTTP is served; port 0 takes a free one.
         listen: Zenoh endpoints to listen on; where neither ``listen`` nor ``connect`` is given, loopback.
         connect: Zenoh routers to connect to.
-        data: folder of the SQLite database.
+        name: host names under which others reach HTTP, beside addresses and ``localhost``.
+        certificate, private_key: PEM files; with them HTTPS is served.
+        require_token: whether tokens are asked for on loopback too; beyond it they always are.
+        data: folder of the SQLite database and of the tokens.
         database: URL or path that replaces the one in ``data``.
         aircraft: files beside the library.
         stale_s: silence after which a vehicle is stale.
+        zenoh: certificates, user and access rules of Zenoh's links.
+        log_format: of what is written to standard error.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -37,15 +49,27 @@ class ServeSettings(BaseModel):
     port: Annotated[int, Field(strict=True, ge=0, le=65_535)] = 8000
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
+    name: tuple[str, ...] = ()
+    certificate: Path | None = None
+    private_key: Path | None = None
+    require_token: Annotated[bool, Field(strict=True)] = False
     data: Path = Path("data")
     database: str | None = None
     aircraft: tuple[Path, ...] = ()
     stale_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 5.0
+    log_format: LogFormat = "text"
+    zenoh: LinkTable = LinkTable()
 
-    @field_validator("listen", "connect", "aircraft", mode="before")
+    @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod
     def _one_or_several(cls, value: Any) -> Any:
         return (value,) if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if (self.certificate is None) != (self.private_key is None):
+            raise CommandError("HTTPS takes both --certificate and --private-key; give the other one too")
+        return self
 
     @property
     def where(self) -> str:
@@ -65,14 +89,19 @@ def serve_settings(arguments: argparse.Namespace, environment: Mapping[str, str]
     values = {} if path is None else _read(path)
     if environment.get(DATABASE_VARIABLE):
         values["database"] = environment[DATABASE_VARIABLE]
-    for name in ("host", "port", "listen", "connect", "data", "aircraft"):
+    for name in _FLAGS:
         given = getattr(arguments, name)
         if given is not None:
             values[name] = tuple(given) if isinstance(given, list) else given
     try:
-        return ServeSettings.model_validate(values)
+        settings = ServeSettings.model_validate(values)
     except ValidationError as error:
         raise CommandError(_sentence(error, path)) from None
+    return (
+        settings
+        if path is None
+        else settings.model_copy(update={"zenoh": settings.zenoh.beside(path.parent)})
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -86,8 +115,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise CommandError(f"--config {path}: not UTF-8 text; save it as UTF-8") from None
     except tomllib.TOMLDecodeError as error:
         raise CommandError(f"--config {path}: not valid TOML: {error}") from None
-    if isinstance(values.get("data"), str):
-        values["data"] = path.parent / values["data"]
+    values |= {key: path.parent / values[key] for key in _PATHS if isinstance(values.get(key), str)}
     files = values.get("aircraft")
     if isinstance(files, str | list):
         names = [files] if isinstance(files, str) else files

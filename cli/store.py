@@ -76,6 +76,7 @@ class DatabaseStore:
             threading.Thread(target=self._answer, name="wingwatch-recall", daemon=True),
         ]
         self._tries: dict[Any, int] = {}
+        self._since_s: float | None = None
         self._counts = dict.fromkeys(
             ("failed_reads", "retries", "refused", "dropped_estimates", "dropped_alerts", "dropped_memory"), 0
         )
@@ -100,6 +101,17 @@ class DatabaseStore:
     def problem(self) -> str | None:
         """Why entries are not written, or what is kept not read; None while both work."""
         return self.write_problem or self.read_problem
+
+    @property
+    def alive(self) -> bool:
+        """Whether both threads run."""
+        return all(thread.is_alive() for thread in self._threads)
+
+    @property
+    def behind_s(self) -> float:
+        """How long entries have waited without all of them being written; 0 where none wait."""
+        since_s = self._since_s
+        return 0.0 if since_s is None else time.monotonic() - since_s
 
     @property
     def counts(self) -> dict[str, int]:
@@ -163,6 +175,7 @@ class DatabaseStore:
     def save_alert(self, alert: AlertView) -> None:
         """Keep an alert; one with the same id is replaced."""
         with self._lock:
+            self._wait()
             self._alerts[alert.id] = alert
             while len(self._alerts) > _MOST_ALERTS:
                 self._alerts.pop(next(iter(self._alerts)))
@@ -172,13 +185,20 @@ class DatabaseStore:
     def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
         """Keep estimates for history, as far as there is room in the queue."""
         with self._lock:
+            self._wait()
             room = _MOST_ESTIMATES - len(self._estimates)
             self._estimates += rows[:room]
             self._counts["dropped_estimates"] += max(0, len(rows) - room)
         self._news.set()
 
+    def _wait(self) -> None:
+        """Something waits from now on; the lock is held."""
+        if self._since_s is None:
+            self._since_s = time.monotonic()
+
     def _keep(self, waiting: dict[Any, Any], key: Any, entry: Any) -> None:
         """Let an entry wait in place of an older one; the lock is held."""
+        self._wait()
         waiting[key] = entry
         while len(waiting) > _MOST_MEMORY:
             waiting.pop(next(iter(waiting)))
@@ -273,6 +293,9 @@ class DatabaseStore:
             problem = _sentence(error)
         with self._lock:
             self._counts["dropped_estimates"] += len(estimates)
+            if problem is None:
+                waits = self._alerts or self._references or self._cells or self._estimates
+                self._since_s = time.monotonic() if waits else None
         self._say(problem)
         return problem is None
 

@@ -362,7 +362,8 @@ class FleetMonitor:
             known.drop_held()  # there is none to be made, and what waits for it must not grow
         self._count("faults")
         if self._problems["faults"] <= _LOGGED_FAULTS:
-            _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle)
+            about = {"vehicle": f"{fleet}/{vehicle}"}
+            _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle, extra=about)
 
     def _count(self, problem: str) -> None:
         self._problems[problem] = self._problems.get(problem, 0) + 1

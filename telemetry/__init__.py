@@ -12,6 +12,7 @@ Example:
     [0.01, 0.03]
 """
 
+from wingwatch.telemetry.access_rules import access_rules, vehicle_subject
 from wingwatch.telemetry.alignment import Aligner, aligned_delays
 from wingwatch.telemetry.cleaning import Cleaner, CleanerConfig, CleanerState, CleaningReport, CleanResult
 from wingwatch.telemetry.completion import complete, derivations
@@ -33,6 +34,7 @@ from wingwatch.telemetry.keys import (
     service_alive_key,
     vehicle_key,
 )
+from wingwatch.telemetry.link_security import LinkSecurity, LinkSecurityError
 from wingwatch.telemetry.maps import ChannelEntry, ChannelMap, MapError, RowSelection, load_map, parse_map
 from wingwatch.telemetry.messages import (
     JSON,
@@ -119,6 +121,10 @@ __all__ = [
     "LinkError",
     "ZenohSettings",
     "open_session",
+    "LinkSecurity",
+    "LinkSecurityError",
+    "access_rules",
+    "vehicle_subject",
     "InboundMessage",
     "SensorSubscriber",
     "SequenceTracker",

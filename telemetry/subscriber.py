@@ -121,6 +121,12 @@ class SensorSubscriber:
         """Messages in the queue now."""
         return len(self._waiting)
 
+    @property
+    def waiting_s(self) -> float:
+        """How long the oldest message has waited; 0 where none waits."""
+        with self._lock:
+            return self._clock() - self._waiting[0].received_s if self._waiting else 0.0
+
     def drain(self, max_items: int) -> list[InboundMessage]:
         """The oldest waiting messages, in the order of arrival; never waits. Called from one thread only."""
         with self._lock:

@@ -8,10 +8,17 @@ from typing import Any, Literal
 
 import zenoh
 
+from wingwatch.telemetry.link_security import LinkSecurity
+
 __all__ = ["DEFAULT_ENDPOINT", "LinkError", "ZenohSettings", "open_session"]
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+_PROTECTED = ("tls/", "quic/")
 _RETRY_FIRST_MS, _RETRY_LAST_MS = 100, 500  # a lost router is found again 0.3 s after it is back
+_ACCEPT_PENDING, _ACCEPT_MS = (
+    1000,
+    2000,
+)  # connections that are opened and say nothing must not hold others up
 _STALL_ALLOWED_US = 10_000_000  # a busy receiver holds up a blocking publisher as long as the link lives
 
 
@@ -31,6 +38,7 @@ class ZenohSettings:
         max_transport_bytes: a message longer than this is dropped before it has been put together, uncounted
             but for the gap it leaves in the sequence; it bounds the memory a stranger can claim.
         open_timeout_s: how long to try to connect.
+        security: certificates, user and rules; none for links on loopback.
     """
 
     mode: Literal["peer", "client", "router"] = "peer"
@@ -39,24 +47,33 @@ class ZenohSettings:
     max_message_bytes: int = 65_536
     max_transport_bytes: int = 16_777_216
     open_timeout_s: float = 5.0
+    security: LinkSecurity | None = None
 
     @classmethod
-    def for_service(cls, listen: tuple[str, ...] = (), connect: tuple[str, ...] = ()) -> "ZenohSettings":
+    def for_service(
+        cls,
+        listen: tuple[str, ...] = (),
+        connect: tuple[str, ...] = (),
+        security: LinkSecurity | None = None,
+    ) -> "ZenohSettings":
         """A service: a peer that listens (on loopback where nothing is said), or a client of a router."""
         if connect and not listen:
-            return cls(mode="client", listen=(), connect=connect)
-        return cls(mode="peer", listen=listen or (DEFAULT_ENDPOINT,), connect=connect)
+            return cls(mode="client", listen=(), connect=connect, security=security)
+        return cls(mode="peer", listen=listen or (DEFAULT_ENDPOINT,), connect=connect, security=security)
 
     @classmethod
-    def for_vehicle(cls, connect: tuple[str, ...] = (DEFAULT_ENDPOINT,)) -> "ZenohSettings":
+    def for_vehicle(
+        cls, connect: tuple[str, ...] = (DEFAULT_ENDPOINT,), security: LinkSecurity | None = None
+    ) -> "ZenohSettings":
         """A vehicle: always a client, because two peers that do not listen never hear of each other."""
-        return cls(mode="client", listen=(), connect=connect)
+        return cls(mode="client", listen=(), connect=connect, security=security)
 
     def config(self) -> zenoh.Config:
         """The settings in Zenoh's own form.
 
         Raises:
-            LinkError: an endpoint that is none, or a client without one.
+            LinkError: an endpoint that is none, a client without one, or one that security does not reach.
+            LinkSecurityError: certificates or rules that will not do.
         """
         if self.mode == "client" and not self.connect:
             raise LinkError(f"a Zenoh client needs an endpoint to connect to, such as {DEFAULT_ENDPOINT}")
@@ -71,13 +88,20 @@ class ZenohSettings:
             "transport/shared_memory/enabled": False,
             "transport/link/rx/max_message_size": self.max_transport_bytes,
             "transport/link/tx/queue/congestion_control/block/wait_before_close": _STALL_ALLOWED_US,
+            "transport/unicast/accept_pending": _ACCEPT_PENDING,
+            "transport/unicast/accept_timeout": _ACCEPT_MS,
         }
+        if self.security is not None:
+            for endpoint in (*self.listen, *self.connect):
+                if not endpoint.startswith(_PROTECTED):
+                    raise LinkError(f"{endpoint} takes no certificates: write tls/HOST:PORT")
+            values |= self.security.config(bool(self.listen))
         config = zenoh.Config()
         for key, value in values.items():
             try:
                 config.insert_json5(key, json.dumps(value))
             except zenoh.ZError:
-                shown = json.dumps(value)
+                shown = "(not shown)" if "password" in key else json.dumps(value)
                 raise LinkError(
                     f"Zenoh does not take {shown} for {key}: use the form tcp/HOST:PORT"
                 ) from None
@@ -109,6 +133,11 @@ def _sentence(settings: ZenohSettings, problem: str) -> str:
         return f"Zenoh cannot listen on {listen}: this machine does not have that address"
     if "ermission denied" in problem:
         return f"Zenoh cannot listen on {listen}: the system does not permit it; choose a port above 1023"
+    if "Unable to connect" in problem and settings.security is not None:
+        return (
+            f"nothing answers at {connect} within {settings.open_timeout_s:g} s, or it refuses the certificate or "
+            "the user: start the router, or correct the endpoint, the authority and the certificate"
+        )
     if "Unable to connect" in problem:
         return (
             f"nothing answers at {connect} within {settings.open_timeout_s:g} s: "

@@ -312,13 +312,69 @@ function show(status, recent) {
   announce(active);
 }
 
+/* ---- logging in ------------------------------------------------------------------------------------------ */
+
+/** Ask for a token; what an earlier one showed goes away. */
+function askToken() {
+  if (!byId("login").hidden) return;
+  byId("login").hidden = false;
+  byId("session").hidden = true;
+  for (const list of ["counts", "alerts", "cleared", "vehicles"]) byId(list).replaceChildren();
+  for (const part of ["no-alerts", "no-vehicles", "past", "kernels"]) byId(part).hidden = true;
+  document.title = "wingwatch";
+  known = null;
+  if (stream) stream.close();
+  byId("token").focus();
+}
+
+async function showSession() {
+  try {
+    const { name, scope } = await get("/v1/session");
+    byId("session").hidden = name === null;
+    byId("who").textContent = name === null ? "" : `Logged in as ${name} (${scope}).`;
+  } catch (error) {
+    console.warn(error);
+  }
+}
+
+async function logIn(event) {
+  event.preventDefault();
+  const problem = byId("login-problem");
+  problem.textContent = "";
+  try {
+    const answer = await fetch("/v1/session", { method: "POST", headers: { "Content-Type": "application/json" },
+      body: JSON.stringify({ token: byId("token").value }), signal: AbortSignal.timeout(TIMEOUT_MS) });
+    if (!answer.ok) {
+      problem.textContent = (await answer.json()).detail;
+      return;
+    }
+    byId("token").value = "";
+    byId("login").hidden = true;
+    byId("no-alerts").hidden = false;
+    begin();
+  } catch (error) {
+    console.warn(error);
+    problem.textContent = "The service has not answered; try again.";
+  }
+}
+
+async function logOut() {
+  try {
+    await fetch("/v1/session", { method: "DELETE", signal: AbortSignal.timeout(TIMEOUT_MS) });
+  } catch (error) {
+    console.warn(error);
+  }
+  refresh();
+}
+
 /* ---- keeping it true ------------------------------------------------------------------------------------ */
 
 let streaming = false, asking = false, askAgain = false, compiling = false, timer = 0, lastAnswer = null;
 
 function tellLink(lost) {
-  const state = lost ? "lost" : streaming ? "live" : "polling";
-  const texts = { live: "live", polling: "asking every 2 s", lost: "no answer" };
+  const closed = !byId("login").hidden;
+  const state = lost ? "lost" : closed ? "waiting" : streaming ? "live" : "polling";
+  const texts = { live: "live", polling: "asking every 2 s", lost: "no answer", waiting: "not logged in" };
   byId("link").dataset.link = state;
   byId("link-text").textContent = texts[state] + (lastAnswer ? `, ${lastAnswer.toLocaleTimeString()}` : "");
   byId("banner").hidden = !lost;
@@ -328,8 +384,11 @@ function tellLink(lost) {
   }
 }
 
+class NotLoggedIn extends Error {}
+
 async function get(path) {
   const answer = await fetch(path, { cache: "no-store", signal: AbortSignal.timeout(TIMEOUT_MS) });
+  if (answer.status === 401) throw new NotLoggedIn();
   if (!answer.ok) throw new Error(`${path} answered ${answer.status}`);
   return answer.json();
 }
@@ -348,12 +407,16 @@ async function refresh() {
     show(status, recent);
     compiling = Boolean(status.kernels);
   } catch (error) {
-    console.warn(error);
-    lost = true;
+    if (error instanceof NotLoggedIn) {
+      askToken();
+    } else {
+      console.warn(error);
+      lost = true;
+    }
   }
   asking = false;
   tellLink(lost);
-  plan(askAgain ? REFRESH_MS : streaming && !compiling ? POLL_LIVE_MS : POLL_ALONE_MS);
+  if (byId("login").hidden) plan(askAgain ? REFRESH_MS : streaming && !compiling ? POLL_LIVE_MS : POLL_ALONE_MS);
 }
 
 function plan(delay) {
@@ -369,8 +432,11 @@ function somethingNew() {
   setTimeout(() => { soon = false; refresh(); }, REFRESH_MS);
 }
 
+let stream = null;
+
 function follow() {
-  const stream = new EventSource("/v1/events");
+  if (!byId("login").hidden || (stream && stream.readyState !== EventSource.CLOSED)) return;
+  stream = new EventSource("/v1/events");
   stream.onopen = () => { streaming = true; refresh(); };
   stream.onerror = () => {
     streaming = false;
@@ -380,5 +446,12 @@ function follow() {
   for (const kind of ["alert", "status", "derivatives", "resync"]) stream.addEventListener(kind, somethingNew);
 }
 
-refresh();
-follow();
+async function begin() {
+  await refresh();
+  follow();
+  await showSession();
+}
+
+byId("login").addEventListener("submit", logIn);
+byId("logout").addEventListener("click", logOut);
+begin();

@@ -10,6 +10,8 @@ from typing import Any
 import httpx
 
 from wingwatch.api import (
+    AccessSettings,
+    AppSettings,
     DiagnosisPort,
     DiagnosisState,
     DiagnosisView,
@@ -177,19 +179,18 @@ def served(
     diagnoses: DiagnosisPort | None = None,
     counters: Mapping[str, Mapping[str, int]] | None = None,
     kernels: Callable[[], KernelsView | None] = lambda: None,
+    access: AccessSettings | None = None,
 ) -> Generator[tuple[HttpServer, httpx.Client]]:
     """The application over the fake, on a real socket, with a client."""
     ready = checks if checks is not None else {"zenoh": None, "database": None, "http": None}
-    app = create_app(
-        monitor,
-        lambda: ready,
-        history,
-        VERSION,
+    settings = AppSettings(
+        access=access or AccessSettings(),
         counters=lambda: counters or {},
         kernels=kernels,
         keep_alive_s=keep_alive_s,
         diagnoses=diagnoses,
     )
+    app = create_app(monitor, lambda: ready, history, VERSION, settings)
     with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
         yield server, client
 

@@ -10,7 +10,7 @@ from api_fakes import FakeDiagnoses, FakeMonitor, diagnosis_view, served
 from openapi_check import misfits
 
 from wingwatch.api import DiagnosisState
-from wingwatch.api.diagnosis_routes import LARGEST_FLIGHT_BYTES
+from wingwatch.api.diagnosis_routes import FLIGHT_SIZE
 
 BINARY = {"content-type": "application/octet-stream"}
 
@@ -160,7 +160,7 @@ def test_a_flight_too_large_is_refused_and_its_place_given_back(
     client: httpx.Client, port: FakeDiagnoses
 ) -> None:
     def pieces() -> Generator[bytes]:
-        for _ in range(LARGEST_FLIGHT_BYTES // 2**20 + 1):
+        for _ in range(FLIGHT_SIZE.most_bytes // 2**20 + 1):
             yield bytes(2**20)
 
     answer = client.post("/v1/diagnoses?aircraft=aerosonde", content=pieces(), headers=BINARY, timeout=60.0)

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import socket
 from collections.abc import AsyncIterator, Coroutine
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import pytest
 from api_fakes import FakeMonitor, served
 
-from wingwatch.api.events import EventStreams
+from wingwatch.api.events import EventStreams, Listener
 from wingwatch.api.problems import ProblemError
 
 
@@ -122,17 +123,110 @@ def test_silence_is_bridged_by_comments() -> None:
     run(work())
 
 
-def test_streams_are_bounded_and_a_closed_one_makes_room() -> None:
+def test_a_listener_of_an_earlier_service_is_told_though_the_new_one_has_had_more_events() -> None:
+    async def work() -> None:
+        before = EventStreams(told(5), start=7_000_000_000).admit("7000000003")
+        assert [frame.id for frame in await take(before, 2)] == [7_000_000_004, 7_000_000_005]
+        after = EventStreams(told(50), start=2_000_000_000).admit("7000000005")
+        (first,) = await take(after, 1)
+        assert first.kind == "resync"
+        assert "started anew" in first.data["reason"]
+        smaller = EventStreams(told(50), start=8_000_000_000).admit("7000000005")
+        assert (await take(smaller, 1))[0].kind == "resync"
+
+    run(work())
+
+
+def test_two_starts_of_the_service_number_their_events_differently() -> None:
+    ids = []
+    for _ in range(2):
+        monitor = told(1)
+        with served(monitor) as (_, client), client.stream("GET", "/v1/events") as answer:
+            lines = answer.iter_lines()
+            assert next(lines) == "retry: 2000"
+            monitor.tell("status", {})
+            ids.append(next(int(line.removeprefix("id: ")) for line in lines if line.startswith("id: ")))
+    assert ids[0] != ids[1]
+    assert max(ids) < 2**53  # a listener may hold it as a double
+
+
+async def opened(streams: EventStreams, *clients: str) -> list[AsyncIterator[bytes]]:
+    held = [streams.admit(None, Listener(client)) for client in clients]
+    for stream in held:
+        await anext(stream)
+    return held
+
+
+async def ends(stream: AsyncIterator[bytes]) -> None:
+    with pytest.raises(StopAsyncIteration):
+        await asyncio.wait_for(anext(stream), 1.0)
+
+
+def test_idle_streams_do_not_shut_out_another() -> None:
+    """Of the client that has most of them, the one that has longest taken nothing gives way."""
+
+    async def work() -> None:
+        monitor = FakeMonitor()
+        streams = EventStreams(monitor, most=4)
+        held = await opened(streams, "other", "greedy", "greedy", "greedy")
+        monitor.tell("status", {})
+        for stream in (held[1], held[3]):
+            await take(stream, 1)
+        (late,) = await opened(streams, "late")
+        assert streams.counts == {"gave_way": 1}
+        await ends(held[2])
+        monitor.tell("status", {})
+        for stream in (held[0], held[1], held[3], late):
+            assert (await take(stream, 1))[-1].kind == "status"
+
+    run(work())
+
+
+def test_sixty_four_idle_streams_do_not_shut_out_the_next() -> None:
+    monitor = told(1)
+    with served(monitor) as (server, client):
+        idle = []
+        for _ in range(64):
+            connection = socket.create_connection(("127.0.0.1", server.port), timeout=5.0)
+            connection.sendall(b"GET /v1/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            assert connection.recv(12) == b"HTTP/1.1 200"
+            idle.append(connection)
+        with client.stream("GET", "/v1/events") as answer:
+            assert answer.status_code == 200
+            lines = answer.iter_lines()
+            assert next(lines) == "retry: 2000"
+            monitor.tell("alert", {"id": "a1"})
+            assert any(line == "event: alert" for line in lines)
+        assert client.get("/v1/status").json()["counters"]["events"] == {"gave_way": 1}
+        for connection in idle:
+            connection.close()
+
+
+def test_a_closed_stream_makes_room() -> None:
     async def work() -> None:
         streams = EventStreams(FakeMonitor(), most=2)
-        held = [streams.admit(None) for _ in range(2)]
-        for stream in held:
-            await anext(stream)
-        with pytest.raises(ProblemError, match="2 event streams") as refused:
-            streams.admit(None)
-        assert refused.value.status == 503
+        held = await opened(streams, "a", "b")
         await held[0].aclose()  # type: ignore[attr-defined]
-        await anext(streams.admit(None))
+        await opened(streams, "c")
+        assert streams.counts == {"gave_way": 0}
+
+    run(work())
+
+
+def test_a_stream_ends_when_its_token_is_withdrawn() -> None:
+    async def work() -> None:
+        now_s, holds = 0.0, True
+
+        def clock() -> float:
+            nonlocal now_s
+            now_s += 1.0
+            return now_s
+
+        stream = EventStreams(FakeMonitor(), clock=clock).admit(None, Listener("ana", lambda: holds))
+        await anext(stream)
+        assert await anext(stream) == b": still here\n\n"
+        holds = False
+        await ends(stream)
 
     run(work())
 
@@ -161,18 +255,25 @@ def test_an_id_that_is_none_of_ours_is_refused(text: str) -> None:
 
 
 def test_over_http_the_header_is_honoured() -> None:
-    monitor = told(3)
+    monitor = FakeMonitor()
     with served(monitor) as (_, client):
-        with client.stream("GET", "/v1/events", headers={"Last-Event-ID": "1"}) as answer:
+        with client.stream("GET", "/v1/events") as answer:
             assert answer.headers["content-type"].startswith("text/event-stream")
             assert answer.headers["cache-control"] == "no-store"
+            lines = answer.iter_lines()
+            assert next(lines) == "retry: 2000"
+            monitor.tell("status", {})
+            seen = next(line.removeprefix("id: ") for line in lines if line.startswith("id: "))
+        for _ in range(2):
+            monitor.tell("status", {})
+        with client.stream("GET", "/v1/events", headers={"Last-Event-ID": seen}) as answer:
             found: list[int] = []
             for line in answer.iter_lines():
                 if line.startswith("id: "):
                     found.append(int(line.removeprefix("id: ")))
                 if len(found) == 2:
                     break
-        assert found == [2, 3]
+        assert found == [int(seen) + 1, int(seen) + 2]
         refused = client.get("/v1/events", headers={"Last-Event-ID": "last"})
         assert refused.status_code == 422
         assert refused.headers["content-type"] == "application/problem+json"

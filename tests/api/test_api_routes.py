@@ -115,6 +115,7 @@ def test_every_promised_path_is_described_with_its_errors(client: httpx.Client) 
         "/v1/diagnoses",
         "/v1/diagnoses/{diagnosis_id}",
         "/v1/diagnoses/{diagnosis_id}/report",
+        "/v1/session",
         "/health/live",
         "/health/ready",
     }
@@ -140,7 +141,9 @@ def test_the_check_of_answers_can_fail(client: httpx.Client) -> None:
 def test_status_carries_the_counters_of_every_part() -> None:
     counters = {"messages": {"received": 2**53 - 1, "overflow": 0}, "monitor": {"faults": 3}}
     with served(fleet(), counters=counters) as (_, client):
-        assert get(client, "/v1/status")["counters"] == counters
+        shown = get(client, "/v1/status")["counters"]
+        assert {part: shown.pop(part) for part in counters} == counters
+        assert {part: set(shown[part].values()) for part in shown} == {"access": {0}, "events": {0}}
 
 
 def test_status_says_what_is_being_compiled_while_it_is() -> None:

@@ -14,7 +14,7 @@ import httpx
 import pytest
 from api_fakes import VERSION, FakeMonitor, served, vehicle
 
-from wingwatch.api import AddressError, HttpServer, PortInUse, create_app, listen
+from wingwatch.api import AddressError, HttpServer, PortInUse, beyond_loopback, create_app, listen
 
 LONGEST_END_S = 3.0
 
@@ -22,7 +22,7 @@ LONGEST_END_S = 3.0
 def raw_stream(port: int) -> socket.socket:
     """An event stream that is open and never read from again."""
     connection = socket.create_connection(("127.0.0.1", port), timeout=5.0)
-    connection.sendall(b"GET /v1/events HTTP/1.1\r\nHost: x\r\n\r\n")
+    connection.sendall(b"GET /v1/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
     assert connection.recv(12) == b"HTTP/1.1 200"
     return connection
 
@@ -52,13 +52,10 @@ def test_an_address_that_cannot_be_had_is_told_in_a_sentence(host: str, port: in
     assert "\n" not in str(refused.value)
 
 
-def test_beyond_loopback_there_is_one_warning(caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING):
-        listen("127.0.0.1", 0).close()
-        assert caplog.records == []
-        listen("0.0.0.0", 0).close()
-    assert len(caplog.records) == 1
-    assert "whoever reaches this machine" in caplog.text
+def test_what_others_can_reach_is_known() -> None:
+    for host, others in (("127.0.0.1", False), ("0.0.0.0", True)):
+        with listen(host, 0) as held:
+            assert beyond_loopback(held) is others
 
 
 def test_the_server_knows_whether_it_runs() -> None:
@@ -92,7 +89,7 @@ def test_it_ends_in_time_with_listeners_that_read_and_listeners_that_do_not(
         stalled = [raw_stream(server.port) for _ in range(3)]
         idle = socket.create_connection(("127.0.0.1", server.port), timeout=5.0)
         half = socket.create_connection(("127.0.0.1", server.port), timeout=5.0)
-        half.sendall(b"POST /v1/alerts/a1/clear HTTP/1.1\r\nHost: x\r\nContent-Length: 50\r\n\r\n{")
+        half.sendall(b"POST /v1/alerts/a1/clear HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 50\r\n\r\n{")
         ended = threading.Event()
         opened = threading.Event()
 

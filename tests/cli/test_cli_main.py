@@ -13,7 +13,17 @@ from wingwatch.cli import estimate_command
 from wingwatch.cli.main import main
 
 HELP_WITHIN_S = 0.3
-COMMANDS = ("demo", "serve", "publish", "simulate", "estimate", "monitor", "diagnose", "design-input")
+COMMANDS = (
+    "demo",
+    "serve",
+    "publish",
+    "simulate",
+    "estimate",
+    "monitor",
+    "diagnose",
+    "design-input",
+    "access",
+)
 
 
 def test_help_names_every_command_with_examples(capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,12 +113,24 @@ def test_a_reader_that_goes_away_is_no_fault() -> None:
     assert ran.stderr == ""
 
 
+def manual(command: str) -> tuple[str, str]:
+    """What docs/commands.md says of all commands, and of this one."""
+    sections = (ROOT / "docs" / "commands.md").read_text().split("\n## ")
+    (section,) = (s for s in sections if s.startswith(f"`wingwatch {command}`"))
+    return sections[0], section
+
+
+def test_the_manual_names_every_option_of_tokens(capsys: pytest.CaptureFixture[str]) -> None:
+    usages = [run(capsys, ["token", action, "--help"]).out for action in ("create", "list", "revoke")]
+    assert all("example:" in usage and "--json" in usage for usage in usages)
+    options = set(re.findall(r"--[a-z]+", "".join(usages))) - {"--help"}
+    assert options == set(re.findall(r"--[a-z]+", manual("token")[1]))
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_manual_names_every_option_and_no_other(capsys: pytest.CaptureFixture[str], command: str) -> None:
     """The section of a command in docs/commands.md against its parser."""
-    sections = (ROOT / "docs" / "commands.md").read_text().split("\n## ")
-    general = sections[0]
-    (section,) = (s for s in sections if s.startswith(f"`wingwatch {command}`"))
+    general, section = manual(command)
     usage = run(capsys, [command, "--help"]).out
     options = set(re.findall(r"--[a-z]+", usage)) - {"--help"}
     assert options <= set(re.findall(r"--[a-z]+", general + section))

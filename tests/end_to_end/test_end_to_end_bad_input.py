@@ -100,7 +100,7 @@ def test_stamps_that_no_clock_shows_and_impossible_numbers_hold_nobody_up(
     (vehicle,) = status["vehicles"]
     seen = vehicle["counts"]
     assert (seen["message_bad_value"], seen["messages_stray"], seen["publisher_restarts"]) == (1, 2, 1)
-    assert set(status["counters"]) == {"messages", "monitor", "loop", "store", "outputs"}
+    assert set(status["counters"]) >= {"messages", "monitor", "loop", "store", "outputs"}
     assert status["counters"]["messages"]["overflow"] == 0
     assert status["counters"]["loop"] == {"faults": 0}
 

@@ -64,7 +64,7 @@ def open_stream(url: str) -> socket.socket:
     """An event stream whose head has been read and which stays open."""
     host, port = url.removeprefix("http://").split(":")
     connection = socket.create_connection((host, int(port)), timeout=10.0)
-    connection.sendall(b"GET /v1/events HTTP/1.1\r\nHost: x\r\n\r\n")
+    connection.sendall(b"GET /v1/events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
     assert connection.recv(12) == b"HTTP/1.1 200"
     return connection
 

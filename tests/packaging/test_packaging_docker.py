@@ -21,6 +21,11 @@ from typing import Any
 
 import pytest
 import yaml
+import zenoh
+
+from wingwatch.cli.arguments import build_parser
+from wingwatch.cli.settings import serve_settings
+from wingwatch.telemetry import ZenohSettings
 
 ROOT = Path(__file__).parents[2]
 DOCKERFILE = ROOT / "docker" / "Dockerfile"
@@ -39,7 +44,18 @@ INSTRUCTIONS = {
     "ENTRYPOINT",
     "CMD",
 }
-SERVE_OPTIONS = {"--config", "--host", "--port", "--listen", "--connect", "--data", "--aircraft"}
+SERVE_OPTIONS = {
+    "--config",
+    "--host",
+    "--port",
+    "--listen",
+    "--connect",
+    "--name",
+    "--certificate",
+    "--private-key",
+    "--data",
+    "--aircraft",
+}
 
 
 @dataclass(frozen=True)
@@ -397,8 +413,50 @@ def test_no_secret_is_written_down() -> None:
 
 
 def test_the_docker_folder_holds_only_these() -> None:
-    assert {p.name for p in (ROOT / "docker").iterdir() if p.name != ".env"} == {
+    assert {p.name for p in (ROOT / "docker").iterdir() if p.name not in (".env", "secure")} == {
         "Dockerfile",
         "Dockerfile.dockerignore",
         "compose.yaml",
+        "compose.secure.yaml",
+        "service.secure.toml",
     }
+
+
+SECURE: dict[str, dict[str, Any]] = yaml.safe_load((ROOT / "docker" / "compose.secure.yaml").read_text())[
+    "services"
+]
+
+
+def test_the_secure_router_s_settings_are_zenoh_s_own_and_say_what_ours_do() -> None:
+    given = dict(
+        option.removeprefix("--").split("=", 1) for option in SECURE["router"]["command"] if "=" in option
+    )
+    assert given["config"] == "/secure/access.json5"
+    assert given["listen"].startswith("tls/")
+    entries = [
+        o.removeprefix("--cfg=").split(":", 1) for o in SECURE["router"]["command"] if o.startswith("--cfg=")
+    ]
+    config = zenoh.Config()
+    for key, value in entries:
+        config.insert_json5(key, value)  # raises where there is no such setting
+    ours = ZenohSettings(mode="router", listen=(given["listen"],)).config()
+    for key in ("transport/unicast/accept_pending", "transport/unicast/accept_timeout"):
+        assert config.get_json(key) == ours.get_json(key)
+    tls = json.loads(config.get_json("transport/link/tls"))
+    assert (tls["enable_mtls"], tls["close_link_on_expiration"]) == (True, True)
+    assert all(tls[key] for key in ("root_ca_certificate", "listen_certificate", "listen_private_key"))
+    assert "./secure:/secure:ro" in SECURE["router"]["volumes"]
+
+
+def test_the_secure_service_has_certificates_and_the_router_s_name() -> None:
+    service = SECURE["service"]
+    file, place = next(v.split(":")[:2] for v in service["volumes"] if v.startswith("./service"))
+    verb, *options = service["command"]
+    path = ROOT / "docker" / file
+    flags = [str(path) if option == place else option for option in options]
+    settings = serve_settings(build_parser("0").parse_args([verb, *flags]), {})
+    assert settings.connect == ("tls/router:7447",)
+    assert (settings.host, settings.data) == ("0.0.0.0", Path("/data"))
+    of_zenoh = settings.zenoh.model_dump(exclude_none=True)
+    assert set(of_zenoh) == {"authority", "certificate", "private_key"}
+    assert all(value.parent == Path("/secure") for value in of_zenoh.values())

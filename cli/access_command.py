@@ -1,0 +1,34 @@
+"""`wingwatch access`: Zenoh's access rules for a fleet."""
+
+import argparse
+import json
+
+from wingwatch.cli.faults import say
+from wingwatch.cli.progress import write_json
+from wingwatch.telemetry import access_rules, vehicle_subject
+
+__all__ = ["run"]
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Carry out the command."""
+    vehicles = [_owner(name) for name in arguments.vehicles]
+    rules = access_rules(vehicles, arguments.service, arguments.reader, arguments.by)
+    text = json.dumps(rules, indent=1) + "\n"
+    if arguments.out is not None:
+        arguments.out.write_text(text, encoding="utf-8")
+    names = [vehicle_subject(*owner) for owner in vehicles]
+    if arguments.json:
+        write_json({"vehicles": names, "service": arguments.service, "readers": arguments.reader, **rules})
+    elif arguments.out is None:
+        print(text, end="")
+    else:
+        what = "common names of certificates" if arguments.by == "certificate" else "users"
+        say(f"{what}: {', '.join([*names, arguments.service, *arguments.reader])}")
+    return 0
+
+
+def _owner(name: str) -> tuple[str, str]:
+    """Fleet and vehicle of ``VEHICLE`` or ``FLEET.VEHICLE``."""
+    fleet, dot, vehicle = name.partition(".")
+    return (fleet, vehicle) if dot else ("default", fleet)

@@ -1,0 +1,111 @@
+"""Zenoh's access rules for a fleet: a vehicle writes its own keys, the service alone its results, readers nothing.
+
+Rules name what passes; everything else is denied. They hold for who connects to the process that keeps them, so the
+same rules serve a router, and a service that vehicles connect to without one. A rule lets a key expression pass only if
+it includes it: the service subscribes ``wingwatch/v1/*/*/sensors``, which must reach each vehicle before it sends.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from wingwatch.telemetry.keys import KEY_ROOT, alive_key, check_name, vehicle_key
+
+__all__ = ["access_rules", "vehicle_subject"]
+
+_ALIVE = "wingwatch/alive/v1"
+_FROM_VEHICLES = tuple(f"{KEY_ROOT}/*/*/{leaf}" for leaf in ("sensors", "aircraft"))
+_FROM_SERVICE = tuple(f"{KEY_ROOT}/*/*/{leaf}" for leaf in ("derivatives", "status", "alerts"))
+_AIRCRAFT = (f"{KEY_ROOT}/*/*/aircraft",)
+_ALL = (f"{KEY_ROOT}/**",)
+_ALL_ALIVE = (f"{_ALIVE}/**",)
+
+Identity = Literal["certificate", "user"]
+
+
+def vehicle_subject(fleet: str, vehicle: str) -> str:
+    """The common name of a vehicle's certificate, or its user: unlike any other, since names hold no dot.
+
+    Raises:
+        KeyNameError: a name that may not stand in a key.
+    """
+    return f"{check_name('fleet', fleet)}.{check_name('vehicle', vehicle)}"
+
+
+def access_rules(
+    vehicles: Sequence[tuple[str, str]],
+    service: str = "service",
+    readers: Sequence[str] = (),
+    by: Identity = "certificate",
+) -> dict[str, Any]:
+    """The object ``{"access_control": ...}`` of a Zenoh configuration.
+
+    Args:
+        vehicles: fleet and name of each.
+        service: common name of the service's certificate, or its user.
+        readers: of those who may subscribe and ask, and write nothing.
+        by: what tells who connects.
+
+    Raises:
+        KeyNameError: a name that may not stand in a key.
+    """
+    rules: list[dict[str, Any]] = []
+    subjects: list[dict[str, Any]] = []
+    policies: list[dict[str, Any]] = []
+
+    def add(subject: str, of: Sequence[dict[str, Any]]) -> None:
+        name = "cert_common_names" if by == "certificate" else "usernames"
+        subjects.append({"id": subject, name: [subject]})
+        rules.extend({"permission": "allow", **rule, "id": f"{subject}: {rule['id']}"} for rule in of)
+        policies.append({"rules": [f"{subject}: {rule['id']}" for rule in of], "subjects": [subject]})
+
+    for fleet, vehicle in dict.fromkeys(vehicles):
+        add(vehicle_subject(fleet, vehicle), _of_vehicle(fleet, vehicle))
+    add(check_name("service", service), _of_service())
+    for reader in dict.fromkeys(readers):
+        add(check_name("reader", reader), _of_reader())
+    return {
+        "access_control": {
+            "enabled": True,
+            "default_permission": "deny",
+            "rules": rules,
+            "subjects": subjects,
+            "policies": policies,
+        }
+    }
+
+
+def _rule(what: str, flow: str, messages: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
+    return {"id": what, "flows": [flow], "messages": list(messages), "key_exprs": list(keys)}
+
+
+def _of_vehicle(fleet: str, vehicle: str) -> list[dict[str, Any]]:
+    aircraft = vehicle_key(fleet, vehicle, "aircraft")
+    return [
+        _rule("writes", "ingress", ("put",), (vehicle_key(fleet, vehicle, "sensors"), aircraft)),
+        _rule("answers", "ingress", ("declare_queryable", "reply"), (aircraft,)),
+        _rule("lives", "ingress", ("liveliness_token",), (alive_key(fleet, vehicle),)),
+        _rule("learns who listens", "egress", ("declare_subscriber",), _FROM_VEHICLES),
+        _rule("is asked", "egress", ("query",), _AIRCRAFT),
+    ]
+
+
+def _of_service() -> list[dict[str, Any]]:
+    return [
+        _rule("writes", "ingress", ("put",), _FROM_SERVICE),
+        _rule("answers", "ingress", ("declare_queryable", "reply"), _FROM_SERVICE),
+        _rule("lives", "ingress", ("liveliness_token",), (f"{_ALIVE}/service/*",)),
+        _rule("listens", "ingress", ("declare_subscriber",), _FROM_VEHICLES),
+        _rule("asks", "ingress", ("query",), _AIRCRAFT),
+        _rule("gets samples", "egress", ("put",), _FROM_VEHICLES),
+        _rule("gets aircraft", "egress", ("declare_queryable", "reply"), _AIRCRAFT),
+        _rule("is asked", "egress", ("declare_subscriber", "query"), _ALL),
+    ]
+
+
+def _of_reader() -> list[dict[str, Any]]:
+    return [
+        _rule("listens", "ingress", ("declare_subscriber", "query"), _ALL),
+        _rule("gets", "egress", ("put", "declare_queryable", "reply"), _ALL),
+        _rule("asks who lives", "ingress", ("declare_liveliness_subscriber", "liveliness_query"), _ALL_ALIVE),
+        _rule("hears who lives", "egress", ("liveliness_token",), _ALL_ALIVE),
+    ]

@@ -1,0 +1,44 @@
+"""Services on free ports that take no samples in: no kernel is needed for what these tests ask."""
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from wingwatch.api import KernelsView
+from wingwatch.cli.service import Service, running_service
+from wingwatch.cli.settings import ServeSettings
+
+__all__ = ["free_port", "service_in"]
+
+
+class _Waiting:
+    """A preparation that goes on until it is ended."""
+
+    def __init__(self) -> None:
+        self._end = threading.Event()
+
+    def prepare(self) -> bool:
+        self._end.wait(60.0)
+        return False
+
+    def view(self) -> KernelsView | None:
+        return None
+
+    def stop(self) -> None:
+        self._end.set()
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
+
+
+@contextmanager
+def service_in(folder: Path, **settings: Any) -> Iterator[Service]:
+    """A service whose data are in ``folder``; its samples wait."""
+    given = {"listen": (f"tcp/127.0.0.1:{free_port()}",), **settings}
+    with running_service(ServeSettings(port=0, data=folder, **given), preparation=_Waiting()) as service:
+        yield service
