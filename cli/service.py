@@ -42,7 +42,7 @@ from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
 __all__ = ["Parts", "Pump", "Service", "running_service"]
 
 _LOG = logging.getLogger(__name__)
-_GATHERED = 32  # messages; REST waits while so many are taken in
+_GATHERED = 16  # messages; REST waits while so many are taken in
 _TICK_S = 1.0
 _IDLE_S = 0.2
 _STOP_S = 1.0

@@ -406,14 +406,14 @@ def _beside_fourier(ekf: Estimate, fourier: Estimate, unseen: NDArray[np.bool_])
     return replace(ekf, outcomes=outcomes)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def follow_motions(motion, signals, lanes, memory_s):  # type: ignore[no-untyped-def]
     """``follow_motion`` of vehicles in lanes: ``motion`` (n, 3, ns), ``signals`` (vehicles, samples, columns)."""
     for m in range(lanes.place.size):
         follow_motion(motion[lanes.place[m]], signals[m, : lanes.counts[m]], memory_s)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def follow_roughnesses(memory, signals, lanes, column, memory_samples):  # type: ignore[no-untyped-def]
     """``follow_roughness`` of vehicles in lanes: ``memory`` (n, ROUGHNESS), readings in a column of ``signals``."""
     for m in range(lanes.place.size):

@@ -21,7 +21,7 @@ __all__ = ["InboundMessage", "SensorSubscriber"]
 
 _LOG = logging.getLogger(__name__)
 
-_GATHER_S = 0.003
+_GATHER_S = 0.004
 """Time between two looks at the channels: vehicles whose messages come within it can be advanced together."""
 
 _CHANNEL = 16_384

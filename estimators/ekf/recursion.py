@@ -53,7 +53,7 @@ from wingwatch.estimators.ekf.state import (
     running,
     sizes_of,
 )
-from wingwatch.estimators.kernels.hot import hot, lean, part, sizes, whole
+from wingwatch.estimators.kernels.hot import hot, lean, part, sizes, whole_entry
 from wingwatch.estimators.kernels.intersample import course
 from wingwatch.estimators.kernels.levels import advance_level, start_level
 from wingwatch.estimators.kernels.reading_noise import (
@@ -435,7 +435,7 @@ def _run(lengths, given, state, given_rows, ends, first_time, notes, space):  # 
                 _note(state, i, s, notes)
 
 
-@whole
+@whole_entry
 def _update_all(lengths, model, state, rows, ends, first_time, notes):  # type: ignore[no-untyped-def]
     ns, nx, nz = model.sizes.states, model.sizes.dynamic, model.sizes.augmented
     square, readings = (ns, ns), (ns + 2) // 2 * 2

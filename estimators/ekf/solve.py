@@ -7,7 +7,7 @@ from wingwatch.estimators.ekf.covariance import forget, inverse_of, keep_margina
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.state import NEWEST, READINGS, SQUARES, SUM, TIME
-from wingwatch.estimators.kernels.hot import part, whole
+from wingwatch.estimators.kernels.hot import part, whole_entry
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["controls_of", "solve_all"]
@@ -113,7 +113,7 @@ def _account(state, i, first, noise_information, fresh):  # type: ignore[no-unty
     return max(fraction / k, 0.0)
 
 
-@whole
+@whole_entry
 def solve_all(model, state, places, solved):  # type: ignore[no-untyped-def]
     """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten.
 

@@ -491,7 +491,7 @@ def _vehicle_of(state, i):  # type: ignore[no-untyped-def]
     )  # fmt: skip
 
 
-@entry
+@lean
 def fill(model, block, filters, signals, lanes, ends):  # type: ignore[no-untyped-def]
     """Take samples (vehicles, samples, columns) into running blocks, as far as these go: most calls need no more.
 

@@ -28,14 +28,17 @@ lean: Any = njit(**{**_OPTIONS, "forceinline": False})
 """The same for a kernel that is called from several places: it stays one piece of code."""
 
 entry: Any = njit(**{**_OPTIONS, "forceinline": False, "nogil": True})
-"""The same for one that Python calls with the rows of many vehicles: other threads run meanwhile."""
+"""The same for one that Python calls and that takes milliseconds with many vehicles: other threads run meanwhile."""
 
-whole: Any = njit(cache=True, nogil=True, error_model="numpy")
-"""Decorator of a kernel that may allocate, on the path of a solution. Other threads run meanwhile.
+whole: Any = njit(cache=True, error_model="numpy")
+"""Decorator of a kernel that may allocate.
 
 As in all the others a division by zero gives what it gives in numpy: a kernel that takes many vehicles must not end at
 one of them.
 """
+
+whole_entry: Any = njit(cache=True, nogil=True, error_model="numpy")
+"""The same, and other threads run meanwhile. To get the interpreter's lock back takes longer than a short kernel."""
 
 part: Any = njit(inline="always")
 """Decorator of a piece of one ``lean`` kernel, written apart to be read: it is compiled as text of that kernel alone.

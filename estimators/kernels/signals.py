@@ -47,7 +47,7 @@ class SignalForm(NamedTuple):
     """(inputs,)."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: ignore[no-untyped-def]
     """One pass over vehicles and samples; see the layout of ``signals``.
 
@@ -121,7 +121,7 @@ def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: 
         )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def pass_high(signals, lanes, passed, passing, kinematic, leak_s, out):  # type: ignore[no-untyped-def]
     """See ``Signals.high_passed``; ``passing`` holds the columns that pass the filter."""
     for m in range(lanes.place.size):
@@ -139,7 +139,7 @@ def pass_high(signals, lanes, passed, passing, kinematic, leak_s, out):  # type:
             passed[i, 0] = row
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def fill_moments(values, coupling, out):  # type: ignore[no-untyped-def]
     """Into ``out`` (vehicles, samples, rates) the angular accelerations by ``coupling`` (rates, 4) of p q, q r, p r and
     p^2 - r^2."""

@@ -3,6 +3,7 @@
 import importlib.util
 import subprocess
 import sys
+import time
 from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
@@ -15,6 +16,7 @@ from scipy.stats import binom
 from wingwatch.aircraft import STRUCTURES, load_aircraft
 from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.monitor import FleetMonitor
+from wingwatch.telemetry import InboundMessage
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
@@ -122,15 +124,18 @@ def test_flights_repeat_by_their_seed() -> None:
 
 def test_latency_pairs_arrivals_with_what_was_done_with_them() -> None:
     latency = load("latency")
-    inside = latency.Inside()
-    inside.arrived.extend([("aircraft", 0.0), ("sensors", 0.0)])
-    _, timing_receive = latency.watch_inside(inside)
+    delays_s: list[float] = []
+    receive_all = latency.timed_receive_all(delays_s)
     monitor = FleetMonitor(load_aircraft, lambda: 0.0, lambda: "id")
-    timing_receive(monitor, "f", "v", "aircraft", b"{}", "application/json")
-    assert inside.delays == []
-    timing_receive(monitor, "f", "v", "sensors", b"{}", "application/json")
-    assert len(inside.delays) == 1
-    assert not inside.arrived
+    aircraft, sensors = (
+        InboundMessage("f", "v", stream, b"{}", "application/json", time.monotonic() - 1.0)
+        for stream in ("aircraft", "sensors")
+    )
+    receive_all(monitor, [aircraft])
+    assert delays_s == []
+    receive_all(monitor, [aircraft, sensors])
+    assert len(delays_s) == 1
+    assert 1.0 <= delays_s[0] < 10.0
 
 
 def test_a_stage_that_takes_another_in_is_timed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,7 +159,7 @@ def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
     row = next(line.split() for line in said if line.split()[:1] == ["2"])
     assert row[:3] == ["2", "50", "0"]  # vehicles, messages sent, messages lost
     assert float(row[4]) < 5.0  # seconds behind
-    taken_us = {line[:18].strip(): line[18:].split() for line in said}
+    taken_us = {line[:20].strip(): line[20:].split() for line in said}
     for stage in ("decoding", "cleaning", "Fourier estimator", "filter"):
         assert float(taken_us[stage][0]) > 0.0
 
