@@ -33,7 +33,7 @@ __all__ = [
     "Ready",
     "SessionDocument",
     "StatusDocument",
-    "TokenEntry",
+    "LogIn",
     "VehicleDocument",
     "VehicleList",
     "air_document",
@@ -297,7 +297,7 @@ class Ready(_Answer):
     checks: dict[str, str | None] = Field(description="each part of the service: null where it works")
 
 
-class TokenEntry(BaseModel):
+class LogIn(BaseModel):
     """A token that a person logs in with."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)

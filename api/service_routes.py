@@ -11,7 +11,7 @@ from wingwatch.api.door import Door
 from wingwatch.api.encoding import json_answer
 from wingwatch.api.events import Listener
 from wingwatch.api.problems import ProblemError
-from wingwatch.api.schemas import Live, Ready, SessionDocument, TokenEntry
+from wingwatch.api.schemas import Live, LogIn, Ready, SessionDocument
 
 __all__ = ["event_router", "health_router", "session_router"]
 
@@ -79,7 +79,7 @@ def session_router(access: Access) -> APIRouter:
         return answer(admission_of(request).caller)
 
     @router.post("/session", response_model=SessionDocument, summary="Log in: the token becomes a cookie")
-    async def log_in(request: Request, entry: TokenEntry) -> Response:
+    async def log_in(request: Request, entry: LogIn) -> Response:
         address = request.client.host if request.client is not None else "unknown"
         answered = answer(access.identify(entry.token, address))
         answered.set_cookie(

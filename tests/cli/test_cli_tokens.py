@@ -1,12 +1,14 @@
 """REST tokens: made once, kept as hashes, withdrawn at once; and a service that others reach asks for them."""
 
 import json
+import ssl
 import stat
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
 import pytest
+from certificates import Authority, needs_openssl
 from cli_flights import run
 from cli_services import service_in
 
@@ -147,3 +149,22 @@ def test_a_certificate_needs_its_key(capsys: pytest.CaptureFixture[str], tmp_pat
     assert "both --certificate and --private-key" in ran.sentence
     with pytest.raises(CommandError, match="both"):
         ServeSettings(private_key=tmp_path / "a.key")
+
+
+@needs_openssl
+def test_with_a_certificate_and_a_name_it_serves_https_under_that_name(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    authority = Authority(tmp_path)
+    own = authority.sign("service")
+    token = TokenFile(tmp_path).create("tower", TokenScope.READ)
+    trust = ssl.create_default_context(cafile=str(authority.certificate))
+    shown = {"certificate": own.certificate, "private_key": own.private_key}
+    with service_in(tmp_path, host="0.0.0.0", name=("wing.example",), **shown) as service:
+        assert service.url.startswith("https://")
+        headers = {"Authorization": f"Bearer {token}"}
+        with httpx.Client(base_url=service.url, verify=trust, headers=headers) as client:
+            assert client.get("/v1/status").status_code == 200
+            assert client.get("/v1/status", headers={"Host": "wing.example"}).status_code == 200
+            assert client.get("/v1/status", headers={"Host": "other.example"}).status_code == 421
+    assert "without TLS" not in caplog.text
