@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wingwatch.aircraft import Aircraft, ModeStructure, TrimError
-from wingwatch.monitor import AlertView, Report, VehicleMonitor, surface_kinds
+from wingwatch.monitor import AlertView, Chain, Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.chain import STRUCTURES_WATCHED
 from wingwatch.monitor.comparison import Coordinates, change_since
 from wingwatch.monitor.judge import BlockView, ModeBlock
+from wingwatch.monitor.together import feed_together
 from wingwatch.simulation import (
     EFFECTS,
     Effect,
@@ -97,6 +98,14 @@ def _effects(plan: FlightPlan) -> tuple[Effect, ...]:
     return (EFFECTS[plan.effect](plan.severity, plan.onset_s, plan.ramp_s, plan.target),)
 
 
+def _left_out(plan: FlightPlan) -> tuple[str, ...]:
+    """Channels that the aircraft's sensors do not give."""
+    return (
+        *(_VANES if plan.sensors == "no_vanes" else ()),
+        *(_POSITIONS if plan.surfaces == "commands" else ()),
+    )
+
+
 @dataclass(slots=True)
 class _Heard:
     """What a flight led to so far."""
@@ -113,43 +122,46 @@ class _Heard:
 class _Watch:
     """One flight's monitor, and what it said."""
 
-    def __init__(self, plan: FlightPlan, aircraft: Aircraft, expectations: Expectations) -> None:
+    def __init__(
+        self,
+        plan: FlightPlan,
+        aircraft: Aircraft,
+        expectations: Expectations,
+        chains: dict[tuple[str, tuple[str, ...]], Chain],
+    ) -> None:
         self.plan, self.aircraft = plan, aircraft
-        left_out = (
-            *(_VANES if plan.sensors == "no_vanes" else ()),
-            *(_POSITIONS if plan.surfaces == "commands" else ()),
-        )
-        self._given = tuple(c for c in SIMULATED if c not in left_out)
-        self._left_out = [CHANNEL_INDEX[c] for c in left_out]
+        self._given = tuple(c for c in SIMULATED if c not in _left_out(plan))
+        self._lacking = [CHANNEL_INDEX[c] for c in _left_out(plan)]
         drawn = plan.expectation == "drawn"
         self.truth, self._drawn = expectations.exact(), drawn
         numbers = itertools.count(1)
+        kind = plan.aircraft, self._given
         self.monitor = VehicleMonitor(
             aircraft, "study", str(plan.seed), [*self._given, *derivations(self._given)], surface_kinds(self._given),
             envelopes=expectations.drawn(plan.expectation_errors) if drawn else self.truth,
-            new_id=lambda: str(next(numbers)),
+            chain=None if drawn else chains.get(kind), new_id=lambda: str(next(numbers)),
         )  # fmt: skip
+        if not drawn:
+            chains.setdefault(kind, self.monitor.chain.of_another())
         self.heard = _Heard()
         self.samples = 0
         self.lost = False
         self.wall_s = self.processor_s = 0.0
         self._block: BlockView | None = None
 
-    def feed(self, values: Array) -> None:
-        """The next samples as the simulation gives them; a flight that goes beyond all numbers ends there."""
+    def sensed(self, values: Array) -> SampleBlock:
+        """The next samples, as the flight's sensors report them; a flight that goes beyond all numbers ends there."""
         beyond = np.flatnonzero(~np.isfinite(values[:, CHANNEL_INDEX[_UNSENSED]]))
         if beyond.size:
             self.lost = True
             values = values[: beyond[0]]
-        if not len(values):
-            return
         self.samples += len(values)
         values = values.copy()
-        values[:, self._left_out] = np.nan
-        report = self.monitor.feed(complete(SampleBlock(values), self._given))
-        self._hear(report)
+        values[:, self._lacking] = np.nan
+        return complete(SampleBlock(values), self._given)
 
-    def _hear(self, report: Report) -> None:
+    def hear(self, report: Report) -> None:
+        """What the monitor made of them."""
         heard, monitor = self.heard, self.monitor
         for alert in report.alerts:
             heard.raised.setdefault(alert.id, alert)
@@ -208,6 +220,7 @@ class FlightMaker:
     def __init__(self, aircraft: Mapping[str, Aircraft]) -> None:
         self._aircraft = aircraft
         self._expectations: dict[str, Expectations] = {}
+        self._chains: dict[tuple[str, tuple[str, ...]], Chain] = {}
 
     def rows(self, plans: Sequence[FlightPlan], command: str) -> list[dict[str, Any]]:
         """One row a plan, in their order.
@@ -239,7 +252,7 @@ class FlightMaker:
                 aircraft = self._aircraft[plan.aircraft]
                 scenario = scenario_of(plan, aircraft)
                 FleetSimulation([scenario], plan.rate_hz)
-                watch = _Watch(plan, aircraft, self._expected(plan.aircraft))
+                watch = _Watch(plan, aircraft, self._expected(plan.aircraft), self._chains)
             except Exception as error:  # one flight that cannot be flown must not stop the others
                 out.append(_sentence(error))
                 continue
@@ -266,12 +279,16 @@ def _fly(scenarios: Sequence[Scenario], watches: Sequence[_Watch]) -> dict[int, 
         with _timed(watches):
             values = simulation.step(min(piece, left))
         left -= piece
-        for watch, rows in zip(watches, values, strict=True):
-            if watch.lost or id(watch) in problems:
-                continue
-            with _timed([watch]):
+        flying = [n for n, w in enumerate(watches) if not w.lost and id(w) not in problems]
+        with _timed([watches[n] for n in flying]):
+            blocks = {n: block for n in flying if len(block := watches[n].sensed(values[n]))}
+            reports = feed_together([watches[n].monitor for n in blocks], list(blocks.values()))
+            for n, report in zip(blocks, reports, strict=True):
+                watch = watches[n]
                 try:
-                    watch.feed(rows)
+                    if isinstance(report, Exception):
+                        raise report
+                    watch.hear(report)
                 except Exception as error:  # a fault over one flight is that flight's row
                     problems[id(watch)] = _sentence(error)
     return problems

@@ -21,7 +21,7 @@ from wingwatch.studies.versions import code_version
 
 __all__ = ["Answer", "Progress", "Task", "Workers", "fly_task", "run_study"]
 
-TASK_FLIGHT_S = 2400.0
+TASK_FLIGHT_S = 4800.0
 """Flight time of a task: some 15 s of one core, which is what a killed worker loses."""
 
 
