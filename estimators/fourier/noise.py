@@ -25,6 +25,7 @@ __all__ = [
     "air_of",
     "between_samples_variance",
     "channel_variance",
+    "doubt_of",
     "noise_variances",
     "noise_workspace",
     "weigh",
@@ -84,6 +85,8 @@ class NoiseWorkspace(NamedTuple):
         fitted, half: (rows, rows, 2, bins), of ``nuisance.reduce_weights``.
         weighted: (rows, 2, bins) W times one column of ``transfer``.
         spread: (bins,).
+        doubt: (states, states) covariance that the equations' residuals have because the derivatives are not known:
+            the regressors' noise times it, white.
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
         sums: (states, states) sum over bins of Re W.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
@@ -96,6 +99,7 @@ class NoiseWorkspace(NamedTuple):
     half: NDArray[np.float64]
     weighted: NDArray[np.float64]
     spread: NDArray[np.float64]
+    doubt: NDArray[np.float64]
     believed: NDArray[np.float64]
     sums: NDArray[np.float64]
     rolled: NDArray[np.float64]
@@ -111,6 +115,7 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, 2, bins)),
         np.zeros(bins),
+        np.zeros((states, states)),
         np.zeros(bins),
         np.zeros((states, states)),
         np.zeros(1),
@@ -208,13 +213,15 @@ def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-de
 
 
 @lean
-def _residual_covariance(noise, power, transfer, ns, weights):  # type: ignore[no-untyped-def]
-    """Upper triangle of power (L D L' + B D B' + Q) into ``weights``, (docs (10))."""
+def _residual_covariance(noise, power, transfer, doubt, weights):  # type: ignore[no-untyped-def]
+    """Upper triangle of power (L D L' + B D B' + Q + doubt) into ``weights``, (docs (10))."""
+    ns = doubt.shape[0]
     rows, bins = weights.shape[0], weights.shape[3]
     for k in range(rows):
         for m in range(k, rows):
             real, imaginary = weights[k, m, 0], weights[k, m, 1]
-            own = power * noise[ns + 1 + k] if k == m and k < ns else 0.0
+            own = power * doubt[k, m] if m < ns else 0.0
+            own += power * noise[ns + 1 + k] if k == m and k < ns else 0.0
             for f in range(bins):
                 real[f] = own
                 imaginary[f] = 0.0
@@ -308,6 +315,26 @@ def _join_last(weights):  # type: ignore[no-untyped-def]
 
 
 @lean
+def doubt_of(covariance, scale, noise, doubt):  # type: ignore[no-untyped-def]
+    """What the noise of the regressors leaves in the residuals because the derivatives are not known, (docs (10)).
+
+    Args:
+        covariance: (k, k) of the derivatives, referred; scale: (k,) from these to present ones.
+        noise: all variances.
+        doubt: (states, states), filled.
+    """
+    ns = doubt.shape[0]
+    nd = scale.size // ns
+    for k in range(ns):
+        for m in range(ns):
+            total = 0.0
+            for j in range(nd):
+                a, b = k * nd + j, m * nd + j
+                total += channel_variance(noise, j if j < ns else j + 1, ns) * scale[a] * scale[b] * covariance[a, b]
+            doubt[k, m] = total
+
+
+@lean
 def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def]
     """Transfer of noise and air, and the weight of every bin, W = (L D L' + B D B' + Q)^-1 / power.
 
@@ -315,13 +342,13 @@ def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def
         omega: (bins,), rad/s.
         noise: all variances: states, accelerometer, equations' own, inputs, air.
         power: of white noise of unit variance in a bin.
-        work: ``NoiseWorkspace``, filled.
+        work: ``NoiseWorkspace``, its ``doubt`` as ``doubt_of`` leaves it; the rest is filled.
     """
     ns = plant.derivatives.shape[0]
     weights = work.weights
     _transfer_of_sensors(omega, plant, work.transfer)
     _transfer_of_air(omega, plant, air, work.transfer)
-    _residual_covariance(noise, power, work.transfer, ns, weights)
+    _residual_covariance(noise, power, work.transfer, work.doubt, weights)
     if weights.shape[0] > ns:
         gust = power * noise[GUST]
         for f in range(omega.size):
