@@ -409,7 +409,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         _covariance(memory, found.gained, prior.std, work.posterior, at.covariance)
         nuisance_of(normal, work.change, scale)
         plant = _plant(model, theta, work)
-        weighing.doubt[:, :] = 0.0
+        weighing.doubt[:, :, :] = 0.0
         weigh(omega, plant, air, noise, power, weighing)
         residual_of(transforms, plant, normal.values, weighing.weights)
         whitened = transforms.whitened
