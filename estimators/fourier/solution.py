@@ -175,9 +175,7 @@ def block_solution(ns: int, nu: int) -> BlockSolution:
     """Memory for what a block says."""
     k = ns * (ns + nu)
     evidence = Evidence(np.empty((k, k)), np.empty(k), np.empty(k))
-    return BlockSolution(
-        zero_memory(k), evidence, np.empty(2 * ns + 1 + nu + AIR_VARIANCES)
-    )
+    return BlockSolution(zero_memory(k), evidence, np.empty(2 * ns + 1 + nu + AIR_VARIANCES))
 
 
 @lean
