@@ -26,7 +26,7 @@ from wingwatch.studies.flight import FlightMaker
 from wingwatch.studies.grid import default_text
 from wingwatch.studies.journal import settings_of
 from wingwatch.studies.local_workers import LocalWorkers
-from wingwatch.studies.page.captions import about, headline
+from wingwatch.studies.page.captions import about, headline, honesty
 from wingwatch.studies.report import write_report
 from wingwatch.studies.run import Progress, Workers, run_study
 from wingwatch.studies.summary import as_json, summarise
@@ -212,7 +212,7 @@ def _show(arguments: argparse.Namespace) -> int:
         write_json(as_json(summary))
         return 0
     console = page()
-    for sentence in (*headline(summary), about(summary)):
+    for sentence in filter(None, (*headline(summary), honesty(summary.block_scatter), about(summary))):
         console.print(escape(sentence), soft_wrap=True)
     return 0
 

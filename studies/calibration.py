@@ -6,16 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 import orjson
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from wingwatch.studies.detection import ORDER
 from wingwatch.studies.rows import Flags, Rows
 from wingwatch.studies.statistics import Interval, clustered_ratio, wilson
 
-__all__ = ["Exceedance", "Scatter", "bayes_factor_exceedances", "block_scatters"]
+__all__ = ["IMPROBABLE", "Exceedance", "Scatter", "bayes_factor_exceedances", "block_scatters"]
 
 Array = NDArray[np.float64]
 
 _STRATA = ("turbulence", "excitation", "aircraft", "expectation", "sensors", "surfaces")
+IMPROBABLE = 1e-3
 _FACTORS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
 
 
@@ -25,7 +27,9 @@ class Scatter:
 
     Attributes:
         structure: model structure; by, group: stratum, both empty for all.
-        blocks, flights: that it rests on; the interval takes the blocks of a flight as dependent.
+        blocks, flights: that it rests on; the intervals take the blocks of a flight as dependent.
+        improbable: share of blocks whose distance had a probability below ``IMPROBABLE``, so much is right. A mean
+            near one may hide few blocks that are far off.
     """
 
     structure: str
@@ -34,6 +38,7 @@ class Scatter:
     flights: int
     blocks: int
     ratio: Interval
+    improbable: Interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,39 +66,36 @@ def block_scatters(rows: Rows, well: Flags) -> list[Scatter]:
     """By structure: all healthy blocks, then those of each stratum."""
     chosen = np.flatnonzero(well)
     found = []
-    for structure, (chi_square, freedom, blocks) in _block_sums(rows, chosen).items():
-        found.append(_scatter(structure, "", "", chi_square, freedom, blocks))
+    for structure, sums in _block_sums(rows, chosen).items():
+        found.append(_scatter(structure, "", "", sums))
         for by in _STRATA:
             groups = rows.groups(by, well, ORDER.get(by, ()))
             if len(groups) > 1:
-                found += [
-                    _scatter(structure, by, g, chi_square[f[chosen]], freedom[f[chosen]], blocks[f[chosen]])
-                    for g, f in groups.items()
-                ]
+                found += [_scatter(structure, by, g, sums[:, f[chosen]]) for g, f in groups.items()]
     return found
 
 
-def _scatter(
-    structure: str, by: str, group: str, chi_square: Array, freedom: Array, blocks: Array
-) -> Scatter:
-    used = freedom > 0.0
-    ratio = clustered_ratio(chi_square[used], freedom[used])
-    return Scatter(structure, by, group, int(used.sum()), int(blocks.sum()), ratio)
+def _scatter(structure: str, by: str, group: str, sums: Array) -> Scatter:
+    chi_square, freedom, blocks, improbable = sums[:, sums[1] > 0.0]
+    return Scatter(
+        structure, by, group, blocks.size, int(blocks.sum()),
+        clustered_ratio(chi_square, freedom), clustered_ratio(improbable, blocks),
+    )  # fmt: skip
 
 
-def _block_sums(rows: Rows, chosen: NDArray[np.intp]) -> dict[str, tuple[Array, Array, Array]]:
-    """Per structure and flight: chi-square, degrees of freedom and number of the blocks before any onset."""
+def _block_sums(rows: Rows, chosen: NDArray[np.intp]) -> dict[str, Array]:
+    """Per structure chi-square, degrees of freedom, number of blocks and of improbable ones before any onset, each by
+    flight, (4, flights)."""
     onset = np.where(rows.words("effect") == "", np.inf, rows.number("onset_s"))
-    found: dict[str, tuple[Array, Array, Array]] = defaultdict(
-        lambda: (np.zeros(chosen.size), np.zeros(chosen.size), np.zeros(chosen.size))
-    )
+    found: dict[str, Array] = defaultdict(lambda: np.zeros((4, chosen.size)))
     for place, (row, text) in enumerate(rows.texts("block_scores", chosen)):
         for structure, blocks in orjson.loads(text or "{}").items():
             time_s, chi_square, freedom = np.array(blocks, dtype=np.float64).reshape(-1, 3).T
             used = (freedom > 0.0) & (time_s <= onset[row])
-            sums = found[structure]
-            sums[0][place], sums[1][place] = chi_square[used].sum(), freedom[used].sum()
-            sums[2][place] = np.count_nonzero(used)
+            far = chdtrc(freedom[used], chi_square[used]) < IMPROBABLE
+            found[structure][:, place] = (
+                chi_square[used].sum(), freedom[used].sum(), np.count_nonzero(used), np.count_nonzero(far),
+            )  # fmt: skip
     return dict(found)
 
 

@@ -216,7 +216,8 @@ class EkfEstimator:
         self, state: EkfState, seen: NDArray[np.int64] | None = None, places: NDArray[np.int64] | None = None
     ) -> dict[int, Exception]:
         """Note what was learned, then forget with ``memory_s``, unless all is quiet; where it matters, the last seconds
-        are run again, linearised about what is known now. A filter whose numbers are no longer finite starts anew.
+        are run again, linearised about what is known now. A filter whose numbers are no longer finite, or whose
+        variances have become negative by rounding, starts anew.
 
         Args:
             state: in place.
@@ -229,9 +230,7 @@ class EkfEstimator:
         """
         places = np.arange(len(state.z)) if places is None else places
         n, first = places.size, self.model.sizes.dynamic
-        lost = ~(np.isfinite(state.z[places]).all(axis=1) & np.isfinite(state.cov[places]).all(axis=(1, 2)))
-        if lost.any():
-            put_vehicle(state, places[lost], self.init(int(lost.sum())))
+        self._start_lost(state, places)
         faults: dict[int, Exception] = {}
         quiet = [] if seen is None else places[seen == NOISE].tolist()
         for i in quiet:
@@ -242,12 +241,21 @@ class EkfEstimator:
         solved = Solved(np.empty(n), np.empty(n), np.empty((n, self.layout.inputs), dtype=np.bool_))
         solve_all(self.model, state, places, solved)
         faults |= relinearise_all(self.model, state, places, solved)
+        self._start_lost(state, places)
         for i in quiet:
             begin_window(state, i)
         if seen is not None:
             for decided in places[seen != UNDECIDED].tolist():
                 accept(state, decided, first)
         return faults
+
+    def _start_lost(self, state: EkfState, places: NDArray[np.int64]) -> None:
+        """Start those filters anew that hold no probability distribution any more."""
+        variances = np.diagonal(state.cov[places], axis1=1, axis2=2)
+        sound = np.isfinite(state.z[places]).all(axis=1) & np.isfinite(state.cov[places]).all(axis=(1, 2))
+        sound &= (variances >= 0.0).all(axis=1)
+        if not sound.all():
+            put_vehicle(state, places[~sound], self.init(int((~sound).sum())))
 
     def release(
         self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0, since_s: float = np.inf

@@ -40,7 +40,6 @@ from wingwatch.estimators.fourier.solution import (
     ALONE,
     BEGIN,
     INPUT_RESOLUTION,
-    LEARN,
     MOVE,
     SolutionWorkspace,
     block_solution,
@@ -103,7 +102,7 @@ class Workspace(NamedTuple):
         earlier: memory of all that was known at a checkpoint.
         anchor, own, mean, size: (k,) derivatives at which a block is linearised, to which it leads itself, that are
             remembered; natural size of each.
-        covariance: (k, k) of what is remembered.
+        covariance, own_covariance: (k, k) of what is remembered, and of ``own``.
         noise: variances at which a block is linearised, as ``Posterior.noise``.
         changed, trial: (k,) which derivatives have changed, at the best checkpoint so far and at one of them.
     """
@@ -120,6 +119,7 @@ class Workspace(NamedTuple):
     mean: NDArray[np.float64]
     size: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    own_covariance: NDArray[np.float64]
     noise: NDArray[np.float64]
     changed: NDArray[np.bool_]
     trial: NDArray[np.bool_]
@@ -141,6 +141,7 @@ def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Wor
         np.empty(k),
         np.empty(k),
         np.empty(k),
+        np.empty((k, k)),
         np.empty((k, k)),
         np.empty(2 * ns + 1 + nu + AIR_VARIANCES),
         np.zeros(k, dtype=np.bool_),
@@ -196,14 +197,16 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
         work.noise[j] = known.noise_known[j] if known.noise_known[WEIGHT] > 0.0 else known.noise[j]
     _believe_inputs(model, vehicle.filters, work.noise)
     around = Prior(work.anchor, work.size)
-    own = Linearisation(work.own, work.noise, known.noise_known)
-    solve_block(model, block, own, nothing, around, LEARN, solving, found)
+    copy_matrix(known.covariance, work.own_covariance)
+    own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
+    solve_block(model, block, own, nothing, around, MOVE, solving, found)
     rolled = solving.noise.rolled[0] / solving.equation.power[p_in_p, p_in_p]
     if rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity):
-        solve_block(model, block, own, nothing, around, LEARN, solving, found)
+        solve_block(model, block, own, nothing, around, MOVE, solving, found)
         for a in range(k):
             work.anchor[a] = work.own[a]
-    at = Linearisation(work.anchor, work.noise, known.noise_known)
+        copy_matrix(work.own_covariance, known.covariance)
+    at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
     solve_block(model, block, at, nothing, around, ALONE, solving, found)
     _remember(model, vehicle, work)
     remembered(memory, prior, solving.posterior, known.theta, known.covariance)
@@ -344,9 +347,8 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
         start_noise(model, block.roughness, known.noise)
         asked = BEGIN
     _believe_inputs(model, vehicle.filters, known.noise)
-    at = Linearisation(known.theta, known.noise, known.noise_known)
+    at = Linearisation(known.theta, known.covariance, known.noise, known.noise_known)
     solve_block(model, block, at, memory, model.prior, asked, work.solving, found)
-    copy_matrix(found.covariance, known.covariance)
     span = rows[LAST, TIME] - rows[START, TIME]
     decay = 1.0 - math.exp(-span / model.memory_s)
     replace(decay, gained.sensitivity, model.prior.std, memory, vehicle.discounted, work.replacing)
@@ -406,7 +408,7 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
     if trial.any():
         best, cut = whole, WHOLE
         copy_vector(trial, changed)
-    at = Linearisation(mean, work.noise, vehicle.posterior.noise_known)
+    at = Linearisation(mean, covariance, work.noise, vehicle.posterior.noise_known)
     around = Prior(mean, size)
     for m in range(CHECKPOINTS):
         if not (rows[START, TIME] <= vehicle.checkpoints.rows[m, TIME] < rows[LAST, TIME] - 0.5):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "air_of",
     "between_samples_variance",
     "channel_variance",
+    "doubt_of",
     "noise_variances",
     "noise_workspace",
     "weigh",
@@ -84,6 +85,9 @@ class NoiseWorkspace(NamedTuple):
         fitted, half: (rows, rows, 2, bins), of ``nuisance.reduce_weights``.
         weighted: (rows, 2, bins) W times one column of ``transfer``.
         spread: (bins,).
+        doubt: (3, states, states) covariance that the equations' residuals have because the derivatives are not known:
+            by the regressors' noise, by the turning of the air for a unit of it, and by its rolling.
+        shaped: (3, bins) power of these in a bin: white, and what the span leaves of the air's.
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
         sums: (states, states) sum over bins of Re W.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
@@ -96,6 +100,8 @@ class NoiseWorkspace(NamedTuple):
     half: NDArray[np.float64]
     weighted: NDArray[np.float64]
     spread: NDArray[np.float64]
+    doubt: NDArray[np.float64]
+    shaped: NDArray[np.float64]
     believed: NDArray[np.float64]
     sums: NDArray[np.float64]
     rolled: NDArray[np.float64]
@@ -111,6 +117,8 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, 2, bins)),
         np.zeros(bins),
+        np.zeros((1 + DRIVING, states, states)),
+        np.ones((1 + DRIVING, bins)),
         np.zeros(bins),
         np.zeros((states, states)),
         np.zeros(1),
@@ -208,8 +216,10 @@ def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-de
 
 
 @lean
-def _residual_covariance(noise, power, transfer, ns, weights):  # type: ignore[no-untyped-def]
-    """Upper triangle of power (L D L' + B D B' + Q) into ``weights``, (docs (10))."""
+def _residual_covariance(noise, power, work):  # type: ignore[no-untyped-def]
+    """Upper triangle of power (L D L' + B D B' + Q + U) into ``work.weights``, (docs (10))."""
+    transfer, doubt, weights = work.transfer, work.doubt, work.weights
+    ns = doubt.shape[1]
     rows, bins = weights.shape[0], weights.shape[3]
     for k in range(rows):
         for m in range(k, rows):
@@ -218,6 +228,9 @@ def _residual_covariance(noise, power, transfer, ns, weights):  # type: ignore[n
             for f in range(bins):
                 real[f] = own
                 imaginary[f] = 0.0
+            for e in range(doubt.shape[0] if m < ns else 0):
+                for f in range(bins):
+                    real[f] += power * doubt[e, k, m] * work.shaped[e, f]
             for j in range(transfer.shape[0]):
                 variance = power * channel_variance(noise, j, ns)
                 if variance == 0.0:
@@ -308,6 +321,30 @@ def _join_last(weights):  # type: ignore[no-untyped-def]
 
 
 @lean
+def doubt_of(covariance, scale, noise, doubt):  # type: ignore[no-untyped-def]
+    """What noise and air leave in the residuals because the derivatives are not known, (docs (10a)).
+
+    Args:
+        covariance: (k, k) of the derivatives, referred; scale: (k,) from these to present ones.
+        noise: all variances.
+        doubt: (3, states, states), filled.
+    """
+    ns = doubt.shape[1]
+    nd = scale.size // ns
+    for k in range(ns):
+        for m in range(ns):
+            doubt[0, k, m] = 0.0
+            for j in range(nd):
+                a, b = k * nd + j, m * nd + j
+                doubted = scale[a] * scale[b] * covariance[a, b]
+                doubt[0, k, m] += channel_variance(noise, j if j < ns else j + 1, ns) * doubted
+                if j == ns - 1:
+                    doubt[1, k, m] = noise[GUST] * doubted
+                if j == 1:
+                    doubt[2, k, m] = noise[ROLLING] * doubted if ns == 3 else 0.0
+
+
+@lean
 def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def]
     """Transfer of noise and air, and the weight of every bin, W = (L D L' + B D B' + Q)^-1 / power.
 
@@ -315,13 +352,16 @@ def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def
         omega: (bins,), rad/s.
         noise: all variances: states, accelerometer, equations' own, inputs, air.
         power: of white noise of unit variance in a bin.
-        work: ``NoiseWorkspace``, filled.
+        work: ``NoiseWorkspace``, its ``doubt`` as ``doubt_of`` leaves it; the rest is filled.
     """
     ns = plant.derivatives.shape[0]
     weights = work.weights
     _transfer_of_sensors(omega, plant, work.transfer)
     _transfer_of_air(omega, plant, air, work.transfer)
-    _residual_covariance(noise, power, work.transfer, ns, weights)
+    for f in range(omega.size):
+        work.shaped[1, f] = air.turn * air.turn / (1.0 + (omega[f] * air.turn_s) ** 2)
+        work.shaped[2, f] = 1.0 / (1.0 + (omega[f] * air.roll_s) ** 2)
+    _residual_covariance(noise, power, work)
     if weights.shape[0] > ns:
         gust = power * noise[GUST]
         for f in range(omega.size):

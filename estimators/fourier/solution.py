@@ -29,6 +29,7 @@ from wingwatch.estimators.fourier.noise import (
     Plant,
     air_of,
     between_samples_variance,
+    doubt_of,
     noise_variances,
     noise_workspace,
     weigh,
@@ -69,7 +70,6 @@ __all__ = [
     "AIR_MEMORY",
     "ALONE",
     "BEGIN",
-    "LEARN",
     "MOVE",
     "SolutionWorkspace",
     "block_solution",
@@ -80,9 +80,9 @@ __all__ = [
     "zero_memory",
 ]
 
-ALONE, LEARN, MOVE, BEGIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
-"""What is asked of a solution: what the block says alone; the noise variances too; what is known with the block too;
-all of that three times.
+ALONE, MOVE, BEGIN = np.int64(0), np.int64(1), np.int64(2)
+"""What is asked of a solution: what the block says alone; derivatives, covariance and noise variances with the block
+too; all of that three times.
 
 Not Python's integers: for each of them a kernel would be compiled anew."""
 
@@ -175,9 +175,7 @@ def block_solution(ns: int, nu: int) -> BlockSolution:
     """Memory for what a block says."""
     k = ns * (ns + nu)
     evidence = Evidence(np.empty((k, k)), np.empty(k), np.empty(k))
-    return BlockSolution(
-        zero_memory(k), evidence, np.empty((k, k)), np.empty(2 * ns + 1 + nu + AIR_VARIANCES)
-    )
+    return BlockSolution(zero_memory(k), evidence, np.empty(2 * ns + 1 + nu + AIR_VARIANCES))
 
 
 @lean
@@ -288,6 +286,7 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     between_samples(
         model, rows, span / max(sums[SAMPLES] - 1.0, 1.0), theta, scale, work.forward_speed, transforms
     )
+    doubt_of(at.covariance, scale, noise, weighing.doubt)
     weigh(omega, plant, air, noise, power, weighing)
     responses(omega, rows, plant, transforms)
     present_regressors(model, block, plant, air, weighing.believed, transforms)
@@ -382,7 +381,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         at: ``Linearisation``; in place, unless ``asked`` is ``ALONE``.
         memory: what is known without the block.
         prior: ``Prior``.
-        asked: ``ALONE``, ``LEARN``, ``MOVE`` or ``BEGIN``.
+        asked: ``ALONE``, ``MOVE`` or ``BEGIN``.
         work: ``SolutionWorkspace``.
         found: ``BlockSolution``; becomes what the block says.
     """
@@ -405,8 +404,10 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         for a in range(theta.size):
             work.change[a] = work.moved[a] - theta[a]
             theta[a] = work.moved[a]
+        _covariance(memory, found.gained, prior.std, work.posterior, at.covariance)
         nuisance_of(normal, work.change, scale)
         plant = _plant(model, theta, work)
+        weighing.doubt[:, :, :] = 0.0
         weigh(omega, plant, air, noise, power, weighing)
         residual_of(transforms, plant, normal.values, weighing.weights)
         whitened = transforms.whitened
@@ -416,8 +417,6 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         left = 1.0 - taken / (2.0 * omega.size * fraction * whitened.shape[0])
         noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, weighing, found.noise)
         _update_noise(at, found.noise, fraction, power / span, block.roughness, plant, air)
-    if asked >= MOVE:
-        _covariance(memory, found.gained, prior.std, work.posterior, found.covariance)
 
 
 @lean

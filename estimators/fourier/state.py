@@ -270,10 +270,11 @@ class Linearisation(NamedTuple):
     """Where a block is linearised; in place where a solution moves it.
 
     Attributes:
-        theta, noise, noise_known: as in ``Posterior``.
+        theta, covariance, noise, noise_known: as in ``Posterior``.
     """
 
     theta: Array
+    covariance: Array
     noise: Array
     noise_known: Array
 
@@ -325,11 +326,9 @@ class BlockSolution(NamedTuple):
     Attributes:
         gained: what it adds to the memory.
         evidence: what it says alone.
-        covariance: (k, k) of the derivatives by memory and block.
         noise: variances that its residual shows, as ``Posterior.noise``.
     """
 
     gained: Memory
     evidence: Evidence
-    covariance: Array
     noise: Array

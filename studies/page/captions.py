@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from wingwatch.pages.texts import listed, number
-from wingwatch.studies.calibration import Exceedance, Scatter
+from wingwatch.studies.calibration import IMPROBABLE, Exceedance, Scatter
 from wingwatch.studies.detection import Delays, Detection
 from wingwatch.studies.false_alarms import OperatingCurve, Rate
 from wingwatch.studies.naming import Confusion, Sizes
@@ -12,6 +12,7 @@ from wingwatch.studies.operator_answer import Answer, Threshold
 from wingwatch.studies.page.texts import (
     effect_text,
     group_text,
+    interval_text,
     per_100_h_text,
     percent_text,
     size_axis,
@@ -37,6 +38,7 @@ __all__ = [
     "exceedance_caption",
     "excitation_text",
     "headline",
+    "honesty",
     "miss_texts",
     "rate_caption",
     "scatter_caption",
@@ -333,6 +335,18 @@ def scatter_caption(found: Sequence[Scatter]) -> str:
     ]
     verdict = f"Stated errors are {'; '.join(parts)}." if parts else "No stratum departs from 1 beyond doubt."
     return f"Right of 1 the stated errors are too small, left of it too large. {verdict}"
+
+
+def honesty(found: Sequence[Scatter]) -> str:
+    """How many blocks lie farther from their expectation than their stated errors allow, by structure."""
+    parts = [
+        f"{interval_text(s.improbable, factor=100.0)} % of {s.blocks} blocks of the {s.structure.replace('_', ' ')}"
+        for s in found
+        if not s.by
+    ]
+    if not parts:
+        return ""
+    return f"Farther off than {100.0 * IMPROBABLE:g} % should be by their stated errors: {listed(parts)}."
 
 
 def _stratum(s: Scatter) -> str:

@@ -8,6 +8,7 @@ from typing import TypeVar
 from wingwatch.pages.document import Pictures
 from wingwatch.pages.markup import items, paragraph, section, table
 from wingwatch.pages.texts import number
+from wingwatch.studies.calibration import IMPROBABLE
 from wingwatch.studies.detection import Delays, Detection
 from wingwatch.studies.operator_answer import Answer
 from wingwatch.studies.page import captions
@@ -325,10 +326,11 @@ def _calibration(s: Summary, pictures: Pictures) -> str:
         parts += [
             pictures.place(scatter_figure("scatter", s.block_scatter), captions.scatter_caption(s.block_scatter)),
             _folded(table(
-                ("structure", "flights", "how many", "blocks", "chi-square per degree of freedom"),
+                ("structure", "flights", "how many", "blocks", "chi-square per degree of freedom",
+                 f"blocks of a probability below {100.0 * IMPROBABLE:g} %, in %"),
                 [
                     (x.structure.replace("_", " "), group_text(x.by, x.group), str(x.flights), str(x.blocks),
-                     interval_text(x.ratio))
+                     interval_text(x.ratio), interval_text(x.improbable, factor=100.0))
                     for x in s.block_scatter
                 ],
             )),

@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from study_tables import Truth, drawn_table
 
+from wingwatch.studies.calibration import IMPROBABLE
 from wingwatch.studies.statistics import Interval, poisson_rate
 from wingwatch.studies.summary import Summary, as_json, summarise
 
@@ -148,6 +149,7 @@ def test_scatter_of_blocks_and_bayes_factors(scatter: float) -> None:
     assert {s.structure for s in found.block_scatter} == {"short_period", "lateral"}
     for s in found.block_scatter:
         assert holds(s.ratio, scatter)
+        assert (s.improbable.value > 5.0 * IMPROBABLE) == (scatter > 1.0)
     whole = found.bayes_factors[0]
     assert not whole.too_often
     for factor, low, high in zip(whole.factor, whole.low, whole.high, strict=True):
