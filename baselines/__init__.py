@@ -33,6 +33,7 @@ from wingwatch.baselines.expectation import (
     empirical,
 )
 from wingwatch.baselines.records import (
+    ActionRecord,
     AlertPage,
     AlertRecord,
     EstimateRecord,
@@ -68,6 +69,7 @@ __all__ = [
     "Database",
     "DatabaseError",
     "RefusedError",
+    "ActionRecord",
     "AlertPage",
     "AlertRecord",
     "EstimateRecord",

@@ -28,6 +28,7 @@ from wingwatch.baselines.connection import (
     writing,
 )
 from wingwatch.baselines.records import (
+    ActionRecord,
     AlertPage,
     AlertRecord,
     EstimateRecord,
@@ -37,7 +38,14 @@ from wingwatch.baselines.records import (
     ReferenceRecord,
 )
 from wingwatch.baselines.reference import Reference
-from wingwatch.baselines.tables import AlertRow, CellRow, EstimateRow, ExpectationRow, ReferenceRow
+from wingwatch.baselines.tables import (
+    ActionRow,
+    AlertRow,
+    CellRow,
+    EstimateRow,
+    ExpectationRow,
+    ReferenceRow,
+)
 
 __all__ = ["Database", "DatabaseError", "RefusedError", "open_database"]
 
@@ -255,12 +263,39 @@ class Database:
 
         The same again changes nothing: whoever does not know whether it was stored may repeat it.
         """
-        values = _plain(alert)
-        newer = {name: value for name, value in values.items() if name not in ("id", "created_at_s")}
         with self._write() as session:
-            dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
-            row = dialect.insert(AlertRow).values(values)
-            session.execute(row.on_conflict_do_update(index_elements=[AlertRow.id], set_=newer))
+            _put_alert(session, alert)
+
+    def save_action(self, alert: AlertRecord, action: ActionRecord) -> None:
+        """Store an alert as a person's action left it, and the action: both or neither.
+
+        Raises:
+            RefusedError: an action of that key is stored already.
+        """
+        with self._write() as session:
+            session.execute(insert(ActionRow).values(asdict(action)))
+            _put_alert(session, alert)
+
+    def action(self, key: str) -> ActionRecord | None:
+        """The action that a request of that key led to; None if there was none."""
+        with self._read() as session:
+            row = session.get(ActionRow, key)
+            if row is None:
+                return None
+            return ActionRecord(**{f.name: getattr(row, f.name) for f in fields(ActionRecord)})
+
+    def void_action(self, key: str, alert: AlertRecord) -> bool:
+        """Undo an action: forget it, and store the alert as it stands without it; whether it was stored."""
+        with self._write() as session:
+            found = session.scalar(delete(ActionRow).where(ActionRow.key == key).returning(ActionRow.key))
+            if found is not None:
+                _put_alert(session, alert)
+            return found is not None
+
+    def forget_actions(self, before_at_s: float) -> None:
+        """Drop the keys of older requests; what they did to alerts stays."""
+        with self._write() as session:
+            session.execute(delete(ActionRow).where(ActionRow.at_s < before_at_s))
 
     def alert(self, alert_id: str) -> AlertRecord | None:
         """One alert; None if unknown."""
@@ -379,6 +414,14 @@ class Database:
         keep_from = session.scalar(oldest)
         if keep_from is not None:
             session.execute(delete(EstimateRow).where(*of_vehicle, EstimateRow.id < keep_from))
+
+
+def _put_alert(session: Session, alert: AlertRecord) -> None:
+    values = _plain(alert)
+    newer = {name: value for name, value in values.items() if name not in ("id", "created_at_s")}
+    dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
+    row = dialect.insert(AlertRow).values(values)
+    session.execute(row.on_conflict_do_update(index_elements=[AlertRow.id], set_=newer))
 
 
 def _plain(record: ExpectationRecord | AlertRecord | EstimateRecord) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from wingwatch.baselines.reference import Reference
 from wingwatch.estimators.estimate import Estimate
 
 __all__ = [
+    "ActionRecord",
     "AlertPage",
     "AlertRecord",
     "EstimateRecord",
@@ -149,6 +150,23 @@ class AlertRecord:
     created_at_s: float
     updated_at_s: float
     note: Sequence[str] = field(default=())
+
+
+@dataclass(frozen=True, slots=True)
+class ActionRecord:
+    """What a person did to an alert.
+
+    Attributes:
+        key: of the request; a repeated request has the same.
+        at_s: seconds since 1970-01-01 UTC.
+    """
+
+    key: str
+    alert_id: str
+    action: str
+    who: str
+    note: str
+    at_s: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["AlertRow", "Base", "CellRow", "EstimateRow", "ExpectationRow", "ReferenceRow"]
+__all__ = ["ActionRow", "AlertRow", "Base", "CellRow", "EstimateRow", "ExpectationRow", "ReferenceRow"]
 
 _NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
@@ -211,6 +211,21 @@ class AlertRow(Base):
         Index("ix_alert_fleet_vehicle", "fleet", "vehicle"),
         Index("ix_alert_state", "state"),
     )
+
+
+class ActionRow(Base):
+    """What a person did to an alert, under the key of the request: a repeated request is recognised by it."""
+
+    __tablename__ = "alert_action"
+
+    key: Mapped[str] = mapped_column(String(200), primary_key=True)
+    alert_id: Mapped[str] = mapped_column(String(200))
+    action: Mapped[str] = mapped_column(String(20))
+    who: Mapped[str] = mapped_column(Text)
+    note: Mapped[str] = mapped_column(Text)
+    at_s: Mapped[float] = mapped_column(Double)
+
+    __table_args__ = (Index("ix_alert_action_at_s", "at_s"),)
 
 
 class EstimateRow(Base):

@@ -27,8 +27,16 @@ from wingwatch.baselines import (
     ReferenceKey,
     RefusedError,
 )
+from wingwatch.cli.action_queue import ActionQueue
 from wingwatch.cli.baseline import stored_cells, stored_envelopes, stored_references
-from wingwatch.monitor import AlertState, AlertView, CellPlace, EvidenceView, VehicleMemory
+from wingwatch.monitor import (
+    ActionPlan,
+    AlertState,
+    AlertView,
+    CellPlace,
+    EvidenceView,
+    VehicleMemory,
+)
 
 __all__ = ["DatabaseStore", "alert_record", "alert_view"]
 
@@ -46,8 +54,15 @@ _END_S = 10.0
 _Asked = tuple[str, str, str, str]
 """Fleet, vehicle, aircraft and configuration."""
 
+_Kept = Callable[[AlertView], None]
+"""Called with an alert once it is committed."""
+
 _Job = tuple[dict[Any, Any], Any, Callable[[Any, Any], None]]
 """What waits, which of it, and how it is written."""
+
+
+def _nobody(_: AlertView) -> None:
+    """Nobody wants to hear of it."""
 
 
 class DatabaseStore:
@@ -61,7 +76,7 @@ class DatabaseStore:
     def __init__(self, database: Database, wall_clock: Callable[[], float]) -> None:
         self._database = database
         self._wall_clock = wall_clock
-        self._alerts: dict[str, AlertView] = {}
+        self._alerts: dict[str, tuple[AlertView, _Kept]] = {}
         self._references: dict[ReferenceKey, Reference] = {}
         self._cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float]] = {}
         self._estimates: list[EstimateRecord] = []
@@ -75,6 +90,9 @@ class DatabaseStore:
             threading.Thread(target=self._run, name="wingwatch-store", daemon=True),
             threading.Thread(target=self._answer, name="wingwatch-recall", daemon=True),
         ]
+        self._earlier: Sequence[AlertView] | None = None
+        self._earlier_read = threading.Event()
+        self._actions = ActionQueue(database, self._record, wall_clock, self._news.set, self._supersede)
         self._tries: dict[Any, int] = {}
         self._since_s: float | None = None
         self._counts = dict.fromkeys(
@@ -115,9 +133,11 @@ class DatabaseStore:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Reads that failed, writes tried again, entries refused for good, and what found no room."""
+        """Reads that failed, writes tried again, entries refused for good, what found no room, and people's actions
+        that were not taken in time."""
+        actions = self._actions
         with self._lock:
-            return dict(self._counts)
+            return self._counts | {"withdrawn_actions": actions.withdrawn, "undone_actions": actions.undone}
 
     # -- what the monitor asks --------------------------------------------------------------------
 
@@ -134,17 +154,12 @@ class DatabaseStore:
             self._question.set()
         return found
 
-    def alerts(self) -> Sequence[AlertView]:
-        """Alerts of earlier runs, newest first (at most ten thousand)."""
-        records: list[AlertRecord] = []
-        cursor: str | None = None
-        while len(records) < _MOST_ALERTS:
-            page = self._database.alerts(limit=_PAGE, cursor=cursor)
-            records += page.items
-            cursor = page.next
-            if cursor is None:
-                break
-        return [alert_view(record) for record in records]
+    def alerts(self, patience_s: float = _END_S) -> Sequence[AlertView] | None:
+        """Alerts of earlier runs, newest first (at most ten thousand); None where they have not been read in time."""
+        if not self._earlier_read.is_set():
+            self._question.set()
+            self._earlier_read.wait(patience_s)
+        return self._earlier
 
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
@@ -172,15 +187,19 @@ class DatabaseStore:
                 self._keep(self._cells, (key, cell), (reference, learned_s))
         self._news.set()
 
-    def save_alert(self, alert: AlertView) -> None:
-        """Keep an alert; one with the same id is replaced."""
+    def save_alert(self, alert: AlertView, kept: _Kept = _nobody) -> None:
+        """Keep an alert; one with the same id is replaced, and ``kept`` is called for the newest alone."""
         with self._lock:
             self._wait()
-            self._alerts[alert.id] = alert
+            self._alerts[alert.id] = alert, kept
             while len(self._alerts) > _MOST_ALERTS:
                 self._alerts.pop(next(iter(self._alerts)))
                 self._counts["dropped_alerts"] += 1
         self._news.set()
+
+    def carry_out(self, plan: ActionPlan) -> None:
+        """Carry out a person's action; returns once it is committed and taken (``ActionQueue.carry_out``)."""
+        self._actions.carry_out(plan)
 
     def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
         """Keep estimates for history, as far as there is room in the queue."""
@@ -213,6 +232,8 @@ class DatabaseStore:
             self._question.clear()
             with self._lock:
                 asked = list(self._asked.items())
+            if not self._read_earlier():
+                continue
             for key, aircraft in asked:
                 if self._end.is_set():
                     return
@@ -227,6 +248,29 @@ class DatabaseStore:
                     self._recalled[key] = found
                     while len(self._recalled) > _MOST_ASKED:
                         self._recalled.pop(next(iter(self._recalled)))
+
+    def _read_earlier(self) -> bool:
+        """Alerts of earlier runs, once; whether they have been read."""
+        if self._earlier is None:
+            try:
+                self._earlier = self._earlier_alerts()
+            except Exception as error:
+                self._not_read(error)
+                return False
+            self.read_problem = None
+            self._earlier_read.set()
+        return True
+
+    def _earlier_alerts(self) -> Sequence[AlertView]:
+        records: list[AlertRecord] = []
+        cursor: str | None = None
+        while len(records) < _MOST_ALERTS:
+            page = self._database.alerts(limit=_PAGE, cursor=cursor)
+            records += page.items
+            cursor = page.next
+            if cursor is None:
+                break
+        return [alert_view(record) for record in records]
 
     def _not_read(self, error: Exception) -> None:
         with self._lock:
@@ -259,7 +303,7 @@ class DatabaseStore:
     def _run(self) -> None:
         while True:
             self._news.wait()
-            ending = self._end.wait(_GATHER_S)
+            ending = self._end.wait(0.0 if self._actions.waiting else _GATHER_S)
             self._news.clear()
             written = self._write()
             if ending:
@@ -277,14 +321,17 @@ class DatabaseStore:
                 *((self._cells, key, self._write_cell) for key in self._cells),
             ]
             estimates, self._estimates = self._estimates, []
-        problem, down = None, False
+        problem = self._act()
+        down = problem is not None
         for waiting, key, write in jobs:
+            if down:
+                break  # the others would fare no better
             try:
                 self._carry_out(waiting, key, write)
             except Exception as error:  # whatever a database raises must not end this thread
                 problem, down = self._again(waiting, key, error), not _of_the_entry(error)
-                if down:
-                    break  # the others would fare no better
+            if self._actions.waiting and not down and (fault := self._act()) is not None:
+                problem, down = fault, True
         try:
             if not down:
                 self._database.append_estimates(estimates)
@@ -301,7 +348,7 @@ class DatabaseStore:
 
     def _carry_out(self, waiting: dict[Any, Any], key: Any, write: Callable[[Any, Any], None]) -> None:
         """Write one entry; it waits no longer unless something newer has taken its place."""
-        entry = waiting.get(key)
+        entry: Any = waiting.get(key)
         if entry is None:
             return
         write(key, entry)
@@ -309,6 +356,32 @@ class DatabaseStore:
             self._tries.pop(key, None)
             if waiting.get(key) is entry:
                 waiting.pop(key)
+        if waiting is self._alerts:
+            alert, kept = entry
+            self._told(alert, kept)
+
+    def _told(self, alert: AlertView, kept: _Kept) -> None:
+        try:
+            kept(alert)
+        except Exception:  # it is stored, and the thread goes on
+            _LOG.exception("alert %s could not be told", alert.id)
+
+    def _act(self) -> str | None:
+        """Carry out what people have asked for; why the database does not take it, None where it does."""
+        try:
+            self._actions.work()
+        except Exception as error:
+            return _sentence(error)
+        return None
+
+    def _supersede(self, alert_id: str) -> None:
+        """A newer version of the alert has been written than the one that may wait."""
+        with self._lock:
+            self._alerts.pop(alert_id, None)
+
+    def _record(self, alert: AlertView) -> AlertRecord:
+        now_s = self._wall_clock()
+        return alert_record(alert, now_s, now_s)
 
     def _again(self, waiting: dict[Any, Any], key: Any, error: Exception) -> str:
         """What happens to an entry that was not written: it waits on, unless the database refuses just this one."""
@@ -331,9 +404,8 @@ class DatabaseStore:
             _LOG.warning("not stored: %s", problem)
         self.write_problem = problem
 
-    def _write_alert(self, _: str, alert: AlertView) -> None:
-        now_s = self._wall_clock()
-        self._database.save_alert(alert_record(alert, now_s, now_s))
+    def _write_alert(self, _: str, entry: tuple[AlertView, _Kept]) -> None:
+        self._database.save_alert(self._record(entry[0]))
 
     def _write_reference(self, key: ReferenceKey, reference: Reference) -> None:
         self._database.save_reference(key, reference, self._wall_clock())

@@ -16,6 +16,7 @@ __all__ = [
     "AlertView",
     "Event",
     "EvidenceView",
+    "KeyReusedError",
     "MonitorPort",
     "VehicleState",
     "VehicleView",
@@ -49,6 +50,10 @@ class AlertAction(StrEnum):
     SHELVE = "shelve"
     UNSHELVE = "unshelve"
     CLEAR = "clear"
+
+
+class KeyReusedError(ValueError):
+    """The key of a request belongs to another request; one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +159,10 @@ class Event:
 
 
 class MonitorPort(Protocol):
-    """What the doors (REST, terminal) may ask the monitor. Every method is thread-safe and returns at once."""
+    """What the doors (REST, terminal) may ask the monitor. Every method is thread-safe.
+
+    All return at once but ``act_on_alert``, which waits for the database for a bounded time.
+    """
 
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles ever heard of, worst state first."""
@@ -169,11 +177,22 @@ class MonitorPort(Protocol):
         ...
 
     def alerts(self) -> Sequence[AlertView]:
-        """All alerts, newest first."""
+        """All alerts, newest first, as the database has them."""
         ...
 
-    def act_on_alert(self, alert_id: str, action: AlertAction, who: str, note: str) -> AlertView | None:
-        """Carry out a person's action; None for an unknown alert; ValueError with one sentence if it makes no sense."""
+    def act_on_alert(
+        self, alert_id: str, action: AlertAction, who: str, note: str, key: str | None = None
+    ) -> AlertView | None:
+        """Carry out a person's action; returns once it is committed, None for an unknown alert.
+
+        Args:
+            key: of the request; the action of a request that is repeated under its key is carried out once.
+
+        Raises:
+            ValueError: it makes no sense in the alert's state, in one sentence.
+            KeyReusedError: its key belongs to another action.
+            DatabaseError: the database has not taken it in a bounded time; it has not happened.
+        """
         ...
 
     def events(self, after: int) -> Sequence[Event]:

@@ -102,6 +102,8 @@ class FakeMonitor:
         self.current: dict[tuple[str, str], Mapping[str, Any]] = {}
         self.raised: list[AlertView] = []
         self.kept: list[Event] = []
+        self.keys: list[str | None] = []
+        self.store_fault: Exception | None = None
         self.lock = threading.Lock()
 
     def vehicles(self) -> Sequence[VehicleView]:
@@ -116,7 +118,12 @@ class FakeMonitor:
     def alerts(self) -> Sequence[AlertView]:
         return tuple(self.raised)
 
-    def act_on_alert(self, alert_id: str, action: AlertAction, who: str, note: str) -> AlertView | None:
+    def act_on_alert(
+        self, alert_id: str, action: AlertAction, who: str, note: str, key: str | None = None
+    ) -> AlertView | None:
+        self.keys.append(key)
+        if self.store_fault is not None:
+            raise self.store_fault
         states = {
             AlertAction.ACKNOWLEDGE: AlertState.ACKNOWLEDGED,
             AlertAction.SHELVE: AlertState.SHELVED,

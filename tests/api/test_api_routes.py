@@ -24,7 +24,8 @@ from hypothesis import strategies as st
 from openapi_check import answer_schema, misfits
 
 from wingwatch.api import encode_json
-from wingwatch.monitor.views import AlertState, VehicleState
+from wingwatch.baselines import DatabaseError
+from wingwatch.monitor.views import AlertState, KeyReusedError, VehicleState
 
 ESTIMATORS: dict[str, Any] = {
     "fourier": {
@@ -282,6 +283,27 @@ def test_a_person_acts_on_an_alert(client: httpx.Client, action: str, state: str
     description = get(client, "/openapi.json")
     schema = answer_schema(description, f"/v1/alerts/{{alert_id}}/{action}", "post")
     assert misfits(answer.json(), schema, description) == []
+
+
+def test_an_action_carries_its_request_key() -> None:
+    monitor = FakeMonitor()
+    monitor.raised = [alert(1)]
+    with served(monitor) as (_, client):
+
+        def act(key: str) -> httpx.Response:
+            headers = {"Idempotency-Key": key}
+            return client.post("/v1/alerts/a1/acknowledge", json={"who": "ana"}, headers=headers)
+
+        assert act("5f0c-1").status_code == 200
+        assert monitor.keys == ["5f0c-1"]
+        assert act("a key").status_code == act("k" * 201).status_code == 422
+        monitor.store_fault = KeyReusedError("this Idempotency-Key belongs to another action")
+        answer = act("5f0c-1")
+        assert (answer.status_code, answer.json()["detail"]) == (422, f"{monitor.store_fault}.")
+        monitor.store_fault = DatabaseError("the database has not taken the action; nothing has happened")
+        answer = act("5f0c-2")
+        assert answer.status_code == 503
+        assert "nothing has happened" in answer.json()["detail"]
 
 
 def test_ready_names_what_does_not_work() -> None:

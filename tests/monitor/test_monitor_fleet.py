@@ -239,13 +239,16 @@ def test_a_failing_store_is_counted_and_watching_goes_on(damaged: SampleBlock) -
         hall.announce()
         hall.fly(damaged, 0, 110)
     assert broken.derivatives() == sound.derivatives()
-    assert [a.cause for a in broken.fleet.alerts()] == [a.cause for a in sound.fleet.alerts()]
-    assert broken.fleet.alerts()
+    assert broken.view().state is sound.view().state is VehicleState.DEGRADED
+    assert broken.fleet.alerts() == []  # what is not stored is not told
     # references and envelopes once, then history every second and the alert
     assert broken.fleet.problems["store"] > 100
     said = [e.data["text"] for e in broken.fleet.events(0) if e.kind == "problem"]
     assert set(said) == {"database is locked"}
     assert sound.fleet.problems == {}
+    broken.store.broken = False
+    broken.fleet.tick()  # what was not taken is handed over again
+    assert broken.fleet.alerts() == sound.fleet.alerts() != []
 
 
 def test_what_has_not_been_read_is_not_taken_for_nothing_and_not_written_over(flight: SampleBlock) -> None:
@@ -418,6 +421,53 @@ def test_an_alert_is_kept_announced_and_obeys_people(damaged: SampleBlock) -> No
     assert hall.store.alerts_kept[-1] == cleared
     assert hall.outputs.said[-1] == ("alerts", cleared)
     assert hall.fleet.events(0)[-1].data["state"] == "cleared"
+
+
+def test_an_alert_is_told_once_it_is_committed_and_not_before(damaged: SampleBlock) -> None:
+    hall = Hall(store=FakeStore(slow=True))
+    hall.announce()
+    hall.fly(damaged, 0, 108)
+    assert hall.view().state is VehicleState.DEGRADED  # the fault shows at once
+    assert hall.view().active_alerts == ()
+    assert hall.fleet.alerts() == []
+    assert [v for _, v in hall.outputs.said if isinstance(v, AlertView)] == []
+    assert [e for e in hall.fleet.events(0) if e.kind == "alert"] == []
+    assert hall.fleet.act_on_alert("a1", AlertAction.CLEAR, "ann", "") is None
+    hall.store.commit()
+    (alert,) = hall.fleet.alerts()
+    assert alert == hall.store.alerts_kept[-1]
+    assert hall.view().active_alerts == (alert.id,)
+    assert [v for _, v in hall.outputs.said if isinstance(v, AlertView)][-1] == alert
+    assert [e.data["id"] for e in hall.fleet.events(0) if e.kind == "alert"][-1] == alert.id
+
+
+def test_what_the_monitor_finds_while_an_action_is_committed_is_not_lost(damaged: SampleBlock) -> None:
+    hall = Hall()
+    hall.announce()
+    hall.fly(damaged, 0, 104)
+    (before,) = hall.fleet.alerts()
+    found = replace(before, level="critical", size=before.size + 1.0)
+
+    def meanwhile() -> None:
+        assert hall.fleet.alerts() == [before]  # nothing is told before it is committed
+        hall.fleet._keep_alert(found)
+
+    hall.store.meanwhile = meanwhile
+    acted = hall.fleet.act_on_alert(before.id, AlertAction.ACKNOWLEDGE, "ann", "seen")
+    assert acted is not None
+    assert (acted.state, acted.level, acted.size) == (AlertState.ACKNOWLEDGED, "critical", found.size)
+    assert acted.note == ("ann: acknowledge (seen)",)
+    assert hall.store.alerts_kept[-1] == acted
+    assert hall.fleet.alerts() == [acted]
+
+
+def test_alerts_of_earlier_runs_that_could_not_be_read_are_read_later() -> None:
+    hall = Hall(store=FakeStore(unread=True, earlier=(OLD_ALERT,)))
+    assert hall.fleet.alerts() == []
+    hall.store.unread = False
+    hall.fleet.tick()
+    assert hall.fleet.alerts() == [OLD_ALERT]
+    assert hall.store.alerts_kept == []
 
 
 def test_alerts_of_earlier_runs_can_be_shelved_and_cleared() -> None:
