@@ -226,10 +226,8 @@ class Service:
     def _zenoh_problem(self) -> str | None:
         if self._parts.session.is_closed():
             return "the Zenoh session is closed."
-        if self._parts.link.mode == "client":
-            info = self._parts.session.info
-            if not [*info.routers_zid(), *info.peers_zid()]:
-                return f"the connection to {' '.join(self._parts.link.connect)} is lost; it is tried again."
+        if not _connected(self._parts.session, self._parts.link):
+            return f"the connection to {' '.join(self._parts.link.connect)} is lost; it is tried again."
         return None if self._parts.outputs.alive else "the loop that publishes has ended."
 
     def _messages_problem(self) -> str | None:
@@ -247,6 +245,12 @@ class Service:
         if (problem := self._parts.probe.problem()) is not None:
             return problem
         return None if store.problem is None else f"{store.problem}."
+
+
+def _connected(session: zenoh.Session, link: ZenohSettings) -> bool:
+    """Whether a client has its router."""
+    info = session.info
+    return link.mode != "client" or bool([*info.routers_zid(), *info.peers_zid()])
 
 
 def _remove(database: Path) -> None:
@@ -294,7 +298,7 @@ def running_service(
         security = link_security(settings.zenoh, os.environ)
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
-        outputs = stack.enter_context(ZenohOutputs(session))
+        outputs = stack.enter_context(ZenohOutputs(session, lambda: _connected(session, link)))
         stack.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(_SWITCH_S)
         # The matrices are small: a second thread only waits, spinning, on the core that the others need.

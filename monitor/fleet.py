@@ -49,6 +49,7 @@ _LOGGED_FAULTS = 10
 _MOST_HELD = 2000  # messages, of all vehicles together
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
+_REPEATED = 100  # of the latest alerts, and all that are not cleared, are announced again at the start
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 _Told = tuple[ServiceStream, Callable[[], News]] | Literal["ask"]
@@ -123,7 +124,7 @@ class FleetMonitor:
         self._held = 0
         self._problems: dict[str, int] = {}
         self._earlier_alerts = False
-        self._read_alerts(_START_PATIENCE_S)
+        self._repeat(self._read_alerts(_START_PATIENCE_S))
 
     # -- what comes in ------------------------------------------------------------------------
 
@@ -285,15 +286,25 @@ class FleetMonitor:
         with self._lock:
             return monitor.derivatives(solution)
 
-    def _read_alerts(self, patience_s: float) -> None:
-        """Alerts of earlier runs, once; a read that failed is no empty one, and is tried again."""
+    def _read_alerts(self, patience_s: float) -> Sequence[AlertView]:
+        """Alerts of earlier runs, once; a read that failed is no empty one, and is tried again.
+
+        Returns those to be announced again, oldest first: an earlier run may have ended before it announced them.
+        """
         store = self._store
         if store is None or self._earlier_alerts:
-            return
+            return ()
         found: Sequence[AlertView] | None = self._guarded(lambda: store.alerts(patience_s))
-        if found is not None:
-            self._ledger.add_earlier(found)
-            self._earlier_alerts = True
+        if found is None:
+            return ()
+        self._ledger.add_earlier(found)
+        self._earlier_alerts = True
+        again = [a for k, a in enumerate(found) if k < _REPEATED or a.state is not AlertState.CLEARED]
+        return again[::-1]
+
+    def _repeat(self, alerts: Sequence[AlertView]) -> None:
+        for alert in alerts:
+            self._tell(alert.fleet, alert.vehicle, [_of_alert(alert)])
 
     def _keep_alert(self, alert: AlertView) -> list[_Told]:
         """Hand a new version to the store, which says when it may be told; returns what may be told at once."""
@@ -432,7 +443,7 @@ class FleetMonitor:
         now = self._clock()
         due: list[tuple[str, str, list[_Told]]] = []
         with self._lock:
-            self._read_alerts(0.0)
+            earlier = self._read_alerts(0.0)
             if self._store is not None:
                 self._save_alerts(self._store)
             self._asks_left = _MOST_ASKS
@@ -448,6 +459,7 @@ class FleetMonitor:
                     known.published_s = now
                     news.append(("status", partial(self._view, fleet, vehicle, known)))
                 due.append((fleet, vehicle, news))
+        self._repeat(earlier)
         for fleet, vehicle, news in due:
             self._tell(fleet, vehicle, news)
         if forgotten:

@@ -468,6 +468,17 @@ def test_alerts_of_earlier_runs_that_could_not_be_read_are_read_later() -> None:
     hall.fleet.tick()
     assert hall.fleet.alerts() == [OLD_ALERT]
     assert hall.store.alerts_kept == []
+    assert [v for _, v in hall.outputs.said if isinstance(v, AlertView)] == [OLD_ALERT]
+
+
+def test_alerts_of_earlier_runs_are_announced_again_at_the_start() -> None:
+    """The earlier run may have been killed between the commit and the announcement."""
+    old = [replace(OLD_ALERT, id=f"c{k}", state=AlertState.CLEARED) for k in range(150)]
+    hall = Hall(store=FakeStore(earlier=(*old, OLD_ALERT)))
+    said = [v for _, v in hall.outputs.said if isinstance(v, AlertView)]
+    assert [a.id for a in said] == ["old", *(f"c{k}" for k in range(99, -1, -1))]
+    hall.fleet.tick()
+    assert len([v for _, v in hall.outputs.said if isinstance(v, AlertView)]) == len(said)
 
 
 def test_alerts_of_earlier_runs_can_be_shelved_and_cleared() -> None:
