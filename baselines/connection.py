@@ -59,6 +59,7 @@ _WRITER_LOCK = 0x77696E67
 
 _MIGRATIONS = Path(__file__).parent / "migrations"
 _WRITE = "wingwatch_write"
+_DURABLE = "wingwatch_durable"
 
 _LOCKED = "is locked by another program; end that program or try again"
 _READ_ONLY = "is read-only for this user; make the file and its folder writable, or choose another path"
@@ -124,9 +125,13 @@ def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
         ) from error
 
 
-def writing(engine: Engine) -> Engine:
-    """The same engine for transactions that write: on SQLite they take the write lock when they begin."""
-    return engine.execution_options(**{_WRITE: True})
+def writing(engine: Engine, durable: bool = False) -> Engine:
+    """The same engine for transactions that write: on SQLite they take the write lock when they begin.
+
+    Args:
+        durable: whether what is committed survives a power cut on SQLite, too, at the price of waiting for the disk.
+    """
+    return engine.execution_options(**{_WRITE: True, _DURABLE: durable})
 
 
 def one_writer(connection: Connection) -> None:
@@ -268,7 +273,7 @@ def _sqlite_session(busy_timeout_s: float) -> Any:
         for pragma in (
             f"busy_timeout = {int(1000 * busy_timeout_s)}",
             "journal_mode = WAL",
-            "synchronous = FULL",  # what is committed is told: it survives a power cut, too
+            "synchronous = NORMAL",
             "foreign_keys = ON",
         ):
             connection.execute(f"PRAGMA {pragma}").close()
@@ -277,7 +282,10 @@ def _sqlite_session(busy_timeout_s: float) -> Any:
 
 
 def _sqlite_begin(connection: Connection) -> None:
-    writes = connection.get_execution_options().get(_WRITE, False)
+    options = connection.get_execution_options()
+    writes = options.get(_WRITE, False)
+    if writes:
+        connection.exec_driver_sql(f"PRAGMA synchronous = {'FULL' if options.get(_DURABLE) else 'NORMAL'}")
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 

@@ -103,6 +103,7 @@ class Database:
     def __init__(self, engine: Engine, busy_timeout_s: float, estimates_per_vehicle: int) -> None:
         self._engine = engine
         self._write_engine = writing(engine)
+        self._durable_engine = writing(engine, durable=True)
         self._busy_timeout_s = busy_timeout_s
         self._retention = estimates_per_vehicle
         self._closed = False
@@ -263,7 +264,7 @@ class Database:
 
         The same again changes nothing: whoever does not know whether it was stored may repeat it.
         """
-        with self._write() as session:
+        with self._write(durable=True) as session:
             _put_alert(session, alert)
 
     def save_action(self, alert: AlertRecord, action: ActionRecord) -> None:
@@ -272,7 +273,7 @@ class Database:
         Raises:
             RefusedError: an action of that key is stored already.
         """
-        with self._write() as session:
+        with self._write(durable=True) as session:
             session.execute(insert(ActionRow).values(asdict(action)))
             _put_alert(session, alert)
 
@@ -286,7 +287,7 @@ class Database:
 
     def void_action(self, key: str, alert: AlertRecord) -> bool:
         """Undo an action: forget it, and store the alert as it stands without it; whether it was stored."""
-        with self._write() as session:
+        with self._write(durable=True) as session:
             found = session.scalar(delete(ActionRow).where(ActionRow.key == key).returning(ActionRow.key))
             if found is not None:
                 _put_alert(session, alert)
@@ -388,8 +389,9 @@ class Database:
             yield session
 
     @contextmanager
-    def _write(self) -> Iterator[Session]:
-        with self._open(), Session(self._write_engine) as session, session.begin():
+    def _write(self, durable: bool = False) -> Iterator[Session]:
+        engine = self._durable_engine if durable else self._write_engine
+        with self._open(), Session(engine) as session, session.begin():
             yield session
 
     def _due_for_pruning(self, rows: Sequence[EstimateRecord]) -> list[tuple[str, str]]:
