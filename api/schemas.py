@@ -274,6 +274,12 @@ class HistoryItem(_Answer):
     standard_error: float | None
     unit: str
     outcome: str
+    recorded_at_s: float | None = Field(
+        description="seconds since 1970-01-01 UTC; null where it is not known"
+    )
+    flight: int = Field(description="a later flight of the vehicle has a higher number")
+    aircraft: str | None
+    configuration: str | None
 
 
 class HistoryList(_Answer):

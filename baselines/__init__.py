@@ -39,8 +39,11 @@ from wingwatch.baselines.records import (
     EstimateRecord,
     EvidenceRecord,
     ExpectationRecord,
+    HistoryRow,
+    HistoryWanted,
     ReferenceKey,
     ReferenceRecord,
+    Retention,
 )
 from wingwatch.baselines.reference import Reference
 
@@ -75,8 +78,11 @@ __all__ = [
     "EstimateRecord",
     "EvidenceRecord",
     "ExpectationRecord",
+    "HistoryRow",
+    "HistoryWanted",
     "ReferenceKey",
     "ReferenceRecord",
+    "Retention",
 ]
 
 

@@ -1,12 +1,12 @@
 """Questions to the database that whoever asks waits for no longer than a few seconds, whatever state it is in."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
-from wingwatch.baselines import DatabaseError
+from wingwatch.baselines import Database, DatabaseError, HistoryRow, HistoryWanted
 
-__all__ = ["PatientReader"]
+__all__ = ["PatientHistory", "PatientReader"]
 
 _Answer = TypeVar("_Answer")
 
@@ -64,3 +64,19 @@ class PatientReader:
         if not self._places.acquire(timeout=self._patience_s):
             raise DatabaseError("the database has not answered earlier questions; try again later")
         return _Question(question, self._places).answer(self._patience_s)
+
+
+class PatientHistory:
+    """The history of a database, for REST.
+
+    Args:
+        database: open.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._reader = PatientReader()
+
+    def history_rows(self, fleet: str, vehicle: str, wanted: HistoryWanted) -> Sequence[HistoryRow]:
+        """A part of a vehicle's history; ``DatabaseError`` where it has not been read in time."""
+        return self._reader.ask(lambda: self._database.history_rows(fleet, vehicle, wanted))

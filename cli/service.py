@@ -25,7 +25,7 @@ from wingwatch.api import (
     listen,
     read_certificate,
 )
-from wingwatch.baselines import open_database
+from wingwatch.baselines import Retention, open_database
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
@@ -33,6 +33,7 @@ from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
 from wingwatch.cli.kernels import KernelCompiler, KernelError, Preparation
 from wingwatch.cli.link_settings import link_security
 from wingwatch.cli.outputs import ZenohOutputs
+from wingwatch.cli.patient import PatientHistory
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenFile, TokenRegister
@@ -294,7 +295,7 @@ def running_service(
         if fresh:
             _remove(Path(settings.where))
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
-        store = stack.enter_context(DatabaseStore(database, wall_clock))
+        store = stack.enter_context(DatabaseStore(database, wall_clock, Retention()))
         security = link_security(settings.zenoh, os.environ)
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
@@ -321,7 +322,7 @@ def running_service(
         app = create_app(
             monitor,
             lambda: service.readiness(),
-            database,
+            PatientHistory(database),
             __version__,
             AppSettings(
                 access=access,

@@ -4,7 +4,7 @@ Whoever calls here never waits for the database: one thread reads, another write
 an alert, a reference and a cell only the latest version counts, so these can wait for a database that is locked as long
 as it takes. Every write may be repeated, for a reply can be lost; an entry that the database refuses while it works is
 given up after five tries, and the others do not wait for it. Every queue is bounded; what finds no room is dropped and
-counted, and estimates also when the database does not take them.
+counted.
 """
 
 import logging
@@ -26,6 +26,7 @@ from wingwatch.baselines import (
     Reference,
     ReferenceKey,
     RefusedError,
+    Retention,
 )
 from wingwatch.cli.action_queue import ActionQueue
 from wingwatch.cli.baseline import stored_cells, stored_envelopes, stored_references
@@ -50,6 +51,9 @@ _MOST_TRIES = 5
 _RETRY_S = 1.0
 _GATHER_S = 0.2  # a transaction costs as much as a hundred rows
 _END_S = 10.0
+_ESTIMATES_AT_ONCE = 5000
+_PRUNE_EVERY_S = 30.0
+_PRUNE_AGAIN_S = 0.5
 
 _Asked = tuple[str, str, str, str]
 """Fleet, vehicle, aircraft and configuration."""
@@ -71,15 +75,20 @@ class DatabaseStore:
     Args:
         database: open; it stays open at the end.
         wall_clock: seconds since 1970-01-01 UTC, for the entries' own dates.
+        retention: how long the history of estimates is kept; it is thinned and dropped in small steps between writes.
     """
 
-    def __init__(self, database: Database, wall_clock: Callable[[], float]) -> None:
+    def __init__(
+        self, database: Database, wall_clock: Callable[[], float], retention: Retention | None = None
+    ) -> None:
         self._database = database
         self._wall_clock = wall_clock
         self._alerts: dict[str, tuple[AlertView, _Kept]] = {}
         self._references: dict[ReferenceKey, Reference] = {}
         self._cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float]] = {}
-        self._estimates: list[EstimateRecord] = []
+        self._estimates: list[tuple[EstimateRecord, float]] = []
+        self._retention = retention
+        self._pruned_s = float("-inf")
         self._lock = threading.Lock()
         self._news = threading.Event()
         self._end = threading.Event()
@@ -205,8 +214,8 @@ class DatabaseStore:
         """Keep estimates for history, as far as there is room in the queue."""
         with self._lock:
             self._wait()
-            room = _MOST_ESTIMATES - len(self._estimates)
-            self._estimates += rows[:room]
+            room, now_s = _MOST_ESTIMATES - len(self._estimates), self._wall_clock()
+            self._estimates += [(row, now_s) for row in rows[:room]]
             self._counts["dropped_estimates"] += max(0, len(rows) - room)
         self._news.set()
 
@@ -302,7 +311,7 @@ class DatabaseStore:
 
     def _run(self) -> None:
         while True:
-            self._news.wait()
+            self._news.wait(_PRUNE_EVERY_S if self._retention is not None else None)
             ending = self._end.wait(0.0 if self._actions.waiting else _GATHER_S)
             self._news.clear()
             written = self._write()
@@ -332,19 +341,52 @@ class DatabaseStore:
                 problem, down = self._again(waiting, key, error), not _of_the_entry(error)
             if self._actions.waiting and not down and (fault := self._act()) is not None:
                 problem, down = fault, True
-        try:
-            if not down:
-                self._database.append_estimates(estimates)
-                estimates = []
-        except Exception as error:
-            problem = _sentence(error)
+        if not down and (fault := self._write_estimates(estimates)) is not None:
+            problem, down = fault, True
+        if down:
+            self._keep_estimates(estimates)
+        else:
+            self._prune()
         with self._lock:
-            self._counts["dropped_estimates"] += len(estimates)
             if problem is None:
                 waits = self._alerts or self._references or self._cells or self._estimates
                 self._since_s = time.monotonic() if waits else None
         self._say(problem)
         return problem is None
+
+    def _write_estimates(self, estimates: list[tuple[EstimateRecord, float]]) -> str | None:
+        """Why the database does not take them, None where it has or never will; those written are removed."""
+        while estimates:
+            try:
+                self._database.append_estimates(estimates[:_ESTIMATES_AT_ONCE])
+            except Exception as error:
+                if not _of_the_entry(error):
+                    return _sentence(error)
+                with self._lock:
+                    self._counts["dropped_estimates"] += len(estimates[:_ESTIMATES_AT_ONCE])
+                _LOG.error("history not stored: %s", _sentence(error))
+            del estimates[:_ESTIMATES_AT_ONCE]
+            if self._actions.waiting and (fault := self._act()) is not None:
+                return fault
+        return None
+
+    def _keep_estimates(self, estimates: list[tuple[EstimateRecord, float]]) -> None:
+        """What was not written waits on, before what has come since, as far as there is room."""
+        with self._lock:
+            room = max(0, _MOST_ESTIMATES - len(self._estimates))
+            self._counts["dropped_estimates"] += max(0, len(estimates) - room)
+            self._estimates = estimates[:room] + self._estimates
+
+    def _prune(self) -> None:
+        """A small step of thinning and dropping the history, where it is time for one."""
+        if self._retention is None or time.monotonic() - self._pruned_s < _PRUNE_EVERY_S:
+            return
+        try:
+            more = self._database.prune_history(self._wall_clock(), self._retention)
+        except Exception as error:
+            _LOG.warning("history not thinned: %s", _sentence(error))
+            more = False
+        self._pruned_s = time.monotonic() - (_PRUNE_EVERY_S - _PRUNE_AGAIN_S if more else 0.0)
 
     def _carry_out(self, waiting: dict[Any, Any], key: Any, write: Callable[[Any, Any], None]) -> None:
         """Write one entry; it waits no longer unless something newer has taken its place."""

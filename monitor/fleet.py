@@ -350,7 +350,10 @@ class FleetMonitor:
                 continue
             known.history_s = solution.time_s
             estimates: list[Estimate] = [e for m in solution.modes.values() for e in (m.fourier, m.ekf)]
-            rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]
+            rows += [
+                EstimateRecord.of(fleet, vehicle, e, monitor.aircraft.name, monitor.configuration)
+                for e in estimates
+            ]
         if rows:
             self._guarded(lambda: store.append_estimates(rows))
         loading = known.loading

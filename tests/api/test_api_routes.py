@@ -13,9 +13,9 @@ from api_fakes import (
     VERSION,
     FakeHistory,
     FakeMonitor,
-    FakeRow,
     alert,
     derivative,
+    past,
     served,
     vehicle,
 )
@@ -67,7 +67,7 @@ def fleet() -> FakeMonitor:
 
 @pytest.fixture
 def client() -> Generator[httpx.Client]:
-    history = FakeHistory([FakeRow(1.0, "ekf", "dutch_roll", [1.0] * 6, [0.1] * 6)])
+    history = FakeHistory([past(1.0, "ekf", "dutch_roll", [1.0] * 6, [0.1] * 6)])
     with served(fleet(), history) as (_, connection):
         yield connection
 

@@ -128,7 +128,7 @@ def test_a_locked_database_holds_nobody_up_and_loses_no_alert(database: Database
         until(lambda: store.problem is not None)
         assert store.problem is not None
         assert "locked" in store.problem
-        assert store.counts["dropped_estimates"] == 1
+        assert store.counts["dropped_estimates"] == 0
         store.save_alert(replace(ALERT, level="critical"))
         assert recalled(store, "uav1").references["short_period"].blocks == 1  # though it is not written yet
         other.execute("ROLLBACK")
@@ -138,6 +138,7 @@ def test_a_locked_database_holds_nobody_up_and_loses_no_alert(database: Database
     stored = database.alert("a1")
     assert stored is not None
     assert stored.level == "critical"
+    assert database.estimate_history("default", "uav1") == (ESTIMATE,)  # history waits, too
 
 
 def test_an_alert_is_told_when_it_is_committed_and_not_before(database: Database, tmp_path: Path) -> None:
@@ -317,7 +318,7 @@ def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
 ) -> None:
     monkeypatch.setattr("wingwatch.cli.store._MOST_ESTIMATES", 3)
     store = DatabaseStore(database, lambda: 0.0)  # its thread does not run yet
-    store.append_estimates([ESTIMATE] * 5)
+    store.append_estimates([replace(ESTIMATE, time_s=float(k)) for k in range(5)])
     assert store.counts["dropped_estimates"] == 2
     with store:
         pass
