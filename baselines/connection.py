@@ -28,6 +28,7 @@ __all__ = [
     "connect",
     "head_revision",
     "one_writer",
+    "revision_of",
     "sentences",
     "sqlite_file",
     "upgrade",
@@ -173,7 +174,7 @@ def upgrade(engine: Engine) -> None:
         if connection.dialect.name == "postgresql":
             connection.execute(text("SET LOCAL statement_timeout = 0"))
         one_writer(connection)
-        current = _revision(connection)
+        current = revision_of(connection)
         head = head_revision()
         if current == head:
             return
@@ -201,7 +202,7 @@ def check_answers(engine: Engine, busy_timeout_s: float, inode: int | None) -> N
             _take_write_lock(connection, busy_timeout_s)
         elif connection.execute(text("SHOW transaction_read_only")).scalar_one() != "off":
             raise DatabaseError(f"{_name(engine)} {_POSTGRES_FAULTS['25006']}")
-        found, head = _revision(connection), head_revision()
+        found, head = revision_of(connection), head_revision()
     if found != head:
         raise DatabaseError(
             f"{_name(engine)} now has schema {found}, but this program has schema {head}; "
@@ -309,7 +310,8 @@ def _take_write_lock(connection: Connection, busy_timeout_s: float) -> None:
         driver.execute(f"PRAGMA busy_timeout = {int(1000 * busy_timeout_s)}").close()
 
 
-def _revision(connection: Connection) -> str | None:
+def revision_of(connection: Connection) -> str | None:
+    """Revision of a database's schema; None where it has none."""
     context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
     return context.get_current_revision()
 

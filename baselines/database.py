@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
 from typing import Any
 
-from sqlalchemy import Engine, delete, insert, select, update
+from sqlalchemy import Engine, delete, func, insert, select, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
@@ -47,6 +47,7 @@ from wingwatch.baselines.tables import (
     AlertRow,
     CellRow,
     ExpectationRow,
+    HistoryEntry,
     ReferenceRow,
 )
 
@@ -374,6 +375,11 @@ class Database:
         """Kept estimates of one vehicle with from_s <= time_s <= to_s, by flight and time (at most ``limit``)."""
         wanted = HistoryWanted(from_s, to_s, limit=limit)
         return tuple(row.estimate for row in self.history_rows(fleet, vehicle, wanted))
+
+    def history_size(self) -> int:
+        """Estimates that are kept."""
+        with self._read() as session:
+            return session.scalar(select(func.count()).select_from(HistoryEntry)) or 0
 
     def prune_history(self, now_at_s: float, retention: Retention) -> bool:
         """One small step of thinning and dropping what is old or too much; whether more may be due."""

@@ -25,7 +25,7 @@ from wingwatch.api import (
     listen,
     read_certificate,
 )
-from wingwatch.baselines import Retention, open_database
+from wingwatch.baselines import open_database
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
@@ -295,7 +295,7 @@ def running_service(
         if fresh:
             _remove(Path(settings.where))
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
-        store = stack.enter_context(DatabaseStore(database, wall_clock, Retention()))
+        store = stack.enter_context(DatabaseStore(database, wall_clock, settings.history.retention))
         security = link_security(settings.zenoh, os.environ)
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
