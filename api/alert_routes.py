@@ -85,7 +85,8 @@ def _add_action(router: APIRouter, door: Door, action: AlertAction) -> None:
     ) -> Response:
         who = _signature(admission_of(request).caller, person)
         try:
-            view = door.monitor.act_on_alert(alert_id, action, who, person.note, idempotency_key)
+            shelve_s = 60.0 * person.minutes
+            view = door.monitor.act_on_alert(alert_id, action, who, person.note, idempotency_key, shelve_s)
         except KeyReusedError as error:
             raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, f"{error}.") from error
         except ValueError as error:

@@ -185,6 +185,9 @@ class AlertDocument(_Answer):
     text: str
     evidence: list[EvidenceDocument]
     notes: list[str] = Field(description="who did what and why, newest last")
+    shelved_until_at_s: float | None = Field(
+        default=None, description="where it is shelved: it comes back then; seconds since 1970-01-01 UTC"
+    )
 
 
 class AlertList(_Answer):
@@ -329,6 +332,10 @@ class PersonAction(BaseModel):
         description="required without a token; with one it stands behind the token's name",
     )  # fmt: skip
     note: str = Field(default="", max_length=1000, pattern=_Line)
+    minutes: float = Field(
+        default=60.0, gt=0.0, le=1440.0, allow_inf_nan=False,
+        description="of shelve: for how long; the alert comes back earlier when the fault grows",
+    )  # fmt: skip
 
 
 def vehicle_document(view: VehicleView) -> VehicleDocument:
@@ -392,6 +399,7 @@ def alert_document(view: AlertView) -> AlertDocument:
         text=view.text,
         evidence=[_evidence(e) for e in view.evidence],
         notes=list(view.note),
+        shelved_until_at_s=None if view.shelving is None else quantity(view.shelving.until_at_s),
     )
 
 

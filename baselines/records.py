@@ -4,7 +4,7 @@ Times named ``*_at_s`` are seconds since 1970-01-01 UTC, handed in by the caller
 vehicle's own clock.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -153,6 +153,7 @@ class AlertRecord:
     created_at_s: float
     updated_at_s: float
     note: Sequence[str] = field(default=())
+    shelving: Mapping[str, float | str] | None = None
 
 
 @dataclass(frozen=True, slots=True)

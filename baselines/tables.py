@@ -216,6 +216,7 @@ class AlertRow(Base):
     note: Mapped[list[str]] = mapped_column(JSON)
     created_at_s: Mapped[float] = mapped_column(Double)
     updated_at_s: Mapped[float] = mapped_column(Double)
+    shelving: Mapped[dict[str, Any] | None] = mapped_column(Numbers(none_as_null=True))
 
     __table_args__ = (
         Index("ix_alert_fleet_vehicle", "fleet", "vehicle"),

@@ -311,6 +311,7 @@ def running_service(
             store,
             outputs,
             FleetSettings(stale_s=settings.stale_s),
+            wall_clock,
         )
         outputs.answer_from(monitor)
         arrived = threading.Event()

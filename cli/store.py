@@ -36,6 +36,7 @@ from wingwatch.monitor import (
     AlertView,
     CellPlace,
     EvidenceView,
+    Shelving,
     VehicleMemory,
 )
 
@@ -475,6 +476,7 @@ def alert_record(alert: AlertView, created_at_s: float, updated_at_s: float) -> 
     values["state"] = str(alert.state)
     values["evidence"] = tuple(EvidenceRecord(**asdict(part)) for part in alert.evidence)
     values["note"] = tuple(alert.note)
+    values["shelving"] = None if alert.shelving is None else asdict(alert.shelving)
     return AlertRecord(**values, created_at_s=created_at_s, updated_at_s=updated_at_s)
 
 
@@ -484,4 +486,5 @@ def alert_view(record: AlertRecord) -> AlertView:
     values["state"] = AlertState(record.state)
     values["evidence"] = tuple(EvidenceView(**asdict(part)) for part in record.evidence)
     values["note"] = tuple(record.note)
+    values["shelving"] = None if record.shelving is None else Shelving(**record.shelving)  # type: ignore[arg-type]
     return AlertView(**values)

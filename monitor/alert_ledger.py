@@ -6,9 +6,11 @@ from dataclasses import replace
 from wingwatch.monitor.alerts import act
 from wingwatch.monitor.ports import ActionRequest
 from wingwatch.monitor.roster import VehicleKey
-from wingwatch.monitor.views import AlertState, AlertView
+from wingwatch.monitor.views import AlertState, AlertView, Shelving
 
 __all__ = ["AlertLedger"]
+
+_LEVELS = ("watch", "warning", "critical")
 
 
 class AlertLedger:
@@ -39,7 +41,9 @@ class AlertLedger:
         """A new version by the monitor; returns it with what people have done to the alert."""
         before = self._newest.get(alert.id)
         if before is not None and before.state is not AlertState.ACTIVE and alert.state is AlertState.ACTIVE:
-            alert = replace(alert, state=before.state, note=before.note)
+            alert = replace(alert, state=before.state, note=before.note, shelving=before.shelving)
+        if alert.state is AlertState.SHELVED and _has_grown(alert):
+            alert = _back(alert, "it has grown")
         self._newest[alert.id] = alert
         self.unsaved[alert.id] = None
         self._forget()
@@ -60,6 +64,8 @@ class AlertLedger:
         if newest is None:
             raise ValueError(f"alert {request.alert_id} is old and no longer followed")
         alert = act(newest, request.action, request.who, request.note)
+        shelving = Shelving(request.until_at_s, alert.level, alert.size)
+        alert = replace(alert, shelving=shelving if alert.state is AlertState.SHELVED else None)
         return replace(alert, cleared_s=cleared_s(alert)) if alert.state is AlertState.CLEARED else alert
 
     def acted(self, changed: AlertView) -> AlertView:
@@ -68,10 +74,26 @@ class AlertLedger:
         if newest is not None:
             merged = replace(newest, note=(*newest.note, changed.note[-1]))
             if newest.state is not AlertState.CLEARED:
-                merged = replace(merged, state=changed.state, cleared_s=changed.cleared_s)
+                merged = replace(
+                    merged, state=changed.state, cleared_s=changed.cleared_s, shelving=changed.shelving
+                )
         self._newest[changed.id] = merged
         self.told(changed)
         return merged
+
+    def come_back(self, now_at_s: float) -> list[AlertView]:
+        """Alerts whose time on the shelf is over; they are active again from now on."""
+        over = [
+            _back(alert, "its time is over")
+            for alert in self._newest.values()
+            if alert.state is AlertState.SHELVED
+            and alert.shelving is not None
+            and alert.shelving.until_at_s <= now_at_s
+        ]
+        for alert in over:
+            self._newest[alert.id] = alert
+            self.unsaved[alert.id] = None
+        return over
 
     def newest(self, alert_id: str) -> AlertView | None:
         """The newest version, committed or not; None for an alert that is not kept."""
@@ -104,3 +126,17 @@ class AlertLedger:
             self._told.pop(gone, None)
             self.unsaved.pop(gone, None)
             self.forgotten += 1
+
+
+def _has_grown(alert: AlertView) -> bool:
+    """Whether a shelved alert is more than it was then, by level or by two standard errors of its size."""
+    then = alert.shelving
+    if then is None:
+        return False
+    higher = _LEVELS.index(alert.level) > _LEVELS.index(then.level)
+    return higher or alert.size > then.size + 2.0 * alert.size_standard_error
+
+
+def _back(alert: AlertView, why: str) -> AlertView:
+    note = (*alert.note, f"wingwatch: unshelve ({why})")
+    return replace(alert, state=AlertState.ACTIVE, note=note, shelving=None)

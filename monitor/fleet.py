@@ -5,6 +5,7 @@ the service, the demo and the tests.
 """
 
 import logging
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +26,7 @@ from wingwatch.monitor.roster import Roster, VehicleKey
 from wingwatch.monitor.together import feed_together
 from wingwatch.monitor.vehicle import Report, VehicleMonitor
 from wingwatch.monitor.views import (
+    SHELVED_S,
     AlertAction,
     AlertState,
     AlertView,
@@ -99,6 +101,7 @@ class FleetMonitor:
         new_id: makes alert ids.
         store: memory across restarts, or None.
         outputs: where news goes, or None.
+        wall_clock: seconds since 1970-01-01 UTC, for the time that alerts are shelved.
     """
 
     def __init__(
@@ -109,8 +112,9 @@ class FleetMonitor:
         store: Store | None = None,
         outputs: Outputs | None = None,
         settings: FleetSettings | None = None,
+        wall_clock: Callable[[], float] = time.time,
     ) -> None:
-        self._find, self._clock = find_aircraft, clock
+        self._find, self._clock, self._wall_clock = find_aircraft, clock, wall_clock
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
         self._lock = FairLock()
@@ -309,6 +313,7 @@ class FleetMonitor:
     def _keep_alert(self, alert: AlertView) -> list[_Told]:
         """Hand a new version to the store, which says when it may be told; returns what may be told at once."""
         kept = self._ledger.follow(alert)
+        self._follow_in_book(kept)
         if self._store is None:
             self._ledger.unsaved.clear()
             self._show_alert(kept)
@@ -447,6 +452,8 @@ class FleetMonitor:
         due: list[tuple[str, str, list[_Told]]] = []
         with self._lock:
             earlier = self._read_alerts(0.0)
+            for alert in self._ledger.come_back(self._wall_clock()):
+                self._follow_in_book(alert)
             if self._store is not None:
                 self._save_alerts(self._store)
             self._asks_left = _MOST_ASKS
@@ -512,7 +519,13 @@ class FleetMonitor:
             return self._ledger.all_shown()
 
     def act_on_alert(
-        self, alert_id: str, action: AlertAction, who: str, note: str, key: str | None = None
+        self,
+        alert_id: str,
+        action: AlertAction,
+        who: str,
+        note: str,
+        key: str | None = None,
+        shelve_s: float = SHELVED_S,
     ) -> AlertView | None:
         """Carry out a person's action; returns once the store has committed it, None for an unknown alert.
 
@@ -520,7 +533,7 @@ class FleetMonitor:
             ValueError: it makes no sense; ``KeyReusedError`` where its key belongs to another one.
             DatabaseError: it has not been committed in time, and has not happened.
         """
-        request = ActionRequest(alert_id, action, who, note, key)
+        request = ActionRequest(alert_id, action, who, note, key, self._wall_clock() + shelve_s)
         with self._lock:
             shown = self._ledger.shown(alert_id)
         if shown is None:
@@ -547,17 +560,22 @@ class FleetMonitor:
         with self._lock:
             merged = self._ledger.acted(changed)
             self._show_alert(changed)
-            known = self._vehicles.get((changed.fleet, changed.vehicle))
-            book = known.monitor.book if known is not None and known.monitor is not None else None
-            if book is not None and book.active is not None and book.active.id == changed.id:
-                if merged.state is AlertState.CLEARED:
-                    book.dismiss()
-                else:
-                    book.active = merged
+            self._follow_in_book(merged)
             if merged != changed and self._store is not None:  # the monitor has gone on meanwhile
                 self._ledger.unsaved[merged.id] = None
                 self._save_alerts(self._store)
         self._tell(changed.fleet, changed.vehicle, [_of_alert(changed)])
+
+    def _follow_in_book(self, alert: AlertView) -> None:
+        """The vehicle's monitor goes on with what has become of its alert; one that is cleared it follows no longer."""
+        known = self._vehicles.get((alert.fleet, alert.vehicle))
+        book = known.monitor.book if known is not None and known.monitor is not None else None
+        if book is None or book.active is None or book.active.id != alert.id:
+            return
+        if alert.state is AlertState.CLEARED:
+            book.dismiss()
+        else:
+            book.active = alert
 
     def _newest_alert(self, shown: AlertView) -> AlertView:
         with self._lock:

@@ -37,6 +37,7 @@ class ActionRequest:
 
     Attributes:
         key: of the request, the same when it is repeated; None where it has none.
+        until_at_s: until when an alert is shelved, seconds since 1970-01-01 UTC.
     """
 
     alert_id: str
@@ -44,6 +45,7 @@ class ActionRequest:
     who: str
     note: str
     key: str | None = None
+    until_at_s: float = float("inf")
 
 
 @dataclass(frozen=True, slots=True)

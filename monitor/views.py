@@ -12,16 +12,22 @@ from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = [
     "AlertAction",
+    "SHELVED_S",
     "AlertState",
     "AlertView",
     "Event",
     "EvidenceView",
     "KeyReusedError",
     "MonitorPort",
+    "Shelving",
     "VehicleState",
     "VehicleView",
     "WorstDerivative",
 ]
+
+
+SHELVED_S = 3600.0
+"""For how long an alert is shelved unless told otherwise."""
 
 
 class VehicleState(StrEnum):
@@ -116,6 +122,20 @@ class EvidenceView:
 
 
 @dataclass(frozen=True, slots=True)
+class Shelving:
+    """For how long an alert is shelved, and what it was like then.
+
+    Attributes:
+        until_at_s: it comes back then, seconds since 1970-01-01 UTC.
+        level, size: where it grows beyond these, it comes back at once.
+    """
+
+    until_at_s: float
+    level: str
+    size: float
+
+
+@dataclass(frozen=True, slots=True)
 class AlertView:
     """One alert, with its evidence.
 
@@ -129,6 +149,7 @@ class AlertView:
         probability: of the cause among those considered.
         text: what, how much, what to do; one or two sentences for the operator.
         note: who did what to it and why, newest last.
+        shelving: where it is shelved; None else, and for what older versions shelved.
     """
 
     id: str
@@ -147,6 +168,7 @@ class AlertView:
     text: str
     evidence: Sequence[EvidenceView]
     note: Sequence[str] = field(default=())
+    shelving: Shelving | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,11 +203,18 @@ class MonitorPort(Protocol):
         ...
 
     def act_on_alert(
-        self, alert_id: str, action: AlertAction, who: str, note: str, key: str | None = None
+        self,
+        alert_id: str,
+        action: AlertAction,
+        who: str,
+        note: str,
+        key: str | None = None,
+        shelve_s: float = SHELVED_S,
     ) -> AlertView | None:
         """Carry out a person's action; returns once it is committed, None for an unknown alert.
 
         Args:
+            shelve_s: for how long the alert is shelved, where that is the action.
             key: of the request; the action of a request that is repeated under its key is carried out once.
 
         Raises:

@@ -25,6 +25,7 @@ from wingwatch.api import (
 )
 from wingwatch.baselines import EstimateRecord, HistoryRow, HistoryWanted
 from wingwatch.monitor.views import (
+    SHELVED_S,
     AlertAction,
     AlertState,
     AlertView,
@@ -103,6 +104,7 @@ class FakeMonitor:
         self.raised: list[AlertView] = []
         self.kept: list[Event] = []
         self.keys: list[str | None] = []
+        self.shelved_s: list[float] = []
         self.store_fault: Exception | None = None
         self.lock = threading.Lock()
 
@@ -119,9 +121,16 @@ class FakeMonitor:
         return tuple(self.raised)
 
     def act_on_alert(
-        self, alert_id: str, action: AlertAction, who: str, note: str, key: str | None = None
+        self,
+        alert_id: str,
+        action: AlertAction,
+        who: str,
+        note: str,
+        key: str | None = None,
+        shelve_s: float = SHELVED_S,
     ) -> AlertView | None:
         self.keys.append(key)
+        self.shelved_s.append(shelve_s)
         if self.store_fault is not None:
             raise self.store_fault
         states = {

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Generator
+from dataclasses import replace
 from typing import Any
 
 import httpx
@@ -25,7 +26,7 @@ from openapi_check import answer_schema, misfits
 
 from wingwatch.api import encode_json
 from wingwatch.baselines import DatabaseError
-from wingwatch.monitor.views import AlertState, KeyReusedError, VehicleState
+from wingwatch.monitor.views import AlertState, KeyReusedError, Shelving, VehicleState
 
 ESTIMATORS: dict[str, Any] = {
     "fourier": {
@@ -304,6 +305,16 @@ def test_an_action_carries_its_request_key() -> None:
         answer = act("5f0c-2")
         assert answer.status_code == 503
         assert "nothing has happened" in answer.json()["detail"]
+
+
+def test_an_alert_is_shelved_for_a_while() -> None:
+    monitor = FakeMonitor()
+    monitor.raised = [replace(alert(1), shelving=Shelving(1.7e9, "warning", 0.1))]
+    with served(monitor) as (_, client):
+        assert get(client, "/v1/alerts/a1")["shelved_until_at_s"] == 1.7e9
+        for body in ({}, {"minutes": 5}, {"minutes": 0}, {"minutes": 1441}):
+            client.post("/v1/alerts/a1/shelve", json={"who": "ana", **body})
+    assert monitor.shelved_s == [3600.0, 300.0]
 
 
 def test_ready_names_what_does_not_work() -> None:

@@ -75,6 +75,7 @@ def alert(alert_id: str = "a1", **changes: object) -> AlertRecord:
         created_at_s=1.7e9,
         updated_at_s=1.7e9,
         note=("NaN", "who: why"),
+        shelving={"until_at_s": 1.7e9 + 1 / 3, "level": "warning", "size": math.inf},
     )
     return replace(record, **changes)  # type: ignore[arg-type]
 

@@ -32,6 +32,7 @@ from wingwatch.monitor import (
     AlertView,
     EvidenceView,
     KeyReusedError,
+    Shelving,
     VehicleMemory,
 )
 from wingwatch.monitor.alerts import act
@@ -85,6 +86,8 @@ def reference(blocks: int) -> Reference:
 
 def test_an_alert_survives_the_way_into_the_database_and_back() -> None:
     assert alert_view(alert_record(ALERT, 1.0, 2.0)) == ALERT
+    shelved = replace(ALERT, state=AlertState.SHELVED, shelving=Shelving(1.7e9, "warning", 0.1))
+    assert alert_view(alert_record(shelved, 1.0, 2.0)) == shelved
     assert (alert_record(ALERT, 1.0, 2.0).created_at_s, alert_record(ALERT, 1.0, 2.0).updated_at_s) == (
         1.0,
         2.0,

@@ -163,7 +163,7 @@ class Hall:
         self.store = store or FakeStore()
         ids = count(1)
         self.fleet = FleetMonitor(
-            find, self.clock, lambda: f"a{next(ids)}", self.store, self.outputs, settings
+            find, self.clock, lambda: f"a{next(ids)}", self.store, self.outputs, settings, self.clock
         )
         self.sequence = count()
 

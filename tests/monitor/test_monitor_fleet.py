@@ -14,6 +14,7 @@ from wingwatch.monitor import (
     AlertView,
     FleetSettings,
     JudgeConfig,
+    Shelving,
     VehicleState,
 )
 from wingwatch.monitor.roster import KEPT_S
@@ -496,6 +497,45 @@ def test_alerts_of_earlier_runs_can_be_shelved_and_cleared() -> None:
         assert changed.state is state
         assert hall.store.alerts_kept[-1] == changed
     assert [a.id for a in hall.fleet.alerts()] == ["newer", "old"]
+
+
+def test_a_shelved_alert_comes_back_when_its_time_is_over() -> None:
+    hall = Hall(store=FakeStore(earlier=(OLD_ALERT,)))
+    shelved = hall.fleet.act_on_alert("old", AlertAction.SHELVE, "ann", "", shelve_s=600.0)
+    assert shelved is not None
+    assert shelved.shelving == Shelving(hall.clock.now_s + 600.0, "watch", 0.1)
+    again = Hall(store=FakeStore(earlier=(shelved,)))  # also by another run
+    for fleet in (hall, again):
+        fleet.clock.now_s += 599.0
+        fleet.fleet.tick()
+        assert fleet.fleet.alerts()[0].state is AlertState.SHELVED
+        fleet.clock.now_s += 1.0
+        fleet.fleet.tick()
+        (alert,) = fleet.fleet.alerts()
+        assert (alert.state, alert.shelving) == (AlertState.ACTIVE, None)
+        assert alert.note[-1] == "wingwatch: unshelve (its time is over)"
+        assert fleet.store.alerts_kept[-1] == alert
+        fleet.fleet.tick()
+        assert fleet.fleet.alerts() == [alert]
+
+
+@pytest.mark.parametrize(
+    ("changes", "back"),
+    [
+        ({"size": 0.13}, False),
+        ({"size": 0.15}, True),
+        ({"level": "warning"}, True),
+        ({"probability": 0.99}, False),
+    ],
+)
+def test_a_shelved_alert_comes_back_when_the_fault_grows(changes: dict[str, object], back: bool) -> None:
+    hall = Hall(store=FakeStore(earlier=(OLD_ALERT,)))
+    shelved = hall.fleet.act_on_alert("old", AlertAction.SHELVE, "ann", "")
+    assert shelved is not None
+    hall.fleet._keep_alert(replace(shelved, **changes))  # type: ignore[arg-type]
+    (alert,) = hall.fleet.alerts()
+    assert (alert.state is AlertState.ACTIVE) == back
+    assert (alert.note[-1] == "wingwatch: unshelve (it has grown)") == back
 
 
 def test_nonsense_about_alerts_is_refused() -> None:
