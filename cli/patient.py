@@ -10,6 +10,8 @@ __all__ = ["PatientHistory", "PatientReader"]
 
 _Answer = TypeVar("_Answer")
 
+_PLACE_S = 2.0  # whoever waits holds a thread of the HTTP server
+
 
 class _Question(Generic[_Answer]):
     """One question, in a thread of its own; it gives its place back when the database answers, however late."""
@@ -61,8 +63,8 @@ class PatientReader:
         Raises:
             DatabaseError: none has come in time, or the database's own.
         """
-        if not self._places.acquire(timeout=self._patience_s):
-            raise DatabaseError("the database has not answered earlier questions; try again later")
+        if not self._places.acquire(timeout=min(_PLACE_S, self._patience_s)):
+            raise DatabaseError("the database has not answered earlier questions yet; try again later")
         return _Question(question, self._places).answer(self._patience_s)
 
 

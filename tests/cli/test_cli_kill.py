@@ -50,6 +50,7 @@ def test_who_joins_later_gets_every_alert_also_those_of_an_earlier_run(tmp_path:
         for _ in range(50):
             replies = late.get("wingwatch/v1/*/*/alerts", consolidation=zenoh.ConsolidationMode.NONE)
             for reply in replies:
+                assert reply.ok is not None
                 payload = reply.ok.payload.to_bytes()
                 found[decode_service_object("alerts", payload, JSON)["id"]] = str(reply.ok.key_expr)
             if len(found) == len(alerts):

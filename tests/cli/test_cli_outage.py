@@ -1,5 +1,6 @@
 """A database that is locked or frozen: samples go on being taken in, nothing told is lost, and it heals by itself."""
 
+import os
 import sqlite3
 import threading
 import time
@@ -28,8 +29,8 @@ ALERT = AlertView(
     basis="a-priori", text="Icing.", evidence=(),
 )  # fmt: skip
 PATIENCE_S = 30.0
-OUTAGE_S = 8.0
-"""A lock of a minute differs from this only in how long the test takes: every limit that is waited for is shorter."""
+OUTAGE_S = float(os.environ.get("WINGWATCH_TEST_OUTAGE_S", "8"))
+"""A minute differs from this only in how long the test takes: every limit that is waited for is shorter."""
 LONGEST_DELAY_S = 0.25
 
 
@@ -105,7 +106,7 @@ def test_the_service_says_what_is_wrong_answers_all_else_and_heals(outage: Outag
 
 @pytest.mark.slow
 def test_samples_are_taken_in_while_the_database_does_not_answer(outage: Outage) -> None:
-    flight = simulate(Scenario(load_aircraft("aerosonde"), seed=3), 70.0)
+    flight = simulate(Scenario(load_aircraft("aerosonde"), seed=3), 330.0)
     numbers = count()
     with (
         open_database(outage.where, busy_timeout_s=1.0) as database,
