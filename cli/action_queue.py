@@ -126,7 +126,7 @@ class ActionQueue:
                 order = self._orders[0]
             self._carry_out(order)
             self._undo()
-        self._forget()
+            self._forget()
 
     def _undo(self) -> None:
         with self._lock:

@@ -240,6 +240,8 @@ class DatabaseStore:
         while not self._end.is_set():
             self._question.wait()
             self._question.clear()
+            if self._end.is_set():
+                return
             with self._lock:
                 asked = list(self._asked.items())
             if not self._read_earlier():
