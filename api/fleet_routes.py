@@ -128,7 +128,9 @@ def _status(door: Door, fleet: str | None) -> StatusDocument:
         for view in door.monitor.alerts()
         if view.state != AlertState.CLEARED and (fleet is None or view.fleet == fleet)
     ]
-    return status_document(door.version, vehicles, alerts, door.counters(), door.kernels())
+    return status_document(
+        door.version, vehicles, alerts, door.counters(), door.kernels(), door.database_problem()
+    )
 
 
 def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> DerivativesDocument:

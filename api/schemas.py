@@ -228,6 +228,10 @@ class StatusDocument(_Answer):
     kernels: KernelsDocument | None = Field(
         default=None, description="the compilation of the numerical kernels; null where none is under way"
     )
+    database: str | None = Field(
+        default=None,
+        description="why alerts and actions wait for the database, one sentence; null while none does",
+    )
 
 
 class DerivativeValue(_OpenAnswer):
@@ -409,6 +413,7 @@ def status_document(
     alerts: list[AlertDocument],
     counters: Mapping[str, Mapping[str, int]],
     kernels: KernelsView | None = None,
+    database: str | None = None,
 ) -> StatusDocument:
     """The fleet's status from its vehicles, from those alerts that are not cleared, and the service's own state."""
     counts = {state: sum(v.state == state for v in vehicles) for state in VehicleState}
@@ -420,6 +425,7 @@ def status_document(
         alerts=alerts,
         counters=parts,
         kernels=None if kernels is None else _kernels_document(kernels),
+        database=database,
     )
 
 

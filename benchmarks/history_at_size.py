@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from sqlalchemy import text
+
 from wingwatch.baselines import Database, EstimateRecord, HistoryWanted, Retention, open_database
 
 VEHICLES = 20
@@ -21,25 +23,44 @@ STRUCTURES = ("short_period", "dutch_roll", "roll")
 WIDTH = {"short_period": 6, "dutch_roll": 6, "roll": 2}
 AT_ONCE = 600
 ASKED = 200
+FIRST_AT_S = 1.7e9
+COPY_FLIGHT = """
+INSERT INTO flight (fleet, vehicle, aircraft, configuration, began_at_s, last_at_s, first_time_s, last_time_s, rows,
+                    thinned_time_s, thinned_at_s)
+SELECT fleet, :vehicle, aircraft, configuration, began_at_s + :at_s, last_at_s + :at_s, first_time_s, last_time_s, rows,
+       NULL, thinned_at_s + :at_s FROM flight ORDER BY id LIMIT 1
+RETURNING id
+"""
+COPY_ROWS = """
+INSERT INTO estimate_history (flight_id, time_s, estimator, structure, at_s, outcome, numbers)
+SELECT :new, time_s, estimator, structure, at_s + :at_s, outcome, numbers FROM estimate_history
+WHERE flight_id = (SELECT min(id) FROM flight)
+"""
 
 
-def write(database: Database, rows: int) -> None:
-    """Flights of an hour, all vehicles in turns."""
-    written, flight = 0, 0
-    while written < rows:
-        vehicle, at_s = f"uav{flight % VEHICLES}", 1.7e9 + 2.0 * FLIGHT_S * (flight // VEHICLES)
-        for start in range(0, FLIGHT_S, AT_ONCE // 6):
-            batch = [
-                (_estimate(vehicle, float(t), name, structure), at_s + t)
-                for t in range(start, start + AT_ONCE // 6)
-                for name in ("ekf", "fourier")
-                for structure in STRUCTURES
-            ]
-            database.append_estimates(batch)
-            written += len(batch)
-            if written >= rows:
-                return
-        flight += 1
+def write(database: Database, rows: int) -> float:
+    """Flights of an hour, all vehicles in turns; returns how many rows a second the service's own way writes.
+
+    The first flight is written as the service writes it, the others are copies of it, which takes a tenth of the time.
+    """
+    first = min(rows, 6 * FLIGHT_S)
+    began = time.perf_counter()
+    for start in range(0, first // 6, AT_ONCE // 6):
+        batch = [
+            (_estimate("uav0", float(t), name, structure), FIRST_AT_S + t)
+            for t in range(start, start + AT_ONCE // 6)
+            for name in ("ekf", "fourier")
+            for structure in STRUCTURES
+        ]
+        database.append_estimates(batch)
+    rate = first / (time.perf_counter() - began)
+    for flight in range(1, rows // first):
+        at_s = 2.0 * FLIGHT_S * (flight // VEHICLES)
+        with database._write_engine.begin() as connection:
+            given = {"vehicle": f"uav{flight % VEHICLES}", "at_s": at_s}
+            new = connection.execute(text(COPY_FLIGHT), given).scalar_one()
+            connection.execute(text(COPY_ROWS), {"new": new, "at_s": at_s})
+    return rate
 
 
 def _estimate(vehicle: str, time_s: float, estimator: str, structure: str) -> EstimateRecord:
@@ -97,13 +118,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         where = arguments.database or str(Path(folder) / "history.db")
         with open_database(where) as database:
-            began = time.perf_counter()
-            write(database, arguments.rows)
-            took_s = time.perf_counter() - began
-            print(f"{arguments.rows} rows written, {arguments.rows / took_s:.0f} a second")
+            rate = write(database, arguments.rows)
+            kept = database.history_size()
+            print(f"{kept} rows, written at {rate:.0f} a second")
             if "://" not in where:
                 size = sum(Path(f"{where}{end}").stat().st_size for end in ("", "-wal"))
-                print(f"{size / arguments.rows:.0f} bytes a row, {size / 1e9:.2f} GB")
+                print(f"{size / kept:.0f} bytes a row, {size / 1e9:.2f} GB")
             for name, question in questions(database).items():
                 median, late = timed(question)
                 print(f"{name}: {median:.2f} ms in the median, {late:.2f} ms at 99 %")

@@ -254,6 +254,15 @@ def _connected(session: zenoh.Session, link: ZenohSettings) -> bool:
     return link.mode != "client" or bool([*info.routers_zid(), *info.peers_zid()])
 
 
+def _waiting_for(store: DatabaseStore) -> str | None:
+    """Why entries wait for the database, without asking it."""
+    if store.problem is not None:
+        return f"{store.problem}."
+    if store.behind_s <= _MOST_QUEUED_S:
+        return None
+    return f"the database has taken no entry for {store.behind_s:.0f} s."
+
+
 def _remove(database: Path) -> None:
     """An SQLite file and what belongs to it."""
     for suffix in ("", "-wal", "-shm"):
@@ -331,6 +340,7 @@ def running_service(
                 diagnoses=diagnoses,
                 counters=lambda: service.counters(),
                 kernels=preparation.view,
+                database_problem=lambda: _waiting_for(store),
             ),
         )
         http = HttpServer(app, listening, tls=tls)

@@ -91,11 +91,17 @@ def test_the_service_says_what_is_wrong_answers_all_else_and_heals(outage: Outag
             assert refused.status_code == 503
             assert "nothing has happened" in refused.json()["detail"]
             assert any(words in problem() for words in outage.said)
+            with service.monitor._lock:
+                service.monitor._keep_alert(replace(ALERT, id="a2"))
+            until(lambda: "the database" in str(client.get("/v1/status").json()["database"]))
             for path in ("/v1/status", "/v1/alerts/a1", "/health/live"):
                 began = time.monotonic()
                 assert client.get(path).status_code == 200
                 assert time.monotonic() - began < 5.0
+            assert client.get("/v1/alerts/a2").status_code == 404
         until(lambda: problem() == "None")
+        until(lambda: client.get("/v1/status").json()["database"] is None)
+        until(lambda: client.get("/v1/alerts/a2").status_code == 200)
         assert client.get("/v1/alerts/a1").json()["state"] == "active"
         assert act().json()["state"] == "acknowledged"
     with open_database(outage.where) as database:
