@@ -4,7 +4,7 @@ import logging
 from http import HTTPStatus
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -14,12 +14,22 @@ from wingwatch.api.encoding import json_answer
 from wingwatch.api.paging import decode_cursor, encode_cursor
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import AlertDocument, AlertList, Name, PersonAction, alert_document
-from wingwatch.monitor.views import AlertAction, AlertState, AlertView
+from wingwatch.monitor.views import AlertAction, AlertState, AlertView, KeyReusedError
 
 __all__ = ["alert_router"]
 
 _LOG = logging.getLogger(__name__)
 
+RequestKey = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=200,
+        pattern=r"^[!-~]+$",
+        description="the same when the request is repeated: it is then carried out once",
+    ),
+]
 AlertId = Annotated[str, Path(min_length=1, max_length=200)]
 
 
@@ -70,10 +80,15 @@ def alert_router(door: Door) -> APIRouter:
 
 
 def _add_action(router: APIRouter, door: Door, action: AlertAction) -> None:
-    def act(request: Request, alert_id: AlertId, person: PersonAction) -> Response:
+    def act(
+        request: Request, alert_id: AlertId, person: PersonAction, idempotency_key: RequestKey = None
+    ) -> Response:
         who = _signature(admission_of(request).caller, person)
         try:
-            view = door.monitor.act_on_alert(alert_id, action, who, person.note)
+            shelve_s = 60.0 * person.minutes
+            view = door.monitor.act_on_alert(alert_id, action, who, person.note, idempotency_key, shelve_s)
+        except KeyReusedError as error:
+            raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, f"{error}.") from error
         except ValueError as error:
             raise ProblemError(HTTPStatus.CONFLICT, str(error)) from error
         if view is None:

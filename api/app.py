@@ -45,6 +45,7 @@ class AppSettings:
         diagnoses: jobs that diagnose uploaded flights; None where none are taken.
         counters: of the service, by part, shown on the status.
         kernels: the compilation of the numerical kernels, shown on the status; None when there is none.
+        database_problem: why entries wait for the database, shown on the status; it returns at once.
         keep_alive_s: silence after which an event stream carries a comment.
     """
 
@@ -53,6 +54,7 @@ class AppSettings:
     diagnoses: DiagnosisPort | None = None
     counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict
     kernels: Callable[[], KernelsView | None] = lambda: None
+    database_problem: Callable[[], str | None] = lambda: None
     keep_alive_s: float = 10.0
 
 
@@ -91,6 +93,7 @@ def create_app(
         counters,
         settings.diagnoses,
         settings.kernels,
+        settings.database_problem,
     )
     app = FastAPI(
         title="wingwatch",

@@ -24,6 +24,7 @@ class Door:
         aircraft: an aircraft by its announced name; ValueError with one sentence where there is none.
         diagnoses: None where flights are not diagnosed.
         kernels: the compilation of the numerical kernels while it goes on, and where it failed; else None.
+        database_problem: why entries wait for the database, without asking it; None while none does.
     """
 
     monitor: MonitorPort
@@ -35,6 +36,7 @@ class Door:
     counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict
     diagnoses: DiagnosisPort | None = None
     kernels: Callable[[], KernelsView | None] = lambda: None
+    database_problem: Callable[[], str | None] = lambda: None
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
         """One vehicle.

@@ -1,5 +1,6 @@
 """Routes about vehicles: the fleet's status, one vehicle, its derivatives and their history."""
 
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated, Any
 
@@ -23,6 +24,7 @@ from wingwatch.api.schemas import (
     status_document,
     vehicle_document,
 )
+from wingwatch.baselines import HistoryWanted
 from wingwatch.monitor.views import AlertState, VehicleView
 
 __all__ = ["fleet_router"]
@@ -69,6 +71,7 @@ class HistoryQuery(VehicleQuery):
     names: str | None = Field(
         default=None, max_length=500, description="comma-separated symbols; all without"
     )
+    flight: int | None = Field(default=None, ge=0, le=2**53, description="only this flight; all without")
     limit: int = Field(default=1000, ge=1, le=10_000, description="items a JSON page")
     cursor: str | None = Field(default=None, max_length=500, description="`next` of the page before")
 
@@ -125,7 +128,9 @@ def _status(door: Door, fleet: str | None) -> StatusDocument:
         for view in door.monitor.alerts()
         if view.state != AlertState.CLEARED and (fleet is None or view.fleet == fleet)
     ]
-    return status_document(door.version, vehicles, alerts, door.counters(), door.kernels())
+    return status_document(
+        door.version, vehicles, alerts, door.counters(), door.kernels(), door.database_problem()
+    )
 
 
 def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> DerivativesDocument:
@@ -163,5 +168,6 @@ def _history(door: Door, vehicle: str, query: HistoryQuery, accept: str | None) 
         raise ProblemError(
             HTTPStatus.NOT_FOUND, "This service keeps no history; start it with a data folder or a database."
         )
-    rows = door.history.estimate_history(query.fleet, vehicle, query.from_s, query.to_s)
-    return history.answer_history(rows, names, media_type, query.limit, query.cursor)
+    read = partial(door.history.history_rows, query.fleet, vehicle)
+    wanted = HistoryWanted(query.from_s, query.to_s, query.flight)
+    return history.answer_history(read, wanted, names, media_type, query.limit, query.cursor)

@@ -2,10 +2,9 @@
 
 import csv
 import io
-from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from http import HTTPStatus
-from itertools import islice
 from typing import NamedTuple
 
 import pyarrow as pa
@@ -16,9 +15,9 @@ from wingwatch.aircraft.structures import STRUCTURES
 from wingwatch.aircraft.vocabulary import DERIVATIVES
 from wingwatch.api.encoding import json_answer, quantity
 from wingwatch.api.paging import decode_cursor, encode_cursor
-from wingwatch.api.ports import EstimateRow
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import HistoryItem, HistoryList
+from wingwatch.baselines import HistoryRow, HistoryWanted
 
 __all__ = [
     "CSV_MEDIA_TYPE",
@@ -31,6 +30,8 @@ __all__ = [
 JSON_MEDIA_TYPE = "application/json"
 CSV_MEDIA_TYPE = "text/csv"
 PARQUET_MEDIA_TYPE = "application/vnd.apache.parquet"
+
+_ROWS_AT_ONCE = 5000
 
 _OFFERED = (JSON_MEDIA_TYPE, CSV_MEDIA_TYPE, PARQUET_MEDIA_TYPE)
 
@@ -46,11 +47,16 @@ class _Item(NamedTuple):
     standard_error: float | None
     unit: str
     outcome: str
+    recorded_at_s: float | None
+    flight: int
+    aircraft: str | None
+    configuration: str | None
 
 
+_NUMBERS = {"time_s", "value", "standard_error", "recorded_at_s"}
 _SCHEMA = pa.schema(
     [
-        (name, pa.float64() if name in ("time_s", "value", "standard_error") else pa.string())
+        (name, pa.float64() if name in _NUMBERS else pa.int64() if name == "flight" else pa.string())
         for name in _Item._fields
     ]
 )
@@ -95,63 +101,95 @@ def parse_names(names: str | None) -> frozenset[str] | None:
 
 
 def answer_history(
-    rows: Sequence[EstimateRow],
+    read: Callable[[HistoryWanted], Sequence[HistoryRow]],
+    wanted: HistoryWanted,
     names: frozenset[str] | None,
     media_type: str,
     limit: int,
     cursor: str | None,
 ) -> Response:
-    """Rows of the named derivatives, ordered by time, estimator, structure and the structure's own order.
+    """Rows of the named derivatives, ordered by flight, time, estimator, structure and the structure's own order.
 
     Only JSON is paged; CSV and Parquet hold everything.
+
+    Args:
+        read: a part of the vehicle's history.
+        wanted: which flight and which time.
 
     Raises:
         ProblemError: 422 for a cursor of another list.
     """
-    ordered = sorted(rows, key=_row_key)
+    if names is not None:
+        structures = (n for n, structure in STRUCTURES.items() if names & set(structure.derivatives))
+        wanted = replace(wanted, structures=tuple(structures))
     if media_type == CSV_MEDIA_TYPE:
-        return _download(_csv(_items(ordered, names)), f"{CSV_MEDIA_TYPE}; charset=utf-8")
+        return _download(_csv(_items(_all(read, wanted), names)), f"{CSV_MEDIA_TYPE}; charset=utf-8")
     if media_type == PARQUET_MEDIA_TYPE:
-        return _download(_parquet(list(_items(ordered, names))), PARQUET_MEDIA_TYPE)
-    return json_answer(_page(ordered, names, limit, cursor))
+        return _download(_parquet(list(_items(_all(read, wanted), names))), PARQUET_MEDIA_TYPE)
+    return json_answer(_page(read, wanted, names, limit, cursor))
 
 
-def _row_key(row: EstimateRow) -> tuple[float, str, str]:
-    return (row.time_s, row.estimator, row.structure)
+_RowKey = tuple[int, float, str, str]
 
 
-def _items(rows: Iterable[EstimateRow], names: frozenset[str] | None) -> Iterator[_Item]:
+def _row_key(row: HistoryRow) -> _RowKey:
+    return (row.flight, row.estimate.time_s, row.estimate.estimator, row.estimate.structure)
+
+
+def _all(
+    read: Callable[[HistoryWanted], Sequence[HistoryRow]], wanted: HistoryWanted
+) -> Iterator[HistoryRow]:
+    """Everything, read a piece at a time: no question keeps the database for long."""
+    last: _RowKey | None = None
+    while True:
+        rows = read(replace(wanted, start=last, limit=_ROWS_AT_ONCE))
+        yield from (row for row in rows if last is None or _row_key(row) > last)
+        if len(rows) < _ROWS_AT_ONCE:
+            return
+        last = _row_key(rows[-1])
+
+
+def _items(rows: Iterable[HistoryRow], names: frozenset[str] | None) -> Iterator[_Item]:
     for row in rows:
-        symbols = STRUCTURES[row.structure].derivatives
-        for symbol, value, error in zip(symbols, row.value, row.standard_error, strict=True):
+        estimate = row.estimate
+        symbols = STRUCTURES[estimate.structure].derivatives
+        for symbol, value, error in zip(symbols, estimate.value, estimate.standard_error, strict=True):
             if names is None or symbol in names:
-                unit = DERIVATIVES[symbol].unit
                 yield _Item(
-                    row.time_s,
-                    row.estimator,
-                    row.structure,
+                    estimate.time_s,
+                    estimate.estimator,
+                    estimate.structure,
                     symbol,
                     quantity(value),
                     quantity(error),
-                    unit,
-                    row.outcome,
+                    DERIVATIVES[symbol].unit,
+                    estimate.outcome,
+                    row.at_s,
+                    row.flight,
+                    estimate.aircraft or None,
+                    estimate.configuration or None,
                 )
 
 
-def _item_key(item: _Item) -> tuple[float, str, str, int]:
+def _item_key(item: _Item) -> tuple[int, float, str, str, int]:
     order = STRUCTURES[item.structure].derivatives.index(item.derivative)
-    return (item.time_s, item.estimator, item.structure, order)
+    return (item.flight, item.time_s, item.estimator, item.structure, order)
 
 
 def _page(
-    ordered: Sequence[EstimateRow], names: frozenset[str] | None, limit: int, cursor: str | None
+    read: Callable[[HistoryWanted], Sequence[HistoryRow]],
+    wanted: HistoryWanted,
+    names: frozenset[str] | None,
+    limit: int,
+    cursor: str | None,
 ) -> HistoryList:
-    after = None if cursor is None else decode_cursor(cursor, (float, str, str, int))
-    start = 0 if after is None else bisect_left(ordered, after[:3], key=_row_key)
-    rest = _items(islice(ordered, start, None), names)
-    page = list(islice((i for i in rest if after is None or _item_key(i) > after), limit + 1))
-    more = encode_cursor(_item_key(page[limit - 1])) if len(page) > limit else None
-    return HistoryList(items=[HistoryItem(**item._asdict()) for item in page[:limit]], next=more)
+    """Each row holds at least one of the named derivatives, so ``limit`` rows and two more are enough."""
+    after = None if cursor is None else decode_cursor(cursor, (int, float, str, str, int))
+    start = None if after is None else (after[0], after[1], after[2], after[3])
+    rows = read(replace(wanted, start=start, limit=limit + 2))
+    found = [item for item in _items(rows, names) if after is None or _item_key(item) > after]
+    more = encode_cursor(_item_key(found[limit - 1])) if len(found) > limit else None
+    return HistoryList(items=[HistoryItem(**item._asdict()) for item in found[:limit]], next=more)
 
 
 def _csv(items: Iterable[_Item]) -> bytes:

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol
 
+from wingwatch.baselines import HistoryRow, HistoryWanted
+
 __all__ = [
     "DiagnosisPort",
     "DiagnosisState",
     "DiagnosisUpload",
     "DiagnosisView",
-    "EstimateRow",
     "HistoryPort",
     "KernelPart",
     "KernelState",
@@ -19,51 +20,15 @@ __all__ = [
 ]
 
 
-class EstimateRow(Protocol):
-    """One stored estimate of one mode at one instant.
-
-    ``value`` and ``standard_error`` follow the order of the structure's ``derivatives``; NaN where
-    nothing was known.
-    """
-
-    @property
-    def time_s(self) -> float:
-        """Stamp of the last sample that the estimate used."""
-        ...
-
-    @property
-    def estimator(self) -> str:
-        """``fourier`` or ``ekf``."""
-        ...
-
-    @property
-    def structure(self) -> str:
-        """Name of the model structure, such as ``short_period``."""
-        ...
-
-    @property
-    def value(self) -> Sequence[float]:
-        """Concise derivatives."""
-        ...
-
-    @property
-    def standard_error(self) -> Sequence[float]:
-        """Their standard errors."""
-        ...
-
-    @property
-    def outcome(self) -> str:
-        """Standing of the mode's estimate."""
-        ...
-
-
 class HistoryPort(Protocol):
-    """Where stored estimates are read from. Called from worker threads."""
+    """Where stored estimates are read from. Called from worker threads, and answers in a bounded time."""
 
-    def estimate_history(
-        self, fleet: str, vehicle: str, from_s: float | None = None, to_s: float | None = None
-    ) -> Sequence[EstimateRow]:
-        """Estimates of one vehicle, ``from_s <= time_s <= to_s``, in any order; None leaves an end open."""
+    def history_rows(self, fleet: str, vehicle: str, wanted: HistoryWanted) -> Sequence[HistoryRow]:
+        """A part of a vehicle's history, by flight, time, estimator and structure.
+
+        Raises:
+            DatabaseError: it cannot be read now.
+        """
         ...
 
 

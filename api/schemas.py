@@ -185,6 +185,9 @@ class AlertDocument(_Answer):
     text: str
     evidence: list[EvidenceDocument]
     notes: list[str] = Field(description="who did what and why, newest last")
+    shelved_until_at_s: float | None = Field(
+        default=None, description="where it is shelved: it comes back then; seconds since 1970-01-01 UTC"
+    )
 
 
 class AlertList(_Answer):
@@ -224,6 +227,10 @@ class StatusDocument(_Answer):
     )
     kernels: KernelsDocument | None = Field(
         default=None, description="the compilation of the numerical kernels; null where none is under way"
+    )
+    database: str | None = Field(
+        default=None,
+        description="why alerts and actions wait for the database, one sentence; null while none does",
     )
 
 
@@ -274,6 +281,12 @@ class HistoryItem(_Answer):
     standard_error: float | None
     unit: str
     outcome: str
+    recorded_at_s: float | None = Field(
+        description="seconds since 1970-01-01 UTC; null where it is not known"
+    )
+    flight: int = Field(description="a later flight of the vehicle has a higher number")
+    aircraft: str | None
+    configuration: str | None
 
 
 class HistoryList(_Answer):
@@ -323,6 +336,10 @@ class PersonAction(BaseModel):
         description="required without a token; with one it stands behind the token's name",
     )  # fmt: skip
     note: str = Field(default="", max_length=1000, pattern=_Line)
+    minutes: float = Field(
+        default=60.0, gt=0.0, le=1440.0, allow_inf_nan=False,
+        description="of shelve: for how long; the alert comes back earlier when the fault grows",
+    )  # fmt: skip
 
 
 def vehicle_document(view: VehicleView) -> VehicleDocument:
@@ -386,6 +403,7 @@ def alert_document(view: AlertView) -> AlertDocument:
         text=view.text,
         evidence=[_evidence(e) for e in view.evidence],
         notes=list(view.note),
+        shelved_until_at_s=None if view.shelving is None else quantity(view.shelving.until_at_s),
     )
 
 
@@ -395,6 +413,7 @@ def status_document(
     alerts: list[AlertDocument],
     counters: Mapping[str, Mapping[str, int]],
     kernels: KernelsView | None = None,
+    database: str | None = None,
 ) -> StatusDocument:
     """The fleet's status from its vehicles, from those alerts that are not cleared, and the service's own state."""
     counts = {state: sum(v.state == state for v in vehicles) for state in VehicleState}
@@ -406,6 +425,7 @@ def status_document(
         alerts=alerts,
         counters=parts,
         kernels=None if kernels is None else _kernels_document(kernels),
+        database=database,
     )
 
 

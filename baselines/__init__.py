@@ -33,13 +33,17 @@ from wingwatch.baselines.expectation import (
     empirical,
 )
 from wingwatch.baselines.records import (
+    ActionRecord,
     AlertPage,
     AlertRecord,
     EstimateRecord,
     EvidenceRecord,
     ExpectationRecord,
+    HistoryRow,
+    HistoryWanted,
     ReferenceKey,
     ReferenceRecord,
+    Retention,
 )
 from wingwatch.baselines.reference import Reference
 
@@ -68,13 +72,17 @@ __all__ = [
     "Database",
     "DatabaseError",
     "RefusedError",
+    "ActionRecord",
     "AlertPage",
     "AlertRecord",
     "EstimateRecord",
     "EvidenceRecord",
     "ExpectationRecord",
+    "HistoryRow",
+    "HistoryWanted",
     "ReferenceKey",
     "ReferenceRecord",
+    "Retention",
 ]
 
 

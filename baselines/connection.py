@@ -28,6 +28,7 @@ __all__ = [
     "connect",
     "head_revision",
     "one_writer",
+    "revision_of",
     "sentences",
     "sqlite_file",
     "upgrade",
@@ -59,6 +60,7 @@ _WRITER_LOCK = 0x77696E67
 
 _MIGRATIONS = Path(__file__).parent / "migrations"
 _WRITE = "wingwatch_write"
+_DURABLE = "wingwatch_durable"
 
 _LOCKED = "is locked by another program; end that program or try again"
 _READ_ONLY = "is read-only for this user; make the file and its folder writable, or choose another path"
@@ -124,9 +126,13 @@ def connect(where: str | os.PathLike[str], busy_timeout_s: float) -> Engine:
         ) from error
 
 
-def writing(engine: Engine) -> Engine:
-    """The same engine for transactions that write: on SQLite they take the write lock when they begin."""
-    return engine.execution_options(**{_WRITE: True})
+def writing(engine: Engine, durable: bool = False) -> Engine:
+    """The same engine for transactions that write: on SQLite they take the write lock when they begin.
+
+    Args:
+        durable: whether what is committed survives a power cut on SQLite, too, at the price of waiting for the disk.
+    """
+    return engine.execution_options(**{_WRITE: True, _DURABLE: durable})
 
 
 def one_writer(connection: Connection) -> None:
@@ -168,7 +174,7 @@ def upgrade(engine: Engine) -> None:
         if connection.dialect.name == "postgresql":
             connection.execute(text("SET LOCAL statement_timeout = 0"))
         one_writer(connection)
-        current = _revision(connection)
+        current = revision_of(connection)
         head = head_revision()
         if current == head:
             return
@@ -196,7 +202,7 @@ def check_answers(engine: Engine, busy_timeout_s: float, inode: int | None) -> N
             _take_write_lock(connection, busy_timeout_s)
         elif connection.execute(text("SHOW transaction_read_only")).scalar_one() != "off":
             raise DatabaseError(f"{_name(engine)} {_POSTGRES_FAULTS['25006']}")
-        found, head = _revision(connection), head_revision()
+        found, head = revision_of(connection), head_revision()
     if found != head:
         raise DatabaseError(
             f"{_name(engine)} now has schema {found}, but this program has schema {head}; "
@@ -277,7 +283,10 @@ def _sqlite_session(busy_timeout_s: float) -> Any:
 
 
 def _sqlite_begin(connection: Connection) -> None:
-    writes = connection.get_execution_options().get(_WRITE, False)
+    options = connection.get_execution_options()
+    writes = options.get(_WRITE, False)
+    if writes:
+        connection.exec_driver_sql(f"PRAGMA synchronous = {'FULL' if options.get(_DURABLE) else 'NORMAL'}")
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
@@ -301,7 +310,8 @@ def _take_write_lock(connection: Connection, busy_timeout_s: float) -> None:
         driver.execute(f"PRAGMA busy_timeout = {int(1000 * busy_timeout_s)}").close()
 
 
-def _revision(connection: Connection) -> str | None:
+def revision_of(connection: Connection) -> str | None:
+    """Revision of a database's schema; None where it has none."""
     context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
     return context.get_current_revision()
 

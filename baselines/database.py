@@ -11,10 +11,11 @@ from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
 from typing import Any
 
-from sqlalchemy import Engine, delete, insert, select, update
+from sqlalchemy import Engine, delete, func, insert, select, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
+from wingwatch.baselines import estimate_history
 from wingwatch.baselines.cells import Cell, CellMemory
 from wingwatch.baselines.connection import (
     DatabaseError,
@@ -28,16 +29,27 @@ from wingwatch.baselines.connection import (
     writing,
 )
 from wingwatch.baselines.records import (
+    ActionRecord,
     AlertPage,
     AlertRecord,
     EstimateRecord,
     EvidenceRecord,
     ExpectationRecord,
+    HistoryRow,
+    HistoryWanted,
     ReferenceKey,
     ReferenceRecord,
+    Retention,
 )
 from wingwatch.baselines.reference import Reference
-from wingwatch.baselines.tables import AlertRow, CellRow, EstimateRow, ExpectationRow, ReferenceRow
+from wingwatch.baselines.tables import (
+    ActionRow,
+    AlertRow,
+    CellRow,
+    ExpectationRow,
+    HistoryEntry,
+    ReferenceRow,
+)
 
 __all__ = ["Database", "DatabaseError", "RefusedError", "open_database"]
 
@@ -50,37 +62,31 @@ MAX_REFERENCE_HISTORY = 1000
 MAX_CELLS = 64
 """Most cells of the envelope that are remembered of one structure of a vehicle."""
 
-_ESTIMATE = tuple(f.name for f in fields(EstimateRecord))
-_PRUNE_SHARE = 10
-"""Estimates are pruned each time a vehicle has added a tenth of its retention."""
+_MOST_FLIGHTS = 10_000
+"""Vehicles whose present flight is remembered; that of another is read."""
 
 
 def open_database(
     where: str | os.PathLike[str],
     *,
     busy_timeout_s: float = 5.0,
-    estimates_per_vehicle: int = 200_000,
 ) -> "Database":
     """Open a database, creating and upgrading its schema.
 
     Args:
         where: path of an SQLite file, or a URL ``sqlite:///...`` or ``postgresql://...``.
         busy_timeout_s: how long a call waits for another program's lock.
-        estimates_per_vehicle: retention; at most a tenth more rows are kept for each vehicle.
 
     Raises:
         DatabaseError: locked, read-only, of a newer schema, not a database, damaged, or out of reach.
-        ValueError: a timeout or a retention that is not positive.
+        ValueError: a timeout that is not positive.
     """
-    if busy_timeout_s <= 0.0 or estimates_per_vehicle <= 0:
-        raise ValueError(
-            f"busy_timeout_s and estimates_per_vehicle must be positive, "
-            f"got {busy_timeout_s} and {estimates_per_vehicle}"
-        )
+    if busy_timeout_s <= 0.0:
+        raise ValueError(f"busy_timeout_s must be positive, got {busy_timeout_s}")
     engine = connect(where, busy_timeout_s)
     try:
         upgrade(engine)
-        return Database(engine, busy_timeout_s, estimates_per_vehicle)
+        return Database(engine, busy_timeout_s)
     except BaseException:
         engine.dispose()
         raise
@@ -92,16 +98,16 @@ class Database:
     Every method raises ``DatabaseError`` with one sentence where the database cannot do it.
     """
 
-    def __init__(self, engine: Engine, busy_timeout_s: float, estimates_per_vehicle: int) -> None:
+    def __init__(self, engine: Engine, busy_timeout_s: float) -> None:
         self._engine = engine
         self._write_engine = writing(engine)
+        self._durable_engine = writing(engine, durable=True)
         self._busy_timeout_s = busy_timeout_s
-        self._retention = estimates_per_vehicle
         self._closed = False
         path = sqlite_file(engine)
         self._inode = path.stat().st_ino if path else None
         self._lock = threading.Lock()
-        self._since_prune: dict[tuple[str, str], int] = {}
+        self._flights: dict[tuple[str, str], estimate_history.OpenFlight] = {}
 
     def __enter__(self) -> "Database":
         return self
@@ -255,12 +261,39 @@ class Database:
 
         The same again changes nothing: whoever does not know whether it was stored may repeat it.
         """
-        values = _plain(alert)
-        newer = {name: value for name, value in values.items() if name not in ("id", "created_at_s")}
+        with self._write(durable=True) as session:
+            _put_alert(session, alert)
+
+    def save_action(self, alert: AlertRecord, action: ActionRecord) -> None:
+        """Store an alert as a person's action left it, and the action: both or neither.
+
+        Raises:
+            RefusedError: an action of that key is stored already.
+        """
+        with self._write(durable=True) as session:
+            session.execute(insert(ActionRow).values(asdict(action)))
+            _put_alert(session, alert)
+
+    def action(self, key: str) -> ActionRecord | None:
+        """The action that a request of that key led to; None if there was none."""
+        with self._read() as session:
+            row = session.get(ActionRow, key)
+            if row is None:
+                return None
+            return ActionRecord(**{f.name: getattr(row, f.name) for f in fields(ActionRecord)})
+
+    def void_action(self, key: str, alert: AlertRecord) -> bool:
+        """Undo an action: forget it, and store the alert as it stands without it; whether it was stored."""
+        with self._write(durable=True) as session:
+            found = session.scalar(delete(ActionRow).where(ActionRow.key == key).returning(ActionRow.key))
+            if found is not None:
+                _put_alert(session, alert)
+            return found is not None
+
+    def forget_actions(self, before_at_s: float) -> None:
+        """Drop the keys of older requests; what they did to alerts stays."""
         with self._write() as session:
-            dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
-            row = dialect.insert(AlertRow).values(values)
-            session.execute(row.on_conflict_do_update(index_elements=[AlertRow.id], set_=newer))
+            session.execute(delete(ActionRow).where(ActionRow.at_s < before_at_s))
 
     def alert(self, alert_id: str) -> AlertRecord | None:
         """One alert; None if unknown."""
@@ -305,17 +338,30 @@ class Database:
         following = f"{rows[limit - 1].serial:x}" if len(rows) > limit else None
         return AlertPage(tuple(_alert(row) for row in rows[:limit]), following)
 
-    def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
-        """Store estimates in one go, and drop the oldest of a vehicle beyond its retention."""
+    def append_estimates(self, rows: Sequence[tuple[EstimateRecord, float]]) -> None:
+        """Store estimates in one go; the same again changes nothing.
+
+        A vehicle's flight ends when its clock goes back, its aircraft or configuration changes, or nothing has come of
+        it for ten minutes.
+
+        Args:
+            rows: each with its wall clock, seconds since 1970-01-01 UTC.
+        """
         if not rows:
             return
-        with self._write() as session:
-            session.execute(insert(EstimateRow), [{n: getattr(row, n) for n in _ESTIMATE} for row in rows])
-            pruned = self._due_for_pruning(rows)
-            for vehicle in pruned:
-                self._prune(session, *vehicle)
         with self._lock:
-            self._since_prune.update(dict.fromkeys(pruned, 0))
+            known = dict(self._flights)
+        with self._write() as session:
+            flights = estimate_history.append(session, rows, known)
+        with self._lock:
+            self._flights.update(flights)
+            while len(self._flights) > _MOST_FLIGHTS:
+                self._flights.pop(next(iter(self._flights)))
+
+    def history_rows(self, fleet: str, vehicle: str, wanted: HistoryWanted) -> tuple[HistoryRow, ...]:
+        """A part of a vehicle's history, by flight, time, estimator and structure."""
+        with self._read() as session:
+            return estimate_history.page(session, fleet, vehicle, wanted)
 
     def estimate_history(
         self,
@@ -326,19 +372,22 @@ class Database:
         *,
         limit: int | None = None,
     ) -> tuple[EstimateRecord, ...]:
-        """Kept estimates of one vehicle with from_s <= time_s <= to_s, by time (at most ``limit``)."""
-        query = (
-            select(EstimateRow)
-            .where(EstimateRow.fleet == fleet, EstimateRow.vehicle == vehicle)
-            .order_by(EstimateRow.time_s, EstimateRow.id)
-            .limit(limit)
-        )
-        if from_s is not None:
-            query = query.where(EstimateRow.time_s >= from_s)
-        if to_s is not None:
-            query = query.where(EstimateRow.time_s <= to_s)
+        """Kept estimates of one vehicle with from_s <= time_s <= to_s, by flight and time (at most ``limit``)."""
+        wanted = HistoryWanted(from_s, to_s, limit=limit)
+        return tuple(row.estimate for row in self.history_rows(fleet, vehicle, wanted))
+
+    def history_size(self) -> int:
+        """Estimates that are kept."""
         with self._read() as session:
-            return tuple(_estimate(row) for row in session.scalars(query))
+            return session.scalar(select(func.count()).select_from(HistoryEntry)) or 0
+
+    def prune_history(self, now_at_s: float, retention: Retention) -> bool:
+        """One small step of thinning and dropping what is old or too much; whether more may be due."""
+        with self._write() as session:
+            more = estimate_history.prune(session, now_at_s, retention)
+        with self._lock:
+            self._flights.clear()  # one of them may have been dropped
+        return more
 
     @contextmanager
     def _open(self) -> Iterator[None]:
@@ -353,35 +402,21 @@ class Database:
             yield session
 
     @contextmanager
-    def _write(self) -> Iterator[Session]:
-        with self._open(), Session(self._write_engine) as session, session.begin():
+    def _write(self, durable: bool = False) -> Iterator[Session]:
+        engine = self._durable_engine if durable else self._write_engine
+        with self._open(), Session(engine) as session, session.begin():
             yield session
 
-    def _due_for_pruning(self, rows: Sequence[EstimateRecord]) -> list[tuple[str, str]]:
-        """Vehicles that added a share of their retention since last time, or are new to this process."""
-        with self._lock:
-            counts = self._since_prune
-            for row in rows:
-                key = (row.fleet, row.vehicle)
-                counts[key] = counts.get(key, self._retention) + 1
-            seen = {(row.fleet, row.vehicle) for row in rows}
-            return [key for key in seen if counts[key] * _PRUNE_SHARE >= self._retention]
 
-    def _prune(self, session: Session, fleet: str, vehicle: str) -> None:
-        of_vehicle = (EstimateRow.fleet == fleet, EstimateRow.vehicle == vehicle)
-        oldest = (
-            select(EstimateRow.id)
-            .where(*of_vehicle)
-            .order_by(EstimateRow.id.desc())
-            .offset(self._retention - 1)
-            .limit(1)
-        )
-        keep_from = session.scalar(oldest)
-        if keep_from is not None:
-            session.execute(delete(EstimateRow).where(*of_vehicle, EstimateRow.id < keep_from))
+def _put_alert(session: Session, alert: AlertRecord) -> None:
+    values = _plain(alert)
+    newer = {name: value for name, value in values.items() if name not in ("id", "created_at_s")}
+    dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
+    row = dialect.insert(AlertRow).values(values)
+    session.execute(row.on_conflict_do_update(index_elements=[AlertRow.id], set_=newer))
 
 
-def _plain(record: ExpectationRecord | AlertRecord | EstimateRecord) -> dict[str, Any]:
+def _plain(record: ExpectationRecord | AlertRecord) -> dict[str, Any]:
     """A record's fields as a row's values; sequences as lists."""
     values = asdict(record)
     return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
@@ -431,10 +466,3 @@ def _alert(row: AlertRow) -> AlertRecord:
     values["evidence"] = tuple(EvidenceRecord(**e) for e in row.evidence)
     values["note"] = tuple(row.note)
     return AlertRecord(**values)
-
-
-def _estimate(row: EstimateRow) -> EstimateRecord:
-    values = {f.name: getattr(row, f.name) for f in fields(EstimateRecord)}
-    for name in ("value", "standard_error", "condition"):
-        values[name] = tuple(values[name])
-    return EstimateRecord(**values)

@@ -4,7 +4,7 @@ Times named ``*_at_s`` are seconds since 1970-01-01 UTC, handed in by the caller
 vehicle's own clock.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,13 +15,17 @@ from wingwatch.baselines.reference import Reference
 from wingwatch.estimators.estimate import Estimate
 
 __all__ = [
+    "ActionRecord",
     "AlertPage",
     "AlertRecord",
     "EstimateRecord",
     "EvidenceRecord",
     "ExpectationRecord",
+    "HistoryRow",
+    "HistoryWanted",
     "ReferenceKey",
     "ReferenceRecord",
+    "Retention",
 ]
 
 
@@ -149,6 +153,24 @@ class AlertRecord:
     created_at_s: float
     updated_at_s: float
     note: Sequence[str] = field(default=())
+    shelving: Mapping[str, float | str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ActionRecord:
+    """What a person did to an alert.
+
+    Attributes:
+        key: of the request; a repeated request has the same.
+        at_s: seconds since 1970-01-01 UTC.
+    """
+
+    key: str
+    alert_id: str
+    action: str
+    who: str
+    note: str
+    at_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +189,8 @@ class EstimateRecord:
         value: length k, in the order of ``structure.derivatives``; NaN where nothing is known.
         standard_error: length k; infinite where nothing is known.
         condition: airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad.
+        covariance: below its diagonal, row by row, length k (k - 1) / 2; empty where it is not known. The diagonal is
+            the square of the standard errors.
     """
 
     fleet: str
@@ -178,9 +202,14 @@ class EstimateRecord:
     standard_error: tuple[float, ...]
     outcome: str
     condition: tuple[float, float, float, float]
+    aircraft: str = ""
+    configuration: str = ""
+    covariance: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, fleet: str, vehicle: str, estimate: Estimate) -> "EstimateRecord":
+    def of(
+        cls, fleet: str, vehicle: str, estimate: Estimate, aircraft: str = "", configuration: str = ""
+    ) -> "EstimateRecord":
         """The part of an estimate that is kept."""
         airspeed, altitude, density, alpha = (float(x) for x in estimate.condition)
         return cls(
@@ -193,4 +222,58 @@ class EstimateRecord:
             standard_error=tuple(map(float, estimate.standard_error)),
             outcome=str(estimate.outcome),
             condition=(airspeed, altitude, density, alpha),
+            aircraft=aircraft,
+            configuration=configuration,
+            covariance=tuple(estimate.covariance[np.tril_indices(len(estimate.value), -1)].tolist()),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryRow:
+    """One estimate of the history.
+
+    Attributes:
+        flight: its number; a later flight of the vehicle has a higher one.
+        at_s: when it was kept, seconds since 1970-01-01 UTC; None for what older versions kept.
+    """
+
+    estimate: EstimateRecord
+    flight: int
+    at_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryWanted:
+    """Which part of a vehicle's history, in the order of flight, time, estimator and structure.
+
+    Attributes:
+        from_s, to_s: vehicle's time, inclusive; None leaves an end open.
+        flight: only this one; all without.
+        structures: only these; all without.
+        start: flight, time, estimator and structure of the first row; the first of all without.
+        limit: at most so many rows; all without.
+    """
+
+    from_s: float | None = None
+    to_s: float | None = None
+    flight: int | None = None
+    structures: tuple[str, ...] | None = None
+    start: tuple[int, float, str, str] | None = None
+    limit: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Retention:
+    """How long the history of estimates is kept.
+
+    Attributes:
+        full_rate_s: as it came.
+        interval_s: of what is older, the first instant of each interval stays.
+        keep_s: flights that ended longer ago go.
+        most_rows: where there are more, the flights that ended first go.
+    """
+
+    full_rate_s: float = 24.0 * 3600.0
+    interval_s: float = 10.0
+    keep_s: float = 90.0 * 86_400.0
+    most_rows: int = 20_000_000

@@ -11,6 +11,7 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     Integer,
+    LargeBinary,
     MetaData,
     String,
     Text,
@@ -20,7 +21,16 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-__all__ = ["AlertRow", "Base", "CellRow", "EstimateRow", "ExpectationRow", "ReferenceRow"]
+__all__ = [
+    "ActionRow",
+    "AlertRow",
+    "Base",
+    "CellRow",
+    "ExpectationRow",
+    "FlightRow",
+    "HistoryEntry",
+    "ReferenceRow",
+]
 
 _NON_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 
@@ -206,6 +216,7 @@ class AlertRow(Base):
     note: Mapped[list[str]] = mapped_column(JSON)
     created_at_s: Mapped[float] = mapped_column(Double)
     updated_at_s: Mapped[float] = mapped_column(Double)
+    shelving: Mapped[dict[str, Any] | None] = mapped_column(Numbers(none_as_null=True))
 
     __table_args__ = (
         Index("ix_alert_fleet_vehicle", "fleet", "vehicle"),
@@ -213,23 +224,64 @@ class AlertRow(Base):
     )
 
 
-class EstimateRow(Base):
-    """One estimate kept for history; the oldest of a vehicle are dropped beyond the retention."""
+class ActionRow(Base):
+    """What a person did to an alert, under the key of the request: a repeated request is recognised by it."""
 
-    __tablename__ = "estimate_record"
+    __tablename__ = "alert_action"
+
+    key: Mapped[str] = mapped_column(String(200), primary_key=True)
+    alert_id: Mapped[str] = mapped_column(String(200))
+    action: Mapped[str] = mapped_column(String(20))
+    who: Mapped[str] = mapped_column(Text)
+    note: Mapped[str] = mapped_column(Text)
+    at_s: Mapped[float] = mapped_column(Double)
+
+    __table_args__ = (Index("ix_alert_action_at_s", "at_s"),)
+
+
+class FlightRow(Base):
+    """One flight of a vehicle, as far as the history of its estimates goes.
+
+    ``at_s`` is wall clock, ``time_s`` the vehicle's; ``rows`` counts its estimates. What is older than ``thinned_at_s``
+    is thinned, as far as ``thinned_time_s``.
+    """
+
+    __tablename__ = "flight"
 
     id: Mapped[int] = mapped_column(_Key, primary_key=True, autoincrement=True)
     fleet: Mapped[str] = mapped_column(String(63))
     vehicle: Mapped[str] = mapped_column(String(63))
-    time_s: Mapped[float] = mapped_column(Double)
-    structure: Mapped[str] = mapped_column(String(50))
-    estimator: Mapped[str] = mapped_column(String(50))
-    value: Mapped[list[float]] = mapped_column(Numbers)
-    standard_error: Mapped[list[float]] = mapped_column(Numbers)
-    outcome: Mapped[str] = mapped_column(String(20))
-    condition: Mapped[list[float]] = mapped_column(Numbers)
+    aircraft: Mapped[str] = mapped_column(String(200))
+    configuration: Mapped[str] = mapped_column(String(100))
+    began_at_s: Mapped[float | None] = mapped_column(Double)
+    last_at_s: Mapped[float] = mapped_column(Double)
+    first_time_s: Mapped[float] = mapped_column(Double)
+    last_time_s: Mapped[float] = mapped_column(Double)
+    rows: Mapped[int] = mapped_column(_Key)
+    thinned_time_s: Mapped[float | None] = mapped_column(Double)
+    thinned_at_s: Mapped[float] = mapped_column(Double)
 
     __table_args__ = (
-        Index("ix_estimate_record_time", "fleet", "vehicle", "time_s"),
-        Index("ix_estimate_record_age", "fleet", "vehicle", "id"),
+        Index("ix_flight_vehicle", "fleet", "vehicle", "id"),
+        Index("ix_flight_last_at_s", "last_at_s"),
     )
+
+
+class HistoryEntry(Base):
+    """One estimate kept for history; the key is the order in which history is read.
+
+    ``numbers``: a byte k, then as little-endian doubles k values, k standard errors, airspeed, altitude, density, angle
+    of attack, and the covariance below its diagonal, row by row, where it is known.
+    """
+
+    __tablename__ = "estimate_history"
+
+    flight_id: Mapped[int] = mapped_column(_Key, ForeignKey("flight.id"), primary_key=True)
+    time_s: Mapped[float] = mapped_column(Double, primary_key=True)
+    estimator: Mapped[str] = mapped_column(String(50), primary_key=True)
+    structure: Mapped[str] = mapped_column(String(50), primary_key=True)
+    at_s: Mapped[float | None] = mapped_column(Double)
+    outcome: Mapped[str] = mapped_column(String(20))
+    numbers: Mapped[bytes] = mapped_column(LargeBinary)
+
+    __table_args__ = ({"sqlite_with_rowid": False},)

@@ -3,6 +3,7 @@
 import argparse
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
@@ -35,6 +36,7 @@ examples:
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
   wingwatch token create lead --scope operate
   wingwatch access uav1 uav2 --out access.json5
+  wingwatch store backup data/wingwatch.db --out copy.db
 
 A flight is a CSV, Parquet or MATLAB file. A channel map (TOML) names its columns where they are not called as
 the flight table has them. `wingwatch COMMAND --help` says more about each command.
@@ -73,6 +75,7 @@ def build_parser(version: str) -> argparse.ArgumentParser:
     _add_baseline(commands)
     _add_token(commands)
     _add_access(commands)
+    _add_store(commands)
     return parser
 
 
@@ -622,6 +625,56 @@ def _add_access(commands: "_Commands[_Parser]") -> None:
     add("--out", type=Path, metavar="FILE", help="write the rules to FILE (default: standard output)")
 
 
+_STORE_EXAMPLES = """\
+wingwatch store backup data/wingwatch.db --out copy.db
+  wingwatch store check data/wingwatch.db
+  wingwatch store prune data/wingwatch.db --keep-days 30"""
+
+_STORE_ACTIONS = {
+    "backup": "copy an SQLite database, also while a service writes to it, and check the copy",
+    "check": "read the whole database and say whether it is sound",
+    "prune": "thin and drop old history of derivatives at once; alerts, references and expectations stay",
+}
+
+
+def _add_store(commands: "_Commands[_Parser]") -> None:
+    does = "the database of a service: copy it, check it, thin its history"
+    parser = commands.add_parser(
+        "store",
+        help=does,
+        description=f"{does[0].upper()}{does[1:]}.",
+        epilog=f"examples:\n  {_STORE_EXAMPLES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True, parser_class=_Parser)
+    for action, what in _STORE_ACTIONS.items():
+        example = next(line.strip() for line in _STORE_EXAMPLES.splitlines() if f" {action} " in line)
+        add = _command(actions, action, what, example).add_argument
+        add("database", metavar="DB", help="path of an SQLite file, or URL of a PostgreSQL database")
+        if action == "backup":
+            add("--out", type=Path, required=True, metavar="FILE", help="the copy; it must not exist yet")
+        if action == "prune":
+            _add_retention(add)
+
+
+def _add_retention(add: Callable[..., object]) -> None:
+    options = (
+        ("--full-rate-hours", 24.0, "how long history is kept as it came"),
+        ("--interval-s", 10.0, "of what is older, one instant of each so many seconds stays"),
+        ("--keep-days", 90.0, "flights that ended longer ago go"),
+    )
+    for name, default, what in options:
+        add(name, type=_positive, default=default, metavar="X", help=f"{what} (default: %(default)g)")
+    add(
+        "--most-rows",
+        type=_count,
+        default=20_000_000,
+        metavar="N",
+        help="where there are more estimates, the flights that ended first go (default: %(default)s)",
+    )
+
+
 def _add_demo(commands: "_Commands[_Parser]") -> None:
     parser = _command(
         commands,
@@ -643,6 +696,22 @@ def _add_demo(commands: "_Commands[_Parser]") -> None:
         metavar="DIR",
         help="folder of demo.db, which every demo starts anew (default: %(default)s)",
     )
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a number above 0")
+    return value
+
+
+def _count(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and 1000 <= int(text) <= 10**12):
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a whole number from 1000")
+    return int(text)
 
 
 def _rate(text: str) -> float | None:

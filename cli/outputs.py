@@ -2,7 +2,7 @@
 
 Whoever calls here never waits: one thread makes, encodes and hands over. Derivatives and status are coalesced, the
 newest of each vehicle counts, and are made only while somebody subscribes them; alerts go first, each of them, and wait
-for a congested link. Zenoh's callbacks only put the query into a queue.
+for a congested link and for a lost one. Zenoh's callbacks only put the query into a queue.
 """
 
 import logging
@@ -33,6 +33,11 @@ _MOST_QUERIES = 256
 _STREAMS: tuple[ServiceStream, ...] = ("derivatives", "status", "alerts")
 _COALESCED: tuple[ServiceStream, ...] = ("derivatives", "status")
 _JOIN_S = 1.0
+_LOOK_S = 0.2
+
+
+def _always() -> bool:
+    return True
 
 
 class ZenohOutputs:
@@ -40,13 +45,15 @@ class ZenohOutputs:
 
     Args:
         session: open.
+        connected: whether the link to the router holds; what is put meanwhile is lost without a word, so alerts wait.
 
     Attributes:
         dropped: alerts and queries that found their queue full, and messages that could not be sent.
     """
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: zenoh.Session, connected: Callable[[], bool] = _always) -> None:
         self._session = session
+        self._connected = connected
         self._monitor: MonitorPort | None = None
         self._ask: Callable[[str, str], None] | None = None
         self._latest: dict[tuple[str, str, ServiceStream], Callable[[], News]] = {}
@@ -129,13 +136,16 @@ class ZenohOutputs:
 
     def _run(self) -> None:
         while True:
-            self._news.wait()
+            self._news.wait(_LOOK_S if self._alerts else None)
             if self._ending:
                 return
             self._news.clear()
+            connected = self._connected() if self._alerts else True
             with self._lock:
-                alerts, latest, queries = list(self._alerts), self._latest, list(self._queries)
-                self._alerts.clear()
+                latest, queries = self._latest, list(self._queries)
+                alerts = list(self._alerts) if connected else []
+                if connected:
+                    self._alerts.clear()
                 self._queries.clear()
                 self._latest = {}
             for fleet, vehicle, news in alerts:
@@ -183,16 +193,16 @@ class ZenohOutputs:
             return
         for view in monitor.vehicles():
             owner = (view.fleet, view.vehicle)
-            keys = {stream: vehicle_key(*owner, stream) for stream in _STREAMS}
+            keys = {stream: vehicle_key(*owner, stream) for stream in _COALESCED}
             wanted = {s for s, key in keys.items() if asked.intersects(zenoh.KeyExpr(key))}
             if "status" in wanted:
                 yield keys["status"], "status", _document(*owner, view)
             if "derivatives" in wanted and (value := monitor.derivatives(*owner)) is not None:
                 yield keys["derivatives"], "derivatives", _document(*owner, value)
-            if "alerts" in wanted:
-                for alert in reversed(monitor.alerts()):
-                    if (alert.fleet, alert.vehicle) == owner:
-                        yield keys["alerts"], "alerts", _document(*owner, alert)
+        for alert in reversed(monitor.alerts()):  # also of vehicles not heard of since the start
+            key = vehicle_key(alert.fleet, alert.vehicle, "alerts")
+            if asked.intersects(zenoh.KeyExpr(key)):
+                yield key, "alerts", _document(alert.fleet, alert.vehicle, alert)
 
 
 def _document(fleet: str, vehicle: str, value: News) -> Mapping[str, Any]:

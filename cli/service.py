@@ -33,6 +33,7 @@ from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
 from wingwatch.cli.kernels import KernelCompiler, KernelError, Preparation
 from wingwatch.cli.link_settings import link_security
 from wingwatch.cli.outputs import ZenohOutputs
+from wingwatch.cli.patient import PatientHistory
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenFile, TokenRegister
@@ -226,10 +227,8 @@ class Service:
     def _zenoh_problem(self) -> str | None:
         if self._parts.session.is_closed():
             return "the Zenoh session is closed."
-        if self._parts.link.mode == "client":
-            info = self._parts.session.info
-            if not [*info.routers_zid(), *info.peers_zid()]:
-                return f"the connection to {' '.join(self._parts.link.connect)} is lost; it is tried again."
+        if not _connected(self._parts.session, self._parts.link):
+            return f"the connection to {' '.join(self._parts.link.connect)} is lost; it is tried again."
         return None if self._parts.outputs.alive else "the loop that publishes has ended."
 
     def _messages_problem(self) -> str | None:
@@ -247,6 +246,21 @@ class Service:
         if (problem := self._parts.probe.problem()) is not None:
             return problem
         return None if store.problem is None else f"{store.problem}."
+
+
+def _connected(session: zenoh.Session, link: ZenohSettings) -> bool:
+    """Whether a client has its router."""
+    info = session.info
+    return link.mode != "client" or bool([*info.routers_zid(), *info.peers_zid()])
+
+
+def _waiting_for(store: DatabaseStore) -> str | None:
+    """Why entries wait for the database, without asking it."""
+    if store.problem is not None:
+        return f"{store.problem}."
+    if store.behind_s <= _MOST_QUEUED_S:
+        return None
+    return f"the database has taken no entry for {store.behind_s:.0f} s."
 
 
 def _remove(database: Path) -> None:
@@ -290,11 +304,11 @@ def running_service(
         if fresh:
             _remove(Path(settings.where))
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
-        store = stack.enter_context(DatabaseStore(database, wall_clock))
+        store = stack.enter_context(DatabaseStore(database, wall_clock, settings.history.retention))
         security = link_security(settings.zenoh, os.environ)
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
-        outputs = stack.enter_context(ZenohOutputs(session))
+        outputs = stack.enter_context(ZenohOutputs(session, lambda: _connected(session, link)))
         stack.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(_SWITCH_S)
         # The matrices are small: a second thread only waits, spinning, on the core that the others need.
@@ -306,6 +320,7 @@ def running_service(
             store,
             outputs,
             FleetSettings(stale_s=settings.stale_s),
+            wall_clock,
         )
         outputs.answer_from(monitor)
         arrived = threading.Event()
@@ -317,7 +332,7 @@ def running_service(
         app = create_app(
             monitor,
             lambda: service.readiness(),
-            database,
+            PatientHistory(database),
             __version__,
             AppSettings(
                 access=access,
@@ -325,6 +340,7 @@ def running_service(
                 diagnoses=diagnoses,
                 counters=lambda: service.counters(),
                 kernels=preparation.view,
+                database_problem=lambda: _waiting_for(store),
             ),
         )
         http = HttpServer(app, listening, tls=tls)

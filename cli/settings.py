@@ -8,11 +8,12 @@ from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from wingwatch.baselines import Retention
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.link_settings import LinkTable
 from wingwatch.cli.logs import LogFormat
 
-__all__ = ["DATABASE_VARIABLE", "ServeSettings", "serve_settings"]
+__all__ = ["DATABASE_VARIABLE", "HistoryTable", "ServeSettings", "serve_settings"]
 
 DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 """Environment variable; empty counts as not set. It goes before the file's ``database``."""
@@ -23,6 +24,31 @@ _FLAGS = (
     "log_format",
 )  # fmt: skip
 _PATHS = ("data", "certificate", "private_key")
+
+
+class HistoryTable(BaseModel):
+    """How long the history of derivatives is kept.
+
+    Attributes:
+        full_rate_hours: as it came.
+        interval_s: of what is older, one instant of each interval stays.
+        keep_days: flights that ended longer ago go.
+        most_rows: where there are more estimates, the flights that ended first go.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    full_rate_hours: Annotated[float, Field(gt=0.0, le=1e6)] = 24.0
+    interval_s: Annotated[float, Field(gt=0.0, le=1e6)] = 10.0
+    keep_days: Annotated[float, Field(gt=0.0, le=1e5)] = 90.0
+    most_rows: Annotated[int, Field(strict=True, ge=1000)] = 20_000_000
+
+    @property
+    def retention(self) -> Retention:
+        """In seconds."""
+        return Retention(
+            3600.0 * self.full_rate_hours, self.interval_s, 86_400.0 * self.keep_days, self.most_rows
+        )
 
 
 class ServeSettings(BaseModel):
@@ -41,6 +67,7 @@ class ServeSettings(BaseModel):
         stale_s: silence after which a vehicle is stale.
         zenoh: certificates, user and access rules of Zenoh's links.
         log_format: of what is written to standard error.
+        history: how long the history of derivatives is kept.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -59,6 +86,7 @@ class ServeSettings(BaseModel):
     stale_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 5.0
     log_format: LogFormat = "text"
     zenoh: LinkTable = LinkTable()
+    history: HistoryTable = HistoryTable()
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod

@@ -4,7 +4,7 @@ Whoever calls here never waits for the database: one thread reads, another write
 an alert, a reference and a cell only the latest version counts, so these can wait for a database that is locked as long
 as it takes. Every write may be repeated, for a reply can be lost; an entry that the database refuses while it works is
 given up after five tries, and the others do not wait for it. Every queue is bounded; what finds no room is dropped and
-counted, and estimates also when the database does not take them.
+counted.
 """
 
 import logging
@@ -26,9 +26,19 @@ from wingwatch.baselines import (
     Reference,
     ReferenceKey,
     RefusedError,
+    Retention,
 )
+from wingwatch.cli.action_queue import ActionQueue
 from wingwatch.cli.baseline import stored_cells, stored_envelopes, stored_references
-from wingwatch.monitor import AlertState, AlertView, CellPlace, EvidenceView, VehicleMemory
+from wingwatch.monitor import (
+    ActionPlan,
+    AlertState,
+    AlertView,
+    CellPlace,
+    EvidenceView,
+    Shelving,
+    VehicleMemory,
+)
 
 __all__ = ["DatabaseStore", "alert_record", "alert_view"]
 
@@ -42,12 +52,22 @@ _MOST_TRIES = 5
 _RETRY_S = 1.0
 _GATHER_S = 0.2  # a transaction costs as much as a hundred rows
 _END_S = 10.0
+_ESTIMATES_AT_ONCE = 5000
+_PRUNE_EVERY_S = 30.0
+_PRUNE_AGAIN_S = 0.5
 
 _Asked = tuple[str, str, str, str]
 """Fleet, vehicle, aircraft and configuration."""
 
+_Kept = Callable[[AlertView], None]
+"""Called with an alert once it is committed."""
+
 _Job = tuple[dict[Any, Any], Any, Callable[[Any, Any], None]]
 """What waits, which of it, and how it is written."""
+
+
+def _nobody(_: AlertView) -> None:
+    """Nobody wants to hear of it."""
 
 
 class DatabaseStore:
@@ -56,15 +76,20 @@ class DatabaseStore:
     Args:
         database: open; it stays open at the end.
         wall_clock: seconds since 1970-01-01 UTC, for the entries' own dates.
+        retention: how long the history of estimates is kept; it is thinned and dropped in small steps between writes.
     """
 
-    def __init__(self, database: Database, wall_clock: Callable[[], float]) -> None:
+    def __init__(
+        self, database: Database, wall_clock: Callable[[], float], retention: Retention | None = None
+    ) -> None:
         self._database = database
         self._wall_clock = wall_clock
-        self._alerts: dict[str, AlertView] = {}
+        self._alerts: dict[str, tuple[AlertView, _Kept]] = {}
         self._references: dict[ReferenceKey, Reference] = {}
         self._cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float]] = {}
-        self._estimates: list[EstimateRecord] = []
+        self._estimates: list[tuple[EstimateRecord, float]] = []
+        self._retention = retention
+        self._pruned_s = float("-inf")
         self._lock = threading.Lock()
         self._news = threading.Event()
         self._end = threading.Event()
@@ -75,6 +100,9 @@ class DatabaseStore:
             threading.Thread(target=self._run, name="wingwatch-store", daemon=True),
             threading.Thread(target=self._answer, name="wingwatch-recall", daemon=True),
         ]
+        self._earlier: Sequence[AlertView] | None = None
+        self._earlier_read = threading.Event()
+        self._actions = ActionQueue(database, self._record, wall_clock, self._news.set, self._supersede)
         self._tries: dict[Any, int] = {}
         self._since_s: float | None = None
         self._counts = dict.fromkeys(
@@ -115,9 +143,11 @@ class DatabaseStore:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Reads that failed, writes tried again, entries refused for good, and what found no room."""
+        """Reads that failed, writes tried again, entries refused for good, what found no room, and people's actions
+        that were not taken in time."""
+        actions = self._actions
         with self._lock:
-            return dict(self._counts)
+            return self._counts | {"withdrawn_actions": actions.withdrawn, "undone_actions": actions.undone}
 
     # -- what the monitor asks --------------------------------------------------------------------
 
@@ -134,17 +164,12 @@ class DatabaseStore:
             self._question.set()
         return found
 
-    def alerts(self) -> Sequence[AlertView]:
-        """Alerts of earlier runs, newest first (at most ten thousand)."""
-        records: list[AlertRecord] = []
-        cursor: str | None = None
-        while len(records) < _MOST_ALERTS:
-            page = self._database.alerts(limit=_PAGE, cursor=cursor)
-            records += page.items
-            cursor = page.next
-            if cursor is None:
-                break
-        return [alert_view(record) for record in records]
+    def alerts(self, patience_s: float = _END_S) -> Sequence[AlertView] | None:
+        """Alerts of earlier runs, newest first (at most ten thousand); None where they have not been read in time."""
+        if not self._earlier_read.is_set():
+            self._question.set()
+            self._earlier_read.wait(patience_s)
+        return self._earlier
 
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
@@ -172,22 +197,26 @@ class DatabaseStore:
                 self._keep(self._cells, (key, cell), (reference, learned_s))
         self._news.set()
 
-    def save_alert(self, alert: AlertView) -> None:
-        """Keep an alert; one with the same id is replaced."""
+    def save_alert(self, alert: AlertView, kept: _Kept = _nobody) -> None:
+        """Keep an alert; one with the same id is replaced, and ``kept`` is called for the newest alone."""
         with self._lock:
             self._wait()
-            self._alerts[alert.id] = alert
+            self._alerts[alert.id] = alert, kept
             while len(self._alerts) > _MOST_ALERTS:
                 self._alerts.pop(next(iter(self._alerts)))
                 self._counts["dropped_alerts"] += 1
         self._news.set()
 
+    def carry_out(self, plan: ActionPlan) -> None:
+        """Carry out a person's action; returns once it is committed and taken (``ActionQueue.carry_out``)."""
+        self._actions.carry_out(plan)
+
     def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
         """Keep estimates for history, as far as there is room in the queue."""
         with self._lock:
             self._wait()
-            room = _MOST_ESTIMATES - len(self._estimates)
-            self._estimates += rows[:room]
+            room, now_s = _MOST_ESTIMATES - len(self._estimates), self._wall_clock()
+            self._estimates += [(row, now_s) for row in rows[:room]]
             self._counts["dropped_estimates"] += max(0, len(rows) - room)
         self._news.set()
 
@@ -211,8 +240,12 @@ class DatabaseStore:
         while not self._end.is_set():
             self._question.wait()
             self._question.clear()
+            if self._end.is_set():
+                return
             with self._lock:
                 asked = list(self._asked.items())
+            if not self._read_earlier():
+                continue
             for key, aircraft in asked:
                 if self._end.is_set():
                     return
@@ -227,6 +260,29 @@ class DatabaseStore:
                     self._recalled[key] = found
                     while len(self._recalled) > _MOST_ASKED:
                         self._recalled.pop(next(iter(self._recalled)))
+
+    def _read_earlier(self) -> bool:
+        """Alerts of earlier runs, once; whether they have been read."""
+        if self._earlier is None:
+            try:
+                self._earlier = self._earlier_alerts()
+            except Exception as error:
+                self._not_read(error)
+                return False
+            self.read_problem = None
+            self._earlier_read.set()
+        return True
+
+    def _earlier_alerts(self) -> Sequence[AlertView]:
+        records: list[AlertRecord] = []
+        cursor: str | None = None
+        while len(records) < _MOST_ALERTS:
+            page = self._database.alerts(limit=_PAGE, cursor=cursor)
+            records += page.items
+            cursor = page.next
+            if cursor is None:
+                break
+        return [alert_view(record) for record in records]
 
     def _not_read(self, error: Exception) -> None:
         with self._lock:
@@ -258,8 +314,8 @@ class DatabaseStore:
 
     def _run(self) -> None:
         while True:
-            self._news.wait()
-            ending = self._end.wait(_GATHER_S)
+            self._news.wait(_PRUNE_EVERY_S if self._retention is not None else None)
+            ending = self._end.wait(0.0 if self._actions.waiting else _GATHER_S)
             self._news.clear()
             written = self._write()
             if ending:
@@ -277,31 +333,67 @@ class DatabaseStore:
                 *((self._cells, key, self._write_cell) for key in self._cells),
             ]
             estimates, self._estimates = self._estimates, []
-        problem, down = None, False
+        problem = self._act()
+        down = problem is not None
         for waiting, key, write in jobs:
+            if down:
+                break  # the others would fare no better
             try:
                 self._carry_out(waiting, key, write)
             except Exception as error:  # whatever a database raises must not end this thread
                 problem, down = self._again(waiting, key, error), not _of_the_entry(error)
-                if down:
-                    break  # the others would fare no better
-        try:
-            if not down:
-                self._database.append_estimates(estimates)
-                estimates = []
-        except Exception as error:
-            problem = _sentence(error)
+            if self._actions.waiting and not down and (fault := self._act()) is not None:
+                problem, down = fault, True
+        if not down and (fault := self._write_estimates(estimates)) is not None:
+            problem, down = fault, True
+        if down:
+            self._keep_estimates(estimates)
+        else:
+            self._prune()
         with self._lock:
-            self._counts["dropped_estimates"] += len(estimates)
             if problem is None:
                 waits = self._alerts or self._references or self._cells or self._estimates
                 self._since_s = time.monotonic() if waits else None
         self._say(problem)
         return problem is None
 
+    def _write_estimates(self, estimates: list[tuple[EstimateRecord, float]]) -> str | None:
+        """Why the database does not take them, None where it has or never will; those written are removed."""
+        while estimates:
+            try:
+                self._database.append_estimates(estimates[:_ESTIMATES_AT_ONCE])
+            except Exception as error:
+                if not _of_the_entry(error):
+                    return _sentence(error)
+                with self._lock:
+                    self._counts["dropped_estimates"] += len(estimates[:_ESTIMATES_AT_ONCE])
+                _LOG.error("history not stored: %s", _sentence(error))
+            del estimates[:_ESTIMATES_AT_ONCE]
+            if self._actions.waiting and (fault := self._act()) is not None:
+                return fault
+        return None
+
+    def _keep_estimates(self, estimates: list[tuple[EstimateRecord, float]]) -> None:
+        """What was not written waits on, before what has come since, as far as there is room."""
+        with self._lock:
+            room = max(0, _MOST_ESTIMATES - len(self._estimates))
+            self._counts["dropped_estimates"] += max(0, len(estimates) - room)
+            self._estimates = estimates[:room] + self._estimates
+
+    def _prune(self) -> None:
+        """A small step of thinning and dropping the history, where it is time for one."""
+        if self._retention is None or time.monotonic() - self._pruned_s < _PRUNE_EVERY_S:
+            return
+        try:
+            more = self._database.prune_history(self._wall_clock(), self._retention)
+        except Exception as error:
+            _LOG.warning("history not thinned: %s", _sentence(error))
+            more = False
+        self._pruned_s = time.monotonic() - (_PRUNE_EVERY_S - _PRUNE_AGAIN_S if more else 0.0)
+
     def _carry_out(self, waiting: dict[Any, Any], key: Any, write: Callable[[Any, Any], None]) -> None:
         """Write one entry; it waits no longer unless something newer has taken its place."""
-        entry = waiting.get(key)
+        entry: Any = waiting.get(key)
         if entry is None:
             return
         write(key, entry)
@@ -309,6 +401,32 @@ class DatabaseStore:
             self._tries.pop(key, None)
             if waiting.get(key) is entry:
                 waiting.pop(key)
+        if waiting is self._alerts:
+            alert, kept = entry
+            self._told(alert, kept)
+
+    def _told(self, alert: AlertView, kept: _Kept) -> None:
+        try:
+            kept(alert)
+        except Exception:  # it is stored, and the thread goes on
+            _LOG.exception("alert %s could not be told", alert.id)
+
+    def _act(self) -> str | None:
+        """Carry out what people have asked for; why the database does not take it, None where it does."""
+        try:
+            self._actions.work()
+        except Exception as error:
+            return _sentence(error)
+        return None
+
+    def _supersede(self, alert_id: str) -> None:
+        """A newer version of the alert has been written than the one that may wait."""
+        with self._lock:
+            self._alerts.pop(alert_id, None)
+
+    def _record(self, alert: AlertView) -> AlertRecord:
+        now_s = self._wall_clock()
+        return alert_record(alert, now_s, now_s)
 
     def _again(self, waiting: dict[Any, Any], key: Any, error: Exception) -> str:
         """What happens to an entry that was not written: it waits on, unless the database refuses just this one."""
@@ -331,9 +449,8 @@ class DatabaseStore:
             _LOG.warning("not stored: %s", problem)
         self.write_problem = problem
 
-    def _write_alert(self, _: str, alert: AlertView) -> None:
-        now_s = self._wall_clock()
-        self._database.save_alert(alert_record(alert, now_s, now_s))
+    def _write_alert(self, _: str, entry: tuple[AlertView, _Kept]) -> None:
+        self._database.save_alert(self._record(entry[0]))
 
     def _write_reference(self, key: ReferenceKey, reference: Reference) -> None:
         self._database.save_reference(key, reference, self._wall_clock())
@@ -361,6 +478,7 @@ def alert_record(alert: AlertView, created_at_s: float, updated_at_s: float) -> 
     values["state"] = str(alert.state)
     values["evidence"] = tuple(EvidenceRecord(**asdict(part)) for part in alert.evidence)
     values["note"] = tuple(alert.note)
+    values["shelving"] = None if alert.shelving is None else asdict(alert.shelving)
     return AlertRecord(**values, created_at_s=created_at_s, updated_at_s=updated_at_s)
 
 
@@ -370,4 +488,5 @@ def alert_view(record: AlertRecord) -> AlertView:
     values["state"] = AlertState(record.state)
     values["evidence"] = tuple(EvidenceView(**asdict(part)) for part in record.evidence)
     values["note"] = tuple(record.note)
+    values["shelving"] = None if record.shelving is None else Shelving(**record.shelving)  # type: ignore[arg-type]
     return AlertView(**values)

@@ -20,7 +20,7 @@ from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import Chain, Solution
 from wingwatch.monitor.fleet import FleetMonitor, FleetSettings
 from wingwatch.monitor.judge import JudgeConfig
-from wingwatch.monitor.ports import Outputs, Store, VehicleMemory
+from wingwatch.monitor.ports import ActionPlan, ActionRequest, Outputs, Store, VehicleMemory
 from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
@@ -28,7 +28,9 @@ from wingwatch.monitor.views import (
     AlertView,
     Event,
     EvidenceView,
+    KeyReusedError,
     MonitorPort,
+    Shelving,
     VehicleState,
     VehicleView,
     WorstDerivative,
@@ -48,6 +50,8 @@ __all__ = [
     "FleetMonitor",
     "FleetSettings",
     "Store",
+    "ActionPlan",
+    "ActionRequest",
     "VehicleMemory",
     "Outputs",
     "MonitorPort",
@@ -55,8 +59,10 @@ __all__ = [
     "VehicleState",
     "WorstDerivative",
     "AlertView",
+    "Shelving",
     "AlertState",
     "AlertAction",
+    "KeyReusedError",
     "EvidenceView",
     "Event",
 ]

@@ -5,26 +5,28 @@ the service, the demo and the tests.
 """
 
 import logging
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Literal
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import EstimateRecord
 from wingwatch.estimators import Estimate
-from wingwatch.monitor.alerts import act
+from wingwatch.monitor.alert_ledger import AlertLedger
 from wingwatch.monitor.chain import Solution
 from wingwatch.monitor.fair_lock import FairLock
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
-from wingwatch.monitor.ports import News, Outputs, Store, VehicleMemory
+from wingwatch.monitor.ports import ActionPlan, ActionRequest, News, Outputs, Store, VehicleMemory
 from wingwatch.monitor.roster import Roster, VehicleKey
 from wingwatch.monitor.together import feed_together
 from wingwatch.monitor.vehicle import Report, VehicleMonitor
 from wingwatch.monitor.views import (
+    SHELVED_S,
     AlertAction,
     AlertState,
     AlertView,
@@ -48,6 +50,8 @@ _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
 _MOST_HELD = 2000  # messages, of all vehicles together
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
+_START_PATIENCE_S = 5.0  # for the alerts of earlier runs
+_REPEATED = 100  # of the latest alerts, and all that are not cleared, are announced again at the start
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 _Told = tuple[ServiceStream, Callable[[], News]] | Literal["ask"]
@@ -97,6 +101,7 @@ class FleetMonitor:
         new_id: makes alert ids.
         store: memory across restarts, or None.
         outputs: where news goes, or None.
+        wall_clock: seconds since 1970-01-01 UTC, for the time that alerts are shelved.
     """
 
     def __init__(
@@ -107,22 +112,23 @@ class FleetMonitor:
         store: Store | None = None,
         outputs: Outputs | None = None,
         settings: FleetSettings | None = None,
+        wall_clock: Callable[[], float] = time.time,
     ) -> None:
-        self._find, self._clock = find_aircraft, clock
+        self._find, self._clock, self._wall_clock = find_aircraft, clock, wall_clock
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
         self._lock = FairLock()
         self._vehicles = Roster(self._settings.max_vehicles, clock, self._alarmed)
+        self._ledger = AlertLedger(self._settings.kept_alerts)
         self._forgotten = 0
         self._asks_left = _MOST_ASKS
-        self._alerts: dict[str, AlertView] = {}
         self._events: deque[Event] = deque(maxlen=self._settings.kept_events)
         self._event_id = 0
         self._maker = MonitorMaker(new_id, self._settings.judge)
         self._held = 0
         self._problems: dict[str, int] = {}
-        if store is not None:
-            self._alerts = {a.id: a for a in reversed(self._guarded(store.alerts) or ())}
+        self._earlier_alerts = False
+        self._repeat(self._read_alerts(_START_PATIENCE_S))
 
     # -- what comes in ------------------------------------------------------------------------
 
@@ -263,8 +269,7 @@ class FleetMonitor:
             return []
         news: list[_Told] = []
         for alert in report.alerts:
-            self._keep_alert(alert)
-            news.append(_of_alert(alert))
+            news += self._keep_alert(alert)
         if report.solutions:
             self._keep_history(fleet, vehicle, known, monitor, report)
             latest = report.solutions[-1]
@@ -285,23 +290,57 @@ class FleetMonitor:
         with self._lock:
             return monitor.derivatives(solution)
 
-    def _keep_alert(self, alert: AlertView) -> None:
-        before = self._alerts.get(alert.id)
-        if before is not None and before.state is not AlertState.ACTIVE and alert.state is AlertState.ACTIVE:
-            alert = replace(alert, state=before.state, note=before.note)
-        self._alerts[alert.id] = alert
-        while len(self._alerts) > self._settings.kept_alerts:
-            self._alerts.pop(next(iter(self._alerts)))
-            self._count("alerts_forgotten")
+    def _read_alerts(self, patience_s: float) -> Sequence[AlertView]:
+        """Alerts of earlier runs, once; a read that failed is no empty one, and is tried again.
+
+        Returns those to be announced again, oldest first: an earlier run may have ended before it announced them.
+        """
+        store = self._store
+        if store is None or self._earlier_alerts:
+            return ()
+        found: Sequence[AlertView] | None = self._guarded(lambda: store.alerts(patience_s))
+        if found is None:
+            return ()
+        self._ledger.add_earlier(found)
+        self._earlier_alerts = True
+        again = [a for k, a in enumerate(found) if k < _REPEATED or a.state is not AlertState.CLEARED]
+        return again[::-1]
+
+    def _repeat(self, alerts: Sequence[AlertView]) -> None:
+        for alert in alerts:
+            self._tell(alert.fleet, alert.vehicle, [_of_alert(alert)])
+
+    def _keep_alert(self, alert: AlertView) -> list[_Told]:
+        """Hand a new version to the store, which says when it may be told; returns what may be told at once."""
+        kept = self._ledger.follow(alert)
+        self._follow_in_book(kept)
+        if self._store is None:
+            self._ledger.unsaved.clear()
+            self._show_alert(kept)
+            return [_of_alert(kept)]
+        self._save_alerts(self._store)
+        return []
+
+    def _save_alerts(self, store: Store) -> None:
+        """Hand over what the store has not taken over yet."""
+        for name in list(self._ledger.unsaved):
+            alert = self._ledger.newest(name)
+            if alert is None or self._guarded(partial(_saved, store, alert, self._alert_kept)):
+                self._ledger.unsaved.pop(name)
+
+    def _alert_kept(self, alert: AlertView) -> None:
+        """In the store's thread: this version is committed, so it may be told."""
+        with self._lock:
+            self._show_alert(alert)
+        self._tell(alert.fleet, alert.vehicle, [_of_alert(alert)])
+
+    def _show_alert(self, alert: AlertView) -> None:
+        self._ledger.told(alert)
         self._event(
             "alert",
             {"id": alert.id, "fleet": alert.fleet, "vehicle": alert.vehicle, "state": str(alert.state),
              "kind": alert.kind, "cause": alert.cause, "level": alert.level, "text": alert.text},
         )  # fmt: skip
-        store = self._store
-        if store is not None:
-            kept = alert
-            self._guarded(lambda: store.save_alert(kept))
 
     def _keep_history(
         self, fleet: str, vehicle: str, known: KnownVehicle, monitor: VehicleMonitor, report: Report
@@ -316,7 +355,10 @@ class FleetMonitor:
                 continue
             known.history_s = solution.time_s
             estimates: list[Estimate] = [e for m in solution.modes.values() for e in (m.fourier, m.ekf)]
-            rows += [EstimateRecord.of(fleet, vehicle, e) for e in estimates]
+            rows += [
+                EstimateRecord.of(fleet, vehicle, e, monitor.aircraft.name, monitor.configuration)
+                for e in estimates
+            ]
         if rows:
             self._guarded(lambda: store.append_estimates(rows))
         loading = known.loading
@@ -375,13 +417,12 @@ class FleetMonitor:
             "vehicles_forgotten": self._vehicles.forgotten,
             "too_many_vehicles": self._vehicles.refused,
             "events_forgotten": self._event_id - len(self._events),
+            "alerts_forgotten": self._ledger.forgotten,
         }
         return self._problems | {name: times for name, times in of_names.items() if times}
 
     def _alarmed(self, key: VehicleKey) -> bool:
-        return any(
-            (a.fleet, a.vehicle) == key and a.state is not AlertState.CLEARED for a in self._alerts.values()
-        )
+        return self._ledger.stands(key)
 
     def _event(self, kind: str, data: Mapping[str, Any]) -> None:
         self._event_id += 1
@@ -410,6 +451,11 @@ class FleetMonitor:
         now = self._clock()
         due: list[tuple[str, str, list[_Told]]] = []
         with self._lock:
+            earlier = self._read_alerts(0.0)
+            for alert in self._ledger.come_back(self._wall_clock()):
+                self._follow_in_book(alert)
+            if self._store is not None:
+                self._save_alerts(self._store)
             self._asks_left = _MOST_ASKS
             self._held = sum(len(known.held) for _, known in self._vehicles.items())
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
@@ -423,6 +469,7 @@ class FleetMonitor:
                     known.published_s = now
                     news.append(("status", partial(self._view, fleet, vehicle, known)))
                 due.append((fleet, vehicle, news))
+        self._repeat(earlier)
         for fleet, vehicle, news in due:
             self._tell(fleet, vehicle, news)
         if forgotten:
@@ -434,7 +481,7 @@ class FleetMonitor:
         with self._lock:
             now_s = self._clock()
             try:
-                return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._alerts)
+                return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._ledger.ids)
             except Exception as error:  # one vehicle that cannot be shown must not hide the others
                 self._note_fault(fleet, vehicle, known, error)
                 return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
@@ -467,35 +514,79 @@ class FleetMonitor:
             return known.monitor.derivatives()
 
     def alerts(self) -> Sequence[AlertView]:
-        """All alerts, newest first."""
+        """All alerts that may be told, newest first."""
         with self._lock:
-            return list(reversed(self._alerts.values()))
+            return self._ledger.all_shown()
 
-    def act_on_alert(self, alert_id: str, action: AlertAction, who: str, note: str) -> AlertView | None:
-        """Carry out a person's action; None for an unknown alert, ValueError where it makes no sense."""
+    def act_on_alert(
+        self,
+        alert_id: str,
+        action: AlertAction,
+        who: str,
+        note: str,
+        key: str | None = None,
+        shelve_s: float = SHELVED_S,
+    ) -> AlertView | None:
+        """Carry out a person's action; returns once the store has committed it, None for an unknown alert.
+
+        Raises:
+            ValueError: it makes no sense; ``KeyReusedError`` where its key belongs to another one.
+            DatabaseError: it has not been committed in time, and has not happened.
+        """
+        request = ActionRequest(alert_id, action, who, note, key, self._wall_clock() + shelve_s)
         with self._lock:
-            alert = self._alerts.get(alert_id)
-            if alert is None:
-                return None
-            changed = act(alert, action, who, note)
-            known = self._vehicles.get((alert.fleet, alert.vehicle))
-            monitor = known.monitor if known is not None else None
-            if changed.state is AlertState.CLEARED:
-                changed = replace(changed, cleared_s=monitor.last_sample_time_s if monitor else None)
-                if (
-                    monitor is not None
-                    and monitor.book.active is not None
-                    and monitor.book.active.id == alert_id
-                ):
-                    monitor.book.dismiss()
-            elif (
-                monitor is not None and monitor.book.active is not None and monitor.book.active.id == alert_id
-            ):
-                monitor.book.active = changed
-            self._alerts[alert_id] = changed
-            self._keep_alert(changed)
-        self._tell(alert.fleet, alert.vehicle, [_of_alert(changed)])
-        return changed
+            shown = self._ledger.shown(alert_id)
+        if shown is None:
+            return None
+        change, taken = partial(self._changed, request), partial(self._acted, request)
+        if self._store is None:
+            taken(change())
+        else:
+            newest = partial(self._newest_alert, shown)
+            self._store.carry_out(ActionPlan(request, change, taken, newest, self._rewritten))
+        with self._lock:
+            return self._ledger.shown(alert_id) or shown
+
+    def _changed(self, request: ActionRequest) -> AlertView:
+        with self._lock:
+            return self._ledger.changed(request, self._last_sample_time_s)
+
+    def _last_sample_time_s(self, alert: AlertView) -> float | None:
+        known = self._vehicles.get((alert.fleet, alert.vehicle))
+        return None if known is None or known.monitor is None else known.monitor.last_sample_time_s
+
+    def _acted(self, request: ActionRequest, changed: AlertView) -> None:
+        """The action is committed: it counts from now on, and is told."""
+        with self._lock:
+            merged = self._ledger.acted(changed)
+            self._show_alert(changed)
+            self._follow_in_book(merged)
+            if merged != changed and self._store is not None:  # the monitor has gone on meanwhile
+                self._ledger.unsaved[merged.id] = None
+                self._save_alerts(self._store)
+        self._tell(changed.fleet, changed.vehicle, [_of_alert(changed)])
+
+    def _follow_in_book(self, alert: AlertView) -> None:
+        """The vehicle's monitor goes on with what has become of its alert; one that is cleared it follows no longer."""
+        known = self._vehicles.get((alert.fleet, alert.vehicle))
+        book = known.monitor.book if known is not None and known.monitor is not None else None
+        if book is None or book.active is None or book.active.id != alert.id:
+            return
+        if alert.state is AlertState.CLEARED:
+            book.dismiss()
+        else:
+            book.active = alert
+
+    def _newest_alert(self, shown: AlertView) -> AlertView:
+        with self._lock:
+            return self._ledger.newest(shown.id) or shown
+
+    def _rewritten(self, newest: AlertView) -> None:
+        """An action was undone by writing the newest version, which may be newer than the one that was told."""
+        with self._lock:
+            told = self._ledger.shown(newest.id) == newest
+        if not told:
+            self._alert_kept(newest)
 
     def events(self, after: int) -> Sequence[Event]:
         """Events with an id above ``after``, oldest first."""
@@ -507,6 +598,11 @@ class FleetMonitor:
 
 def _of_alert(alert: AlertView) -> _Told:
     return "alerts", lambda: alert
+
+
+def _saved(store: Store, alert: AlertView, kept: Callable[[AlertView], None]) -> bool:
+    store.save_alert(alert, kept)
+    return True
 
 
 def _blocks(monitor: VehicleMonitor) -> int:

@@ -7,10 +7,10 @@ from typing import Any, Protocol
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
 from wingwatch.monitor.cell_memory import CellPlace
-from wingwatch.monitor.views import AlertView, VehicleView
+from wingwatch.monitor.views import AlertAction, AlertView, VehicleView
 from wingwatch.telemetry import ServiceStream
 
-__all__ = ["News", "Outputs", "Store", "VehicleMemory"]
+__all__ = ["ActionPlan", "ActionRequest", "News", "Outputs", "Store", "VehicleMemory"]
 
 News = Mapping[str, Any] | VehicleView | AlertView
 """Derivatives, a vehicle's status, or an alert."""
@@ -29,6 +29,41 @@ class VehicleMemory:
     references: Mapping[str, Reference] = field(default_factory=dict)
     envelopes: Mapping[str, Envelope] = field(default_factory=dict)
     cells: Mapping[CellPlace, CellMemory] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class ActionRequest:
+    """What a person asks to be done to an alert.
+
+    Attributes:
+        key: of the request, the same when it is repeated; None where it has none.
+        until_at_s: until when an alert is shelved, seconds since 1970-01-01 UTC.
+    """
+
+    alert_id: str
+    action: AlertAction
+    who: str
+    note: str
+    key: str | None = None
+    until_at_s: float = float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class ActionPlan:
+    """How an action is carried out; the functions are called in the store's thread.
+
+    Attributes:
+        change: gives the alert as the action leaves it; ValueError where it makes no sense.
+        taken: called with that alert once it is committed, with the action.
+        newest: gives the alert's newest version without the action.
+        written: called with that version once it is committed in place of an action that was undone.
+    """
+
+    request: ActionRequest
+    change: Callable[[], AlertView]
+    taken: Callable[[AlertView], None]
+    newest: Callable[[], AlertView]
+    written: Callable[[AlertView], None]
 
 
 class Store(Protocol):
@@ -61,16 +96,35 @@ class Store(Protocol):
         """Keep what cells taught; each takes the place of what was kept of it."""
         ...
 
-    def save_alert(self, alert: AlertView) -> None:
-        """Keep an alert; one with the same id is replaced."""
+    def save_alert(self, alert: AlertView, kept: Callable[[AlertView], None]) -> None:
+        """Keep an alert; one with the same id is replaced. It returns at once.
+
+        Args:
+            kept: called in any thread with the alert once it is committed; of several versions that wait only the
+                newest is, and for that alone it is called.
+        """
+        ...
+
+    def carry_out(self, plan: ActionPlan) -> None:
+        """Carry out a person's action: returns once it is committed and taken, or was so under the same key before.
+
+        Called without the fleet's lock held.
+
+        Raises:
+            ValueError: it makes no sense in the alert's state, or its key belongs to another one.
+            DatabaseError: it has not been taken in a bounded time, and has not happened.
+        """
         ...
 
     def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
         """Keep estimates for history."""
         ...
 
-    def alerts(self) -> Sequence[AlertView]:
-        """Alerts of earlier runs, newest first."""
+    def alerts(self, patience_s: float) -> Sequence[AlertView] | None:
+        """Alerts of earlier runs, newest first; None where they have not been read within ``patience_s``.
+
+        They are to be asked for again then. A read that failed is not an empty one.
+        """
         ...
 
 

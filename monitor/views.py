@@ -12,15 +12,22 @@ from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = [
     "AlertAction",
+    "SHELVED_S",
     "AlertState",
     "AlertView",
     "Event",
     "EvidenceView",
+    "KeyReusedError",
     "MonitorPort",
+    "Shelving",
     "VehicleState",
     "VehicleView",
     "WorstDerivative",
 ]
+
+
+SHELVED_S = 3600.0
+"""For how long an alert is shelved unless told otherwise."""
 
 
 class VehicleState(StrEnum):
@@ -49,6 +56,10 @@ class AlertAction(StrEnum):
     SHELVE = "shelve"
     UNSHELVE = "unshelve"
     CLEAR = "clear"
+
+
+class KeyReusedError(ValueError):
+    """The key of a request belongs to another request; one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +122,20 @@ class EvidenceView:
 
 
 @dataclass(frozen=True, slots=True)
+class Shelving:
+    """For how long an alert is shelved, and what it was like then.
+
+    Attributes:
+        until_at_s: it comes back then, seconds since 1970-01-01 UTC.
+        level, size: where it grows beyond these, it comes back at once.
+    """
+
+    until_at_s: float
+    level: str
+    size: float
+
+
+@dataclass(frozen=True, slots=True)
 class AlertView:
     """One alert, with its evidence.
 
@@ -124,6 +149,7 @@ class AlertView:
         probability: of the cause among those considered.
         text: what, how much, what to do; one or two sentences for the operator.
         note: who did what to it and why, newest last.
+        shelving: where it is shelved; None else, and for what older versions shelved.
     """
 
     id: str
@@ -142,6 +168,7 @@ class AlertView:
     text: str
     evidence: Sequence[EvidenceView]
     note: Sequence[str] = field(default=())
+    shelving: Shelving | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +181,10 @@ class Event:
 
 
 class MonitorPort(Protocol):
-    """What the doors (REST, terminal) may ask the monitor. Every method is thread-safe and returns at once."""
+    """What the doors (REST, terminal) may ask the monitor. Every method is thread-safe.
+
+    All return at once but ``act_on_alert``, which waits for the database for a bounded time.
+    """
 
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles ever heard of, worst state first."""
@@ -169,11 +199,29 @@ class MonitorPort(Protocol):
         ...
 
     def alerts(self) -> Sequence[AlertView]:
-        """All alerts, newest first."""
+        """All alerts, newest first, as the database has them."""
         ...
 
-    def act_on_alert(self, alert_id: str, action: AlertAction, who: str, note: str) -> AlertView | None:
-        """Carry out a person's action; None for an unknown alert; ValueError with one sentence if it makes no sense."""
+    def act_on_alert(
+        self,
+        alert_id: str,
+        action: AlertAction,
+        who: str,
+        note: str,
+        key: str | None = None,
+        shelve_s: float = SHELVED_S,
+    ) -> AlertView | None:
+        """Carry out a person's action; returns once it is committed, None for an unknown alert.
+
+        Args:
+            shelve_s: for how long the alert is shelved, where that is the action.
+            key: of the request; the action of a request that is repeated under its key is carried out once.
+
+        Raises:
+            ValueError: it makes no sense in the alert's state, in one sentence.
+            KeyReusedError: its key belongs to another action.
+            DatabaseError: the database has not taken it in a bounded time; it has not happened.
+        """
         ...
 
     def events(self, after: int) -> Sequence[Event]:

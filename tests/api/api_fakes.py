@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import threading
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import httpx
@@ -24,7 +23,9 @@ from wingwatch.api import (
     create_app,
     listen,
 )
+from wingwatch.baselines import EstimateRecord, HistoryRow, HistoryWanted
 from wingwatch.monitor.views import (
+    SHELVED_S,
     AlertAction,
     AlertState,
     AlertView,
@@ -102,6 +103,9 @@ class FakeMonitor:
         self.current: dict[tuple[str, str], Mapping[str, Any]] = {}
         self.raised: list[AlertView] = []
         self.kept: list[Event] = []
+        self.keys: list[str | None] = []
+        self.shelved_s: list[float] = []
+        self.store_fault: Exception | None = None
         self.lock = threading.Lock()
 
     def vehicles(self) -> Sequence[VehicleView]:
@@ -116,7 +120,19 @@ class FakeMonitor:
     def alerts(self) -> Sequence[AlertView]:
         return tuple(self.raised)
 
-    def act_on_alert(self, alert_id: str, action: AlertAction, who: str, note: str) -> AlertView | None:
+    def act_on_alert(
+        self,
+        alert_id: str,
+        action: AlertAction,
+        who: str,
+        note: str,
+        key: str | None = None,
+        shelve_s: float = SHELVED_S,
+    ) -> AlertView | None:
+        self.keys.append(key)
+        self.shelved_s.append(shelve_s)
+        if self.store_fault is not None:
+            raise self.store_fault
         states = {
             AlertAction.ACKNOWLEDGE: AlertState.ACKNOWLEDGED,
             AlertAction.SHELVE: AlertState.SHELVED,
@@ -144,30 +160,41 @@ class FakeMonitor:
             return number
 
 
-@dataclass(frozen=True)
-class FakeRow:
-    """Obeys EstimateRow."""
-
-    time_s: float
-    estimator: str
-    structure: str
-    value: Sequence[float]
-    standard_error: Sequence[float]
-    outcome: str = "converged"
+def past(
+    time_s: float, estimator: str, structure: str, value: Sequence[float], standard_error: Sequence[float],
+    outcome: str = "converged", flight: int = 1,
+) -> HistoryRow:  # fmt: skip
+    estimate = EstimateRecord(
+        "default", "aero-1", time_s, structure, estimator, tuple(value), tuple(standard_error), outcome,
+        (25.0, 1000.0, 1.1, 0.05), "aerosonde", "clean",
+    )  # fmt: skip
+    return HistoryRow(estimate, flight, 1.7e9 + time_s)
 
 
 class FakeHistory:
     """Obeys HistoryPort."""
 
-    def __init__(self, rows: Sequence[FakeRow]) -> None:
-        self.rows = rows
+    def __init__(self, rows: Sequence[HistoryRow]) -> None:
+        self.rows = sorted(rows, key=self._key)
+        self.most = 0
 
-    def estimate_history(
-        self, fleet: str, vehicle: str, from_s: float | None = None, to_s: float | None = None
-    ) -> Sequence[FakeRow]:
-        low = float("-inf") if from_s is None else from_s
-        high = float("inf") if to_s is None else to_s
-        return [row for row in self.rows if low <= row.time_s <= high]
+    @staticmethod
+    def _key(row: HistoryRow) -> tuple[int, float, str, str]:
+        return (row.flight, row.estimate.time_s, row.estimate.estimator, row.estimate.structure)
+
+    def history_rows(self, fleet: str, vehicle: str, wanted: HistoryWanted) -> Sequence[HistoryRow]:
+        low = float("-inf") if wanted.from_s is None else wanted.from_s
+        high = float("inf") if wanted.to_s is None else wanted.to_s
+        found = [
+            row
+            for row in self.rows
+            if low <= row.estimate.time_s <= high
+            and wanted.flight in (None, row.flight)
+            and (wanted.structures is None or row.estimate.structure in wanted.structures)
+            and (wanted.start is None or self._key(row) >= wanted.start)
+        ][: wanted.limit]
+        self.most = max(self.most, len(found))
+        return found
 
 
 @contextlib.contextmanager

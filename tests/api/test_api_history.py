@@ -9,7 +9,7 @@ from typing import Any
 import httpx
 import pyarrow.parquet as pq
 import pytest
-from api_fakes import FakeHistory, FakeMonitor, FakeRow, served, vehicle
+from api_fakes import FakeHistory, FakeMonitor, past, served, vehicle
 
 from wingwatch.aircraft import SHORT_PERIOD
 from wingwatch.api.history import negotiate
@@ -17,10 +17,10 @@ from wingwatch.api.problems import ProblemError
 
 PATH = "/v1/vehicles/aero-1/derivatives/history"
 ROWS = [
-    FakeRow(2.5, "fourier", "short_period", [-4.0, 24.0, -9.5, -3.5, -6.0, -116.1], [0.1] * 6),
-    FakeRow(2.0, "fourier", "short_period", [math.nan] * 6, [math.inf] * 6, "settling"),
-    FakeRow(2.5, "ekf", "short_period", [1 / 3, 24.5, -9.0, -3.25, -6.125, -116.0], [0.2] * 6),
-    FakeRow(3.0, "ekf", "dutch_roll", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [0.3] * 6),
+    past(2.5, "fourier", "short_period", [-4.0, 24.0, -9.5, -3.5, -6.0, -116.1], [0.1] * 6),
+    past(2.0, "fourier", "short_period", [math.nan] * 6, [math.inf] * 6, "settling"),
+    past(2.5, "ekf", "short_period", [1 / 3, 24.5, -9.0, -3.25, -6.125, -116.0], [0.2] * 6),
+    past(3.0, "ekf", "dutch_roll", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [0.3] * 6),
 ]
 
 
@@ -53,6 +53,10 @@ def test_rows_become_derivatives_in_order_of_time_and_structure(client: httpx.Cl
         "standard_error": None,
         "unit": "1/s",
         "outcome": "settling",
+        "recorded_at_s": 1.7e9 + 2.0,
+        "flight": 1,
+        "aircraft": "aerosonde",
+        "configuration": "clean",
     }
     assert found[6]["value"] == 1 / 3
 
@@ -81,6 +85,30 @@ def test_pages_join_to_the_whole(client: httpx.Client) -> None:
         cursor = f"&cursor={page['next']}"
     assert pages == 4
     assert joined == items(client)
+
+
+def test_flights_follow_each_other_and_can_be_asked_for_alone() -> None:
+    """Their clocks may overlap."""
+    monitor = FakeMonitor()
+    monitor.views = [vehicle("aero-1")]
+    rows = [past(t, "ekf", "dutch_roll", [t] * 6, [0.1] * 6, flight=f) for f in (3, 8) for t in (1.0, 2.0)]
+    with served(monitor, FakeHistory(rows)) as (_, client):
+        found = items(client, "names=n_r")
+        assert [(i["flight"], i["time_s"]) for i in found] == [(3, 1.0), (3, 2.0), (8, 1.0), (8, 2.0)]
+        assert items(client, "names=n_r&flight=8") == found[2:]
+        assert client.get(f"{PATH}?flight=-1").status_code == 422
+
+
+def test_a_small_page_is_read_from_few_rows() -> None:
+    monitor = FakeMonitor()
+    monitor.views = [vehicle("aero-1")]
+    history = FakeHistory([past(float(t), "ekf", "dutch_roll", [1.0] * 6, [0.1] * 6) for t in range(500)])
+    with served(monitor, history) as (_, client):
+        page = client.get(f"{PATH}?limit=1&names=n_r").json()
+        for _ in range(5):
+            page = client.get(f"{PATH}?limit=1&names=n_r&cursor={page['next']}").json()
+        assert [i["time_s"] for i in page["items"]] == [5.0]
+    assert history.most == 3
 
 
 def test_csv_and_parquet_say_the_same_as_json(client: httpx.Client) -> None:

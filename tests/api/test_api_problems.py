@@ -6,12 +6,12 @@ from typing import Any
 
 import httpx
 import pytest
-from api_fakes import FakeHistory, FakeMonitor, FakeRow, alert, derivative, served, vehicle
+from api_fakes import FakeHistory, FakeMonitor, alert, derivative, past, served, vehicle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from openapi_check import misfits
 
-from wingwatch.baselines import DatabaseError
+from wingwatch.baselines import DatabaseError, HistoryRow, HistoryWanted
 from wingwatch.monitor.views import AlertState, AlertView, VehicleView
 
 
@@ -43,7 +43,7 @@ def monitor() -> FaultyMonitor:
 
 @pytest.fixture(scope="module")
 def client(monitor: FaultyMonitor) -> Generator[httpx.Client]:
-    history = FakeHistory([FakeRow(1.0, "ekf", "dutch_roll", [1.0] * 6, [0.1] * 6)])
+    history = FakeHistory([past(1.0, "ekf", "dutch_roll", [1.0] * 6, [0.1] * 6)])
     with served(monitor, history) as (_, connection):
         yield connection
 
@@ -113,9 +113,7 @@ def test_what_cannot_be_answered_says_why(
 
 def test_a_database_that_cannot_answer_is_a_problem_in_its_own_sentence(monitor: FaultyMonitor) -> None:
     class Locked(FakeHistory):
-        def estimate_history(
-            self, fleet: str, vehicle: str, from_s: float | None = None, to_s: float | None = None
-        ) -> Sequence[FakeRow]:
+        def history_rows(self, fleet: str, vehicle: str, wanted: HistoryWanted) -> Sequence[HistoryRow]:
             raise DatabaseError("database wingwatch.db is locked by another program; end it or wait")
 
     with served(monitor, Locked([])) as (_, connection):

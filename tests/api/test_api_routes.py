@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Generator
+from dataclasses import replace
 from typing import Any
 
 import httpx
@@ -13,9 +14,9 @@ from api_fakes import (
     VERSION,
     FakeHistory,
     FakeMonitor,
-    FakeRow,
     alert,
     derivative,
+    past,
     served,
     vehicle,
 )
@@ -24,7 +25,8 @@ from hypothesis import strategies as st
 from openapi_check import answer_schema, misfits
 
 from wingwatch.api import encode_json
-from wingwatch.monitor.views import AlertState, VehicleState
+from wingwatch.baselines import DatabaseError
+from wingwatch.monitor.views import AlertState, KeyReusedError, Shelving, VehicleState
 
 ESTIMATORS: dict[str, Any] = {
     "fourier": {
@@ -66,7 +68,7 @@ def fleet() -> FakeMonitor:
 
 @pytest.fixture
 def client() -> Generator[httpx.Client]:
-    history = FakeHistory([FakeRow(1.0, "ekf", "dutch_roll", [1.0] * 6, [0.1] * 6)])
+    history = FakeHistory([past(1.0, "ekf", "dutch_roll", [1.0] * 6, [0.1] * 6)])
     with served(fleet(), history) as (_, connection):
         yield connection
 
@@ -282,6 +284,37 @@ def test_a_person_acts_on_an_alert(client: httpx.Client, action: str, state: str
     description = get(client, "/openapi.json")
     schema = answer_schema(description, f"/v1/alerts/{{alert_id}}/{action}", "post")
     assert misfits(answer.json(), schema, description) == []
+
+
+def test_an_action_carries_its_request_key() -> None:
+    monitor = FakeMonitor()
+    monitor.raised = [alert(1)]
+    with served(monitor) as (_, client):
+
+        def act(key: str) -> httpx.Response:
+            headers = {"Idempotency-Key": key}
+            return client.post("/v1/alerts/a1/acknowledge", json={"who": "ana"}, headers=headers)
+
+        assert act("5f0c-1").status_code == 200
+        assert monitor.keys == ["5f0c-1"]
+        assert act("a key").status_code == act("k" * 201).status_code == 422
+        monitor.store_fault = KeyReusedError("this Idempotency-Key belongs to another action")
+        answer = act("5f0c-1")
+        assert (answer.status_code, answer.json()["detail"]) == (422, f"{monitor.store_fault}.")
+        monitor.store_fault = DatabaseError("the database has not taken the action; nothing has happened")
+        answer = act("5f0c-2")
+        assert answer.status_code == 503
+        assert "nothing has happened" in answer.json()["detail"]
+
+
+def test_an_alert_is_shelved_for_a_while() -> None:
+    monitor = FakeMonitor()
+    monitor.raised = [replace(alert(1), shelving=Shelving(1.7e9, "warning", 0.1))]
+    with served(monitor) as (_, client):
+        assert get(client, "/v1/alerts/a1")["shelved_until_at_s"] == 1.7e9
+        for body in ({}, {"minutes": 5}, {"minutes": 0}, {"minutes": 1441}):
+            client.post("/v1/alerts/a1/shelve", json={"who": "ana", **body})
+    assert monitor.shelved_s == [3600.0, 300.0]
 
 
 def test_ready_names_what_does_not_work() -> None:

@@ -2,18 +2,14 @@
 
 import json
 import math
-import os
 import threading
-import uuid
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import create_engine, make_url, text
+from sqlalchemy import text
 
 from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, Provenance
 from wingwatch.baselines import (
@@ -35,35 +31,8 @@ from wingwatch.baselines.connection import VERSION_TABLE, connect
 from wingwatch.baselines.tables import Base
 from wingwatch.estimators.estimate import Estimate, Outcome
 
-POSTGRES_URL = os.environ.get("WINGWATCH_TEST_POSTGRES_URL", "")
-
 NASTY = (0.1, 1.0 / 3.0, -0.0, 5e-324, 1.7976931348623157e308, math.pi, -1e-17, 2.0**53 + 1.0)
 """Floats that lose a bit wherever text is printed with fewer than 17 digits."""
-
-
-@pytest.fixture(params=["sqlite", "postgres"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    if request.param == "sqlite":
-        yield str(tmp_path / "folder" / "wingwatch.db")
-        return
-    if not POSTGRES_URL:
-        pytest.skip("WINGWATCH_TEST_POSTGRES_URL names no PostgreSQL server to test against")
-    schema = f"wingwatch_test_{uuid.uuid4().hex[:12]}"
-    base = make_url(POSTGRES_URL).set(drivername="postgresql+psycopg")
-    admin = create_engine(base)
-    with admin.begin() as connection:
-        connection.execute(text(f"CREATE SCHEMA {schema}"))
-    own = base.update_query_dict({"options": f"-c search_path={schema}"})
-    yield own.render_as_string(hide_password=False)
-    with admin.begin() as connection:
-        connection.execute(text(f"DROP SCHEMA {schema} CASCADE"))
-    admin.dispose()
-
-
-@pytest.fixture
-def database(url: str) -> Iterator[Database]:
-    with open_database(url) as opened:
-        yield opened
 
 
 def entry(**changes: object) -> ExpectationRecord:
@@ -106,6 +75,7 @@ def alert(alert_id: str = "a1", **changes: object) -> AlertRecord:
         created_at_s=1.7e9,
         updated_at_s=1.7e9,
         note=("NaN", "who: why"),
+        shelving={"until_at_s": 1.7e9 + 1 / 3, "level": "warning", "size": math.inf},
     )
     return replace(record, **changes)  # type: ignore[arg-type]
 
@@ -298,11 +268,11 @@ def test_the_size_of_a_page_is_limited(database: Database, limit: int) -> None:
 
 
 def test_estimates_come_back_by_time_within_the_window(database: Database) -> None:
-    rows = [estimate(t) for t in (0.5, 1.5, 1.0, 2.0)]
-    database.append_estimates([*rows, estimate(1.0, "uav-2")])
+    rows = [estimate(t) for t in (0.5, 1.0, 1.5, 2.0)]
+    database.append_estimates([(row, 1000.0) for row in (*rows, estimate(1.0, "uav-2"))])
     database.append_estimates([])
     back = database.estimate_history("default", "uav-1", 1.0, 1.5)
-    assert same(back, (rows[2], rows[1]))
+    assert same(back, (rows[1], rows[2]))
     assert [r.time_s for r in database.estimate_history("default", "uav-1")] == [0.5, 1.0, 1.5, 2.0]
     assert [r.time_s for r in database.estimate_history("default", "uav-1", limit=2)] == [0.5, 1.0]
     assert database.estimate_history("north", "uav-1") == ()
@@ -322,21 +292,8 @@ def test_an_estimate_that_knows_nothing_yet_is_kept_as_it_is(database: Database)
     )
     record = EstimateRecord.of("default", "uav-1", unknown)
     assert record.standard_error == (math.inf, 1.0, 2.0, 3.0, 4.0, 5.0)
-    database.append_estimates([record])
+    database.append_estimates([(record, 1000.0)])
     assert same(database.estimate_history("default", "uav-1"), (record,))
-
-
-def test_estimates_of_a_vehicle_are_bounded_and_the_newest_stay(url: str) -> None:
-    retention, kept_at_most = 20, 22
-    with open_database(url, estimates_per_vehicle=retention) as database:
-        database.append_estimates([estimate(0.0, "quiet")])
-        for i in range(100):
-            database.append_estimates([estimate(float(i))])
-            assert len(database.estimate_history("default", "uav-1")) <= kept_at_most
-        times = [r.time_s for r in database.estimate_history("default", "uav-1")]
-        assert len(times) >= retention
-        assert times == [float(i) for i in range(100 - len(times), 100)]
-        assert len(database.estimate_history("default", "quiet")) == 1
 
 
 def test_many_threads_may_use_one_database(database: Database) -> None:
@@ -345,7 +302,7 @@ def test_many_threads_may_use_one_database(database: Database) -> None:
     def work(n: int) -> None:
         try:
             for i in range(10):
-                database.append_estimates([estimate(float(i), f"v{n}")])
+                database.append_estimates([(estimate(float(i), f"v{n}"), 1000.0)])
                 database.save_alert(alert(f"{n}-{i}"))
                 database.put_expectation(entry(value=(float(n),) * 6))
                 database.alerts(limit=5)

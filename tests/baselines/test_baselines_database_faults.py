@@ -10,11 +10,23 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
+from sqlalchemy import event
 
-from wingwatch.baselines import Database, DatabaseError, ExpectationRecord, open_database
+from wingwatch.baselines import (
+    ActionRecord,
+    AlertRecord,
+    DatabaseError,
+    ExpectationRecord,
+    open_database,
+)
 from wingwatch.baselines.connection import head_revision
 
 NOBODY = 65534
+ALERT = AlertRecord(
+    id="a1", fleet="default", vehicle="uav-1", kind="icing", cause="icing", level="warning", state="active",
+    raised_s=61.0, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.97, basis="a-priori", text="Ice.",
+    evidence=(), created_at_s=1.0, updated_at_s=1.0,
+)  # fmt: skip
 
 
 def entry() -> ExpectationRecord:
@@ -281,10 +293,22 @@ def test_postgres_without_its_driver_says_what_to_install(monkeypatch: pytest.Mo
     assert "install wingwatch[postgres]" in said
 
 
-@pytest.mark.parametrize("options", [{"busy_timeout_s": 0.0}, {"estimates_per_vehicle": 0}])
-def test_settings_that_make_no_sense_are_refused(tmp_path: Path, options: dict[str, float]) -> None:
-    def opened() -> Database:
-        return open_database(tmp_path / "x.db", **options)  # type: ignore[arg-type]
-
+def test_settings_that_make_no_sense_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="must be positive"):
-        opened()
+        open_database(tmp_path / "x.db", busy_timeout_s=0.0)
+
+
+def test_alerts_and_actions_wait_for_the_disk_and_the_rest_does_not(tmp_path: Path) -> None:
+    """What is told must survive a power cut; what flights teach may lose its last seconds."""
+    with open_database(tmp_path / "w.db") as database:
+        seen: list[int] = []
+        event.listen(
+            database._engine,
+            "commit",
+            lambda connection: seen.append(connection.exec_driver_sql("PRAGMA synchronous").scalar_one()),
+        )
+        database.save_alert(ALERT)
+        database.save_action(ALERT, ActionRecord("k", ALERT.id, "acknowledge", "ann", "", 1.0))
+        database.void_action("k", ALERT)
+        database.forget_actions(0.0)
+    assert seen == [2, 2, 2, 1]

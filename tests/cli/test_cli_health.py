@@ -16,7 +16,7 @@ import httpx
 import pytest
 from cli_services import service_in
 
-from wingwatch.baselines import Database, DatabaseError
+from wingwatch.baselines import Database, DatabaseError, EstimateRecord
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.logs import JsonLines, TextLines, configure_logs
 from wingwatch.cli.serve_command import allow_open_files
@@ -25,6 +25,9 @@ from wingwatch.cli.store import DatabaseStore
 from wingwatch.telemetry import ZenohSettings, open_session, vehicle_key
 
 PATIENCE_S = 10.0
+ESTIMATE = EstimateRecord(
+    "default", "uav1", 1.0, "short_period", "ekf", (1.0,) * 6, (0.1,) * 6, "converged", (25.0, 0.0, 1.2, 0.0)
+)
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -91,7 +94,7 @@ def test_a_write_that_hangs_is_told_after_a_minute(tmp_path: Path, monkeypatch: 
     with service_in(tmp_path) as service:
         store = service._parts.store
         assert store.behind_s == 0.0
-        store.append_estimates([])
+        store.append_estimates([ESTIMATE])
         assert problem(service, "database") == ""
         until(lambda: "to be written" in problem(service, "database"))
         answer.set()
@@ -108,7 +111,7 @@ def test_entries_that_are_refused_for_now_count_as_waiting() -> None:
 
     database = cast(Database, SimpleNamespace(append_estimates=append))
     with DatabaseStore(database, time.time) as store:
-        store.append_estimates([])
+        store.append_estimates([ESTIMATE])
         until(lambda: store.problem == "locked")
         assert store.behind_s > 0.0
         down[0] = False

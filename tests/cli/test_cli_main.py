@@ -127,6 +127,13 @@ def test_the_manual_names_every_option_of_tokens(capsys: pytest.CaptureFixture[s
     assert options == set(re.findall(r"--[a-z]+", manual("token")[1]))
 
 
+def test_the_manual_names_every_option_of_the_store(capsys: pytest.CaptureFixture[str]) -> None:
+    usages = [run(capsys, ["store", action, "--help"]).out for action in ("backup", "check", "prune")]
+    assert all("example:" in usage and "--json" in usage for usage in usages)
+    options = set(re.findall(r"--[a-z-]+[a-z]", "".join(usages))) - {"--help"}
+    assert options == set(re.findall(r"--[a-z-]+[a-z]", manual("store")[1]))
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_manual_names_every_option_and_no_other(capsys: pytest.CaptureFixture[str], command: str) -> None:
     """The section of a command in docs/commands.md against its parser."""

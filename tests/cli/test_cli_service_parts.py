@@ -236,6 +236,18 @@ def test_alerts_that_find_no_room_and_values_that_cannot_be_sent_are_counted(
         until(lambda: len(session.put_) == 2 and outputs.dropped["unsent"] == 1)
 
 
+def test_alerts_wait_for_a_link_that_is_lost() -> None:
+    session, connected = Session(), threading.Event()
+    with ZenohOutputs(cast(zenoh.Session, session), connected.is_set) as outputs:
+        outputs.announce("default", "uav1", "alerts", lambda: ALERT)
+        outputs.announce("default", "uav1", "status", lambda: VEHICLE)
+        until(lambda: [leaf(key) for key, _, _ in session.put_] == ["status"])
+        time.sleep(0.3)
+        assert len(session.put_) == 1
+        connected.set()
+        until(lambda: [leaf(key) for key, _, _ in session.put_] == ["status", "alerts"])
+
+
 class Shown:
     """A monitor port with what the display reads."""
 

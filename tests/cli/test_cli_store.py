@@ -4,6 +4,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 from wingwatch.aircraft import STRUCTURES, load_aircraft
 from wingwatch.baselines import (
+    ActionRecord,
     AlertRecord,
     Database,
     DatabaseError,
@@ -22,7 +24,18 @@ from wingwatch.baselines import (
     open_database,
 )
 from wingwatch.cli.store import DatabaseStore, alert_record, alert_view
-from wingwatch.monitor import AlertState, AlertView, EvidenceView, VehicleMemory
+from wingwatch.monitor import (
+    ActionPlan,
+    ActionRequest,
+    AlertAction,
+    AlertState,
+    AlertView,
+    EvidenceView,
+    KeyReusedError,
+    Shelving,
+    VehicleMemory,
+)
+from wingwatch.monitor.alerts import act
 
 ALERT = AlertView(
     id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
@@ -73,6 +86,8 @@ def reference(blocks: int) -> Reference:
 
 def test_an_alert_survives_the_way_into_the_database_and_back() -> None:
     assert alert_view(alert_record(ALERT, 1.0, 2.0)) == ALERT
+    shelved = replace(ALERT, state=AlertState.SHELVED, shelving=Shelving(1.7e9, "warning", 0.1))
+    assert alert_view(alert_record(shelved, 1.0, 2.0)) == shelved
     assert (alert_record(ALERT, 1.0, 2.0).created_at_s, alert_record(ALERT, 1.0, 2.0).updated_at_s) == (
         1.0,
         2.0,
@@ -116,7 +131,7 @@ def test_a_locked_database_holds_nobody_up_and_loses_no_alert(database: Database
         until(lambda: store.problem is not None)
         assert store.problem is not None
         assert "locked" in store.problem
-        assert store.counts["dropped_estimates"] == 1
+        assert store.counts["dropped_estimates"] == 0
         store.save_alert(replace(ALERT, level="critical"))
         assert recalled(store, "uav1").references["short_period"].blocks == 1  # though it is not written yet
         other.execute("ROLLBACK")
@@ -126,6 +141,179 @@ def test_a_locked_database_holds_nobody_up_and_loses_no_alert(database: Database
     stored = database.alert("a1")
     assert stored is not None
     assert stored.level == "critical"
+    assert database.estimate_history("default", "uav1") == (ESTIMATE,)  # history waits, too
+
+
+def test_an_alert_is_told_when_it_is_committed_and_not_before(database: Database, tmp_path: Path) -> None:
+    told: list[AlertView] = []
+
+    def kept(alert: AlertView) -> None:
+        stored = database.alert(alert.id)
+        assert stored is not None
+        assert alert_view(stored) == alert
+        told.append(alert)
+
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        with locked(tmp_path):
+            store.save_alert(ALERT, kept)
+            until(lambda: store.problem is not None)
+            assert told == []
+            store.save_alert(replace(ALERT, level="critical"), kept)
+        until(lambda: told != [])
+    assert told == [replace(ALERT, level="critical")]
+
+
+# -- what people do -------------------------------------------------------------------------------
+
+
+class Plan:
+    """An action on ``ALERT``; what became of it is noted."""
+
+    def __init__(self, key: str | None = None, action: AlertAction = AlertAction.ACKNOWLEDGE) -> None:
+        self.alert, self.took = ALERT, 0
+        self.rewrote: list[AlertView] = []
+        request = ActionRequest("a1", action, "ann", "seen", key)
+        self.plan = ActionPlan(request, self._change, self._taken, lambda: self.alert, self.rewrote.append)
+
+    def _change(self) -> AlertView:
+        return act(self.alert, self.plan.request.action, "ann", "seen")
+
+    def _taken(self, changed: AlertView) -> None:
+        self.alert, self.took = changed, self.took + 1
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    other = sqlite3.connect(folder / "w.db", isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    finally:
+        other.execute("ROLLBACK")
+        other.close()
+
+
+def state_of(database: Database) -> str:
+    stored = database.alert("a1")
+    assert stored is not None
+    return stored.state
+
+
+def stored_alert(store: DatabaseStore) -> None:
+    kept = threading.Event()
+    store.save_alert(ALERT, lambda _: kept.set())
+    assert kept.wait(PATIENCE_S)
+
+
+def test_an_action_is_answered_once_it_is_committed(database: Database) -> None:
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        stored_alert(store)
+        one = Plan("k1")
+        store.carry_out(one.plan)
+        assert state_of(database) == "acknowledged"
+        assert one.took == 1
+        action = database.action("k1")
+        assert action == ActionRecord("k1", "a1", "acknowledge", "ann", "seen", 1000.0)
+
+
+def test_a_repeated_request_is_carried_out_once(database: Database) -> None:
+    """Also by another run of the service; and a key that belongs to another action is refused."""
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        stored_alert(store)
+        store.carry_out(Plan("k1").plan)
+    with DatabaseStore(database, lambda: 2000.0) as store:
+        again = Plan("k1")
+        store.carry_out(again.plan)
+        assert again.took == 0
+        with pytest.raises(KeyReusedError):
+            store.carry_out(Plan("k1", AlertAction.CLEAR).plan)
+    stored = database.alert("a1")
+    assert stored is not None
+    assert stored.note == ("x: y", "ann: acknowledge (seen)")
+
+
+def test_what_makes_no_sense_is_refused_and_holds_nothing_up(database: Database) -> None:
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        stored_alert(store)
+        with pytest.raises(ValueError, match="unshelve applies to alerts that are shelved"):
+            store.carry_out(Plan(action=AlertAction.UNSHELVE).plan)
+        store.carry_out(Plan().plan)
+    assert state_of(database) == "acknowledged"
+
+
+def test_an_action_that_the_database_does_not_take_in_time_has_not_happened(
+    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wingwatch.cli.action_queue._PATIENCE_S", 0.5)
+    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.05)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        stored_alert(store)
+        plan = Plan("k1")
+        with locked(tmp_path):
+            began = time.monotonic()
+            with pytest.raises(DatabaseError, match="nothing has happened"):
+                store.carry_out(plan.plan)
+            assert time.monotonic() - began < 2.0
+        until(lambda: store.problem is None)
+        assert (plan.took, state_of(database), database.action("k1")) == (0, "active", None)
+        store.carry_out(plan.plan)
+        assert (plan.took, state_of(database)) == (1, "acknowledged")
+    assert store.counts["withdrawn_actions"] == 1
+
+
+def test_an_action_whose_reply_was_lost_is_found_and_answered(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save, lost = Database.save_action, [1]
+
+    def without_reply(self: Database, alert: AlertRecord, action: ActionRecord) -> None:
+        save(self, alert, action)
+        if lost:
+            lost.pop()
+            raise DatabaseError("the database cannot be reached")
+
+    monkeypatch.setattr(Database, "save_action", without_reply)
+    monkeypatch.setattr("wingwatch.cli.store._RETRY_S", 0.01)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        stored_alert(store)
+        plan = Plan()
+        store.carry_out(plan.plan)
+    assert plan.took == 1
+    assert state_of(database) == "acknowledged"
+
+
+def test_an_action_that_was_committed_after_its_caller_had_been_told_no_is_undone(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As by a server that is frozen with the commit in its hands and goes on later."""
+    save, thawed = Database.save_action, threading.Event()
+
+    def frozen(self: Database, alert: AlertRecord, action: ActionRecord) -> None:
+        thawed.wait(PATIENCE_S)
+        save(self, alert, action)
+
+    monkeypatch.setattr(Database, "save_action", frozen)
+    monkeypatch.setattr("wingwatch.cli.action_queue._PATIENCE_S", 0.3)
+    with DatabaseStore(database, lambda: 1000.0) as store:
+        stored_alert(store)
+        plan = Plan("k1")
+        with pytest.raises(DatabaseError, match="nothing has happened"):
+            store.carry_out(plan.plan)
+        thawed.set()
+        until(lambda: store.counts["undone_actions"] == 1)
+        assert (plan.took, state_of(database), database.action("k1")) == (0, "active", None)
+        assert plan.rewrote == [ALERT]
+
+
+def test_actions_that_wait_are_bounded(
+    database: Database, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wingwatch.cli.action_queue._MOST_WAITING", 0)
+    with (
+        DatabaseStore(database, lambda: 1000.0) as store,
+        pytest.raises(DatabaseError, match="too many actions"),
+    ):
+        store.carry_out(Plan().plan)
 
 
 def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
@@ -133,7 +321,7 @@ def test_what_waits_is_bounded_and_what_is_dropped_is_counted(
 ) -> None:
     monkeypatch.setattr("wingwatch.cli.store._MOST_ESTIMATES", 3)
     store = DatabaseStore(database, lambda: 0.0)  # its thread does not run yet
-    store.append_estimates([ESTIMATE] * 5)
+    store.append_estimates([replace(ESTIMATE, time_s=float(k)) for k in range(5)])
     assert store.counts["dropped_estimates"] == 2
     with store:
         pass
@@ -187,7 +375,8 @@ def test_an_entry_that_the_database_refuses_is_given_up_and_the_others_do_not_wa
     assert [a.id for a in database.alerts().items] == ["a1"]
     assert database.estimate_history("default", "uav1") == (ESTIMATE,)
     assert store.counts == {
-        "failed_reads": 0, "retries": 5, "refused": 1, "dropped_estimates": 0, "dropped_alerts": 0, "dropped_memory": 0
+        "failed_reads": 0, "retries": 5, "refused": 1, "dropped_estimates": 0, "dropped_alerts": 0, "dropped_memory": 0,
+        "withdrawn_actions": 0, "undone_actions": 0,
     }  # fmt: skip
     assert "given up after 5 tries" in caplog.text
 

@@ -10,6 +10,7 @@ import numpy as np
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.baselines import Envelope, EstimateRecord, Reference
 from wingwatch.monitor import (
+    ActionPlan,
     AlertState,
     AlertView,
     CellPlace,
@@ -59,10 +60,17 @@ class Clock:
 
 @dataclass
 class FakeStore:
-    """Remembers what it is given; with ``broken`` every call fails, with ``unread`` nothing has been read yet."""
+    """Remembers what it is given.
+
+    With ``broken`` every call fails, with ``unread`` nothing has been read yet, with ``slow`` alerts are committed by
+    ``commit``. ``meanwhile`` happens while an action is being committed.
+    """
 
     broken: bool = False
     unread: bool = False
+    slow: bool = False
+    uncommitted: list[tuple[AlertView, Callable[[AlertView], None]]] = field(default_factory=list)
+    meanwhile: Callable[[], object] = lambda: None
     known: Mapping[str, Reference] = field(default_factory=dict)
     envelopes: Mapping[str, Envelope] = field(default_factory=dict)
     earlier: Sequence[AlertView] = ()
@@ -100,17 +108,34 @@ class FakeStore:
         self._fail()
         self.cells_kept.update(cells)
 
-    def save_alert(self, alert: AlertView) -> None:
+    def save_alert(self, alert: AlertView, kept: Callable[[AlertView], None]) -> None:
         self._fail()
         self.alerts_kept.append(alert)
+        if self.slow:
+            self.uncommitted.append((alert, kept))
+        else:
+            kept(alert)
+
+    def commit(self) -> None:
+        """What waits is in the database now."""
+        waiting, self.uncommitted = self.uncommitted, []
+        for alert, kept in waiting:
+            kept(alert)
+
+    def carry_out(self, plan: ActionPlan) -> None:
+        self._fail()
+        changed = plan.change()
+        self.alerts_kept.append(changed)
+        self.meanwhile()
+        plan.taken(changed)
 
     def append_estimates(self, rows: Sequence[EstimateRecord]) -> None:
         self._fail()
         self.rows.extend(rows)
 
-    def alerts(self) -> Sequence[AlertView]:
+    def alerts(self, patience_s: float) -> Sequence[AlertView] | None:
         self._fail()
-        return self.earlier
+        return None if self.unread else self.earlier
 
 
 @dataclass
@@ -138,7 +163,7 @@ class Hall:
         self.store = store or FakeStore()
         ids = count(1)
         self.fleet = FleetMonitor(
-            find, self.clock, lambda: f"a{next(ids)}", self.store, self.outputs, settings
+            find, self.clock, lambda: f"a{next(ids)}", self.store, self.outputs, settings, self.clock
         )
         self.sequence = count()
 

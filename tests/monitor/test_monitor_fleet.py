@@ -14,6 +14,7 @@ from wingwatch.monitor import (
     AlertView,
     FleetSettings,
     JudgeConfig,
+    Shelving,
     VehicleState,
 )
 from wingwatch.monitor.roster import KEPT_S
@@ -239,13 +240,16 @@ def test_a_failing_store_is_counted_and_watching_goes_on(damaged: SampleBlock) -
         hall.announce()
         hall.fly(damaged, 0, 110)
     assert broken.derivatives() == sound.derivatives()
-    assert [a.cause for a in broken.fleet.alerts()] == [a.cause for a in sound.fleet.alerts()]
-    assert broken.fleet.alerts()
+    assert broken.view().state is sound.view().state is VehicleState.DEGRADED
+    assert broken.fleet.alerts() == []  # what is not stored is not told
     # references and envelopes once, then history every second and the alert
     assert broken.fleet.problems["store"] > 100
     said = [e.data["text"] for e in broken.fleet.events(0) if e.kind == "problem"]
     assert set(said) == {"database is locked"}
     assert sound.fleet.problems == {}
+    broken.store.broken = False
+    broken.fleet.tick()  # what was not taken is handed over again
+    assert broken.fleet.alerts() == sound.fleet.alerts() != []
 
 
 def test_what_has_not_been_read_is_not_taken_for_nothing_and_not_written_over(flight: SampleBlock) -> None:
@@ -420,6 +424,64 @@ def test_an_alert_is_kept_announced_and_obeys_people(damaged: SampleBlock) -> No
     assert hall.fleet.events(0)[-1].data["state"] == "cleared"
 
 
+def test_an_alert_is_told_once_it_is_committed_and_not_before(damaged: SampleBlock) -> None:
+    hall = Hall(store=FakeStore(slow=True))
+    hall.announce()
+    hall.fly(damaged, 0, 108)
+    assert hall.view().state is VehicleState.DEGRADED  # the fault shows at once
+    assert hall.view().active_alerts == ()
+    assert hall.fleet.alerts() == []
+    assert [v for _, v in hall.outputs.said if isinstance(v, AlertView)] == []
+    assert [e for e in hall.fleet.events(0) if e.kind == "alert"] == []
+    assert hall.fleet.act_on_alert("a1", AlertAction.CLEAR, "ann", "") is None
+    hall.store.commit()
+    (alert,) = hall.fleet.alerts()
+    assert alert == hall.store.alerts_kept[-1]
+    assert hall.view().active_alerts == (alert.id,)
+    assert [v for _, v in hall.outputs.said if isinstance(v, AlertView)][-1] == alert
+    assert [e.data["id"] for e in hall.fleet.events(0) if e.kind == "alert"][-1] == alert.id
+
+
+def test_what_the_monitor_finds_while_an_action_is_committed_is_not_lost(damaged: SampleBlock) -> None:
+    hall = Hall()
+    hall.announce()
+    hall.fly(damaged, 0, 104)
+    (before,) = hall.fleet.alerts()
+    found = replace(before, level="critical", size=before.size + 1.0)
+
+    def meanwhile() -> None:
+        assert hall.fleet.alerts() == [before]  # nothing is told before it is committed
+        hall.fleet._keep_alert(found)
+
+    hall.store.meanwhile = meanwhile
+    acted = hall.fleet.act_on_alert(before.id, AlertAction.ACKNOWLEDGE, "ann", "seen")
+    assert acted is not None
+    assert (acted.state, acted.level, acted.size) == (AlertState.ACKNOWLEDGED, "critical", found.size)
+    assert acted.note == ("ann: acknowledge (seen)",)
+    assert hall.store.alerts_kept[-1] == acted
+    assert hall.fleet.alerts() == [acted]
+
+
+def test_alerts_of_earlier_runs_that_could_not_be_read_are_read_later() -> None:
+    hall = Hall(store=FakeStore(unread=True, earlier=(OLD_ALERT,)))
+    assert hall.fleet.alerts() == []
+    hall.store.unread = False
+    hall.fleet.tick()
+    assert hall.fleet.alerts() == [OLD_ALERT]
+    assert hall.store.alerts_kept == []
+    assert [v for _, v in hall.outputs.said if isinstance(v, AlertView)] == [OLD_ALERT]
+
+
+def test_alerts_of_earlier_runs_are_announced_again_at_the_start() -> None:
+    """The earlier run may have been killed between the commit and the announcement."""
+    old = [replace(OLD_ALERT, id=f"c{k}", state=AlertState.CLEARED) for k in range(150)]
+    hall = Hall(store=FakeStore(earlier=(*old, OLD_ALERT)))
+    said = [v for _, v in hall.outputs.said if isinstance(v, AlertView)]
+    assert [a.id for a in said] == ["old", *(f"c{k}" for k in range(99, -1, -1))]
+    hall.fleet.tick()
+    assert len([v for _, v in hall.outputs.said if isinstance(v, AlertView)]) == len(said)
+
+
 def test_alerts_of_earlier_runs_can_be_shelved_and_cleared() -> None:
     newer = replace(OLD_ALERT, id="newer")
     hall = Hall(store=FakeStore(earlier=(newer, OLD_ALERT)))
@@ -435,6 +497,45 @@ def test_alerts_of_earlier_runs_can_be_shelved_and_cleared() -> None:
         assert changed.state is state
         assert hall.store.alerts_kept[-1] == changed
     assert [a.id for a in hall.fleet.alerts()] == ["newer", "old"]
+
+
+def test_a_shelved_alert_comes_back_when_its_time_is_over() -> None:
+    hall = Hall(store=FakeStore(earlier=(OLD_ALERT,)))
+    shelved = hall.fleet.act_on_alert("old", AlertAction.SHELVE, "ann", "", shelve_s=600.0)
+    assert shelved is not None
+    assert shelved.shelving == Shelving(hall.clock.now_s + 600.0, "watch", 0.1)
+    again = Hall(store=FakeStore(earlier=(shelved,)))  # also by another run
+    for fleet in (hall, again):
+        fleet.clock.now_s += 599.0
+        fleet.fleet.tick()
+        assert fleet.fleet.alerts()[0].state is AlertState.SHELVED
+        fleet.clock.now_s += 1.0
+        fleet.fleet.tick()
+        (alert,) = fleet.fleet.alerts()
+        assert (alert.state, alert.shelving) == (AlertState.ACTIVE, None)
+        assert alert.note[-1] == "wingwatch: unshelve (its time is over)"
+        assert fleet.store.alerts_kept[-1] == alert
+        fleet.fleet.tick()
+        assert fleet.fleet.alerts() == [alert]
+
+
+@pytest.mark.parametrize(
+    ("changes", "back"),
+    [
+        ({"size": 0.13}, False),
+        ({"size": 0.15}, True),
+        ({"level": "warning"}, True),
+        ({"probability": 0.99}, False),
+    ],
+)
+def test_a_shelved_alert_comes_back_when_the_fault_grows(changes: dict[str, object], back: bool) -> None:
+    hall = Hall(store=FakeStore(earlier=(OLD_ALERT,)))
+    shelved = hall.fleet.act_on_alert("old", AlertAction.SHELVE, "ann", "")
+    assert shelved is not None
+    hall.fleet._keep_alert(replace(shelved, **changes))  # type: ignore[arg-type]
+    (alert,) = hall.fleet.alerts()
+    assert (alert.state is AlertState.ACTIVE) == back
+    assert (alert.note[-1] == "wingwatch: unshelve (it has grown)") == back
 
 
 def test_nonsense_about_alerts_is_refused() -> None:

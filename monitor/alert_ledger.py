@@ -1,0 +1,142 @@
+"""The alerts of a fleet: what is told of them is what the store has committed."""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+
+from wingwatch.monitor.alerts import act
+from wingwatch.monitor.ports import ActionRequest
+from wingwatch.monitor.roster import VehicleKey
+from wingwatch.monitor.views import AlertState, AlertView, Shelving
+
+__all__ = ["AlertLedger"]
+
+_LEVELS = ("watch", "warning", "critical")
+
+
+class AlertLedger:
+    """Of each alert the newest version, and the newest that is committed. To be used with the fleet's lock held.
+
+    Args:
+        most: alerts that are kept; where there are more, the oldest cleared one goes, without such the oldest.
+
+    Attributes:
+        unsaved: alerts whose newest version the store has not taken over.
+        forgotten: alerts that went.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._newest: dict[str, AlertView] = {}
+        self._told: dict[str, AlertView] = {}
+        self.unsaved: dict[str, None] = {}
+        self.forgotten = 0
+
+    def add_earlier(self, alerts: Sequence[AlertView]) -> None:
+        """Alerts of earlier runs, newest first; what is known of one already is newer."""
+        earlier = {alert.id: alert for alert in reversed(alerts)}
+        self._newest = earlier | self._newest
+        self._told = earlier | self._told
+
+    def follow(self, alert: AlertView) -> AlertView:
+        """A new version by the monitor; returns it with what people have done to the alert."""
+        before = self._newest.get(alert.id)
+        if before is not None and before.state is not AlertState.ACTIVE and alert.state is AlertState.ACTIVE:
+            alert = replace(alert, state=before.state, note=before.note, shelving=before.shelving)
+        if alert.state is AlertState.SHELVED and _has_grown(alert):
+            alert = _back(alert, "it has grown")
+        self._newest[alert.id] = alert
+        self.unsaved[alert.id] = None
+        self._forget()
+        return alert
+
+    def told(self, alert: AlertView) -> None:
+        """This version is committed."""
+        self._told[alert.id] = alert
+        self._forget()
+
+    def changed(self, request: ActionRequest, cleared_s: Callable[[AlertView], float | None]) -> AlertView:
+        """The alert as a person's action leaves it; nothing happens yet.
+
+        Raises:
+            ValueError: the action makes no sense in the alert's state.
+        """
+        newest = self._newest.get(request.alert_id)
+        if newest is None:
+            raise ValueError(f"alert {request.alert_id} is old and no longer followed")
+        alert = act(newest, request.action, request.who, request.note)
+        shelving = Shelving(request.until_at_s, alert.level, alert.size)
+        alert = replace(alert, shelving=shelving if alert.state is AlertState.SHELVED else None)
+        return replace(alert, cleared_s=cleared_s(alert)) if alert.state is AlertState.CLEARED else alert
+
+    def acted(self, changed: AlertView) -> AlertView:
+        """The action is committed and told; returns the newest version with it."""
+        newest, merged = self._newest.get(changed.id), changed
+        if newest is not None:
+            merged = replace(newest, note=(*newest.note, changed.note[-1]))
+            if newest.state is not AlertState.CLEARED:
+                merged = replace(
+                    merged, state=changed.state, cleared_s=changed.cleared_s, shelving=changed.shelving
+                )
+        self._newest[changed.id] = merged
+        self.told(changed)
+        return merged
+
+    def come_back(self, now_at_s: float) -> list[AlertView]:
+        """Alerts whose time on the shelf is over; they are active again from now on."""
+        over = [
+            _back(alert, "its time is over")
+            for alert in self._newest.values()
+            if alert.state is AlertState.SHELVED
+            and alert.shelving is not None
+            and alert.shelving.until_at_s <= now_at_s
+        ]
+        for alert in over:
+            self._newest[alert.id] = alert
+            self.unsaved[alert.id] = None
+        return over
+
+    def newest(self, alert_id: str) -> AlertView | None:
+        """The newest version, committed or not; None for an alert that is not kept."""
+        return self._newest.get(alert_id)
+
+    def shown(self, alert_id: str) -> AlertView | None:
+        """The newest committed version; None for an alert that is not known, or not yet to be told of."""
+        return self._told.get(alert_id)
+
+    def all_shown(self) -> list[AlertView]:
+        """All committed versions, newest alert first."""
+        return list(reversed(self._told.values()))
+
+    @property
+    def ids(self) -> Collection[str]:
+        """Of all that may be told of."""
+        return self._told.keys()
+
+    def stands(self, key: VehicleKey) -> bool:
+        """Whether an alert of the vehicle is not cleared."""
+        return any(
+            (a.fleet, a.vehicle) == key and a.state is not AlertState.CLEARED for a in self._newest.values()
+        )
+
+    def _forget(self) -> None:
+        while len(self._newest) > self._most:
+            cleared = (name for name, a in self._newest.items() if a.state is AlertState.CLEARED)
+            gone = next(cleared, None) or next(iter(self._newest))
+            self._newest.pop(gone)
+            self._told.pop(gone, None)
+            self.unsaved.pop(gone, None)
+            self.forgotten += 1
+
+
+def _has_grown(alert: AlertView) -> bool:
+    """Whether a shelved alert is more than it was then, by level or by two standard errors of its size."""
+    then = alert.shelving
+    if then is None:
+        return False
+    higher = _LEVELS.index(alert.level) > _LEVELS.index(then.level)
+    return higher or alert.size > then.size + 2.0 * alert.size_standard_error
+
+
+def _back(alert: AlertView, why: str) -> AlertView:
+    note = (*alert.note, f"wingwatch: unshelve ({why})")
+    return replace(alert, state=AlertState.ACTIVE, note=note, shelving=None)
