@@ -23,7 +23,9 @@ from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nomina
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock, Verdict
 from wingwatch.monitor.mode_object import mode_object
+from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
@@ -51,21 +53,6 @@ class Report:
 
     solutions: list[Solution] = field(default_factory=list)
     alerts: list[AlertView] = field(default_factory=list)
-
-
-@dataclass(slots=True)
-class _Memory:
-    """What the vehicle remembers beside its parts' own states."""
-
-    latest: Solution | None = None
-    block: BlockView | None = None
-    verdict: Verdict | None = None
-    observable_s: float = 0.0
-    state: VehicleState = VehicleState.UNKNOWN
-    state_since_s: float | None = None
-    outside: str = ""
-    too_slow: int = 0
-    resting: bool = False
 
 
 class VehicleMonitor:
@@ -116,7 +103,7 @@ class VehicleMonitor:
         self.cells = CellBook(self.judge.coordinates, cells)
         self._judge_state = self.judge.init(references or {}, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
-        self._memory = _Memory()
+        self._memory = WatchMemory()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -164,6 +151,39 @@ class VehicleMonitor:
         founded = self._founded_by_file
         self.judge.adopt(self._judge_state, memory.references, founded)
         self.cells.adopt(memory.cells)
+
+    def saved(self) -> MonitorState:
+        """A copy of all that this monitor remembers; what it is made of is not in it."""
+        latest = self._memory.latest
+        return MonitorState(
+            cleaner=self.cleaner.state,
+            cleaned=self.cleaner.report,
+            aligner=self._aligner.state,
+            chain=self.chain.saved(self.chain_state),
+            judge=detached(self._judge_state),
+            book=self.book.state,
+            cells=detached(self.cells.state),
+            memory=detached(self._memory),
+            latest=None if latest is None else SavedSolution.of(latest),
+        )
+
+    def restore(self, saved: MonitorState) -> None:
+        """Go on from what ``saved`` gave, as if there had been no interruption; this monitor has seen no sample.
+
+        Raises:
+            ValueError: it was saved by a monitor of other estimators or other expectations.
+        """
+        expected = {name: r.vector.shape for name, r in self._judge_state.references.items()}
+        if {name: r.vector.shape for name, r in saved.judge.references.items()} != expected:
+            raise ValueError("the references are of other structures")
+        self.chain.restore(self.chain_state, saved.chain)
+        self.cleaner = Cleaner(state=saved.cleaner, report=saved.cleaned)
+        self._aligner.resume(saved.aligner)
+        self._judge_state = saved.judge
+        self.book.resume(saved.book)
+        self.cells.resume(saved.cells)
+        self._memory = saved.memory
+        self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
 
     def feed(self, block: SampleBlock) -> Report:
         """Take in samples as they came (completed, not cleaned)."""
