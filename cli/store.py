@@ -21,6 +21,7 @@ from wingwatch.baselines import (
     CellMemory,
     Database,
     DatabaseError,
+    Envelope,
     EstimateRecord,
     EvidenceRecord,
     Reference,
@@ -145,6 +146,10 @@ class DatabaseStore:
             if cursor is None:
                 break
         return [alert_view(record) for record in records]
+
+    def expectations(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
+        """Expectations of a type that the database has; it is read at once."""
+        return stored_envelopes(self._database, aircraft, configuration)
 
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]

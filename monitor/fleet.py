@@ -6,21 +6,23 @@ the service, the demo and the tests.
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Literal
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import EstimateRecord
+from wingwatch.baselines import Envelope, EstimateRecord
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.alerts import act
 from wingwatch.monitor.chain import Solution
+from wingwatch.monitor.checkpoint import CheckpointError, SavedVehicle, settings_of
 from wingwatch.monitor.fair_lock import FairLock
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
 from wingwatch.monitor.ports import News, Outputs, Store, VehicleMemory
+from wingwatch.monitor.resuming import Checkpoints, agreed, goes_on, resumed_vehicle, saved_vehicle
 from wingwatch.monitor.roster import Roster, VehicleKey
 from wingwatch.monitor.together import feed_together
 from wingwatch.monitor.vehicle import Report, VehicleMonitor
@@ -48,6 +50,9 @@ _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
 _MOST_HELD = 2000  # messages, of all vehicles together
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
+_SAVED_AT_ONCE = (
+    2  # copies of vehicles' states between two rounds of messages: a fraction of a millisecond each
+)
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 _Told = tuple[ServiceStream, Callable[[], News]] | Literal["ask"]
@@ -75,6 +80,7 @@ class FleetSettings:
         kept_events, kept_alerts: how many are kept in memory.
         history_interval_s: least sample time between two estimates kept for history.
         recall_patience_s: how long samples wait for what is kept of their vehicle before they are watched without.
+        checkpoint_interval_s: least time between two checkpoints of a vehicle without news of an alert.
     """
 
     stale_s: float = 5.0
@@ -85,6 +91,7 @@ class FleetSettings:
     kept_alerts: int = 10_000
     history_interval_s: float = 1.0
     recall_patience_s: float = 2.0
+    checkpoint_interval_s: float = 5.0
     judge: JudgeConfig = field(default_factory=JudgeConfig)
 
 
@@ -97,6 +104,7 @@ class FleetMonitor:
         new_id: makes alert ids.
         store: memory across restarts, or None.
         outputs: where news goes, or None.
+        checkpoints: where states of vehicles are kept, or None; ``resume`` goes on from them.
     """
 
     def __init__(
@@ -107,8 +115,9 @@ class FleetMonitor:
         store: Store | None = None,
         outputs: Outputs | None = None,
         settings: FleetSettings | None = None,
+        checkpoints: Checkpoints | None = None,
     ) -> None:
-        self._find, self._clock = find_aircraft, clock
+        self._find, self._clock, self._checkpoints = find_aircraft, clock, checkpoints
         self._store, self.outputs = store, outputs
         self._settings = settings or FleetSettings()
         self._lock = FairLock()
@@ -123,6 +132,60 @@ class FleetMonitor:
         self._problems: dict[str, int] = {}
         if store is not None:
             self._alerts = {a.id: a for a in reversed(self._guarded(store.alerts) or ())}
+        self._earlier = {
+            (a.fleet, a.vehicle): a for a in self._alerts.values() if a.state is not AlertState.CLEARED
+        }  # the newest of each vehicle, until its monitor follows it again
+
+    def resume(self) -> None:
+        """Every vehicle goes on from its checkpoint; to be called once, before the first message."""
+        if self._checkpoints is None:
+            return
+        envelopes: dict[tuple[str, str], Mapping[str, Envelope]] = {}
+        for saved in self._checkpoints.load():
+            key = saved.fleet, saved.vehicle
+            if not goes_on(saved, self._settings.judge):
+                self._checkpoints.count("expired")
+                continue
+            try:
+                known = resumed_vehicle(saved, self._find, self._maker, partial(self._stored, envelopes))
+            except CheckpointError as error:
+                text = f"the checkpoint of {key[0]}/{key[1]} is not used: {error}; the vehicle starts anew"
+                self._checkpoints.count("refused", text)
+                continue
+            known.heard_s = self._clock() - saved.silent_s
+            with self._lock:
+                news = self._follow_earlier(key, known)
+                if not self._vehicles.resume(key, known):
+                    self._checkpoints.count("refused", f"there is no place for {key[0]}/{key[1]}")
+                    continue
+            self._checkpoints.count("resumed")
+            self._tell(*key, news)
+
+    def _stored(
+        self, known: dict[tuple[str, str], Mapping[str, Envelope]], aircraft: Aircraft, configuration: str
+    ) -> Mapping[str, Envelope]:
+        """Expectations that the database has for a type, read once."""
+        store, kind = self._store, (aircraft.name, configuration)
+        if kind not in known:
+            ask = partial(store.expectations, aircraft, configuration) if store is not None else dict
+            known[kind] = self._guarded(ask) or {}
+        return known[kind]
+
+    def _follow_earlier(self, key: VehicleKey, known: KnownVehicle) -> list[_Told]:
+        """The vehicle's monitor follows the alert that was in force before the restart, if there was one."""
+        monitor, standing = known.monitor, self._earlier.pop(key, None)
+        if monitor is None:
+            return []
+        if standing is not None:
+            standing = self._alerts.get(standing.id)
+        if standing is not None and standing.state is AlertState.CLEARED:
+            standing = None
+        active = monitor.book.active
+        missing = agreed(monitor, self._alerts.get(active.id) if active else None, standing)
+        if missing is None:
+            return []
+        self._keep_alert(missing)
+        return [_of_alert(missing)]
 
     # -- what comes in ------------------------------------------------------------------------
 
@@ -155,8 +218,46 @@ class FleetMonitor:
                 if known.monitor is not None and known.held:
                     ready[key] = known
             told += self._advance(ready)
+            self._save_some(ready)
         for (fleet, vehicle), news in told:
             self._tell(fleet, vehicle, news)
+
+    # -- what is saved of it -------------------------------------------------------------------
+
+    def _save_some(self, ready: Mapping[VehicleKey, KnownVehicle]) -> None:
+        """Hand over the states that are due, a few at a time: at once where an alert has changed."""
+        checkpoints = self._checkpoints
+        if checkpoints is None:
+            return
+        left, now_s = _SAVED_AT_ONCE, self._clock()
+        for key, known in ready.items():
+            due = known.unsaved and now_s - known.checkpoint_s >= self._settings.checkpoint_interval_s
+            if known.urgent or (due and left and checkpoints.has_room()):
+                left -= not known.urgent
+                saved, urgent = self._saved(key, known), known.urgent
+                known.urgent = False
+                if saved is not None:
+                    checkpoints.keep(saved, urgent)
+
+    def _saved(self, key: VehicleKey, known: KnownVehicle) -> SavedVehicle | None:
+        """A copy of the vehicle's state, with the lock held."""
+        known.checkpoint_s, known.unsaved = self._clock(), False
+        try:
+            return saved_vehicle(key, known, self._clock())
+        except Exception as error:  # the watch goes on without
+            self._count("checkpoint")
+            self._event("problem", {"what": "checkpoint", "text": str(error)})
+            return None
+
+    def unsaved(self) -> Iterator[SavedVehicle]:
+        """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
+        with self._lock:
+            everyone = list(self._vehicles.items())
+        for key, known in everyone:
+            with self._lock:
+                saved = self._saved(key, known) if known.unsaved else None
+            if saved is not None:
+                yield saved
 
     def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> list[_Told]:
         """One message decoded; samples that can be used are held for ``_advance``."""
@@ -222,6 +323,8 @@ class FleetMonitor:
                     self._note_fault(*key, known, error)
                     continue
                 sound.append(one)
+                known.unsaved = True
+                known.urgent |= bool(report.alerts)
                 if news:
                     told.append((key, news))
             going = sound
@@ -240,7 +343,7 @@ class FleetMonitor:
         if known.monitor is not None:
             if memory is not None:
                 known.monitor.adopt(loading.recalled(memory))
-                known.recalled = True
+                known.recalled, known.late = True, True
                 known.saved_blocks = sum(r.blocks for r in memory.references.values())
             return
         now_s = self._clock()
@@ -254,6 +357,8 @@ class FleetMonitor:
         )
         known.recalled = memory is not None
         known.saved_blocks = _blocks(known.monitor)
+        known.given, known.settings = given, settings_of(known.monitor, given)
+        self._follow_earlier((fleet, vehicle), known)
 
     # -- what it leads to ----------------------------------------------------------------------
 
@@ -411,6 +516,7 @@ class FleetMonitor:
         due: list[tuple[str, str, list[_Told]]] = []
         with self._lock:
             self._asks_left = _MOST_ASKS
+            self._save_some(dict(self._vehicles.items()))
             self._held = sum(len(known.held) for _, known in self._vehicles.items())
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
             for (fleet, vehicle), known in self._vehicles.items():
@@ -494,6 +600,9 @@ class FleetMonitor:
                 monitor.book.active = changed
             self._alerts[alert_id] = changed
             self._keep_alert(changed)
+            if known is not None and monitor is not None:
+                known.urgent = True
+                self._save_some({(alert.fleet, alert.vehicle): known})
         self._tell(alert.fleet, alert.vehicle, [_of_alert(changed)])
         return changed
 

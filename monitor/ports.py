@@ -73,6 +73,13 @@ class Store(Protocol):
         """Alerts of earlier runs, newest first."""
         ...
 
+    def expectations(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
+        """Expectations that take the place of an aircraft file's, by structure.
+
+        Called at the start only, before anybody waits: it may read the database.
+        """
+        ...
+
 
 class Outputs(Protocol):
     """Where news goes; called without the fleet's lock held."""

@@ -58,6 +58,14 @@ class Roster:
         self.sort(key)
         return known
 
+    def resume(self, key: VehicleKey, known: KnownVehicle) -> bool:
+        """A vehicle of before a restart takes its place; False where none is left."""
+        if len(self._vehicles) >= self._most:
+            return False
+        self._vehicles[key] = known
+        self.sort(key)
+        return True
+
     def sort(self, key: VehicleKey) -> None:
         """Put a vehicle where it belongs, after a message or when its aircraft may have become known."""
         self._strangers.pop(key, None)

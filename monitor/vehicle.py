@@ -17,7 +17,7 @@ from wingwatch.aircraft import (
 )
 from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import BlockEvidence, Estimate, Outcome
-from wingwatch.monitor.alerts import AlertBook
+from wingwatch.monitor.alerts import AlertBook, BookState
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
 from wingwatch.monitor.comparison import Coordinates, natural_size
@@ -33,6 +33,8 @@ from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["Report", "VehicleMonitor", "surface_kinds"]
 
+
+_SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
 
 LEAST_AIRSPEED_M_S = 1.0
 """Slower is not flying: at rest an airspeed sensor reads noise about zero, of either sign, and estimation waits."""
@@ -185,6 +187,30 @@ class VehicleMonitor:
         self._memory = saved.memory
         self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
 
+    def follow_again(self, alert: AlertView) -> None:
+        """An alert that was in force before a restart is so again, and was raised after this state was saved.
+
+        A monitor that has seen blocks is on the same clock. For one that has not, all blocks may be part of the change:
+        none of them is learned from.
+        """
+        known = self._memory.block is not None
+        blocks_s = self.judge.config.patience_blocks * self.judge.config.block_s
+        onset_s = alert.raised_s - blocks_s if known else float("-inf")
+        self.book.resume(BookState(alert, onset_s, 0, 0))
+        self._memory.state = VehicleState.DEGRADED
+
+    def dismiss(self, by_person: bool) -> None:
+        """The alert in force was cleared after this state was saved.
+
+        Args:
+            by_person: what was changed may be so still; else the change was over, and its blocks are forgotten.
+        """
+        onset_s = self.book.onset_s
+        if not by_person and onset_s is not None:
+            self._judge_state.blocks[:] = [b for b in self._judge_state.blocks if b.end_s <= onset_s]
+        self.book.dismiss()
+        self._memory.state = VehicleState.NOT_OBSERVABLE
+
     def feed(self, block: SampleBlock) -> Report:
         """Take in samples as they came (completed, not cleaned)."""
         report = Report()
@@ -261,6 +287,11 @@ class VehicleMonitor:
         if condition is None or not modes:
             return None
         block = BlockView(closed[0][1].end_s, condition, modes)
+        before = self._memory.block
+        if before is not None and block.end_s < before.end_s - _SET_BACK_S and self.book.onset_s is not None:
+            self.book.onset_s = float(
+                "-inf"
+            )  # the clock was set back: by its stamps no block is before the onset
         verdict = self.judge.consider(self._judge_state, block, self.book.onset_s)
         self._memory.block, self._memory.verdict = block, verdict
         return self.book.follow(

@@ -1,4 +1,4 @@
-"""Saved and restored equals uninterrupted, to the bit: alone, in company, in another process, with every kind of input."""
+"""Saved and restored equals uninterrupted, to the bit: alone, together, in another process, for all kinds of input."""
 
 import multiprocessing
 from collections.abc import Callable, Sequence

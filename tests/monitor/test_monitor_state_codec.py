@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, NamedTuple
@@ -96,7 +97,7 @@ def test_objects_of_the_program_are_named() -> None:
     ice = Cause("ice")
     codec = Codec({Cause: Named(lambda one: str(one.name), {"ice": ice})})
     assert codec.decode(Cause, codec.encode(Cause, ice)) is ice
-    with pytest.raises(StateError, match="no .*Cause wind"):
+    with pytest.raises(StateError, match=r"no .*Cause wind"):
         codec.decode(Cause, codec.encode(Cause, Cause("wind")))
 
 
@@ -147,10 +148,8 @@ def test_whatever_the_bytes_they_are_read_or_refused() -> None:
     for _ in range(3000):
         bad = bytearray(data)
         bad[rng.integers(len(data))] = rng.integers(256)
-        try:
+        with suppress(StateError):
             codec.decode(Whole, bytes(bad))
-        except StateError as error:
-            assert str(error)
 
 
 def test_a_detached_copy_does_not_change_with_the_original() -> None:
