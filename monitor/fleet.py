@@ -184,6 +184,7 @@ class FleetMonitor:
         missing = agreed(monitor, self._alerts.get(active.id) if active else None, standing)
         if missing is None:
             return []
+        self._alerts.pop(missing.id, None)  # what the checkpoint has is newer
         self._keep_alert(missing)
         return [_of_alert(missing)]
 

@@ -52,12 +52,13 @@ class Checkpoints(Protocol):
 
 def saved_vehicle(key: VehicleKey, known: KnownVehicle, now_s: float) -> SavedVehicle | None:
     """All that is known of a vehicle; None where there is nothing to go on from, or a fault may have damaged it."""
-    if known.monitor is None or known.message is None or known.watched_as is None or known.received_s is None:
+    if known.monitor is None or known.message is None or known.watched_as is None:
         return None
+    heard_s = known.heard_s if known.received_s is None else known.received_s
     if now_s - known.fault_s <= FAULT_SHOWN_S:
         return None
     return SavedVehicle(
-        fleet=key[0], vehicle=key[1], settings=known.settings, silent_s=now_s - known.received_s,
+        fleet=key[0], vehicle=key[1], settings=known.settings, silent_s=now_s - heard_s,
         message=known.message, watched_as=known.watched_as, given=known.given, late=known.late,
         recalled=known.recalled, counts=dict(known.counts), arrivals=known.arrivals.state,
         history_s=known.history_s, monitor=known.monitor.saved(),
@@ -121,7 +122,7 @@ def resumed_vehicle(
 
 
 def agreed(monitor: VehicleMonitor, kept: AlertView | None, standing: AlertView | None) -> AlertView | None:
-    """Bring a resumed monitor's alert in line with what the database has; what the database has not, or None.
+    """Bring a resumed monitor's alert in line with the database; the alert as the database has it not, or None.
 
     The database may know more, for it may have been written after the checkpoint, or less.
 
@@ -131,11 +132,14 @@ def agreed(monitor: VehicleMonitor, kept: AlertView | None, standing: AlertView 
         standing: the vehicle's newest alert in the database that is not cleared.
     """
     active = monitor.book.active
+    missing = active if kept is None else None
     if active is not None and kept is not None:
         if kept.state is AlertState.CLEARED:
             monitor.dismiss(by_person=kept.note != active.note)
+        elif len(kept.note) < len(active.note):  # notes only grow
+            missing = active
         else:
             monitor.book.active = replace(active, state=kept.state, note=kept.note)
     if monitor.book.active is None and standing is not None:
         monitor.follow_again(standing)
-    return active if kept is None else None
+    return missing

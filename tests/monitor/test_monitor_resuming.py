@@ -112,6 +112,13 @@ def test_what_a_person_did_last_counts(
     flown(hall, flight, KILLED_S, KILLED_S + 25)
     assert hall.fleet.alerts()[0].state is AlertState.ACKNOWLEDGED
     assert "me: acknowledge" in hall.fleet.alerts()[0].note
+    kept = FakeCheckpoints(dict(checkpoints.files))
+    acted = Hall(store=FakeStore(earlier=killed[1]), checkpoints=kept)
+    flown(acted, flight, KILLED_S, KILLED_S + 1)
+    acted.fleet.act_on_alert(alert.id, AlertAction.SHELVE, "me", "")
+    hall = Hall(store=FakeStore(earlier=killed[1]), checkpoints=kept)  # the database did not get it
+    assert (hall.fleet.alerts()[0].state, hall.fleet.alerts()[0].note) == (AlertState.SHELVED, ("me: shelve",))
+    assert [a.state for a in hall.store.alerts_kept] == [AlertState.SHELVED]
     gone = replace(alert, state=AlertState.CLEARED, note=("me: clear",))
     hall = Hall(store=FakeStore(earlier=(gone,)), checkpoints=checkpoints)
     assert hall.view().active_alerts == ()
@@ -223,7 +230,7 @@ def test_a_state_that_a_fault_may_have_damaged_is_not_saved(
 
 
 def test_a_clock_that_is_set_back_does_not_let_an_alert_teach_the_reference(
-    flight: SampleBlock, checkpoints: FakeCheckpoints, store: FakeStore
+    flight: SampleBlock, killed: Any, checkpoints: FakeCheckpoints, store: FakeStore
 ) -> None:
     hall = Hall(store=store, checkpoints=checkpoints)
     again = SampleBlock(flight.values[(FAULT_S + 10) * 50 :].copy())
@@ -235,6 +242,7 @@ def test_a_clock_that_is_set_back_does_not_let_an_alert_teach_the_reference(
     assert view.state is VehicleState.DEGRADED
     assert view.counts["clock_change"] == 1
     assert learned(hall) <= FAULT_S // 10
+    assert expected_m_eta(hall) == pytest.approx(killed[2], rel=0.05)
 
 
 def names(kind: Any) -> Iterator[str]:
