@@ -1,10 +1,10 @@
 """A service killed with SIGKILL at random instants and started again on the same data, while three vehicles fly on.
 
-The service is ``wingwatch serve`` in a process of its own. Vehicles are simulated and sent over Zenoh on loopback, faster
-than they fly; one loses elevator, one aileron effect. Between two kills alerts are read and acted on over REST. Each time
-the newest checkpoints are compared with an uninterrupted run in this process, to which the same messages were given:
-those that the service counts as taken in. Instants, flights and actions are drawn with a seed; how far a message gets
-before a kill is the machine's affair.
+The service is ``wingwatch serve`` in a process of its own. Vehicles are simulated and sent over Zenoh on loopback,
+faster than they fly; one loses elevator, one aileron effect. Between two kills alerts are read and acted on over REST.
+Each time the newest checkpoints are compared with an uninterrupted run in this process, to which the same messages were
+given: those that the service counts as taken in. Instants, flights and actions are drawn with a seed; how far a message
+gets before a kill is the machine's affair.
 
 Run: python benchmarks/kill.py [--kills 200] [--seed 0] [--speed 4]
 """

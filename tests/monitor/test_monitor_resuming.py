@@ -117,7 +117,10 @@ def test_what_a_person_did_last_counts(
     flown(acted, flight, KILLED_S, KILLED_S + 1)
     acted.fleet.act_on_alert(alert.id, AlertAction.SHELVE, "me", "")
     hall = Hall(store=FakeStore(earlier=killed[1]), checkpoints=kept)  # the database did not get it
-    assert (hall.fleet.alerts()[0].state, hall.fleet.alerts()[0].note) == (AlertState.SHELVED, ("me: shelve",))
+    assert (hall.fleet.alerts()[0].state, hall.fleet.alerts()[0].note) == (
+        AlertState.SHELVED,
+        ("me: shelve",),
+    )
     assert [a.state for a in hall.store.alerts_kept] == [AlertState.SHELVED]
     gone = replace(alert, state=AlertState.CLEARED, note=("me: clear",))
     hall = Hall(store=FakeStore(earlier=(gone,)), checkpoints=checkpoints)
