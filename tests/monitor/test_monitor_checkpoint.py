@@ -3,7 +3,7 @@
 import multiprocessing
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ class Case:
 
     flight: SampleBlock
     aircraft: Aircraft = AEROSONDE
-    engine: str = "compiled"
+    engine: Literal["compiled", "filterpy"] = "compiled"
     cuts: int = 12
 
     def monitor(self) -> VehicleMonitor:
