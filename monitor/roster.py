@@ -38,6 +38,9 @@ class Roster:
         self.forgotten = 0
         self.refused = 0
 
+    def __len__(self) -> int:
+        return len(self._vehicles)
+
     def items(self) -> Iterator[tuple[VehicleKey, KnownVehicle]]:
         """All vehicles."""
         return iter(self._vehicles.items())

@@ -186,7 +186,7 @@ def test_another_aircraft_file_refuses_the_checkpoint_and_keeps_the_alert(
     hall.announce()
     flown(hall, flight, KILLED_S, KILLED_S + 5)
     assert hall.view().active_alerts == (killed[1][0].id,)
-    monkeypatch.delitem(HANGAR, "aerosonde")
+    monkeypatch.setattr("fleet_hall.HANGAR", {})
     Hall(checkpoints=checkpoints)
     assert "is not known" in checkpoints.said[-1]
 
