@@ -11,6 +11,7 @@ import logging
 import os
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -97,12 +98,18 @@ class CheckpointFolder:
     def load(self) -> Sequence[SavedVehicle]:
         """Every vehicle whose file can be used, the longest silent first, their silence until now included."""
         found: list[SavedVehicle] = []
-        for path in self._paths():
+        try:
+            paths = self._paths()
+        except OSError as error:
+            self.count("refused", f"no checkpoint in {self._folder} is used: {error}; vehicles start anew")
+            return []
+        for path in paths:
             try:
                 checkpoint = decode_checkpoint(_read(path))
-            except (CheckpointError, OSError) as error:
+            except Exception as error:  # whatever a file holds must not keep the service from starting
                 self.count("refused", f"the checkpoint {path} is not used: {error}; its vehicle starts anew")
-                path.unlink(missing_ok=True)
+                with suppress(OSError):
+                    path.unlink()
                 continue
             self._files[path.name] = None
             saved = checkpoint.saved

@@ -148,7 +148,9 @@ class FleetMonitor:
                 continue
             try:
                 known = resumed_vehicle(saved, self._find, self._maker, partial(self._stored, envelopes))
-            except CheckpointError as error:
+            except Exception as error:  # one vehicle's checkpoint must not keep the service from starting
+                if not isinstance(error, CheckpointError):
+                    _LOG.exception("the checkpoint of %s/%s led to a fault of the program", *key)
                 text = f"the checkpoint of {key[0]}/{key[1]} is not used: {error}; the vehicle starts anew"
                 self._checkpoints.count("refused", text)
                 continue

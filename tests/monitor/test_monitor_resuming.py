@@ -249,6 +249,16 @@ def test_a_clock_that_is_set_back_does_not_let_an_alert_teach_the_reference(
     assert expected_m_eta(hall) == pytest.approx(killed[2], rel=0.05)
 
 
+def test_a_fault_over_one_checkpoint_keeps_nobody_from_starting(
+    killed: Any, checkpoints: FakeCheckpoints, store: FakeStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wingwatch.monitor.vehicle.VehicleMonitor.restore", lambda *_: 1 / 0)
+    hall = Hall(store=store, checkpoints=checkpoints)
+    assert hall.fleet.vehicles() == []
+    assert checkpoints.counts == {"refused": 1}
+    assert "division by zero; the vehicle starts anew" in checkpoints.said[0]
+
+
 def names(kind: Any) -> Iterator[str]:
     return (f.name for f in fields(kind))
 
