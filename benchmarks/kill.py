@@ -237,9 +237,9 @@ class Sender:
         client.act(rng)
 
 
-def course(kills: int, seed: int, speed: float) -> Tally:
+def course(tally: Tally, kills: int, seed: int, speed: float) -> None:
     """Start, fly and kill so many times, and start once more."""
-    rng, tally = np.random.default_rng(seed), Tally()
+    rng = np.random.default_rng(seed)
     runs = [Uninterrupted(fresh()) for _ in scenarios()]
     sender = Sender(runs, speed)
     with tempfile.TemporaryDirectory() as name:
@@ -271,7 +271,6 @@ def course(kills: int, seed: int, speed: float) -> Tally:
             compare(folder, runs, tally)
             print(f"\r{tally.kills} of {kills}", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
-    return tally
 
 
 def compare(folder: Path, runs: Sequence[Uninterrupted], tally: Tally) -> None:
@@ -321,7 +320,10 @@ def main() -> None:
         parser.error(f"--kills is {arguments.kills}; give 1 to 10000")
     if not 1.0 <= arguments.speed <= 20.0:
         parser.error(f"--speed is {arguments.speed}; give 1 to 20")
-    show(course(arguments.kills, arguments.seed, arguments.speed))
+    tally = Tally()
+    with suppress(KeyboardInterrupt):  # what was found until then is shown
+        course(tally, arguments.kills, arguments.seed, arguments.speed)
+    show(tally)
 
 
 if __name__ == "__main__":

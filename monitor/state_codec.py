@@ -309,7 +309,7 @@ def _set(origin: Any, plan: _Plan) -> _Plan:
 
 
 def _array(kind: Any, scalar: Any) -> _Plan:
-    """Arrays with their places in memory: sums and products of the same numbers from other places may round differently."""
+    """Arrays with their places in memory: products of the same numbers from other places may round differently."""
     if scalar not in _DTYPES:
         raise TypeError(f"{kind} cannot be saved: declare one of {', '.join(d.__name__ for d in _DTYPES)}")
     dtype = np.dtype(scalar).newbyteorder("<")
