@@ -2,6 +2,7 @@
 
 import logging
 import os
+import shutil
 import socket
 import sys
 import threading
@@ -26,6 +27,7 @@ from wingwatch.api import (
     read_certificate,
 )
 from wingwatch.baselines import open_database
+from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
@@ -161,6 +163,7 @@ class Parts:
     monitor: FleetMonitor
     probe: DatabaseProbe
     store: DatabaseStore
+    checkpoints: CheckpointFolder
     session: zenoh.Session
     link: ZenohSettings
     subscriber: SensorSubscriber
@@ -220,6 +223,7 @@ class Service:
             "monitor": self.monitor.problems,
             "loop": {"faults": self.pump.faults},
             "store": self._parts.store.counts,
+            "checkpoints": self._parts.checkpoints.counts,
             "outputs": dict(self._parts.outputs.dropped),
             "connections": self._parts.http.counts,
         }
@@ -269,6 +273,12 @@ def _remove(database: Path) -> None:
         Path(f"{database}{suffix}").unlink(missing_ok=True)
 
 
+def _save(monitor: FleetMonitor, checkpoints: CheckpointFolder) -> None:
+    """At the end: what has changed since the last checkpoints."""
+    for saved in monitor.unsaved():
+        checkpoints.write(saved)
+
+
 @contextmanager
 def running_service(
     settings: ServeSettings,
@@ -286,7 +296,7 @@ def running_service(
         preparation: done before messages are taken in; without, the kernels of the live path are loaded, and compiled
             where this machine has not done so yet.
         wall_clock: seconds since 1970-01-01 UTC, for the database's entries.
-        fresh: remove the SQLite file of ``settings`` first, once the port is ours.
+        fresh: remove the SQLite file of ``settings`` and the checkpoints first, once the port is ours.
 
     Raises:
         AddressError, CertificateError, DatabaseError, LinkError, LinkSecurityError, AircraftFileError,
@@ -303,8 +313,10 @@ def running_service(
         hangar = Hangar(settings.aircraft)
         if fresh:
             _remove(Path(settings.where))
+            shutil.rmtree(settings.checkpoints, ignore_errors=True)
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
         store = stack.enter_context(DatabaseStore(database, wall_clock, settings.history.retention))
+        checkpoints = stack.enter_context(CheckpointFolder(settings.checkpoints, wall_clock))
         security = link_security(settings.zenoh, os.environ)
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
@@ -321,7 +333,10 @@ def running_service(
             outputs,
             FleetSettings(stale_s=settings.stale_s),
             wall_clock,
+            checkpoints,
         )
+        monitor.resume()
+        stack.callback(_save, monitor, checkpoints)
         outputs.answer_from(monitor)
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
@@ -350,6 +365,7 @@ def running_service(
                 monitor=monitor,
                 probe=DatabaseProbe(database.check),
                 store=store,
+                checkpoints=checkpoints,
                 session=session,
                 link=link,
                 subscriber=subscriber,

@@ -1,10 +1,12 @@
 """Settings of the service: from a TOML file, overridden by flags."""
 
 import argparse
+import hashlib
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self
+from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
@@ -103,6 +105,20 @@ class ServeSettings(BaseModel):
     def where(self) -> str:
         """Path or URL of the database."""
         return self.database or str(self.data / "wingwatch.db")
+
+    @property
+    def checkpoints(self) -> Path:
+        """Folder of the vehicles' states: beside an SQLite file, else in ``data``, one a database."""
+        if "://" in self.where:
+            return self.data / _folder_of(self.where)
+        return Path(f"{self.where}.checkpoints")
+
+
+def _folder_of(url: str) -> str:
+    """A name for what belongs to a database of that URL, whoever logs in there."""
+    parts = urlsplit(url)
+    place = f"{parts.hostname}:{parts.port}{parts.path}"
+    return f"checkpoints-{hashlib.sha256(place.encode()).hexdigest()[:12]}"
 
 
 def serve_settings(arguments: argparse.Namespace, environment: Mapping[str, str]) -> ServeSettings:

@@ -21,6 +21,7 @@ from wingwatch.baselines import (
     CellMemory,
     Database,
     DatabaseError,
+    Envelope,
     EstimateRecord,
     EvidenceRecord,
     Reference,
@@ -170,6 +171,10 @@ class DatabaseStore:
             self._question.set()
             self._earlier_read.wait(patience_s)
         return self._earlier
+
+    def expectations(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
+        """Expectations of a type that the database has; it is read at once."""
+        return stored_envelopes(self._database, aircraft, configuration)
 
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]

@@ -39,7 +39,7 @@ from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, man
 from wingwatch.estimators.batch.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.confounding import told_apart_text
 from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfSnapshot, EkfState
-from wingwatch.estimators.ekf.state import arrays_of
+from wingwatch.estimators.ekf.state import arrays_of, one_vehicle
 from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
 from wingwatch.estimators.filter_error import (
     FilterConfig,
@@ -75,6 +75,7 @@ __all__ = [
     "Says",
     "Lanes",
     "arrays_of",
+    "one_vehicle",
     "padded",
     "InertiaCoupling",
     "inertia_coupling",

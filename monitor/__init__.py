@@ -18,9 +18,17 @@ Example:
 from wingwatch.monitor.causes import CAUSES, Cause
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import Chain, Solution
+from wingwatch.monitor.checkpoint import (
+    Checkpoint,
+    CheckpointError,
+    SavedVehicle,
+    decode_checkpoint,
+    encode_checkpoint,
+)
 from wingwatch.monitor.fleet import FleetMonitor, FleetSettings
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.ports import ActionPlan, ActionRequest, Outputs, Store, VehicleMemory
+from wingwatch.monitor.resuming import Checkpoints
 from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
@@ -54,6 +62,12 @@ __all__ = [
     "ActionRequest",
     "VehicleMemory",
     "Outputs",
+    "Checkpoint",
+    "CheckpointError",
+    "Checkpoints",
+    "SavedVehicle",
+    "decode_checkpoint",
+    "encode_checkpoint",
     "MonitorPort",
     "VehicleView",
     "VehicleState",

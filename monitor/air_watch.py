@@ -73,9 +73,11 @@ class AirWatch:
             state.next_look_s += WINDOW_S
             stamps = np.concatenate([piece[0] for piece in state.pieces])
             rows = np.concatenate([piece[1] for piece in state.pieces])
-            state.pieces = deque([(stamps, rows)])  # one piece costs less memory than many
             with np.errstate(invalid="ignore"):
                 inside = (stamps > time_s - WINDOW_S - 1e-6) & (stamps <= time_s)
+                later = stamps > state.next_look_s - WINDOW_S - 1e-6  # no other is looked at again
+            state.pieces = deque([(stamps[later], rows[later])] if later.any() else [])
+            state.rows = int(np.count_nonzero(later))
             state.window, state.found = (stamps[inside], rows[inside]), None
 
     def quality(self, state: AirState) -> AirQuality | None:

@@ -49,6 +49,10 @@ class AlertLedger:
         self._forget()
         return alert
 
+    def drop(self, alert_id: str) -> None:
+        """What is kept of an alert is older than the version that comes next."""
+        self._newest.pop(alert_id, None)
+
     def told(self, alert: AlertView) -> None:
         """This version is committed."""
         self._told[alert.id] = alert

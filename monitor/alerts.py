@@ -10,10 +10,20 @@ from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.judge import Judge, JudgeState, Verdict, largest_change
 from wingwatch.monitor.views import AlertAction, AlertState, AlertView, EvidenceView
 
-__all__ = ["AlertBook", "act"]
+__all__ = ["AlertBook", "BookState", "act"]
 
 CLEAR_BLOCKS = 4
 """Informative blocks without the change after which an alert is cleared."""
+
+
+@dataclass(frozen=True, slots=True)
+class BookState:
+    """What a book remembers, as in ``AlertBook``."""
+
+    active: AlertView | None
+    onset_s: float | None
+    waited: int
+    doubts: int
 
 
 @dataclass(slots=True)
@@ -34,6 +44,20 @@ class AlertBook:
     onset_s: float | None = None
     waited: int = 0
     doubts: int = 0
+
+    @property
+    def state(self) -> BookState:
+        """What must be kept to go on later as if there had been no interruption."""
+        return BookState(self.active, self.onset_s, self.waited, self.doubts)
+
+    def resume(self, state: BookState) -> None:
+        """Go on from where another book of this vehicle stopped."""
+        self.active, self.onset_s, self.waited, self.doubts = (
+            state.active,
+            state.onset_s,
+            state.waited,
+            state.doubts,
+        )
 
     def follow(
         self, judge: Judge, state: JudgeState, verdict: Verdict | None, condition: FlightCondition, time_s: float,

@@ -5,7 +5,7 @@ monitor's test sees fresh blocks alone, and a fresh block that contradicts what 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from wingwatch.baselines import Cell, CellMemory, Reference, aged, cell_of, join
 from wingwatch.estimators import BlockEvidence
 from wingwatch.monitor.comparison import Coordinates, change_since
 
-__all__ = ["CellBook", "CellPlace"]
+__all__ = ["CellBook", "CellBookState", "CellPlace"]
 
 Array = NDArray[np.float64]
 
@@ -54,21 +54,31 @@ class _Visit:
     informed: bool = False
 
 
+@dataclass(slots=True)
+class CellBookState:
+    """What a book remembers: of each cell, of the stay in the present one, and which cells are not handed over yet."""
+
+    accounts: dict[CellPlace, _Account] = field(default_factory=dict)
+    visits: dict[str, _Visit] = field(default_factory=dict)
+    changed: set[CellPlace] = field(default_factory=set)
+
+
 class CellBook:
     """The cells of one vehicle and configuration.
 
     Args:
         coordinates: of the structures that are remembered.
         kept: what earlier flights left, with its age.
+
+    Attributes:
+        state: what it remembers.
     """
 
     def __init__(
         self, coordinates: Mapping[str, Coordinates], kept: Mapping[CellPlace, CellMemory] | None = None
     ) -> None:
         self._coordinates = coordinates
-        self._accounts: dict[CellPlace, _Account] = {}
-        self._visits: dict[str, _Visit] = {}
-        self._changed: set[CellPlace] = set()
+        self.state = CellBookState()
         self.adopt(kept or {})
 
     def adopt(self, kept: Mapping[CellPlace, CellMemory]) -> None:
@@ -77,23 +87,35 @@ class CellBook:
             coordinates = self._coordinates.get(place[0])
             if coordinates is None or memory.reference.vector.size != _size(coordinates):
                 continue
-            own = self._accounts.get(place)
+            own = self.state.accounts.get(place)
             if own is None:
-                self._accounts[place] = _Account(memory.reference, None, memory.age_s)
+                self.state.accounts[place] = _Account(memory.reference, None, memory.age_s)
             else:
                 own.reference = memory.reference.plus(own.reference)
-                self._changed.add(place)
+                self.state.changed.add(place)
+
+    def resume(self, state: CellBookState) -> None:
+        """Go on from where another book of this vehicle stopped.
+
+        What that flight has learned is handed over once more: who it was handed to may have lost it.
+        """
+        learned = {
+            p for p, account in state.accounts.items() if account.at_s is not None and not account.trial
+        }
+        self.state = CellBookState(state.accounts, state.visits, state.changed | learned)
 
     def take_changed(self) -> dict[CellPlace, Reference]:
         """What has been learned since the last call."""
-        changed, self._changed = self._changed, set()
-        return {place: self._accounts[place].reference for place in changed if place in self._accounts}
+        changed, self.state.changed = self.state.changed, set()
+        return {
+            place: self.state.accounts[place].reference for place in changed if place in self.state.accounts
+        }
 
     @property
     def text(self) -> str:
         """What the present estimates have resumed, empty if nothing."""
         words = []
-        for name, visit in self._visits.items():
+        for name, visit in self.state.visits.items():
             if visit.resumed is not None:
                 seconds = visit.resumed.seconds
                 words.append(f"{name} resumed from {seconds:.0f} s of own flight at {visit.cell.text}")
@@ -124,7 +146,7 @@ class CellBook:
             cell is resumed or what was resumed is dropped; else None.
         """
         c = self._coordinates[name]
-        present = self._visits.get(name)
+        present = self.state.visits.get(name)
         try:
             cell = cell_of(
                 condition.airspeed_true_m_s, condition.altitude_m, present.cell if present else None
@@ -145,12 +167,14 @@ class CellBook:
             rebuilt = visit.resumed is not None
         informs = float(np.trace(information)) > 0.0 and not rough
         if informs:
-            account = self._accounts.get((name, cell))
+            account = self.state.accounts.get((name, cell))
             known = aged(CellMemory(account.reference, 0.0), natural) if account is not None else None
             if known is not None and _contradicts(known, fresh, natural):
                 rebuilt = visit.resumed is not None and not visit.informed
                 visit.resumed = None
-                self._accounts[name, cell] = _Account(Reference.empty(natural.size), None, 0.0, trial=True)
+                self.state.accounts[name, cell] = _Account(
+                    Reference.empty(natural.size), None, 0.0, trial=True
+                )
             visit.informed = True
             self._learn((name, cell), fresh, block)
         if not rebuilt:
@@ -163,34 +187,36 @@ class CellBook:
 
     def _enter(self, name: str, cell: Cell, now_s: float, natural: Array) -> _Visit:
         """A new visit. Cells hold different blocks, so what is resumed and what is carried in are independent."""
-        before, account = self._visits.get(name), self._accounts.get((name, cell))
+        before, account = self.state.visits.get(name), self.state.accounts.get((name, cell))
         resumed = carried = None
         if account is not None and account.reference.blocks:
             away = account.age_s if account.at_s is None else now_s - account.at_s
             resumed = aged(CellMemory(account.reference, max(0.0, away)), natural)
-            self._accounts[name, cell] = _Account(resumed, now_s, 0.0, account.trial)
-            left = self._accounts.get((name, before.cell)) if before is not None else None
+            self.state.accounts[name, cell] = _Account(resumed, now_s, 0.0, account.trial)
+            left = self.state.accounts.get((name, before.cell)) if before is not None else None
             if left is not None:
                 carried = aged(CellMemory(left.reference, 0.0), natural)
         visit = _Visit(cell, resumed, carried)
-        self._visits[name] = visit
+        self.state.visits[name] = visit
         return visit
 
     def _end_trials(self, name: str) -> None:
         """What contradicted a memory was a fault: it is not what this aircraft is like."""
-        for place in [p for p, account in self._accounts.items() if p[0] == name and account.trial]:
-            self._accounts.pop(place)
+        for place in [p for p, account in self.state.accounts.items() if p[0] == name and account.trial]:
+            self.state.accounts.pop(place)
 
     def _learn(self, place: CellPlace, fresh: tuple[Array, Array], block: BlockEvidence) -> None:
-        account = self._accounts.pop(place, None) or _Account(Reference.empty(block.vector.size), None, 0.0)
+        account = self.state.accounts.pop(place, None) or _Account(
+            Reference.empty(block.vector.size), None, 0.0
+        )
         learned = joined(account.reference, *fresh, block.end_s - block.start_s)
         trial = account.trial and learned.blocks < TRIAL_BLOCKS
-        self._accounts[place] = _Account(learned, block.end_s, 0.0, trial)
+        self.state.accounts[place] = _Account(learned, block.end_s, 0.0, trial)
         if not trial:
-            self._changed.add(place)
-        own = [p for p in self._accounts if p[0] == place[0]]
+            self.state.changed.add(place)
+        own = [p for p in self.state.accounts if p[0] == place[0]]
         for oldest in own[: max(0, len(own) - MAX_CELLS)]:
-            self._accounts.pop(oldest)
+            self.state.accounts.pop(oldest)
 
 
 def _size(coordinates: Coordinates) -> int:

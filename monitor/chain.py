@@ -34,11 +34,12 @@ from wingwatch.estimators import (
     padded,
 )
 from wingwatch.monitor.air_watch import AirState, AirWatch
-from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, Supervisor
+from wingwatch.monitor.state_codec import detached
+from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, PairState, Supervisor
 from wingwatch.telemetry import INPUT_CHANNELS, SampleBlock, missing_for
 from wingwatch.telemetry.conditioning import AirQuality
 
-__all__ = ["Chain", "ChainState", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
+__all__ = ["Chain", "ChainState", "SavedChain", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
 
 Array = NDArray[np.float64]
 
@@ -78,6 +79,17 @@ class ChainState:
     last_s: float = float("nan")
     rows: int = 0
     """Samples since the last solution or the last step too long for one."""
+
+
+@dataclass(frozen=True, slots=True)
+class SavedChain:
+    """A ``ChainState`` with what is in its lane, one state a structure, each a batch of one."""
+
+    estimators: Mapping[str, PairState]
+    air: AirState
+    next_solution_s: float
+    last_s: float
+    rows: int
 
 
 def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
@@ -161,6 +173,26 @@ class Chain:
     def init(self) -> ChainState:
         """State before the first sample."""
         return ChainState(self.supervisor.join())
+
+    def saved(self, state: ChainState) -> SavedChain:
+        """A copy of all that is remembered of one vehicle."""
+        return SavedChain(
+            self.supervisor.saved(state.lane),
+            detached(state.air),
+            state.next_solution_s,
+            state.last_s,
+            state.rows,
+        )
+
+    def restore(self, state: ChainState, saved: SavedChain) -> None:
+        """Go on from what ``saved`` gave, in a state that has seen no sample.
+
+        Raises:
+            ValueError: it is of other estimators.
+        """
+        self.supervisor.restore(state.lane, saved.estimators)
+        state.air, state.next_solution_s = saved.air, saved.next_solution_s
+        state.last_s, state.rows = saved.last_s, saved.rows
 
     def advance(self, state: ChainState, block: SampleBlock) -> Iterator[Solution]:
         """Take in clean samples; yields a solution at every half second of their clock.

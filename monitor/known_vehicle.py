@@ -36,6 +36,10 @@ class KnownVehicle:
         held: messages that wait for what is kept of the vehicle.
         recalled: whether that has been read; until then nothing is written in its place.
         recall_s: when it was asked for first.
+        watched_as: what it had said when ``loading`` came into use; given: channels that the monitor was made for;
+            settings: what it was made from (``settings_of``); late: whether what is kept of the vehicle came after it.
+        checkpoint_s: when its state was handed over to be saved; unsaved: whether it has changed since; urgent: whether
+            that is to be saved at once.
     """
 
     message: AircraftMessage | None = None
@@ -59,6 +63,13 @@ class KnownVehicle:
     held: deque[SensorsMessage] = field(default_factory=deque)
     recalled: bool = False
     recall_s: float | None = None
+    watched_as: AircraftMessage | None = None
+    given: tuple[str, ...] = ()
+    settings: str = ""
+    late: bool = False
+    checkpoint_s: float = float("-inf")
+    unsaved: bool = False
+    urgent: bool = False
 
     def count(self, reason: str, times: int = 1) -> None:
         """Count what was not used."""
@@ -89,11 +100,12 @@ class KnownVehicle:
             if not self.announced.differs(self.loading) or self.monitor.book.active is not None:
                 return
             self.start_anew()
-        self.loading = self.announced
+        self.loading, self.watched_as = self.announced, self.message
 
     def start_anew(self) -> None:
         """It is another aircraft from now on, or none that is known."""
         self.monitor, self.recalled, self.recall_s = None, False, None
+        self.given, self.settings, self.late, self.unsaved, self.urgent = (), "", False, False, False
         self.drop_held()
 
     def drop_held(self) -> None:

@@ -127,6 +127,13 @@ class Store(Protocol):
         """
         ...
 
+    def expectations(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
+        """Expectations that take the place of an aircraft file's, by structure.
+
+        Called at the start only, before anybody waits: it may read the database.
+        """
+        ...
+
 
 class Outputs(Protocol):
     """Where news goes; called without the fleet's lock held."""

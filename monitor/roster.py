@@ -38,6 +38,9 @@ class Roster:
         self.forgotten = 0
         self.refused = 0
 
+    def __len__(self) -> int:
+        return len(self._vehicles)
+
     def items(self) -> Iterator[tuple[VehicleKey, KnownVehicle]]:
         """All vehicles."""
         return iter(self._vehicles.items())
@@ -57,6 +60,14 @@ class Roster:
         known.heard_s = self._clock()
         self.sort(key)
         return known
+
+    def resume(self, key: VehicleKey, known: KnownVehicle) -> bool:
+        """A vehicle of before a restart takes its place; False where none is left."""
+        if len(self._vehicles) >= self._most:
+            return False
+        self._vehicles[key] = known
+        self.sort(key)
+        return True
 
     def sort(self, key: VehicleKey) -> None:
         """Put a vehicle where it belongs, after a message or when its aircraft may have become known."""

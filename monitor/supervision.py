@@ -18,7 +18,7 @@ Fourier form and filter read the same signals and know nothing of each other. Ea
   so the median of the squares is followed, not their mean.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 from weakref import finalize
@@ -43,6 +43,7 @@ from wingwatch.estimators import (
     Signals,
     SignalState,
     arrays_of,
+    one_vehicle,
     told_apart_text,
 )
 
@@ -124,6 +125,26 @@ class PairState:
         """Some vehicles become those of another state, in place."""
         for kept, new in zip(self._arrays(), other._arrays(), strict=True):
             kept[which] = new
+
+    def of(self, place: int) -> "PairState":
+        """A copy of one vehicle's row, a batch of one."""
+        row = slice(place, place + 1)
+        return PairState(
+            SignalState(*(getattr(self.signals, f.name)[row].copy() for f in fields(SignalState))),
+            FourierState(*(getattr(self.fourier, f.name)[row].copy() for f in fields(FourierState))),
+            one_vehicle(self.ekf, place),
+            self.motion[row].copy(),
+            self.roughness[row].copy(),
+            self.blocks[row].copy(),
+            self.rough_s[row].copy(),
+        )
+
+    def alike(self, other: "PairState") -> bool:
+        """Whether rows of the other state are of the same shapes."""
+        return all(
+            own.shape[1:] == its.shape[1:] and own.dtype == its.dtype
+            for own, its in zip(self._arrays(), other._arrays(), strict=True)
+        )
 
     def _arrays(self) -> Iterator[NDArray[Any]]:
         for part in (self.signals, self.fourier):
@@ -271,6 +292,23 @@ class Supervisor:
             name: _read(p, state, lane.place, time_s, bool(_is_rough(p, state, place, gusty)[0]), False)
             for (name, p), state in zip(self.pairs.items(), self._states.values(), strict=True)
         }
+
+    def saved(self, lane: Lane) -> dict[str, PairState]:
+        """A copy of what is remembered of one vehicle, by structure, each a batch of one."""
+        return {name: state.of(lane.place) for name, state in self._states.items()}
+
+    def restore(self, lane: Lane, saved: Mapping[str, PairState]) -> None:
+        """One vehicle goes on from what ``saved`` gave.
+
+        Raises:
+            ValueError: it was saved by other estimators.
+        """
+        if set(saved) != set(self._states) or not all(
+            len(part.blocks) == 1 and self._states[name].alike(part) for name, part in saved.items()
+        ):
+            raise ValueError("the estimators' states are of other shapes")
+        for name, state in self._states.items():
+            state.put(np.array([lane.place]), saved[name])
 
     def resume(self, lane: Lane, structure: str, information: Array, vector: Array) -> None:
         """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""

@@ -17,13 +17,15 @@ from wingwatch.aircraft import (
 )
 from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import BlockEvidence, Estimate, Outcome
-from wingwatch.monitor.alerts import AlertBook
+from wingwatch.monitor.alerts import AlertBook, BookState
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock, Verdict
 from wingwatch.monitor.mode_object import mode_object
+from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
@@ -31,6 +33,8 @@ from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["Report", "VehicleMonitor", "surface_kinds"]
 
+
+_SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
 
 LEAST_AIRSPEED_M_S = 1.0
 """Slower is not flying: at rest an airspeed sensor reads noise about zero, of either sign, and estimation waits."""
@@ -51,21 +55,6 @@ class Report:
 
     solutions: list[Solution] = field(default_factory=list)
     alerts: list[AlertView] = field(default_factory=list)
-
-
-@dataclass(slots=True)
-class _Memory:
-    """What the vehicle remembers beside its parts' own states."""
-
-    latest: Solution | None = None
-    block: BlockView | None = None
-    verdict: Verdict | None = None
-    observable_s: float = 0.0
-    state: VehicleState = VehicleState.UNKNOWN
-    state_since_s: float | None = None
-    outside: str = ""
-    too_slow: int = 0
-    resting: bool = False
 
 
 class VehicleMonitor:
@@ -116,7 +105,7 @@ class VehicleMonitor:
         self.cells = CellBook(self.judge.coordinates, cells)
         self._judge_state = self.judge.init(references or {}, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
-        self._memory = _Memory()
+        self._memory = WatchMemory()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -164,6 +153,63 @@ class VehicleMonitor:
         founded = self._founded_by_file
         self.judge.adopt(self._judge_state, memory.references, founded)
         self.cells.adopt(memory.cells)
+
+    def saved(self) -> MonitorState:
+        """A copy of all that this monitor remembers; what it is made of is not in it."""
+        latest = self._memory.latest
+        return MonitorState(
+            cleaner=self.cleaner.state,
+            cleaned=self.cleaner.report,
+            aligner=self._aligner.state,
+            chain=self.chain.saved(self.chain_state),
+            judge=detached(self._judge_state),
+            book=self.book.state,
+            cells=detached(self.cells.state),
+            memory=detached(self._memory),
+            latest=None if latest is None else SavedSolution.of(latest),
+        )
+
+    def restore(self, saved: MonitorState) -> None:
+        """Go on from what ``saved`` gave, as if there had been no interruption; this monitor has seen no sample.
+
+        Raises:
+            ValueError: it was saved by a monitor of other estimators or other expectations.
+        """
+        expected = {name: r.vector.shape for name, r in self._judge_state.references.items()}
+        if {name: r.vector.shape for name, r in saved.judge.references.items()} != expected:
+            raise ValueError("the references are of other structures")
+        self.chain.restore(self.chain_state, saved.chain)
+        self.cleaner = Cleaner(state=saved.cleaner, report=saved.cleaned)
+        self._aligner.resume(saved.aligner)
+        self._judge_state = saved.judge
+        self.book.resume(saved.book)
+        self.cells.resume(saved.cells)
+        self._memory = saved.memory
+        self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
+
+    def follow_again(self, alert: AlertView) -> None:
+        """An alert that was in force before a restart is so again, and was raised after this state was saved.
+
+        A monitor that has seen blocks is on the same clock. For one that has not, all blocks may be part of the change:
+        none of them is learned from.
+        """
+        known = self._memory.block is not None
+        blocks_s = self.judge.config.patience_blocks * self.judge.config.block_s
+        onset_s = alert.raised_s - blocks_s if known else float("-inf")
+        self.book.resume(BookState(alert, onset_s, 0, 0))
+        self._memory.state = VehicleState.DEGRADED
+
+    def dismiss(self, by_person: bool) -> None:
+        """The alert in force was cleared after this state was saved.
+
+        Args:
+            by_person: what was changed may be so still; else the change was over, and its blocks are forgotten.
+        """
+        onset_s = self.book.onset_s
+        if not by_person and onset_s is not None:
+            self._judge_state.blocks[:] = [b for b in self._judge_state.blocks if b.end_s <= onset_s]
+        self.book.dismiss()
+        self._memory.state = VehicleState.NOT_OBSERVABLE
 
     def feed(self, block: SampleBlock) -> Report:
         """Take in samples as they came (completed, not cleaned)."""
@@ -241,6 +287,11 @@ class VehicleMonitor:
         if condition is None or not modes:
             return None
         block = BlockView(closed[0][1].end_s, condition, modes)
+        before = self._memory.block
+        if before is not None and block.end_s < before.end_s - _SET_BACK_S and self.book.onset_s is not None:
+            self.book.onset_s = float(
+                "-inf"
+            )  # the clock was set back: by its stamps no block is before the onset
         verdict = self.judge.consider(self._judge_state, block, self.book.onset_s)
         self._memory.block, self._memory.verdict = block, verdict
         return self.book.follow(

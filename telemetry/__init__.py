@@ -13,7 +13,7 @@ Example:
 """
 
 from wingwatch.telemetry.access_rules import access_rules, vehicle_subject
-from wingwatch.telemetry.alignment import Aligner, aligned_delays
+from wingwatch.telemetry.alignment import Aligner, AlignerState, aligned_delays
 from wingwatch.telemetry.cleaning import Cleaner, CleanerConfig, CleanerState, CleaningReport, CleanResult
 from wingwatch.telemetry.completion import complete, derivations
 from wingwatch.telemetry.flight import (
@@ -59,7 +59,7 @@ from wingwatch.telemetry.sample import (
     Channel,
     SampleBlock,
 )
-from wingwatch.telemetry.sequence import SequenceTracker
+from wingwatch.telemetry.sequence import SequenceState, SequenceTracker
 from wingwatch.telemetry.service_messages import ServiceStream, decode_service_object, encode_service_object
 from wingwatch.telemetry.subscriber import InboundMessage, SensorSubscriber
 from wingwatch.telemetry.zenoh_link import DEFAULT_ENDPOINT, LinkError, ZenohSettings, open_session
@@ -91,6 +91,7 @@ __all__ = [
     "missing_for",
     "write_flight",
     "Aligner",
+    "AlignerState",
     "aligned_delays",
     "CleanResult",
     "Cleaner",
@@ -127,6 +128,7 @@ __all__ = [
     "vehicle_subject",
     "InboundMessage",
     "SensorSubscriber",
+    "SequenceState",
     "SequenceTracker",
     "FlightPublisher",
 ]

@@ -5,6 +5,7 @@ answer does not depend on how the stream is cut into blocks. ``conditioning.alig
 """
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from wingwatch.telemetry.flight import REQUIRED_CHANNELS
 from wingwatch.telemetry.sample import CHANNEL_INDEX, LEAPING_CHANNELS, MAX_GAP_S, SampleBlock
 from wingwatch.telemetry.shown_later import shown_later
 
-__all__ = ["Aligner", "aligned_delays"]
+__all__ = ["Aligner", "AlignerState", "aligned_delays"]
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,19 @@ def aligned_delays(stated_s: Mapping[str, float], kinds: Mapping[str, str]) -> d
     delays = {name: delay for name, delay in stated_s.items() if name not in commanded}
     delays.update({name: stated_s[command] for name, command in commanded.items() if command in stated_s})
     return {name: delay for name, delay in delays.items() if delay > 0.0}
+
+
+@dataclass(frozen=True, slots=True)
+class AlignerState:
+    """Everything an aligner remembers between blocks.
+
+    Attributes:
+        waiting: rows whose readings have not all come, shape (rows, channels).
+        dropped: rows left out so far.
+    """
+
+    waiting: Array
+    dropped: int
 
 
 class Aligner:
@@ -62,6 +76,21 @@ class Aligner:
         self._held = {*held, *(name for name in CHANNEL_INDEX if name.endswith("_command_rad"))}
         self._waiting = np.empty((0, len(CHANNEL_INDEX)))
         self.dropped = 0
+
+    @property
+    def state(self) -> AlignerState:
+        """What must be kept to go on later as if there had been no interruption."""
+        return AlignerState(self._waiting, self.dropped)
+
+    def resume(self, state: AlignerState) -> None:
+        """Go on from where an aligner with the same delays stopped.
+
+        Raises:
+            ValueError: its rows have other channels.
+        """
+        if state.waiting.ndim != 2 or state.waiting.shape[1] != len(CHANNEL_INDEX):
+            raise ValueError(f"the aligner's rows have shape {state.waiting.shape}")
+        self._waiting, self.dropped = state.waiting, state.dropped
 
     def feed(self, block: SampleBlock) -> SampleBlock:
         """Rows whose readings are complete, in order; those without a required channel are left out."""

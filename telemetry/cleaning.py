@@ -156,13 +156,19 @@ class Cleaner:
     Args:
         config: limits.
         state: where an earlier cleaner stopped, None for a new stream.
+        report: what it had done by then.
     """
 
-    def __init__(self, config: CleanerConfig | None = None, state: CleanerState | None = None) -> None:
+    def __init__(
+        self,
+        config: CleanerConfig | None = None,
+        state: CleanerState | None = None,
+        report: CleaningReport | None = None,
+    ) -> None:
         self._config = CleanerConfig() if config is None else config
         self._state = CleanerState(None, np.empty((0, len(CHANNELS)))) if state is None else state
         self._required = np.array([CHANNEL_INDEX[name] for name in self._config.required])
-        self._report = CleaningReport(pending=len(self._state.held))
+        self._report = CleaningReport(pending=len(self._state.held)) if report is None else report
 
     @property
     def state(self) -> CleanerState:

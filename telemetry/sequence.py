@@ -6,9 +6,11 @@ the two apart at once; without it the messages have to agree with one another fi
 """
 
 from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
 from math import nan
 
-__all__ = ["SequenceTracker"]
+__all__ = ["SequenceState", "SequenceTracker"]
 
 AGREEING = 3
 """Messages in a row, each counting on from the one before it and none of the present run between them, that are
@@ -27,6 +29,22 @@ _KEPT_STREAMS = 8
 _MOST_COUNTED = 2**53 - 1  # what JSON carries exactly
 
 Stream = int | float
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceState:
+    """Everything a tracker remembers, by the names that it has there."""
+
+    counts: Mapping[str, int]
+    first: int
+    next: int | None
+    last_s: float
+    gaps: tuple[range, ...]
+    stream: int | float | None
+    former: tuple[int | float, ...]
+    rivals: int
+    rival_next: int
+    enough: int
 
 
 class SequenceTracker:
@@ -48,6 +66,27 @@ class SequenceTracker:
         self._stream: Stream | None = None
         self._former: deque[Stream] = deque(maxlen=_KEPT_STREAMS)
         self._rivals, self._rival_next, self._enough = 0, -1, AGREEING_LATE
+
+    @property
+    def state(self) -> SequenceState:
+        """What must be kept to go on later as if there had been no interruption."""
+        return SequenceState(
+            dict(self.counts), self._first, self._next, self._last_s, tuple(self._gaps), self._stream,
+            tuple(self._former), self._rivals, self._rival_next, self._enough,
+        )  # fmt: skip
+
+    def resume(self, state: SequenceState) -> None:
+        """Go on from where another tracker stopped."""
+        self.counts |= state.counts
+        self._first, self._next, self._last_s, self._stream = (
+            state.first,
+            state.next,
+            state.last_s,
+            state.stream,
+        )
+        self._gaps.extend(state.gaps)
+        self._former.extend(state.former)
+        self._rivals, self._rival_next, self._enough = state.rivals, state.rival_next, state.enough
 
     def observe(
         self, sequence: int, stream: Stream | None = None, first_s: float = nan, last_s: float = nan

@@ -1,6 +1,7 @@
 """The benchmarks in small: the figures that are not a matter of the machine, and that the commands hold together."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 import time
@@ -164,6 +165,21 @@ def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
         assert float(taken_us[stage][0]) > 0.0
 
 
+@pytest.mark.slow
+def test_a_service_that_is_killed_loses_no_alert_and_goes_on_to_the_bit() -> None:
+    arguments = ["--kills", "3"]
+    said = subprocess.run(
+        [sys.executable, FOLDER / "kill.py", *arguments], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    found = dict(line.split(": ", 1) for line in said)
+    assert found["kills"] == "3"
+    assert re.fullmatch(r"\d+, lost: 0", found["alerts told"])
+    assert found["vehicles with an alert that were not degraded after a start"] == "0"
+    assert found["checkpoints refused"] == "0"
+    assert re.fullmatch(r"yes \((\d+) of \1 states\)", found["derivatives equal"])
+    assert re.fullmatch(r"yes \((\d+) of \1 states\)", found["whole states equal"])
+
+
 @pytest.mark.parametrize(
     ("name", "arguments", "words"),
     [
@@ -175,6 +191,8 @@ def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
         ("alerts", ["--flights", "0"], "at least 1"),
         ("alerts", ["--seconds", "50"], "above 100"),
         ("latency", ["--seconds", "nan"], "at least 1"),
+        ("kill", ["--kills", "0"], "give 1 to 10000"),
+        ("kill", ["--speed", "nan"], "give 1 to 20"),
     ],
 )
 def test_bad_arguments_get_one_sentence(

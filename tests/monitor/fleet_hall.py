@@ -1,7 +1,7 @@
 """A fleet monitor with a clock, a store and outputs made by hand, and messages as a vehicle would send them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
 
@@ -14,11 +14,15 @@ from wingwatch.monitor import (
     AlertState,
     AlertView,
     CellPlace,
+    Checkpoint,
     FleetMonitor,
     FleetSettings,
+    SavedVehicle,
     VehicleMemory,
     VehicleState,
     VehicleView,
+    decode_checkpoint,
+    encode_checkpoint,
 )
 from wingwatch.monitor.ports import News
 from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
@@ -137,6 +141,10 @@ class FakeStore:
         self._fail()
         return None if self.unread else self.earlier
 
+    def expectations(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
+        self._fail()
+        return self.envelopes
+
 
 @dataclass
 class FakeOutputs:
@@ -155,16 +163,56 @@ class FakeOutputs:
         return [v.state for _, v in self.said if isinstance(v, VehicleView)]
 
 
+@dataclass
+class FakeCheckpoints:
+    """Keeps the bytes of the newest checkpoint of each vehicle."""
+
+    files: dict[tuple[str, str], bytes] = field(default_factory=dict)
+    handed_over: list[tuple[str, bool]] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+    said: list[str] = field(default_factory=list)
+    away_s: float = 0.0
+    room: bool = True
+
+    def load(self) -> Sequence[SavedVehicle]:
+        saved = [decode_checkpoint(data).saved for data in self.files.values()]
+        return [replace(one, silent_s=one.silent_s + self.away_s) for one in saved]
+
+    def has_room(self) -> bool:
+        return self.room
+
+    def keep(self, saved: SavedVehicle, urgent: bool) -> None:
+        self.files[saved.fleet, saved.vehicle] = encode_checkpoint(Checkpoint(0.0, saved))
+        self.handed_over.append((saved.vehicle, urgent))
+
+    def count(self, what: str, text: str = "") -> None:
+        self.counts[what] = self.counts.get(what, 0) + 1
+        self.said += [text] if text else []
+
+
 class Hall:
     """A fleet monitor with everything around it."""
 
-    def __init__(self, settings: FleetSettings | None = None, store: FakeStore | None = None) -> None:
+    def __init__(
+        self,
+        settings: FleetSettings | None = None,
+        store: FakeStore | None = None,
+        checkpoints: FakeCheckpoints | None = None,
+    ) -> None:
         self.clock, self.outputs = Clock(), FakeOutputs()
         self.store = store or FakeStore()
         ids = count(1)
         self.fleet = FleetMonitor(
-            find, self.clock, lambda: f"a{next(ids)}", self.store, self.outputs, settings, self.clock
+            find,
+            self.clock,
+            lambda: f"a{next(ids)}",
+            self.store,
+            self.outputs,
+            settings,
+            self.clock,
+            checkpoints,
         )
+        self.fleet.resume()
         self.sequence = count()
 
     def announce(self, vehicle: str = "uav", aircraft: str = "aerosonde", **rest: Any) -> None:

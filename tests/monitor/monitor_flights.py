@@ -1,6 +1,9 @@
-"""What the monitor says at the end of a flight that is handed to it in pieces."""
+"""What the monitor says of a flight that is handed to it in pieces."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
 
 from wingwatch.aircraft import Aircraft, ModeStructure
 from wingwatch.monitor import VehicleMonitor
@@ -19,3 +22,22 @@ def last_mode(
         last = report.solutions[-1].modes[structure.name] if report.solutions else last
     assert last is not None
     return last
+
+
+def pieces(flight: SampleBlock, samples: int) -> Iterator[SampleBlock]:
+    for start in range(0, len(flight), samples):
+        yield SampleBlock(flight.values[start : start + samples])
+
+
+def bits(value: Any) -> Any:
+    """What two equal answers have in common, arrays by their bytes."""
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    if isinstance(value, ModeSolution):
+        told = (value.fourier, value.ekf, value.block, value.gained, value.rough, value.says_something)
+        return tuple(map(bits, told))
+    if hasattr(value, "__dataclass_fields__") and not isinstance(value, type):
+        return tuple(bits(getattr(value, name)) for name in value.__dataclass_fields__ if name != "structure")
+    if isinstance(value, dict):
+        return tuple((key, bits(one)) for key, one in value.items())
+    return tuple(map(bits, value)) if isinstance(value, (list, tuple)) else repr(value)

@@ -1,11 +1,12 @@
 """Vehicles that advance as one batch: each says what it says alone, to the bit, and no fault passes to another."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 from fleet_hall import AEROSONDE, fly_doublets
+from monitor_flights import bits, pieces
 
 from wingwatch.estimators import EkfState
 from wingwatch.estimators.ekf.accepted import go_back
@@ -13,7 +14,6 @@ from wingwatch.monitor import Report, VehicleMonitor
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.monitors import MonitorMaker
 from wingwatch.monitor.ports import VehicleMemory
-from wingwatch.monitor.supervision import ModeSolution
 from wingwatch.monitor.together import feed_together
 from wingwatch.simulation import ElevatorEffectiveness, FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import CHANNEL_INDEX, AircraftMessage, SampleBlock
@@ -46,25 +46,6 @@ def maker() -> MonitorMaker:
 def made(by: MonitorMaker, name: str, flight: SampleBlock) -> VehicleMonitor:
     message = AircraftMessage(aircraft="aerosonde")
     return by.make("f", name, AEROSONDE, message, flight.present, VehicleMemory())
-
-
-def pieces(flight: SampleBlock, samples: int) -> Iterator[SampleBlock]:
-    for start in range(0, len(flight), samples):
-        yield SampleBlock(flight.values[start : start + samples])
-
-
-def bits(value: Any) -> Any:
-    """What two equal answers have in common, arrays by their bytes."""
-    if isinstance(value, np.ndarray):
-        return value.tobytes()
-    if isinstance(value, ModeSolution):
-        told = (value.fourier, value.ekf, value.block, value.gained, value.rough, value.says_something)
-        return tuple(map(bits, told))
-    if hasattr(value, "__dataclass_fields__") and not isinstance(value, type):
-        return tuple(bits(getattr(value, name)) for name in value.__dataclass_fields__ if name != "structure")
-    if isinstance(value, dict):
-        return tuple((key, bits(one)) for key, one in value.items())
-    return tuple(map(bits, value)) if isinstance(value, (list, tuple)) else repr(value)
 
 
 def said(monitor: VehicleMonitor, reports: Sequence[Report | Exception]) -> list[Any]:
