@@ -254,7 +254,7 @@ def test_the_ci_script_is_executable_and_ends_in_make_test() -> None:
     assert lines[0] == "#!/usr/bin/env bash"
     assert "set -euo pipefail" in lines
     assert "make clean" in lines
-    assert lines[-1] == "exec make test"
+    assert lines[-1] == "make test"
 
 
 def test_the_note_of_a_finished_set_up_is_plain(set_up: Callable[..., list[str]], tmp_path: Path) -> None:
