@@ -1,4 +1,4 @@
-"""The alerts of a fleet: what is told of them is what the store has committed."""
+"""The alerts of a fleet: what anyone hears of them is what the store has committed."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
@@ -27,7 +27,7 @@ class AlertLedger:
     def __init__(self, most: int) -> None:
         self._most = most
         self._newest: dict[str, AlertView] = {}
-        self._told: dict[str, AlertView] = {}
+        self._committed: dict[str, AlertView] = {}
         self.unsaved: dict[str, None] = {}
         self.forgotten = 0
 
@@ -35,7 +35,7 @@ class AlertLedger:
         """Alerts of earlier runs, newest first; what is known of one already is newer."""
         earlier = {alert.id: alert for alert in reversed(alerts)}
         self._newest = earlier | self._newest
-        self._told = earlier | self._told
+        self._committed = earlier | self._committed
 
     def follow(self, alert: AlertView) -> AlertView:
         """A new version by the monitor; returns it with what people have done to the alert."""
@@ -53,9 +53,9 @@ class AlertLedger:
         """What is kept of an alert is older than the version that comes next."""
         self._newest.pop(alert_id, None)
 
-    def told(self, alert: AlertView) -> None:
+    def commit(self, alert: AlertView) -> None:
         """This version is committed."""
-        self._told[alert.id] = alert
+        self._committed[alert.id] = alert
         self._forget()
 
     def changed(self, request: ActionRequest, cleared_s: Callable[[AlertView], float | None]) -> AlertView:
@@ -82,7 +82,7 @@ class AlertLedger:
                     merged, state=changed.state, cleared_s=changed.cleared_s, shelving=changed.shelving
                 )
         self._newest[changed.id] = merged
-        self.told(changed)
+        self.commit(changed)
         return merged
 
     def come_back(self, now_at_s: float) -> list[AlertView]:
@@ -105,16 +105,16 @@ class AlertLedger:
 
     def shown(self, alert_id: str) -> AlertView | None:
         """The newest committed version; None for an alert that is not known, or not yet to be told of."""
-        return self._told.get(alert_id)
+        return self._committed.get(alert_id)
 
     def all_shown(self) -> list[AlertView]:
         """All committed versions, newest alert first."""
-        return list(reversed(self._told.values()))
+        return list(reversed(self._committed.values()))
 
     @property
     def ids(self) -> Collection[str]:
         """Of all that may be told of."""
-        return self._told.keys()
+        return self._committed.keys()
 
     def stands(self, key: VehicleKey) -> bool:
         """Whether an alert of the vehicle is not cleared."""
@@ -127,7 +127,7 @@ class AlertLedger:
             cleared = (name for name, a in self._newest.items() if a.state is AlertState.CLEARED)
             gone = next(cleared, None) or next(iter(self._newest))
             self._newest.pop(gone)
-            self._told.pop(gone, None)
+            self._committed.pop(gone, None)
             self.unsaved.pop(gone, None)
             self.forgotten += 1
 

@@ -448,7 +448,7 @@ class FleetMonitor:
         self._tell(alert.fleet, alert.vehicle, [_of_alert(alert)])
 
     def _show_alert(self, alert: AlertView) -> None:
-        self._ledger.told(alert)
+        self._ledger.commit(alert)
         self._event(
             "alert",
             {"id": alert.id, "fleet": alert.fleet, "vehicle": alert.vehicle, "state": str(alert.state),
