@@ -4,6 +4,7 @@ import logging
 import os
 import shutil
 import socket
+import ssl
 import sys
 import threading
 import time
@@ -267,10 +268,18 @@ def _waiting_for(store: DatabaseStore) -> str | None:
     return f"the database has taken no entry for {store.behind_s:.0f} s."
 
 
-def _remove(database: Path) -> None:
-    """An SQLite file and what belongs to it."""
+def _remove_memory(settings: ServeSettings) -> None:
+    """Remove the SQLite file with what belongs to it, and the checkpoints."""
     for suffix in ("", "-wal", "-shm"):
-        Path(f"{database}{suffix}").unlink(missing_ok=True)
+        Path(f"{settings.where}{suffix}").unlink(missing_ok=True)
+    shutil.rmtree(settings.checkpoints, ignore_errors=True)
+
+
+def _tls(settings: ServeSettings) -> ssl.SSLContext | None:
+    """What TLS is offered with, where a certificate is set."""
+    if settings.certificate is None or settings.private_key is None:
+        return None
+    return read_certificate(settings.certificate, settings.private_key)
 
 
 def _save(monitor: FleetMonitor, checkpoints: CheckpointFolder) -> None:
@@ -307,13 +316,10 @@ def running_service(
         stack.callback(listening.close)
         tokens = TokenRegister(TokenFile(settings.data))
         access = _access(settings, listening, tokens)
-        tls = None
-        if settings.certificate is not None and settings.private_key is not None:
-            tls = read_certificate(settings.certificate, settings.private_key)
+        tls = _tls(settings)
         hangar = Hangar(settings.aircraft)
         if fresh:
-            _remove(Path(settings.where))
-            shutil.rmtree(settings.checkpoints, ignore_errors=True)
+            _remove_memory(settings)
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
         store = stack.enter_context(DatabaseStore(database, wall_clock, settings.history.retention))
         checkpoints = stack.enter_context(CheckpointFolder(settings.checkpoints, wall_clock))
@@ -359,22 +365,12 @@ def running_service(
             ),
         )
         http = HttpServer(app, listening, tls=tls)
-        service: Service = Service(
-            Parts(
-                http=http,
-                monitor=monitor,
-                probe=DatabaseProbe(database.check),
-                store=store,
-                checkpoints=checkpoints,
-                session=session,
-                link=link,
-                subscriber=subscriber,
-                outputs=outputs,
-                pump=pump,
-                tokens=tokens,
-                diagnoses=diagnoses,
-            )
-        )
+        parts = Parts(
+            http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
+            session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
+            diagnoses=diagnoses,
+        )  # fmt: skip
+        service: Service = Service(parts)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)

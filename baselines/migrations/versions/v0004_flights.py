@@ -64,8 +64,12 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    """There is no way back: the older form cannot hold what the newer one does."""
-    raise NotImplementedError("history by flight cannot be turned back")
+    """Refused: the older form cannot hold what the newer one does, and wingwatch never goes back by itself.
+
+    Raises:
+        RuntimeError: always.
+    """
+    raise RuntimeError("history by flight has no older form: restore a copy made before the update")
 
 
 def _move(connection: sa.Connection) -> None:
