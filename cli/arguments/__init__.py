@@ -1,0 +1,60 @@
+"""What may be written after `wingwatch`."""
+
+import argparse
+
+from wingwatch.cli.arguments.common import CommandParser
+from wingwatch.cli.arguments.flights import (
+    add_condition,
+    add_diagnose,
+    add_estimate,
+    add_monitor,
+    add_publish,
+)
+from wingwatch.cli.arguments.serving import add_access, add_baseline, add_serve, add_store, add_token
+from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_simulate, add_study
+
+__all__ = ["build_parser"]
+
+_COMMANDS = (
+    add_demo, add_serve, add_publish, add_simulate, add_estimate, add_monitor, add_condition, add_diagnose,
+    add_design_input, add_study, add_baseline, add_token, add_access, add_store,
+)  # fmt: skip
+"""In the order of the help."""
+
+_EXAMPLES = """\
+examples:
+  wingwatch demo
+  wingwatch simulate --aircraft aerosonde --effect icing:0.15@60+30 --seconds 150 --out flight.csv
+  wingwatch estimate flight.csv --aircraft aerosonde --history estimates.csv
+  wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml --json
+  wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet
+  wingwatch diagnose flight.csv --aircraft aerosonde --report report.html
+  wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
+  wingwatch baseline show data/wingwatch.db --aircraft aerosonde
+  wingwatch serve --data data --aircraft my_aircraft.toml
+  wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
+  wingwatch token create lead --scope operate
+  wingwatch access uav1 uav2 --out access.json5
+  wingwatch store backup data/wingwatch.db --out copy.db
+
+A flight is a CSV, Parquet or MATLAB file. A channel map (TOML) names its columns where they are not called as
+the flight table has them. `wingwatch COMMAND --help` says more about each command.
+"""
+
+
+def build_parser(version: str) -> argparse.ArgumentParser:
+    """The parser of the whole command line; the chosen command is ``command``."""
+    parser = CommandParser(
+        prog="wingwatch",
+        description="Watches an aircraft's health through its stability and control derivatives.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"wingwatch {version}")
+    commands = parser.add_subparsers(
+        dest="command", metavar="COMMAND", required=True, parser_class=CommandParser
+    )
+    for add in _COMMANDS:
+        add(commands)
+    return parser

@@ -1,0 +1,182 @@
+"""Commands that take a recorded flight."""
+
+from pathlib import Path
+
+from wingwatch.cli.arguments.common import (
+    Commands,
+    add_aircraft_and_map,
+    add_command,
+    add_convention,
+    add_flight,
+)
+from wingwatch.cli.arguments.values import replay_speed
+
+__all__ = ["add_condition", "add_diagnose", "add_estimate", "add_monitor", "add_publish"]
+
+_STRUCTURES = (
+    "short_period", "short_period_alpha", "phugoid", "longitudinal", "longitudinal_throttle", "dutch_roll",
+    "dutch_roll_beta", "roll", "spiral", "lateral", "lateral_full",
+)  # fmt: skip
+
+
+def add_estimate(commands: Commands) -> None:
+    """``wingwatch estimate``."""
+    parser = add_command(
+        commands,
+        "estimate",
+        "derivatives of a recorded flight, or of several together, with standard errors",
+        "wingwatch estimate flight.mat --aircraft ultrastick25e --map thor75.toml --json",
+    )
+    parser.add_argument(
+        "flights",
+        metavar="FLIGHT",
+        type=Path,
+        nargs="+",
+        help="CSV, Parquet or MATLAB file; several are one after another, with common derivatives",
+    )
+    add_aircraft_and_map(parser)
+    add_convention(parser)
+    parser.add_argument(
+        "--estimator",
+        choices=(
+            "fourier",
+            "ekf",
+            "equation-error",
+            "frequency-equation-error",
+            "output-error",
+            "filter-error",
+        ),
+        help="only this one: fourier and ekf by the code that runs live, the others from the whole flight at once, "
+        "with statistics of the fit (default: fourier and ekf)",
+    )
+    parser.add_argument(
+        "--structure",
+        action="append",
+        choices=_STRUCTURES,
+        default=[],
+        metavar="NAME",
+        help=f"of an estimator of the whole flight: {', '.join(_STRUCTURES)}; may be repeated "
+        "(default: short_period, dutch_roll, lateral)",
+    )
+    parser.add_argument(
+        "--form",
+        choices=("accelerometer", "differentiated", "reconstructed"),
+        help="force equations of an estimator of the whole flight: by accelerometers, the vanes differentiated, or "
+        "velocities reconstructed without vanes (default: accelerometer)",
+    )
+    parser.add_argument(
+        "--history",
+        type=Path,
+        metavar="OUT",
+        help="write every estimate of fourier and ekf over time to OUT (.csv or .parquet)",
+    )
+
+
+def add_monitor(commands: Commands) -> None:
+    """``wingwatch monitor``."""
+    parser = add_command(
+        commands,
+        "monitor",
+        "status and alerts of a recorded flight, by the code that runs live",
+        "wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml",
+    )
+    add_flight(parser)
+    add_convention(parser)
+    parser.add_argument(
+        "--baseline",
+        metavar="DB",
+        help="database of a service (file or URL) with what earlier flights taught; never changed "
+        "(default: what the aircraft file says)",
+    )
+    parser.add_argument(
+        "--fleet", default="default", help="whose earlier flights in DB (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--vehicle", default="offline", help="whose earlier flights in DB (default: %(default)s)"
+    )
+
+
+def add_condition(commands: Commands) -> None:
+    """``wingwatch condition``."""
+    parser = add_command(
+        commands,
+        "condition",
+        "what a recorded flight says of its sensors, air and trims: delays, biases, scale errors, turbulence",
+        "wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet",
+    )
+    add_flight(parser)
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FLIGHT",
+        help="write the table without these errors (.csv or .parquet); delays that the aircraft file states stay in",
+    )
+    parser.add_argument(
+        "--second-imu",
+        type=Path,
+        metavar="MAP",
+        help="channel map of the same file whose specific forces are a second triad's: tells the centre of gravity",
+    )
+
+
+def add_publish(commands: Commands) -> None:
+    """``wingwatch publish``."""
+    parser = add_command(
+        commands,
+        "publish",
+        "stream a flight into Zenoh as a vehicle does; returns when all of it has been handed over",
+        "wingwatch publish flight.csv --vehicle uav1 --aircraft aerosonde --rate max",
+    )
+    add_flight(parser)
+    parser.add_argument("--vehicle", required=True, metavar="ID", help="name of the vehicle")
+    parser.add_argument("--fleet", default="default", help="name of the fleet (default: %(default)s)")
+    parser.add_argument(
+        "--connect",
+        default="tcp/127.0.0.1:7447",
+        metavar="ENDPOINT",
+        help="Zenoh endpoint of the service or router (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--rate",
+        type=replay_speed,
+        default=1.0,
+        metavar="1.0|max",
+        help="speed relative to the time stamps, or max: as fast as it is taken, nothing lost (default: 1.0)",
+    )
+    parser.add_argument(
+        "--authority",
+        type=Path,
+        metavar="FILE",
+        help="for tls/ endpoints: whose certificates are trusted (PEM)",
+    )
+    parser.add_argument("--certificate", type=Path, metavar="FILE", help="the vehicle's own (PEM)")
+    parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
+    parser.add_argument(
+        "--user", help="in place of a certificate; its password is read from WINGWATCH_ZENOH_PASSWORD"
+    )
+
+
+def add_diagnose(commands: Commands) -> None:
+    """``wingwatch diagnose``."""
+    parser = add_command(
+        commands,
+        "diagnose",
+        "what the simulation of an aircraft gets wrong against a recorded flight, why, and the model extended",
+        "wingwatch diagnose flight.mat --aircraft ultrastick25e --map thor75.toml --report report.html",
+    )
+    add_flight(parser)
+    parser.add_argument(
+        "--validate",
+        type=Path,
+        metavar="FLIGHT",
+        help="another flight, on which the extended model is judged (default: windows of FLIGHT left out)",
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.html", help="write the answer with pictures as one page"
+    )
+    parser.add_argument(
+        "--model",
+        type=Path,
+        metavar="OUT.toml",
+        help="write the extended aircraft file; nothing where none is offered",
+    )

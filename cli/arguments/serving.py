@@ -1,0 +1,202 @@
+"""Commands of the service, of who may use it, and of its database."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from wingwatch.cli.arguments.common import Commands, add_command, add_commands, add_convention
+from wingwatch.cli.arguments.values import positive, row_count
+
+__all__ = ["add_access", "add_baseline", "add_serve", "add_store", "add_token"]
+
+_TOKEN_EXAMPLES = """\
+wingwatch token create lead --scope operate
+  wingwatch token list
+  wingwatch token revoke lead"""
+
+_TOKEN_ACTIONS = {
+    "create": "make a token and show it, once",
+    "list": "names and scopes of all tokens",
+    "revoke": "withdraw a token; a running service refuses it from now on",
+}
+
+_STORE_EXAMPLES = """\
+wingwatch store backup data/wingwatch.db --out copy.db
+  wingwatch store check data/wingwatch.db
+  wingwatch store prune data/wingwatch.db --keep-days 30"""
+
+_STORE_ACTIONS = {
+    "backup": "copy an SQLite database, also while a service writes to it, and check the copy",
+    "check": "read the whole database and say whether it is sound",
+    "prune": "thin and drop old history of derivatives at once; alerts, references and expectations stay",
+}
+
+_BASELINE_ACTIONS = {
+    "show": "what is expected of an aircraft now, and what a vehicle's flights have taught",
+    "history": "every entry there ever was, what superseded it, and every kept version of what a vehicle taught",
+    "import": "put the [[conditions]] of an aircraft file into the database; each supersedes the entry at its point",
+}
+
+
+def add_serve(commands: Commands) -> None:
+    """``wingwatch serve``."""
+    parser = add_command(
+        commands,
+        "serve",
+        "the service: Zenoh in, monitor, REST and status page out",
+        "wingwatch serve --data data --listen tcp/127.0.0.1:7447",
+    )
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE", help="settings (TOML); flags here override them"
+    )
+    parser.add_argument(
+        "--host", help="HTTP address (default: 127.0.0.1); one that others can reach takes tokens"
+    )
+    parser.add_argument("--port", type=int, help="HTTP port (default: 8000)")
+    parser.add_argument(
+        "--listen",
+        action="append",
+        metavar="ENDPOINT",
+        help="Zenoh endpoint to listen on; may be repeated (default: tcp/127.0.0.1:7447, or none with --connect)",
+    )
+    parser.add_argument(
+        "--connect", action="append", metavar="ENDPOINT", help="Zenoh router to connect to; may be repeated"
+    )
+    parser.add_argument(
+        "--name",
+        action="append",
+        metavar="HOST",
+        help="host name under which others reach HTTP, beside addresses and localhost; may be repeated",
+    )
+    parser.add_argument(
+        "--certificate", type=Path, metavar="FILE", help="serve HTTPS with this certificate (PEM)"
+    )
+    parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
+    parser.add_argument(
+        "--require-token",
+        action="store_true",
+        default=None,
+        help="ask for tokens on loopback too, as behind a proxy",
+    )
+    parser.add_argument(
+        "--data", type=Path, metavar="DIR", help="folder of the database and the tokens (default: data)"
+    )
+    parser.add_argument(
+        "--aircraft",
+        action="append",
+        type=Path,
+        metavar="FILE",
+        help="aircraft file beside the library; may be repeated",
+    )
+    parser.add_argument(
+        "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"
+    )
+
+
+def add_token(commands: Commands) -> None:
+    """``wingwatch token``."""
+    does = "tokens for REST and the status page, asked for by a service that others can reach"
+    actions = add_commands(commands, "token", does, _TOKEN_EXAMPLES, "action")
+    for action, what in _TOKEN_ACTIONS.items():
+        name = "" if action == "list" else " lead"
+        add = add_command(actions, action, what, f"wingwatch token {action}{name}").add_argument
+        if action != "list":
+            add("name", metavar="NAME", help="of the token: 1 to 63 of a-z, 0-9, '_' and '-'")
+        if action == "create":
+            add(
+                "--scope",
+                choices=("read", "operate"),
+                default="read",
+                help="what it permits; operate: reading, and acting on alerts and diagnoses (default: %(default)s)",
+            )
+        add(
+            "--data",
+            type=Path,
+            default=Path("data"),
+            metavar="DIR",
+            help="the service's data folder (default: %(default)s)",
+        )
+
+
+def add_access(commands: Commands) -> None:
+    """``wingwatch access``."""
+    parser = add_command(
+        commands,
+        "access",
+        "Zenoh's access rules: a vehicle writes its own keys, the service alone derivatives, status and alerts",
+        "wingwatch access uav1 uav2 north.uav1 --reader tower --out access.json5",
+    )
+    add = parser.add_argument
+    add("vehicles", metavar="VEHICLE", nargs="+", help="name, or FLEET.NAME where its fleet is not default")
+    add(
+        "--reader",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="who may subscribe and ask, and writes nothing; may be repeated",
+    )
+    add("--service", default="service", metavar="NAME", help="who the service is (default: %(default)s)")
+    add(
+        "--by",
+        choices=("certificate", "user"),
+        default="certificate",
+        help="what these are: common names of certificates or users (default: %(default)s)",
+    )
+    add("--out", type=Path, metavar="FILE", help="write the rules to FILE (default: standard output)")
+
+
+def add_store(commands: Commands) -> None:
+    """``wingwatch store``."""
+    does = "the database of a service: copy it, check it, thin its history"
+    actions = add_commands(commands, "store", does, _STORE_EXAMPLES, "action")
+    for action, what in _STORE_ACTIONS.items():
+        example = next(line.strip() for line in _STORE_EXAMPLES.splitlines() if f" {action} " in line)
+        add = add_command(actions, action, what, example).add_argument
+        add("database", metavar="DB", help="path of an SQLite file, or URL of a PostgreSQL database")
+        if action == "backup":
+            add("--out", type=Path, required=True, metavar="FILE", help="the copy; it must not exist yet")
+        if action == "prune":
+            _add_retention(add)
+
+
+def _add_retention(add: Callable[..., object]) -> None:
+    options = (
+        ("--full-rate-hours", 24.0, "how long history is kept as it came"),
+        ("--interval-s", 10.0, "of what is older, one instant of each so many seconds stays"),
+        ("--keep-days", 90.0, "flights that ended longer ago go"),
+    )
+    for name, default, what in options:
+        add(name, type=positive, default=default, metavar="X", help=f"{what} (default: %(default)g)")
+    add(
+        "--most-rows",
+        type=row_count,
+        default=20_000_000,
+        metavar="N",
+        help="where there are more estimates, the flights that ended first go (default: %(default)s)",
+    )
+
+
+def add_baseline(commands: Commands) -> None:
+    """``wingwatch baseline``."""
+    does = "the baseline database: what is expected of an aircraft, by whom, since when"
+    example = "wingwatch baseline show data/wingwatch.db --aircraft aerosonde --vehicle uav1"
+    actions = add_commands(
+        commands,
+        "baseline",
+        does,
+        f"{example}\n  wingwatch baseline import data/wingwatch.db --aircraft identified.toml",
+        "action",
+    )
+    for name, what in _BASELINE_ACTIONS.items():
+        one = add_command(actions, name, what, example.replace("show", name))
+        one.add_argument("database", metavar="DB", help="database of a service (file or URL)")
+        one.add_argument(
+            "--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file"
+        )
+        if name == "import":
+            continue
+        add_convention(one)
+        one.add_argument("--configuration", default="clean", help="of the aircraft (default: %(default)s)")
+        one.add_argument("--fleet", default="default", help="of the vehicle (default: %(default)s)")
+        one.add_argument(
+            "--vehicle", metavar="ID", help="whose flights' teaching to show (default: nobody's)"
+        )
