@@ -25,7 +25,8 @@ from wingwatch.monitor.checkpoint import (
     decode_checkpoint,
     encode_checkpoint,
 )
-from wingwatch.monitor.fleet import FleetMonitor, FleetSettings
+from wingwatch.monitor.fleet import FleetMonitor
+from wingwatch.monitor.fleet_settings import FleetSettings
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.ports import ActionPlan, ActionRequest, Outputs, Store, VehicleMemory
 from wingwatch.monitor.resuming import Checkpoints

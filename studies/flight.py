@@ -200,7 +200,9 @@ class _Watch:
         change = change_since(
             mode.expected, covariance, mode.information, mode.vector, np.outer(bias, bias), natural
         )
-        scale = np.sqrt(np.diagonal(change.weight))
+        scale = np.sqrt(
+            np.maximum(np.diagonal(change.weight), 0.0)
+        )  # what is next to nothing may be rounded below it
         seen = scale > 0.0
         if not seen.any():
             return 0.0, 0.0

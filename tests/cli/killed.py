@@ -62,7 +62,7 @@ def work(database: str, paper: IO[str], name: str) -> None:
         for k in count():
             for level in ("watch", "warning", "critical"):
                 with fleet._lock:
-                    fleet._keep_alert(_alert(f"{name}-{k}", level))
+                    fleet._alerts.keep(_alert(f"{name}-{k}", level))
                 time.sleep(0.003)
 
 

@@ -92,7 +92,7 @@ def test_the_service_says_what_is_wrong_answers_all_else_and_heals(outage: Outag
             assert "nothing has happened" in refused.json()["detail"]
             assert any(words in problem() for words in outage.said)
             with service.monitor._lock:
-                service.monitor._keep_alert(replace(ALERT, id="a2"))
+                service.monitor._alerts.keep(replace(ALERT, id="a2"))
             until(lambda: "the database" in str(client.get("/v1/status").json()["database"]))
             for path in ("/v1/status", "/v1/alerts/a1", "/health/live"):
                 began = time.monotonic()
@@ -137,8 +137,8 @@ def test_samples_are_taken_in_while_the_database_does_not_answer(outage: Outage)
         before = [take_in() for _ in range(20)]
         with outage.begin():
             with fleet._lock:
-                fleet._keep_alert(ALERT)
-                fleet._keep_alert(replace(ALERT, level="critical"))
+                fleet._alerts.keep(ALERT)
+                fleet._alerts.keep(replace(ALERT, level="critical"))
             ended = time.monotonic() + OUTAGE_S
             during = []
             while time.monotonic() < ended:

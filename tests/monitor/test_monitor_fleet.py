@@ -451,7 +451,7 @@ def test_what_the_monitor_finds_while_an_action_is_committed_is_not_lost(damaged
 
     def meanwhile() -> None:
         assert hall.fleet.alerts() == [before]  # nothing is told before it is committed
-        hall.fleet._keep_alert(found)
+        hall.fleet._alerts.keep(found)
 
     hall.store.meanwhile = meanwhile
     acted = hall.fleet.act_on_alert(before.id, AlertAction.ACKNOWLEDGE, "ann", "seen")
@@ -532,7 +532,7 @@ def test_a_shelved_alert_comes_back_when_the_fault_grows(changes: dict[str, obje
     hall = Hall(store=FakeStore(earlier=(OLD_ALERT,)))
     shelved = hall.fleet.act_on_alert("old", AlertAction.SHELVE, "ann", "")
     assert shelved is not None
-    hall.fleet._keep_alert(replace(shelved, **changes))  # type: ignore[arg-type]
+    hall.fleet._alerts.keep(replace(shelved, **changes))  # type: ignore[arg-type]
     (alert,) = hall.fleet.alerts()
     assert (alert.state is AlertState.ACTIVE) == back
     assert (alert.note[-1] == "wingwatch: unshelve (it has grown)") == back

@@ -1,0 +1,196 @@
+"""Alerts of a live fleet: kept before they are told, followed across restarts, acted on by persons."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from wingwatch.monitor.fleet_context import FleetContext, Outgoing
+from wingwatch.monitor.known_vehicle import KnownVehicle
+from wingwatch.monitor.ports import ActionPlan, ActionRequest, Store
+from wingwatch.monitor.resuming import agreed
+from wingwatch.monitor.roster import VehicleKey
+from wingwatch.monitor.views import AlertState, AlertView
+
+__all__ = ["FleetAlerts"]
+
+_REPEATED = 100  # of the latest alerts, and all that are not cleared, are announced again at the start
+
+
+class FleetAlerts:
+    """What becomes of alerts between monitors, store and operators.
+
+    With the fleet's lock held, but for ``carry_out``, ``repeat`` and what the store calls.
+
+    Args:
+        context: of the fleet.
+        save_now: has the state of a vehicle saved at once.
+    """
+
+    def __init__(self, context: FleetContext, save_now: Callable[[VehicleKey, KnownVehicle], None]) -> None:
+        self._context, self._save_now = context, save_now
+        self._read = False
+        self._earlier: dict[VehicleKey, AlertView] = {}
+
+    # -- across restarts -----------------------------------------------------------------------
+
+    def read_earlier(self, patience_s: float) -> Sequence[AlertView]:
+        """Read the alerts of earlier runs, once; a read that failed is no empty one, and is tried again.
+
+        Returns those to be announced again, oldest first: an earlier run may have ended before it announced them.
+        """
+        store, ledger = self._context.store, self._context.ledger
+        if store is None or self._read:
+            return ()
+        found: Sequence[AlertView] | None = self._context.guarded(lambda: store.alerts(patience_s))
+        if found is None:
+            return ()
+        ledger.add_earlier(found)
+        self._read = True
+        for alert in reversed(found):
+            if alert.state is not AlertState.CLEARED:
+                self._earlier[alert.fleet, alert.vehicle] = alert
+        for key, known in self._context.vehicles.items():
+            if known.monitor is not None:
+                self.follow_earlier(key, known)
+        again = [a for k, a in enumerate(found) if k < _REPEATED or a.state is not AlertState.CLEARED]
+        return again[::-1]
+
+    def repeat(self, alerts: Sequence[AlertView]) -> None:
+        """Announce alerts again."""
+        for alert in alerts:
+            self._context.tell((alert.fleet, alert.vehicle), [_of_alert(alert)])
+
+    def follow_earlier(self, key: VehicleKey, known: KnownVehicle) -> list[Outgoing]:
+        """The vehicle's monitor follows the alert that was in force before the restart, if there was one."""
+        monitor, standing = known.monitor, self._earlier.pop(key, None)
+        if monitor is None:
+            return []
+        ledger = self._context.ledger
+        if standing is not None:
+            standing = ledger.newest(standing.id)
+        if standing is not None and standing.state is AlertState.CLEARED:
+            standing = None
+        active = monitor.book.active
+        missing = agreed(monitor, ledger.newest(active.id) if active else None, standing)
+        if missing is None:
+            return []
+        ledger.drop(missing.id)  # what the checkpoint has is newer
+        return self.keep(missing)
+
+    # -- from the monitors ---------------------------------------------------------------------
+
+    def keep(self, alert: AlertView) -> list[Outgoing]:
+        """Hand a new version to the store, which says when it may be told; returns what may be told at once."""
+        kept = self._context.ledger.follow(alert)
+        self._follow_in_book(kept)
+        if self._context.store is None:
+            self._context.ledger.unsaved.clear()
+            self._show(kept)
+            return [_of_alert(kept)]
+        self._hand_over()
+        return []
+
+    def look_again(self) -> None:
+        """Alerts whose time on the shelf is over are active again; what the store did not take is handed over."""
+        for alert in self._context.ledger.come_back(self._context.wall_clock()):
+            self._follow_in_book(alert)
+        self._hand_over()
+
+    def _hand_over(self) -> None:
+        """Hand over what the store has not taken over yet."""
+        store, ledger = self._context.store, self._context.ledger
+        if store is None:
+            return
+        for name in list(ledger.unsaved):
+            alert = ledger.newest(name)
+            if alert is None or self._context.guarded(partial(_saved, store, alert, self._kept)):
+                ledger.unsaved.pop(name)
+
+    def _kept(self, alert: AlertView) -> None:
+        """In the store's thread: this version is committed, so it may be told."""
+        with self._context.lock:
+            self._show(alert)
+        self.repeat([alert])
+
+    def _show(self, alert: AlertView) -> None:
+        self._context.ledger.commit(alert)
+        self._context.event(
+            "alert",
+            {"id": alert.id, "fleet": alert.fleet, "vehicle": alert.vehicle, "state": str(alert.state),
+             "kind": alert.kind, "cause": alert.cause, "level": alert.level, "text": alert.text},
+        )  # fmt: skip
+
+    def _follow_in_book(self, alert: AlertView) -> None:
+        """The vehicle's monitor goes on with what has become of its alert; one that is cleared it follows no longer."""
+        known = self._context.vehicles.get((alert.fleet, alert.vehicle))
+        book = known.monitor.book if known is not None and known.monitor is not None else None
+        if book is None or book.active is None or book.active.id != alert.id:
+            return
+        if alert.state is AlertState.CLEARED:
+            book.dismiss()
+        else:
+            book.active = alert
+
+    # -- by persons ----------------------------------------------------------------------------
+
+    def carry_out(self, request: ActionRequest) -> AlertView | None:
+        """Carry out a person's action; returns once the store has committed it, None for an unknown alert.
+
+        Raises:
+            ValueError: it makes no sense; ``KeyReusedError`` where its key belongs to another one.
+            DatabaseError: it has not been committed in time, and has not happened.
+        """
+        store, ledger = self._context.store, self._context.ledger
+        with self._context.lock:
+            shown = ledger.shown(request.alert_id)
+        if shown is None:
+            return None
+        change, taken = partial(self._changed, request), partial(self._acted, request)
+        if store is None:
+            taken(change())
+        else:
+            store.carry_out(ActionPlan(request, change, taken, partial(self._newest, shown), self._rewritten))
+        with self._context.lock:
+            return ledger.shown(request.alert_id) or shown
+
+    def _changed(self, request: ActionRequest) -> AlertView:
+        with self._context.lock:
+            return self._context.ledger.changed(request, self._last_sample_time_s)
+
+    def _last_sample_time_s(self, alert: AlertView) -> float | None:
+        known = self._context.vehicles.get((alert.fleet, alert.vehicle))
+        return None if known is None or known.monitor is None else known.monitor.last_sample_time_s
+
+    def _acted(self, request: ActionRequest, changed: AlertView) -> None:
+        """The action is committed: it counts from now on, and is told."""
+        ledger, key = self._context.ledger, (changed.fleet, changed.vehicle)
+        with self._context.lock:
+            merged = ledger.acted(changed)
+            self._show(changed)
+            self._follow_in_book(merged)
+            known = self._context.vehicles.get(key)
+            if known is not None and known.monitor is not None:
+                self._save_now(key, known)
+            if merged != changed and self._context.store is not None:  # the monitor has gone on meanwhile
+                ledger.unsaved[merged.id] = None
+                self._hand_over()
+        self.repeat([changed])
+
+    def _newest(self, shown: AlertView) -> AlertView:
+        with self._context.lock:
+            return self._context.ledger.newest(shown.id) or shown
+
+    def _rewritten(self, newest: AlertView) -> None:
+        """An action was undone by writing the newest version, which may be newer than the one that was told."""
+        with self._context.lock:
+            told = self._context.ledger.shown(newest.id) == newest
+        if not told:
+            self._kept(newest)
+
+
+def _of_alert(alert: AlertView) -> Outgoing:
+    return "alerts", lambda: alert
+
+
+def _saved(store: Store, alert: AlertView, kept: Callable[[AlertView], None]) -> bool:
+    store.save_alert(alert, kept)
+    return True
