@@ -30,7 +30,7 @@ from wingwatch.studies.page.captions import about, headline, honesty
 from wingwatch.studies.report import write_report
 from wingwatch.studies.run import Progress, Workers, run_study
 from wingwatch.studies.summary import as_json, summarise
-from wingwatch.studies.table import read_settings, read_study
+from wingwatch.studies.table import read_settings, read_study, shown_aircraft
 from wingwatch.studies.versions import code_version, settings_version
 from wingwatch.telemetry import write_flight
 
@@ -67,7 +67,7 @@ def _fly(arguments: argparse.Namespace) -> int:
         )
         return _INTERRUPTED
     if arguments.report is not None:
-        write_report(summarise(arguments.out), arguments.report)
+        write_report(summarise(arguments.out, shown_aircraft([settings])), arguments.report)
     if arguments.json:
         write_json(_result(arguments.out, settings, progress))
     else:
@@ -199,13 +199,12 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _show(arguments: argparse.Namespace) -> int:
     check_output("--report", arguments.report, _PAGE_SUFFIXES)
-    for table in arguments.tables:
-        read_settings(table)
+    names = shown_aircraft([read_settings(table) for table in arguments.tables])
     if len(arguments.tables) == 1:
-        summary = summarise(arguments.tables[0])
+        summary = summarise(arguments.tables[0], names)
     else:
         rows = [read_study(table).table.replace_schema_metadata(None) for table in arguments.tables]
-        summary = summarise(pa.concat_tables(rows))
+        summary = summarise(pa.concat_tables(rows), names)
     if arguments.report is not None:
         write_report(summary, arguments.report)
     if arguments.json:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,14 +27,18 @@ class Rows:
     Args:
         columns: a pyarrow table, or an array a column, or the study's file, of which long texts are then never in
             memory all at once; names and types are those of ``table.COLUMNS``.
+        aircraft: what the grid's names of aircraft are shown as: own aircraft are paths there.
     """
 
-    def __init__(self, columns: pa.Table | Mapping[str, Any] | Path) -> None:
+    def __init__(
+        self, columns: pa.Table | Mapping[str, Any] | Path, aircraft: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self._file = columns if isinstance(columns, Path) else None
         if isinstance(columns, Path):
             short = [name for name in pq.read_schema(columns).names if name not in _LONG]
             columns = pq.read_table(columns, columns=short)
-        self._columns = columns if isinstance(columns, pa.Table) else pa.table(dict(columns))
+        table = columns if isinstance(columns, pa.Table) else pa.table(dict(columns))
+        self._columns = _renamed(table, aircraft) if aircraft else table
         self._words: dict[str, tuple[NDArray[np.object_], NDArray[np.int64]]] = {}
         self._numbers: dict[str, Array] = {}
 
@@ -92,3 +97,12 @@ class Rows:
             known = np.array([*coded.dictionary.to_pylist(), ""], dtype=object)
             self._words[name] = known, np.asarray(coded.indices.to_numpy(), dtype=np.int64)
         return self._words[name]
+
+
+def _renamed(table: pa.Table, names: Mapping[str, str]) -> pa.Table:
+    """The table with other names of aircraft."""
+    place = table.column_names.index("aircraft")
+    column = table.column(place).to_pylist()
+    return table.set_column(
+        place, "aircraft", pa.array([names.get(name, name) for name in column], pa.string())
+    )

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -91,14 +92,17 @@ class Summary:
     failed: list[FailedFlight]
 
 
-def summarise(columns: pa.Table | Mapping[str, Any] | Path) -> Summary:
+def summarise(
+    columns: pa.Table | Mapping[str, Any] | Path, aircraft: Mapping[str, str] = MappingProxyType({})
+) -> Summary:
     """The summary of a study's table, or of several with the same columns, one after the other.
 
     Args:
         columns: a pyarrow table, or an array a column, as ``table.COLUMNS`` has them; or the study's file, which takes
             least memory.
+        aircraft: what the grid's names of aircraft are shown as (``shown_aircraft``).
     """
-    rows = Rows(columns)
+    rows = Rows(columns, aircraft)
     flew = rows.words("failed") == ""
     no_effect = rows.words("effect") == ""
     sensor_faults = flew & ~no_effect & (rows.words("kind") == "healthy")

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ __all__ = [
     "read_settings",
     "read_study",
     "rows_table",
+    "shown_aircraft",
     "write_atomically",
     "write_study",
 ]
@@ -174,6 +175,16 @@ def read_settings(path: Path) -> StudySettings:
         except pa.ArrowInvalid:
             raise StudyError(f"{path} is no Parquet file, so no study") from None
     return StudySettings.from_json(metadata.get(_KEY, b"null"), str(path))
+
+
+def shown_aircraft(settings: Sequence[StudySettings]) -> dict[str, str]:
+    """The name by which each of the grids' aircraft is shown: the file's own, where no other aircraft has it.
+
+    An own aircraft is a path in the grid.
+    """
+    fleet = {name: craft for one in settings for name, craft in one.aircraft.items()}
+    taken = [craft.name for craft in fleet.values()]
+    return {name: craft.name if taken.count(craft.name) == 1 else name for name, craft in fleet.items()}
 
 
 def read_study(path: Path) -> Study:

@@ -10,9 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 from study_tables import Truth, drawn_table
 
+from wingwatch.aircraft import load_aircraft
+from wingwatch.studies import StudySettings, load_grid
 from wingwatch.studies.calibration import IMPROBABLE
 from wingwatch.studies.statistics import Interval, poisson_rate
 from wingwatch.studies.summary import Summary, as_json, summarise
+from wingwatch.studies.table import shown_aircraft
 
 TRUTH = Truth(effects=("icing", "elevator_effectiveness"), sensor_fault=0.1)
 WIDER = 1.6
@@ -38,6 +41,18 @@ def test_what_was_flown_is_counted(summary: Summary) -> None:
     assert flown.flights == 12_000 == flown.faulty + flown.healthy + flown.sensor_fault
     assert flown.hours == pytest.approx(1000.0)
     assert flown.observed_fraction == pytest.approx(0.9)
+
+
+def test_an_own_aircraft_is_shown_by_its_name_and_not_by_its_path() -> None:
+    table = drawn_table(600, 7, TRUTH)
+    flown = {str(name) for name in table["aircraft"].unique().to_pylist()}
+    path = sorted(flown)[0]
+    aerosonde = load_aircraft("aerosonde")
+    fleet = {path: load_aircraft("jetstream31"), "other.toml": aerosonde, "copy.toml": aerosonde}
+    settings = StudySettings("icing", load_grid("icing", None), 0, 600, fleet, "", "")
+    names = shown_aircraft([settings])
+    assert names == {path: "jetstream31", "other.toml": "other.toml", "copy.toml": "copy.toml"}
+    assert set(summarise(table, names).flown.aircraft) == flown - {path} | {"jetstream31"}
 
 
 def test_probability_of_detection_in_single_conditions() -> None:
