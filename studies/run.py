@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.studies.flight import FlightMaker, unflown_row
+from wingwatch.studies.flight import FlightMaker
+from wingwatch.studies.flight_rows import unflown_row
 from wingwatch.studies.grid import Grid, Kind, StudyError
 from wingwatch.studies.journal import Journal
 from wingwatch.studies.plan import draw_plan

@@ -12,7 +12,7 @@ from wingwatch.simulation.effects.icing import LINEAR_FACTORS
 from wingwatch.studies import FlightPlan, Grid, Kind, draw_plan, load_fleet, load_grid
 from wingwatch.studies.drawn_icing import drawn_icing
 from wingwatch.studies.expectation import Expectations
-from wingwatch.studies.flight import scenario_of
+from wingwatch.studies.watched_flight import scenario_of
 
 
 def plans(kind: Kind, grid: Grid, count: int) -> list[FlightPlan]:

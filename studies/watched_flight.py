@@ -1,0 +1,191 @@
+"""One simulated flight and the monitor that watches it.
+
+Nothing that the simulation knows reaches the monitor but the channels of the flight.
+"""
+
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.monitor import AlertView, Chain, Report, VehicleMonitor, surface_kinds
+from wingwatch.monitor.comparison import change_since
+from wingwatch.monitor.judge import BlockView, ModeBlock
+from wingwatch.simulation import (
+    EFFECTS,
+    Effect,
+    Scenario,
+    TurbulenceOnset,
+    patrol,
+)
+from wingwatch.simulation.sensor_errors import SIMULATED
+from wingwatch.studies.drawn_icing import drawn_icing
+from wingwatch.studies.expectation import Expectations
+from wingwatch.studies.plan import FlightPlan, manoeuvres
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete, derivations
+
+__all__ = ["UNSENSED", "Heard", "WatchedFlight", "effects_of", "scenario_of"]
+
+Array = NDArray[np.float64]
+
+MOST_SCORED_BLOCKS = 40
+UNSENSED = "pitch_demand_rad"
+"""Follows from the motion, and no sensor may lose it."""
+_VANES = ("angle_of_attack_rad", "sideslip_rad")
+_POSITIONS = ("elevator_rad", "aileron_rad", "rudder_rad")
+_RANK = 1e-9
+
+
+def scenario_of(plan: FlightPlan, aircraft: Aircraft) -> Scenario:
+    """The flight to be simulated.
+
+    Raises:
+        AircraftDataError, TrimError, ValueError: a flight that cannot be flown, in one sentence.
+    """
+    condition = plan.condition
+    changes = (TurbulenceOnset(g.rms_m_s, g.onset_s, g.ramp_s) for g in plan.gusts)
+    return Scenario(
+        _noisier(aircraft, plan.noise_scale),
+        plan.airspeed_true_m_s,
+        plan.altitude_m,
+        manoeuvres=manoeuvres(
+            plan.excitation, aircraft, condition, plan.excitation_period_s, plan.excitation_start_s
+        ),
+        effects=(*effects_of(plan), *changes),
+        turbulence=plan.air,  # type: ignore[arg-type]  # the grid takes the levels' words only
+        turbulence_model=plan.turbulence_model,  # type: ignore[arg-type]
+        seed=plan.seed,
+        route=patrol(aircraft, condition) if plan.route == "patrol" else None,
+    )
+
+
+def _noisier(aircraft: Aircraft, scale: float) -> Aircraft:
+    if scale == 1.0:
+        return aircraft
+    noise = {column: scale * std for column, std in aircraft.sensors.noise_std.items()}
+    return aircraft.model_copy(update={"sensors": aircraft.sensors.model_copy(update={"noise_std": noise})})
+
+
+def effects_of(plan: FlightPlan) -> tuple[Effect, ...]:
+    """What befalls the aircraft; nothing in a healthy flight."""
+    if plan.severity is None or plan.onset_s is None or plan.ramp_s is None:
+        return ()
+    if plan.effect == "icing":
+        return (drawn_icing(plan.severity, plan.onset_s, plan.ramp_s, plan.target, plan.icing_factors),)
+    return (EFFECTS[plan.effect](plan.severity, plan.onset_s, plan.ramp_s, plan.target),)
+
+
+def _left_out(plan: FlightPlan) -> tuple[str, ...]:
+    """Channels that the aircraft's sensors do not give."""
+    return (
+        *(_VANES if plan.sensors == "no_vanes" else ()),
+        *(_POSITIONS if plan.surfaces == "commands" else ()),
+    )
+
+
+@dataclass(slots=True)
+class Heard:
+    """What a flight led to so far."""
+
+    raised: dict[str, AlertView] = field(default_factory=dict)
+    last: dict[str, AlertView] = field(default_factory=dict)
+    evidence: list[tuple[float, float]] = field(default_factory=list)
+    """Time and log statistic of every verdict."""
+    scores: dict[str, list[list[float]]] = field(default_factory=dict)
+    information: list[tuple[float, str, Array]] = field(default_factory=list)
+    """End of a block, structure, and the information that it brought."""
+
+
+class WatchedFlight:
+    """One flight's monitor, and what it said."""
+
+    def __init__(
+        self,
+        plan: FlightPlan,
+        aircraft: Aircraft,
+        expectations: Expectations,
+        chains: dict[tuple[str, tuple[str, ...]], Chain],
+    ) -> None:
+        self.plan, self.aircraft = plan, aircraft
+        self._given = tuple(c for c in SIMULATED if c not in _left_out(plan))
+        self._lacking = [CHANNEL_INDEX[c] for c in _left_out(plan)]
+        drawn = plan.expectation == "drawn"
+        self.truth, self._drawn = expectations.exact(), drawn
+        numbers = itertools.count(1)
+        kind = plan.aircraft, self._given
+        self.monitor = VehicleMonitor(
+            aircraft, "study", str(plan.seed), [*self._given, *derivations(self._given)], surface_kinds(self._given),
+            envelopes=expectations.drawn(plan.expectation_errors) if drawn else self.truth,
+            chain=None if drawn else chains.get(kind), new_id=lambda: str(next(numbers)),
+        )  # fmt: skip
+        if not drawn:
+            chains.setdefault(kind, self.monitor.chain.of_another())
+        self.heard = Heard()
+        self.samples = 0
+        self.lost = False
+        self.wall_s = self.processor_s = 0.0
+        self._block: BlockView | None = None
+
+    def sensed(self, values: Array) -> SampleBlock:
+        """The next samples, as the flight's sensors report them; a flight that goes beyond all numbers ends there."""
+        beyond = np.flatnonzero(~np.isfinite(values[:, CHANNEL_INDEX[UNSENSED]]))
+        if beyond.size:
+            self.lost = True
+            values = values[: beyond[0]]
+        self.samples += len(values)
+        values = values.copy()
+        values[:, self._lacking] = np.nan
+        return complete(SampleBlock(values), self._given)
+
+    def hear(self, report: Report) -> None:
+        """What the monitor made of them."""
+        heard, monitor = self.heard, self.monitor
+        for alert in report.alerts:
+            heard.raised.setdefault(alert.id, alert)
+            heard.last[alert.id] = alert
+        active = monitor.book.active
+        if active is not None:
+            heard.last[active.id] = active
+        block = monitor.last_block
+        if block is None or block is self._block:
+            return
+        self._block = block
+        if monitor.last_verdict is not None:
+            heard.evidence.append((block.end_s, monitor.last_verdict.log_statistic))
+        for name, mode in block.modes.items():
+            scores, score = heard.scores.setdefault(name, []), self._score(mode)
+            if len(scores) < MOST_SCORED_BLOCKS and np.isfinite(score).all():
+                scores.append([block.end_s, *score])
+        for solution in report.solutions:
+            for name, mode_solution in solution.modes.items():
+                found = mode_solution.block
+                if name in block.modes and found is not None:
+                    information, _ = monitor.judge.coordinates[name].of_evidence(
+                        found.information, found.vector, block.condition
+                    )
+                    heard.information.append((block.end_s, name, information))
+
+    def _score(self, mode: ModeBlock) -> tuple[float, float]:
+        """Chi-square of expectation minus block value over the covariance stated of both, and degrees of freedom.
+
+        An exact expectation has no error; a drawn one that which the file states. The bias that gusts are expected to
+        have caused counts as error, as it does for the monitor.
+        """
+        covariance = mode.expected_covariance if self._drawn else np.zeros_like(mode.information)
+        bias = np.linalg.pinv(mode.information, rcond=_RANK, hermitian=True) @ mode.bias
+        natural = np.ones(mode.expected.size)
+        change = change_since(
+            mode.expected, covariance, mode.information, mode.vector, np.outer(bias, bias), natural
+        )
+        scale = np.sqrt(
+            np.maximum(np.diagonal(change.weight), 0.0)
+        )  # what is next to nothing may be rounded below it
+        seen = scale > 0.0
+        if not seen.any():
+            return 0.0, 0.0
+        weight = change.weight[np.ix_(seen, seen)] / np.outer(scale[seen], scale[seen])
+        pull = change.pull[seen] / scale[seen]
+        freedom = float(np.linalg.matrix_rank(weight, tol=_RANK * weight.shape[0], hermitian=True))
+        return float(pull @ np.linalg.pinv(weight, rcond=_RANK, hermitian=True) @ pull), freedom
