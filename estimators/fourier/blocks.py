@@ -193,9 +193,7 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
     for a in range(k):
         work.anchor[a] = work.own[a] = known.theta[a]
         work.size[a] = prior.std[a] / 3.0
-    for j in range(work.noise.size):
-        work.noise[j] = known.noise_known[j] if known.noise_known[WEIGHT] > 0.0 else known.noise[j]
-    _believe_inputs(model, vehicle.filters, work.noise)
+    _noise_of_block(model, vehicle, work.noise)
     around = Prior(work.anchor, work.size)
     copy_matrix(known.covariance, work.own_covariance)
     own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
@@ -337,6 +335,18 @@ def _believe_inputs(model, filters, noise):  # type: ignore[no-untyped-def]
 
 
 @part
+def _noise_of_block(model, vehicle, noise):  # type: ignore[no-untyped-def]
+    """Variances that a part of the running block is solved at: of sensors what all blocks so far have shown, of the
+    air, which changes, what the running block has."""
+    known = vehicle.posterior
+    first = noise.size - AIR_VARIANCES
+    for j in range(noise.size):
+        earlier = j < first and known.noise_known[WEIGHT] > 0.0
+        noise[j] = known.noise_known[j] if earlier else known.noise[j]
+    _believe_inputs(model, vehicle.filters, noise)
+
+
+@part
 def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Solve with the running block; ``work.found`` becomes what the block alone says."""
     block, known, memory = vehicle.block, vehicle.posterior, vehicle.memory
@@ -369,9 +379,7 @@ def _before(model, vehicle, work, m):  # type: ignore[no-untyped-def]
             earlier.information[a, b] = memory.information[a, b] + gained.information[m, a, b]
     remembered(earlier, model.prior, work.solving.posterior, work.mean, work.covariance)
     _cut_out(model, vehicle, work, m)
-    for j in range(work.noise.size):
-        work.noise[j] = vehicle.posterior.noise_known[j]
-    _believe_inputs(model, vehicle.filters, work.noise)
+    _noise_of_block(model, vehicle, work.noise)
 
 
 @part
