@@ -23,6 +23,7 @@ from wingwatch.monitor.checkpoint import (
     CheckpointError,
     SavedVehicle,
     decode_checkpoint,
+    default_settings,
     encode_checkpoint,
 )
 from wingwatch.monitor.fleet import FleetMonitor, FleetSettings
@@ -36,6 +37,7 @@ from wingwatch.monitor.views import (
     AlertView,
     Event,
     EvidenceView,
+    FleetFigures,
     KeyReusedError,
     MonitorPort,
     Shelving,
@@ -67,6 +69,7 @@ __all__ = [
     "Checkpoints",
     "SavedVehicle",
     "decode_checkpoint",
+    "default_settings",
     "encode_checkpoint",
     "MonitorPort",
     "VehicleView",
@@ -78,5 +81,6 @@ __all__ = [
     "AlertAction",
     "KeyReusedError",
     "EvidenceView",
+    "FleetFigures",
     "Event",
 ]

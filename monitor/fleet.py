@@ -6,7 +6,7 @@ the service, the demo and the tests.
 
 import logging
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -33,6 +33,7 @@ from wingwatch.monitor.views import (
     AlertState,
     AlertView,
     Event,
+    FleetFigures,
     VehicleState,
     VehicleView,
 )
@@ -52,6 +53,7 @@ _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
 _MOST_HELD = 2000  # messages, of all vehicles together
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
+_COUNTED_AT_ONCE = 250  # vehicles, likewise: 1 ms
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
 _REPEATED = 100  # of the latest alerts, and all that are not cleared, are announced again at the start
 _CHECKPOINTS_A_SECOND = 10  # of all vehicles together: half a megabyte each, and 3 ms of processor time
@@ -131,6 +133,7 @@ class FleetMonitor:
         self._vehicles = Roster(self._settings.max_vehicles, clock, self._alarmed)
         self._ledger = AlertLedger(self._settings.kept_alerts)
         self._forgotten = 0
+        self._solutions = 0
         self._asks_left = _MOST_ASKS
         self._events: deque[Event] = deque(maxlen=self._settings.kept_events)
         self._event_id = 0
@@ -377,6 +380,7 @@ class FleetMonitor:
         news: list[_Told] = []
         for alert in report.alerts:
             news += self._keep_alert(alert)
+        self._solutions += len(report.solutions)
         if report.solutions:
             self._keep_history(fleet, vehicle, known, monitor, report)
             latest = report.solutions[-1]
@@ -713,6 +717,23 @@ class FleetMonitor:
             if after >= self._event_id:
                 return []
             return [e for e in self._events if e.id > after]
+
+    def figures(self) -> FleetFigures:
+        """The fleet in numbers; samples are taken in between some vehicles and the next."""
+        with self._lock:
+            everyone, counts = [known for _, known in self._vehicles.items()], dict(self._vehicles.gone)
+            alerts, solutions = self._ledger.all_shown(), self._solutions
+        states: Counter[VehicleState] = Counter()
+        waiting = 0
+        for start in range(0, len(everyone), _COUNTED_AT_ONCE):
+            with self._lock:
+                now_s = self._clock()
+                for known in everyone[start : start + _COUNTED_AT_ONCE]:
+                    states[known.standing(now_s, self._settings.stale_s)[0]] += 1
+                    known.add_counts(counts)
+                    waiting += len(known.held)
+        of_alerts = Counter((alert.state, alert.level) for alert in alerts)
+        return FleetFigures(states, of_alerts, counts, solutions, waiting)
 
 
 def _of_alert(alert: AlertView) -> _Told:
