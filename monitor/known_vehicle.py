@@ -134,7 +134,8 @@ class KnownVehicle:
         of_samples = {} if self.monitor is None else self.monitor.counts
         for counts in (self.earlier, of_samples, self.counts, self.arrivals.counts):
             for name, times in counts.items():
-                total[name] = total.get(name, 0) + times
+                if times:
+                    total[name] = total.get(name, 0) + times
 
     def standing(self, now_s: float, stale_s: float) -> tuple[VehicleState, str | None]:
         """State, and its reason where that is not the monitor's own.
