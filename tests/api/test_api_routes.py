@@ -331,6 +331,14 @@ def test_ready_names_what_does_not_work() -> None:
         assert client.get("/health/ready").json()["ready"] is True
 
 
+def test_status_names_the_parts_that_do_not_work() -> None:
+    checks = {"zenoh": None, "database": "it is locked.", "http": None}
+    with served(FakeMonitor(), checks=checks) as (_, client):
+        assert get(client, "/v1/status")["problems"] == {"database": "it is locked."}
+    with served(FakeMonitor()) as (_, client):
+        assert get(client, "/v1/status")["problems"] == {}
+
+
 def test_no_page_loads_anything_from_elsewhere(client: httpx.Client) -> None:
     for path in ("/docs", "/redoc"):
         assert client.get(path).status_code == 404
