@@ -30,6 +30,8 @@ from wingwatch.monitor.views import AlertState, FleetFigures, VehicleState
 __all__ = ["RequestCounts", "ServiceMetrics", "metrics_router"]
 
 _METHODS = ("GET", "HEAD", "OPTIONS", "POST", "PUT", "DELETE")
+_ALWAYS = {(method, status): 0 for method in ("GET", "POST") for status in ("200", "500", "503")}
+"""Answers that are shown before there are any: a series that appears with 1 shows no increase."""
 _OPENMETRICS = "application/openmetrics-text"
 _OPENMETRICS_LATEST = f"{_OPENMETRICS}; version=1.0.0; charset=utf-8"
 _LEVELS = ("watch", "warning", "critical")
@@ -164,7 +166,7 @@ class ServiceMetrics(Collector):
         requests = CounterMetricFamily(
             "wingwatch_http_requests", "Requests that were answered.", labels=("method", "status")
         )
-        for key, times in sorted(dict(self._requests).items()):
+        for key, times in sorted((_ALWAYS | dict(self._requests)).items()):
             requests.add_metric(key, times)
         yield requests
 

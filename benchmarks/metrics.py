@@ -2,7 +2,8 @@
 
 A fleet with a monitor for each vehicle stands behind the application in one process; ten samples a message, sixteen
 messages at a time as the service takes them in, without a pause between, so the lock is held nearly always. Another
-thread scrapes. Both are timed with the other at rest and with the other at work; times are of a machine that does both.
+thread scrapes. Both are timed with the other at rest and with the other at work; times are of a machine that does both,
+and ``/health/live`` says what any answer takes on it.
 
 Run: python benchmarks/metrics.py [--vehicles 10 1000] [--scrapes 50]
 """
@@ -91,6 +92,11 @@ def measure(vehicles: int, scrapes: int) -> None:
     with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
         size = 0
 
+        def bare() -> float:
+            began_s = time.perf_counter()
+            client.get("/health/live").raise_for_status()
+            return time.perf_counter() - began_s
+
         def scrape() -> float:
             nonlocal size
             began_s = time.perf_counter()
@@ -99,6 +105,7 @@ def measure(vehicles: int, scrapes: int) -> None:
 
         timed(scrape, 3)
         alone = [flow.take_in() for _ in range(200)]
+        nothing = timed(bare, scrapes)
         began_s = time.process_time()
         at_rest = timed(scrape, scrapes)
         scrape_ms = 1e3 * (time.process_time() - began_s) / scrapes
@@ -121,6 +128,7 @@ def measure(vehicles: int, scrapes: int) -> None:
         f"{vehicles} vehicles, {size} bytes; processor time {scrape_ms:.1f} ms a scrape with its client, "
         f"{own_ms:.2f} ms of it the fleet's figures"
     )
+    print(f"  /health/live, nothing taken in   {percentiles(nothing)}")
     print(f"  a scrape, nothing taken in       {percentiles(at_rest)}")
     print(f"  a scrape, samples taken in       {percentiles(at_work)}")
     print(f"  sixteen messages, no scrape      {percentiles(alone)}")

@@ -143,9 +143,10 @@ def test_answers_are_counted_by_method_and_status() -> None:
     requests = {
         labels: n for (name, labels), n in samples(text).items() if name == "wingwatch_http_requests_total"
     }
-    assert {tuple(sorted(dict(labels).values())): n for labels, n in requests.items()} == {
+    assert {tuple(sorted(dict(labels).values())): n for labels, n in requests.items() if n} == {
         ("200", "GET"): 2, ("404", "GET"): 1, ("421", "GET"): 1, ("405", "other"): 2,
     }  # fmt: skip
+    assert value(text, "wingwatch_http_requests_total", method="POST", status="500") == 0
     assert value(text, "wingwatch_http_requests_refused_total", reason="foreign_host") == 1
 
 
