@@ -42,6 +42,7 @@ class Flow:
 
     def __init__(self, vehicles: int) -> None:
         aircraft = load_aircraft("aerosonde")
+        assert aircraft.envelope is not None
         doublets = doublet_schedule(aircraft, aircraft.envelope.cruise)
         self._flight = simulate(Scenario(aircraft, manoeuvres=(doublets,), seed=1), SECONDS).values
         self._numbers = cycle(range(vehicles))

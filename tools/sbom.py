@@ -105,10 +105,11 @@ def select_components(bill: Json, direct: Collection[str], names: Collection[str
 def stated_licence(package: str) -> str | None:
     """What an installed package says in one line of its metadata, which cyclonedx-py may not know as a licence."""
     try:
-        stated = metadata(package).get("License")
+        stated = metadata(package).json.get("license")
     except PackageNotFoundError:
         return None
-    return stated if stated and "\n" not in stated and len(stated) <= LONGEST_LICENCE else None
+    fits = isinstance(stated, str) and "\n" not in stated and 0 < len(stated) <= LONGEST_LICENCE
+    return str(stated) if fits else None
 
 
 def without_places(part: Any, forbidden: re.Pattern[str]) -> Any:

@@ -181,7 +181,8 @@ def test_openmetrics_is_given_where_it_is_asked_for(accept: str) -> None:
     with served(flying(), figures=FIGURES) as (_, client):
         answer = client.get("/metrics", headers={"Accept": accept})
     assert answer.headers["content-type"].startswith("application/openmetrics-text; version=1.0.0")
-    found = {family.name: family for family in parse_openmetrics(answer.text)}
+    parsed = parse_openmetrics(answer.text)  # type: ignore[no-untyped-call]
+    found = {family.name: family for family in parsed}
     assert found["wingwatch_samples_accepted"].samples[0].value == 90
 
 
