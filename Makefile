@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 SETUP  := $(PYTHON) tools/install.py
 
 .DEFAULT_GOAL := help
-.PHONY: help python run test checks kernels constraints proto clean
+.PHONY: help python run test checks kernels constraints proto sbom clean
 
 help:         ## what can be made
 	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/^([a-z]+):.*## (.*)/\1|\2/' | while IFS='|' read -r name text; do \
@@ -47,6 +47,10 @@ constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade f
 proto: python ## generate telemetry/protocol from proto/
 	@$(SETUP) --extra dev --extra postgres --extra dask
 	$(BIN)/python tools/generate_protocol.py
+
+sbom: python  ## bill of materials (CycloneDX) and licences of what the program needs, in dist/
+	@$(SETUP) --extra dev --extra postgres --extra dask
+	@$(BIN)/python tools/sbom.py $(ARGS)
 
 clean:        ## remove the environment and the caches (the data folder stays)
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache dist build

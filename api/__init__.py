@@ -6,6 +6,7 @@ from wingwatch.api.connections import Connections
 from wingwatch.api.conventions import convert_modes
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.ports import (
+    DelayView,
     DiagnosisPort,
     DiagnosisState,
     DiagnosisView,
@@ -14,6 +15,8 @@ from wingwatch.api.ports import (
     KernelState,
     KernelsView,
     QueueFullError,
+    QueueView,
+    ServiceFigures,
 )
 from wingwatch.api.schemas import (
     AlertDocument,
@@ -52,6 +55,9 @@ __all__ = [
     "DiagnosisState",
     "DiagnosisView",
     "QueueFullError",
+    "DelayView",
+    "QueueView",
+    "ServiceFigures",
     "HistoryPort",
     "KernelPart",
     "KernelState",

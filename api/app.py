@@ -15,8 +15,9 @@ from wingwatch.api.door import Door
 from wingwatch.api.events import EventStreams
 from wingwatch.api.fleet_routes import fleet_router
 from wingwatch.api.guards import BodyLimit, SafetyHeaders
+from wingwatch.api.metrics import RequestCounts, metrics_router
 from wingwatch.api.page_files import pages_router
-from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView
+from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
 from wingwatch.api.service_routes import event_router, health_router, session_router
@@ -46,6 +47,8 @@ class AppSettings:
         counters: of the service, by part, shown on the status.
         kernels: the compilation of the numerical kernels, shown on the status; None when there is none.
         database_problem: why entries wait for the database, shown on the status; it returns at once.
+        problems: of each part of the service None or its problem, shown on the status; it returns at once.
+        figures: the service in numbers, for ``/metrics``; it returns at once.
         keep_alive_s: silence after which an event stream carries a comment.
     """
 
@@ -55,6 +58,8 @@ class AppSettings:
     counters: Callable[[], Mapping[str, Mapping[str, int]]] = dict
     kernels: Callable[[], KernelsView | None] = lambda: None
     database_problem: Callable[[], str | None] = lambda: None
+    problems: Callable[[], Mapping[str, str | None]] = dict
+    figures: Callable[[], ServiceFigures] = ServiceFigures
     keep_alive_s: float = 10.0
 
 
@@ -94,6 +99,8 @@ def create_app(
         settings.diagnoses,
         settings.kernels,
         settings.database_problem,
+        settings.problems,
+        settings.figures,
     )
     app = FastAPI(
         title="wingwatch",
@@ -108,11 +115,14 @@ def create_app(
     for router in (*versioned, session_router(access)):
         app.include_router(router, prefix="/v1", responses=PROBLEM_RESPONSES)
     app.include_router(health_router(door), responses=PROBLEM_RESPONSES)
+    requests: dict[tuple[str, str], int] = {}
+    app.include_router(metrics_router(door, requests), responses=PROBLEM_RESPONSES)
     app.include_router(pages_router())
     app.add_middleware(BodyLimit, larger={"/v1/diagnoses": FLIGHT_SIZE})
     app.add_middleware(AccessGuard, access=access)
     install_problem_handlers(app)
     app.add_middleware(SafetyHeaders)
+    app.add_middleware(RequestCounts, counts=requests)
     _describe(app)
     return app
 

@@ -32,6 +32,11 @@ class Connections:
         self._open: list[BoundedConnection] = []
         self.counts = dict.fromkeys(("gave_way", "refused", "late_head", "stalled_reader"), 0)
 
+    @property
+    def open(self) -> int:
+        """Connections that are open."""
+        return len(self._open)
+
     def add(self, connection: "BoundedConnection") -> None:
         """Take in a new connection, and make room for it where there is none."""
         if len(self._open) >= self._most:

@@ -6,7 +6,7 @@ from http import HTTPStatus
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.api.events import EventStreams
-from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView
+from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
 from wingwatch.api.problems import ProblemError
 from wingwatch.monitor.views import MonitorPort, VehicleView
 
@@ -25,6 +25,8 @@ class Door:
         diagnoses: None where flights are not diagnosed.
         kernels: the compilation of the numerical kernels while it goes on, and where it failed; else None.
         database_problem: why entries wait for the database, without asking it; None while none does.
+        problems: of each part of the service None or its problem, without asking the database.
+        figures: the service in numbers.
     """
 
     monitor: MonitorPort
@@ -37,6 +39,8 @@ class Door:
     diagnoses: DiagnosisPort | None = None
     kernels: Callable[[], KernelsView | None] = lambda: None
     database_problem: Callable[[], str | None] = lambda: None
+    problems: Callable[[], Mapping[str, str | None]] = dict
+    figures: Callable[[], ServiceFigures] = ServiceFigures
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
         """One vehicle.

@@ -71,6 +71,11 @@ class EventStreams:
         self._closing = False
         self.counts = {"gave_way": 0}
 
+    @property
+    def open(self) -> int:
+        """Streams that are open."""
+        return len(self._open)
+
     def close(self) -> None:
         """End every open stream within a tenth of a second and refuse new ones. Callable from any thread."""
         self._closing = True

@@ -129,7 +129,13 @@ def _status(door: Door, fleet: str | None) -> StatusDocument:
         if view.state != AlertState.CLEARED and (fleet is None or view.fleet == fleet)
     ]
     return status_document(
-        door.version, vehicles, alerts, door.counters(), door.kernels(), door.database_problem()
+        door.version,
+        vehicles,
+        alerts,
+        door.counters(),
+        door.kernels(),
+        door.database_problem(),
+        {part: problem for part, problem in door.problems().items() if problem is not None},
     )
 
 

@@ -1,13 +1,14 @@
-"""What the REST door needs from others beside the monitor: history, diagnoses, and how far the compilation is."""
+"""What the REST door needs from others beside the monitor: history, diagnoses, the service's own figures."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
 
 from wingwatch.baselines import HistoryRow, HistoryWanted
 
 __all__ = [
+    "DelayView",
     "DiagnosisPort",
     "DiagnosisState",
     "DiagnosisUpload",
@@ -17,6 +18,8 @@ __all__ = [
     "KernelState",
     "KernelsView",
     "QueueFullError",
+    "QueueView",
+    "ServiceFigures",
 ]
 
 
@@ -103,6 +106,50 @@ class KernelsView:
     parts: Sequence[KernelPart]
     elapsed_s: float
     remaining_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class DelayView:
+    """How long messages took, as a histogram.
+
+    Attributes:
+        limits_s: upper limits of the classes, ascending.
+        counts: messages of each class; the last class, above all limits, has none.
+        total_s: of all messages together.
+    """
+
+    limits_s: Sequence[float]
+    counts: Sequence[int]
+    total_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class QueueView:
+    """What waits in a queue: how much, and for how long the oldest of it; None where that is not noted."""
+
+    length: int
+    age_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceFigures:
+    """The service in numbers, each of them there without asking anybody.
+
+    Attributes:
+        settings: fingerprint of the estimators' and the test's settings.
+        delay: from a message's arrival until its samples are estimated from.
+        queues: by name.
+        links: of Zenoh, by kind of the other side.
+        processor_s: processor time since the start, by stage.
+        connections: of HTTP that are open.
+    """
+
+    settings: str = ""
+    delay: DelayView = field(default=DelayView((), (0,), 0.0))
+    queues: Mapping[str, QueueView] = field(default_factory=dict)
+    links: Mapping[str, int] = field(default_factory=dict)
+    processor_s: Mapping[str, float] = field(default_factory=dict)
+    connections: int = 0
 
 
 class QueueFullError(Exception):

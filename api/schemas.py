@@ -232,6 +232,9 @@ class StatusDocument(_Answer):
         default=None,
         description="why alerts and actions wait for the database, one sentence; null while none does",
     )
+    problems: dict[str, str] = Field(
+        default_factory=dict, description="parts of the service that do not work, each with one sentence"
+    )
 
 
 class DerivativeValue(_OpenAnswer):
@@ -414,6 +417,7 @@ def status_document(
     counters: Mapping[str, Mapping[str, int]],
     kernels: KernelsView | None = None,
     database: str | None = None,
+    problems: Mapping[str, str] | None = None,
 ) -> StatusDocument:
     """The fleet's status from its vehicles, from those alerts that are not cleared, and the service's own state."""
     counts = {state: sum(v.state == state for v in vehicles) for state in VehicleState}
@@ -426,6 +430,7 @@ def status_document(
         counters=parts,
         kernels=None if kernels is None else _kernels_document(kernels),
         database=database,
+        problems=dict(problems or {}),
     )
 
 

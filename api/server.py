@@ -160,6 +160,11 @@ class HttpServer:
         return dict(self._connections.counts)
 
     @property
+    def connections(self) -> int:
+        """Connections that are open."""
+        return self._connections.open
+
+    @property
     def problem(self) -> str | None:
         """None while requests are answered, else why not (for readiness)."""
         if self._fault is not None:

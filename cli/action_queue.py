@@ -74,6 +74,11 @@ class ActionQueue:
         """Whether anything is to be done."""
         return bool(self._orders or self._void)
 
+    @property
+    def length(self) -> int:
+        """Actions that wait to be carried out or undone."""
+        return len(self._orders) + len(self._void)
+
     def carry_out(self, plan: ActionPlan) -> None:
         """Wait until the action is committed and shown; one of the same key that was so before is left as it is.
 

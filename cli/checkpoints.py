@@ -10,6 +10,7 @@ import hashlib
 import logging
 import os
 import threading
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -51,6 +52,7 @@ class CheckpointFolder:
         self._lock, self._writing = threading.Lock(), threading.Lock()
         self._news, self._end = threading.Event(), False
         self._problem: str | None = None
+        self._failing_since_s: float | None = None
         self._thread = threading.Thread(target=self._run, name="wingwatch-checkpoints", daemon=True)
 
     def __enter__(self) -> Self:
@@ -62,6 +64,27 @@ class CheckpointFolder:
         self._end = True
         self._news.set()
         self._thread.join(_END_S)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread that writes runs."""
+        return self._thread.is_alive()
+
+    @property
+    def waiting(self) -> int:
+        """States that wait to be written."""
+        return len(self._waiting)
+
+    @property
+    def problem(self) -> str | None:
+        """Why states are not written; None while they are."""
+        return self._problem
+
+    @property
+    def failing_s(self) -> float:
+        """For how long no state has been written though some were to be; 0 while they are written."""
+        since_s = self._failing_since_s
+        return 0.0 if since_s is None else time.monotonic() - since_s
 
     @property
     def counts(self) -> dict[str, int]:
@@ -158,8 +181,10 @@ class CheckpointFolder:
             if problem != self._problem:
                 _LOG.warning("a checkpoint of %s/%s is not written: %s", saved.fleet, saved.vehicle, problem)
             self._problem = problem
+            if self._failing_since_s is None:
+                self._failing_since_s = time.monotonic()
             return
-        self._problem = None
+        self._problem = self._failing_since_s = None
         self.count("written")
 
     def _write_file(self, name: str, data: bytes) -> None:

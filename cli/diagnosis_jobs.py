@@ -112,6 +112,12 @@ class DiagnosisJobs:
         """Whether the thread runs."""
         return self._thread.is_alive()
 
+    @property
+    def waiting(self) -> int:
+        """Flights that wait or come in."""
+        with self._changed:
+            return self._incoming + sum(j.state is DiagnosisState.QUEUED for j in self._jobs.values())
+
     # -- what the door calls -------------------------------------------------------------------------
 
     def open(self, aircraft: str, channel_map: str, file: str) -> "_Upload":
@@ -120,7 +126,7 @@ class DiagnosisJobs:
         if channel_map:
             parse_map(channel_map)
         with self._changed:
-            waiting = self._incoming + sum(j.state is DiagnosisState.QUEUED for j in self._jobs.values())
+            waiting = self.waiting
             if self._ending or waiting >= self._limits.waiting:
                 why = (
                     "the service is stopping"

@@ -7,6 +7,7 @@ for a congested link and for a lost one. Zenoh's callbacks only put the query in
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Self
@@ -59,6 +60,7 @@ class ZenohOutputs:
         self._latest: dict[tuple[str, str, ServiceStream], Callable[[], News]] = {}
         self._alerts: deque[tuple[str, str, Callable[[], News]]] = deque()
         self._queries: deque[Any] = deque()
+        self._alerts_since_s: float | None = None
         self._lock = threading.Lock()
         self._news = threading.Event()
         self._ending = False
@@ -89,6 +91,17 @@ class ZenohOutputs:
         """Whether the thread runs."""
         return self._thread.is_alive()
 
+    @property
+    def waiting(self) -> dict[str, int]:
+        """How much waits to be published or answered: alerts, newest derivatives and states, queries."""
+        return {"alerts": len(self._alerts), "latest": len(self._latest), "queries": len(self._queries)}
+
+    @property
+    def alerts_wait_s(self) -> float:
+        """How long alerts have waited without all of them being published; 0 where none wait."""
+        since_s = self._alerts_since_s
+        return 0.0 if since_s is None else time.monotonic() - since_s
+
     def answer_from(self, monitor: MonitorPort) -> None:
         """From now on answer queries with what the monitor knows, and show that the service lives."""
         self._monitor = monitor
@@ -115,6 +128,8 @@ class ZenohOutputs:
                 self.dropped["alerts"] += 1
             else:
                 self._alerts.append((fleet, vehicle, news))
+                if self._alerts_since_s is None:
+                    self._alerts_since_s = time.monotonic()
         self._news.set()
 
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:
@@ -150,6 +165,8 @@ class ZenohOutputs:
                 self._latest = {}
             for fleet, vehicle, news in alerts:
                 self._safely(self._put, fleet, vehicle, "alerts", news)
+            with self._lock:
+                self._alerts_since_s = self._alerts_since_s if self._alerts else None
             for (fleet, vehicle, stream), news in latest.items():
                 self._safely(self._put, fleet, vehicle, stream, news)
             for query in queries:

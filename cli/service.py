@@ -10,11 +10,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
 
-import zenoh
 from threadpoolctl import threadpool_limits
 
 from wingwatch import __version__
@@ -22,6 +20,7 @@ from wingwatch.api import (
     AccessSettings,
     AppSettings,
     HttpServer,
+    ServiceFigures,
     beyond_loopback,
     create_app,
     listen,
@@ -32,11 +31,13 @@ from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
+from wingwatch.cli.health import Health, Parts, connected, waiting_for
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
-from wingwatch.cli.kernels import KernelCompiler, KernelError, Preparation
+from wingwatch.cli.kernels import KernelCompiler, Preparation
 from wingwatch.cli.link_settings import link_security
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.patient import PatientHistory
+from wingwatch.cli.pump import Pump
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenFile, TokenRegister
@@ -46,132 +47,8 @@ from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
 __all__ = ["Parts", "Pump", "Service", "running_service"]
 
 _LOG = logging.getLogger(__name__)
-_GATHERED = 16  # messages; REST waits while so many are taken in
-_TICK_S = 1.0
-_IDLE_S = 0.2
-_STOP_S = 1.0
 _DATABASE_PATIENCE_S = 1.0
-_MOST_QUEUED_S = 5.0
-_MOST_BEHIND_S = 60.0
-_LOADING = "The numerical kernels are being loaded."
 _SWITCH_S = 0.0005  # each message that arrives waits so long for the interpreter while the pump is busy
-
-
-class Pump:
-    """The thread that brings messages from the subscriber to the monitor, once the kernels are there.
-
-    Args:
-        preparation: waited for first; messages that arrive meanwhile stay in the subscriber's queue.
-
-    Attributes:
-        faults: messages on which the monitor failed; that is a fault of the program, and the watch goes on.
-    """
-
-    def __init__(
-        self,
-        subscriber: SensorSubscriber,
-        monitor: FleetMonitor,
-        arrived: threading.Event,
-        preparation: Preparation,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._subscriber = subscriber
-        self._monitor = monitor
-        self._arrived = arrived
-        self._preparation = preparation
-        self._clock = clock
-        self._ending = False
-        self._prepared = threading.Event()
-        self._fault: str | None = None
-        self._thread = threading.Thread(target=self._run, name="wingwatch-pump", daemon=True)
-        self.faults = 0
-
-    @property
-    def problem(self) -> str | None:
-        """None while messages are taken in, else why not."""
-        if self._fault is not None:
-            return self._fault
-        if not self._prepared.is_set():
-            view = self._preparation.view()
-            return _LOADING if view is None else view.text
-        return None if self._thread.is_alive() else "the loop that takes messages in has ended."
-
-    @property
-    def alive(self) -> bool:
-        """Whether the thread still runs."""
-        return self._thread.is_alive()
-
-    def wait(self, timeout_s: float) -> bool:
-        """Wait until messages are taken in; whether they are."""
-        return self._prepared.wait(timeout_s)
-
-    def start(self) -> None:
-        """Begin; returns at once."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End after the messages in hand. Loading kernels cannot be interrupted and is left behind."""
-        self._ending = True
-        self._preparation.stop()
-        self._arrived.set()
-        self._thread.join(_STOP_S)
-
-    def _run(self) -> None:
-        try:
-            if not self._preparation.prepare():
-                return
-        except KernelError as error:
-            _LOG.error("%s", error)
-            self._fault = f"{error}."
-            return
-        except Exception as error:
-            _LOG.exception("the kernels cannot be loaded")
-            self._fault = f"The numerical kernels cannot be loaded: {type(error).__name__}: {error}."
-            return
-        self._prepared.set()
-        next_tick_s = self._clock()
-        while not self._ending:
-            self._arrived.wait(_IDLE_S)
-            self._arrived.clear()
-            full = True
-            while full and not self._ending:
-                messages = self._subscriber.drain(_GATHERED)
-                self._safely(self._monitor.receive_all, messages)
-                next_tick_s = self._tick(next_tick_s)
-                full = len(messages) == _GATHERED
-
-    def _tick(self, due_s: float) -> float:
-        now_s = self._clock()
-        if now_s < due_s:
-            return due_s
-        self._safely(self._monitor.tick)
-        return now_s + _TICK_S
-
-    def _safely(self, action: Callable[..., None], *arguments: object) -> None:
-        try:
-            action(*arguments)
-        except Exception:  # one vehicle's fault must not end the watch over the others
-            self.faults += 1
-            if self.faults <= 10:
-                _LOG.exception("a message led to a fault of the program")
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """What a service consists of, each of them started and ended elsewhere."""
-
-    http: HttpServer
-    monitor: FleetMonitor
-    probe: DatabaseProbe
-    store: DatabaseStore
-    checkpoints: CheckpointFolder
-    session: zenoh.Session
-    link: ZenohSettings
-    subscriber: SensorSubscriber
-    outputs: ZenohOutputs
-    pump: Pump
-    tokens: TokenRegister
-    diagnoses: DiagnosisJobs
 
 
 class Service:
@@ -179,6 +56,7 @@ class Service:
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts
+        self._health = Health(parts)
 
     @property
     def monitor(self) -> FleetMonitor:
@@ -206,66 +84,20 @@ class Service:
         return self._parts.link.listen or self._parts.link.connect
 
     def readiness(self) -> Mapping[str, str | None]:
-        """Per part None, or its problem in one sentence."""
-        return {
-            "zenoh": self._zenoh_problem(),
-            "messages": self._messages_problem(),
-            "database": self._database_problem(),
-            "http": self._parts.http.problem,
-            "tokens": self._parts.tokens.problem,
-            "estimators": self.pump.problem,
-            "diagnoses": None if self._parts.diagnoses.alive else "the loop that runs diagnoses has ended.",
-        }
+        """Per part None, or its problem in one sentence; the database is asked, for two seconds at most."""
+        return self._health.readiness()
+
+    def problems(self) -> Mapping[str, str | None]:
+        """The same at once: the database is not asked."""
+        return self._health.problems()
 
     def counters(self) -> Mapping[str, Mapping[str, int]]:
         """What each part dropped or failed on."""
-        return {
-            "messages": self._parts.subscriber.counts,
-            "monitor": self.monitor.problems,
-            "loop": {"faults": self.pump.faults},
-            "store": self._parts.store.counts,
-            "checkpoints": self._parts.checkpoints.counts,
-            "outputs": dict(self._parts.outputs.dropped),
-            "connections": self._parts.http.counts,
-        }
+        return self._health.counters()
 
-    def _zenoh_problem(self) -> str | None:
-        if self._parts.session.is_closed():
-            return "the Zenoh session is closed."
-        if not _connected(self._parts.session, self._parts.link):
-            return f"the connection to {' '.join(self._parts.link.connect)} is lost; it is tried again."
-        return None if self._parts.outputs.alive else "the loop that publishes has ended."
-
-    def _messages_problem(self) -> str | None:
-        waiting_s = self._parts.subscriber.waiting_s
-        if waiting_s <= _MOST_QUEUED_S:
-            return None
-        return f"messages wait for {waiting_s:.0f} s before they are taken in; what is shown is as old."
-
-    def _database_problem(self) -> str | None:
-        store = self._parts.store
-        if not store.alive:
-            return "the loop that reads or writes the database has ended."
-        if store.behind_s > _MOST_BEHIND_S:
-            return f"entries have waited for {store.behind_s:.0f} s to be written."
-        if (problem := self._parts.probe.problem()) is not None:
-            return problem
-        return None if store.problem is None else f"{store.problem}."
-
-
-def _connected(session: zenoh.Session, link: ZenohSettings) -> bool:
-    """Whether a client has its router."""
-    info = session.info
-    return link.mode != "client" or bool([*info.routers_zid(), *info.peers_zid()])
-
-
-def _waiting_for(store: DatabaseStore) -> str | None:
-    """Why entries wait for the database, without asking it."""
-    if store.problem is not None:
-        return f"{store.problem}."
-    if store.behind_s <= _MOST_QUEUED_S:
-        return None
-    return f"the database has taken no entry for {store.behind_s:.0f} s."
+    def figures(self) -> ServiceFigures:
+        """The service in numbers, beside its counters."""
+        return self._health.figures()
 
 
 def _remove_memory(settings: ServeSettings) -> None:
@@ -326,7 +158,7 @@ def running_service(
         security = link_security(settings.zenoh, os.environ)
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
-        outputs = stack.enter_context(ZenohOutputs(session, lambda: _connected(session, link)))
+        outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link)))
         stack.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(_SWITCH_S)
         # The matrices are small: a second thread only waits, spinning, on the core that the others need.
@@ -361,7 +193,9 @@ def running_service(
                 diagnoses=diagnoses,
                 counters=lambda: service.counters(),
                 kernels=preparation.view,
-                database_problem=lambda: _waiting_for(store),
+                database_problem=lambda: waiting_for(store),
+                problems=lambda: service.problems(),
+                figures=lambda: service.figures(),
             ),
         )
         http = HttpServer(app, listening, tls=tls)

@@ -150,6 +150,18 @@ class DatabaseStore:
         with self._lock:
             return self._counts | {"withdrawn_actions": actions.withdrawn, "undone_actions": actions.undone}
 
+    @property
+    def waiting(self) -> dict[str, int]:
+        """How much waits: alerts, what flights taught, estimates and people's actions to be written, and vehicles whose
+        memory is to be read."""
+        return {
+            "alerts": len(self._alerts),
+            "memory": len(self._references) + len(self._cells),
+            "estimates": len(self._estimates),
+            "actions": self._actions.length,
+            "recalls": len(self._asked),
+        }
+
     # -- what the monitor asks --------------------------------------------------------------------
 
     def recall(

@@ -23,6 +23,7 @@ from wingwatch.monitor.checkpoint import (
     CheckpointError,
     SavedVehicle,
     decode_checkpoint,
+    default_settings,
     encode_checkpoint,
 )
 from wingwatch.monitor.fleet import FleetMonitor
@@ -37,6 +38,7 @@ from wingwatch.monitor.views import (
     AlertView,
     Event,
     EvidenceView,
+    FleetFigures,
     KeyReusedError,
     MonitorPort,
     Shelving,
@@ -68,6 +70,7 @@ __all__ = [
     "Checkpoints",
     "SavedVehicle",
     "decode_checkpoint",
+    "default_settings",
     "encode_checkpoint",
     "MonitorPort",
     "VehicleView",
@@ -79,5 +82,6 @@ __all__ = [
     "AlertAction",
     "KeyReusedError",
     "EvidenceView",
+    "FleetFigures",
     "Event",
 ]

@@ -7,7 +7,7 @@ is refused by its ``settings`` when the vehicle's monitor is made again.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from functools import cache
 
 from wingwatch.aircraft import STRUCTURES, ModeStructure
@@ -24,6 +24,7 @@ __all__ = [
     "CheckpointError",
     "SavedVehicle",
     "decode_checkpoint",
+    "default_settings",
     "encode_checkpoint",
     "settings_of",
 ]
@@ -136,6 +137,20 @@ def settings_of(monitor: VehicleMonitor, given: Sequence[str]) -> str:
         found.update(CODEC.encode(FourierConfig, pair.fourier.config))
         found.update(CODEC.encode(EkfConfig, pair.ekf.config))
     return found.hexdigest()
+
+
+@cache
+def default_settings() -> str:
+    """Fingerprint of the settings that estimators and test have where nothing else is said, and of the state's form.
+
+    Two services that show the same one estimate alike from the same aircraft file.
+    """
+    found = hashlib.sha256(_layout())
+    for kind in (SignalConfig, FourierConfig, EkfConfig, JudgeConfig):
+        for one in fields(kind):
+            if one.default is not MISSING:
+                found.update(f"{kind.__name__}.{one.name}={one.default!r}\n".encode())
+    return found.hexdigest()[:12]
 
 
 @cache

@@ -6,6 +6,7 @@ the service, the demo and the tests.
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -31,6 +32,7 @@ from wingwatch.monitor.views import (
     AlertAction,
     AlertView,
     Event,
+    FleetFigures,
     VehicleState,
     VehicleView,
 )
@@ -48,6 +50,7 @@ __all__ = ["FleetMonitor"]
 _LOG = logging.getLogger(__name__)
 _MOST_HELD = 2000  # messages, of all vehicles together
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
+_COUNTED_AT_ONCE = 500  # vehicles, likewise: 2 ms
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
@@ -92,6 +95,7 @@ class FleetMonitor:
         self._alerts = FleetAlerts(context, self._saving.save_now)
         self._maker = MonitorMaker(new_id, self._settings.judge)
         self._forgotten = 0
+        self._solutions = 0
         self._asks_left = _MOST_ASKS
         self._held = 0
         self._alerts.repeat(self._alerts.read_earlier(_START_PATIENCE_S))
@@ -249,6 +253,7 @@ class FleetMonitor:
         news: list[Outgoing] = []
         for alert in report.alerts:
             news += self._alerts.keep(alert)
+        self._solutions += len(report.solutions)
         if report.solutions:
             self._keep_history(fleet, vehicle, known, monitor, report)
             latest = report.solutions[-1]
@@ -421,6 +426,29 @@ class FleetMonitor:
         """Events with an id above ``after``, oldest first."""
         with self._lock:
             return self._context.events(after)
+
+    def figures(self) -> FleetFigures:
+        """The fleet in numbers; samples are taken in between some vehicles and the next."""
+        states: Counter[VehicleState] = Counter()
+        with self._lock:
+            everyone, counts = [known for _, known in self._vehicles.items()], dict(self._vehicles.gone)
+            alerts, solutions = self._context.ledger.all_shown(), self._solutions
+            waiting = self._tally(everyone[:_COUNTED_AT_ONCE], states, counts)
+        for start in range(_COUNTED_AT_ONCE, len(everyone), _COUNTED_AT_ONCE):
+            with self._lock:
+                waiting += self._tally(everyone[start : start + _COUNTED_AT_ONCE], states, counts)
+        of_alerts = Counter((alert.state, alert.level) for alert in alerts)
+        return FleetFigures(states, of_alerts, counts, solutions, waiting)
+
+    def _tally(
+        self, some: Sequence[KnownVehicle], states: Counter[VehicleState], counts: dict[str, int]
+    ) -> int:
+        """Add the states and counts of some vehicles; returns how many of their messages wait."""
+        now_s = self._clock()
+        for known in some:
+            states[known.standing(now_s, self._settings.stale_s)[0]] += 1
+            known.add_counts(counts)
+        return sum(len(known.held) for known in some)
 
 
 def _blocks(monitor: VehicleMonitor) -> int:

@@ -1,7 +1,7 @@
 """A vehicle as the live loop knows it: what it said it is, its monitor, its faults, and the state they make."""
 
-from collections import deque
-from collections.abc import Collection
+from collections import Counter, deque
+from collections.abc import Collection, MutableMapping
 from dataclasses import dataclass, field, replace
 
 from wingwatch.aircraft import Aircraft
@@ -26,6 +26,7 @@ class KnownVehicle:
         monitor: from its first samples on.
         arrivals: follows the numbers of its messages.
         counts: samples and messages that were not used, by reason.
+        earlier: what monitors that it had before counted, less what was counted before the service started.
         heard_s: wall clock at the last message; received_s: at the last that was used; refused_s: at the last one
             that was not.
         fault, fault_s: the program's last fault over this vehicle, and when.
@@ -50,6 +51,7 @@ class KnownVehicle:
     monitor: VehicleMonitor | None = None
     arrivals: SequenceTracker = field(default_factory=SequenceTracker)
     counts: dict[str, int] = field(default_factory=dict)
+    earlier: Counter[str] = field(default_factory=Counter)
     heard_s: float = float("-inf")
     received_s: float | None = None
     refused_s: float = float("-inf")
@@ -104,6 +106,8 @@ class KnownVehicle:
 
     def start_anew(self) -> None:
         """It is another aircraft from now on, or none that is known."""
+        if self.monitor is not None:
+            self.earlier.update(self.monitor.counts)
         self.monitor, self.recalled, self.recall_s = None, False, None
         self.given, self.settings, self.late, self.unsaved, self.urgent = (), "", False, False, False
         self.drop_held()
@@ -120,6 +124,18 @@ class KnownVehicle:
         of_samples = {} if self.monitor is None else self.monitor.counts
         numbers = {name: times for name, times in self.arrivals.counts.items() if times}
         return {**of_samples, **self.counts, **numbers}
+
+    def leave_out_counts(self) -> None:
+        """What has been counted so far is of an earlier run of the service."""
+        self.earlier.subtract(self.all_counts)
+
+    def add_counts(self, total: MutableMapping[str, int]) -> None:
+        """Add what has been counted since the service started: it never falls, whatever becomes of the monitor."""
+        of_samples = {} if self.monitor is None else self.monitor.counts
+        for counts in (self.earlier, of_samples, self.counts, self.arrivals.counts):
+            for name, times in counts.items():
+                if times:
+                    total[name] = total.get(name, 0) + times
 
     def standing(self, now_s: float, stale_s: float) -> tuple[VehicleState, str | None]:
         """State, and its reason where that is not the monitor's own.

@@ -27,7 +27,8 @@ class Roster:
         alarmed: whether an alert of the vehicle stands.
 
     Attributes:
-        forgotten: vehicles that gave way; refused: messages whose vehicle found no place.
+        forgotten: vehicles that gave way; gone: what had been counted of them; refused: messages whose vehicle found no
+            place.
     """
 
     def __init__(self, most: int, clock: Callable[[], float], alarmed: Callable[[VehicleKey], bool]) -> None:
@@ -36,6 +37,7 @@ class Roster:
         self._strangers: dict[VehicleKey, None] = {}  # longest silent first
         self._full_until_s = float("-inf")
         self.forgotten = 0
+        self.gone: dict[str, int] = {}
         self.refused = 0
 
     def __len__(self) -> int:
@@ -65,6 +67,7 @@ class Roster:
         """A vehicle of before a restart takes its place; False where none is left."""
         if len(self._vehicles) >= self._most:
             return False
+        known.leave_out_counts()
         self._vehicles[key] = known
         self.sort(key)
         return True
@@ -83,7 +86,7 @@ class Roster:
         if gone is None:
             self._full_until_s = now_s + _LOOK_AGAIN_S  # looking through all of them is not for every message
             return False
-        del self._vehicles[gone]
+        self._vehicles.pop(gone).add_counts(self.gone)
         self._strangers.pop(gone, None)
         self.forgotten += 1
         return True

@@ -17,6 +17,7 @@ __all__ = [
     "AlertView",
     "Event",
     "EvidenceView",
+    "FleetFigures",
     "KeyReusedError",
     "MonitorPort",
     "Shelving",
@@ -180,6 +181,26 @@ class Event:
     data: Mapping[str, Any]
 
 
+@dataclass(frozen=True, slots=True)
+class FleetFigures:
+    """The fleet in numbers, without a vehicle's name.
+
+    Attributes:
+        vehicles: how many are in each state.
+        alerts: how many are kept, by state and level.
+        counts: samples and messages since the service started, by what became of them (as ``VehicleView.counts``);
+            they do not fall when a vehicle is forgotten or watched anew.
+        solutions: half seconds of flight that were estimated and compared since the service started.
+        waiting: messages that wait for what the database keeps of their vehicle.
+    """
+
+    vehicles: Mapping[VehicleState, int]
+    alerts: Mapping[tuple[AlertState, str], int]
+    counts: Mapping[str, int]
+    solutions: int
+    waiting: int
+
+
 class MonitorPort(Protocol):
     """What the doors (REST, terminal) may ask the monitor. Every method is thread-safe.
 
@@ -226,4 +247,8 @@ class MonitorPort(Protocol):
 
     def events(self, after: int) -> Sequence[Event]:
         """Events with an id above ``after``, oldest first (the last 1000 are kept)."""
+        ...
+
+    def figures(self) -> FleetFigures:
+        """The fleet in numbers; cheap enough to be asked for every second."""
         ...

@@ -117,6 +117,11 @@ class SensorSubscriber:
             return dict(self._counts)
 
     @property
+    def alive(self) -> bool:
+        """Whether the thread that takes messages over runs; it ends with the session."""
+        return self._thread.is_alive()
+
+    @property
     def waiting(self) -> int:
         """Messages in the queue now."""
         return len(self._waiting)

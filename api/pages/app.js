@@ -246,6 +246,14 @@ function showKernels(kernels) {
   sync(byId("kernels-parts"), kernels.parts, (part) => part.name, kernelItem);
 }
 
+/** Parts of the service that do not work; while kernels are compiled, their own card says what the estimators wait for. */
+function showProblems(status) {
+  const problems = Object.entries(status.problems ?? {}).filter(([part]) => !(part === "estimators" && status.kernels));
+  byId("service-problems").hidden = problems.length === 0;
+  sync(byId("service-problems-list"), problems, ([part]) => part,
+    ([part, problem]) => make("li", "", `${words(part)}: ${problem}`));
+}
+
 /** The derivatives that speak for the alert stand open, the others fold away; at least the first three stand open. */
 function evidence(parts) {
   const speaks = (part, place) => place < LEAST_EVIDENCE || part.z === null || Math.abs(part.z) >= Z_BAND;
@@ -305,6 +313,7 @@ function show(status, recent) {
   byId("no-alerts").textContent = "No alert stands.";
   byId("no-vehicles").hidden = status.vehicles.length > 0;
   showKernels(status.kernels);
+  showProblems(status);
   byId("past").hidden = cleared.length === 0;
   byId("past-count").textContent = `(${cleared.length})`;
   byId("version").textContent = `wingwatch ${status.version}.`;
@@ -320,7 +329,7 @@ function askToken() {
   byId("login").hidden = false;
   byId("session").hidden = true;
   for (const list of ["counts", "alerts", "cleared", "vehicles"]) byId(list).replaceChildren();
-  for (const part of ["no-alerts", "no-vehicles", "past", "kernels"]) byId(part).hidden = true;
+  for (const part of ["no-alerts", "no-vehicles", "past", "kernels", "service-problems"]) byId(part).hidden = true;
   document.title = "wingwatch";
   known = null;
   if (stream) stream.close();

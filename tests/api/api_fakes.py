@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import threading
+from collections import Counter
 from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import Any
 
@@ -20,6 +21,7 @@ from wingwatch.api import (
     KernelState,
     KernelsView,
     QueueFullError,
+    ServiceFigures,
     create_app,
     listen,
 )
@@ -31,6 +33,7 @@ from wingwatch.monitor.views import (
     AlertView,
     Event,
     EvidenceView,
+    FleetFigures,
     VehicleState,
     VehicleView,
     WorstDerivative,
@@ -107,6 +110,8 @@ class FakeMonitor:
         self.shelved_s: list[float] = []
         self.store_fault: Exception | None = None
         self.lock = threading.Lock()
+        self.counts: dict[str, int] = {}
+        self.solutions = 0
 
     def vehicles(self) -> Sequence[VehicleView]:
         return tuple(self.views)
@@ -151,6 +156,11 @@ class FakeMonitor:
     def events(self, after: int) -> Sequence[Event]:
         with self.lock:
             return [event for event in self.kept if event.id > after]
+
+    def figures(self) -> FleetFigures:
+        vehicles = Counter(view.state for view in self.vehicles())
+        alerts = Counter((view.state, view.level) for view in self.alerts())
+        return FleetFigures(vehicles, alerts, self.counts, self.solutions, 0)
 
     def tell(self, kind: str, data: Mapping[str, Any]) -> int:
         """Add an event and return its id; the last 1000 are kept."""
@@ -207,10 +217,13 @@ def served(
     counters: Mapping[str, Mapping[str, int]] | None = None,
     kernels: Callable[[], KernelsView | None] = lambda: None,
     access: AccessSettings | None = None,
+    figures: ServiceFigures | None = None,
 ) -> Generator[tuple[HttpServer, httpx.Client]]:
     """The application over the fake, on a real socket, with a client."""
     ready = checks if checks is not None else {"zenoh": None, "database": None, "http": None}
     settings = AppSettings(
+        problems=lambda: ready,
+        figures=lambda: figures or ServiceFigures(),
         access=access or AccessSettings(),
         counters=lambda: counters or {},
         kernels=kernels,

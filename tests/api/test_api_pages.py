@@ -133,6 +133,33 @@ def test_it_says_what_is_being_compiled_until_that_is_done() -> None:
 
 
 @needs_chromium
+def test_it_says_what_does_not_work_until_it_does() -> None:
+    checks: dict[str, str | None] = {
+        "zenoh": None,
+        "database": "it is locked " + NASTY,
+        "messages": "they wait.",
+    }
+    with served(FakeMonitor(), checks=checks) as (server, _), open_page(server.url) as page:
+        page.wait("document.getElementById('service-problems')?.hidden === false")
+        problems = "[...document.querySelectorAll('#service-problems li')].map((item) => item.innerText)"
+        assert page.ask(problems) == ["database: it is locked " + NASTY, "messages: they wait."]
+        checks["messages"] = None
+        page.wait("document.querySelectorAll('#service-problems li').length === 1", seconds=8.0)
+        checks["database"] = None
+        page.wait("document.getElementById('service-problems').hidden", seconds=8.0)
+        assert page.console == []
+
+
+@needs_chromium
+def test_while_kernels_are_compiled_their_card_alone_says_so() -> None:
+    checks = {"estimators": COMPILING.text}
+    compiling = served(FakeMonitor(), checks=checks, kernels=lambda: COMPILING)
+    with compiling as (server, _), open_page(server.url) as page:
+        page.wait("document.getElementById('kernels')?.hidden === false")
+        assert page.ask("document.getElementById('service-problems').hidden") is True
+
+
+@needs_chromium
 def test_an_event_brings_news_at_once(page: Page, monitor: FakeMonitor) -> None:
     page.wait("document.getElementById('link').dataset.link === 'live'")
     monitor.raised = [alert(2, cause="elevator_effectiveness", size=0.5, vehicle="aero-1"), *monitor.raised]

@@ -120,6 +120,7 @@ def test_every_promised_path_is_described_with_its_errors(client: httpx.Client) 
         "/v1/session",
         "/health/live",
         "/health/ready",
+        "/metrics",
     }
     for operations in description["paths"].values():
         for operation in operations.values():
@@ -328,6 +329,14 @@ def test_ready_names_what_does_not_work() -> None:
         assert client.get("/health/live").json() == {"live": True, "version": VERSION}
     with served(FakeMonitor()) as (_, client):
         assert client.get("/health/ready").json()["ready"] is True
+
+
+def test_status_names_the_parts_that_do_not_work() -> None:
+    checks = {"zenoh": None, "database": "it is locked.", "http": None}
+    with served(FakeMonitor(), checks=checks) as (_, client):
+        assert get(client, "/v1/status")["problems"] == {"database": "it is locked."}
+    with served(FakeMonitor()) as (_, client):
+        assert get(client, "/v1/status")["problems"] == {}
 
 
 def test_no_page_loads_anything_from_elsewhere(client: httpx.Client) -> None:

@@ -56,7 +56,7 @@ def test_messages_that_wait_too_long_are_told(service: Service, monkeypatch: pyt
         session.put(vehicle_key("default", "uav1", "sensors"), b"{}")
         until(lambda: service.counters()["messages"]["received"] == 1)
     assert problem(service, "messages") == ""  # not yet
-    monkeypatch.setattr("wingwatch.cli.service._MOST_QUEUED_S", 0.3)
+    monkeypatch.setattr("wingwatch.cli.health._MOST_QUEUED_S", 0.3)
     until(lambda: "messages wait for" in problem(service, "messages"))
 
 
@@ -90,7 +90,7 @@ def test_a_write_that_hangs_is_told_after_a_minute(tmp_path: Path, monkeypatch: 
         answer.wait(PATIENCE_S)
 
     monkeypatch.setattr(Database, "append_estimates", frozen)
-    monkeypatch.setattr("wingwatch.cli.service._MOST_BEHIND_S", 0.5)
+    monkeypatch.setattr("wingwatch.cli.health._MOST_BEHIND_S", 0.5)
     with service_in(tmp_path) as service:
         store = service._parts.store
         assert store.behind_s == 0.0

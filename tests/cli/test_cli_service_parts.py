@@ -120,6 +120,8 @@ def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
     arrived.set()
     until(lambda: monitor.got == ["a", "b"])
     assert pump.faults == 1
+    until(lambda: pump.in_hand_s == 0.0)
+    assert sum(pump.delays.view().counts) == 3
     assert pump.problem is None
     assert monitor.ticks >= 1
     pump.stop()

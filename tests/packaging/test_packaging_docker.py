@@ -24,6 +24,8 @@ import yaml
 import zenoh
 
 from wingwatch.cli.arguments import build_parser
+from wingwatch.cli.kernel_steps import LIVE
+from wingwatch.cli.kernel_steps import STEPS as STEPS_OF_KERNELS
 from wingwatch.cli.settings import serve_settings
 from wingwatch.telemetry import ZenohSettings
 
@@ -175,7 +177,7 @@ def test_two_stages_on_one_pinned_slim_python() -> None:
     assert len(bases) == 2
     assert bases[0].endswith(" AS build")
     assert bases[0].split()[0] == bases[1]
-    assert re.fullmatch(r"python:3\.11\.\d+-slim-[a-z]+", bases[1])
+    assert re.fullmatch(r"python:3\.11\.\d+-slim-[a-z]+(@sha256:[0-9a-f]{64})?", bases[1])
 
 
 def test_the_image_runs_as_a_user_who_owns_only_the_data() -> None:
@@ -294,6 +296,12 @@ def test_the_healthcheck_tells_ready_from_not_ready(
     assert (healthcheck(door.server_port) == 0) is healthy
 
 
+def test_the_start_period_is_longer_than_the_first_compilation_on_one_slow_processor() -> None:
+    found = re.search(r"--start-period=(\d+)s", last("HEALTHCHECK"))
+    assert found is not None
+    assert int(found.group(1)) > 4.0 * sum(STEPS_OF_KERNELS[name].seconds for name in LIVE)
+
+
 def test_the_healthcheck_fails_where_nobody_listens(door: HTTPServer) -> None:
     port = door.server_port
     door.server_close()
@@ -337,13 +345,13 @@ def test_the_compose_file_has_the_keys_of_the_specification() -> None:
 
 def test_every_image_is_pinned_to_one_release() -> None:
     for service in SERVICES.values():
-        assert re.fullmatch(r"[a-z/]+:\d+\.\d+(\.\d+)?(-[a-z]+)?", service["image"])
+        assert re.fullmatch(r"[a-z/]+:\d+\.\d+(\.\d+)?(-[a-z]+)?(@sha256:[0-9a-f]{64})?", service["image"])
 
 
 def test_the_router_is_of_the_library_s_release() -> None:
     pinned = re.search(r"^eclipse-zenoh==(\S+)", CONSTRAINTS, re.MULTILINE)
     assert pinned is not None
-    assert SERVICES["router"]["image"] == f"eclipse/zenoh:{pinned.group(1)}"
+    assert SERVICES["router"]["image"].partition("@")[0] == f"eclipse/zenoh:{pinned.group(1)}"
     assert "--no-multicast-scouting" in SERVICES["router"]["command"]
 
 

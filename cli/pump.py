@@ -1,0 +1,132 @@
+"""The thread that brings messages from the subscriber to the monitor, and sees to what is due every second."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from wingwatch.cli.delays import DelayHistogram
+from wingwatch.cli.kernels import KernelError, Preparation
+from wingwatch.monitor import FleetMonitor
+from wingwatch.telemetry import SensorSubscriber
+
+__all__ = ["Pump"]
+
+_LOG = logging.getLogger(__name__)
+_GATHERED = 16  # messages; REST waits while so many are taken in
+_TICK_S = 1.0
+_IDLE_S = 0.2
+_STOP_S = 1.0
+_LOADING = "The numerical kernels are being loaded."
+
+
+class Pump:
+    """The thread that brings messages from the subscriber to the monitor, once the kernels are there.
+
+    Args:
+        preparation: waited for first; messages that arrive meanwhile stay in the subscriber's queue.
+
+    Attributes:
+        faults: messages on which the monitor failed; that is a fault of the program, and the watch goes on.
+        delays: of messages, from their arrival until they were taken in.
+    """
+
+    def __init__(
+        self,
+        subscriber: SensorSubscriber,
+        monitor: FleetMonitor,
+        arrived: threading.Event,
+        preparation: Preparation,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._subscriber = subscriber
+        self._monitor = monitor
+        self._arrived = arrived
+        self._preparation = preparation
+        self._clock = clock
+        self._ending = False
+        self._prepared = threading.Event()
+        self._fault: str | None = None
+        self._thread = threading.Thread(target=self._run, name="wingwatch-pump", daemon=True)
+        self.faults = 0
+        self.delays = DelayHistogram()
+        self._since_s: float | None = None
+
+    @property
+    def problem(self) -> str | None:
+        """None while messages are taken in, else why not."""
+        if self._fault is not None:
+            return self._fault
+        if not self._prepared.is_set():
+            view = self._preparation.view()
+            return _LOADING if view is None else view.text
+        return None if self._thread.is_alive() else "the loop that takes messages in has ended."
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread still runs."""
+        return self._thread.is_alive()
+
+    @property
+    def in_hand_s(self) -> float:
+        """How long the messages in hand have been in hand; 0 where there are none."""
+        since_s = self._since_s
+        return 0.0 if since_s is None else self._clock() - since_s
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until messages are taken in; whether they are."""
+        return self._prepared.wait(timeout_s)
+
+    def start(self) -> None:
+        """Begin; returns at once."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End after the messages in hand. Loading kernels cannot be interrupted and is left behind."""
+        self._ending = True
+        self._preparation.stop()
+        self._arrived.set()
+        self._thread.join(_STOP_S)
+
+    def _run(self) -> None:
+        try:
+            if not self._preparation.prepare():
+                return
+        except KernelError as error:
+            _LOG.error("%s", error)
+            self._fault = f"{error}."
+            return
+        except Exception as error:
+            _LOG.exception("the kernels cannot be loaded")
+            self._fault = f"The numerical kernels cannot be loaded: {type(error).__name__}: {error}."
+            return
+        self._prepared.set()
+        next_tick_s = self._clock()
+        while not self._ending:
+            self._arrived.wait(_IDLE_S)
+            self._arrived.clear()
+            full = True
+            while full and not self._ending:
+                messages = self._subscriber.drain(_GATHERED)
+                self._since_s = self._clock()
+                self._safely(self._monitor.receive_all, messages)
+                self._since_s, now_s = None, self._clock()
+                for message in messages:
+                    self.delays.add(now_s - message.received_s)
+                next_tick_s = self._tick(next_tick_s)
+                full = len(messages) == _GATHERED
+
+    def _tick(self, due_s: float) -> float:
+        now_s = self._clock()
+        if now_s < due_s:
+            return due_s
+        self._safely(self._monitor.tick)
+        return now_s + _TICK_S
+
+    def _safely(self, action: Callable[..., None], *arguments: object) -> None:
+        try:
+            action(*arguments)
+        except Exception:  # one vehicle's fault must not end the watch over the others
+            self.faults += 1
+            if self.faults <= 10:
+                _LOG.exception("a message led to a fault of the program")
