@@ -244,7 +244,11 @@ class Chain:
                 starts[n] = end
             if pieces:
                 rows, lanes = padded([states[n].lane.place for n in pieces], list(pieces.values()))
-                self.supervisor.take(lanes, rows)
+                try:
+                    self.supervisor.take(lanes, rows)
+                except Exception as error:  # none of them can go on from a step half done; those of other types can
+                    faults |= dict.fromkeys(pieces, error)
+                    due = [n for n in due if n not in pieces]
             if due:
                 yield self._solve(states, due, faults)
             going = [n for n in due if n not in faults]
@@ -256,7 +260,11 @@ class Chain:
         at_s = [states[n].last_s for n in due]
         places = np.array([states[n].lane.place for n in due])
         of_places: dict[int, Exception] = {}
-        modes = self.supervisor.solve(places, np.array(at_s), of_places)
+        try:
+            modes = self.supervisor.solve(places, np.array(at_s), of_places)
+        except Exception as error:
+            faults |= dict.fromkeys(due, error)
+            return {}
         faults |= {n: of_places[states[n].lane.place] for n in due if states[n].lane.place in of_places}
         solved = zip(due, at_s, modes, strict=True)
         return {n: Solution(last_s, found) for n, last_s, found in solved if n not in faults}

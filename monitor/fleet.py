@@ -8,6 +8,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Literal
@@ -19,9 +20,11 @@ from wingwatch.monitor.alert_ledger import AlertLedger
 from wingwatch.monitor.chain import Solution
 from wingwatch.monitor.checkpoint import CheckpointError, SavedVehicle, settings_of
 from wingwatch.monitor.fair_lock import FairLock
+from wingwatch.monitor.intake import Intake
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
+from wingwatch.monitor.pieces import pieces
 from wingwatch.monitor.ports import ActionPlan, ActionRequest, News, Outputs, Store, VehicleMemory
 from wingwatch.monitor.resuming import Checkpoints, agreed, goes_on, resumed_vehicle, saved_vehicle
 from wingwatch.monitor.roster import Roster, VehicleKey
@@ -50,7 +53,10 @@ __all__ = ["FleetMonitor", "FleetSettings"]
 
 _LOG = logging.getLogger(__name__)
 _LOGGED_FAULTS = 10
-_MOST_HELD = 2000  # messages, of all vehicles together
+_MOST_HELD = 2000  # pieces of messages, of all vehicles together, for which monitors are still to be made
+_MOST_WAITING = 1000  # pieces of one vehicle's messages: ten large ones
+_AT_ONCE_S = 0.015  # of samples that wait; REST and new messages wait as long
+_CAUGHT_UP_AT_ONCE = 16  # vehicles
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
 _REPEATED = 100  # of the latest alerts, and all that are not cleared, are announced again at the start
@@ -60,6 +66,8 @@ _MOST_ASKS = 100  # questions between two ticks, a second: invented names are no
 
 _Told = tuple[ServiceStream, Callable[[], News]] | Literal["ask"]
 """A stream and what gives the news of it, or the question what aircraft a vehicle is."""
+
+_NOTHING: Sequence[_Told] = ()
 
 STATE_ORDER = (
     VehicleState.DEGRADED,
@@ -136,10 +144,16 @@ class FleetMonitor:
         self._event_id = 0
         self._maker = MonitorMaker(new_id, self._settings.judge)
         self._held = 0
+        self._behind: dict[VehicleKey, KnownVehicle] = {}
+        self._intake = Intake()
         self._problems: dict[str, int] = {}
         self._earlier_alerts = False
         self._earlier: dict[VehicleKey, AlertView] = {}
         self._repeat(self._read_alerts(_START_PATIENCE_S))
+
+    def prepare_with(self, executor: Executor) -> None:
+        """Expectations of further types and loadings are worked out there from now on, while their samples wait."""
+        self._maker.executor = executor
 
     def resume(self) -> None:
         """Every vehicle goes on from its checkpoint; to be called once, before the first message."""
@@ -207,15 +221,17 @@ class FleetMonitor:
     def receive_all(self, messages: Sequence[InboundMessage]) -> None:
         """Take in messages in the order of their arrival, their vehicles together, as ``receive`` takes in one.
 
-        What may be asked waits until all of them are taken in: a few dozen at a time.
+        What may be asked waits until all of them are taken in: a few dozen at a time. Large messages may be left in
+        part for the next call, which may bring none (``behind``).
         """
-        told: list[tuple[VehicleKey, list[_Told]]] = []
+        told: list[tuple[VehicleKey, Sequence[_Told]]] = []
         with self._lock:
             ready: dict[VehicleKey, KnownVehicle] = {}
             for message in messages:
                 key = message.fleet, message.vehicle
                 known = self._vehicles.heard(key)
                 if known is None:
+                    self._intake.count("too_many_vehicles")
                     continue
                 if message.stream == "aircraft" and key in ready:
                     told += self._advance({key: ready.pop(key)})  # its samples so far are of what it was
@@ -224,10 +240,28 @@ class FleetMonitor:
                     told.append((key, news))
                 if known.monitor is not None and known.held:
                     ready[key] = known
+            for key in list(self._behind)[:_CAUGHT_UP_AT_ONCE]:
+                ready.setdefault(key, self._behind.pop(key))
             told += self._advance(ready)
             self._save_some(ready)
         for (fleet, vehicle), news in told:
             self._tell(fleet, vehicle, news)
+
+    @property
+    def behind(self) -> bool:
+        """Whether samples wait that the next call of ``receive_all`` takes in."""
+        return bool(self._behind)
+
+    @property
+    def held(self) -> bool:
+        """Whether samples wait for the monitor of their vehicle to be made."""
+        with self._lock:
+            return any(known.held for _, known in self._vehicles.items())
+
+    @property
+    def intake(self) -> Mapping[str, int]:
+        """Messages ``received``, and what became of them (``Intake``)."""
+        return self._intake.counts
 
     # -- what is saved of it -------------------------------------------------------------------
 
@@ -267,18 +301,22 @@ class FleetMonitor:
             if saved is not None:
                 yield saved
 
-    def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> list[_Told]:
+    def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> Sequence[_Told]:
         """One message decoded; samples that can be used are held for ``_advance``."""
         try:
             if message.stream == "aircraft":
                 self._announced(key, known, decode_aircraft(message.payload, message.encoding))
-                return []
-            return self._sampled(key, known, decode_sensors(message.payload, message.encoding))
+                became, news = "aircraft", _NOTHING
+            else:
+                became, news = self._sampled(key, known, decode_sensors(message.payload, message.encoding))
         except MessageError as error:
-            known.count(f"message_{error.reason}")
+            became, news = f"message_{error.reason}", _NOTHING
+            known.count(became)
         except Exception as error:  # one vehicle's fault must neither end the watch nor pass for health
+            became, news = "faults", _NOTHING
             self._note_fault(*key, known, error)
-        return []
+        self._intake.count(became)
+        return news
 
     def _announced(self, key: VehicleKey, known: KnownVehicle, message: AircraftMessage) -> None:
         if message == known.message:
@@ -297,23 +335,35 @@ class FleetMonitor:
             known.start_anew()
         known.announce_loading()
 
-    def _sampled(self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage) -> list[_Told]:
+    def _sampled(
+        self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage
+    ) -> tuple[str, Sequence[_Told]]:
+        """What became of the message, and the question what aircraft it is, if that is asked."""
         if not known.arrivals.observe(message.sequence, message.stream, *message.span_s):
             known.refused_s = self._clock()
-            return []
+            return known.arrivals.refusal, _NOTHING
         known.received_s = self._clock()
         if known.aircraft is None:
-            known.count("unannounced" if known.message is None else "unknown_aircraft", len(message.block))
-            return ["ask"] if known.message is None and self._may_ask(known) else []
+            unknown = "unannounced" if known.message is None else "unknown_aircraft"
+            known.count(unknown, len(message.block))
+            return unknown, ("ask",) if known.message is None and self._may_ask(known) else _NOTHING
         known.take_loading()
-        known.held.append(message)
-        self._held += 1
+        if len(known.held) >= _MOST_WAITING:
+            known.count("dropped_waiting", len(message.block))
+            return "dropped_waiting", _NOTHING
+        before = len(known.held)
+        known.held.extend(pieces(message))
+        self._held += len(known.held) - before
         if known.monitor is None and not known.recalled:
             self._recall(*key, known)
-        return []
+        return "sensors", _NOTHING
 
     def _advance(self, ready: Mapping[VehicleKey, KnownVehicle]) -> list[tuple[VehicleKey, list[_Told]]]:
-        """Hand over what is held of vehicles that have a monitor, message by message, all vehicles at once."""
+        """Hand over what is held of vehicles that have a monitor, piece by piece, all vehicles at once.
+
+        It ends after ``_AT_ONCE_S``; what is left then is handed over later.
+        """
+        until_s = self._clock() + _AT_ONCE_S
         told: list[tuple[VehicleKey, list[_Told]]] = []
         going = [(key, known, known.monitor) for key, known in ready.items() if known.monitor is not None]
         while going := [one for one in going if one[1].held]:
@@ -336,6 +386,9 @@ class FleetMonitor:
                 if news:
                     told.append((key, news))
             going = sound
+            if self._clock() >= until_s:
+                break
+        self._behind |= {key: known for key, known in ready.items() if known.monitor is not None and known.held}
         return told
 
     def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
@@ -343,6 +396,12 @@ class FleetMonitor:
         store, aircraft, announced = self._store, known.aircraft, known.message
         loading = known.loading
         if aircraft is None or announced is None or loading is None or not (known.held or known.monitor):
+            return
+        if known.monitor is None and not self._maker.ready(
+            loading.aircraft, announced.configuration, known.held[0].given
+        ):
+            if self._held >= _MOST_HELD:
+                known.drop_held()
             return
         memory: VehicleMemory | None = VehicleMemory()
         if store is not None:

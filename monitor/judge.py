@@ -210,9 +210,11 @@ class Judge:
         wander = (self.config.model_error * natural_size(expected, covariance)) ** 2
         information, vector, bias = blurred(information, vector, bias, wander)
         ekf = mode.ekf
-        alpha = ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0
-        now = FlightCondition(*ekf.condition[:3], condition.configuration, alpha)
-        value, _ = c.from_concise(ekf.value, ekf.covariance, now)
+        value = expected
+        if np.isfinite(ekf.condition[:3]).all():  # else it diverged, started anew and has not seen a sample since
+            alpha = ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0
+            now = FlightCondition(*ekf.condition[:3], condition.configuration, alpha)
+            value, _ = c.from_concise(ekf.value, ekf.covariance, now)
         gained = mode.gained or (np.zeros_like(information), np.zeros_like(vector))
         stands = ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
         learned = c.of_evidence(*gained, condition)
