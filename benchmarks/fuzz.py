@@ -48,7 +48,7 @@ SOUND, VICTIMS, SAMPLES = 3, 6, 10
 RATE_HZ, GATHERED = 50.0, 16
 LIMIT_S = 0.05
 CONVENTIONS = ("concise", "dimensional", "british", "american")
-EVERY_TICK, EVERY_CHECKPOINT, EVERY_NEWS = 1000, 50, 20
+EVERY_TICK, EVERY_CHECKPOINT, EVERY_NEWS = 1000, 500, 500
 LAGGING = "lagging"
 """The Aerosonde whose file states delays, so that rows wait for later ones."""
 
@@ -150,7 +150,8 @@ def sound_messages(flown: Sequence[SampleBlock]) -> list[Sent]:
     """All messages of the sound vehicles in their order."""
     announced = encode_aircraft(AircraftMessage(aircraft="aerosonde"))
     sent = [
-        Sent(vehicle_key("default", f"sound-{i}", "aircraft"), announced, PROTOBUF, "sound") for i in range(len(flown))
+        Sent(vehicle_key("default", f"sound-{i}", "aircraft"), announced, PROTOBUF, "sound")
+        for i in range(len(flown))
     ]
     for number, k in enumerate(range(0, len(flown[0]) - SAMPLES + 1, SAMPLES)):
         for i, flight in enumerate(flown):
@@ -164,7 +165,10 @@ def sound_messages(flown: Sequence[SampleBlock]) -> list[Sent]:
 def victims(flown: Sequence[SampleBlock]) -> list[Victim]:
     """Vehicles of several types, all of which fly the sound ones' flights."""
     types = itertools.cycle(("aerosonde", LAGGING, "aerosonde", "ultrastick25e"))
-    return [Victim(f"victim-{i}", next(types), flown[i % len(flown)], stream=(None, 17)[i % 2]) for i in range(VICTIMS)]
+    return [
+        Victim(f"victim-{i}", next(types), flown[i % len(flown)], stream=(None, 17)[i % 2])
+        for i in range(VICTIMS)
+    ]
 
 
 def mixed(sound: Sequence[Sent], fuzzer: Fuzzer, messages: int) -> Iterator[Sent]:
@@ -192,7 +196,9 @@ def inbound(sent: Sent, course: Course) -> InboundMessage | None:
         course.bad_keys += 1
         return None
     course.handed_over += 1
-    return InboundMessage(key.fleet, key.vehicle, key.leaf, sent.payload[:65_537], sent.encoding, time.monotonic())
+    return InboundMessage(
+        key.fleet, key.vehicle, key.leaf, sent.payload[:65_537], sent.encoding, time.monotonic()
+    )
 
 
 def hand_over(fleet: FleetMonitor, messages: Sequence[InboundMessage], change: str, course: Course) -> None:
@@ -237,7 +243,9 @@ def run(fleet: FleetMonitor, stream: Iterator[Sent], total: int, rng: random.Ran
     return course
 
 
-def _between(fleet: FleetMonitor, number: int, course: Course, outputs: Outputs, checkpoints: Checkpoints) -> None:
+def _between(
+    fleet: FleetMonitor, number: int, course: Course, outputs: Outputs, checkpoints: Checkpoints
+) -> None:
     """What others do: the tick, news, checkpoints."""
     try:
         if number % EVERY_TICK == 0:
@@ -270,7 +278,7 @@ def misfit_of_counts(fleet: FleetMonitor, course: Course) -> str:
 
 def asked(fleet: FleetMonitor) -> Counter[str]:
     """Answers of REST about everything, by status."""
-    app = create_app(fleet, lambda: {}, None, "fuzz")
+    app = create_app(fleet, dict, None, "fuzz")
     paths = ["/v1/status", "/v1/vehicles", "/v1/alerts?limit=1000", "/health/live", "/openapi.json"]
     for name in (*(f"sound-{i}" for i in range(SOUND)), *(f"victim-{i}" for i in range(VICTIMS)), "x1"):
         paths.append(f"/v1/vehicles/{name}")
@@ -312,7 +320,9 @@ class Outcome:
     problems: tuple[str, ...]
 
 
-def fuzz(messages: int, seed: int, seconds: float, dear: float = 0.3, say: Callable[[str], None] = lambda _: None) -> Outcome:
+def fuzz(
+    messages: int, seed: int, seconds: float, dear: float = 0.3, say: Callable[[str], None] = lambda _: None
+) -> Outcome:
     """The whole of it; see the module's text."""
     rng = random.Random(seed)
     flown = flights(seconds, seed)
@@ -342,7 +352,9 @@ def fuzz(messages: int, seed: int, seconds: float, dear: float = 0.3, say: Calla
         problems.append("the sound vehicles' derivatives are not those of a run without the fuzzer")
     if answers["5xx"]:
         problems.append(f"REST answered 5xx: {dict(answers)}")
-    faults = {name: times for name, times in fleet.problems.items() if name in ("faults", "store", "checkpoint")}
+    faults = {
+        name: times for name, times in fleet.problems.items() if name in ("faults", "store", "checkpoint")
+    }
     if faults:
         texts = sorted({f"{v.vehicle}: {v.reason}" for v in fleet.vehicles() if "faults" in v.counts})
         problems.append(f"the program failed: {faults}; {'; '.join(texts[:6])}")
@@ -369,21 +381,28 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="A fuzzer that knows both formats against the live fleet.")
     parser.add_argument("--messages", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--flight", type=float, default=600.0, help="seconds that the sound vehicles fly")
+    parser.add_argument("--flight", type=float, default=200.0, help="seconds that the sound vehicles fly")
     chosen = parser.parse_args()
     begin_s = time.monotonic()
-    outcome = fuzz(chosen.messages, chosen.seed, chosen.flight, say=lambda text: print(f"  {text}", file=sys.stderr))
+    outcome = fuzz(
+        chosen.messages, chosen.seed, chosen.flight, say=lambda text: print(f"  {text}", file=sys.stderr)
+    )
     course, middle = outcome.course, len(outcome.course.resident) // 2
     print(f"{sum(course.kinds.values())} messages, seed {chosen.seed}, {time.monotonic() - begin_s:.0f} s")
     for name, times in (("alone", course.alone_s), (f"up to {GATHERED} at once", course.gathered_s)):
         ms = 1000.0 * np.array(times)
         print(f"  {name:<18}{len(ms):>9} calls, processor ms: median {np.median(ms):.3f}, 99.9 % {np.percentile(ms, 99.9):.1f}, "
               f"longest {ms.max():.1f}; over {1000 * LIMIT_S:.0f} ms: {np.count_nonzero(ms > 1000 * LIMIT_S)}")  # fmt: skip
-    print(f"  longest call by the wall clock {1000 * course.wall_s:.0f} ms, longest tick {1000 * course.tick_s:.1f} ms of processor")
+    print(
+        f"  longest call by the wall clock {1000 * course.wall_s:.0f} ms, longest tick {1000 * course.tick_s:.1f} ms of processor"
+    )
     growth = course.resident[-1] - course.resident[middle]
     print(f"  resident memory {course.resident[middle] / 2**20:.1f} MB half-way, {course.resident[-1] / 2**20:.1f} MB at the end "
           f"({growth / 2**20:+.1f} MB)")  # fmt: skip
-    print(f"  what became of them: bad_key {course.bad_keys}, " + ", ".join(f"{k} {n}" for k, n in sorted(outcome.intake.items())))
+    print(
+        f"  what became of them: bad_key {course.bad_keys}, "
+        + ", ".join(f"{k} {n}" for k, n in sorted(outcome.intake.items()))
+    )
     print(f"  alerts of attacked vehicles {outcome.alerts}; REST {dict(outcome.answers)}")
     slowest = sorted(course.slowest.items(), key=lambda item: -item[1])[:6]
     print("  longest by change, ms: " + ", ".join(f"{k} {1000 * s:.1f}" for k, s in slowest))

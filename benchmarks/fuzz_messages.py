@@ -25,10 +25,60 @@ EXTREMES = (
     2.0**53, 1e15, 1e154, 1e155, 1e300, LARGEST, -LARGEST, math.inf, -math.inf, math.nan,
 )  # fmt: skip
 AIRSPEEDS = (-10.0, -0.2, 0.0, 5e-324, 0.999, 1.0, 1.001, 5.0, 60.0, 399.9, 400.0, 400.1, 1e308, math.nan)
-STEPS_S = (0.0, 5e-324, 1e-12, 1e-6, 0.001, 0.02, 0.1, 0.49, 0.5, 1.0, 10.0, 3599.0, 3601.0, 1e6, -0.02, -0.5, -2.0, -1e6)
-STARTS_S = (0.0, -0.0, 5e-324, 1e-300, -1.0, -86_400.0, 1.7e9, 2.0**32, 2.0**32 - 1.0, -(2.0**32), 9e15, 1e300, math.nan)
+STEPS_S = (
+    0.0,
+    5e-324,
+    1e-12,
+    1e-6,
+    0.001,
+    0.02,
+    0.1,
+    0.49,
+    0.5,
+    1.0,
+    10.0,
+    3599.0,
+    3601.0,
+    1e6,
+    -0.02,
+    -0.5,
+    -2.0,
+    -1e6,
+)
+STARTS_S = (
+    0.0,
+    -0.0,
+    5e-324,
+    1e-300,
+    -1.0,
+    -86_400.0,
+    1.7e9,
+    2.0**32,
+    2.0**32 - 1.0,
+    -(2.0**32),
+    9e15,
+    1e300,
+    math.nan,
+)
 SEQUENCES = (0, 1, 2, 2**31, 2**32 - 1, 2**32, 2**53 - 1, 2**53, 2**63 - 1, 2**63, 2**64 - 2, 2**64 - 1)
-MASSES_KG = (0.0, -0.0, 5e-324, -1.0, 1e-9, 3.0, 10.0, 11.0, 11.1, 12.0, 25.0, 1e5, 1e6, 1e308, math.nan, math.inf)
+MASSES_KG = (
+    0.0,
+    -0.0,
+    5e-324,
+    -1.0,
+    1e-9,
+    3.0,
+    10.0,
+    11.0,
+    11.1,
+    12.0,
+    25.0,
+    1e5,
+    1e6,
+    1e308,
+    math.nan,
+    math.inf,
+)
 SHIFTS_M = (0.0, -0.0, 5e-324, 0.001, 0.01, -0.01, 0.05, 1.0, -100.0, 100.1, math.nan, -math.inf)
 NAMES = (
     "", " ", "\x00", "\x1b[2J", "\r\nINFO all is well", "é", "Ω" * 40, "\u202egnirts", "\ufeff", "𝕏" * 20, "a" * 300,
@@ -74,7 +124,7 @@ class Victim:
 
     Attributes:
         flight: what it flies, over and over, on a clock that goes on.
-        row: the next sample; clock_s: added to its stamps; sequence: of the next message.
+        columns: the same as lists; row: the next sample; clock_s: added to its stamps; sequence: of the next message.
     """
 
     name: str
@@ -84,6 +134,10 @@ class Victim:
     clock_s: float = 0.0
     sequence: int = 0
     stream: int | None = None
+    columns: dict[str, list[float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.columns = {name: self.flight.column(name).tolist() for name in self.flight.present}
 
 
 @dataclass(slots=True)
@@ -157,12 +211,13 @@ class Fuzzer:
         if victim.row + rows > len(victim.flight):
             victim.clock_s += float(victim.flight.time_s[-1] - victim.flight.time_s[0]) + 0.02
             victim.row = 0
-        part = SampleBlock(victim.flight.values[victim.row : victim.row + rows])
-        columns = {name: part.column(name).tolist() for name in victim.flight.present}
+        columns = {name: column[victim.row : victim.row + rows] for name, column in victim.columns.items()}
         columns["time_s"] = [t + victim.clock_s for t in columns["time_s"]]
         victim.row += rows
         if rows > 200:  # as many samples as the payload takes
-            columns = {name: [float(f"{v:.2g}") for v in c] for name, c in columns.items() if name != "time_s"}
+            columns = {
+                name: [float(f"{v:.2g}") for v in c] for name, c in columns.items() if name != "time_s"
+            }
             columns["time_s"] = [victim.clock_s + 0.02 * i for i in range(rows)]
         if self._rng.random() < 0.005:  # it is started again
             victim.sequence, victim.stream = 0, self._rng.choice((None, self._rng.randrange(2**64)))
@@ -177,7 +232,9 @@ class Fuzzer:
             self._strangers += 1
             return vehicle_key(self._rng.choice(("default", "other")), f"x{self._strangers}", leaf)
         strange = self._rng.choice(NAMES)
-        return self._rng.choice((f"wingwatch/v1/default/{strange}/{leaf}", f"wingwatch/v1/{strange}", strange))
+        return self._rng.choice(
+            (f"wingwatch/v1/default/{strange}/{leaf}", f"wingwatch/v1/{strange}", strange)
+        )
 
     def _label(self, encoding: str) -> str:
         chance = self._rng.random()
@@ -206,7 +263,9 @@ class Fuzzer:
             column = draft.columns[name]
             low, high = next(((c.low, c.high) for c in CHANNELS if c.name == name), (0.0, 1.0))
             ends = (low, high, math.nextafter(low, -math.inf), math.nextafter(high, math.inf))
-            value = self._rng.choice((self._rng.choice(EXTREMES), self._rng.choice(ends), self._rng.choice(ends)))
+            value = self._rng.choice(
+                (self._rng.choice(EXTREMES), self._rng.choice(ends), self._rng.choice(ends))
+            )
             whole = self._rng.random() < 0.5
             for k in range(len(column)) if whole else (self._rng.randrange(len(column)),):
                 column[k] = value
@@ -229,7 +288,9 @@ class Fuzzer:
 
     def _numbers(self, draft: Draft) -> None:
         rng = self._rng
-        near = (int(draft.sequence) if type(draft.sequence) is int else 0) + rng.choice((-3, -1, 1, 7, 10**6, 10**6 + 1))
+        near = (int(draft.sequence) if type(draft.sequence) is int else 0) + rng.choice(
+            (-3, -1, 1, 7, 10**6, 10**6 + 1)
+        )
         draft.sequence = rng.choice((rng.choice(SEQUENCES), *(min(max(near, 0), 2**64 - 1),) * 2))
 
     def _other_stream(self, draft: Draft) -> None:
@@ -311,9 +372,13 @@ class Fuzzer:
         if kind == 4:
             return payload + self._unknown_field(), "unknown_field"
         if kind == 5:
-            return rng.choice((b" ", b"\n", b"\xef\xbb\xbf", b"\x00", b"{")) * rng.choice((1, 1, 10, 1000)) + payload, "prefixed"
+            return rng.choice((b" ", b"\n", b"\xef\xbb\xbf", b"\x00", b"{")) * rng.choice(
+                (1, 1, 10, 1000)
+            ) + payload, "prefixed"
         if kind == 6 and draft.encoding == JSON:
-            return payload.replace(rng.choice((b"0.0", b"null", b"1", b"2", b",")), rng.choice(LITERALS), 1), "literal"
+            return payload.replace(
+                rng.choice((b"0.0", b"null", b"1", b"2", b",")), rng.choice(LITERALS), 1
+            ), "literal"
         if kind == 7 and rng.random() < 0.05:
             return self._large(), "large"
         if kind == 8 and rng.random() < 0.3:
@@ -325,7 +390,9 @@ class Fuzzer:
         rng = self._rng
         tag = rng.choice((1, 2, 3, 4, 15, 31, 1000)) << 3 | rng.choice((0, 1, 2, 3, 4, 5, 7))
         varint = bytes((tag,)) if tag < 128 else bytes((tag & 127 | 128, tag >> 7))
-        rest = rng.choice((b"", b"\x00", b"\xff" * 9 + b"\x01", b"\x08\x96\x01", rng.randbytes(8), b"\xff" * 12))
+        rest = rng.choice(
+            (b"", b"\x00", b"\xff" * 9 + b"\x01", b"\x08\x96\x01", rng.randbytes(8), b"\xff" * 12)
+        )
         return (varint + rest) * rng.choice((1, 1, 1, 100))
 
     def _large(self) -> bytes:
@@ -374,7 +441,9 @@ class Fuzzer:
             fields["mass_kg"] = rng.choice(MASSES_KG)
             fields["cg_shift_m"] = rng.choice(SHIFTS_M)
         else:
-            fields[rng.choice(("mass_kg", "cg_shift_m"))] = rng.choice((-1.0, 1e308, math.nan, math.inf, -math.inf, 5e-324))
+            fields[rng.choice(("mass_kg", "cg_shift_m"))] = rng.choice(
+                (-1.0, 1e308, math.nan, math.inf, -math.inf, 5e-324)
+            )
 
     def _encoded_aircraft(self, fields: dict[str, Any], encoding: str) -> bytes:
         if encoding == PROTOBUF:

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -138,7 +139,7 @@ class Pump:
                 messages = self._subscriber.drain(_GATHERED)
                 self._safely(self._monitor.receive_all, messages)
                 next_tick_s = self._tick(next_tick_s)
-                full = len(messages) == _GATHERED
+                full = len(messages) == _GATHERED or self._monitor.behind
 
     def _tick(self, due_s: float) -> float:
         now_s = self._clock()
@@ -221,6 +222,7 @@ class Service:
         """What each part dropped or failed on."""
         return {
             "messages": self._parts.subscriber.counts,
+            "intake": self.monitor.intake,
             "monitor": self.monitor.problems,
             "loop": {"faults": self.pump.faults},
             "store": self._parts.store.counts,
@@ -342,6 +344,9 @@ def running_service(
             checkpoints,
         )
         monitor.resume()
+        preparing = ThreadPoolExecutor(1, "wingwatch-expectations")
+        stack.callback(preparing.shutdown, cancel_futures=True)
+        monitor.prepare_with(preparing)
         stack.callback(_save, monitor, checkpoints)
         outputs.answer_from(monitor)
         arrived = threading.Event()

@@ -39,7 +39,15 @@ from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, PairState, S
 from wingwatch.telemetry import INPUT_CHANNELS, SampleBlock, missing_for
 from wingwatch.telemetry.conditioning import AirQuality
 
-__all__ = ["Chain", "ChainState", "SavedChain", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
+__all__ = [
+    "Chain",
+    "ChainState",
+    "SavedChain",
+    "Solution",
+    "STRUCTURES_WATCHED",
+    "condition_of",
+    "nominal_condition",
+]
 
 Array = NDArray[np.float64]
 
@@ -99,6 +107,20 @@ def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
     if aircraft.conditions:
         return aircraft.conditions[0].condition
     return None
+
+
+def condition_of(found: tuple[float, float, float, float], configuration: str) -> FlightCondition | None:
+    """Airspeed, altitude, density and angle of attack as a flight condition; None where they are none.
+
+    A filter that has started anew has no condition, and an airspeed that is carried on by accelerometers at their limits
+    may become negative.
+    """
+    airspeed_m_s, altitude_m, density_kg_m3, alpha_rad = found
+    alpha_rad = alpha_rad if np.isfinite(alpha_rad) else 0.0
+    try:
+        return FlightCondition(airspeed_m_s, altitude_m, density_kg_m3, configuration, alpha_rad)
+    except ValueError:
+        return None
 
 
 class Chain:
@@ -246,7 +268,9 @@ class Chain:
                 rows, lanes = padded([states[n].lane.place for n in pieces], list(pieces.values()))
                 try:
                     self.supervisor.take(lanes, rows)
-                except Exception as error:  # none of them can go on from a step half done; those of other types can
+                except (
+                    Exception
+                ) as error:  # none of them can go on from a step half done; those of other types can
                     faults |= dict.fromkeys(pieces, error)
                     due = [n for n in due if n not in pieces]
             if due:

@@ -388,7 +388,9 @@ class FleetMonitor:
             going = sound
             if self._clock() >= until_s:
                 break
-        self._behind |= {key: known for key, known in ready.items() if known.monitor is not None and known.held}
+        self._behind |= {
+            key: known for key, known in ready.items() if known.monitor is not None and known.held
+        }
         return told
 
     def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:

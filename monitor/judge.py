@@ -19,6 +19,7 @@ from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
 from wingwatch.estimators import BlockEvidence, Outcome
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
+from wingwatch.monitor.chain import condition_of
 from wingwatch.monitor.comparison import (
     Change,
     Coordinates,
@@ -211,9 +212,8 @@ class Judge:
         information, vector, bias = blurred(information, vector, bias, wander)
         ekf = mode.ekf
         value = expected
-        if np.isfinite(ekf.condition[:3]).all():  # else it diverged, started anew and has not seen a sample since
-            alpha = ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0
-            now = FlightCondition(*ekf.condition[:3], condition.configuration, alpha)
+        now = condition_of(ekf.condition, condition.configuration)
+        if now is not None:  # else it has started anew, and knows no more than what is expected
             value, _ = c.from_concise(ekf.value, ekf.covariance, now)
         gained = mode.gained or (np.zeros_like(information), np.zeros_like(vector))
         stands = ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)

@@ -41,7 +41,9 @@ class MonitorMaker:
         self._apriori: dict[_Type, tuple[Aircraft, Mapping[str, Envelope]]] = {}
         self._chains: dict[tuple[_Type, tuple[str, ...]], Chain] = {}
         self.executor: Executor | None = None
-        self._prepared: dict[tuple[_Type, tuple[str, ...]], Future[tuple[Aircraft, Mapping[str, Envelope]]]] = {}
+        self._prepared: dict[
+            tuple[_Type, tuple[str, ...]], Future[tuple[Aircraft, Mapping[str, Envelope]]]
+        ] = {}
 
     def ready(self, aircraft: Aircraft, configuration: str, given: Sequence[str]) -> bool:
         """Whether ``make`` takes no longer than a message may; where not, what it needs is being worked out.
@@ -70,7 +72,9 @@ class MonitorMaker:
     def _take_prepared(self) -> None:
         """Remember what has been worked out; failures stay for the vehicle that asks."""
         for kind, future in list(self._prepared.items()):
-            if future.done() and (future.cancelled() or future.exception() is None or len(self._prepared) >= _MOST_PREPARED):
+            if future.done() and (
+                future.cancelled() or future.exception() is None or len(self._prepared) >= _MOST_PREPARED
+            ):
                 del self._prepared[kind]
                 if future.cancelled() or future.exception() is not None:
                     continue

@@ -187,7 +187,10 @@ class Cleaner:
         """The rows of the stream that are decided by now, and the counts of this block."""
         sound, rejected, by_channel = self._sound_rows(block.values)
         steps = self._steps(sound[:, 0])
-        if not len(self._state.held) and ((steps > SAME_TIME_S) & (steps <= self._config.forward_jump_s)).all():
+        if (
+            not len(self._state.held)
+            and ((steps > SAME_TIME_S) & (steps <= self._config.forward_jump_s)).all()
+        ):
             result = self._accept_all(sound, steps, rejected, by_channel)
         else:
             result = self._sort_out(sound, rejected, by_channel)
