@@ -1,15 +1,16 @@
-"""A fuzzer that knows both formats against the live fleet, in this process: time, memory, faults, counts, other vehicles.
+"""A fuzzer that knows both formats against the live fleet: time, memory, faults, counts, and other vehicles.
 
 Sound vehicles fly simulated flights; between their messages come those of ``fuzz_messages``, in the names of other
 vehicles, of invented ones, and under keys that are none. The same flights are flown once more without the fuzzer: the
-derivatives must be the same to the bit. Messages go through the key's check and ``FleetMonitor.receive_all``, most alone
-and some as many at once as the service gathers. Times are of the thread that takes messages in.
+derivatives must be the same to the bit. Messages go through the key's check and ``FleetMonitor.receive_all``, most
+alone and some as many at once as the service gathers. Times are of the thread that takes messages in.
 
 Run: python benchmarks/fuzz.py [--messages 1000000] [--seed 0]
 """
 
 import argparse
 import asyncio
+import gc
 import itertools
 import random
 import resource
@@ -29,7 +30,14 @@ from fuzz_messages import Fuzzer, Sent, Victim
 
 from wingwatch.aircraft import Aircraft, library_names, load_aircraft
 from wingwatch.api import create_app, encode_json
-from wingwatch.monitor import Checkpoint, FleetMonitor, SavedVehicle, decode_checkpoint, encode_checkpoint
+from wingwatch.monitor import (
+    Checkpoint,
+    FleetMonitor,
+    FleetSettings,
+    SavedVehicle,
+    decode_checkpoint,
+    encode_checkpoint,
+)
 from wingwatch.monitor.ports import News
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import (
@@ -45,6 +53,7 @@ from wingwatch.telemetry import (
 from wingwatch.telemetry.keys import KeyNameError, parse_key
 
 SOUND, VICTIMS, SAMPLES = 3, 6, 10
+PLACES = 500  # vehicles that the fleet remembers: invented names soon take them all
 RATE_HZ, GATHERED = 50.0, 16
 LIMIT_S = 0.05
 CONVENTIONS = ("concise", "dimensional", "british", "american")
@@ -223,12 +232,11 @@ def hand_over(fleet: FleetMonitor, messages: Sequence[InboundMessage], change: s
 def run(fleet: FleetMonitor, stream: Iterator[Sent], total: int, rng: random.Random, outputs: Outputs,
         checkpoints: Checkpoints, say: Callable[[str], None]) -> Course:  # fmt: skip
     """Everything handed over, with what the service does between."""
-    course, number = Course(), 0
+    course = Course()
     gathered: list[InboundMessage] = []
     wanted = 1
-    for sent in stream:
+    for number, sent in enumerate(stream, 1):
         message = inbound(sent, course)
-        number += 1
         if message is not None:
             gathered.append(message)
         if len(gathered) >= wanted:
@@ -332,10 +340,18 @@ def fuzz(
     with ExitStack() as stack:
         preparing = stack.enter_context(ThreadPoolExecutor(1))
         fleet = FleetMonitor(
-            find, time.monotonic, lambda: f"a{next(ids)}", None, outputs, checkpoints=checkpoints
+            find,
+            time.monotonic,
+            lambda: f"a{next(ids)}",
+            None,
+            outputs,
+            FleetSettings(max_vehicles=PLACES),
+            checkpoints=checkpoints,
         )
         fleet.prepare_with(preparing)
         warm_up(sound)
+        gc.collect()
+        gc.freeze()  # as the service does once its kernels are there
         stream = mixed(sound, Fuzzer(rng, victims(flown), dear), messages)
         course = run(fleet, stream, messages + len(sound), rng, outputs, checkpoints, say)
         finish(fleet)
@@ -391,18 +407,19 @@ def main() -> int:
     print(f"{sum(course.kinds.values())} messages, seed {chosen.seed}, {time.monotonic() - begin_s:.0f} s")
     for name, times in (("alone", course.alone_s), (f"up to {GATHERED} at once", course.gathered_s)):
         ms = 1000.0 * np.array(times)
-        print(f"  {name:<18}{len(ms):>9} calls, processor ms: median {np.median(ms):.3f}, 99.9 % {np.percentile(ms, 99.9):.1f}, "
-              f"longest {ms.max():.1f}; over {1000 * LIMIT_S:.0f} ms: {np.count_nonzero(ms > 1000 * LIMIT_S)}")  # fmt: skip
+        print(
+            f"  {name:<18}{len(ms):>9} calls, processor ms: median {np.median(ms):.3f}, "
+            f"99.9 % {np.percentile(ms, 99.9):.1f}, longest {ms.max():.1f}; "
+            f"over {1000 * LIMIT_S:.0f} ms: {np.count_nonzero(ms > 1000 * LIMIT_S)}"
+        )
     print(
-        f"  longest call by the wall clock {1000 * course.wall_s:.0f} ms, longest tick {1000 * course.tick_s:.1f} ms of processor"
+        f"  longest call by the wall clock {1000 * course.wall_s:.0f} ms, "
+        f"longest tick {1000 * course.tick_s:.1f} ms of processor"
     )
-    growth = course.resident[-1] - course.resident[middle]
-    print(f"  resident memory {course.resident[middle] / 2**20:.1f} MB half-way, {course.resident[-1] / 2**20:.1f} MB at the end "
-          f"({growth / 2**20:+.1f} MB)")  # fmt: skip
-    print(
-        f"  what became of them: bad_key {course.bad_keys}, "
-        + ", ".join(f"{k} {n}" for k, n in sorted(outcome.intake.items()))
-    )
+    half, end = course.resident[middle] / 2**20, course.resident[-1] / 2**20
+    print(f"  resident memory {half:.1f} MB half-way, {end:.1f} MB at the end ({end - half:+.1f} MB)")
+    became = ", ".join(f"{k} {n}" for k, n in sorted(outcome.intake.items()))
+    print(f"  what became of them: bad_key {course.bad_keys}, {became}")
     print(f"  alerts of attacked vehicles {outcome.alerts}; REST {dict(outcome.answers)}")
     slowest = sorted(course.slowest.items(), key=lambda item: -item[1])[:6]
     print("  longest by change, ms: " + ", ".join(f"{k} {1000 * s:.1f}" for k, s in slowest))

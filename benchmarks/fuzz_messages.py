@@ -1,7 +1,7 @@
 """Messages of a fuzzer that knows the contract: valid ones of simulated flights, and what it makes of them.
 
-Each message begins as the next one of a vehicle's flight and is then changed in its values, clock, numbers, columns, types
-or bytes, in JSON and protobuf. Everything follows from one seed.
+Each message begins as the next one of a vehicle's flight and is then changed in its values, clock, numbers, columns,
+types or bytes, in JSON and protobuf. Everything follows from one seed.
 """
 
 import math
@@ -82,23 +82,29 @@ MASSES_KG = (
 SHIFTS_M = (0.0, -0.0, 5e-324, 0.001, 0.01, -0.01, 0.05, 1.0, -100.0, 100.1, math.nan, -math.inf)
 NAMES = (
     "", " ", "\x00", "\x1b[2J", "\r\nINFO all is well", "é", "Ω" * 40, "\u202egnirts", "\ufeff", "𝕏" * 20, "a" * 300,
-    "../../etc/passwd", "<script>alert(1)</script>", "time_s ", "TIME_S", "%s%n", "__class__", "null", "-", "a" * 60_000,
+    "../../etc/passwd", "<script>alert(1)</script>", "time_s ", "TIME_S", "%s%n", "__class__", "null", "-",
+    "a" * 60_000,
 )  # fmt: skip
 ENCODINGS = (
-    "", "zenoh/bytes", "zenoh/string", "text/plain", "text/json", "application/json;charset=latin-1", "APPLICATION/JSON ",
+    "", "zenoh/bytes", "zenoh/string", "text/plain", "text/json", "application/json;charset=latin-1",
+    "APPLICATION/JSON ",
     "application/octet-stream", "application/x-protobuf", "image/png", "\x00", "é" * 500, "a/" * 5000, ";;;",
 )  # fmt: skip
 LITERALS = (
-    b"NaN", b"Infinity", b"-Infinity", b"1e400", b"-1e999", b"1e-400", b"0." + b"0" * 400 + b"1", b"9" * 400, b"-" + b"9" * 30,
-    b"18446744073709551616", b"0x10", b"01", b"+1", b"1.", b".5", b"--1", b"true", b"null", b'"1"', b'"NaN"', b'"-Infinity"',
+    b"NaN", b"Infinity", b"-Infinity", b"1e400", b"-1e999", b"1e-400", b"0." + b"0" * 400 + b"1", b"9" * 400,
+    b"-" + b"9" * 30,
+    b"18446744073709551616", b"0x10", b"01", b"+1", b"1.", b".5", b"--1", b"true", b"null", b'"1"', b'"NaN"',
+    b'"-Infinity"',
     b"[]", b"{}", b'{"a":[1]}', b'"\\ud800"', b'"\\u0000"', b"'1'", b"1,", b"/*1*/1", b"",
 )  # fmt: skip
 OTHERS: tuple[Any, ...] = (
-    None, True, False, "", "1", "NaN", "Infinity", "17", "１７", -1, 1.5, 2**63, -(2**63), [], {}, [[]], [None], {"a": 1},
+    None, True, False, "", "1", "NaN", "Infinity", "17", "\uff11\uff17", -1, 1.5, 2**63, -(2**63), [], {}, [[]], [None],
+    {"a": 1},
     [1, [2]], "é" * 100,
 )  # fmt: skip
 AIRCRAFT = (
-    "aerosonde", "aerosonde-a", "twinotter", "ultrastick25e", "jetstream31", "lagging", "aerosonde ", "AEROSONDE", "none",
+    "aerosonde", "aerosonde-a", "twinotter", "ultrastick25e", "jetstream31", "lagging", "aerosonde ", "AEROSONDE",
+    "none",
     "../aerosonde", "aerosonde.toml", "/etc/passwd", "a" * 128, "a" * 129,
 )  # fmt: skip
 
@@ -313,7 +319,7 @@ class Fuzzer:
     def _lengths(self, draft: Draft) -> None:
         for name in self._some(draft):
             column = draft.columns[name]
-            draft.columns[name] = self._rng.choice((column[:-1], column * 2, [], column + [0.0]))
+            draft.columns[name] = self._rng.choice((column[:-1], column * 2, [], [*column, 0.0]))
         if self._rng.random() < 0.02:
             draft.columns = {name: [0.0] * (MAX_SAMPLES + 1) for name in list(draft.columns)[:8]}
 

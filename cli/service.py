@@ -1,5 +1,6 @@
 """The service: HTTP, database, Zenoh and the fleet's monitor wired together, started and ended in order."""
 
+import gc
 import logging
 import os
 import shutil
@@ -129,6 +130,8 @@ class Pump:
             _LOG.exception("the kernels cannot be loaded")
             self._fault = f"The numerical kernels cannot be loaded: {type(error).__name__}: {error}."
             return
+        gc.collect()
+        gc.freeze()  # what stays for good: to look through all of it stops every thread for a fifth of a second
         self._prepared.set()
         next_tick_s = self._clock()
         while not self._ending:
@@ -329,6 +332,7 @@ def running_service(
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session, lambda: _connected(session, link)))
+        stack.callback(gc.unfreeze)
         stack.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(_SWITCH_S)
         # The matrices are small: a second thread only waits, spinning, on the core that the others need.

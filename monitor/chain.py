@@ -45,6 +45,7 @@ __all__ = [
     "SavedChain",
     "Solution",
     "STRUCTURES_WATCHED",
+    "NO_CONDITION",
     "condition_of",
     "nominal_condition",
 ]
@@ -60,6 +61,10 @@ SOLUTION_INTERVAL_S = 0.5
 LEAST_ROWS = 5
 """Samples since the last solution, none of them half a second from the one before, without which there is none: half a
 second at 10 Hz. A solution costs a thousand times what a sample does, so a message's cost goes with its samples."""
+
+NO_CONDITION = (
+    "airspeed, altitude and accelerometers contradict each other, so the last block is compared with nothing"
+)
 
 _SAME_TIME_S = 1e-6
 """Stamps this close count as one: samplers round."""
@@ -112,8 +117,8 @@ def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
 def condition_of(found: tuple[float, float, float, float], configuration: str) -> FlightCondition | None:
     """Airspeed, altitude, density and angle of attack as a flight condition; None where they are none.
 
-    A filter that has started anew has no condition, and an airspeed that is carried on by accelerometers at their limits
-    may become negative.
+    A filter that has started anew has no condition, and an airspeed that is carried on by accelerometers at their
+    limits may become negative.
     """
     airspeed_m_s, altitude_m, density_kg_m3, alpha_rad = found
     alpha_rad = alpha_rad if np.isfinite(alpha_rad) else 0.0

@@ -12,8 +12,8 @@ class Intake:
     """Messages by what became of them.
 
     ``sensors`` and ``aircraft`` were taken in. All others were not, by reason: ``message_...`` (``MessageError``),
-    ``messages_late``, ``messages_repeated``, ``messages_stray`` (``SequenceTracker``), ``unannounced``, ``unknown_aircraft``,
-    ``dropped_waiting``, ``too_many_vehicles``, ``faults`` of the program.
+    ``messages_late``, ``messages_repeated``, ``messages_stray`` (``SequenceTracker``), ``unannounced``,
+    ``unknown_aircraft``, ``dropped_waiting``, ``too_many_vehicles``, ``faults`` of the program.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Requests made from the service's own OpenAPI description (schemathesis): whatever is asked, the answer is as described.
+"""Requests made from the service's own OpenAPI description (schemathesis): the answers are as described.
 
 More of them: WINGWATCH_SCHEMA_EXAMPLES=500 pytest tests/api/test_api_schema.py
 """
