@@ -10,6 +10,7 @@ import fuzz
 import numpy as np
 import pytest
 from fleet_hall import AEROSONDE, Hall, fly_doublets, second
+from fuzz_messages import Fuzzer
 
 from wingwatch.monitor import FleetMonitor, VehicleMonitor, VehicleState
 from wingwatch.monitor.chain import condition_of
@@ -46,7 +47,7 @@ def test_a_short_run_of_the_fuzzer_finds_nothing() -> None:
 
 def test_the_fuzzer_is_the_same_for_a_seed() -> None:
     flown = fuzz.flights(1.0, 0)
-    twice = [fuzz.Fuzzer(random.Random(5), fuzz.victims(flown)) for _ in range(2)]
+    twice = [Fuzzer(random.Random(5), fuzz.victims(flown)) for _ in range(2)]
     assert [twice[0].message() for _ in range(300)] == [twice[1].message() for _ in range(300)]
 
 
@@ -74,7 +75,7 @@ def test_one_large_message_does_not_keep_others_waiting(flight: SampleBlock) -> 
     hall.announce()
     hall.fly(flight, 0, 2)
     slow = stretched(flight, 0.1, 300)
-    hall.fleet._clock = time.monotonic  # type: ignore[method-assign]
+    hall.fleet._clock = time.monotonic
     longest_s, calls, begin_s = 0.0, 0, time.thread_time()
     hall.sample(slow, next(hall.sequence))
     while True:
@@ -224,7 +225,7 @@ def test_a_filter_that_started_anew_is_no_fault() -> None:
     """Slow samples of rates that leap make it diverge; it then has no condition when the block closes."""
     rng, rows = np.random.default_rng(0), 300
     names = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
-    columns = {name: np.zeros(rows) for name in (*REQUIRED, *SURFACES, *VANES)}
+    columns: dict[str, Any] = {name: np.zeros(rows) for name in (*REQUIRED, *SURFACES, *VANES)}
     columns |= {name: (rng.random(rows) < 0.33).astype(float) for name in names}
     columns |= {"time_s": 100.0 + 0.49 * np.arange(rows), "airspeed_true_m_s": np.full(rows, 25.0)}
     columns |= {"altitude_m": np.full(rows, 5.0), "specific_force_z_m_s2": np.full(rows, -9.0)}
