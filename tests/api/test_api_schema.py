@@ -50,5 +50,5 @@ schema.config.update(base_url="http://127.0.0.1")
 
 @schema.exclude(path="/v1/events").parametrize()  # an event stream has no end; test_api_events reads it
 @settings(max_examples=EXAMPLES, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
-def test_every_answer_is_as_described(case: schemathesis.Case) -> None:
+def test_every_answer_is_as_described(case: schemathesis.Case[Any]) -> None:
     case.call_and_validate(checks=CHECKS)
