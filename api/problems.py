@@ -1,6 +1,7 @@
 """Errors as problem documents (RFC 9457): one sentence that says what, which value, what to do."""
 
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
@@ -150,7 +151,10 @@ async def _database(request: Request, error: Exception) -> Response:
 async def _http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     path = printable(request.url.path)
-    allowed = (error.headers or {}).get("Allow", "GET")
+    headers = dict(error.headers or {})
+    allowed = headers.get("Allow", "GET")
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        allowed = headers["Allow"] = _offered(request) or allowed
     details = {
         HTTPStatus.NOT_FOUND: f"Nothing is served at {path}; /openapi.json lists every path.",
         HTTPStatus.METHOD_NOT_ALLOWED: (
@@ -161,7 +165,15 @@ async def _http(request: Request, error: Exception) -> Response:
         HTTPStatus.BAD_REQUEST: "The request's body cannot be read; send one JSON object encoded as UTF-8.",
     }
     detail = details.get(HTTPStatus(error.status_code), f"The request was refused: {error.detail}.")
-    return _document(request, _problem(error.status_code, detail), error.headers)
+    return _document(request, _problem(error.status_code, detail), headers or None)
+
+
+def _offered(request: Request) -> str:
+    """Every method that is described for the path: routes are one a method, and the one that refused names its own."""
+    for template, operations in request.app.openapi()["paths"].items():
+        if re.fullmatch(re.sub(r"\{\w+\}", "[^/]+", template), request.scope["path"]):
+            return ", ".join(sorted(method.upper() for method in operations))
+    return ""
 
 
 _PLACES = {

@@ -72,6 +72,7 @@ class Health:
         parts = self._parts
         return {
             "messages": parts.subscriber.counts,
+            "intake": parts.monitor.intake,
             "monitor": parts.monitor.problems,
             "loop": {"faults": parts.pump.faults},
             "store": parts.store.counts,

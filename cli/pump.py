@@ -1,5 +1,6 @@
 """The thread that brings messages from the subscriber to the monitor, and sees to what is due every second."""
 
+import gc
 import logging
 import threading
 import time
@@ -100,6 +101,8 @@ class Pump:
             _LOG.exception("the kernels cannot be loaded")
             self._fault = f"The numerical kernels cannot be loaded: {type(error).__name__}: {error}."
             return
+        gc.collect()
+        gc.freeze()  # what stays for good: to look through all of it stops every thread for a fifth of a second
         self._prepared.set()
         next_tick_s = self._clock()
         while not self._ending:
@@ -114,7 +117,7 @@ class Pump:
                 for message in messages:
                     self.delays.add(now_s - message.received_s)
                 next_tick_s = self._tick(next_tick_s)
-                full = len(messages) == _GATHERED
+                full = len(messages) == _GATHERED or self._monitor.behind
 
     def _tick(self, due_s: float) -> float:
         now_s = self._clock()

@@ -1,5 +1,6 @@
 """The service: HTTP, database, Zenoh and the fleet's monitor wired together, started and ended in order."""
 
+import gc
 import logging
 import os
 import shutil
@@ -9,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from uuid import uuid4
@@ -159,6 +161,7 @@ def running_service(
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link)))
+        stack.callback(gc.unfreeze)
         stack.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(_SWITCH_S)
         # The matrices are small: a second thread only waits, spinning, on the core that the others need.
@@ -174,6 +177,9 @@ def running_service(
             checkpoints,
         )
         monitor.resume()
+        preparing = ThreadPoolExecutor(1, "wingwatch-expectations")
+        stack.callback(preparing.shutdown, cancel_futures=True)
+        monitor.prepare_with(preparing)
         stack.callback(_save, monitor, checkpoints)
         outputs.answer_from(monitor)
         arrived = threading.Event()

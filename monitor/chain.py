@@ -39,7 +39,16 @@ from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, PairState, S
 from wingwatch.telemetry import INPUT_CHANNELS, SampleBlock, missing_for
 from wingwatch.telemetry.conditioning import AirQuality
 
-__all__ = ["Chain", "ChainState", "SavedChain", "Solution", "STRUCTURES_WATCHED", "nominal_condition"]
+__all__ = [
+    "Chain",
+    "ChainState",
+    "SavedChain",
+    "Solution",
+    "STRUCTURES_WATCHED",
+    "NO_CONDITION",
+    "condition_of",
+    "nominal_condition",
+]
 
 Array = NDArray[np.float64]
 
@@ -52,6 +61,10 @@ SOLUTION_INTERVAL_S = 0.5
 LEAST_ROWS = 5
 """Samples since the last solution, none of them half a second from the one before, without which there is none: half a
 second at 10 Hz. A solution costs a thousand times what a sample does, so a message's cost goes with its samples."""
+
+NO_CONDITION = (
+    "airspeed, altitude and accelerometers contradict each other, so the last block is compared with nothing"
+)
 
 _SAME_TIME_S = 1e-6
 """Stamps this close count as one: samplers round."""
@@ -99,6 +112,20 @@ def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
     if aircraft.conditions:
         return aircraft.conditions[0].condition
     return None
+
+
+def condition_of(found: tuple[float, float, float, float], configuration: str) -> FlightCondition | None:
+    """Airspeed, altitude, density and angle of attack as a flight condition; None where they are none.
+
+    A filter that has started anew has no condition, and an airspeed that is carried on by accelerometers at their
+    limits may become negative.
+    """
+    airspeed_m_s, altitude_m, density_kg_m3, alpha_rad = found
+    alpha_rad = alpha_rad if np.isfinite(alpha_rad) else 0.0
+    try:
+        return FlightCondition(airspeed_m_s, altitude_m, density_kg_m3, configuration, alpha_rad)
+    except ValueError:
+        return None
 
 
 class Chain:
@@ -244,7 +271,13 @@ class Chain:
                 starts[n] = end
             if pieces:
                 rows, lanes = padded([states[n].lane.place for n in pieces], list(pieces.values()))
-                self.supervisor.take(lanes, rows)
+                try:
+                    self.supervisor.take(lanes, rows)
+                except (
+                    Exception
+                ) as error:  # none of them can go on from a step half done; those of other types can
+                    faults |= dict.fromkeys(pieces, error)
+                    due = [n for n in due if n not in pieces]
             if due:
                 yield self._solve(states, due, faults)
             going = [n for n in due if n not in faults]
@@ -256,7 +289,11 @@ class Chain:
         at_s = [states[n].last_s for n in due]
         places = np.array([states[n].lane.place for n in due])
         of_places: dict[int, Exception] = {}
-        modes = self.supervisor.solve(places, np.array(at_s), of_places)
+        try:
+            modes = self.supervisor.solve(places, np.array(at_s), of_places)
+        except Exception as error:
+            faults |= dict.fromkeys(due, error)
+            return {}
         faults |= {n: of_places[states[n].lane.place] for n in due if states[n].lane.place in of_places}
         solved = zip(due, at_s, modes, strict=True)
         return {n: Solution(last_s, found) for n, last_s, found in solved if n not in faults}

@@ -8,6 +8,7 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from functools import partial
 from typing import Any
 
@@ -20,8 +21,10 @@ from wingwatch.monitor.fleet_alerts import FleetAlerts
 from wingwatch.monitor.fleet_checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
 from wingwatch.monitor.fleet_settings import FleetSettings
+from wingwatch.monitor.intake import Intake
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
+from wingwatch.monitor.pieces import pieces
 from wingwatch.monitor.ports import ActionRequest, Outputs, Store, VehicleMemory
 from wingwatch.monitor.resuming import Checkpoints
 from wingwatch.monitor.roster import VehicleKey
@@ -48,11 +51,17 @@ from wingwatch.telemetry import (
 __all__ = ["FleetMonitor"]
 
 _LOG = logging.getLogger(__name__)
-_MOST_HELD = 2000  # messages, of all vehicles together
+_MOST_HELD = 2000  # pieces of messages, of all vehicles together, for which monitors are still to be made
+_MOST_WAITING = 1000  # pieces of one vehicle's messages: ten large ones
+_AT_ONCE_S = 0.005  # of samples that wait; REST and new messages wait as long
+_CAUGHT_UP_AT_ONCE = 16  # vehicles
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
 _COUNTED_AT_ONCE = 500  # vehicles, likewise: 2 ms
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
 _MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
+
+
+_NOTHING: Sequence[Outgoing] = ()
 
 STATE_ORDER = (
     VehicleState.DEGRADED,
@@ -98,7 +107,13 @@ class FleetMonitor:
         self._solutions = 0
         self._asks_left = _MOST_ASKS
         self._held = 0
+        self._behind: dict[VehicleKey, KnownVehicle] = {}
+        self._intake = Intake()
         self._alerts.repeat(self._alerts.read_earlier(_START_PATIENCE_S))
+
+    def prepare_with(self, executor: Executor) -> None:
+        """Expectations of further types and loadings are worked out there from now on, while their samples wait."""
+        self._maker.executor = executor
 
     def resume(self) -> None:
         """Every vehicle goes on from its checkpoint; to be called once, before the first message."""
@@ -121,15 +136,17 @@ class FleetMonitor:
     def receive_all(self, messages: Sequence[InboundMessage]) -> None:
         """Take in messages in the order of their arrival, their vehicles together, as ``receive`` takes in one.
 
-        What may be asked waits until all of them are taken in: a few dozen at a time.
+        What may be asked waits until all of them are taken in: a few dozen at a time. Large messages may be left in
+        part for the next call, which may bring none (``behind``).
         """
-        told: list[tuple[VehicleKey, list[Outgoing]]] = []
+        told: list[tuple[VehicleKey, Sequence[Outgoing]]] = []
         with self._lock:
             ready: dict[VehicleKey, KnownVehicle] = {}
             for message in messages:
                 key = message.fleet, message.vehicle
                 known = self._vehicles.heard(key)
                 if known is None:
+                    self._intake.count("too_many_vehicles")
                     continue
                 if message.stream == "aircraft" and key in ready:
                     told += self._advance({key: ready.pop(key)})  # its samples so far are of what it was
@@ -138,23 +155,45 @@ class FleetMonitor:
                     told.append((key, news))
                 if known.monitor is not None and known.held:
                     ready[key] = known
+            for key in list(self._behind)[:_CAUGHT_UP_AT_ONCE]:
+                ready.setdefault(key, self._behind.pop(key))
             told += self._advance(ready)
             self._saving.save_some(ready)
         for (fleet, vehicle), news in told:
             self._context.tell((fleet, vehicle), news)
 
-    def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> list[Outgoing]:
+    @property
+    def behind(self) -> bool:
+        """Whether samples wait that the next call of ``receive_all`` takes in."""
+        return bool(self._behind)
+
+    @property
+    def held(self) -> bool:
+        """Whether samples wait for the monitor of their vehicle to be made."""
+        with self._lock:
+            return any(known.held for _, known in self._vehicles.items())
+
+    @property
+    def intake(self) -> Mapping[str, int]:
+        """Messages ``received``, and what became of them (``Intake``)."""
+        return self._intake.counts
+
+    def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> Sequence[Outgoing]:
         """One message decoded; samples that can be used are held for ``_advance``."""
         try:
             if message.stream == "aircraft":
                 self._announced(key, known, decode_aircraft(message.payload, message.encoding))
-                return []
-            return self._sampled(key, known, decode_sensors(message.payload, message.encoding))
+                became, news = "aircraft", _NOTHING
+            else:
+                became, news = self._sampled(key, known, decode_sensors(message.payload, message.encoding))
         except MessageError as error:
-            known.count(f"message_{error.reason}")
+            became, news = f"message_{error.reason}", _NOTHING
+            known.count(became)
         except Exception as error:  # one vehicle's fault must neither end the watch nor pass for health
+            became, news = "faults", _NOTHING
             self._context.note_fault(*key, known, error)
-        return []
+        self._intake.count(became)
+        return news
 
     def _announced(self, key: VehicleKey, known: KnownVehicle, message: AircraftMessage) -> None:
         if message == known.message:
@@ -173,23 +212,35 @@ class FleetMonitor:
             known.start_anew()
         known.announce_loading()
 
-    def _sampled(self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage) -> list[Outgoing]:
+    def _sampled(
+        self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage
+    ) -> tuple[str, Sequence[Outgoing]]:
+        """What became of the message, and the question what aircraft it is, if that is asked."""
         if not known.arrivals.observe(message.sequence, message.stream, *message.span_s):
             known.refused_s = self._clock()
-            return []
+            return known.arrivals.refusal, _NOTHING
         known.received_s = self._clock()
         if known.aircraft is None:
-            known.count("unannounced" if known.message is None else "unknown_aircraft", len(message.block))
-            return ["ask"] if known.message is None and self._may_ask(known) else []
+            unknown = "unannounced" if known.message is None else "unknown_aircraft"
+            known.count(unknown, len(message.block))
+            return unknown, ("ask",) if known.message is None and self._may_ask(known) else _NOTHING
         known.take_loading()
-        known.held.append(message)
-        self._held += 1
+        if len(known.held) >= _MOST_WAITING:
+            known.count("dropped_waiting", len(message.block))
+            return "dropped_waiting", _NOTHING
+        before = len(known.held)
+        known.held.extend(pieces(message))
+        self._held += len(known.held) - before
         if known.monitor is None and not known.recalled:
             self._recall(*key, known)
-        return []
+        return "sensors", _NOTHING
 
     def _advance(self, ready: Mapping[VehicleKey, KnownVehicle]) -> list[tuple[VehicleKey, list[Outgoing]]]:
-        """Hand over what is held of vehicles that have a monitor, message by message, all vehicles at once."""
+        """Hand over what is held of vehicles that have a monitor, piece by piece, all vehicles at once.
+
+        It ends after ``_AT_ONCE_S``; what is left then is handed over later.
+        """
+        until_s = self._clock() + _AT_ONCE_S
         told: list[tuple[VehicleKey, list[Outgoing]]] = []
         going = [(key, known, known.monitor) for key, known in ready.items() if known.monitor is not None]
         while going := [one for one in going if one[1].held]:
@@ -212,6 +263,11 @@ class FleetMonitor:
                 if news:
                     told.append((key, news))
             going = sound
+            if self._clock() >= until_s:
+                break
+        self._behind |= {
+            key: known for key, known in ready.items() if known.monitor is not None and known.held
+        }
         return told
 
     def _recall(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
@@ -219,6 +275,12 @@ class FleetMonitor:
         store, aircraft, announced = self._context.store, known.aircraft, known.message
         loading = known.loading
         if aircraft is None or announced is None or loading is None or not (known.held or known.monitor):
+            return
+        if known.monitor is None and not self._maker.ready(
+            loading.aircraft, announced.configuration, known.held[0].given
+        ):
+            if self._held >= _MOST_HELD:
+                known.drop_held()
             return
         memory: VehicleMemory | None = VehicleMemory()
         if store is not None:

@@ -19,6 +19,7 @@ from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
 from wingwatch.estimators import BlockEvidence, Outcome
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
+from wingwatch.monitor.chain import condition_of
 from wingwatch.monitor.comparison import (
     Change,
     Coordinates,
@@ -210,9 +211,10 @@ class Judge:
         wander = (self.config.model_error * natural_size(expected, covariance)) ** 2
         information, vector, bias = blurred(information, vector, bias, wander)
         ekf = mode.ekf
-        alpha = ekf.condition[3] if np.isfinite(ekf.condition[3]) else 0.0
-        now = FlightCondition(*ekf.condition[:3], condition.configuration, alpha)
-        value, _ = c.from_concise(ekf.value, ekf.covariance, now)
+        value = expected
+        now = condition_of(ekf.condition, condition.configuration)
+        if now is not None:  # else it has started anew, and knows no more than what is expected
+            value, _ = c.from_concise(ekf.value, ekf.covariance, now)
         gained = mode.gained or (np.zeros_like(information), np.zeros_like(vector))
         stands = ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
         learned = c.of_evidence(*gained, condition)

@@ -1,21 +1,25 @@
 """Makes the monitor of a vehicle from what it said it is, what its messages carry, and what is kept of it."""
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, Future
 from typing import Any
 
-from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import Envelope
-from wingwatch.monitor.chain import Chain
+from wingwatch.aircraft import DUTCH_ROLL, LATERAL, Aircraft, ModeStructure
+from wingwatch.baselines import Envelope, apriori_envelope
+from wingwatch.monitor.chain import STRUCTURES_WATCHED, Chain
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.vehicle import VehicleMonitor, surface_kinds
-from wingwatch.telemetry import AircraftMessage, derivations
+from wingwatch.telemetry import AircraftMessage, derivations, missing_for
 
 __all__ = ["MonitorMaker"]
 
 _KEPT_TYPES = 64
 """Types in a configuration and loading whose stated envelopes are kept, and with certain channels whose estimators are:
 invented names cannot fill the memory."""
+
+_MOST_PREPARED = 8
+"""Types whose expectations are being worked out, half a second of processor time each."""
 
 _Type = tuple[str, str, float | None, float]
 """Name, configuration, mass and shift of the centre of gravity."""
@@ -27,12 +31,57 @@ class MonitorMaker:
     Args:
         new_id: makes alert ids.
         judge: settings of the test.
+
+    Attributes:
+        executor: works out what takes longer than a message may (``ready``); without one, ``make`` does it all.
     """
 
     def __init__(self, new_id: Callable[[], str], judge: JudgeConfig) -> None:
         self._new_id, self._judge = new_id, judge
         self._apriori: dict[_Type, tuple[Aircraft, Mapping[str, Envelope]]] = {}
         self._chains: dict[tuple[_Type, tuple[str, ...]], Chain] = {}
+        self.executor: Executor | None = None
+        self._prepared: dict[
+            tuple[_Type, tuple[str, ...]], Future[tuple[Aircraft, Mapping[str, Envelope]]]
+        ] = {}
+
+    def ready(self, aircraft: Aircraft, configuration: str, given: Sequence[str]) -> bool:
+        """Whether ``make`` takes no longer than a message may; where not, what it needs is being worked out.
+
+        To linearise an aircraft all over its envelope takes half a second, and every new loading needs that.
+
+        Raises:
+            Exception: what working it out failed on.
+        """
+        if self.executor is None:
+            return True
+        place = _type_of(aircraft, configuration)
+        self._take_prepared()
+        known_type, apriori = self._apriori.get(place, (None, {}))
+        known = apriori if known_type == aircraft else {}
+        lacking = tuple(s.name for s in _watched([*given, *derivations(given)]) if s.name not in known)
+        if not lacking:
+            return True
+        if (failed := self._prepared.get((place, lacking))) is not None and failed.done():
+            del self._prepared[place, lacking]
+            failed.result()
+        if len(self._prepared) < _MOST_PREPARED and (place, lacking) not in self._prepared:
+            self._prepared[place, lacking] = self.executor.submit(_stated, aircraft, configuration, lacking)
+        return False
+
+    def _take_prepared(self) -> None:
+        """Remember what has been worked out; failures stay for the vehicle that asks."""
+        for kind, future in list(self._prepared.items()):
+            if future.done() and (
+                future.cancelled() or future.exception() is None or len(self._prepared) >= _MOST_PREPARED
+            ):
+                del self._prepared[kind]
+                if future.cancelled() or future.exception() is not None:
+                    continue
+                place, (aircraft, found) = kind[0], future.result()
+                known_type, apriori = self._apriori.pop(place, (None, {}))
+                self._apriori[place] = aircraft, {**(apriori if known_type == aircraft else {}), **found}
+        _drop_oldest(self._apriori)
 
     def make(
         self,
@@ -51,9 +100,8 @@ class MonitorMaker:
                 hold, for a vane may start late.
             memory: what is kept of its earlier flights.
         """
-        mass_kg = aircraft.mass.mass_kg if aircraft.mass else None
-        place = (aircraft.name, announced.configuration, mass_kg, aircraft.cg_shift_m)
-        known_type, apriori = self._apriori.get(place, (None, {}))
+        place = _type_of(aircraft, announced.configuration)
+        known_type, apriori = self._apriori.pop(place, (None, {}))  # the longest unused are forgotten first
         if known_type != aircraft:
             apriori = {}
         kind = (place, tuple(given))
@@ -76,6 +124,25 @@ class MonitorMaker:
         _drop_oldest(self._apriori)
         _drop_oldest(self._chains)
         return monitor
+
+
+def _type_of(aircraft: Aircraft, configuration: str) -> _Type:
+    mass_kg = aircraft.mass.mass_kg if aircraft.mass else None
+    return aircraft.name, configuration, mass_kg, aircraft.cg_shift_m
+
+
+def _watched(present: Sequence[str]) -> list[ModeStructure]:
+    """Structures that a chain estimates from these channels, where the aircraft's file gives an expectation."""
+    found = [s for s in STRUCTURES_WATCHED if not missing_for(s, present)]
+    return [s for s in found if s is not DUTCH_ROLL or LATERAL not in found]
+
+
+def _stated(
+    aircraft: Aircraft, configuration: str, names: Sequence[str]
+) -> tuple[Aircraft, Mapping[str, Envelope]]:
+    """Expectations that the aircraft's file gives."""
+    structures = [s for s in STRUCTURES_WATCHED if s.name in names]
+    return aircraft, {s.name: apriori_envelope(aircraft, s, configuration) for s in structures}
 
 
 def _drop_oldest(kept: dict[Any, Any]) -> None:

@@ -19,7 +19,14 @@ from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope
 from wingwatch.estimators import BlockEvidence, Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook, BookState
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
-from wingwatch.monitor.chain import SOLUTION_INTERVAL_S, Chain, Solution, nominal_condition
+from wingwatch.monitor.chain import (
+    NO_CONDITION,
+    SOLUTION_INTERVAL_S,
+    Chain,
+    Solution,
+    condition_of,
+    nominal_condition,
+)
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock, Verdict
 from wingwatch.monitor.mode_object import mode_object
@@ -273,10 +280,11 @@ class VehicleMonitor:
         modes = {}
         condition = None
         for mode, evidence in closed:
-            airspeed, altitude, density, alpha = evidence.condition
-            condition = FlightCondition(
-                airspeed, altitude, density, self.configuration, alpha if np.isfinite(alpha) else 0.0
-            )
+            found = condition_of(evidence.condition, self.configuration)
+            if found is None:
+                self._memory.outside = NO_CONDITION
+                continue
+            condition = found
             expectation = self.chain.envelopes[mode.structure.name].lookup(condition)
             if isinstance(expectation, OutOfEnvelope):
                 self._memory.outside = expectation.reason

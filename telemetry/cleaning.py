@@ -17,6 +17,9 @@ from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNEL_NAMES, CHANNELS, M
 
 __all__ = ["CleanResult", "Cleaner", "CleanerConfig", "CleanerState", "CleaningReport"]
 
+SAME_TIME_S = 1e-6
+"""Stamps this close are one: clocks resolve no less, and what is divided by a shorter step is noise or infinite."""
+
 _REJECTIONS = ("non_finite", "out_of_range", "duplicate", "out_of_order", "clock_jump")
 _EVENTS = ("gap", "clock_change")
 _LOW = np.array([channel.low for channel in CHANNELS])
@@ -184,7 +187,10 @@ class Cleaner:
         """The rows of the stream that are decided by now, and the counts of this block."""
         sound, rejected, by_channel = self._sound_rows(block.values)
         steps = self._steps(sound[:, 0])
-        if not len(self._state.held) and ((steps > 0.0) & (steps <= self._config.forward_jump_s)).all():
+        if (
+            not len(self._state.held)
+            and ((steps > SAME_TIME_S) & (steps <= self._config.forward_jump_s)).all()
+        ):
             result = self._accept_all(sound, steps, rejected, by_channel)
         else:
             result = self._sort_out(sound, rejected, by_channel)
@@ -269,15 +275,15 @@ class _Clock:
         """Accept the row, reject it, or hold it back."""
         limits = self._config
         step = self._step_from(self.last_time_s, row)
-        if step is None or 0.0 < step <= limits.forward_jump_s:
+        if step is None or SAME_TIME_S < step <= limits.forward_jump_s:
             self._reject_held()
             self._accept(row, step is not None and step > limits.max_gap_s)
             return
         held_step = self._step_from(self._time_s[self.held[-1]], row) if self.held else None
-        if held_step is not None and 0.0 < held_step <= limits.agreement_s:
+        if held_step is not None and SAME_TIME_S < held_step <= limits.agreement_s:
             self.held.append(row)
             self._believe_if_confirmed()
-        elif step == 0.0 or held_step == 0.0:
+        elif _same(step) or _same(held_step):
             self._count("duplicate")
         elif _slightly_back(step, limits) or (held_step is not None and _slightly_back(held_step, limits)):
             self._count("out_of_order")
@@ -311,6 +317,10 @@ class _Clock:
 
     def _count(self, name: str, times: int = 1) -> None:
         self.counts[name] = self.counts.get(name, 0) + times
+
+
+def _same(step: float | None) -> bool:
+    return step is not None and abs(step) <= SAME_TIME_S
 
 
 def _slightly_back(step: float, limits: CleanerConfig) -> bool:

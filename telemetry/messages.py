@@ -340,5 +340,8 @@ def _unknown_field(name: str, what: str, allowed: Any) -> MessageError:
 
 
 def _shown(value: Any) -> str:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except RecursionError:  # nested as deeply as JSON may be
+        text = f"a deeply nested {type(value).__name__}"
     return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}..."

@@ -54,11 +54,13 @@ class SequenceTracker:
         counts: ``messages_lost`` (numbers that did not come in time), ``messages_late`` (came after newer ones),
             ``messages_repeated`` (had been here), ``messages_stray`` (a number that does not go with the others),
             ``publisher_restarts``; all of them but the first and last were dropped.
+        refusal: under which of these names the last message that was dropped was counted; empty before one was.
     """
 
     def __init__(self) -> None:
         names = ("lost", "late", "repeated", "stray")
         self.counts = dict.fromkeys((*(f"messages_{name}" for name in names), "publisher_restarts"), 0)
+        self.refusal = ""
         self._first = 0
         self._next: int | None = None
         self._last_s = nan
@@ -107,6 +109,7 @@ class SequenceTracker:
             self._count("publisher_restarts")
             self._begin(sequence, stream)
         else:
+            self.refusal = doubt[0]
             self._count(doubt[0])
             return False
         self._rivals = 0

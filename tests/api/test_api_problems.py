@@ -252,3 +252,10 @@ def test_views_are_untouched_by_reading(client: httpx.Client, monitor: FaultyMon
     for path in ("/v1/alerts", "/v1/status", "/v1/alerts/a1"):
         assert client.get(path).status_code == 200
     assert monitor.alerts() == before
+
+
+def test_a_method_that_is_not_offered_names_all_that_are() -> None:
+    with served(FakeMonitor()) as (_, client):
+        reply = client.options("/v1/session")
+        assert (reply.status_code, reply.headers["allow"]) == (405, "DELETE, GET, POST")
+        assert reply.json()["detail"] == "'OPTIONS' is not offered at '/v1/session'; use DELETE, GET, POST."

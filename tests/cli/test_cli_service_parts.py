@@ -67,6 +67,7 @@ class Recorder:
     def __init__(self) -> None:
         self.got: list[str] = []
         self.ticks = 0
+        self.behind = False
 
     def receive_all(self, messages: Sequence[InboundMessage]) -> None:
         for message in messages:

@@ -1,0 +1,54 @@
+"""Requests made from the service's own OpenAPI description (schemathesis): the answers are as described.
+
+More of them: WINGWATCH_SCHEMA_EXAMPLES=500 pytest tests/api/test_api_schema.py
+"""
+
+import os
+from typing import Any
+
+import schemathesis
+from api_fakes import VERSION, FakeDiagnoses, FakeHistory, alert, diagnosis_view, past
+from hypothesis import HealthCheck, settings
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+from test_api_routes import fleet
+
+from wingwatch.api import AppSettings, DiagnosisState, create_app
+
+EXAMPLES = int(os.environ.get("WINGWATCH_SCHEMA_EXAMPLES", "8"))
+CHECKS = [
+    schemathesis.checks.not_a_server_error,
+    status_code_conformance,
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+]
+
+
+def app() -> Any:
+    """The application over fakes that hold some of everything."""
+    monitor = fleet()
+    history = FakeHistory([past(float(k), "ekf", "short_period", [-6.0] * 6, [0.1] * 6) for k in range(5)])
+    diagnoses = FakeDiagnoses()
+    diagnoses.views = [
+        diagnosis_view("d1"),
+        diagnosis_view("d2", state=DiagnosisState.DONE, result={"model": None}),
+    ]
+    diagnoses.page = b"<p>report</p>"
+    made = create_app(monitor, lambda: {"zenoh": None}, history, VERSION, AppSettings(diagnoses=diagnoses))
+    assert alert(1).id in {a.id for a in monitor.raised}
+    return made
+
+
+schema = schemathesis.openapi.from_asgi("/openapi.json", app(), headers={"host": "127.0.0.1"})
+schema.config.update(base_url="http://127.0.0.1")
+
+
+@schema.exclude(path="/v1/events").parametrize()  # an event stream has no end; test_api_events reads it
+@settings(max_examples=EXAMPLES, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+def test_every_answer_is_as_described(case: schemathesis.Case[Any]) -> None:
+    case.call_and_validate(checks=CHECKS)
