@@ -686,7 +686,7 @@ class FleetMonitor:
         self._tell(changed.fleet, changed.vehicle, [_of_alert(changed)])
 
     def _follow_in_book(self, alert: AlertView) -> None:
-        """The vehicle's monitor goes on with what has become of its alert; one that is cleared it follows no longer."""
+        """The vehicle's monitor takes over what was done to its alert; one that is cleared it follows no longer."""
         known = self._vehicles.get((alert.fleet, alert.vehicle))
         book = known.monitor.book if known is not None and known.monitor is not None else None
         if book is None or book.active is None or book.active.id != alert.id:
@@ -694,7 +694,7 @@ class FleetMonitor:
         if alert.state is AlertState.CLEARED:
             book.dismiss()
         else:
-            book.active = alert
+            book.take_over(alert)
 
     def _newest_alert(self, shown: AlertView) -> AlertView:
         with self._lock:
