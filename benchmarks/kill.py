@@ -45,7 +45,7 @@ from wingwatch.telemetry import (
 )
 
 RATE_HZ, SAMPLES, STREAM = 50.0, 10, 7
-SHORTEST_S, LONGEST_S = 0.5, 8.0
+SHORTEST_S, LONGEST_S = 0.5, 6.0
 """Wall-clock time for which a service takes samples in before it is killed."""
 BEFORE_S, BEFORE_SPEED = 240.0, 12.0
 """Flight before the first kill at most, and how fast: until two alerts are in force."""
