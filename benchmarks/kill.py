@@ -22,7 +22,16 @@ from pathlib import Path
 
 import numpy as np
 import zenoh
-from service_process import Flights, RestClient, free_port, prepare_kernels, resumed_in, serving
+from service_process import (
+    RATE_HZ,
+    SAMPLES,
+    Flights,
+    RestClient,
+    free_port,
+    prepare_kernels,
+    resumed_in,
+    serving,
+)
 from threadpoolctl import threadpool_limits
 from uninterrupted_run import AIRCRAFT, Comparison, Uninterrupted
 
@@ -44,7 +53,7 @@ from wingwatch.telemetry import (
     open_session,
 )
 
-RATE_HZ, SAMPLES, STREAM = 50.0, 10, 7
+STREAM = 7
 SHORTEST_S, LONGEST_S = 0.5, 6.0
 """Wall-clock time for which a service takes samples in before it is killed."""
 BEFORE_S, BEFORE_SPEED = 240.0, 12.0
@@ -183,7 +192,7 @@ def course(tally: Tally, kills: int, seed: int, speed: float) -> None:
             tally.kills += 1
             compare(folder, sender.runs, tally)
             print(f"\r{tally.kills} of {kills}", end="", file=sys.stderr, flush=True)
-        tally.resumed_s = [seconds for _, seconds in resumed_in(folder / "log.txt")]
+        tally.resumed_s = [took_s for took_s, _ in resumed_in(folder / "log.txt")]
     print(file=sys.stderr)
 
 

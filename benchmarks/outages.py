@@ -2,7 +2,7 @@
 
 The service runs in a process of its own as ``wingwatch serve`` runs it. For as long as an outage lasts alerts are
 raised and acted on. Of each case it is said how long messages were inside the service, from their arrival to the state
-that rests on them, before and during the outage; after how long the service said what is wrong, and after its end that
+that rests on them, during the outage and for as long before it; after how long the service said what is wrong, and after its end that
 all is well; and whether the database has, in the end, what was announced and answered.
 
 Cases need what they are made of: those of PostgreSQL an installed server, those of a full disk a tmpfs that root may
@@ -37,7 +37,7 @@ from wingwatch.cli.settings import ServeSettings
 from wingwatch.simulation import demo_fleet
 from wingwatch.telemetry import JSON, ZenohSettings, decode_service_object, open_session
 
-PATIENCE_S, BEFORE_S = 90.0, 10.0
+PATIENCE_S = 90.0
 EVERY_S = 4.0
 """Between two alerts that are raised, and two actions, in an outage."""
 TMPFS_MIB, POSTGRES_MIB = 48, 160
@@ -164,7 +164,7 @@ def run(place: Place, seconds: float) -> Course:
         wait_until(lambda: client.shows(set(prepared)) and client.problem() is None, PATIENCE_S)
         time.sleep(3.0)  # the vehicles' monitors are made
         service.look()
-        time.sleep(BEFORE_S)
+        time.sleep(seconds)
         course.before_s = service.look().inside_s
         with place.outage(service.pid):
             disturb(client, service, course, prepared, seconds)
@@ -250,12 +250,11 @@ def write_refused(pid: int) -> Iterator[None]:
 def full(folder: Path) -> Iterator[None]:
     """The disk of a folder has not a byte left."""
     filler = folder / "filler"
-    with filler.open("wb") as file, suppress(OSError):
+    with filler.open("wb", buffering=0) as file:
         for size in (2**20, 4096, 1):
             with suppress(OSError):
                 for _ in count():
                     file.write(b"\0" * size)
-                    file.flush()
     try:
         yield
     finally:

@@ -1,5 +1,6 @@
 """What benchmarks of the live service share: the service in a process of its own, vehicles that fly, what REST says."""
 
+import os
 import re
 import socket
 import subprocess
@@ -30,7 +31,7 @@ RATE_HZ, SAMPLES = 50.0, 10
 FLEET = "default"
 PATIENCE_S = 300.0
 """For a service that has to compile its kernels."""
-_RESUMED = re.compile(r"(\d+) vehicles? resumed in (\d+\.\d+) s")
+_RESUMED = re.compile(r"vehicles resumed in (\d+\.\d+) s, of which (\d+\.\d+) s are processor time")
 
 
 def free_port() -> int:
@@ -117,11 +118,17 @@ def wait_until(condition: Callable[[], bool], patience_s: float) -> float:
     return float("inf")
 
 
-def resumed_in(log: Path) -> list[tuple[int, float]]:
-    """Vehicles resumed at each start, and how long that took, s, by what the service has logged."""
+def resumed_in(log: Path) -> list[tuple[float, float]]:
+    """How long resuming took at each start, s, and the processor time of it, by what the service has logged."""
     return [
-        (int(n), float(s)) for n, s in _RESUMED.findall(log.read_text(encoding="utf-8", errors="replace"))
+        (float(took), float(spent)) for took, spent in _RESUMED.findall(log.read_text("utf-8", "replace"))
     ]
+
+
+def processor_time_s(pid: int) -> float:
+    """Of a process so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 class Flights:

@@ -64,6 +64,13 @@ class CheckpointFolder:
         self._thread.join(_END_S)
 
     @property
+    def problem(self) -> str | None:
+        """Why the latest state was not saved; None while states are. A sentence."""
+        if not self._thread.is_alive():
+            return "the loop that saves states of vehicles has ended."
+        return None if self._problem is None else f"states of vehicles are not saved: {self._problem}."
+
+    @property
     def counts(self) -> dict[str, int]:
         """Checkpoints written, not written, refused, too old to go on from, and vehicles that went on from one."""
         with self._lock:
