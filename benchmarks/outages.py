@@ -2,8 +2,8 @@
 
 The service runs in a process of its own as ``wingwatch serve`` runs it. For as long as an outage lasts alerts are
 raised and acted on. Of each case it is said how long messages were inside the service, from their arrival to the state
-that rests on them, during the outage and for as long before it; after how long the service said what is wrong, and after its end that
-all is well; and whether the database has, in the end, what was announced and answered.
+that rests on them, during the outage and for as long before it; after how long the service said what is wrong, and
+after the outage's end that all is well; and whether the database has, in the end, what was announced and answered.
 
 Cases need what they are made of: those of PostgreSQL an installed server, those of a full disk a tmpfs that root may
 mount; ``write-refused`` and ``sqlite-locked`` need nothing. What cannot be run is said.
