@@ -192,7 +192,6 @@ def course(tally: Tally, kills: int, seed: int, speed: float) -> None:
             tally.kills += 1
             compare(folder, sender.runs, tally)
             print(f"\r{tally.kills} of {kills}", end="", file=sys.stderr, flush=True)
-        tally.resumed_s = [took_s for took_s, _ in resumed_in(folder / "log.txt")]
     print(file=sys.stderr)
 
 
@@ -212,6 +211,7 @@ def compare(folder: Path, runs: Mapping[str, Uninterrupted], tally: Tally) -> No
             tally.compared.append(found)
         tally.sizes.append(len(data))
     tally.refused = (folder / "log.txt").read_text().count("starts anew")
+    tally.resumed_s = [took_s for took_s, _ in resumed_in(folder / "log.txt")]
 
 
 def show(tally: Tally) -> None:
