@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize
 
 from wingwatch.aircraft.aircraft_file import Aircraft
 from wingwatch.aircraft.condition import FlightCondition
@@ -197,7 +197,7 @@ def low_peak_phases_rad(harmonics: Sequence[int], amplitudes: ArrayLike | None =
 
     phases = best = schroeder_phases_rad(len(harmonics), sizes)
     for p in _NORMS:
-        found = minimize(
+        found = scipy.optimize.minimize(
             logarithm_of_norm,
             phases,
             args=(p,),

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from wingwatch.aircraft.aerodynamics import (
     BodyCoefficients,
@@ -144,7 +144,9 @@ def trim(aircraft: Aircraft, condition: FlightCondition) -> Trim:
             f"its wing gives {min(surplus) + needed:.3g} to {max(surplus) + needed:.3g}; "
             "choose another airspeed or altitude"
         )
-    alpha = float(brentq(excess, float(grid[first - 1]), float(grid[first]), xtol=1e-14, rtol=1e-14))
+    alpha = float(
+        scipy.optimize.brentq(excess, float(grid[first - 1]), float(grid[first]), xtol=1e-14, rtol=1e-14)
+    )
     eta = elevator(alpha)
     lift = float(lift_coefficient(c, alpha, elevator=eta).real)
     drag = float(drag_coefficient(c, aspect, alpha, elevator=eta).real)

@@ -38,6 +38,7 @@ _LEVELS = ("watch", "warning", "critical")
 
 _COUNTERS: Mapping[str, tuple[str, str, str]] = {
     "messages": ("messages_dropped", "reason", "Messages that were dropped before they were looked at."),
+    "intake": ("messages_handled", "result", "Messages that the monitor got, by what became of them."),
     "monitor": ("monitor_problems", "kind", "What went wrong with the watch, or was forgotten."),
     "loop": ("loop_problems", "kind", "Faults of the program outside a vehicle's samples."),
     "store": (
@@ -218,6 +219,8 @@ def _of_counters(counters: Mapping[str, Mapping[str, int]]) -> Iterator[Metric]:
         if part == "messages" and "received" in values:
             received = values.pop("received")
             yield _counter("messages_received", "Messages that were taken over from Zenoh.", received)
+        if part == "intake":
+            values.pop("received", None)  # it is the sum of the others
         metric, label, text = _COUNTERS.get(part, (part, "kind", f"Counters of {part}."))
         yield _counters(metric, label, text, values)
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 __all__ = ["Interpolator", "Placement", "interpolator"]
 
@@ -100,16 +100,16 @@ class _Scattered:
         self._k = k
         self._scale = np.ptp(points, axis=0)  # neither is zero: such points are a grid
         scaled = points / self._scale
-        self._triangles: Delaunay | None = None
+        self._triangles: scipy.spatial.Delaunay | None = None
         centred = scaled - scaled.mean(axis=0)
         _, spread, direction = np.linalg.svd(centred, full_matrices=False)
         order = np.argsort(centred @ direction[0])
         self._edges = np.column_stack((order[:-1], order[1:]))
         if spread[-1] > _FLAT * spread[0]:
             try:
-                self._triangles = Delaunay(scaled)
-                self._edges = np.asarray(ConvexHull(scaled).simplices)
-            except QhullError as error:
+                self._triangles = scipy.spatial.Delaunay(scaled)
+                self._edges = np.asarray(scipy.spatial.ConvexHull(scaled).simplices)
+            except scipy.spatial.QhullError as error:
                 raise ValueError(
                     "the entries of an envelope lie too close to each other to interpolate; drop some"
                 ) from error

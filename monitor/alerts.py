@@ -81,6 +81,14 @@ class AlertBook:
         """Someone has cleared the alert in force; a change that persists will be raised again."""
         self.active, self.onset_s, self.waited, self.doubts = None, None, 0, 0
 
+    def take_over(self, alert: AlertView) -> None:
+        """The alert in force gets the state, notes and shelving of another version of it.
+
+        Its size and evidence stay: they are as of the last block, and the version that is announced may be older.
+        """
+        if self.active is not None:
+            self.active = replace(self.active, state=alert.state, note=alert.note, shelving=alert.shelving)
+
     def _raise(
         self, judge: Judge, verdict: Verdict, condition: FlightCondition, time_s: float, basis: str, clear: bool
     ) -> AlertView:  # fmt: skip

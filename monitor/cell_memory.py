@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from wingwatch.aircraft import FlightCondition
 from wingwatch.baselines import Cell, CellMemory, Reference, aged, cell_of, joined
@@ -239,4 +239,4 @@ def _contradicts(resumed: Reference, fresh: tuple[Array, Array], natural: Array)
     change = change_since(mean, covariance, *fresh, np.zeros_like(covariance), natural)
     freedom = float(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
     distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
-    return bool(freedom and chi2.sf(distance, freedom) < CONTRADICTION)
+    return bool(freedom and chdtrc(freedom, distance) < CONTRADICTION)

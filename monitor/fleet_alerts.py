@@ -120,7 +120,7 @@ class FleetAlerts:
         )  # fmt: skip
 
     def _follow_in_book(self, alert: AlertView) -> None:
-        """The vehicle's monitor goes on with what has become of its alert; one that is cleared it follows no longer."""
+        """The vehicle's monitor takes over what was done to its alert; one that is cleared it follows no longer."""
         known = self._context.vehicles.get((alert.fleet, alert.vehicle))
         book = known.monitor.book if known is not None and known.monitor is not None else None
         if book is None or book.active is None or book.active.id != alert.id:
@@ -128,7 +128,7 @@ class FleetAlerts:
         if alert.state is AlertState.CLEARED:
             book.dismiss()
         else:
-            book.active = alert
+            book.take_over(alert)
 
     # -- by persons ----------------------------------------------------------------------------
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
-from scipy.stats import chi2
+from scipy.special import chdtrc, logsumexp
 
 from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
@@ -273,7 +272,7 @@ class Judge:
             )  # fmt: skip
             freedom = float(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
             distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
-            if freedom and chi2.sf(distance, freedom) < self.config.contradiction:
+            if freedom and chdtrc(freedom, distance) < self.config.contradiction:
                 state.contradictions[name] = _named(coordinates.structure, change)
         if all(r.blocks >= self.config.founded_blocks for r in state.references.values()):
             state.founded = True

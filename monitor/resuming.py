@@ -5,7 +5,6 @@ database keeps. Where they differ, the vehicle starts anew and one sentence says
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Protocol
 
 from wingwatch.aircraft import Aircraft
@@ -139,7 +138,7 @@ def agreed(monitor: VehicleMonitor, kept: AlertView | None, standing: AlertView 
         elif len(kept.note) < len(active.note):  # notes only grow
             missing = active
         else:
-            monitor.book.active = replace(active, state=kept.state, note=kept.note)
+            monitor.book.take_over(kept)
     if monitor.book.active is None and standing is not None:
         monitor.follow_again(standing)
     return missing

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
-import scipy.io
+import scipy
 from numpy.typing import NDArray
 
 __all__ = ["RawTable", "TableError", "read_table"]

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from wingwatch.estimators.batch.endogeneity import Difference
 
@@ -101,7 +101,7 @@ def beyond_chance(bins: Sequence[BinResiduals], inverse: Array, white: Array, co
         own = 0.5 * np.einsum("bki,bij,bkj->bk", h, spectrum, h.conj(), optimize=True).real
         squares += np.sum((own / np.maximum(variance, 1e-300)) ** 2, axis=0)
     freedom = 2.0 / np.maximum(squares, 1e-300)
-    most = chi2.ppf(1.0 - _CHANCE / variance.size, freedom) / freedom
+    most = scipy.stats.chi2.ppf(1.0 - _CHANCE / variance.size, freedom) / freedom
     return bool((np.diagonal(coloured) > most * variance).any())
 
 

@@ -22,8 +22,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre
 from wingwatch.estimators.batch.output_kernel import Accelerometers, Record, respond
@@ -87,7 +87,7 @@ def left_unexplained(own: float, due: float, freedom: float) -> float:
         own: power of the residual over its degrees of freedom; due: what the sensors' noise makes of it.
         freedom: of the residual.
     """
-    if own <= due * float(chi2.ppf(1.0 - _CHANCE, freedom)) / freedom:
+    if own <= due * float(scipy.stats.chi2.ppf(1.0 - _CHANCE, freedom)) / freedom:
         return 0.0
     return own - due
 
@@ -108,7 +108,7 @@ def _of_one(d: Difference) -> Array:
     kept = values > _FLAT * values[-1]
     part = vectors[:, kept].T @ (d.value[known] / scale)
     off = d.covariance.copy()
-    if float(part @ (part / values[kept])) > chi2.ppf(1.0 - _CHANCE, int(kept.sum())):
+    if float(part @ (part / values[kept])) > scipy.stats.chi2.ppf(1.0 - _CHANCE, int(kept.sum())):
         off += np.outer(d.value, d.value)
     shrink = np.minimum(1.0, reach / np.sqrt(np.maximum(np.diagonal(off), 1e-300)))
     return np.asarray(off * np.outer(shrink, shrink))

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from wingwatch.estimators.batch.endogeneity import Difference, left_unexplained, may_be_off, surface_response
 from wingwatch.estimators.batch.fit import ChannelFit, Fit, autocovariance, channel_fit, coloured_sum
@@ -177,7 +177,7 @@ def _no_more_than_found(variance: Array, smooth: Sequence[SmoothedManoeuvre], th
         sources = sum(m.noise.sources[i] * len(r) for m, r in zip(smooth, residuals, strict=True))
         due = float(np.sum(sources))
         ratio = sum(float(np.sum(r[:, i] ** 2)) for r in residuals) / max(due, 1e-300) * freedom / left
-        if ratio * left < chi2.ppf(_CHANCE, left):
+        if ratio * left < scipy.stats.chi2.ppf(_CHANCE, left):
             variance *= ratio ** (sources / due)
     return variance
 
@@ -201,7 +201,9 @@ def _covariances(
         own = sum(float(np.sum(r[:, i] ** 2)) for r in residuals)
         due = sum(m.noise.residual[i, i, 0] * len(r) for m, r in zip(smooth, residuals, strict=True))
         ratio = own / max(due, 1e-300) * freedom / left
-        explained &= bool(chi2.ppf(_CHANCE, left) <= ratio * left <= chi2.ppf(1.0 - _CHANCE, left))
+        explained &= bool(
+            scipy.stats.chi2.ppf(_CHANCE, left) <= ratio * left <= scipy.stats.chi2.ppf(1.0 - _CHANCE, left)
+        )
         for j in range(ne):
             columns = [[r[:, e] for r in residuals] for e in (i, j)]
             found = np.stack(

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.linalg import matmul_toeplitz
-from scipy.stats import chi2, t
 
 from wingwatch.aircraft.structures import ModeStructure
 
@@ -183,7 +183,7 @@ def confidence_interval(value: Array, covariance: Array, freedom: float, level: 
         level: chance that the truth lies within.
     """
     error = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    reach = float(t.ppf(0.5 + 0.5 * level, max(freedom, 1.0))) * error
+    reach = float(scipy.stats.t.ppf(0.5 + 0.5 * level, max(freedom, 1.0))) * error
     return np.column_stack([value - reach, value + reach])
 
 
@@ -200,7 +200,7 @@ def is_white(residuals: Sequence[Sequence[Array]], lags: int = LAGS) -> bool:
             continue
         k = np.arange(1, lags + 1)
         statistic = n * (n + 2.0) * float(np.sum((c[1:] / c[0]) ** 2 / (n - k)))
-        if statistic > chi2.ppf(1.0 - _FALSE_ALARM / len(residuals), lags):
+        if statistic > scipy.stats.chi2.ppf(1.0 - _FALSE_ALARM / len(residuals), lags):
             return False
     return True
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from wingwatch.estimators.batch.bin_residuals import (
     BinResiduals,
@@ -279,9 +279,9 @@ def _levels(sums: _Sums, variance: Array, width: int) -> tuple[Array, Array]:
     variance, excess = variance.copy(), np.ones(ne)
     freedom = 2.0 * sum(len(e) for e in sums.expected) - width - sums.own
     for i, ratio in enumerate(_ratios(sums, freedom)):
-        if ratio > chi2.ppf(1.0 - _CHANCE, freedom) / freedom:
+        if ratio > scipy.stats.chi2.ppf(1.0 - _CHANCE, freedom) / freedom:
             excess[i] = ratio
-        elif ratio < chi2.ppf(_CHANCE, freedom) / freedom:
+        elif ratio < scipy.stats.chi2.ppf(_CHANCE, freedom) / freedom:
             shares = [s[:, i] / e[:, i, None] for s, e in zip(sums.sources, sums.expected, strict=True)]
             variance *= ratio ** np.concatenate(shares).mean(axis=0)
     return variance, excess

@@ -8,8 +8,8 @@ so nothing is left of the sum's error in the step, and any spacing of frequencie
 """
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import CZT
 
 __all__ = ["harmonics_hz", "noise_power", "transform"]
 
@@ -52,7 +52,7 @@ def transform(
     omega = 2.0 * np.pi * frequency_hz
     start, end, flat = _weights(omega, dt)
     spacing = frequency_hz[1] - frequency_hz[0] if frequency_hz.size > 1 else 0.0
-    chirp = CZT(
+    chirp = scipy.signal.CZT(
         n - 1,
         frequency_hz.size,
         w=np.exp(-2j * np.pi * spacing * dt),

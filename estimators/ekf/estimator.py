@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
-from wingwatch.estimators.ekf import filterpy_engine
 from wingwatch.estimators.ekf.accepted import NOISE, UNDECIDED, accept, go_back, prior_accepted
 from wingwatch.estimators.ekf.gust_variance import gust_variance
 from wingwatch.estimators.ekf.noise import LEAST
@@ -209,7 +208,13 @@ class EkfEstimator:
         lanes = lanes or all_lanes(*signals.shape[:2])
         complete = self.layout.kinematic + 5
         remember(signals, lanes, complete, state.rows, state.window.rows, state.window.filled)
-        update = filterpy_engine.update_all if self.config.engine == "filterpy" else update_all
+        update = update_all
+        if self.config.engine == "filterpy":
+            from wingwatch.estimators.ekf import (
+                filterpy_engine,  # it takes half a second that a service has no use for
+            )
+
+            update = filterpy_engine.update_all
         update(self.model, state, signals, lanes)
 
     def solve(

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from wingwatch.estimators.filter_error.innovations import (
     System,
@@ -201,7 +201,7 @@ def _echo_scatter(window: Window, predicted: Array, echoes: Array) -> Array:
         # the pulse is at the second sample of an echo
         answer = echoes[place].reshape(-1, channels)[1:] / math.sqrt(np.count_nonzero(moving))
         answered = sum(
-            fftconvolve(rows[:, :, c], answer[::-1, c][None], axes=1)[:, answer.shape[0] - 1 :]
+            scipy.signal.fftconvolve(rows[:, :, c], answer[::-1, c][None], axes=1)[:, answer.shape[0] - 1 :]
             for c in range(channels)
         )
         total += (answered * moving) @ np.asarray(answered).T

@@ -6,8 +6,8 @@ that rest. What moves is taken as measured; its noise is a small part of it.
 """
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 __all__ = ["at_rest"]
 
@@ -36,7 +36,7 @@ def at_rest(reading: Array, dt: float, noise_std: float) -> Array:
     if noise_std <= 0.0 or reading.size <= width:
         return reading
     mean, variance = _moving(reading, half)
-    limit = noise_std**2 * float(chi2.ppf(1.0 - _CHANCE, width - 1)) / width
+    limit = noise_std**2 * float(scipy.stats.chi2.ppf(1.0 - _CHANCE, width - 1)) / width
     calm = variance <= limit
     levels = np.full(reading.size, np.nan)
     for start, end in _runs(calm):

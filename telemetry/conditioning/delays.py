@@ -16,9 +16,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from wingwatch.aircraft.vocabulary import SURFACES
 from wingwatch.telemetry.conditioning.gust_spectrum import fit_gust
@@ -161,7 +160,9 @@ class _Window:
         self._config = config
         self._time_s = time_s
         self._columns = columns
-        self._splines = {name: CubicSpline(time_s, column) for name, column in columns.items()}
+        self._splines = {
+            name: scipy.interpolate.CubicSpline(time_s, column) for name, column in columns.items()
+        }
         self._known: dict[str, float] = {}
         self._rough = False
         self._bins = make_bins(len(time_s), float(time_s[1] - time_s[0]), config.band_hz)
@@ -368,7 +369,7 @@ class _Servo:
         after = math.exp(-(1.0 - rest) * self._step / max(constant_s, 1e-3 * self._step))
         drive = (after - stays) * late(whole + 2) + (1.0 - after) * late(whole + 1)
         start = np.array([stays * drive[0] / max(1.0 - stays, 1e-12)])
-        return np.asarray(lfilter([1.0], [1.0, -stays], drive, zi=start)[0])
+        return np.asarray(scipy.signal.lfilter([1.0], [1.0, -stays], drive, zi=start)[0])
 
     def _residual(self, x: Array) -> tuple[Array, Array]:
         """Residual, and the model's columns of gain and constant, which are solved for at every step."""

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from wingwatch.telemetry.conditioning.kinematics import Columns
 from wingwatch.telemetry.conditioning.sensor_noise import identity_noise
@@ -92,7 +92,7 @@ class _Whittle:
         start[2] = math.log(max(self.inertial, 1e-12))
         bounds = [(-40.0, 20.0) if gusts else (-40.0, -40.0), (-40.0, 20.0), (-40.0, 20.0)]
         start[0] = start[0] if gusts else -40.0
-        found = minimize(self._cost, start, jac=True, method="L-BFGS-B", bounds=bounds)
+        found = scipy.optimize.minimize(self._cost, start, jac=True, method="L-BFGS-B", bounds=bounds)
         return np.asarray(found.x, dtype=np.float64), -float(found.fun)
 
     def half_error(self, x: Array) -> float:

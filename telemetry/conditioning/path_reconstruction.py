@@ -13,15 +13,18 @@ true but for noise: a tilt of the attitude reference cannot be distinguished fro
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
 from wingwatch.telemetry.conditioning.parameter import Parameter
 from wingwatch.telemetry.conditioning.path_model import ERRORS, MOTION, READINGS, PathModel, smoothed
 from wingwatch.telemetry.conditioning.positions import at_centre
 from wingwatch.telemetry.sample import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
+
+if TYPE_CHECKING:
+    from wingwatch.telemetry.conditioning.path_filter import PathFilter
 
 __all__ = ["PathConfig", "ReconstructedPath", "reconstruct_path"]
 
@@ -121,16 +124,6 @@ class ReconstructedPath:
         return all(ratio < 1.5 for ratio in self.fit.values())
 
 
-class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy carries no types
-    """filterpy's filter with the state's prediction handed in instead of F x."""
-
-    predicted: Array
-
-    def predict_x(self, u: float = 0) -> None:
-        """The model's own prediction."""
-        self.x = self.predicted
-
-
 def reconstruct_path(block: SampleBlock, config: PathConfig | None = None) -> ReconstructedPath:
     """Sensor errors with their standard errors, and the path that goes with them.
 
@@ -208,8 +201,10 @@ class _Run:
 
     def forward(self, about: Array | None) -> _Pass:
         """The filter over the flight, linearised about states (samples, states), or about its own where None."""
+        from wingwatch.telemetry.conditioning.path_filter import PathFilter  # see there
+
         n, width = len(self.time_s), MOTION + len(ERRORS)
-        kalman = _Filter(dim_x=width, dim_z=len(READINGS))
+        kalman = PathFilter(dim_x=width, dim_z=len(READINGS))
         kalman.x = np.concatenate([self._motion(0), np.zeros(len(ERRORS))])
         kalman.P = np.diag(np.concatenate([self.motion_power, self.prior**2]))
         state, predicted = np.empty((n, width)), np.empty((n, width))
@@ -257,7 +252,7 @@ class _Run:
         power[range(MOTION), range(MOTION)] = self.motion_power
         return power
 
-    def _predict(self, kalman: _Filter, k: int, about: Array | None) -> None:
+    def _predict(self, kalman: "PathFilter", k: int, about: Array | None) -> None:
         dt = self._step_s(k)
         if dt is None:
             kalman.F = np.diag((np.arange(kalman.x.size) >= MOTION).astype(np.float64))
@@ -271,7 +266,7 @@ class _Run:
 
     def _correct(
         self,
-        kalman: _Filter,
+        kalman: "PathFilter",
         point: Array,
         reading: Array,
         there: NDArray[np.bool_],

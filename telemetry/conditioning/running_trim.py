@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 from wingwatch.telemetry.conditioning.windows import runs
 from wingwatch.telemetry.sample import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
@@ -75,9 +75,9 @@ def _local_line(x: Array, kernels: Array) -> Array:
 
     def moment(series: Array, power: int) -> Array:
         # the sample at lag j from here is weighted by kernel[j]: correlation, so the odd kernel turns its sign
-        return np.asarray(fftconvolve(series, kernels[power][::-1], mode="full"), dtype=np.float64)[
-            kernels.shape[1] // 2 : kernels.shape[1] // 2 + len(series)
-        ]
+        return np.asarray(
+            scipy.signal.fftconvolve(series, kernels[power][::-1], mode="full"), dtype=np.float64
+        )[kernels.shape[1] // 2 : kernels.shape[1] // 2 + len(series)]
 
     m0, m1, m2 = (moment(present, power) for power in range(3))
     b0, b1 = moment(level, 0), moment(level, 1)

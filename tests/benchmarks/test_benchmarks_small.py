@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from types import ModuleType
 
@@ -16,8 +16,17 @@ from scipy.stats import binom
 
 from wingwatch.aircraft import STRUCTURES, load_aircraft
 from wingwatch.estimators.ekf.state import arrays_of
-from wingwatch.monitor import FleetMonitor
-from wingwatch.telemetry import InboundMessage
+from wingwatch.monitor import Checkpoint, FleetMonitor, SavedVehicle, decode_checkpoint, encode_checkpoint
+from wingwatch.simulation import FleetSimulation, demo_fleet
+from wingwatch.telemetry import (
+    PROTOBUF,
+    AircraftMessage,
+    InboundMessage,
+    SampleBlock,
+    SequenceTracker,
+    decode_sensors,
+    encode_sensors,
+)
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
@@ -172,12 +181,89 @@ def test_a_service_that_is_killed_loses_no_alert_and_goes_on_to_the_bit() -> Non
         [sys.executable, FOLDER / "kill.py", *arguments], capture_output=True, text=True, check=True
     ).stdout.splitlines()
     found = dict(line.split(": ", 1) for line in said)
-    assert found["kills"] == "3"
-    assert re.fullmatch(r"\d+, lost: 0", found["alerts told"])
+    assert found["kills"] == "3, with an alert in force: 3, with two: 3"
+    assert re.fullmatch(r"[2-9]\d*, lost: 0", found["alerts announced"])
+    assert re.fullmatch(r"[1-9]\d*, lost: 0", found["actions answered"])
     assert found["vehicles with an alert that were not degraded after a start"] == "0"
     assert found["checkpoints refused"] == "0"
     assert re.fullmatch(r"yes \((\d+) of \1 states\)", found["derivatives equal"])
     assert re.fullmatch(r"yes \((\d+) of \1 states\)", found["whole states equal"])
+    assert re.fullmatch(
+        r"[1-9]\d*, not comparable for more than 64 gaps: 0", found["states with an alert in force"]
+    )
+
+
+@pytest.mark.slow
+def test_an_outage_of_the_database_loses_nothing_and_heals() -> None:
+    """``check``: the command fails where something is lost or does not heal."""
+    arguments = ["--cases", "sqlite-locked", "write-refused", "--seconds", "6"]
+    said = subprocess.run(
+        [sys.executable, FOLDER / "outages.py", *arguments], capture_output=True, text=True, check=True
+    ).stdout
+    assert "is locked by another program" in said
+    assert "the disk reports an error" in said
+    rows = [line.split() for line in said.splitlines() if line.startswith(("sqlite-locked", "write-refused"))]
+    assert [row[0] for row in rows] == ["sqlite-locked", "write-refused"]
+    for row in rows:
+        raised, acted, wrong = map(int, row[-3:])
+        assert raised > 0
+        assert acted > 0
+        assert wrong == 0
+
+
+@pytest.mark.slow
+def test_half_a_minute_of_disturbances_costs_no_thread_and_shows_no_wrong_state() -> None:
+    """``check``: the command fails where they do."""
+    arguments = ["--minutes", "0.5"]
+    said = subprocess.run(
+        [sys.executable, FOLDER / "soak.py", *arguments], capture_output=True, text=True, check=True
+    ).stdout
+    assert "lost: none" in said
+    assert "vehicles in a wrong state: 0" in said
+
+
+@pytest.mark.slow
+def test_a_service_goes_on_with_every_vehicle_at_once() -> None:
+    said = subprocess.run(
+        [sys.executable, FOLDER / "resume.py", "--vehicles", "2", "--starts", "1"],
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    row = next(line.split() for line in said.splitlines() if "last vehicle resumed" in line)
+    assert 0.0 < float(row[-1]) < 60.0
+
+
+def written(state: SavedVehicle) -> SavedVehicle:
+    """As it comes back from its file."""
+    return decode_checkpoint(encode_checkpoint(Checkpoint(0.0, state))).saved
+
+
+def test_the_reference_of_a_killed_service_is_not_given_what_the_service_did_not_get() -> None:
+    """Nor is it called different where the service names too few gaps to know, or where somebody has asked."""
+    run = load("uninterrupted_run")
+    flight = FleetSimulation(demo_fleet()[:1], 50.0)
+    messages = [
+        decode_sensors(encode_sensors(k, SampleBlock(flight.step(10)[0]), stream=1), PROTOBUF)
+        for k in range(200)
+    ]
+    given = messages[0].given
+    taken = [m for m in messages if m.sequence not in range(50, 60)]
+    service, arrivals = run.fresh(given), SequenceTracker()
+    for message in taken:
+        arrivals.observe(message.sequence, 1)
+        service.feed(message.block)
+    assert service.air is not None  # as who shows the vehicle does
+    state = SavedVehicle(
+        fleet="default", vehicle="v", settings="", silent_s=0.0, message=AircraftMessage(aircraft="aerosonde"),
+        watched_as=AircraftMessage(aircraft="aerosonde"), given=given, late=False, recalled=True, counts={},
+        arrivals=arrivals.state, history_s=0.0, monitor=service.saved(),
+    )  # fmt: skip
+    found = run.Uninterrupted(given, sent=list(messages)).compare(written(state))
+    assert (found.messages, found.known, found.differs) == (190, True, ())
+    unnamed = replace(state, arrivals=replace(state.arrivals, gaps=()))
+    found = run.Uninterrupted(given, sent=list(messages)).compare(written(unnamed))
+    assert (found.known, found.differs) == (False, ())
+    other = run.Uninterrupted(given, sent=messages[1:], first=1)
+    assert "chain" in other.compare(written(state)).differs
 
 
 @pytest.mark.parametrize(
@@ -193,6 +279,10 @@ def test_a_service_that_is_killed_loses_no_alert_and_goes_on_to_the_bit() -> Non
         ("latency", ["--seconds", "nan"], "at least 1"),
         ("kill", ["--kills", "0"], "give 1 to 10000"),
         ("kill", ["--speed", "nan"], "give 1 to 20"),
+        ("outages", ["--seconds", "nan"], "give 2 to 600"),
+        ("resume", ["--vehicles", "0"], "give 1 to 5000"),
+        ("resume", ["--starts", "0"], "give 1 to 1000"),
+        ("soak", ["--minutes", "nan"], "give 0.5 to 1440"),
     ],
 )
 def test_bad_arguments_get_one_sentence(

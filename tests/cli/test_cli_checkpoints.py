@@ -103,14 +103,19 @@ def test_a_disk_that_takes_nothing_is_counted_said_once_and_heals(
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "fsync", full)
-        for _ in range(3):
-            folder.write(saved("a"))
-    assert (folder.counts["failed"], folder.counts["written"]) == (3, 0)
-    assert len(caplog.records) == 1
-    folder.write(saved("a"))
+    with folder:
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "fsync", full)
+            for _ in range(3):
+                folder.write(saved("a"))
+            assert folder.problem is not None
+            assert "No space left on device" in folder.problem
+        assert (folder.counts["failed"], folder.counts["written"]) == (3, 0)
+        assert len(caplog.records) == 1
+        folder.write(saved("a"))
+        assert folder.problem is None
     assert list(loaded(tmp_path)) == ["a"]
+    assert folder.problem == "the loop that saves states of vehicles has ended."
 
 
 def test_little_waits_but_news_of_an_alert_always_does(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import httpx
 import pytest
 from cli_services import service_in
 from postgres_server import frozen, own_schema
+from test_cli_checkpoints import saved
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import DatabaseError, open_database
@@ -108,6 +109,24 @@ def test_the_service_says_what_is_wrong_answers_all_else_and_heals(outage: Outag
         kept = database.alert("a1")
     assert kept is not None
     assert kept.note == ("ann: acknowledge",)
+
+
+def test_states_that_cannot_be_saved_are_said_and_it_heals(tmp_path: Path) -> None:
+    """The database may be another machine's, and work."""
+    with service_in(tmp_path) as service, httpx.Client(base_url=service.url, timeout=30.0) as client:
+
+        def problem() -> str | None:
+            found: str | None = client.get("/health/ready").json()["checks"]["checkpoints"]
+            return found
+
+        assert problem() is None
+        place = tmp_path / "wingwatch.db.checkpoints"
+        place.write_text("in the way")
+        service._parts.checkpoints.write(saved("a"))
+        assert str(problem()).startswith("states of vehicles are not saved: FileExistsError")
+        place.unlink()
+        service._parts.checkpoints.write(saved("a"))
+        assert problem() is None
 
 
 @pytest.mark.slow

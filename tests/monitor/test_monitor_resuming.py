@@ -1,5 +1,6 @@
 """A service that ended at any instant: every vehicle goes on, its alert with it, and what does not fit is said."""
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from typing import Any
@@ -10,6 +11,7 @@ from fleet_hall import AEROSONDE, HANGAR, FakeCheckpoints, FakeStore, Hall, fly_
 from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetSettings, VehicleState
 from wingwatch.monitor.checkpoint import SavedVehicle
 from wingwatch.monitor.known_vehicle import KnownVehicle
+from wingwatch.monitor.views import Shelving
 from wingwatch.simulation import ElevatorEffectiveness
 from wingwatch.telemetry import SampleBlock
 
@@ -29,6 +31,13 @@ def learned(hall: Hall) -> int:
 
 def expected_m_eta(hall: Hall) -> float:
     return float(hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_eta"]["expected"])
+
+
+def in_force(hall: Hall) -> AlertView | None:
+    """The alert as the vehicle's monitor has it."""
+    known = hall.fleet._vehicles.get(("default", "uav"))
+    assert known is not None
+    return None if known.monitor is None else known.monitor.book.active
 
 
 def flown(hall: Hall, flight: SampleBlock, from_s: int, to_s: int) -> None:
@@ -126,6 +135,47 @@ def test_what_a_person_did_last_counts(
     hall = Hall(store=FakeStore(earlier=(gone,)), checkpoints=checkpoints)
     assert hall.view().active_alerts == ()
     assert hall.view().state is not VehicleState.HEALTHY
+
+
+def test_what_a_person_does_changes_nothing_of_what_the_monitor_has_found(flight: SampleBlock) -> None:
+    """The version that is announced, and acted on, may be older than the monitor's own."""
+    quiet, busy = Hall(), Hall()
+    turns = itertools.cycle((AlertAction.ACKNOWLEDGE, AlertAction.SHELVE, AlertAction.UNSHELVE))
+    quiet.announce()
+    busy.announce()
+    for k in range(SECONDS + 50):
+        flown(quiet, flight, k, k + 1)
+        flown(busy, flight, k, k + 1)
+        for alert in busy.fleet.alerts():
+            busy.fleet.act_on_alert(alert.id, next(turns), "me", "")
+        found = [
+            replace(a, state=AlertState.ACTIVE, note=(), shelving=None)
+            for a in map(in_force, (quiet, busy))
+            if a
+        ]
+        assert found[:1] == found[1:], k
+    assert in_force(busy) is not None
+
+
+def test_a_shelved_alert_comes_back_though_the_checkpoint_is_older(
+    killed: Any, checkpoints: FakeCheckpoints
+) -> None:
+    until_s = 5000.0
+    shelved = replace(
+        killed[1][0],
+        state=AlertState.SHELVED,
+        note=("me: shelve",),
+        shelving=Shelving(until_s, "critical", 9.0),
+    )
+    hall = Hall(store=FakeStore(earlier=(shelved,)), checkpoints=checkpoints)
+    known = in_force(hall)
+    assert known is not None
+    with hall.fleet._lock:
+        hall.fleet._alerts.keep(replace(known, size=known.size + 0.01))  # as the monitor goes on with it
+    assert [alert.state for alert in hall.fleet.alerts()] == [AlertState.SHELVED]
+    hall.clock.now_s = until_s
+    hall.fleet.tick()
+    assert [alert.state for alert in hall.fleet.alerts()] == [AlertState.ACTIVE]
 
 
 def test_an_alert_that_the_database_never_got_is_told_and_kept(
