@@ -54,14 +54,6 @@ _COUNTERS: Mapping[str, tuple[str, str, str]] = {
 }
 """Of each part in ``counters`` of ``/v1/status`` the metric, the label for its counters, and what it says."""
 
-_SEEDED: Mapping[str, tuple[str, ...]] = {
-    "monitor": (
-        "faults", "store", "checkpoint", "vehicles_forgotten", "too_many_vehicles", "events_forgotten",
-        "alerts_forgotten",
-    ),
-}  # fmt: skip
-"""Counters that their part leaves out while they are 0; a series that appears with 1 shows no increase."""
-
 _OF_VEHICLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "messages_rejected": (
         "reason",
@@ -84,6 +76,19 @@ _OF_VEHICLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "loadings_unused": ("kind", "Announced loadings that were not used.", ("mass", "cg_shift")),
 }  # fmt: skip
 """Of each metric about vehicles' messages and samples the label, what it says, and the values that are always there."""
+
+_SEEDED: Mapping[str, tuple[str, ...]] = {
+    "intake": (
+        "sensors", "aircraft", "messages_late", "messages_repeated", "messages_stray", "unannounced",
+        "unknown_aircraft", "dropped_waiting", "too_many_vehicles", "faults",
+        *(f"message_{reason}" for reason in _OF_VEHICLES["messages_rejected"][2]),
+    ),
+    "monitor": (
+        "faults", "store", "checkpoint", "vehicles_forgotten", "too_many_vehicles", "events_forgotten",
+        "alerts_forgotten",
+    ),
+}  # fmt: skip
+"""Counters that their part leaves out while they are 0; a series that appears with 1 shows no increase."""
 
 
 def metrics_router(door: Door, requests: Mapping[tuple[str, str], int]) -> APIRouter:
