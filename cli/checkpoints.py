@@ -10,7 +10,6 @@ import hashlib
 import logging
 import os
 import threading
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -52,7 +51,6 @@ class CheckpointFolder:
         self._lock, self._writing = threading.Lock(), threading.Lock()
         self._news, self._end = threading.Event(), False
         self._problem: str | None = None
-        self._failing_since_s: float | None = None
         self._thread = threading.Thread(target=self._run, name="wingwatch-checkpoints", daemon=True)
 
     def __enter__(self) -> Self:
@@ -77,14 +75,8 @@ class CheckpointFolder:
 
     @property
     def problem(self) -> str | None:
-        """Why states are not written; None while they are."""
+        """Why the latest state was not written; None while states are."""
         return self._problem
-
-    @property
-    def failing_s(self) -> float:
-        """For how long no state has been written though some were to be; 0 while they are written."""
-        since_s = self._failing_since_s
-        return 0.0 if since_s is None else time.monotonic() - since_s
 
     @property
     def counts(self) -> dict[str, int]:
@@ -181,10 +173,8 @@ class CheckpointFolder:
             if problem != self._problem:
                 _LOG.warning("a checkpoint of %s/%s is not written: %s", saved.fleet, saved.vehicle, problem)
             self._problem = problem
-            if self._failing_since_s is None:
-                self._failing_since_s = time.monotonic()
             return
-        self._problem = self._failing_since_s = None
+        self._problem = None
         self.count("written")
 
     def _write_file(self, name: str, data: bytes) -> None:

@@ -164,9 +164,8 @@ class Health:
         checkpoints = self._parts.checkpoints
         if not checkpoints.alive:
             return "the loop that saves vehicles' states has ended."
-        if checkpoints.failing_s <= _MOST_BEHIND_S:
-            return None
-        return f"no vehicle's state has been saved for {checkpoints.failing_s:.0f} s: {checkpoints.problem}."
+        problem = checkpoints.problem
+        return None if problem is None else f"states of vehicles are not saved: {problem}."
 
 
 def connected(session: zenoh.Session, link: ZenohSettings) -> bool:

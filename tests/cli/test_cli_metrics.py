@@ -20,7 +20,6 @@ from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.processor_time import STAGES, ProcessorTimes
 from wingwatch.cli.service import Service
 from wingwatch.monitor import AlertView
-from wingwatch.monitor.checkpoint import SavedVehicle
 from wingwatch.telemetry import ZenohSettings, open_session, vehicle_key
 
 PATIENCE_S = 10.0
@@ -124,34 +123,6 @@ def test_messages_in_hand_for_too_long_are_named_until_they_are_done(
     assert problem(service, "messages") == ""
 
 
-def test_states_that_are_not_saved_for_a_minute_are_named_until_they_are(
-    service: Service, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder, broken = service._parts.checkpoints, [True]
-
-    def write(*_: object) -> None:
-        if broken[0]:
-            raise OSError("no space left")
-
-    monkeypatch.setattr(folder, "_write_file", write)
-    monkeypatch.setattr("wingwatch.cli.checkpoints.encode_checkpoint", lambda _: b"")
-    saved = cast(SavedVehicle, SimpleNamespace(fleet="default", vehicle="uav1"))
-    folder.write(saved)
-    assert folder.counts["failed"] == 1
-    assert 0.0 < folder.failing_s < 5.0
-    assert problem(service, "checkpoints") == ""  # not yet
-    monkeypatch.setattr(folder, "_failing_since_s", time.monotonic() - 61.0)
-    assert problem(service, "checkpoints") == (
-        "no vehicle's state has been saved for 61 s: OSError: no space left."
-    )
-    folder.write(saved)
-    assert folder.failing_s > 60.0  # a second failure does not begin anew
-    broken[0] = False
-    folder.write(saved)
-    assert folder.failing_s == 0.0
-    assert problem(service, "checkpoints") == ""
-
-
 def test_a_database_that_fails_is_on_the_status_and_heals(service: Service) -> None:
     store = service._parts.store
     store.write_problem = "the database is full"
@@ -215,7 +186,7 @@ def test_a_system_that_does_not_count_it_has_none(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_not_used_yet_waits_for_nothing(tmp_path: Path) -> None:
     folder = CheckpointFolder(tmp_path, time.time)
-    assert (folder.waiting, folder.failing_s, folder.problem, folder.alive) == (0, 0.0, None, False)
+    assert (folder.waiting, folder.problem, folder.alive) == (0, None, False)
 
 
 def test_a_service_in_order_says_so(service: Service) -> None:
