@@ -80,7 +80,7 @@ _OF_VEHICLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
 _SEEDED: Mapping[str, tuple[str, ...]] = {
     "intake": (
         "sensors", "aircraft", "messages_late", "messages_repeated", "messages_stray", "unannounced",
-        "unknown_aircraft", "dropped_waiting", "too_many_vehicles", "faults",
+        "unknown_aircraft", "too_many_vehicles", "faults",
         *(f"message_{reason}" for reason in _OF_VEHICLES["messages_rejected"][2]),
     ),
     "monitor": (

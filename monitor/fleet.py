@@ -52,7 +52,7 @@ __all__ = ["FleetMonitor"]
 
 _LOG = logging.getLogger(__name__)
 _MOST_HELD = 2000  # pieces of messages, of all vehicles together, for which monitors are still to be made
-_MOST_WAITING = 1000  # pieces of one vehicle's messages: ten large ones
+_MOST_WAITING = 1000  # pieces of one vehicle's messages; beyond, the publisher waits, and all others with it
 _AT_ONCE_S = 0.005  # of samples that wait; REST and new messages wait as long
 _CAUGHT_UP_AT_ONCE = 16  # vehicles
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
@@ -225,9 +225,6 @@ class FleetMonitor:
             known.count(unknown, len(message.block))
             return unknown, ("ask",) if known.message is None and self._may_ask(known) else _NOTHING
         known.take_loading()
-        if len(known.held) >= _MOST_WAITING:
-            known.count("dropped_waiting", len(message.block))
-            return "dropped_waiting", _NOTHING
         before = len(known.held)
         known.held.extend(pieces(message))
         self._held += len(known.held) - before
@@ -238,7 +235,7 @@ class FleetMonitor:
     def _advance(self, ready: Mapping[VehicleKey, KnownVehicle]) -> list[tuple[VehicleKey, list[Outgoing]]]:
         """Hand over what is held of vehicles that have a monitor, piece by piece, all vehicles at once.
 
-        It ends after ``_AT_ONCE_S``; what is left then is handed over later.
+        It ends after ``_AT_ONCE_S``; what is left then is handed over later, unless too much waits: nothing is lost.
         """
         until_s = self._clock() + _AT_ONCE_S
         told: list[tuple[VehicleKey, list[Outgoing]]] = []
@@ -263,7 +260,8 @@ class FleetMonitor:
                 if news:
                     told.append((key, news))
             going = sound
-            if self._clock() >= until_s:
+            most = max((len(known.held) for _, known, _ in going), default=0)
+            if self._clock() >= until_s and most < _MOST_WAITING:
                 break
         self._behind |= {
             key: known for key, known in ready.items() if known.monitor is not None and known.held
@@ -276,12 +274,10 @@ class FleetMonitor:
         loading = known.loading
         if aircraft is None or announced is None or loading is None or not (known.held or known.monitor):
             return
-        if known.monitor is None and not self._maker.ready(
-            loading.aircraft, announced.configuration, known.held[0].given
-        ):
-            if self._held >= _MOST_HELD:
-                known.drop_held()
-            return
+        if known.monitor is None and self._held < _MOST_HELD:
+            given = known.held[0].given
+            if not self._maker.ready(loading.aircraft, announced.configuration, given):
+                return
         memory: VehicleMemory | None = VehicleMemory()
         if store is not None:
             ask = partial(store.recall, fleet, vehicle, aircraft, announced.configuration)

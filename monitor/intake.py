@@ -13,7 +13,7 @@ class Intake:
 
     ``sensors`` and ``aircraft`` were taken in. All others were not, by reason: ``message_...`` (``MessageError``),
     ``messages_late``, ``messages_repeated``, ``messages_stray`` (``SequenceTracker``), ``unannounced``,
-    ``unknown_aircraft``, ``dropped_waiting``, ``too_many_vehicles``, ``faults`` of the program.
+    ``unknown_aircraft``, ``too_many_vehicles``, ``faults`` of the program.
     """
 
     def __init__(self) -> None:

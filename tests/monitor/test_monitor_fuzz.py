@@ -37,6 +37,12 @@ def stretched(flight: SampleBlock, step_s: float, rows: int = 1000) -> SampleBlo
     return SampleBlock(values)
 
 
+def later(flight: SampleBlock, by_s: float) -> SampleBlock:
+    values = flight.values.copy()
+    values[:, 0] += by_s
+    return SampleBlock(values)
+
+
 def test_a_short_run_of_the_fuzzer_finds_nothing() -> None:
     outcome = fuzz.fuzz(1500, 4, 4.0, dear=0.0)
     assert outcome.problems == ()
@@ -99,17 +105,24 @@ def test_pieces_give_the_numbers_of_the_whole(flight: SampleBlock) -> None:
     assert in_parts.derivatives() == at_once.derivatives()
 
 
-def test_a_vehicle_that_sends_more_than_can_be_taken_in_loses_samples_and_they_are_counted(
-    flight: SampleBlock,
+def test_a_vehicle_that_sends_more_than_may_wait_loses_nothing(
+    flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Its monitor is then made at once, and its samples are taken in before the next message is."""
+    monkeypatch.setattr("wingwatch.monitor.fleet._MOST_HELD", 60)
+    monkeypatch.setattr("wingwatch.monitor.fleet._MOST_WAITING", 30)
     hall = Hall()
     hall.announce()
     hall.fleet.prepare_with(Never())
     slow = stretched(flight, 0.4, 250)
-    for k in range(50):
-        hall.sample(slow, k)
-    assert hall.fleet.intake["dropped_waiting"] == 10
-    assert hall.view().counts == {"dropped_waiting": 10 * 250}
+    hall.sample(slow, 0)
+    assert hall.view().counts == {}  # it waits
+    for k in range(1, 5):
+        hall.sample(later(slow, 100.0 * k), k)
+    while hall.fleet.behind:
+        hall.fleet.receive_all(())
+    assert hall.view().counts["accepted"] == 5 * 250
+    assert hall.fleet.intake == {"received": 6, "aircraft": 1, "sensors": 5}
 
 
 # -- loadings -------------------------------------------------------------------------------------
