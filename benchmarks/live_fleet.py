@@ -11,14 +11,13 @@ Run: python benchmarks/live_fleet.py [--vehicles 3 15 50] [--seconds 30] [--samp
 
 import argparse
 import functools
-import multiprocessing
 import resource
 import socket
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -27,6 +26,7 @@ from unittest import mock
 
 import httpx
 import numpy as np
+from service_child import beside
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.cli.service import running_service
@@ -290,16 +290,15 @@ def _vehicles(url: str) -> list[dict[str, Any]]:
 
 def course(vehicles: int, seconds: float, samples: int = 10) -> Course:
     """One run with so many vehicles against a service of its own."""
-    context = multiprocessing.get_context("spawn")
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         with socket.create_server(("127.0.0.1", 0)) as server:
             endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        service = stack.enter_context(_process(context, serve, endpoint, folder))
+        service = stack.enter_context(beside(serve, endpoint, folder))
         url = _received(service, COMPILE_S + PATIENCE_S)
         if url is None:
             raise TimeoutError(f"the kernels were not compiled within {COMPILE_S:g} s; run it again")
-        sender = stack.enter_context(_process(context, send, endpoint, vehicles, seconds, samples))
+        sender = stack.enter_context(beside(send, endpoint, vehicles, seconds, samples))
         _received(sender, COMPILE_S)
         before = _usage(service)
         sender.send(time.monotonic() + 0.5)
@@ -320,23 +319,6 @@ def course(vehicles: int, seconds: float, samples: int = 10) -> Course:
 
 def _each_us(before_s: dict[str, float], after_s: dict[str, float], samples: int) -> dict[str, float]:
     return {name: 1e6 * (spent_s - before_s.get(name, 0.0)) / samples for name, spent_s in after_s.items()}
-
-
-@contextmanager
-def _process(context: Any, work: Callable[..., None], *arguments: object) -> Iterator[Connection]:
-    """A process beside this one and the connection to it; it ends with the ``with`` statement."""
-    here, there = context.Pipe()
-    process = context.Process(target=work, args=(*arguments, there), daemon=True)
-    process.start()
-    there.close()
-    try:
-        yield here
-    finally:
-        here.close()
-        process.join(PATIENCE_S)
-        if process.is_alive():
-            process.kill()
-            process.join()
 
 
 def _received(connection: Connection, timeout_s: float) -> Any:

@@ -11,7 +11,7 @@ from wingwatch.monitor.chain import SavedChain
 from wingwatch.monitor.checkpoint import CODEC, SavedVehicle
 from wingwatch.monitor.monitor_state import MonitorState
 from wingwatch.monitor.monitors import MonitorMaker
-from wingwatch.telemetry import AircraftMessage, SensorsMessage
+from wingwatch.telemetry import AircraftMessage, SampleBlock, SensorsMessage
 
 AIRCRAFT = "aerosonde"
 
@@ -68,6 +68,8 @@ class Uninterrupted:
         self.first, self.lost = end, saved.arrivals.counts["messages_lost"]
         service = fresh(self.given)
         service.restore(saved.monitor)
+        if len(saved.waiting):
+            service.feed(SampleBlock(saved.waiting))
         if known:
             for message in taken:
                 self.monitor.feed(message.block)

@@ -131,6 +131,43 @@ def _save(monitor: FleetMonitor, checkpoints: CheckpointFolder) -> None:
         checkpoints.write(saved)
 
 
+def _tune_interpreter(stack: ExitStack) -> None:
+    """Short turns of the threads, one thread for matrices; ends with the service, as the pump's frozen objects do."""
+    stack.callback(gc.unfreeze)
+    stack.callback(sys.setswitchinterval, sys.getswitchinterval())
+    sys.setswitchinterval(_SWITCH_S)
+    # The matrices are small: a second thread only waits, spinning, on the core that the others need.
+    stack.enter_context(threadpool_limits(1, "blas"))
+
+
+def _fleet(
+    stack: ExitStack,
+    settings: ServeSettings,
+    hangar: Hangar,
+    store: DatabaseStore,
+    outputs: ZenohOutputs,
+    wall_clock: Callable[[], float],
+    checkpoints: CheckpointFolder,
+) -> FleetMonitor:
+    """The fleet's monitor, resumed; what has changed is saved at the end."""
+    monitor = FleetMonitor(
+        hangar.find,
+        time.monotonic,
+        lambda: uuid4().hex,
+        store,
+        outputs,
+        FleetSettings(stale_s=settings.stale_s),
+        wall_clock,
+        checkpoints,
+    )
+    _resume(monitor, checkpoints)
+    preparing = ThreadPoolExecutor(1, "wingwatch-expectations")
+    stack.callback(preparing.shutdown, cancel_futures=True)
+    monitor.prepare_with(preparing)
+    stack.callback(_save, monitor, checkpoints)
+    return monitor
+
+
 @contextmanager
 def running_service(
     settings: ServeSettings,
@@ -170,26 +207,8 @@ def running_service(
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link)))
-        stack.callback(gc.unfreeze)
-        stack.callback(sys.setswitchinterval, sys.getswitchinterval())
-        sys.setswitchinterval(_SWITCH_S)
-        # The matrices are small: a second thread only waits, spinning, on the core that the others need.
-        stack.enter_context(threadpool_limits(1, "blas"))
-        monitor = FleetMonitor(
-            hangar.find,
-            time.monotonic,
-            lambda: uuid4().hex,
-            store,
-            outputs,
-            FleetSettings(stale_s=settings.stale_s),
-            wall_clock,
-            checkpoints,
-        )
-        _resume(monitor, checkpoints)
-        preparing = ThreadPoolExecutor(1, "wingwatch-expectations")
-        stack.callback(preparing.shutdown, cancel_futures=True)
-        monitor.prepare_with(preparing)
-        stack.callback(_save, monitor, checkpoints)
+        _tune_interpreter(stack)
+        monitor = _fleet(stack, settings, hangar, store, outputs, wall_clock, checkpoints)
         outputs.answer_from(monitor)
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
@@ -203,16 +222,11 @@ def running_service(
             PatientHistory(database),
             __version__,
             AppSettings(
-                access=access,
-                aircraft=hangar.find,
-                diagnoses=diagnoses,
-                counters=lambda: service.counters(),
-                kernels=preparation.view,
-                database_problem=lambda: waiting_for(store),
-                problems=lambda: service.problems(),
-                figures=lambda: service.figures(),
+                access=access, aircraft=hangar.find, diagnoses=diagnoses, kernels=preparation.view,
+                counters=lambda: service.counters(), figures=lambda: service.figures(),
+                problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
             ),
-        )
+        )  # fmt: skip
         http = HttpServer(app, listening, tls=tls)
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,

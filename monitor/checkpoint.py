@@ -10,6 +10,9 @@ from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
 from functools import cache
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wingwatch.aircraft import STRUCTURES, ModeStructure
 from wingwatch.estimators import EkfConfig, FourierConfig, SignalConfig
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
@@ -62,6 +65,7 @@ class SavedVehicle:
         given: channels of the messages that the monitor was made for.
         late: whether what is kept of the vehicle came after the monitor had been made; recalled: whether it has come.
         counts, arrivals, history_s: as there.
+        waiting: samples that ``arrivals`` names as taken in and ``monitor`` has not seen, shape (samples, channels).
     """
 
     fleet: str
@@ -76,6 +80,7 @@ class SavedVehicle:
     counts: dict[str, int]
     arrivals: SequenceState
     history_s: float
+    waiting: NDArray[np.float64]
     monitor: MonitorState
 
     @property

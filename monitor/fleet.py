@@ -24,7 +24,6 @@ from wingwatch.monitor.fleet_settings import FleetSettings
 from wingwatch.monitor.intake import Intake
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
-from wingwatch.monitor.pieces import pieces
 from wingwatch.monitor.ports import ActionRequest, Outputs, Store, VehicleMemory
 from wingwatch.monitor.resuming import Checkpoints
 from wingwatch.monitor.roster import VehicleKey
@@ -118,6 +117,9 @@ class FleetMonitor:
     def resume(self) -> None:
         """Every vehicle goes on from its checkpoint; to be called once, before the first message."""
         self._saving.resume(self._find, self._maker, self._alerts.follow_earlier)
+        with self._lock:
+            self._behind |= {key: known for key, known in self._vehicles.items() if known.held}
+            self._held += sum(len(known.held) for known in self._behind.values())
 
     def unsaved(self) -> Iterator[SavedVehicle]:
         """States that have changed since they were saved, for whoever ends the service; one copied at a time."""
@@ -225,9 +227,7 @@ class FleetMonitor:
             known.count(unknown, len(message.block))
             return unknown, ("ask",) if known.message is None and self._may_ask(known) else _NOTHING
         known.take_loading()
-        before = len(known.held)
-        known.held.extend(pieces(message))
-        self._held += len(known.held) - before
+        self._held += known.hold(message)
         if known.monitor is None and not known.recalled:
             self._recall(*key, known)
         return "sensors", _NOTHING

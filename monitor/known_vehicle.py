@@ -4,11 +4,15 @@ from collections import Counter, deque
 from collections.abc import Collection, MutableMapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor.loading import Loading, loading_of
+from wingwatch.monitor.pieces import pieces
 from wingwatch.monitor.vehicle import VehicleMonitor
 from wingwatch.monitor.views import VehicleState, VehicleView
-from wingwatch.telemetry import AircraftMessage, SensorsMessage, SequenceTracker
+from wingwatch.telemetry import CHANNELS, AircraftMessage, SensorsMessage, SequenceTracker
 
 __all__ = ["FAULT_SHOWN_S", "KnownVehicle"]
 
@@ -34,7 +38,7 @@ class KnownVehicle:
         shown: the state that was published last.
         history_s: sample time of the last estimate kept for history.
         saved_blocks: blocks that the references rest on that were kept last.
-        held: messages that wait for what is kept of the vehicle.
+        held: messages that wait for what is kept of the vehicle, or for their turn.
         recalled: whether that has been read; until then nothing is written in its place.
         recall_s: when it was asked for first.
         watched_as: what it had said when ``loading`` came into use; given: channels that the monitor was made for;
@@ -111,6 +115,19 @@ class KnownVehicle:
         self.monitor, self.recalled, self.recall_s = None, False, None
         self.given, self.settings, self.late, self.unsaved, self.urgent = (), "", False, False, False
         self.drop_held()
+
+    def hold(self, message: SensorsMessage) -> int:
+        """Its samples wait for the monitor, in pieces; how many these are."""
+        before = len(self.held)
+        self.held.extend(pieces(message))
+        return len(self.held) - before
+
+    @property
+    def waiting(self) -> NDArray[np.float64]:
+        """The samples that wait, shape (samples, channels)."""
+        return np.concatenate(
+            [np.empty((0, len(CHANNELS))), *(message.block.values for message in self.held)]
+        )
 
     def drop_held(self) -> None:
         """What waits is not watched: the samples are counted."""

@@ -18,6 +18,7 @@ from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.roster import VehicleKey
 from wingwatch.monitor.vehicle import VehicleMonitor
 from wingwatch.monitor.views import AlertState, AlertView
+from wingwatch.telemetry import SampleBlock, SensorsMessage
 
 __all__ = ["RESUMED_S", "Checkpoints", "agreed", "goes_on", "resumed_vehicle", "saved_vehicle"]
 
@@ -60,7 +61,7 @@ def saved_vehicle(key: VehicleKey, known: KnownVehicle, now_s: float) -> SavedVe
         fleet=key[0], vehicle=key[1], settings=known.settings, silent_s=now_s - heard_s,
         message=known.message, watched_as=known.watched_as, given=known.given, late=known.late,
         recalled=known.recalled, counts=dict(known.counts), arrivals=known.arrivals.state,
-        history_s=known.history_s, monitor=known.monitor.saved(),
+        history_s=known.history_s, waiting=known.waiting, monitor=known.monitor.saved(),
     )  # fmt: skip
 
 
@@ -77,7 +78,7 @@ def resumed_vehicle(
     maker: MonitorMaker,
     envelopes: Callable[[Aircraft, str], Mapping[str, Envelope]],
 ) -> KnownVehicle:
-    """The vehicle as it was when it was saved; no sample has arrived yet.
+    """The vehicle as it was when it was saved, with the samples that waited; none has arrived since.
 
     Args:
         find: the aircraft of a name; raises ValueError for an unknown one.
@@ -117,6 +118,8 @@ def resumed_vehicle(
     known.monitor, known.given, known.late, known.recalled = monitor, saved.given, saved.late, saved.recalled
     known.counts, known.history_s = dict(saved.counts), saved.history_s
     known.arrivals.resume(saved.arrivals)
+    if len(saved.waiting):
+        known.hold(SensorsMessage(0, SampleBlock(saved.waiting), saved.given))
     return known
 
 

@@ -19,6 +19,7 @@ from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.monitor import Checkpoint, FleetMonitor, SavedVehicle, decode_checkpoint, encode_checkpoint
 from wingwatch.simulation import FleetSimulation, demo_fleet
 from wingwatch.telemetry import (
+    CHANNELS,
     PROTOBUF,
     AircraftMessage,
     InboundMessage,
@@ -176,12 +177,12 @@ def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
 
 @pytest.mark.slow
 def test_a_service_that_is_killed_loses_no_alert_and_goes_on_to_the_bit() -> None:
-    arguments = ["--kills", "3"]
+    arguments = ["--kills", "2"]
     said = subprocess.run(
         [sys.executable, FOLDER / "kill.py", *arguments], capture_output=True, text=True, check=True
     ).stdout.splitlines()
     found = dict(line.split(": ", 1) for line in said)
-    assert found["kills"] == "3, with an alert in force: 3, with two: 3"
+    assert found["kills"] == "2, with an alert in force: 2, with two: 2"
     assert re.fullmatch(r"[2-9]\d*, lost: 0", found["alerts announced"])
     assert re.fullmatch(r"[1-9]\d*, lost: 0", found["actions answered"])
     assert found["vehicles with an alert that were not degraded after a start"] == "0"
@@ -196,25 +197,22 @@ def test_a_service_that_is_killed_loses_no_alert_and_goes_on_to_the_bit() -> Non
 @pytest.mark.slow
 def test_an_outage_of_the_database_loses_nothing_and_heals() -> None:
     """``check``: the command fails where something is lost or does not heal."""
-    arguments = ["--cases", "sqlite-locked", "write-refused", "--seconds", "6"]
+    arguments = ["--cases", "sqlite-locked", "--seconds", "5"]
     said = subprocess.run(
         [sys.executable, FOLDER / "outages.py", *arguments], capture_output=True, text=True, check=True
     ).stdout
     assert "is locked by another program" in said
-    assert "the disk reports an error" in said
-    rows = [line.split() for line in said.splitlines() if line.startswith(("sqlite-locked", "write-refused"))]
-    assert [row[0] for row in rows] == ["sqlite-locked", "write-refused"]
-    for row in rows:
-        raised, acted, wrong = map(int, row[-3:])
-        assert raised > 0
-        assert acted > 0
-        assert wrong == 0
+    (row,) = (line.split() for line in said.splitlines() if line.startswith("sqlite-locked"))
+    raised, acted, wrong = map(int, row[-3:])
+    assert raised > 0
+    assert acted > 0
+    assert wrong == 0
 
 
 @pytest.mark.slow
-def test_half_a_minute_of_disturbances_costs_no_thread_and_shows_no_wrong_state() -> None:
+def test_a_quarter_of_a_minute_of_disturbances_costs_no_thread_and_shows_no_wrong_state() -> None:
     """``check``: the command fails where they do."""
-    arguments = ["--minutes", "0.5"]
+    arguments = ["--minutes", "0.25"]
     said = subprocess.run(
         [sys.executable, FOLDER / "soak.py", *arguments], capture_output=True, text=True, check=True
     ).stdout
@@ -255,7 +253,7 @@ def test_the_reference_of_a_killed_service_is_not_given_what_the_service_did_not
     state = SavedVehicle(
         fleet="default", vehicle="v", settings="", silent_s=0.0, message=AircraftMessage(aircraft="aerosonde"),
         watched_as=AircraftMessage(aircraft="aerosonde"), given=given, late=False, recalled=True, counts={},
-        arrivals=arrivals.state, history_s=0.0, monitor=service.saved(),
+        arrivals=arrivals.state, history_s=0.0, waiting=np.empty((0, len(CHANNELS))), monitor=service.saved(),
     )  # fmt: skip
     found = run.Uninterrupted(given, sent=list(messages)).compare(written(state))
     assert (found.messages, found.known, found.differs) == (190, True, ())

