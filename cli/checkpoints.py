@@ -16,6 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
+from wingwatch.cli.loops import Loop
 from wingwatch.monitor import (
     Checkpoint,
     CheckpointError,
@@ -51,22 +52,19 @@ class CheckpointFolder:
         self._lock, self._writing = threading.Lock(), threading.Lock()
         self._news, self._end = threading.Event(), False
         self._problem: str | None = None
-        self._thread = threading.Thread(target=self._run, name="wingwatch-checkpoints", daemon=True)
+        self.loop = Loop(
+            "wingwatch-checkpoints", "the loop that saves vehicles' states", self._run, self._news.set
+        )
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        self.loop.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         """Write what waits and end; a disk that does not answer is not waited for longer than 10 s."""
         self._end = True
         self._news.set()
-        self._thread.join(_END_S)
-
-    @property
-    def alive(self) -> bool:
-        """Whether the thread that writes runs."""
-        return self._thread.is_alive()
+        self.loop.join(_END_S)
 
     @property
     def waiting(self) -> int:

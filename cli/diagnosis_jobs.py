@@ -20,6 +20,7 @@ from wingwatch.aircraft import Aircraft, aircraft_toml
 from wingwatch.api import DiagnosisState, DiagnosisView, QueueFullError
 from wingwatch.cli.diagnosis_process import DiagnosisProcess
 from wingwatch.cli.diagnosis_worker import AIRCRAFT, FLIGHT, MAP, REPORT, REQUEST, RESULT
+from wingwatch.cli.loops import Loop
 from wingwatch.telemetry.maps import parse_map
 
 __all__ = ["DiagnosisJobs", "JobLimits"]
@@ -91,11 +92,11 @@ class DiagnosisJobs:
         self._process: DiagnosisProcess | None = None
         self._ending = False
         self._folder = Path()
-        self._thread = threading.Thread(target=self._run, name="wingwatch-diagnoses", daemon=True)
+        self.loop = Loop("wingwatch-diagnoses", "the loop that runs diagnoses", self._run)
 
     def __enter__(self) -> Self:
         self._folder = Path(tempfile.mkdtemp(prefix="wingwatch-diagnoses-"))
-        self._thread.start()
+        self.loop.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -104,13 +105,8 @@ class DiagnosisJobs:
             if self._process is not None:
                 self._process.end()
             self._changed.notify()
-        self._thread.join(_JOIN_S)
+        self.loop.join(_JOIN_S)
         shutil.rmtree(self._folder, ignore_errors=True)
-
-    @property
-    def alive(self) -> bool:
-        """Whether the thread runs."""
-        return self._thread.is_alive()
 
     @property
     def waiting(self) -> int:

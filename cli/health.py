@@ -74,7 +74,7 @@ class Health:
             "messages": parts.subscriber.counts,
             "intake": parts.monitor.intake,
             "monitor": parts.monitor.problems,
-            "loop": {"faults": parts.pump.faults},
+            "loop": {"faults": parts.pump.faults, **self._restarts()},
             "store": parts.store.counts,
             "checkpoints": parts.checkpoints.counts,
             "outputs": dict(parts.outputs.dropped),
@@ -92,6 +92,15 @@ class Health:
             processor_s=self._processor.by_stage(),
             connections=parts.http.connections,
         )
+
+    def _restarts(self) -> Mapping[str, int]:
+        parts = self._parts
+        writing, reading = parts.store.loops
+        loops = {
+            "messages": parts.pump.loop, "store": writing, "recall": reading, "checkpoints": parts.checkpoints.loop,
+            "outputs": parts.outputs.loop, "diagnoses": parts.diagnoses.loop,
+        }  # fmt: skip
+        return {f"restarts_{name}": loop.restarts for name, loop in loops.items()}
 
     def _queues(self) -> Mapping[str, QueueView]:
         parts = self._parts
@@ -125,7 +134,7 @@ class Health:
             "http": parts.http.problem,
             "tokens": parts.tokens.problem,
             "estimators": parts.pump.problem,
-            "diagnoses": None if parts.diagnoses.alive else "the loop that runs diagnoses has ended.",
+            "diagnoses": parts.diagnoses.loop.problem,
         }
 
     def _zenoh_problem(self) -> str | None:
@@ -134,8 +143,8 @@ class Health:
             return "the Zenoh session is closed."
         if not connected(parts.session, parts.link):
             return f"the connection to {' '.join(parts.link.connect)} is lost; it is tried again."
-        if not parts.outputs.alive:
-            return "the loop that publishes has ended."
+        if (problem := parts.outputs.loop.problem) is not None:
+            return problem
         waiting_s = parts.outputs.alerts_wait_s
         if waiting_s > _MOST_QUEUED_S:
             return f"alerts have waited for {waiting_s:.0f} s to be published."
@@ -162,8 +171,8 @@ class Health:
 
     def _checkpoints_problem(self) -> str | None:
         checkpoints = self._parts.checkpoints
-        if not checkpoints.alive:
-            return "the loop that saves vehicles' states has ended."
+        if (ended := checkpoints.loop.problem) is not None:
+            return ended
         problem = checkpoints.problem
         return None if problem is None else f"states of vehicles are not saved: {problem}."
 
@@ -184,4 +193,4 @@ def waiting_for(store: DatabaseStore) -> str | None:
 
 
 def _ended(store: DatabaseStore) -> str | None:
-    return None if store.alive else "the loop that reads or writes the database has ended."
+    return next((loop.problem for loop in store.loops if loop.problem is not None), None)

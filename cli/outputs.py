@@ -15,6 +15,7 @@ from typing import Any, Self
 import zenoh
 
 from wingwatch.api import alert_document, vehicle_document
+from wingwatch.cli.loops import Loop
 from wingwatch.monitor import AlertView, MonitorPort, VehicleView
 from wingwatch.monitor.ports import News
 from wingwatch.telemetry import (
@@ -50,6 +51,7 @@ class ZenohOutputs:
 
     Attributes:
         dropped: alerts and queries that found their queue full, and messages that could not be sent.
+        loop: hands over what waits.
     """
 
     def __init__(self, session: zenoh.Session, connected: Callable[[], bool] = _always) -> None:
@@ -64,7 +66,7 @@ class ZenohOutputs:
         self._lock = threading.Lock()
         self._news = threading.Event()
         self._ending = False
-        self._thread = threading.Thread(target=self._run, name="wingwatch-outputs", daemon=True)
+        self.loop = Loop("wingwatch-outputs", "the loop that publishes", self._run, self._news.set)
         self._queryables: list[Any] = []
         self._listened: dict[ServiceStream, Any] = {
             stream: session.declare_publisher(f"{KEY_ROOT}/*/*/{stream}") for stream in _COALESCED
@@ -75,7 +77,7 @@ class ZenohOutputs:
         self.dropped = {"alerts": 0, "queries": 0, "unsent": 0}
 
     def __enter__(self) -> Self:
-        self._thread.start()
+        self.loop.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -84,12 +86,7 @@ class ZenohOutputs:
                 declared.undeclare()
         self._ending = True
         self._news.set()
-        self._thread.join(_JOIN_S)  # a link that takes nothing holds it; the session's end frees it
-
-    @property
-    def alive(self) -> bool:
-        """Whether the thread runs."""
-        return self._thread.is_alive()
+        self.loop.join(_JOIN_S)  # a link that takes nothing holds it; the session's end frees it
 
     @property
     def waiting(self) -> dict[str, int]:

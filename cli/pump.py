@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from wingwatch.cli.delays import DelayHistogram
 from wingwatch.cli.kernels import KernelError, Preparation
+from wingwatch.cli.loops import Loop
 from wingwatch.monitor import FleetMonitor
 from wingwatch.telemetry import SensorSubscriber
 
@@ -30,6 +31,7 @@ class Pump:
     Attributes:
         faults: messages on which the monitor failed; that is a fault of the program, and the watch goes on.
         delays: of messages, from their arrival until they were taken in.
+        loop: does it.
     """
 
     def __init__(
@@ -48,7 +50,7 @@ class Pump:
         self._ending = False
         self._prepared = threading.Event()
         self._fault: str | None = None
-        self._thread = threading.Thread(target=self._run, name="wingwatch-pump", daemon=True)
+        self.loop = Loop("wingwatch-pump", "the loop that takes messages in", self._run, clock=clock)
         self.faults = 0
         self.delays = DelayHistogram()
         self._since_s: float | None = None
@@ -61,12 +63,7 @@ class Pump:
         if not self._prepared.is_set():
             view = self._preparation.view()
             return _LOADING if view is None else view.text
-        return None if self._thread.is_alive() else "the loop that takes messages in has ended."
-
-    @property
-    def alive(self) -> bool:
-        """Whether the thread still runs."""
-        return self._thread.is_alive()
+        return self.loop.problem
 
     @property
     def in_hand_s(self) -> float:
@@ -80,14 +77,14 @@ class Pump:
 
     def start(self) -> None:
         """Begin; returns at once."""
-        self._thread.start()
+        self.loop.start()
 
     def stop(self) -> None:
         """End after the messages in hand. Loading kernels cannot be interrupted and is left behind."""
         self._ending = True
         self._preparation.stop()
         self._arrived.set()
-        self._thread.join(_STOP_S)
+        self.loop.join(_STOP_S)
 
     def _run(self) -> None:
         try:
@@ -101,8 +98,9 @@ class Pump:
             _LOG.exception("the kernels cannot be loaded")
             self._fault = f"The numerical kernels cannot be loaded: {type(error).__name__}: {error}."
             return
-        gc.collect()
-        gc.freeze()  # what stays for good: to look through all of it stops every thread for a fifth of a second
+        if not self._prepared.is_set():
+            gc.collect()
+            gc.freeze()  # what stays for good: to look through all of it stops every thread for a fifth of a second
         self._prepared.set()
         next_tick_s = self._clock()
         while not self._ending:

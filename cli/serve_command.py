@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
                 tell("ready")
             end.wait()
             tell("ending")
-        return leave(0, service.pump.alive)
+        return leave(0, service.pump.loop.alive)
 
 
 def allow_open_files() -> None:
@@ -75,7 +75,7 @@ def await_ready(service: Service, end: threading.Event, tell: Callable[[str], ob
 
 
 def _await(service: Service, end: threading.Event, tell: Callable[[str], object]) -> bool:
-    while not end.is_set() and service.pump.alive:
+    while not end.is_set() and service.pump.loop.alive:
         if service.pump.wait(_LOOK_S):
             return True
         tell(service.pump.problem or "")

@@ -31,6 +31,7 @@ from wingwatch.baselines import (
 )
 from wingwatch.cli.action_queue import ActionQueue
 from wingwatch.cli.baseline import stored_cells, stored_envelopes, stored_references
+from wingwatch.cli.loops import Loop
 from wingwatch.monitor import (
     ActionPlan,
     AlertState,
@@ -97,10 +98,10 @@ class DatabaseStore:
         self._asked: dict[_Asked, Aircraft] = {}
         self._recalled: dict[_Asked, VehicleMemory] = {}
         self._question = threading.Event()
-        self._threads = [
-            threading.Thread(target=self._run, name="wingwatch-store", daemon=True),
-            threading.Thread(target=self._answer, name="wingwatch-recall", daemon=True),
-        ]
+        self.loops = (
+            Loop("wingwatch-store", "the loop that writes the database", self._run, self._news.set),
+            Loop("wingwatch-recall", "the loop that reads the database", self._answer, self._question.set),
+        )
         self._earlier: Sequence[AlertView] | None = None
         self._earlier_read = threading.Event()
         self._actions = ActionQueue(database, self._record, wall_clock, self._news.set, self._supersede)
@@ -113,8 +114,8 @@ class DatabaseStore:
         self.read_problem: str | None = None
 
     def __enter__(self) -> Self:
-        for thread in self._threads:
-            thread.start()
+        for loop in self.loops:
+            loop.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -123,18 +124,13 @@ class DatabaseStore:
         self._news.set()
         self._question.set()
         until_s = time.monotonic() + _END_S
-        for thread in self._threads:
-            thread.join(max(0.0, until_s - time.monotonic()))
+        for loop in self.loops:
+            loop.join(max(0.0, until_s - time.monotonic()))
 
     @property
     def problem(self) -> str | None:
         """Why entries are not written, or what is kept not read; None while both work."""
         return self.write_problem or self.read_problem
-
-    @property
-    def alive(self) -> bool:
-        """Whether both threads run."""
-        return all(thread.is_alive() for thread in self._threads)
 
     @property
     def behind_s(self) -> float:

@@ -116,7 +116,7 @@ def test_a_disk_that_takes_nothing_is_counted_said_once_and_heals(
         folder.write(saved("a"))
         assert folder.problem is None
     assert list(loaded(tmp_path)) == ["a"]
-    assert not folder.alive
+    assert not folder.loop.alive
 
 
 def test_little_waits_but_news_of_an_alert_always_does(tmp_path: Path) -> None:

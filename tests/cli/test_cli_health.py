@@ -69,7 +69,7 @@ def test_a_thread_that_ended_is_told(service: Service) -> None:
     until(lambda: problem(service, "zenoh") == "the loop that publishes has ended.")
     parts.store._end.set()
     parts.store._news.set()
-    until(lambda: problem(service, "database").startswith("the loop that reads or writes the database has"))
+    until(lambda: problem(service, "database").startswith("the loop that writes the database has"))
     with parts.diagnoses._changed:
         parts.diagnoses._ending = True
         parts.diagnoses._changed.notify()
@@ -222,3 +222,21 @@ def test_of_our_own_information_is_logged_of_others_warnings(
     logging.getLogger("uvicorn").warning("their warning")
     said = [json.loads(line)["message"] for line in capsys.readouterr().err.splitlines()]
     assert said == ["ours", "their warning"]
+
+
+def test_a_loop_that_fails_is_started_again_and_goes_on(
+    service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, fails = service._parts.store, iter([OSError("no more threads")])
+    writing = store._write
+
+    def written() -> bool:
+        for error in fails:
+            raise error
+        return writing()
+
+    monkeypatch.setattr(store, "_write", written)
+    store.append_estimates([ESTIMATE])
+    until(lambda: "failed with OSError: no more threads and was started" in problem(service, "database"))
+    until(lambda: service.counters()["loop"]["restarts_store"] == 1)
+    until(lambda: store.behind_s == 0.0)

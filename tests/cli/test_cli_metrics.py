@@ -186,7 +186,7 @@ def test_a_system_that_does_not_count_it_has_none(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_not_used_yet_waits_for_nothing(tmp_path: Path) -> None:
     folder = CheckpointFolder(tmp_path, time.time)
-    assert (folder.waiting, folder.problem, folder.alive) == (0, None, False)
+    assert (folder.waiting, folder.problem, folder.loop.alive) == (0, None, False)
 
 
 def test_a_service_in_order_says_so(service: Service) -> None:

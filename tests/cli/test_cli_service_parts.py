@@ -126,7 +126,7 @@ def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
     assert pump.problem is None
     assert monitor.ticks >= 1
     pump.stop()
-    assert not pump.alive
+    assert not pump.loop.alive
     assert pump.problem is not None
 
 
@@ -137,7 +137,7 @@ def test_kernels_that_cannot_be_compiled_are_told(caplog: pytest.LogCaptureFixtu
     pump, _ = pump_over(Queue(), Recorder(), Prepared(fault))
     assert pump.problem == "Kernels are compiled for a test."
     pump.start()
-    until(lambda: not pump.alive)
+    until(lambda: not pump.loop.alive)
     assert pump.problem is not None
     assert pump.problem.endswith("no space left.")
     assert not pump.wait(0.0)
@@ -154,7 +154,7 @@ def test_an_end_during_the_preparation_is_at_once_and_no_fault(caplog: pytest.Lo
     assert not pump.wait(0.1)
     assert monitor.got == []
     pump.stop()
-    assert not pump.alive
+    assert not pump.loop.alive
     assert caplog.records == []
 
 
