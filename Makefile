@@ -25,7 +25,7 @@ test: export OPENBLAS_NUM_THREADS = 1
 test: python  ## set up, then every check and test
 	@$(SETUP) --extra dev --extra postgres --extra dask
 	@$(MAKE) --no-print-directory -j 2 checks kernels
-	$(BIN)/pytest -n 2
+	$(BIN)/pytest -n 2 --dist worksteal
 
 checks:
 	$(BIN)/ruff check .

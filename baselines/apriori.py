@@ -1,6 +1,9 @@
 """The envelope that an aircraft's file alone gives, before any flight."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -49,6 +52,7 @@ def apriori_envelope(aircraft: Aircraft, structure: ModeStructure, configuration
         ValueError: two of the ``[[conditions]]`` stand at the same point.
     """
     entries = aircraft.entries(structure, configuration)
+    points: Sequence[Expectation]
     if entries:
         points = [
             Expectation(
@@ -63,10 +67,10 @@ def apriori_envelope(aircraft: Aircraft, structure: ModeStructure, configuration
         ]
         return Envelope(aircraft, structure, points, configuration=configuration, neighbourhood=MEASURED)
     try:
-        points = _grid_points(aircraft, structure, configuration)
+        points = _grid_points(_Grid(aircraft, aircraft.model_dump_json(), structure, configuration))
         absent = f"aircraft {aircraft.name} has no level flight anywhere in its envelope; correct its file"
     except AircraftDataError as error:
-        points = []
+        points = ()
         absent = (
             f"aircraft {aircraft.name} states no [[conditions]] with all derivatives of {structure.name} "
             f"in configuration {configuration!r}, and cannot do without them: {error}"
@@ -76,7 +80,19 @@ def apriori_envelope(aircraft: Aircraft, structure: ModeStructure, configuration
     )
 
 
-def _grid_points(aircraft: Aircraft, structure: ModeStructure, configuration: str) -> list[Expectation]:
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """What a grid depends on; ``file`` is the aircraft's text, which stands for it where grids are told apart."""
+
+    aircraft: Aircraft = field(compare=False)
+    file: str
+    structure: ModeStructure
+    configuration: str
+
+
+@lru_cache(maxsize=64)  # a third of a second each, and every monitor of an aircraft asks for the same ones
+def _grid_points(grid: _Grid) -> tuple[Expectation, ...]:
+    aircraft, structure, configuration = grid.aircraft, grid.structure, grid.configuration
     (v_low, v_high), (h_low, h_high) = _limits(aircraft)
     altitudes = np.linspace(h_low, h_high, GRID_ALTITUDES)
     points: list[Expectation] = []
@@ -92,7 +108,7 @@ def _grid_points(aircraft: Aircraft, structure: ModeStructure, configuration: st
             ]
         except TrimError:
             continue
-    return points
+    return tuple(points)
 
 
 def _linearised(aircraft: Aircraft, structure: ModeStructure, condition: FlightCondition) -> Expectation:

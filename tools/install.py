@@ -207,7 +207,9 @@ def set_up(venv: Path, extras: Sequence[str], editable: bool, dependencies_only:
     subset = venv / "wingwatch-pins.txt"
     subset.write_text("".join(pin.text for pin in pins))
     pip = [str(venv / "bin" / "python"), "-m", "pip", "--disable-pip-version-check", "--no-input", "install"]
-    run([*pip, "--require-hashes", "--only-binary=:all:", "-r", str(subset)], venv / LOG)
+    # In an image its user may not write byte code; beside a clone each module is compiled when it is first imported.
+    how = ["--no-compile"] if editable and not dependencies_only else []
+    run([*pip, *how, "--require-hashes", "--only-binary=:all:", "-r", str(subset)], venv / LOG)
     if not dependencies_only:
         say("wingwatch itself")
         where = ["-e", "."] if editable else ["."]

@@ -329,6 +329,20 @@ def test_the_file_s_coefficients_are_met_between_the_grid_s_points(
         assert aircraft.name in found.source
 
 
+def test_a_file_is_linearised_once_and_every_change_of_it_anew() -> None:
+    at = FlightCondition(25.0, 1000.0)
+    first, again = (apriori_envelope(AEROSONDE.model_copy(), SHORT_PERIOD) for _ in range(2))
+    assert all(a is b for a, b in zip(first.points, again.points, strict=True))
+    assert AEROSONDE.coefficients is not None
+    weaker = AEROSONDE.coefficients.with_value("Cm_elevator", 0.5 * AEROSONDE.coefficients.Cm.elevator)
+    changed = apriori_envelope(AEROSONDE.model_copy(update={"coefficients": weaker}), SHORT_PERIOD)
+    truth, found = first.lookup(at), changed.lookup(at)
+    assert isinstance(truth, Expectation)
+    assert isinstance(found, Expectation)
+    m_eta = SHORT_PERIOD.derivatives.index("m_eta")
+    assert found.value[m_eta] == pytest.approx(0.5 * truth.value[m_eta], rel=0.01)
+
+
 @pytest.mark.parametrize("aircraft", [AEROSONDE, ULTRASTICK])
 def test_the_file_s_limits_are_hard(aircraft: Aircraft) -> None:
     assert aircraft.envelope is not None

@@ -210,9 +210,9 @@ def test_an_outage_of_the_database_loses_nothing_and_heals() -> None:
 
 
 @pytest.mark.slow
-def test_a_quarter_of_a_minute_of_disturbances_costs_no_thread_and_shows_no_wrong_state() -> None:
+def test_half_a_minute_of_disturbances_costs_no_thread_and_shows_no_wrong_state() -> None:
     """``check``: the command fails where they do."""
-    arguments = ["--minutes", "0.25"]
+    arguments = ["--minutes", "0.5"]
     said = subprocess.run(
         [sys.executable, FOLDER / "soak.py", *arguments], capture_output=True, text=True, check=True
     ).stdout

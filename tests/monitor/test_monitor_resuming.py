@@ -93,8 +93,8 @@ def test_the_resumed_run_says_what_the_uninterrupted_one_says(flight: SampleBloc
     flown(whole, flight, 0, 100)
     hall = Hall(FleetSettings(checkpoint_interval_s=0.0), checkpoints=kept)
     hall.announce()
-    for start in range(0, 100, 7):
-        flown(hall, flight, start, min(start + 7, 100))
+    for start in range(0, 100, 13):
+        flown(hall, flight, start, min(start + 13, 100))
         hall = Hall(FleetSettings(checkpoint_interval_s=0.0), FakeStore(earlier=hall.fleet.alerts()), kept)
     assert hall.derivatives() == whole.derivatives()
     assert [replace(a, id="") for a in hall.fleet.alerts()] == [
@@ -108,7 +108,7 @@ def test_samples_that_wait_for_their_turn_are_saved(flight: SampleBlock) -> None
     settings = FleetSettings(checkpoint_interval_s=0.0)
     hall, left = Hall(settings, store, kept), 0
     hall.announce()
-    for sequence, start in enumerate(range(0, 100, 4)):
+    for sequence, start in enumerate(range(0, 40, 4)):
         hall.clock.reading_s = 0.01  # longer than what is taken in at once
         hall.sample(SampleBlock(flight.values[start * PIECE : (start + 4) * PIECE]), sequence, stream=1)
         left += hall.fleet.behind
@@ -117,10 +117,10 @@ def test_samples_that_wait_for_their_turn_are_saved(flight: SampleBlock) -> None
         hall.fleet.receive_all([])
     whole = Hall()
     whole.announce()
-    flown(whole, flight, 0, 100)
-    assert left == 25
+    flown(whole, flight, 0, 40)
+    assert left == 10
     assert hall.derivatives() == whole.derivatives()
-    assert hall.view().counts["accepted"] == 100 * PIECE
+    assert hall.view().counts["accepted"] == 40 * PIECE
     assert "messages_lost" not in hall.view().counts
 
 

@@ -133,6 +133,17 @@ def test_hashes_are_demanded_and_nothing_is_built(
     assert {"--no-deps", "--no-build-isolation", "--no-index"} <= set(project)
 
 
+def test_byte_code_is_made_where_its_user_may_not_write(
+    set_up: Callable[..., list[str]], commands: list[list[str]], tmp_path: Path
+) -> None:
+    set_up()
+    (beside_a_clone,) = [c for c in commands if "--require-hashes" in c]
+    assert "--no-compile" in beside_a_clone
+    set_up("--venv", str(tmp_path / "image"), "--dependencies-only")
+    (in_an_image,) = [c for c in commands if "--require-hashes" in c]
+    assert "--no-compile" not in in_an_image
+
+
 def sentence(install: ModuleType, capsys: pytest.CaptureFixture[str], venv: Path) -> str:
     """The one line on standard error of a set-up that fails."""
     assert install.main(["--venv", str(venv)]) == 2
@@ -234,7 +245,7 @@ def test_make_test_makes_every_check() -> None:
     ):
         assert check in done.stdout
     *before, last = done.stdout.splitlines()
-    assert last == ".venv/bin/pytest -n 2"
+    assert last == ".venv/bin/pytest -n 2 --dist worksteal"
     assert ".venv/bin/python -m wingwatch.cli.kernels" in before
 
 
