@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 
 from wingwatch.studies.detection import ORDER
 from wingwatch.studies.rows import Flags, Rows
-from wingwatch.studies.statistics import Interval, clustered_ratio, wilson
+from wingwatch.studies.statistics import Interval, clustered_proportion, clustered_ratio, wilson
 
 __all__ = ["IMPROBABLE", "Exceedance", "Scatter", "bayes_factor_exceedances", "block_scatters"]
 
@@ -79,7 +79,7 @@ def _scatter(structure: str, by: str, group: str, sums: Array) -> Scatter:
     chi_square, freedom, blocks, improbable = sums[:, sums[1] > 0.0]
     return Scatter(
         structure, by, group, blocks.size, int(blocks.sum()),
-        clustered_ratio(chi_square, freedom), clustered_ratio(improbable, blocks),
+        clustered_ratio(chi_square, freedom), clustered_proportion(improbable, blocks),
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ __all__ = [
     "DetectionCurve",
     "Interval",
     "RankedRates",
+    "clustered_proportion",
     "clustered_ratio",
     "exceedance_rates",
     "fit_detection",
@@ -317,3 +318,21 @@ def clustered_ratio(numerator: ArrayLike, denominator: ArrayLike) -> Interval:
     error = math.sqrt(n / (n - 1.0) * float(((a - ratio * b) ** 2).sum())) / float(b.sum())
     spread = math.exp(_Z * error / ratio)
     return Interval(ratio, ratio / spread, ratio * spread)
+
+
+def clustered_proportion(successes: ArrayLike, trials: ArrayLike) -> Interval:
+    """A proportion of trials that belong together by flight; unknown without a trial.
+
+    Wilson's interval for as many independent trials as would have the variance that the flights show (design effect,
+    Kish 1965), at most all. No success, or nothing but successes, shows no dependence, so all trials count.
+    """
+    a, b = np.asarray(successes, dtype=np.float64), np.asarray(trials, dtype=np.float64)
+    n, total = a.size, float(b.sum())
+    if total <= 0.0:
+        return UNKNOWN
+    p = float(a.sum()) / total
+    plain = p * (1.0 - p) / total
+    effect = 1.0
+    if n > 1 and plain > 0.0:
+        effect = max(1.0, n / (n - 1.0) * float(((a - p * b) ** 2).sum()) / total**2 / plain)
+    return wilson(p * total / effect, total / effect)

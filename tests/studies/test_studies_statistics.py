@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from wingwatch.studies.statistics import (
+    clustered_proportion,
     clustered_ratio,
     exceedance_rates,
     fit_detection,
@@ -150,3 +151,22 @@ def test_a_ratio_whose_blocks_share_an_error_has_an_interval_as_wide() -> None:
         hits += found.low <= 1.0 <= found.high
     assert covered(hits, trials, at_least=0.03)
     assert math.isnan(clustered_ratio([], []).value)
+
+
+@pytest.mark.parametrize("share", [0.01, 0.2])
+def test_a_proportion_of_blocks_of_one_flight_that_err_together_is_covered(share: float) -> None:
+    rng = np.random.default_rng(7)
+    flights, blocks, trials = 200, 30, 1000
+    hits = 0
+    for _ in range(trials):
+        bad = rng.random(flights) < 0.5
+        count = rng.binomial(blocks, np.where(bad, 2.0 * share, 0.0))
+        found = clustered_proportion(count, np.full(flights, blocks))
+        hits += found.low <= share <= found.high
+    assert covered(hits, trials, at_least=0.03)
+
+
+def test_a_proportion_without_a_success_has_an_upper_limit() -> None:
+    assert clustered_proportion([0.0, 0.0], [50.0, 50.0]) == wilson(0.0, 100.0)
+    assert clustered_proportion([5.0, 5.0], [5.0, 5.0]) == wilson(10.0, 10.0)
+    assert math.isnan(clustered_proportion([], []).value)
