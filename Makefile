@@ -20,12 +20,12 @@ run: python   ## set up, then the service and a simulated fleet on 127.0.0.1:800
 	@$(SETUP)
 	@$(BIN)/wingwatch demo $(ARGS)
 
-# Two processes test side by side: each with one thread.
+# Three processes test side by side, for many tests wait; each with one thread.
 test: export OPENBLAS_NUM_THREADS = 1
 test: python  ## set up, then every check and test
 	@$(SETUP) --extra dev --extra postgres --extra dask
 	@$(MAKE) --no-print-directory -j 2 checks kernels
-	$(BIN)/pytest -n 2 --dist worksteal
+	$(BIN)/pytest -n 3 --dist worksteal
 
 checks:
 	$(BIN)/ruff check .

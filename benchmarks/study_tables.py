@@ -93,6 +93,7 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
         "icing_factors": nothing, "said_kind": np.where(detected, "icing", ""), "said_cause": said,
         "said_level": np.where(detected, "watch", ""), "block_scores": _scores(rng, flights, t),
         "false_causes": [json.dumps([[at, "icing", "icing"] for at in when]) for when in times],
+        "false_reasons": [json.dumps([_reason(at) for at in when]) for when in times],
         "code_version": np.full(flights, "1"), "settings_version": np.full(flights, "1"),
     }  # fmt: skip
     numbers = {
@@ -113,6 +114,12 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
     columns |= {name: pa.array(values, pa.float64()) for name, values in numbers.items()}
     columns |= {"seed": pa.array(range(flights), pa.int64()), "detected": pa.array(detected)}
     return pa.table(columns | {"false_alerts": pa.array(alarms, pa.int32())})
+
+
+def _reason(alarm_s: float) -> dict[str, str | float]:
+    return {
+        "derivative": "m_q", "z": 4.0, "structure": "short_period", "block_end_s": alarm_s, "log10_probability": -5.0
+    }  # fmt: skip
 
 
 def _scores(rng: np.random.Generator, flights: int, t: Truth) -> list[str]:

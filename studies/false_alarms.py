@@ -1,6 +1,7 @@
 """False alarms per hour, every one of them by its seed, and the operating curve over the threshold."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,7 +50,13 @@ class Rate:
 
 @dataclass(frozen=True, slots=True)
 class FalseAlarm:
-    """One false alarm, and the command that reproduces its flight."""
+    """One false alarm, and the command that reproduces its flight.
+
+    Attributes:
+        reason: what misled the monitor: ``derivative`` and ``z`` of the one that departed most when the alarm was
+            raised; ``structure``, ``block_end_s`` and ``log10_probability`` of the least likely block of the minute
+            before. Empty under a sensor fault.
+    """
 
     seed: int
     time_s: float
@@ -62,6 +69,7 @@ class FalseAlarm:
     sensor_fault: str
     evidence: float
     command: str
+    reason: Mapping[str, str | float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,18 +138,22 @@ def every_false_alarm(rows: Rows, well: Flags, sensor_faults: Flags) -> list[Fal
     """Every false alarm in the order of seeds; with a sensor at fault, the first of each flight."""
     found = []
     count = rows.number("false_alerts")
-    for row, text in rows.texts("false_causes", np.flatnonzero((well | sensor_faults) & (count > 0))):
+    alarmed = np.flatnonzero((well | sensor_faults) & (count > 0))
+    texts = zip(rows.texts("false_causes", alarmed), rows.texts("false_reasons", alarmed), strict=True)
+    for (row, causes), (_, reasons) in texts:
         found += [
-            _alarm(rows, row, float(at), str(kind), str(cause))
-            for at, kind, cause in json.loads(text or "[]")
+            _alarm(rows, row, float(at), str(kind), str(cause), reason)
+            for (at, kind, cause), reason in zip(json.loads(causes), json.loads(reasons), strict=True)
         ]
     for row in np.flatnonzero(sensor_faults & rows.flag("detected")).tolist():
         said = rows.text("said_kind", row), rows.text("said_cause", row)
-        found.append(_alarm(rows, row, float(rows.number("detected_s")[row]), *said))
+        found.append(_alarm(rows, row, float(rows.number("detected_s")[row]), *said, {}))
     return sorted(found, key=lambda alarm: (alarm.seed, alarm.time_s))
 
 
-def _alarm(rows: Rows, row: int, time_s: float, kind: str, cause: str) -> FalseAlarm:
+def _alarm(
+    rows: Rows, row: int, time_s: float, kind: str, cause: str, reason: Mapping[str, str | float]
+) -> FalseAlarm:
     onset = rows.number("onset_s")[row]
     before = not time_s >= onset
     sensor_fault = rows.text("effect", row) if rows.text("kind", row) == "healthy" and not before else ""
@@ -157,6 +169,7 @@ def _alarm(rows: Rows, row: int, time_s: float, kind: str, cause: str) -> FalseA
         sensor_fault=sensor_fault,
         evidence=float(rows.number("evidence_max_before" if before else "evidence_max")[row]),
         command=rows.text("command", row),
+        reason=reason,
     )
 
 

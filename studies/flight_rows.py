@@ -1,13 +1,17 @@
 """A study's row: what was drawn, what was said, and how much information the truth says had arrived."""
 
 import json
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from wingwatch.aircraft import ModeStructure, TrimError
+from wingwatch.monitor import AlertView
 from wingwatch.monitor.comparison import Coordinates
 from wingwatch.simulation import (
     Effect,
@@ -15,7 +19,7 @@ from wingwatch.simulation import (
 )
 from wingwatch.studies.plan import FlightPlan
 from wingwatch.studies.versions import code_version, settings_version
-from wingwatch.studies.watched_flight import WatchedFlight, effects_of
+from wingwatch.studies.watched_flight import ScoredBlock, WatchedFlight, effects_of
 
 __all__ = ["row_of", "sentence_of", "unflown_row"]
 
@@ -26,6 +30,10 @@ RATE_WINDOW_S = 60.0
 
 _SOON_S = 30.0
 """After the onset, within which an operator wants to know (``evidence_max_30_s``)."""
+_MOST_SCORED_BLOCKS = 40
+"""Of a structure that a row holds."""
+_REASON_WINDOW_S = 60.0
+"""Before a false alarm, in which its least likely block is looked for."""
 _SHARES = (1.0, 0.5, 0.25, 0.125)
 """Parts of an effect under which a trim is looked for."""
 
@@ -72,6 +80,7 @@ def unflown_row(plan: FlightPlan, command: str, why: str) -> dict[str, Any]:
         "size_standard_error": nan,
         "false_alerts": 0,
         "false_causes": "[]",
+        "false_reasons": "[]",
         "evidence_max": nan,
         "evidence_max_30_s": nan,
         "evidence_max_before": nan,
@@ -117,10 +126,11 @@ def _said(watch: WatchedFlight) -> dict[str, Any]:
         "detected": hit is not None,
         "false_alerts": len(false),
         "false_causes": json.dumps([[a.raised_s, a.kind, a.cause] for a in false]),
+        "false_reasons": json.dumps([_reason(a, heard.blocks) for a in false]),
         "evidence_max": max(after, default=np.nan),
         "evidence_max_30_s": max(soon, default=np.nan),
         "evidence_max_before": max(before, default=np.nan),
-        "block_scores": json.dumps(heard.scores),
+        "block_scores": json.dumps(_block_scores(heard.blocks)),
         "bayes_factor_max": _largest_bayes_factor(watch) if plan.effect == "" else np.nan,
         "threshold": monitor.judge.config.log_threshold,
         "wall_s": watch.wall_s,
@@ -138,6 +148,37 @@ def _said(watch: WatchedFlight) -> dict[str, Any]:
             "size_standard_error": hit.size_standard_error,
         }
     return said
+
+
+def _block_scores(blocks: Sequence[ScoredBlock]) -> dict[str, list[list[float]]]:
+    """The first blocks of each structure: end, chi-square and degrees of freedom."""
+    found: dict[str, list[list[float]]] = {}
+    for block in blocks:
+        scores = found.setdefault(block.structure, [])
+        if len(scores) < _MOST_SCORED_BLOCKS:
+            scores.append([block.end_s, block.chi_square, block.freedom])
+    return found
+
+
+def _reason(alert: AlertView, blocks: Sequence[ScoredBlock]) -> dict[str, Any]:
+    """What misled the monitor: the derivative that departed most when the alert was raised, and the least likely block
+    of the minute before it."""
+    found: dict[str, Any] = {}
+    if alert.evidence:
+        most = max(alert.evidence, key=lambda e: abs(e.z))
+        found |= {"derivative": most.derivative, "z": most.z}
+    recent = [
+        b for b in blocks if b.freedom > 0.0 and alert.raised_s - _REASON_WINDOW_S < b.end_s <= alert.raised_s
+    ]
+    if recent:
+        log_probability = [float(chi2.logsf(b.chi_square, b.freedom)) for b in recent]
+        least = int(np.argmin(log_probability))
+        found |= {
+            "structure": recent[least].structure,
+            "block_end_s": recent[least].end_s,
+            "log10_probability": log_probability[least] / math.log(10.0),
+        }
+    return found
 
 
 def _largest_bayes_factor(watch: WatchedFlight) -> float:

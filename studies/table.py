@@ -27,7 +27,7 @@ __all__ = [
     "write_study",
 ]
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 _KEY = b"wingwatch.study"
 
 COLUMNS: Mapping[str, pa.DataType] = {
@@ -69,6 +69,7 @@ COLUMNS: Mapping[str, pa.DataType] = {
     "size_standard_error": pa.float64(),
     "false_alerts": pa.int32(),
     "false_causes": pa.string(),
+    "false_reasons": pa.string(),
     "evidence_max": pa.float64(),
     "evidence_max_30_s": pa.float64(),
     "evidence_max_before": pa.float64(),

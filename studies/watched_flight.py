@@ -4,7 +4,9 @@ Nothing that the simulation knows reaches the monitor but the channels of the fl
 """
 
 import itertools
+import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +28,10 @@ from wingwatch.studies.expectation import Expectations
 from wingwatch.studies.plan import FlightPlan, manoeuvres
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete, derivations
 
-__all__ = ["UNSENSED", "Heard", "WatchedFlight", "effects_of", "scenario_of"]
+__all__ = ["UNSENSED", "Heard", "ScoredBlock", "WatchedFlight", "effects_of", "scenario_of"]
 
 Array = NDArray[np.float64]
 
-MOST_SCORED_BLOCKS = 40
 UNSENSED = "pitch_demand_rad"
 """Follows from the motion, and no sensor may lose it."""
 _VANES = ("angle_of_attack_rad", "sideslip_rad")
@@ -85,6 +86,15 @@ def _left_out(plan: FlightPlan) -> tuple[str, ...]:
     )
 
 
+class ScoredBlock(NamedTuple):
+    """How far a block of a structure lies from its expectation: chi-square, and degrees of freedom."""
+
+    structure: str
+    end_s: float
+    chi_square: float
+    freedom: float
+
+
 @dataclass(slots=True)
 class Heard:
     """What a flight led to so far."""
@@ -93,7 +103,7 @@ class Heard:
     last: dict[str, AlertView] = field(default_factory=dict)
     evidence: list[tuple[float, float]] = field(default_factory=list)
     """Time and log statistic of every verdict."""
-    scores: dict[str, list[list[float]]] = field(default_factory=dict)
+    blocks: list[ScoredBlock] = field(default_factory=list)
     information: list[tuple[float, str, Array]] = field(default_factory=list)
     """End of a block, structure, and the information that it brought."""
 
@@ -155,9 +165,9 @@ class WatchedFlight:
         if monitor.last_verdict is not None:
             heard.evidence.append((block.end_s, monitor.last_verdict.log_statistic))
         for name, mode in block.modes.items():
-            scores, score = heard.scores.setdefault(name, []), self._score(mode)
-            if len(scores) < MOST_SCORED_BLOCKS and np.isfinite(score).all():
-                scores.append([block.end_s, *score])
+            score = ScoredBlock(name, block.end_s, *self._score(mode))
+            if math.isfinite(score.chi_square):
+                heard.blocks.append(score)
         for solution in report.solutions:
             for name, mode_solution in solution.modes.items():
                 found = mode_solution.block

@@ -30,6 +30,7 @@ from wingwatch.studies.page.texts import (
     interval_text,
     per_100_h_text,
     percent_text,
+    reason_text,
     size_flown_text,
     size_text,
 )
@@ -218,7 +219,8 @@ def _false_alarms(s: Summary, pictures: Pictures) -> str:
             f"{group_text('turbulence', a.turbulence)}, {group_text('excitation', a.excitation)}, "
             f"{group_text('route', a.route)}"
             + (f", {group_text('sensor fault', a.sensor_fault)}" if a.sensor_fault else "")
-            + f"; evidence {number(a.evidence)}",
+            + f"; evidence {number(a.evidence)}"
+            + (f"; {why}" if (why := reason_text(a.reason)) else ""),
             a.command,
         )
         for a in s.false_alarms[:_MOST_ALARMS]

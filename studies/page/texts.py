@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from wingwatch.pages.texts import number
 from wingwatch.studies.operator_answer import Answer
@@ -14,6 +15,7 @@ __all__ = [
     "interval_text",
     "per_100_h_text",
     "percent_text",
+    "reason_text",
     "size_axis",
     "size_flown_text",
     "size_text",
@@ -66,6 +68,18 @@ def group_text(by: str, group: str) -> str:
     if by in ("aircraft", "sensors"):
         return word
     return f"{column_text(by)} {word or 'not stated'}"
+
+
+def reason_text(reason: Mapping[str, Any]) -> str:
+    """What misled the monitor: "l_p off by -4.1 standard errors; least likely block: lateral to 130 s, 1e-8"."""
+    parts = []
+    if "derivative" in reason:
+        parts.append(f"{reason['derivative']} off by {reason['z']:+.1f} standard errors")
+    if "structure" in reason:
+        name = str(reason["structure"]).replace("_", " ")
+        chance = 10.0 ** max(reason["log10_probability"], -300.0)
+        parts.append(f"least likely block: {name} to {reason['block_end_s']:.0f} s, probability {chance:.1g}")
+    return "; ".join(parts)
 
 
 def size_axis(effect: str) -> str:

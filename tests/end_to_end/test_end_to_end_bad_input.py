@@ -102,7 +102,7 @@ def test_stamps_that_no_clock_shows_and_impossible_numbers_hold_nobody_up(
     assert (seen["message_bad_value"], seen["messages_stray"], seen["publisher_restarts"]) == (1, 2, 1)
     assert set(status["counters"]) >= {"messages", "monitor", "loop", "store", "outputs"}
     assert status["counters"]["messages"]["overflow"] == 0
-    assert status["counters"]["loop"] == {"faults": 0}
+    assert set(status["counters"]["loop"].values()) == {0}
 
 
 def test_a_vehicle_that_nobody_announced_is_counted_and_asked(tmp_path: Path, block: SampleBlock) -> None:

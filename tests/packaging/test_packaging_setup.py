@@ -245,7 +245,7 @@ def test_make_test_makes_every_check() -> None:
     ):
         assert check in done.stdout
     *before, last = done.stdout.splitlines()
-    assert last == ".venv/bin/pytest -n 2 --dist worksteal"
+    assert last == ".venv/bin/pytest -n 3 --dist worksteal"
     assert ".venv/bin/python -m wingwatch.cli.kernels" in before
 
 

@@ -7,11 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scipy.stats import chi2
 from study_flights import small_grid, untimed
 
+from wingwatch.monitor import AlertState, AlertView, EvidenceView
 from wingwatch.studies import COLUMNS, FlightPlan, draw_plan, load_fleet
 from wingwatch.studies.flight import FlightMaker
+from wingwatch.studies.flight_rows import _reason
 from wingwatch.studies.table import rows_table
+from wingwatch.studies.watched_flight import ScoredBlock
 
 COMMAND = "wingwatch study replay test.parquet --seed {seed}"
 
@@ -80,10 +84,30 @@ def test_a_healthy_flight_has_no_onset_and_a_bayes_factor(
 ) -> None:
     row = flights[2][2]
     assert (row["failed"], row["false_alerts"], row["false_causes"]) == ("", 0, "[]")
+    assert row["false_reasons"] == "[]"
     assert row["healthy_h"] == 60.0 / 3600.0
     assert 0.0 < row["bayes_factor_max"] < 100.0
     assert math.isnan(row["onset_s"])
     assert math.isnan(row["information"])
+
+
+def test_a_false_alarm_is_listed_with_what_misled_the_monitor() -> None:
+    evidence = [EvidenceView(name, 0.0, 1.0, 0.0, 1.0, z) for name, z in (("m_q", 2.0), ("l_p", -4.0))]
+    alert = AlertView(
+        id="1", fleet="f", vehicle="v", kind="unexplained", cause="unknown", level="watch", state=AlertState.ACTIVE,
+        raised_s=100.0, cleared_s=None, size=0.0, size_standard_error=0.0, probability=1.0, basis="a-priori", text="",
+        evidence=evidence,
+    )  # fmt: skip
+    blocks = [
+        ScoredBlock("lateral", 40.0, 200.0, 10.0),  # more than a minute before
+        ScoredBlock("lateral", 90.0, chi2.isf(1e-6, 10.0), 10.0),
+        ScoredBlock("short_period", 100.0, 6.0, 6.0),
+        ScoredBlock("short_period", 110.0, 200.0, 6.0),  # later
+    ]
+    found = _reason(alert, blocks)
+    assert found.pop("log10_probability") == pytest.approx(-6.0)
+    assert found == {"derivative": "l_p", "z": -4.0, "structure": "lateral", "block_end_s": 90.0}
+    assert _reason(alert, blocks[:1]) == {"derivative": "l_p", "z": -4.0}
 
 
 def test_a_flight_that_cannot_be_flown_says_why_and_stops_no_other(

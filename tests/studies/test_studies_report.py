@@ -87,6 +87,11 @@ def test_every_false_alarm_and_worst_flight_opens_to_its_command(summary: Summar
     html = report_html(summary)
     for seed in [a.seed for a in summary.false_alarms] + [w.seed for w in summary.worst]:
         assert f"<code>wingwatch study replay STUDY.parquet --seed {seed}</code></details>" in html
+    time_s = next(a.time_s for a in summary.false_alarms if a.reason)
+    assert (
+        f"m_q off by +4.0 standard errors; least likely block: short period to {time_s:.0f} s, probability 1e-05"
+        in html
+    )
 
 
 def test_texts_of_a_table_never_become_markup() -> None:

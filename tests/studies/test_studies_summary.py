@@ -109,6 +109,7 @@ def test_false_alarms_by_air_hold_their_rates(summary: Summary) -> None:
     assert len(listed) == whole.alarms
     assert len(summary.false_alarms) == whole.alarms + under_fault[0].alarms
     assert all(f"--seed {a.seed}" in a.command for a in summary.false_alarms)
+    assert all(a.reason["block_end_s"] == a.time_s for a in listed)
 
 
 def test_thresholds_are_vouched_for_only_by_enough_hours() -> None:
