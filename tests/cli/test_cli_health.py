@@ -24,7 +24,7 @@ from wingwatch.cli.service import Service
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.telemetry import ZenohSettings, open_session, vehicle_key
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 ESTIMATE = EstimateRecord(
     "default", "uav1", 1.0, "short_period", "ekf", (1.0,) * 6, (0.1,) * 6, "converged", (25.0, 0.0, 1.2, 0.0)
 )

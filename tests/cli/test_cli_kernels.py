@@ -20,7 +20,7 @@ from wingwatch.cli import kernel_worker, kernels
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO, LIVE, STEPS, KernelStep
 from wingwatch.cli.kernels import KernelCompiler, KernelError, only_load
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 KERNEL = """
 from numba import njit

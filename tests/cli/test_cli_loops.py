@@ -8,7 +8,7 @@ import pytest
 
 from wingwatch.cli.loops import Loop
 
-PATIENCE_S = 5.0
+PATIENCE_S = 60.0
 
 
 def until(condition: Callable[[], bool]) -> None:

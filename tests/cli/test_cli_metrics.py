@@ -22,7 +22,7 @@ from wingwatch.cli.service import Service
 from wingwatch.monitor import AlertView
 from wingwatch.telemetry import ZenohSettings, open_session, vehicle_key
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 DOCUMENT = Path(__file__).parents[2] / "docs" / "service.md"
 
 

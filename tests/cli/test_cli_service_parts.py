@@ -30,7 +30,7 @@ from wingwatch.monitor import (
 )
 from wingwatch.telemetry import InboundMessage, SensorSubscriber, decode_service_object
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 ALERT = AlertView(
     id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
     state=AlertState.ACTIVE, raised_s=80.5, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.97,

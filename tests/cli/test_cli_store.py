@@ -47,7 +47,7 @@ ESTIMATE = EstimateRecord(
     "default", "uav1", 10.0, "short_period", "fourier", (1.0,) * K, (0.1,) * K, "converged",
     (25.0, 1000.0, 1.1, 0.05),
 )  # fmt: skip
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 AEROSONDE = load_aircraft("aerosonde")
 
 

@@ -29,7 +29,7 @@ from wingwatch.telemetry import (
     vehicle_subject,
 )
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 SETTLE_S = 0.6
 SENSORS, OTHER, ALERTS, STATUS = (
     vehicle_key("default", vehicle, leaf)

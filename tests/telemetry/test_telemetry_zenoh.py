@@ -44,7 +44,7 @@ from wingwatch.telemetry import (
 from wingwatch.telemetry.protocol import vehicle_pb2
 
 AEROSONDE = AircraftMessage(aircraft="aerosonde")
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 @pytest.fixture
