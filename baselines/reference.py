@@ -177,7 +177,7 @@ def _checked(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64],
 def _require_semidefinite(m: NDArray[np.float64]) -> None:
     """Symmetric and semidefinite but for rounding, judged on the matrix scaled to unit diagonal."""
     diagonal = np.diagonal(m)
-    if np.any(diagonal < 0.0):
+    if np.any(diagonal < -_NOTHING):
         raise ValueError(f"the matrix has a negative diagonal entry, {diagonal.min():.6g}")
     scale = np.sqrt(np.where(diagonal > _NOTHING, diagonal, 1.0))
     unit = m / np.outer(scale, scale)

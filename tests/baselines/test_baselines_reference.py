@@ -182,6 +182,13 @@ def test_a_block_that_is_no_information_is_refused(matrix: Array, vector: list[f
         Reference.empty(2).add(matrix, vector, 1.0)
 
 
+def test_what_rounding_leaves_below_nothing_is_nothing() -> None:
+    prior = np.zeros(2), np.eye(2)
+    found = Reference.empty(2).add(np.diag([1.0, -1.5e-323]), [1.0, 0.0], 1.0).posterior(*prior)
+    exact = Reference.empty(2).add(np.diag([1.0, 0.0]), [1.0, 0.0], 1.0).posterior(*prior)
+    assert all(np.array_equal(a, b) for a, b in zip(found, exact, strict=True))
+
+
 @pytest.mark.parametrize("seconds", [-1.0, math.nan, math.inf])
 def test_a_block_of_no_duration_is_refused(seconds: float) -> None:
     with pytest.raises(ValueError, match="a block lasts 0 s or more"):
