@@ -40,21 +40,27 @@ class Misses:
 
     Attributes:
         beyond_reach: fraction of them in which less information had arrived than the threshold asks for.
+        held_back: fraction in which the evidence passed the threshold after the onset, and no alert followed.
     """
 
     effect: str
     flights: int
     beyond_reach: Interval
+    held_back: Interval
 
 
 def misses(rows: Rows, faulty: Flags) -> list[Misses]:
     """A row an effect that was ever missed and whose information is known."""
     missed = faulty & ~rows.flag("detected") & np.isfinite(rows.number("information"))
-    short = rows.number("information") < rows.number("threshold")
-    return [
-        Misses(effect, int(chosen.sum()), wilson(int((chosen & short).sum()), int(chosen.sum())))
-        for effect, chosen in rows.groups("effect", missed).items()
-    ]
+    threshold = rows.number("threshold")
+    passed = rows.number("evidence_max") > threshold
+    short = (rows.number("information") < threshold) & ~passed
+    found = []
+    for effect, chosen in rows.groups("effect", missed).items():
+        flights = int(chosen.sum())
+        shares = (wilson(int((chosen & why).sum()), flights) for why in (short, passed))
+        found.append(Misses(effect, flights, *shares))
+    return found
 
 
 def worst_flights(rows: Rows, faulty: Flags, false_alarm_interval_s: float) -> list[WorstFlight]:

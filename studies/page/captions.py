@@ -315,11 +315,12 @@ def confusion_caption(found: Sequence[Confusion]) -> str:
 
 
 def miss_texts(found: Iterable[Misses]) -> list[str]:
-    """How many misses nobody could have avoided."""
+    """How many misses nobody could have avoided, and how far the others came."""
     return [
         f"{_capital(effect_text(m.effect))}: of {m.flights} missed flights, in "
         f"{percent_text(m.beyond_reach)} less information had arrived than the threshold asks for, so that a "
-        "miss is to be expected; in the others it was there."
+        f"miss is to be expected; in {percent_text(m.held_back)} the evidence passed the threshold, and no alert "
+        "followed; in the others the information was there, and the evidence stayed below the threshold."
         for m in found
     ]
 

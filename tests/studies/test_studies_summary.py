@@ -186,6 +186,9 @@ def test_worst_flights_are_the_worst_and_name_their_command(summary: Summary) ->
     assert all(f"--seed {w.seed}" in w.command for w in summary.worst)
     assert all(w.why for w in summary.worst)
     assert {m.effect for m in summary.misses} == {"icing", "elevator_effectiveness"}
+    assert all(
+        m.held_back.value == 0.0 for m in summary.misses
+    )  # the drawn monitor says what it has evidence for
 
 
 def test_flights_that_failed_are_told_and_count_nowhere_else() -> None:
