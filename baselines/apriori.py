@@ -82,7 +82,7 @@ def apriori_envelope(aircraft: Aircraft, structure: ModeStructure, configuration
 
 @dataclass(frozen=True, slots=True)
 class _Grid:
-    """What a grid depends on; ``file`` is the aircraft's text, which stands for it where grids are told apart."""
+    """What a grid depends on; ``file`` is the aircraft's text, by which grids are compared."""
 
     aircraft: Aircraft = field(compare=False)
     file: str

@@ -39,7 +39,8 @@ class Misses:
     """Flights of one effect of which nothing was said, by whether anyone could have said it.
 
     Attributes:
-        beyond_reach: fraction of them in which less information had arrived than the threshold asks for.
+        beyond_reach: fraction of them in which less information had arrived than the threshold asks for, and the
+            evidence stayed below it.
         held_back: fraction in which the evidence passed the threshold after the onset, and no alert followed.
     """
 

@@ -94,7 +94,7 @@ def test_the_estimator_is_told_the_vane_that_the_signals_are_corrected_for() -> 
 
 @BOTH
 def test_still_flight_with_doublets_is_claimed_and_covered(plant: Plant) -> None:
-    seeds = 4
+    seeds = 8
     every = list(situations.ESTIMATORS)
     readings = situations.read(plant, SITUATIONS["still, open, each 5 s"], every, seeds, 30.0)
     for name, found in readings.items():

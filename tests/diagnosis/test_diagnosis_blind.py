@@ -38,7 +38,7 @@ def test_what_is_hidden_in_a_flight_of_others_is_named_first(name: str) -> None:
     assert told(name).causes[0].held_out_gain > 0.0
 
 
-@pytest.mark.parametrize("name", ["nothing", "plant-nothing"])
+@pytest.mark.parametrize("name", ["nothing", "jsbsim-nothing", "plant-nothing"])
 def test_nothing_is_claimed_where_nothing_is_hidden(name: str) -> None:
     found = told(name)
     assert found.causes == ()
