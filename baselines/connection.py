@@ -27,6 +27,7 @@ __all__ = [
     "check_answers",
     "connect",
     "head_revision",
+    "name_of",
     "one_writer",
     "revision_of",
     "sentences",
@@ -201,11 +202,11 @@ def check_answers(engine: Engine, busy_timeout_s: float, inode: int | None) -> N
         if path is not None:
             _take_write_lock(connection, busy_timeout_s)
         elif connection.execute(text("SHOW transaction_read_only")).scalar_one() != "off":
-            raise DatabaseError(f"{_name(engine)} {_POSTGRES_FAULTS['25006']}")
+            raise DatabaseError(f"{name_of(engine)} {_POSTGRES_FAULTS['25006']}")
         found, head = revision_of(connection), head_revision()
     if found != head:
         raise DatabaseError(
-            f"{_name(engine)} now has schema {found}, but this program has schema {head}; "
+            f"{name_of(engine)} now has schema {found}, but this program has schema {head}; "
             "restart with the newest wingwatch"
         )
 
@@ -216,17 +217,17 @@ def sentences(engine: Engine) -> Iterator[None]:
     try:
         yield
     except DataError as error:
-        raise RefusedError(f"{_name(engine)} cannot hold that entry ({_first_line(error)})") from error
+        raise RefusedError(f"{name_of(engine)} cannot hold that entry ({_first_line(error)})") from error
     except IntegrityError as error:
         raise RefusedError(
-            f"{_name(engine)} already holds that entry, or another program wrote it at the same moment; "
+            f"{name_of(engine)} already holds that entry, or another program wrote it at the same moment; "
             f"try again ({_first_line(error)})"
         ) from error
     except DBAPIError as error:
-        raise DatabaseError(f"{_name(engine)} {_fault(engine, error)}") from error
+        raise DatabaseError(f"{name_of(engine)} {_fault(engine, error)}") from error
     except PoolTimeoutError as error:
         raise DatabaseError(
-            f"{_name(engine)} is asked by too many threads at once; try again, or ask it less often"
+            f"{name_of(engine)} is asked by too many threads at once; try again, or ask it less often"
         ) from error
 
 
@@ -319,19 +320,20 @@ def revision_of(connection: Connection) -> str | None:
 def _refuse_foreign(engine: Engine, connection: Connection, current: str | None, head: str) -> None:
     if current is not None and current not in _known_revisions(_MIGRATIONS):
         raise DatabaseError(
-            f"{_name(engine)} has schema {current}, newer than schema {head} of this program; "
+            f"{name_of(engine)} has schema {current}, newer than schema {head} of this program; "
             "install the newer wingwatch that wrote it, or choose another database"
         )
     if current is None and engine.dialect.name == "sqlite":
         tables = sorted(set(inspect(connection).get_table_names()) - {VERSION_TABLE})
         if tables:
             raise DatabaseError(
-                f"{_name(engine)} belongs to another program (it has the table {tables[0]!r}); "
+                f"{name_of(engine)} belongs to another program (it has the table {tables[0]!r}); "
                 "choose another path"
             )
 
 
-def _name(engine: Engine) -> str:
+def name_of(engine: Engine) -> str:
+    """How a sentence names the database: without a password."""
     path = sqlite_file(engine)
     return f"the database {path or engine.url.set(query={}).render_as_string(hide_password=True)}"
 

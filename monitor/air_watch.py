@@ -29,10 +29,12 @@ _INDEX = np.array([CHANNEL_INDEX[name] for name in _KEPT])
 
 @dataclass(slots=True)
 class AirState:
-    """The last rows, in pieces as they came, and what was found in them."""
+    """The last rows and what was found in them; how they were cut into messages leaves no trace."""
 
     pieces: deque[tuple[Array, NDArray[np.float32]]] = field(default_factory=deque)
-    rows: int = 0
+    """Stamps and rows, a piece from each look to the next."""
+    growing: bool = False
+    """Whether the last piece ends with the last sample, not with a look."""
     next_look_s: float = float("nan")
     window: tuple[Array, NDArray[np.float32]] | None = None
     """Stamps and rows of the last whole half minute, until somebody asks what its air was like."""
@@ -54,17 +56,21 @@ class AirWatch:
         )
 
     def take(self, state: AirState, values: Array) -> None:
-        """Remember clean samples, shape (n, columns), as far as the window reaches."""
-        state.pieces.append((values[:, CHANNEL_INDEX["time_s"]].copy(), values[:, _INDEX].astype(np.float32)))
-        state.rows += len(values)
-        while len(state.pieces) > 1 and (
-            state.rows - len(state.pieces[0][0]) >= _MOST_ROWS
-            or state.pieces[0][0][-1] < state.pieces[-1][0][-1] - WINDOW_S
-        ):
-            state.rows -= len(state.pieces.popleft()[0])
+        """Remember clean samples, shape (n, columns), as far as the window may reach."""
+        stamps, rows = (
+            values[:, CHANNEL_INDEX["time_s"]].copy(),
+            values[:, _INDEX].astype(np.float32, order="C"),
+        )
+        if state.growing:
+            before = state.pieces.pop()
+            stamps, rows = np.concatenate([before[0], stamps]), np.concatenate([before[1], rows])
+        state.pieces.append((stamps[-_MOST_ROWS:], rows[-_MOST_ROWS:]))
+        state.growing = True
 
     def look(self, state: AirState, time_s: float) -> None:
         """At a solution's time: put the last half minute by when it is due."""
+        state.growing = False
+        _forget(state.pieces, time_s - WINDOW_S)
         due_s = state.next_look_s - time_s
         if not -WINDOW_S < due_s <= WINDOW_S:  # the first, or after a jump of the clock
             state.next_look_s = time_s + WINDOW_S
@@ -77,7 +83,6 @@ class AirWatch:
                 inside = (stamps > time_s - WINDOW_S - 1e-6) & (stamps <= time_s)
                 later = stamps > state.next_look_s - WINDOW_S - 1e-6  # no other is looked at again
             state.pieces = deque([(stamps[later], rows[later])] if later.any() else [])
-            state.rows = int(np.count_nonzero(later))
             state.window, state.found = (stamps[inside], rows[inside]), None
 
     def quality(self, state: AirState) -> AirQuality | None:
@@ -98,3 +103,10 @@ class AirWatch:
             return turbulence_intensity(SampleBlock.from_columns(there), self._config)
         except ValueError:  # a channel is missing, or the window is torn by gaps
             return None
+
+
+def _forget(pieces: deque[tuple[Array, NDArray[np.float32]]], before_s: float) -> None:
+    """Drop the first pieces that end before that time, or that are more than is kept."""
+    rows = sum(len(stamps) for stamps, _ in pieces)
+    while len(pieces) > 1 and (rows - len(pieces[0][0]) >= _MOST_ROWS or pieces[0][0][-1] < before_s):
+        rows -= len(pieces.popleft()[0])

@@ -187,8 +187,8 @@ def test_a_service_that_is_killed_loses_no_alert_and_goes_on_to_the_bit() -> Non
     assert re.fullmatch(r"[1-9]\d*, lost: 0", found["actions answered"])
     assert found["vehicles with an alert that were not degraded after a start"] == "0"
     assert found["checkpoints refused"] == "0"
-    assert re.fullmatch(r"yes \((\d+) of \1 states\)", found["derivatives equal"])
-    assert re.fullmatch(r"yes \((\d+) of \1 states\)", found["whole states equal"])
+    for what in ("derivatives", "whole states"):
+        assert re.fullmatch(r"yes \((\d+) of \1 states\)", found[f"{what} equal"]), said
     assert re.fullmatch(
         r"[1-9]\d*, not comparable for more than 64 gaps: 0", found["states with an alert in force"]
     )

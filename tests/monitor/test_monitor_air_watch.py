@@ -5,6 +5,7 @@ import pytest
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.monitor.air_watch import AirState, AirWatch
+from wingwatch.monitor.state_codec import Codec
 from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, gust_scales
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 from wingwatch.telemetry.conditioning import VANES, AirQuality
@@ -20,15 +21,17 @@ def flown(turbulence: Turbulence, seed: int) -> SampleBlock:
     return SampleBlock(FleetSimulation([scenario], RATE_HZ).step(round(SECONDS * RATE_HZ))[0])
 
 
-def watched(block: SampleBlock, piece: int, state: AirState | None = None) -> list[AirQuality | None]:
-    """What is said at every half second, the samples handed over in pieces."""
+def watched(
+    block: SampleBlock, piece: int, state: AirState | None = None, half: int = round(0.5 * RATE_HZ)
+) -> list[AirQuality | None]:
+    """What is said after every ``half`` samples, the samples handed over in pieces."""
     watch, state, said = AirWatch(AIRCRAFT), state or AirState(), []
-    half = round(0.5 * RATE_HZ)
     for start in range(0, len(block), half):
         rows = block.values[start : start + half]
         for at in range(0, len(rows), piece):
             watch.take(state, rows[at : at + piece])
-        watch.look(state, float(rows[-1, 0]))
+        if len(rows) == half:
+            watch.look(state, float(rows[-1, 0]))
         said.append(watch.quality(state))
     return said
 
@@ -60,9 +63,21 @@ def test_nothing_is_said_before_half_a_minute_and_then_every_half_minute() -> No
     assert len({id(found) for found in said[first:]}) == 2
 
 
-def test_the_cut_of_the_messages_changes_nothing() -> None:
-    block = flown("light", 85)
-    assert watched(block, 1)[-1] == watched(block, 25)[-1]
+@pytest.mark.parametrize("rate_hz", [50, 1000])
+@pytest.mark.parametrize("rest", [0, 7])
+def test_the_cut_of_the_messages_changes_no_bit(rate_hz: int, rest: int) -> None:
+    """At a solution and between two; in a window that has all its rows, and in one that has more than are kept."""
+    values = np.resize(flown("light", 85).values, (31 * rate_hz + rest, len(CHANNEL_INDEX)))
+    values[:, 0] = np.arange(len(values)) / rate_hz
+    states = [AirState() for _ in range(3)]
+    said = [
+        watched(SampleBlock(values), piece, state, half=rate_hz // 2)
+        for state, piece in zip(states, (1, 3, rate_hz), strict=True)
+    ]
+    assert said[0] == said[1] == said[2]
+    assert said[0][-1] is not None or rate_hz == 1000
+    codec = Codec()
+    assert len({codec.encode(AirState, state) for state in states}) == 1
 
 
 def test_without_vanes_nothing_is_said() -> None:
@@ -83,16 +98,14 @@ def test_a_clock_that_jumps_begins_a_new_window() -> None:
         assert said[-1] is not None
 
 
-def test_memory_is_bounded() -> None:
+@pytest.mark.parametrize("looks", [True, False])
+def test_memory_is_bounded(looks: bool) -> None:
     watch, state = AirWatch(AIRCRAFT), AirState()
     rows = flown("none", 88).values
-    for k in range(200):
+    for k in range(100):
         again = rows.copy()
-        again[:, 0] += k * SECONDS
+        again[:, 0] += SECONDS * min(k, 50)  # later the clock stands still
         watch.take(state, again)
-    assert state.rows <= 2 * len(rows)
-    still = rows.copy()
-    still[:, 0] = 0.0
-    for _ in range(20):
-        watch.take(state, still)
-    assert state.rows <= 6000 + len(rows)
+        if looks:
+            watch.look(state, float(again[-1, 0]))
+        assert sum(len(stamps) for stamps, _ in state.pieces) <= 6000 + len(rows)

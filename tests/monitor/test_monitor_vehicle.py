@@ -8,6 +8,8 @@ import pytest
 
 from wingwatch.aircraft import SHORT_PERIOD, Aircraft, FlightCondition, load_aircraft, mode_quantities
 from wingwatch.monitor import AlertView, VehicleMonitor, VehicleState, surface_kinds
+from wingwatch.monitor.checkpoint import CODEC
+from wingwatch.monitor.monitor_state import MonitorState
 from wingwatch.simulation import (
     AileronEffectiveness,
     Effect,
@@ -100,6 +102,7 @@ def test_how_samples_are_cut_changes_nothing() -> None:
         start += n
     assert whole.derivatives() == pieces.derivatives()
     assert whole.view() == pieces.view()
+    assert CODEC.encode(MonitorState, whole.saved()) == CODEC.encode(MonitorState, pieces.saved())
 
 
 def test_missing_channels_are_named_not_guessed() -> None:
