@@ -27,7 +27,6 @@ __all__ = [
     "check_answers",
     "connect",
     "head_revision",
-    "name_of",
     "one_writer",
     "revision_of",
     "sentences",
@@ -52,9 +51,6 @@ _LOST_SERVER = {
     "tcp_user_timeout": 10_000,
 }
 """A server that left the network without a word is given up after some 10 s, not after the system's 15 minutes."""
-
-CHECK_TIMEOUT_S = 0.5
-"""How long a readiness check waits for the write lock of SQLite."""
 
 _WRITER_LOCK = 0x77696E67
 """Key of the PostgreSQL advisory lock of ``one_writer`` (ASCII "wing")."""
@@ -185,11 +181,13 @@ def upgrade(engine: Engine) -> None:
         command.upgrade(config, "head")
 
 
-def check_answers(engine: Engine, busy_timeout_s: float, inode: int | None) -> None:
+def check_answers(engine: Engine, inode: int | None) -> None:
     """Read the schema's revision and make sure that a write would be taken, without writing.
 
+    SQLite's write lock is taken for a moment, and waited for as every write waits: a write that is under way is no
+    fault.
+
     Args:
-        busy_timeout_s: the usual patience, restored after the check's own.
         inode: of the SQLite file when it was opened; None for a server.
 
     Raises:
@@ -198,15 +196,13 @@ def check_answers(engine: Engine, busy_timeout_s: float, inode: int | None) -> N
     path = sqlite_file(engine)
     if path is not None:
         _check_file(path, inode)
-    with sentences(engine), engine.connect() as connection:
-        if path is not None:
-            _take_write_lock(connection, busy_timeout_s)
-        elif connection.execute(text("SHOW transaction_read_only")).scalar_one() != "off":
-            raise DatabaseError(f"{name_of(engine)} {_POSTGRES_FAULTS['25006']}")
+    with sentences(engine), writing(engine).connect() as connection:
+        if path is None and connection.execute(text("SHOW transaction_read_only")).scalar_one() != "off":
+            raise DatabaseError(f"{_name(engine)} {_POSTGRES_FAULTS['25006']}")
         found, head = revision_of(connection), head_revision()
     if found != head:
         raise DatabaseError(
-            f"{name_of(engine)} now has schema {found}, but this program has schema {head}; "
+            f"{_name(engine)} now has schema {found}, but this program has schema {head}; "
             "restart with the newest wingwatch"
         )
 
@@ -217,17 +213,17 @@ def sentences(engine: Engine) -> Iterator[None]:
     try:
         yield
     except DataError as error:
-        raise RefusedError(f"{name_of(engine)} cannot hold that entry ({_first_line(error)})") from error
+        raise RefusedError(f"{_name(engine)} cannot hold that entry ({_first_line(error)})") from error
     except IntegrityError as error:
         raise RefusedError(
-            f"{name_of(engine)} already holds that entry, or another program wrote it at the same moment; "
+            f"{_name(engine)} already holds that entry, or another program wrote it at the same moment; "
             f"try again ({_first_line(error)})"
         ) from error
     except DBAPIError as error:
-        raise DatabaseError(f"{name_of(engine)} {_fault(engine, error)}") from error
+        raise DatabaseError(f"{_name(engine)} {_fault(engine, error)}") from error
     except PoolTimeoutError as error:
         raise DatabaseError(
-            f"{name_of(engine)} is asked by too many threads at once; try again, or ask it less often"
+            f"{_name(engine)} is asked by too many threads at once; try again, or ask it less often"
         ) from error
 
 
@@ -300,17 +296,6 @@ def _check_file(path: Path, inode: int | None) -> None:
         raise DatabaseError(f"the database {path} {_READ_ONLY}")
 
 
-def _take_write_lock(connection: Connection, busy_timeout_s: float) -> None:
-    """For a moment and with a short patience; the connection's close gives it back."""
-    driver: Any = connection.connection.driver_connection
-    driver.execute(f"PRAGMA busy_timeout = {int(1000 * min(CHECK_TIMEOUT_S, busy_timeout_s))}").close()
-    try:
-        connection.execution_options(**{_WRITE: True})
-        connection.execute(text("SELECT 1")).scalar_one()
-    finally:
-        driver.execute(f"PRAGMA busy_timeout = {int(1000 * busy_timeout_s)}").close()
-
-
 def revision_of(connection: Connection) -> str | None:
     """Revision of a database's schema; None where it has none."""
     context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
@@ -320,20 +305,19 @@ def revision_of(connection: Connection) -> str | None:
 def _refuse_foreign(engine: Engine, connection: Connection, current: str | None, head: str) -> None:
     if current is not None and current not in _known_revisions(_MIGRATIONS):
         raise DatabaseError(
-            f"{name_of(engine)} has schema {current}, newer than schema {head} of this program; "
+            f"{_name(engine)} has schema {current}, newer than schema {head} of this program; "
             "install the newer wingwatch that wrote it, or choose another database"
         )
     if current is None and engine.dialect.name == "sqlite":
         tables = sorted(set(inspect(connection).get_table_names()) - {VERSION_TABLE})
         if tables:
             raise DatabaseError(
-                f"{name_of(engine)} belongs to another program (it has the table {tables[0]!r}); "
+                f"{_name(engine)} belongs to another program (it has the table {tables[0]!r}); "
                 "choose another path"
             )
 
 
-def name_of(engine: Engine) -> str:
-    """How a sentence names the database: without a password."""
+def _name(engine: Engine) -> str:
     path = sqlite_file(engine)
     return f"the database {path or engine.url.set(query={}).render_as_string(hide_password=True)}"
 

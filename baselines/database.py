@@ -22,7 +22,6 @@ from wingwatch.baselines.connection import (
     RefusedError,
     check_answers,
     connect,
-    name_of,
     one_writer,
     sentences,
     sqlite_file,
@@ -76,8 +75,7 @@ def open_database(
 
     Args:
         where: path of an SQLite file, or a URL ``sqlite:///...`` or ``postgresql://...``.
-        busy_timeout_s: how long a call waits for another program's lock, after waiting as long at most for other
-            threads' writes to an SQLite file.
+        busy_timeout_s: how long a call waits for another program's lock.
 
     Raises:
         DatabaseError: locked, read-only, of a newer schema, not a database, damaged, or out of reach.
@@ -88,7 +86,7 @@ def open_database(
     engine = connect(where, busy_timeout_s)
     try:
         upgrade(engine)
-        return Database(engine, busy_timeout_s)
+        return Database(engine)
     except BaseException:
         engine.dispose()
         raise
@@ -100,16 +98,13 @@ class Database:
     Every method raises ``DatabaseError`` with one sentence where the database cannot do it.
     """
 
-    def __init__(self, engine: Engine, busy_timeout_s: float) -> None:
+    def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._write_engine = writing(engine)
         self._durable_engine = writing(engine, durable=True)
-        self._busy_timeout_s = busy_timeout_s
         self._closed = False
         path = sqlite_file(engine)
         self._inode = path.stat().st_ino if path else None
-        self._turn = threading.Lock() if path else None
-        """SQLite takes one writer at a time, and of those that wait it serves anyone: some wait for ever."""
         self._lock = threading.Lock()
         self._flights: dict[tuple[str, str], estimate_history.OpenFlight] = {}
 
@@ -130,8 +125,8 @@ class Database:
         Raises:
             DatabaseError: if not, saying why.
         """
-        with self._open(), self._my_turn():
-            check_answers(self._engine, self._busy_timeout_s, self._inode)
+        with self._open():
+            check_answers(self._engine, self._inode)
 
     def put_expectation(self, entry: ExpectationRecord) -> ExpectationRecord:
         """Store an entry; the current one at the same point (if any) becomes its history.
@@ -408,24 +403,8 @@ class Database:
     @contextmanager
     def _write(self, durable: bool = False) -> Iterator[Session]:
         engine = self._durable_engine if durable else self._write_engine
-        with self._open(), self._my_turn(), Session(engine) as session, session.begin():
+        with self._open(), Session(engine) as session, session.begin():
             yield session
-
-    @contextmanager
-    def _my_turn(self) -> Iterator[None]:
-        """Threads of this program write to an SQLite file one after the other; they do not count as another's lock."""
-        if self._turn is None:
-            yield
-            return
-        if not self._turn.acquire(timeout=self._busy_timeout_s):
-            raise DatabaseError(
-                f"{name_of(self._engine)} has been busy with an earlier write for {self._busy_timeout_s:g} s; "
-                "check its disk, or end a program that locks it"
-            )
-        try:
-            yield
-        finally:
-            self._turn.release()
 
 
 def _put_alert(session: Session, alert: AlertRecord) -> None:

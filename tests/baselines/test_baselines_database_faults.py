@@ -5,7 +5,6 @@ import sqlite3
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from multiprocessing import get_context
 from pathlib import Path
@@ -20,7 +19,7 @@ from wingwatch.baselines import (
     ExpectationRecord,
     open_database,
 )
-from wingwatch.baselines.connection import CHECK_TIMEOUT_S, head_revision
+from wingwatch.baselines.connection import head_revision
 
 NOBODY = 65534
 ALERT = AlertRecord(
@@ -84,25 +83,6 @@ def test_a_lock_of_another_program_is_waited_for_and_then_named(path: Path) -> N
         other.rollback()
         database.check()
         assert database.put_expectation(entry()).id == 1
-
-
-def test_a_write_of_this_program_is_no_lock_of_another(path: Path) -> None:
-    """A slow disk: what waits longer than SQLite's own patience for a check still gets its turn."""
-    with open_database(path) as database, ThreadPoolExecutor(1) as executor:
-        with database._write():
-            waits = executor.submit(database.check)
-            with pytest.raises(TimeoutError):
-                waits.result(2.0 * CHECK_TIMEOUT_S)
-        assert waits.result() is None
-
-
-def test_an_earlier_write_that_does_not_end_is_named(path: Path) -> None:
-    with open_database(path, busy_timeout_s=0.2) as database, database._write():
-        said = sentence(database.check)
-    assert said == (
-        f"the database {path} has been busy with an earlier write for 0.2 s; check its disk, or end a program that "
-        "locks it"
-    )
 
 
 def test_a_locked_database_cannot_be_opened(tmp_path: Path) -> None:

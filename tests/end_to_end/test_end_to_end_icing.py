@@ -1,12 +1,15 @@
 """The whole chain: a flight that takes on ice streams through a real Zenoh session, and the alert stands over HTTP."""
 
 from pathlib import Path
+from typing import Any
 
 import zenoh
 from live import fly, get, service_in, until, until_last
 
+from wingwatch.cli.service import Service
 from wingwatch.simulation import demo_fleet, simulate
 from wingwatch.telemetry import (
+    ServiceStream,
     ZenohSettings,
     decode_service_object,
     open_session,
@@ -31,18 +34,20 @@ def test_a_flight_into_ice_raises_the_alert_and_a_healthy_one_none(tmp_path: Pat
             for name, block in flights.items():
                 fly(endpoint, name, block)
                 until_last(service, name, block)
-            until(lambda: bool(heard))
+            until(lambda: heard != [] and published(heard) == answered(listener)["alerts"] == stored(service))
             subscriber.undeclare()  # type: ignore[no-untyped-call]
-        check_alert(service_alerts := get(service, "/v1/alerts")["items"])
+            answers = answered(listener)
+        check_alert(answers["alerts"])
         assert get(service, "/v1/vehicles/icing")["state"] == "degraded"
         assert get(service, "/v1/vehicles/healthy")["active_alerts"] == []
-        check_published(heard, service_alerts)
-        check_answered(endpoint, service_alerts)
+        assert {key for key, _, _ in heard} == {vehicle_key("default", "icing", "alerts")}
+        assert (answers["status"]["vehicle"], answers["status"]["state"]) == ("icing", "degraded")
+        assert answers["derivatives"]["vehicle"] == "icing"
+        assert set(answers["derivatives"]["estimators"]) == {"fourier", "ekf"}
 
 
-def check_alert(alerts: list[dict[str, object]]) -> None:
-    """One alert: ice, in time, with size and evidence."""
-    (alert,) = alerts
+def check_alert(alert: dict[str, Any]) -> None:
+    """Ice, in time, with size and evidence."""
     assert (alert["vehicle"], alert["kind"], alert["cause"]) == ("icing", "icing", "icing")
     raised_s, size = alert["raised_s"], alert["size"]
     assert isinstance(raised_s, float)
@@ -59,22 +64,25 @@ def check_alert(alerts: list[dict[str, object]]) -> None:
     assert abs(evidence[0]["z"]) > 3.0
 
 
-def check_published(heard: list[tuple[str, bytes, str]], alerts: list[dict[str, object]]) -> None:
-    """The life of the alert went out on its key, the last state being that of REST."""
-    assert {key for key, _, _ in heard} == {vehicle_key("default", "icing", "alerts")}
+def stored(service: Service) -> dict[str, Any] | None:
+    """The only alert as REST gives it."""
+    items = get(service, "/v1/alerts")["items"]
+    return items[0] if len(items) == 1 else None
+
+
+def published(heard: list[tuple[str, bytes, str]]) -> dict[str, Any]:
+    """The last state of the alert that went out on its key."""
     _, payload, encoding = heard[-1]
-    assert decode_service_object("alerts", payload, encoding) == alerts[0]
+    return decode_service_object("alerts", payload, encoding)
 
 
-def check_answered(endpoint: str, alerts: list[dict[str, object]]) -> None:
-    """The service's keys answer queries with the objects of REST."""
-    with open_session(ZenohSettings.for_vehicle((endpoint,))) as session:
-        replies = list(session.get("wingwatch/v1/default/icing/*", target=zenoh.QueryTarget.ALL))
-    objects = {str(r.ok.key_expr).rsplit("/", 1)[1]: r.ok.payload.to_bytes() for r in replies if r.ok}
-    assert set(objects) == {"derivatives", "status", "alerts"}
-    assert decode_service_object("alerts", objects["alerts"], "application/json") == alerts[0]
-    status = decode_service_object("status", objects["status"], "application/json")
-    assert (status["vehicle"], status["state"]) == ("icing", "degraded")
-    derivatives = decode_service_object("derivatives", objects["derivatives"], "application/json")
-    assert derivatives["vehicle"] == "icing"
-    assert set(derivatives["estimators"]) == {"fourier", "ekf"}
+def answered(session: zenoh.Session) -> dict[str, Any]:
+    """The objects with which the service's keys answer queries."""
+    replies = list(session.get("wingwatch/v1/default/icing/*", target=zenoh.QueryTarget.ALL))
+    found = {str(r.ok.key_expr).rsplit("/", 1)[1]: r.ok for r in replies if r.ok}
+    streams: tuple[ServiceStream, ...] = ("derivatives", "status", "alerts")
+    assert set(found) == set(streams)
+    return {
+        stream: decode_service_object(stream, found[stream].payload.to_bytes(), str(found[stream].encoding))
+        for stream in streams
+    }
