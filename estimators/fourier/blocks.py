@@ -41,6 +41,7 @@ from wingwatch.estimators.fourier.solution import (
     BEGIN,
     INPUT_RESOLUTION,
     MOVE,
+    STAY,
     SolutionWorkspace,
     block_solution,
     remembered,
@@ -204,7 +205,12 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
         for a in range(k):
             work.anchor[a] = work.own[a]
         copy_matrix(work.own_covariance, known.covariance)
-    at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
+        at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
+    else:
+        _noise_of_block(model, vehicle, work.noise)
+        at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
+        for _ in range(2):
+            solve_block(model, block, at, nothing, around, STAY, solving, found)
     solve_block(model, block, at, nothing, around, ALONE, solving, found)
     _remember(model, vehicle, work)
     remembered(memory, prior, solving.posterior, known.theta, known.covariance)

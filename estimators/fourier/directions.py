@@ -196,7 +196,8 @@ def reduce_information(equation, smallest, work, gained, evidence):  # type: ign
     whiten(lower, turned)
     if all_below(turned, smallest, other):
         return
-    if sound and all_above(turned, smallest, other) and _seen_by_all(equation, smallest, work):
+    clear = sound and all_above(turned, smallest, other) and all_below(turned, 1.0 + 1e-6, other)
+    if clear and _seen_by_all(equation, smallest, work):
         _keep_all(equation, work, gained, evidence)
         return
     eigen(turned, signal, work.off, work.work)

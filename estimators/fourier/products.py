@@ -138,8 +138,13 @@ def _driven_states(omega, plant, noise, power, work, g, bias):  # type: ignore[n
     weights, transfer, answers = work.weights, work.transfer, work.answers
     rows = weights.shape[0]
     work.rolled[0] = 0.0
+    shared, totals, profiled = work.shared, work.totals, work.profiled
+    totals[:, :] = 0.0
+    profiled[:, :] = 0.0
+    intensity = 0.0
     for f in range(omega.size):
         _driven_motion(omega, plant, work, f)
+        seen = 0.0
         rolling = power * noise[ROLLING]
         work.rolled[0] += rolling * abs(answers[1, ns + 1]) ** 2 * weights[1, 1, 0, f]
         for k in range(ns):
@@ -151,11 +156,30 @@ def _driven_states(omega, plant, noise, power, work, g, bias):  # type: ignore[n
                     cause += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
                 for j in range(ns):
                     g[k * nd + j] += variance * (cause * answers[j, ns + e].conjugate()).real
+                if e == 1:
+                    through = complex(transfer[nd + 2, k, 0, f], transfer[nd + 2, k, 1, f])
+                    seen += (through.conjugate() * cause).real
+                    for j in range(ns):
+                        shared[k * ns + j] = variance * cause * answers[j, ns + 1].conjugate()
             for m in range(ns):
                 variance = power * noise[ns + 1 + m]
                 w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
                 for j in range(ns):
                     bias[k * nd + j] += variance * (w * answers[j, ns + DRIVING + m].conjugate()).real
+        if rolling == 0.0 or ns == 2:
+            continue
+        intensity += seen * seen
+        for a in range(ns * ns):
+            totals[0, a] += shared[a].real
+            totals[1, a] += 2.0 * seen * shared[a].real
+            for b in range(ns * ns):
+                profiled[(a // ns) * nd + a % ns, (b // ns) * nd + b % ns] += (shared[a] * shared[b]).real
+    intensity *= power * noise[ROLLING]
+    if intensity > 0.0:
+        for a in range(ns * ns):
+            for b in range(ns * ns):
+                both = totals[0, a] * totals[1, b] + totals[1, a] * totals[0, b]
+                profiled[(a // ns) * nd + a % ns, (b // ns) * nd + b % ns] -= 0.5 * both / intensity
 
 
 @lean

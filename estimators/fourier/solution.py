@@ -71,6 +71,7 @@ __all__ = [
     "ALONE",
     "BEGIN",
     "MOVE",
+    "STAY",
     "SolutionWorkspace",
     "block_solution",
     "remembered",
@@ -80,7 +81,7 @@ __all__ = [
     "zero_memory",
 ]
 
-ALONE, MOVE, BEGIN = np.int64(0), np.int64(1), np.int64(2)
+ALONE, MOVE, BEGIN, STAY = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 """What is asked of a solution: what the block says alone; derivatives, covariance and noise variances with the block
 too; all of that three times.
 
@@ -300,7 +301,7 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
         score[a] -= scale[a] * g[a]
         bias[a] *= scale[a]
         for b in range(scale.size):
-            n_noise[a, b] *= scale[a] * scale[b]
+            n_noise[a, b] = scale[a] * scale[b] * (n_noise[a, b] - weighing.profiled[a, b])
     for j in range(ns):
         suspected[j] = max(1.0, _rough_noise(block.roughness, j, ns) / noise[j])
     smallest = max(model.smallest_signal, noise_edge(nd, bins * fraction))
@@ -400,20 +401,23 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         _gain(theta, 2.0 * fraction, found)
         if asked == ALONE:
             return
-        _moved(memory, found.gained, prior, work.posterior, work.moved)
-        for a in range(theta.size):
-            work.change[a] = work.moved[a] - theta[a]
-            theta[a] = work.moved[a]
-        _covariance(memory, found.gained, prior.std, work.posterior, at.covariance)
+        fitted = 0.0
+        if asked == STAY:
+            work.change[:] = 0.0
+        else:
+            _moved(memory, found.gained, prior, work.posterior, work.moved)
+            for a in range(theta.size):
+                work.change[a] = work.moved[a] - theta[a]
+                theta[a] = work.moved[a]
+            _covariance(memory, found.gained, prior.std, work.posterior, at.covariance)
+            fitted = _learned(work.posterior.inverse, found.gained.information)
         nuisance_of(normal, work.change, scale)
         plant = _plant(model, theta, work)
         weighing.doubt[:, :, :] = 0.0
         weigh(omega, plant, air, noise, power, weighing)
         residual_of(transforms, plant, normal.values, weighing.weights)
         whitened = transforms.whitened
-        taken = degrees_of_freedom(normal, fraction) + _learned(
-            work.posterior.inverse, found.gained.information
-        )
+        taken = degrees_of_freedom(normal, fraction) + fitted
         left = 1.0 - taken / (2.0 * omega.size * fraction * whitened.shape[0])
         noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, weighing, found.noise)
         _update_noise(at, found.noise, fraction, power / span, block.roughness, plant, air)
