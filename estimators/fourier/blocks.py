@@ -179,7 +179,7 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
     A block that says more of a derivative than all before it is linearised where it leads itself, unless rolling air
-    drives it.
+    drives it. Any other is linearised at what is known, and the variances of noise and air are fitted there.
     """
     block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
     solving, found, prior = work.solving, work.found, model.prior
@@ -198,6 +198,7 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
     around = Prior(work.anchor, work.size)
     copy_matrix(known.covariance, work.own_covariance)
     own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
+    at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
     solve_block(model, block, own, nothing, around, MOVE, solving, found)
     rolled = solving.noise.rolled[0] / solving.equation.power[p_in_p, p_in_p]
     if rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity):
@@ -205,10 +206,8 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
         for a in range(k):
             work.anchor[a] = work.own[a]
         copy_matrix(work.own_covariance, known.covariance)
-        at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
     else:
         _noise_of_block(model, vehicle, work.noise)
-        at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
         for _ in range(2):
             solve_block(model, block, at, nothing, around, STAY, solving, found)
     solve_block(model, block, at, nothing, around, ALONE, solving, found)

@@ -92,9 +92,10 @@ class NoiseWorkspace(NamedTuple):
         sums: (states, states) sum over bins of Re W.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
         answers: (states, 2 states + 2), complex.
-        shared: (states^2,) complex, what the rolling air gives each product of a state and a weighted residual in a bin.
-        totals: (2, states^2) its sum over bins, and how the estimated intensity of the rolling air answers each derivative.
-        profiled: (p, p) information of the rolling air's motion when its intensity is unknown, less M, (docs (14a)).
+        caused: (states,) complex, W B of the rolling air in a bin; product: (states^2,) what it and the motion that
+            the rolling air causes are expected to have in common in a bin.
+        answered: (2, states^2) how score and intensity answer each other, the two factors of (docs (14a)).
+        slope: (p, p) of what of the score is due to rolling air, by the derivatives, (docs (14a)).
     """
 
     transfer: NDArray[np.float64]
@@ -109,9 +110,10 @@ class NoiseWorkspace(NamedTuple):
     sums: NDArray[np.float64]
     rolled: NDArray[np.float64]
     answers: NDArray[np.complex128]
-    shared: NDArray[np.complex128]
-    totals: NDArray[np.float64]
-    profiled: NDArray[np.float64]
+    caused: NDArray[np.complex128]
+    product: NDArray[np.complex128]
+    answered: NDArray[np.float64]
+    slope: NDArray[np.float64]
 
 
 def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWorkspace:
@@ -129,6 +131,7 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros((states, states)),
         np.zeros(1),
         np.zeros((states, 2 * states + 2), dtype=np.complex128),
+        np.zeros(states, dtype=np.complex128),
         np.zeros(states * states, dtype=np.complex128),
         np.zeros((2, states * states)),
         np.zeros((states * (states + inputs), states * (states + inputs))),

@@ -133,19 +133,17 @@ def _driven_motion(omega, plant, work, f):  # type: ignore[no-untyped-def]
 
 @lean
 def _driven_states(omega, plant, noise, power, work, g, bias):  # type: ignore[no-untyped-def]
-    """What ``expected_products`` has of all that drives the states, (docs (14), (15))."""
+    """What ``expected_products`` has of all that drives the states, (docs (14), (14a), (15))."""
     ns, nd = plant.derivatives.shape
     weights, transfer, answers = work.weights, work.transfer, work.answers
     rows = weights.shape[0]
+    rolling = power * noise[ROLLING]
     work.rolled[0] = 0.0
-    shared, totals, profiled = work.shared, work.totals, work.profiled
-    totals[:, :] = 0.0
-    profiled[:, :] = 0.0
-    intensity = 0.0
+    work.answered[:, :] = 0.0
+    work.slope[:, :] = 0.0
+    determined = 0.0
     for f in range(omega.size):
         _driven_motion(omega, plant, work, f)
-        seen = 0.0
-        rolling = power * noise[ROLLING]
         work.rolled[0] += rolling * abs(answers[1, ns + 1]) ** 2 * weights[1, 1, 0, f]
         for k in range(ns):
             for e in range(DRIVING):
@@ -157,29 +155,50 @@ def _driven_states(omega, plant, noise, power, work, g, bias):  # type: ignore[n
                 for j in range(ns):
                     g[k * nd + j] += variance * (cause * answers[j, ns + e].conjugate()).real
                 if e == 1:
-                    through = complex(transfer[nd + 2, k, 0, f], transfer[nd + 2, k, 1, f])
-                    seen += (through.conjugate() * cause).real
-                    for j in range(ns):
-                        shared[k * ns + j] = variance * cause * answers[j, ns + 1].conjugate()
+                    work.caused[k] = cause
             for m in range(ns):
                 variance = power * noise[ns + 1 + m]
                 w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
                 for j in range(ns):
                     bias[k * nd + j] += variance * (w * answers[j, ns + DRIVING + m].conjugate()).real
-        if rolling == 0.0 or ns == 2:
-            continue
-        intensity += seen * seen
-        for a in range(ns * ns):
-            totals[0, a] += shared[a].real
-            totals[1, a] += 2.0 * seen * shared[a].real
-            for b in range(ns * ns):
-                profiled[(a // ns) * nd + a % ns, (b // ns) * nd + b % ns] += (shared[a] * shared[b]).real
-    intensity *= power * noise[ROLLING]
-    if intensity > 0.0:
-        for a in range(ns * ns):
-            for b in range(ns * ns):
-                both = totals[0, a] * totals[1, b] + totals[1, a] * totals[0, b]
-                profiled[(a // ns) * nd + a % ns, (b // ns) * nd + b % ns] -= 0.5 * both / intensity
+        if ns == 3 and rolling > 0.0:
+            determined += _roll_in_bin(plant, work, rolling, f)
+    if determined > 0.0:
+        _eliminate_intensity(work, rolling * determined, nd)
+
+
+@lean
+def _roll_in_bin(plant, work, rolling, f):  # type: ignore[no-untyped-def]
+    """Add one bin to the sums of (docs (14a)); returns (B' W B)^2 of the rolling air.
+
+    Args:
+        work: its ``caused`` is (W B) of this bin.
+        rolling: power of the rolling air in a bin.
+    """
+    ns, nd = plant.derivatives.shape
+    transfer, answers, caused, product = work.transfer[nd + 2], work.answers, work.caused, work.product
+    answered, slope = work.answered, work.slope
+    seen = 0.0
+    for k in range(ns):
+        seen += (complex(transfer[k, 0, f], -transfer[k, 1, f]) * caused[k]).real
+        for j in range(ns):
+            product[k * ns + j] = rolling * caused[k] * answers[j, ns + 1].conjugate()
+    for a in range(ns * ns):
+        answered[0, a] += product[a].real
+        answered[1, a] += 2.0 * seen * product[a].real
+        for b in range(ns * ns):
+            slope[a // ns * nd + a % ns, b // ns * nd + b % ns] += (product[a] * product[b]).real
+    return seen * seen
+
+
+@lean
+def _eliminate_intensity(work, determined, nd):  # type: ignore[no-untyped-def]
+    """Take from the slope what the estimated intensity of the rolling air takes of it, (docs (14a))."""
+    answered, slope, ns = work.answered, work.slope, work.caused.size
+    for a in range(ns * ns):
+        for b in range(ns * ns):
+            both = answered[0, a] * answered[1, b] + answered[1, a] * answered[0, b]
+            slope[a // ns * nd + a % ns, b // ns * nd + b % ns] -= 0.5 * both / determined
 
 
 @lean

@@ -83,7 +83,7 @@ __all__ = [
 
 ALONE, MOVE, BEGIN, STAY = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 """What is asked of a solution: what the block says alone; derivatives, covariance and noise variances with the block
-too; all of that three times.
+too; all of that three times; noise variances alone, the derivatives staying where they are.
 
 Not Python's integers: for each of them a kernel would be compiled anew."""
 
@@ -301,7 +301,7 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
         score[a] -= scale[a] * g[a]
         bias[a] *= scale[a]
         for b in range(scale.size):
-            n_noise[a, b] = scale[a] * scale[b] * (n_noise[a, b] - weighing.profiled[a, b])
+            n_noise[a, b] = scale[a] * scale[b] * (n_noise[a, b] - weighing.slope[a, b])
     for j in range(ns):
         suspected[j] = max(1.0, _rough_noise(block.roughness, j, ns) / noise[j])
     smallest = max(model.smallest_signal, noise_edge(nd, bins * fraction))
@@ -382,7 +382,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         at: ``Linearisation``; in place, unless ``asked`` is ``ALONE``.
         memory: what is known without the block.
         prior: ``Prior``.
-        asked: ``ALONE``, ``MOVE`` or ``BEGIN``.
+        asked: ``ALONE``, ``MOVE``, ``BEGIN`` or ``STAY``.
         work: ``SolutionWorkspace``.
         found: ``BlockSolution``; becomes what the block says.
     """

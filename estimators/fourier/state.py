@@ -307,7 +307,7 @@ class Equation(NamedTuple):
 
     Attributes:
         power: (k, k) M, power of the regressors.
-        noise: (k, k) N, what of it is noise.
+        noise: (k, k) N, what of it is noise, less the slope of (14a).
         vector: (k,) score at the linearisation.
         bias: (k,) part of it that is expected of moments which the equations leave out.
         suspected: (states,) how many times each state's noise would be larger, were all of its roughness noise.
