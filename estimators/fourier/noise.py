@@ -92,10 +92,9 @@ class NoiseWorkspace(NamedTuple):
         sums: (states, states) sum over bins of Re W.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
         answers: (states, 2 states + 2), complex.
-        caused: (states,) complex, W B of the rolling air in a bin; product: (states^2,) what it and the motion that
-            the rolling air causes are expected to have in common in a bin.
-        answered: (2, states^2) how score and intensity answer each other, the two factors of (docs (14a)).
-        slope: (p, p) of what of the score is due to rolling air, by the derivatives, (docs (14a)).
+        gain: (rows, 2, bins) K: the roll rate of the air is K times the residual, (docs (14a)); zeros without rolling air.
+        explained: (bins,) K B, part of the rolling air that the residual shows.
+        moved: (states, 2, bins) c, motion that a unit of the air's roll rate causes.
     """
 
     transfer: NDArray[np.float64]
@@ -110,10 +109,9 @@ class NoiseWorkspace(NamedTuple):
     sums: NDArray[np.float64]
     rolled: NDArray[np.float64]
     answers: NDArray[np.complex128]
-    caused: NDArray[np.complex128]
-    product: NDArray[np.complex128]
-    answered: NDArray[np.float64]
-    slope: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    explained: NDArray[np.float64]
+    moved: NDArray[np.float64]
 
 
 def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWorkspace:
@@ -131,10 +129,9 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros((states, states)),
         np.zeros(1),
         np.zeros((states, 2 * states + 2), dtype=np.complex128),
-        np.zeros(states, dtype=np.complex128),
-        np.zeros(states * states, dtype=np.complex128),
-        np.zeros((2, states * states)),
-        np.zeros((states * (states + inputs), states * (states + inputs))),
+        np.zeros((rows, 2, bins)),
+        np.zeros(bins),
+        np.zeros((states, 2, bins)),
     )
 
 

@@ -8,7 +8,7 @@ from wingwatch.estimators.fourier.noise import DRIVING, channel_variance, weight
 from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["expected_products", "noise_power"]
+__all__ = ["driven_motion", "expected_products", "noise_power"]
 
 
 @lean
@@ -34,7 +34,7 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
         _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise)
     weights, answers = work.weights, work.answers
     for f in range(omega.size):
-        _driven_motion(omega, plant, work, f)
+        driven_motion(omega, plant, work, f)
         for e in range(ns):
             variance = power * noise[ns + 1 + e] * weights[e, e, 0, f]
             for j in range(ns):
@@ -111,7 +111,7 @@ def _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise):  # type
 
 
 @lean
-def _driven_motion(omega, plant, work, f):  # type: ignore[no-untyped-def]
+def driven_motion(omega, plant, work, f):  # type: ignore[no-untyped-def]
     """Into ``work.answers`` what air and moments of unit strength drive the states to: (s - A)^-1 times each."""
     ns, nd = plant.derivatives.shape
     transfer, answers = work.transfer, work.answers
@@ -139,14 +139,11 @@ def _driven_states(omega, plant, noise, power, work, g, bias):  # type: ignore[n
     rows = weights.shape[0]
     rolling = power * noise[ROLLING]
     work.rolled[0] = 0.0
-    work.answered[:, :] = 0.0
-    work.slope[:, :] = 0.0
-    determined = 0.0
     for f in range(omega.size):
-        _driven_motion(omega, plant, work, f)
+        driven_motion(omega, plant, work, f)
         work.rolled[0] += rolling * abs(answers[1, ns + 1]) ** 2 * weights[1, 1, 0, f]
         for k in range(ns):
-            for e in range(DRIVING):
+            for e in range(1 if ns == 3 else DRIVING):
                 variance = power * noise[GUST + e]
                 cause = 0.0j
                 for m in range(rows):
@@ -154,51 +151,11 @@ def _driven_states(omega, plant, noise, power, work, g, bias):  # type: ignore[n
                     cause += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
                 for j in range(ns):
                     g[k * nd + j] += variance * (cause * answers[j, ns + e].conjugate()).real
-                if e == 1:
-                    work.caused[k] = cause
             for m in range(ns):
                 variance = power * noise[ns + 1 + m]
                 w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
                 for j in range(ns):
                     bias[k * nd + j] += variance * (w * answers[j, ns + DRIVING + m].conjugate()).real
-        if ns == 3 and rolling > 0.0:
-            determined += _roll_in_bin(plant, work, rolling, f)
-    if determined > 0.0:
-        _eliminate_intensity(work, rolling * determined, nd)
-
-
-@lean
-def _roll_in_bin(plant, work, rolling, f):  # type: ignore[no-untyped-def]
-    """Add one bin to the sums of (docs (14a)); returns (B' W B)^2 of the rolling air.
-
-    Args:
-        work: its ``caused`` is (W B) of this bin.
-        rolling: power of the rolling air in a bin.
-    """
-    ns, nd = plant.derivatives.shape
-    transfer, answers, caused, product = work.transfer[nd + 2], work.answers, work.caused, work.product
-    answered, slope = work.answered, work.slope
-    seen = 0.0
-    for k in range(ns):
-        seen += (complex(transfer[k, 0, f], -transfer[k, 1, f]) * caused[k]).real
-        for j in range(ns):
-            product[k * ns + j] = rolling * caused[k] * answers[j, ns + 1].conjugate()
-    for a in range(ns * ns):
-        answered[0, a] += product[a].real
-        answered[1, a] += 2.0 * seen * product[a].real
-        for b in range(ns * ns):
-            slope[a // ns * nd + a % ns, b // ns * nd + b % ns] += (product[a] * product[b]).real
-    return seen * seen
-
-
-@lean
-def _eliminate_intensity(work, determined, nd):  # type: ignore[no-untyped-def]
-    """Take from the slope what the estimated intensity of the rolling air takes of it, (docs (14a))."""
-    answered, slope, ns = work.answered, work.slope, work.caused.size
-    for a in range(ns * ns):
-        for b in range(ns * ns):
-            both = answered[0, a] * answered[1, b] + answered[1, a] * answered[0, b]
-            slope[a // ns * nd + a % ns, b // ns * nd + b % ns] -= 0.5 * both / determined
 
 
 @lean

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wingwatch.estimators.fourier.air import air_channels, present_regressors
 from wingwatch.estimators.fourier.bank import NUISANCE, bank_channels, block_transforms
 from wingwatch.estimators.fourier.between import between_samples
+from wingwatch.estimators.fourier.checkpoints import copy_bank, copy_matrix
 from wingwatch.estimators.fourier.directions import (
     DirectionsWorkspace,
     directions_workspace,
@@ -44,6 +45,7 @@ from wingwatch.estimators.fourier.nuisance import (
     reduce_weights,
 )
 from wingwatch.estimators.fourier.products import expected_products, noise_power
+from wingwatch.estimators.fourier.rolling_air import rolling_gain, rolling_noise, without_rolling
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
     AIRSPEED,
@@ -128,6 +130,7 @@ class SolutionWorkspace(NamedTuple):
 
     Attributes:
         transforms, normal, noise, directions, posterior, equation: of its parts.
+        without_rolling: normal equations without the motion by rolling air.
         derivatives, forward_speed, roll_column: arrays of ``Plant``.
         scale: (k,) what makes referred derivatives present ones.
         expected: (k,) what of the score is expected of noise and gusts.
@@ -136,6 +139,7 @@ class SolutionWorkspace(NamedTuple):
 
     transforms: Transforms
     normal: NormalWorkspace
+    without_rolling: NormalWorkspace
     noise: NoiseWorkspace
     directions: DirectionsWorkspace
     posterior: PosteriorWorkspace
@@ -157,9 +161,10 @@ def zero_memory(k: int) -> Memory:
 def solution_workspace(ns: int, nu: int, bins: int, rows: int) -> SolutionWorkspace:
     """Workspace for ns states, nu inputs and ns or ns + 1 rows."""
     k, channels = ns * (ns + nu), bank_channels(ns, nu) + NUISANCE - 1 + air_channels(ns, nu)
-    shapes = [(channels, 2, bins)] * 2 + [(ns + nu, 2, bins)] * 2 + [(2, bins)] * 2 + [(rows, 2, bins)] * 2
+    shapes = [(channels, 2, bins)] * 2 + [(ns + nu, 2, bins)] * 2 + [(2, bins)] * 2 + [(rows, 2, bins)] * 3
     return SolutionWorkspace(
         Transforms(*(np.empty(shape) for shape in shapes)),
+        normal_workspace(k, rows),
         normal_workspace(k, rows),
         noise_workspace(ns, nu, rows, bins),
         directions_workspace(k),
@@ -274,6 +279,35 @@ def _plant(model, theta, work):  # type: ignore[no-untyped-def]
 
 
 @part
+def _leave_out_rolling(plant, power, fraction, noise, span, work):  # type: ignore[no-untyped-def]
+    """Score, power and noise of the regressors without the motion that rolling air has caused, (docs (14a), (14b)).
+
+    The nuisance columns' values are those of all regressors; about them the residual's products with the nuisance
+    columns are what is known beforehand of these, so nothing more is eliminated from the score.
+    """
+    transforms, normal, quiet, equation = work.transforms, work.normal, work.without_rolling, work.equation
+    work.change[:] = 0.0
+    nuisance_of(normal, work.change, work.scale)
+    residual = transforms.residual
+    copy_bank(transforms.response, residual)
+    there = Transforms(
+        transforms.lines, transforms.regressors, transforms.rates, transforms.missed, transforms.phase,
+        transforms.product, residual, transforms.whitened, transforms.residual,
+    )  # fmt: skip
+    residual_of(there, plant, normal.values, work.noise.weights)
+    without_rolling(residual, transforms.regressors, work.noise, transforms.lines)
+    copy_matrix(normal.variances, quiet.variances)
+    left = Transforms(
+        transforms.lines, transforms.lines, transforms.rates, transforms.missed, transforms.phase,
+        transforms.product, residual, transforms.whitened, transforms.residual,
+    )  # fmt: skip
+    normal_equations(left, plant, fraction, work.noise.weights, quiet)
+    quiet.vector[work.change.size :] = 0.0
+    eliminate(quiet, work.change, work.scale, span, equation.power, equation.vector)
+    rolling_noise(plant, noise, power, work.noise, equation.noise)
+
+
+@part
 def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-untyped-def]
     """The block's equations where it is linearised, and what of them is signal."""
     omega, theta, noise, rows, sums = model.omega, at.theta, at.noise, block.rows, block.sums
@@ -287,6 +321,10 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     between_samples(
         model, rows, span / max(sums[SAMPLES] - 1.0, 1.0), theta, scale, work.forward_speed, transforms
     )
+    if model.roll:
+        weighing.doubt[:, :, :] = 0.0
+        weigh(omega, plant, air, noise, power, weighing)
+        rolling_gain(omega, plant, noise, power, weighing)
     doubt_of(at.covariance, scale, noise, weighing.doubt)
     weigh(omega, plant, air, noise, power, weighing)
     responses(omega, rows, plant, transforms)
@@ -295,13 +333,15 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     normal_equations(transforms, plant, fraction, weighing.weights, normal)
     eliminate(normal, theta, scale, span, m, score)
     noise_power(omega, plant, air, noise, power, weighing, n_noise)
+    if model.roll:
+        _leave_out_rolling(plant, power, fraction, noise, span, work)
     bins = reduce_weights(transforms.regressors, nd + 1, normal, weighing)
     expected_products(omega, plant, noise, power, weighing, g, bias)
     for a in range(scale.size):
         score[a] -= scale[a] * g[a]
         bias[a] *= scale[a]
         for b in range(scale.size):
-            n_noise[a, b] = scale[a] * scale[b] * (n_noise[a, b] - weighing.slope[a, b])
+            n_noise[a, b] *= scale[a] * scale[b]
     for j in range(ns):
         suspected[j] = max(1.0, _rough_noise(block.roughness, j, ns) / noise[j])
     smallest = max(model.smallest_signal, noise_edge(nd, bins * fraction))

@@ -290,6 +290,7 @@ class Transforms(NamedTuple):
         product: (2, bins) workspace.
         response: (rows, 2, bins) left sides of the equations, then the residual.
         whitened: (rows, 2, bins) W times the residual.
+        residual: (rows, 2, bins) where the block is linearised.
     """
 
     lines: Array
@@ -300,6 +301,7 @@ class Transforms(NamedTuple):
     product: Array
     response: Array
     whitened: Array
+    residual: Array
 
 
 class Equation(NamedTuple):
@@ -307,7 +309,7 @@ class Equation(NamedTuple):
 
     Attributes:
         power: (k, k) M, power of the regressors.
-        noise: (k, k) N, what of it is noise, less the slope of (14a).
+        noise: (k, k) N, what of it is noise.
         vector: (k,) score at the linearisation.
         bias: (k,) part of it that is expected of moments which the equations leave out.
         suspected: (states,) how many times each state's noise would be larger, were all of its roughness noise.
