@@ -4,11 +4,19 @@ Sensors' noise is in both. Gusts, rolling air and moments that nobody measures d
 Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``noise``.
 """
 
+from wingwatch.estimators.fourier.drives import (
+    ROLL,
+    driven_motion,
+    entry_of,
+    place_of,
+    roll_at_ends,
+    variance_of,
+)
 from wingwatch.estimators.fourier.noise import DRIVING, channel_variance, weighted_column
 from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["driven_motion", "expected_products", "noise_power"]
+__all__ = ["expected_products", "noise_power"]
 
 
 @lean
@@ -32,31 +40,20 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
                 n_noise[k * nd + c, m * nd + c] = variance * work.sums[k, m]
     if work.weights.shape[0] > ns and air.turn != 0.0:
         _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise)
-    weights, answers = work.weights, work.answers
-    for f in range(omega.size):
-        driven_motion(omega, plant, work, f)
-        for e in range(ns):
-            variance = power * noise[ns + 1 + e] * weights[e, e, 0, f]
-            for j in range(ns):
-                for c in range(ns):
-                    moved = answers[j, ns + DRIVING + e].conjugate() * answers[c, ns + DRIVING + e]
-                    n_noise[e * nd + j, e * nd + c] += variance * moved.real
 
 
 @lean
-def expected_products(omega, plant, noise, power, work, g, bias):  # type: ignore[no-untyped-def]
+def expected_products(omega, plant, air, noise, power, span, work, g):  # type: ignore[no-untyped-def]
     """Expected products of regressors and weighted residual, in present derivatives, (docs (12), (14), (15)).
 
-    Sensors' noise is in regressors and residual. The gust and the rolling air drive the states, by (s - A)^-1, and so
-    are in both, too. So is what moment equations leave out; of that neither time history nor loop is known.
+    Sensors' noise is in regressors and residual. What drives the states, by (s - A)^-1, is in both, too.
 
     Args:
-        g: becomes what of R' W r is due to sensors and air, (p,).
-        bias: becomes what of it is due to what moment equations leave out, (p,).
+        span: length of the block, s.
+        g: becomes what of R' W r is due to sensors, air and what equations leave out, (p,).
     """
     ns, nd = plant.derivatives.shape
     g[:] = 0.0
-    bias[:] = 0.0
     for c in range(nd):
         column = c if c < ns else c + 1
         variance = power * channel_variance(noise, column, ns)
@@ -73,7 +70,7 @@ def expected_products(omega, plant, noise, power, work, g, bias):  # type: ignor
     for k in range(ns):
         for f in range(omega.size):
             g[k * nd] -= variance * work.weighted[k, 0, f]
-    _driven_states(omega, plant, noise, power, work, g, bias)
+    _driven_states(omega, plant, air, noise, power, span, work, g)
 
 
 @lean
@@ -111,65 +108,33 @@ def _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise):  # type
 
 
 @lean
-def driven_motion(omega, plant, work, f):  # type: ignore[no-untyped-def]
-    """Into ``work.answers`` what air and moments of unit strength drive the states to: (s - A)^-1 times each."""
-    ns, nd = plant.derivatives.shape
-    transfer, answers = work.transfer, work.answers
-    rows = work.weights.shape[0]
-    for k in range(ns):
-        for j in range(ns):
-            answers[k, j] = -plant.derivatives[k, j] - (plant.forward_speed[j] if k == 0 else 0.0)
-            answers[k, ns + DRIVING + j] = 1.0 if k == j else 0.0
-        answers[k, k] += 1j * omega[f]
-        for e in range(DRIVING):
-            drive = transfer[nd + 1 + e, k]
-            answers[k, ns + e] = complex(drive[0, f], drive[1, f])
-            if k == 0 and rows > ns:
-                # The rate of the velocity is the force row and the kinematic row together.
-                kinematic = transfer[nd + 1 + e, ns]
-                answers[k, ns + e] += complex(kinematic[0, f], kinematic[1, f])
-    _eliminate_states(answers, ns)
+def _driven_states(omega, plant, air, noise, power, span, work, g):  # type: ignore[no-untyped-def]
+    """What ``expected_products`` has of all that drives the states, (docs (14), (15)).
 
-
-@lean
-def _driven_states(omega, plant, noise, power, work, g, bias):  # type: ignore[no-untyped-def]
-    """What ``expected_products`` has of all that drives the states, (docs (14), (14a), (15))."""
+    Motion by the gust that the kinematic row measures stays in the regressors. Motion by what nobody measures has been
+    taken out of them, but for what of it is in the readings at the block's ends.
+    """
     ns, nd = plant.derivatives.shape
-    weights, transfer, answers = work.weights, work.transfer, work.answers
-    rows = weights.shape[0]
+    rows, answers = work.weights.shape[0], work.answers
     rolling = power * noise[ROLLING]
     work.rolled[0] = 0.0
+    roll_at_ends(plant, air, work)
     for f in range(omega.size):
         driven_motion(omega, plant, work, f)
-        work.rolled[0] += rolling * abs(answers[1, ns + 1]) ** 2 * weights[1, 1, 0, f]
-        for k in range(ns):
-            for e in range(1 if ns == 3 else DRIVING):
-                variance = power * noise[GUST + e]
+        work.rolled[0] += rolling * abs(answers[1, place_of(ROLL, ns)]) ** 2 * work.weights[1, 1, 0, f]
+        for e in range(ns + 2):
+            measured = e == ns + 1 and rows > ns
+            variance = noise[GUST] if measured else variance_of(noise, e, ns, rows)
+            if variance == 0.0:
+                continue
+            for k in range(ns):
                 cause = 0.0j
                 for m in range(rows):
-                    w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
-                    cause += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
+                    w = complex(work.weights[k, m, 0, f], work.weights[k, m, 1, f])
+                    cause += w * entry_of(work, e, m, f)
                 for j in range(ns):
-                    g[k * nd + j] += variance * (cause * answers[j, ns + e].conjugate()).real
-            for m in range(ns):
-                variance = power * noise[ns + 1 + m]
-                w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
-                for j in range(ns):
-                    bias[k * nd + j] += variance * (w * answers[j, ns + DRIVING + m].conjugate()).real
-
-
-@lean
-def _eliminate_states(rows, n):  # type: ignore[no-untyped-def]
-    """Solve the complex system in the first n columns of ``rows`` for the others, in place.
-
-    s - A has a pivot in every row: it is no eigenvalue of a part of A, none of which has no damping.
-    """
-    for a in range(n):
-        over = 1.0 / rows[a, a]
-        for c in range(rows.shape[1]):
-            rows[a, c] *= over
-        for b in range(n):
-            if b != a:
-                factor = rows[b, a]
-                for c in range(rows.shape[1]):
-                    rows[b, c] -= factor * rows[a, c]
+                    motion = answers[j, place_of(e, ns)] * (power if measured else 0.0)
+                    for i in range(ns):
+                        at_ends = (work.at_ends[i] if e == ROLL else 0.0) - answers[i, place_of(e, ns)]
+                        motion += power / span * answers[j, ns + DRIVING + i] * at_ends
+                    g[k * nd + j] += variance * (cause * motion.conjugate()).real

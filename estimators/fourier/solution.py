@@ -45,7 +45,7 @@ from wingwatch.estimators.fourier.nuisance import (
     reduce_weights,
 )
 from wingwatch.estimators.fourier.products import expected_products, noise_power
-from wingwatch.estimators.fourier.rolling_air import rolling_gain, rolling_noise, without_rolling
+from wingwatch.estimators.fourier.unmeasured import estimator_of_drives, noise_without_drives, without_drives
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
     AIRSPEED,
@@ -130,7 +130,7 @@ class SolutionWorkspace(NamedTuple):
 
     Attributes:
         transforms, normal, noise, directions, posterior, equation: of its parts.
-        without_rolling: normal equations without the motion by rolling air.
+        without_drives: normal equations without the motion of unmeasured causes.
         derivatives, forward_speed, roll_column: arrays of ``Plant``.
         scale: (k,) what makes referred derivatives present ones.
         expected: (k,) what of the score is expected of noise and gusts.
@@ -139,7 +139,7 @@ class SolutionWorkspace(NamedTuple):
 
     transforms: Transforms
     normal: NormalWorkspace
-    without_rolling: NormalWorkspace
+    without_drives: NormalWorkspace
     noise: NoiseWorkspace
     directions: DirectionsWorkspace
     posterior: PosteriorWorkspace
@@ -279,13 +279,13 @@ def _plant(model, theta, work):  # type: ignore[no-untyped-def]
 
 
 @part
-def _leave_out_rolling(plant, power, fraction, noise, span, work):  # type: ignore[no-untyped-def]
-    """Score, power and noise of the regressors without the motion that rolling air has caused, (docs (14a), (14b)).
+def _leave_out_drives(plant, power, fraction, noise, span, work):  # type: ignore[no-untyped-def]
+    """Score, power and noise of the regressors without the motion that nobody measured the cause of, (docs (14a), (14b)).
 
     The nuisance columns' values are those of all regressors; about them the residual's products with the nuisance
     columns are what is known beforehand of these, so nothing more is eliminated from the score.
     """
-    transforms, normal, quiet, equation = work.transforms, work.normal, work.without_rolling, work.equation
+    transforms, normal, quiet, equation = work.transforms, work.normal, work.without_drives, work.equation
     work.change[:] = 0.0
     nuisance_of(normal, work.change, work.scale)
     residual = transforms.residual
@@ -295,7 +295,7 @@ def _leave_out_rolling(plant, power, fraction, noise, span, work):  # type: igno
         transforms.product, residual, transforms.whitened, transforms.residual,
     )  # fmt: skip
     residual_of(there, plant, normal.values, work.noise.weights)
-    without_rolling(residual, transforms.regressors, work.noise, transforms.lines)
+    without_drives(residual, transforms.regressors, work.noise, transforms.lines)
     copy_matrix(normal.variances, quiet.variances)
     left = Transforms(
         transforms.lines, transforms.lines, transforms.rates, transforms.missed, transforms.phase,
@@ -304,7 +304,7 @@ def _leave_out_rolling(plant, power, fraction, noise, span, work):  # type: igno
     normal_equations(left, plant, fraction, work.noise.weights, quiet)
     quiet.vector[work.change.size :] = 0.0
     eliminate(quiet, work.change, work.scale, span, equation.power, equation.vector)
-    rolling_noise(plant, noise, power, work.noise, equation.noise)
+    noise_without_drives(plant, noise, power, work.noise, equation.noise)
 
 
 @part
@@ -321,10 +321,9 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     between_samples(
         model, rows, span / max(sums[SAMPLES] - 1.0, 1.0), theta, scale, work.forward_speed, transforms
     )
-    if model.roll:
-        weighing.doubt[:, :, :] = 0.0
-        weigh(omega, plant, air, noise, power, weighing)
-        rolling_gain(omega, plant, noise, power, weighing)
+    weighing.doubt[:, :, :] = 0.0
+    weigh(omega, plant, air, noise, power, weighing)
+    estimator_of_drives(omega, plant, noise, power, weighing)
     doubt_of(at.covariance, scale, noise, weighing.doubt)
     weigh(omega, plant, air, noise, power, weighing)
     responses(omega, rows, plant, transforms)
@@ -333,10 +332,10 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     normal_equations(transforms, plant, fraction, weighing.weights, normal)
     eliminate(normal, theta, scale, span, m, score)
     noise_power(omega, plant, air, noise, power, weighing, n_noise)
-    if model.roll:
-        _leave_out_rolling(plant, power, fraction, noise, span, work)
+    _leave_out_drives(plant, power, fraction, noise, span, work)
     bins = reduce_weights(transforms.regressors, nd + 1, normal, weighing)
-    expected_products(omega, plant, noise, power, weighing, g, bias)
+    expected_products(omega, plant, air, noise, power, span, weighing, g)
+    bias[:] = 0.0
     for a in range(scale.size):
         score[a] -= scale[a] * g[a]
         bias[a] *= scale[a]
