@@ -5,13 +5,32 @@ is one, the kinematic row, which has no derivative. Real and imaginary parts lie
 (..., 2, bins), so that the processor takes several bins at once. All memory is the caller's.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from wingwatch.estimators.fourier.bank import NUISANCE
 from wingwatch.estimators.fourier.between import rate_of
 from wingwatch.estimators.fourier.nuisance import prior_of
 from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["normal_equations", "residual_of", "responses"]
+__all__ = ["EquationSides", "normal_equations", "residual_of", "responses"]
+
+
+class EquationSides(NamedTuple):
+    """Both sides of the equations of one block.
+
+    Attributes:
+        regressors: (channels, 2, bins).
+        response: (rows, 2, bins).
+        product: (2, bins) workspace.
+    """
+
+    regressors: NDArray[np.float64]
+    response: NDArray[np.float64]
+    product: NDArray[np.float64]
 
 
 @lean
@@ -120,11 +139,11 @@ def _add_weighted(weights, values, out):  # type: ignore[no-untyped-def]
 
 
 @lean
-def normal_equations(transforms, plant, fraction, weights, normal):  # type: ignore[no-untyped-def]
+def normal_equations(sides, plant, fraction, weights, normal):  # type: ignore[no-untyped-def]
     """Normal equations of one block, the nuisance columns still in them, in present derivatives.
 
     Args:
-        transforms: ``Transforms`` with regressors and response.
+        sides: ``EquationSides``.
         fraction: of a whole block.
         weights: of ``noise.weigh``.
         normal: ``NormalWorkspace``; its matrix and vector become sum Re(R' W R), the nuisance columns' prior in it, and
@@ -132,9 +151,9 @@ def normal_equations(transforms, plant, fraction, weights, normal):  # type: ign
     """
     ns, nd = plant.derivatives.shape
     rows = weights.shape[0]
-    bank, product = transforms.regressors, transforms.product
+    bank, product = sides.regressors, sides.product
     _normal_matrix(bank, weights, ns, nd, product, normal.matrix)
-    _right_side(bank, weights, transforms.response, ns, nd, product, normal.vector)
+    _right_side(bank, weights, sides.response, ns, nd, product, normal.vector)
     for k in range(rows):
         first = ns * nd + NUISANCE * k
         for c in range(NUISANCE):
@@ -142,9 +161,8 @@ def normal_equations(transforms, plant, fraction, weights, normal):  # type: ign
 
 
 @lean
-def residual_of(transforms, plant, nuisance, weights):  # type: ignore[no-untyped-def]
+def residual_of(bank, response, whitened, plant, nuisance, weights):  # type: ignore[no-untyped-def]
     """The residual in the place of the response, and W times it as ``whitened``; nuisance columns' values (q, 1)."""
-    bank, response, whitened = transforms.regressors, transforms.response, transforms.whitened
     ns, nd = plant.derivatives.shape
     nf = bank.shape[2]
     nc = nd + NUISANCE

@@ -92,11 +92,10 @@ class NoiseWorkspace(NamedTuple):
         sums: (states, states) sum over bins of Re W.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
         answers: (states, 2 states + 2), complex.
-        gain: (drives, rows, bins) K: what no sensor measures is K times the residual, (docs (14a)); drives are rolling
-            air, what each equation leaves out, and the gust where no kinematic row measures it.
-        unexplained: (drives, drives, bins) covariance of what that leaves of the drives.
-        at_ends: (states,) of ``drives.roll_at_ends``.
-        moved: (drives, states, bins) c, motion that a unit of each drive causes.
+        gain: (rows, 2, bins) K: the roll rate of the air is K times the residual, (docs (14a)).
+        explained: (bins,) K B, part of the rolling air that the residual shows.
+        at_ends: (states,) of ``driven_motion.roll_shared_at_ends``.
+        moved: (states, 2, bins) c, motion that a unit of the air's roll rate causes.
     """
 
     transfer: NDArray[np.float64]
@@ -111,10 +110,10 @@ class NoiseWorkspace(NamedTuple):
     sums: NDArray[np.float64]
     rolled: NDArray[np.float64]
     answers: NDArray[np.complex128]
-    gain: NDArray[np.complex128]
-    unexplained: NDArray[np.complex128]
+    gain: NDArray[np.float64]
+    explained: NDArray[np.float64]
     at_ends: NDArray[np.float64]
-    moved: NDArray[np.complex128]
+    moved: NDArray[np.float64]
 
 
 def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWorkspace:
@@ -132,10 +131,10 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros((states, states)),
         np.zeros(1),
         np.zeros((states, 2 * states + 2), dtype=np.complex128),
-        np.zeros((states + 2, rows, bins), dtype=np.complex128),
-        np.zeros((states + 2, states + 2, bins), dtype=np.complex128),
+        np.zeros((rows, 2, bins)),
+        np.zeros(bins),
         np.zeros(states),
-        np.zeros((states + 2, states, bins), dtype=np.complex128),
+        np.zeros((states, 2, bins)),
     )
 
 

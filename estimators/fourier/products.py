@@ -4,14 +4,7 @@ Sensors' noise is in both. Gusts, rolling air and moments that nobody measures d
 Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``noise``.
 """
 
-from wingwatch.estimators.fourier.drives import (
-    ROLL,
-    driven_motion,
-    entry_of,
-    place_of,
-    roll_at_ends,
-    variance_of,
-)
+from wingwatch.estimators.fourier.driven_motion import driven_motion, roll_shared_at_ends
 from wingwatch.estimators.fourier.noise import DRIVING, channel_variance, weighted_column
 from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
@@ -40,20 +33,32 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
                 n_noise[k * nd + c, m * nd + c] = variance * work.sums[k, m]
     if work.weights.shape[0] > ns and air.turn != 0.0:
         _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise)
+    weights, answers = work.weights, work.answers
+    for f in range(omega.size):
+        driven_motion(omega, plant, work, f)
+        for e in range(ns):
+            variance = power * noise[ns + 1 + e] * weights[e, e, 0, f]
+            for j in range(ns):
+                for c in range(ns):
+                    moved = answers[j, ns + DRIVING + e].conjugate() * answers[c, ns + DRIVING + e]
+                    n_noise[e * nd + j, e * nd + c] += variance * moved.real
 
 
 @lean
-def expected_products(omega, plant, air, noise, power, span, work, g):  # type: ignore[no-untyped-def]
-    """Expected products of regressors and weighted residual, in present derivatives, (docs (12), (14), (15)).
+def expected_products(omega, plant, air, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
+    """Expected products of regressors and weighted residual, in present derivatives, (docs (12) to (15)).
 
-    Sensors' noise is in regressors and residual. What drives the states, by (s - A)^-1, is in both, too.
+    Sensors' noise is in regressors and residual. The gust drives the states, by (s - A)^-1, and so is in both, too. So
+    is what moment equations leave out; of that neither time history nor loop is known.
 
     Args:
         span: length of the block, s.
-        g: becomes what of R' W r is due to sensors, air and what equations leave out, (p,).
+        g: becomes what of R' W r is due to sensors and air, (p,).
+        bias: becomes what of it is due to what moment equations leave out, (p,).
     """
     ns, nd = plant.derivatives.shape
     g[:] = 0.0
+    bias[:] = 0.0
     for c in range(nd):
         column = c if c < ns else c + 1
         variance = power * channel_variance(noise, column, ns)
@@ -70,7 +75,7 @@ def expected_products(omega, plant, air, noise, power, span, work, g):  # type: 
     for k in range(ns):
         for f in range(omega.size):
             g[k * nd] -= variance * work.weighted[k, 0, f]
-    _driven_states(omega, plant, air, noise, power, span, work, g)
+    _driven_states(omega, plant, air, noise, power, span, work, g, bias)
 
 
 @lean
@@ -108,33 +113,39 @@ def _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise):  # type
 
 
 @lean
-def _driven_states(omega, plant, air, noise, power, span, work, g):  # type: ignore[no-untyped-def]
-    """What ``expected_products`` has of all that drives the states, (docs (14), (15)).
+def _driven_states(omega, plant, air, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
+    """What ``expected_products`` has of all that drives the states, (docs (14), (14c), (15)).
 
-    Motion by the gust that the kinematic row measures stays in the regressors. Motion by what nobody measures has been
-    taken out of them, but for what of it is in the readings at the block's ends.
+    Motion by the gust is in the regressors. Motion by rolling air has been taken out of them, but for what of it is in
+    the readings at the block's ends.
     """
     ns, nd = plant.derivatives.shape
-    rows, answers = work.weights.shape[0], work.answers
+    weights, transfer, answers = work.weights, work.transfer, work.answers
+    rows = weights.shape[0]
     rolling = power * noise[ROLLING]
     work.rolled[0] = 0.0
-    roll_at_ends(plant, air, work)
+    roll_shared_at_ends(plant, air, work)
     for f in range(omega.size):
         driven_motion(omega, plant, work, f)
-        work.rolled[0] += rolling * abs(answers[1, place_of(ROLL, ns)]) ** 2 * work.weights[1, 1, 0, f]
-        for e in range(ns + 2):
-            measured = e == ns + 1 and rows > ns
-            variance = noise[GUST] if measured else variance_of(noise, e, ns, rows)
+        work.rolled[0] += rolling * abs(answers[1, ns + 1]) ** 2 * weights[1, 1, 0, f]
+        for e in range(DRIVING):
+            variance = power * noise[GUST + e]
             if variance == 0.0:
                 continue
-            for k in range(ns):
-                cause = 0.0j
-                for m in range(rows):
-                    w = complex(work.weights[k, m, 0, f], work.weights[k, m, 1, f])
-                    cause += w * entry_of(work, e, m, f)
-                for j in range(ns):
-                    motion = answers[j, place_of(e, ns)] * (power if measured else 0.0)
-                    for i in range(ns):
-                        at_ends = (work.at_ends[i] if e == ROLL else 0.0) - answers[i, place_of(e, ns)]
-                        motion += power / span * answers[j, ns + DRIVING + i] * at_ends
+            for j in range(ns):
+                motion = answers[j, ns] if e == 0 else 0.0j
+                for i in range(ns):
+                    at_ends = (work.at_ends[i] if e == 1 else 0.0) - answers[i, ns + e]
+                    motion += answers[j, ns + DRIVING + i] * at_ends / span
+                for k in range(ns):
+                    cause = 0.0j
+                    for m in range(rows):
+                        w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
+                        cause += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
                     g[k * nd + j] += variance * (cause * motion.conjugate()).real
+        for k in range(ns):
+            for m in range(ns):
+                variance = power * noise[ns + 1 + m]
+                w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
+                for j in range(ns):
+                    bias[k * nd + j] += variance * (w * answers[j, ns + DRIVING + m].conjugate()).real

@@ -20,6 +20,7 @@ from wingwatch.estimators.fourier.directions import (
     reduce_information,
 )
 from wingwatch.estimators.fourier.equations import (
+    EquationSides,
     normal_equations,
     residual_of,
     responses,
@@ -45,7 +46,7 @@ from wingwatch.estimators.fourier.nuisance import (
     reduce_weights,
 )
 from wingwatch.estimators.fourier.products import expected_products, noise_power
-from wingwatch.estimators.fourier.unmeasured import estimator_of_drives, noise_without_drives, without_drives
+from wingwatch.estimators.fourier.rolling_air import rolling_gain, rolling_noise, without_rolling
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
     AIRSPEED,
@@ -130,7 +131,7 @@ class SolutionWorkspace(NamedTuple):
 
     Attributes:
         transforms, normal, noise, directions, posterior, equation: of its parts.
-        without_drives: normal equations without the motion of unmeasured causes.
+        without_rolling: normal equations without the motion by rolling air.
         derivatives, forward_speed, roll_column: arrays of ``Plant``.
         scale: (k,) what makes referred derivatives present ones.
         expected: (k,) what of the score is expected of noise and gusts.
@@ -139,7 +140,7 @@ class SolutionWorkspace(NamedTuple):
 
     transforms: Transforms
     normal: NormalWorkspace
-    without_drives: NormalWorkspace
+    without_rolling: NormalWorkspace
     noise: NoiseWorkspace
     directions: DirectionsWorkspace
     posterior: PosteriorWorkspace
@@ -161,7 +162,7 @@ def zero_memory(k: int) -> Memory:
 def solution_workspace(ns: int, nu: int, bins: int, rows: int) -> SolutionWorkspace:
     """Workspace for ns states, nu inputs and ns or ns + 1 rows."""
     k, channels = ns * (ns + nu), bank_channels(ns, nu) + NUISANCE - 1 + air_channels(ns, nu)
-    shapes = [(channels, 2, bins)] * 2 + [(ns + nu, 2, bins)] * 2 + [(2, bins)] * 2 + [(rows, 2, bins)] * 3
+    shapes = [(channels, 2, bins)] * 3 + [(ns + nu, 2, bins)] * 2 + [(2, bins)] * 2 + [(rows, 2, bins)] * 3
     return SolutionWorkspace(
         Transforms(*(np.empty(shape) for shape in shapes)),
         normal_workspace(k, rows),
@@ -279,32 +280,27 @@ def _plant(model, theta, work):  # type: ignore[no-untyped-def]
 
 
 @part
-def _leave_out_drives(plant, power, fraction, noise, span, work):  # type: ignore[no-untyped-def]
-    """Score, power and noise of the regressors without the motion that nobody measured the cause of, (docs (14a), (14b)).
+def _leave_out_rolling(plant, power, fraction, noise, span, work):  # type: ignore[no-untyped-def]
+    """Score, power and noise of the regressors without the motion that rolling air has caused, (docs (14a), (14b)).
 
     The nuisance columns' values are those of all regressors; about them the residual's products with the nuisance
     columns are what is known beforehand of these, so nothing more is eliminated from the score.
     """
-    transforms, normal, quiet, equation = work.transforms, work.normal, work.without_drives, work.equation
+    transforms, normal, quiet, equation = work.transforms, work.normal, work.without_rolling, work.equation
     work.change[:] = 0.0
     nuisance_of(normal, work.change, work.scale)
     residual = transforms.residual
     copy_bank(transforms.response, residual)
-    there = Transforms(
-        transforms.lines, transforms.regressors, transforms.rates, transforms.missed, transforms.phase,
-        transforms.product, residual, transforms.whitened, transforms.residual,
-    )  # fmt: skip
-    residual_of(there, plant, normal.values, work.noise.weights)
-    without_drives(residual, transforms.regressors, work.noise, transforms.lines)
+    residual_of(
+        transforms.regressors, residual, transforms.whitened, plant, normal.values, work.noise.weights
+    )
+    without_rolling(residual, transforms.regressors, work.noise, transforms.without_rolling)
     copy_matrix(normal.variances, quiet.variances)
-    left = Transforms(
-        transforms.lines, transforms.lines, transforms.rates, transforms.missed, transforms.phase,
-        transforms.product, residual, transforms.whitened, transforms.residual,
-    )  # fmt: skip
+    left = EquationSides(transforms.without_rolling, residual, transforms.product)
     normal_equations(left, plant, fraction, work.noise.weights, quiet)
     quiet.vector[work.change.size :] = 0.0
     eliminate(quiet, work.change, work.scale, span, equation.power, equation.vector)
-    noise_without_drives(plant, noise, power, work.noise, equation.noise)
+    rolling_noise(plant, noise, power, work.noise, equation.noise)
 
 
 @part
@@ -321,21 +317,23 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     between_samples(
         model, rows, span / max(sums[SAMPLES] - 1.0, 1.0), theta, scale, work.forward_speed, transforms
     )
-    weighing.doubt[:, :, :] = 0.0
-    weigh(omega, plant, air, noise, power, weighing)
-    estimator_of_drives(omega, plant, noise, power, weighing)
+    if model.roll:
+        weighing.doubt[:, :, :] = 0.0
+        weigh(omega, plant, air, noise, power, weighing)
+        rolling_gain(omega, plant, noise, power, weighing)
     doubt_of(at.covariance, scale, noise, weighing.doubt)
     weigh(omega, plant, air, noise, power, weighing)
     responses(omega, rows, plant, transforms)
     present_regressors(model, block, plant, air, weighing.believed, transforms)
     nuisance_variances(plant, air, noise, power / span, normal.variances)
-    normal_equations(transforms, plant, fraction, weighing.weights, normal)
+    sides = EquationSides(transforms.regressors, transforms.response, transforms.product)
+    normal_equations(sides, plant, fraction, weighing.weights, normal)
     eliminate(normal, theta, scale, span, m, score)
     noise_power(omega, plant, air, noise, power, weighing, n_noise)
-    _leave_out_drives(plant, power, fraction, noise, span, work)
+    if model.roll:
+        _leave_out_rolling(plant, power, fraction, noise, span, work)
     bins = reduce_weights(transforms.regressors, nd + 1, normal, weighing)
-    expected_products(omega, plant, air, noise, power, span, weighing, g)
-    bias[:] = 0.0
+    expected_products(omega, plant, air, noise, power, span, weighing, g, bias)
     for a in range(scale.size):
         score[a] -= scale[a] * g[a]
         bias[a] *= scale[a]
@@ -454,7 +452,14 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         plant = _plant(model, theta, work)
         weighing.doubt[:, :, :] = 0.0
         weigh(omega, plant, air, noise, power, weighing)
-        residual_of(transforms, plant, normal.values, weighing.weights)
+        residual_of(
+            transforms.regressors,
+            transforms.response,
+            transforms.whitened,
+            plant,
+            normal.values,
+            weighing.weights,
+        )
         whitened = transforms.whitened
         taken = degrees_of_freedom(normal, fraction) + fitted
         left = 1.0 - taken / (2.0 * omega.size * fraction * whitened.shape[0])

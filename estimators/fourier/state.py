@@ -285,6 +285,7 @@ class Transforms(NamedTuple):
     Attributes:
         lines: (channels, 2, bins) of signals that are lines between samples (``bank.block_transforms``).
         regressors: (channels, 2, bins) of signals that move between samples as the aircraft does; then what acts.
+        without_rolling: (channels, 2, bins) the same without the motion that rolling air has caused.
         rates, missed: (states + inputs, 2, bins) rates, and what lines miss (``between``).
         phase: (2, bins) e^{sT}.
         product: (2, bins) workspace.
@@ -295,6 +296,7 @@ class Transforms(NamedTuple):
 
     lines: Array
     regressors: Array
+    without_rolling: Array
     rates: Array
     missed: Array
     phase: Array

@@ -128,10 +128,12 @@ def curves_of(model: Model, lines: Array, phase: Array, rows: Real, dt: float, f
     work = Transforms(
         lines,
         np.empty(lines.shape),
+        np.empty(lines.shape),
         np.empty((3, 2, bins)),
         np.empty((3, 2, bins)),
         phase,
         none,
+        none[None],
         none[None],
         none[None],
     )

@@ -13,9 +13,6 @@ from wingwatch.studies.flight import FlightMaker
 from wingwatch.studies.plan import Gusts
 
 IMPROBABLE = 1e-8
-ROLLING = pytest.mark.xfail(
-    strict=True, reason="rolling air explains the roll rate: docs/methods/fourier.md 11"
-)
 
 
 @pytest.mark.parametrize(
@@ -24,7 +21,7 @@ ROLLING = pytest.mark.xfail(
         ("aerosonde", "short_period"),
         ("ultrastick25e", "short_period"),
         ("ultrastick25e", "lateral"),
-        pytest.param("aerosonde", "lateral", marks=ROLLING),
+        ("aerosonde", "lateral"),
     ],
 )
 def test_gusts_that_begin_within_a_block_leave_its_evidence_true(
