@@ -179,7 +179,9 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
     A block that says more of a derivative than all before it is linearised where it leads itself, unless rolling air
-    drives it. Any other is linearised at what is known, and the variances of noise and air are fitted there.
+    drives it. Any other is linearised at what is known, and the variances of noise and air are fitted there. Where next
+    to nothing is known that is what is expected beforehand, to a natural size: a mean within a wide interval may lie
+    anywhere, at a damping that is none, too.
     """
     block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
     solving, found, prior = work.solving, work.found, model.prior
@@ -192,8 +194,9 @@ def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
     unbiased = Memory(memory.sensitivity, memory.information, memory.vector, nothing.bias)
     remembered(unbiased, prior, solving.posterior, known.theta, work.covariance)
     for a in range(k):
-        work.anchor[a] = work.own[a] = known.theta[a]
         work.size[a] = prior.std[a] / 3.0
+    remembered(memory, Prior(prior.value, work.size), solving.posterior, work.anchor, work.own_covariance)
+    copy_vector(work.anchor, work.own)
     _noise_of_block(model, vehicle, work.noise)
     around = Prior(work.anchor, work.size)
     copy_matrix(known.covariance, work.own_covariance)
