@@ -19,10 +19,11 @@ from wingwatch.estimators.fourier.noise import (
     weigh,
 )
 from wingwatch.estimators.fourier.products import expected_products, noise_power
+from wingwatch.estimators.fourier.rolling_air import rolling_gain, without_rolling
 from wingwatch.estimators.fourier.state import AIR_VARIANCES, BETWEEN, GUST
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
-SPEED, POWER = 25.0, 0.2
+SPEED, POWER, SPAN = 25.0, 0.2, 10.0
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -124,16 +125,17 @@ def test_weights_are_the_inverse_of_all_that_noise_and_air_do(name: str) -> None
 
 @pytest.mark.parametrize("name", ["pitch", "yaw", "lateral"])
 def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_states(name: str) -> None:
-    """E[R' W r] written out: sensors' noise in both, air through (s - A)^-1, a gust between samples.
+    """E[R' W r] written out: sensors' noise in both, the gust through (s - A)^-1, a gust between samples.
 
-    What moment equations leave out drives the states as well: no part of the correction, for its loop is not known, but
+    Of the rolling air only what it did to the readings at the block's ends is left in the regressors; with the lag tau
+    that goes with 2 c(1/tau) - c(s). What moment equations leave out drives the states as well: no part of the correction, for its loop is not known, but
     noise power of the regressors.
     """
     c = CASES[name]
     ns, nd, work = c.states, c.states + 1, weighed(c)
     n_noise, g, driven = np.empty((ns * nd, ns * nd)), np.empty(ns * nd), np.empty(ns * nd)
     noise_power(OMEGA, c.plant, c.air, c.noise, POWER, work, n_noise)
-    expected_products(OMEGA, c.plant, c.noise, POWER, work, g, driven)
+    expected_products(OMEGA, c.plant, c.air, c.noise, POWER, SPAN, work, g, driven)
     sensors, own = variances(c)
     want_g, want_driven = np.zeros((ns, nd)), np.zeros((ns, nd))
     a = c.plant.derivatives[:, :ns].copy()
@@ -147,9 +149,11 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
         answer = np.linalg.inv(1j * omega * np.eye(ns) - a)
         drive = by_air[:ns].copy()
         drive[0] += by_air[ns]
+        by_gust, by_roll = (answer @ drive[:, e] for e in range(2))
+        begun = np.linalg.inv(np.eye(ns) / c.air.roll_s - a) @ -c.plant.roll_column
+        moved = by_gust - answer @ by_gust / SPAN, answer @ (begun - by_roll) / SPAN
         for e in range(2):
-            x = answer @ drive[:, e]
-            products[:, :ns] += c.noise[GUST + e] * np.outer(by_air[:, e], x.conj())
+            products[:, :ns] += c.noise[GUST + e] * np.outer(by_air[:, e], moved[e].conj())
         products[:, 0] -= c.noise[BETWEEN] * by_air[:, 2]
         want_g += POWER * (w @ products).real[:ns]
         moments = np.zeros((c.rows, ns), complex)
@@ -159,6 +163,44 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     np.testing.assert_allclose(driven, want_driven.ravel(), rtol=1e-7, atol=1e-8 * np.abs(want_driven).max())
     np.testing.assert_allclose(n_noise, n_noise.T, rtol=1e-12)
     assert (np.diag(n_noise) > 0.0).all()
+
+
+def test_what_is_left_of_the_regressors_goes_with_no_rolling_air() -> None:
+    """Residuals drawn as the model has them, and the motion that their rolling air causes: on average the score has
+    none of it left, and had much."""
+    c, draws, rng = CASES["lateral"], 400, np.random.default_rng(8)
+    work, (sensors, own) = weighed(c), variances(c)
+    rolling_gain(OMEGA, c.plant, c.noise, POWER, work)
+    residual, regressors = (np.zeros((draws, k, 2, OMEGA.size)) for k in (c.rows, c.states + 1))
+    for f, omega in enumerate(OMEGA):
+        left, by_air = transfer_of(c, omega)
+        air = drawn(rng, draws, c.noise[GUST:])
+        r = drawn(rng, draws, sensors) @ left.T + air @ by_air.T + drawn(rng, draws, own)
+        x = np.outer(air[:, 1], work.moved[:, 0, f] + 1j * work.moved[:, 1, f])
+        residual[:, :, 0, f], residual[:, :, 1, f] = r.real, r.imag
+        regressors[:, : c.states, 0, f], regressors[:, : c.states, 1, f] = x.real, x.imag
+    quiet = np.empty_like(regressors)
+    for i in range(draws):
+        without_rolling(residual[i], regressors[i], work, quiet[i])
+    before, after = scores(regressors, work, residual), scores(quiet, work, residual)
+    error = after.std(axis=0) / np.sqrt(draws)
+    seen = error > 0.0
+    assert (np.abs(after.mean(axis=0))[seen] < 4.5 * error[seen]).all()
+    assert (np.abs(before.mean(axis=0))[seen] > 10.0 * error[seen]).any()
+
+
+def drawn(rng: np.random.Generator, draws: int, variance: Array) -> Complex:
+    """Transforms of white noise in one bin, (draws, sources)."""
+    parts = rng.standard_normal((2, draws, variance.size)) * np.sqrt(0.5 * POWER * variance)
+    return np.asarray(parts[0] + 1j * parts[1])
+
+
+def scores(regressors: Array, work: NoiseWorkspace, residual: Array) -> Array:
+    """sum Re(R' W r) of every draw, equation by equation."""
+    x, r = regressors[:, :, 0] + 1j * regressors[:, :, 1], residual[:, :, 0] + 1j * residual[:, :, 1]
+    w = work.weights[:, :, 0] + 1j * work.weights[:, :, 1]
+    weighted = np.einsum("kmf,imf->ikf", w, r)[:, : work.sums.shape[0]]
+    return np.asarray(np.einsum("ijf,ikf->ikj", x.conj(), weighted).real.reshape(len(r), -1))
 
 
 @pytest.mark.parametrize("variance", [0.0, 30.0])
