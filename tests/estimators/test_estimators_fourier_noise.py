@@ -128,8 +128,8 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     """E[R' W r] written out: sensors' noise in both, the gust through (s - A)^-1, a gust between samples.
 
     Of the rolling air only what it did to the readings at the block's ends is left in the regressors; with the lag tau
-    that goes with 2 c(1/tau) - c(s). What moment equations leave out drives the states as well: no part of the correction, for its loop is not known, but
-    noise power of the regressors.
+    that goes with 2 c(1/tau) - c(s). What moment equations leave out drives the states as well: no part of the
+    correction, for its loop is not known, but noise power of the regressors.
     """
     c = CASES[name]
     ns, nd, work = c.states, c.states + 1, weighed(c)
