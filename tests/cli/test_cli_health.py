@@ -79,7 +79,8 @@ def test_a_thread_that_ended_is_told(service: Service) -> None:
 def test_every_part_shows_its_counters(service: Service) -> None:
     counters = httpx.get(f"{service.url}/v1/status").json()["counters"]
     assert set(counters) == {
-        "messages", "intake", "monitor", "loop", "store", "checkpoints", "outputs", "connections", "access", "events",
+        "messages", "intake", "monitor", "loop", "store", "checkpoints", "outputs", "links", "connections", "access",
+        "events",
     }  # fmt: skip
 
 

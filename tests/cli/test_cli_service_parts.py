@@ -56,7 +56,10 @@ class Queue:
     def __init__(self) -> None:
         self.messages: list[InboundMessage] = []
 
-    def drain(self, max_items: int) -> list[InboundMessage]:
+    def ages(self) -> Mapping[tuple[str, str], float]:
+        return {("default", message.vehicle): 1.0 for message in self.messages}
+
+    def drain(self, max_items: int, enough: Callable[[str, str], bool] | None = None) -> list[InboundMessage]:
         taken, self.messages = self.messages[:max_items], self.messages[max_items:]
         return taken
 
@@ -74,6 +77,12 @@ class Recorder:
             if message.vehicle == "bad":
                 raise ZeroDivisionError("a fault of the program")
             self.got.append(message.vehicle)
+
+    def has_enough(self, fleet: str, vehicle: str) -> bool:
+        return False
+
+    def relieve(self, lags_s: Mapping[tuple[str, str], float]) -> None:
+        pass
 
     def tick(self) -> None:
         self.ticks += 1
