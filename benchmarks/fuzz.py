@@ -5,7 +5,7 @@ vehicles, of invented ones, and under keys that are none. The same flights are f
 derivatives must be the same to the bit. Messages go through the key's check and ``FleetMonitor.receive_all``, most
 alone and some as many at once as the service gathers. Times are of the thread that takes messages in.
 
-Run: python benchmarks/fuzz.py [--messages 1000000] [--seed 0]
+Run: python benchmarks/fuzz.py [--messages 1000000] [--seed 0] [--minutes M]
 """
 
 import argparse
@@ -287,6 +287,7 @@ def run(fleet: FleetMonitor, stream: Iterator[Sent], total: int, rng: random.Ran
             say(f"{number} messages, {course.resident[-1] / 2**20:.0f} MB")
     if gathered:
         hand_over(fleet, gathered, "gathered", course)
+    course.resident.append(resident_bytes())
     return course
 
 
@@ -368,9 +369,10 @@ class Outcome:
 
 
 def fuzz(
-    messages: int, seed: int, seconds: float, dear: float = 0.3, say: Callable[[str], None] = lambda _: None
-) -> Outcome:
-    """The whole of it; see the module's text."""
+    messages: int, seed: int, seconds: float, dear: float = 0.3, say: Callable[[str], None] = lambda _: None,
+    until_s: float = float("inf"),
+) -> Outcome:  # fmt: skip
+    """The whole of it; see the module's text. It ends before the last message at ``until_s`` of the monotonic clock."""
     rng = random.Random(seed)
     flown = flights(seconds, seed)
     sound = sound_messages(flown)
@@ -392,10 +394,11 @@ def fuzz(
         gc.collect()
         gc.freeze()  # as the service does once its kernels are there
         stream = mixed(sound, Fuzzer(rng, victims(flown), dear), messages)
+        stream = itertools.takewhile(lambda _: time.monotonic() < until_s, stream)
         course = run(fleet, stream, messages + len(sound), rng, outputs, checkpoints, say)
         finish(fleet)
     alone = FleetMonitor(find, time.monotonic, lambda: "alone")
-    for sent in sound:
+    for sent in sound[: course.kinds["sound"]]:
         key = parse_key(sent.key)
         alone.receive(key.fleet, key.vehicle, key.leaf, sent.payload, sent.encoding)
     finish(alone)
@@ -437,10 +440,17 @@ def main() -> int:
     parser.add_argument("--messages", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--flight", type=float, default=200.0, help="seconds that the sound vehicles fly")
+    parser.add_argument(
+        "--minutes", type=float, default=float("inf"), help="the run ends after so long at most"
+    )
     chosen = parser.parse_args()
     begin_s = time.monotonic()
     outcome = fuzz(
-        chosen.messages, chosen.seed, chosen.flight, say=lambda text: print(f"  {text}", file=sys.stderr)
+        chosen.messages,
+        chosen.seed,
+        chosen.flight,
+        say=lambda text: print(f"  {text}", file=sys.stderr),
+        until_s=begin_s + 60.0 * chosen.minutes,
     )
     course, middle = outcome.course, len(outcome.course.resident) // 2
     print(f"{sum(course.kinds.values())} messages, seed {chosen.seed}, {time.monotonic() - begin_s:.0f} s")
