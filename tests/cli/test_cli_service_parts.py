@@ -60,7 +60,9 @@ class Queue:
         return {("default", message.vehicle): 1.0 for message in self.messages}
 
     def drain(self, max_items: int, enough: Callable[[str, str], bool] | None = None) -> list[InboundMessage]:
-        taken, self.messages = self.messages[:max_items], self.messages[max_items:]
+        waits = [enough is not None and enough(one.fleet, one.vehicle) for one in self.messages]
+        taken = [one for one, stays in zip(self.messages, waits, strict=True) if not stays][:max_items]
+        self.messages = [one for one in self.messages if one not in taken]
         return taken
 
 
@@ -71,6 +73,8 @@ class Recorder:
         self.got: list[str] = []
         self.ticks = 0
         self.behind = False
+        self.full = ""
+        self.lags_s: Mapping[tuple[str, str], float] = {}
 
     def receive_all(self, messages: Sequence[InboundMessage]) -> None:
         for message in messages:
@@ -79,10 +83,10 @@ class Recorder:
             self.got.append(message.vehicle)
 
     def has_enough(self, fleet: str, vehicle: str) -> bool:
-        return False
+        return vehicle == self.full
 
     def relieve(self, lags_s: Mapping[tuple[str, str], float]) -> None:
-        pass
+        self.lags_s = lags_s
 
     def tick(self) -> None:
         self.ticks += 1
@@ -137,6 +141,20 @@ def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
     pump.stop()
     assert not pump.loop.alive
     assert pump.problem is not None
+
+
+def test_of_a_vehicle_that_has_enough_nothing_is_taken_and_how_long_it_waits_is_told() -> None:
+    queue, monitor = Queue(), Recorder()
+    monitor.full = "busy"
+    pump, arrived = pump_over(queue, monitor)
+    queue.messages = [message("busy"), message("a")]
+    pump.start()
+    arrived.set()
+    until(lambda: monitor.got == ["a"])
+    until(lambda: ("default", "busy") in monitor.lags_s)
+    monitor.full = ""
+    until(lambda: monitor.got == ["a", "busy"])
+    pump.stop()
 
 
 @pytest.mark.parametrize(
