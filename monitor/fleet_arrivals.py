@@ -77,7 +77,7 @@ class FleetArrivals:
     ) -> tuple[str, Sequence[Outgoing]]:
         """What became of the message, and the question what aircraft it is, if that is asked."""
         arrivals, owned = known.arrivals, known.owner.holds(at_s, self._context.settings.stale_s)
-        before = arrivals.stream, arrivals.counts["publisher_restarts"]
+        restarts = arrivals.counts["publisher_restarts"]
         if not arrivals.observe(message.sequence, message.stream, *message.span_s, owned):
             known.refused_s = self._context.clock()
             if arrivals.refusal == SECOND_PUBLISHER:
@@ -86,20 +86,18 @@ class FleetArrivals:
         known.received_s, known.owner.heard_s = self._context.clock(), at_s
         known.pace.note(message.span_s[1], at_s)
         news = _NOTHING
-        if known.message is not None and before != (arrivals.stream, arrivals.counts["publisher_restarts"]):
+        if known.message is not None and arrivals.counts["publisher_restarts"] > restarts:
             claim = known.owner.claimed(arrivals.stream)
             if claim is not None:
                 self.heard_of(key, known, claim, at_s)
             elif self._may_ask(known):
                 news = ("ask",)  # another publisher may be another aircraft
+        if known.deferred is not None and not known.alarmed:
+            self._announced(key, known, known.deferred)
         if known.aircraft is None:
             unknown = "unannounced" if known.message is None else "unknown_aircraft"
             known.count(unknown, len(message.block))
             return unknown, ("ask",) if known.message is None and self._may_ask(known) else news
-        if known.deferred is not None and not known.alarmed:
-            self._announced(key, known, known.deferred)
-        if known.aircraft is None:
-            return "unknown_aircraft", news
         known.take_loading()
         return "sensors", news
 

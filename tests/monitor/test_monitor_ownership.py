@@ -139,6 +139,7 @@ def test_who_takes_a_name_over_is_asked_what_it_is(flight: SampleBlock) -> None:
     hall.announce(stream=FIRST)
     hall.sample(second(flight, 0), 0, stream=FIRST)
     asked = len(hall.outputs.asked)
+    assert asked == 0  # it has said it
     hall.clock.now_s += 6.0
     hall.sample(second(flight, 6), 0, stream=SECOND)
     assert hall.outputs.asked[asked:] == [("default", "uav")]
