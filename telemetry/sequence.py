@@ -103,7 +103,7 @@ class SequenceTracker:
         return self._stream
 
     def refuse(self) -> None:
-        """Count a message of a second publisher that was told by something else than its numbers."""
+        """Count a message of a second publisher that something else than its numbers has shown to be one."""
         self.refusal = SECOND_PUBLISHER
         self._count(SECOND_PUBLISHER)
 
