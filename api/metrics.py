@@ -48,6 +48,7 @@ _COUNTERS: Mapping[str, tuple[str, str, str]] = {
     ),
     "checkpoints": ("checkpoints", "result", "Saved states of vehicles, by what became of them."),
     "outputs": ("outputs_dropped", "kind", "What was not published over Zenoh."),
+    "links": ("zenoh_refused", "kind", "What Zenoh's access rules refused, where the service keeps them."),
     "access": ("http_requests_refused", "reason", "Requests that were refused before they reached a route."),
     "connections": ("http_connections_closed", "reason", "HTTP connections that the service closed."),
     "events": ("event_streams_closed", "reason", "Event streams that the service ended."),
@@ -59,12 +60,12 @@ _OF_VEHICLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         "reason",
         "Messages that hold no samples that can be used.",
         ("malformed", "wrong_type", "bad_value", "missing_time", "unequal_lengths", "too_large", "too_many_samples",
-         "unknown_column", "unknown_field", "unsupported_encoding"),
+         "unknown_column", "unknown_field", "unsupported_encoding", "left_out"),
     ),
     "messages_out_of_sequence": (
         "kind",
         "Numbers of messages that did not come in time, and messages dropped for their number.",
-        ("lost", "late", "repeated", "stray"),
+        ("lost", "late", "repeated", "stray", "second_publisher"),
     ),
     "samples_unused": (
         "reason",
@@ -78,8 +79,10 @@ _OF_VEHICLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
 """Of each metric about vehicles' messages and samples the label, what it says, and the values that are always there."""
 
 _SEEDED: Mapping[str, tuple[str, ...]] = {
+    "links": ("refused_writes", "unknown_subjects", "foreign_alerts"),
     "intake": (
-        "sensors", "aircraft", "messages_late", "messages_repeated", "messages_stray", "unannounced",
+        "sensors", "aircraft", "messages_late", "messages_repeated", "messages_stray",
+        "messages_second_publisher", "unannounced",
         "unknown_aircraft", "too_many_vehicles", "faults",
         *(f"message_{reason}" for reason in _OF_VEHICLES["messages_rejected"][2]),
     ),
@@ -189,6 +192,9 @@ def _of_fleet(fleet: FleetFigures) -> Iterator[Metric]:
     yield alerts
     yield _gauge(
         "messages_held", "Messages that wait for what the database keeps of their vehicle.", fleet.waiting
+    )
+    yield _gauge(
+        "vehicles_left_out", "Vehicles that are not watched, for there is more to compute.", fleet.left_out
     )
     yield _counter("solutions", "Half seconds of flight that were estimated and compared.", fleet.solutions)
     accepted = fleet.counts.get("accepted", 0)

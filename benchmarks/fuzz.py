@@ -5,7 +5,7 @@ vehicles, of invented ones, and under keys that are none. The same flights are f
 derivatives must be the same to the bit. Messages go through the key's check and ``FleetMonitor.receive_all``, most
 alone and some as many at once as the service gathers. Times are of the thread that takes messages in.
 
-Run: python benchmarks/fuzz.py [--messages 1000000] [--seed 0]
+Run: python benchmarks/fuzz.py [--messages 1000000] [--seed 0] [--minutes M]
 """
 
 import argparse
@@ -56,6 +56,11 @@ SOUND, VICTIMS, SAMPLES = 3, 6, 10
 PLACES = 500  # vehicles that the fleet remembers: invented names soon take them all
 RATE_HZ, GATHERED = 50.0, 16
 LIMIT_S = 0.05
+SILENCE_S = 0.2
+"""After it a victim's name is free for the publisher that was started again: about a hundred messages."""
+MOST_SHOWN = 10
+READINGS = 50
+"""Of the resident memory."""
 CONVENTIONS = ("concise", "dimensional", "british", "american")
 EVERY_TICK, EVERY_CHECKPOINT, EVERY_NEWS = 1000, 500, 500
 LAGGING = "lagging"
@@ -74,9 +79,35 @@ def find(name: str) -> Aircraft:
     return load_aircraft(name)
 
 
+class Times:
+    """Times in classes of a tenth more than the one below each: as large after 10^6 messages as after ten."""
+
+    def __init__(self) -> None:
+        self._counts = np.zeros(200, dtype=np.int64)  # from 1 us to 190 s
+        self.longest_s = 0.0
+        self.over = 0
+
+    def add(self, time_s: float) -> None:
+        """One time."""
+        number = int(np.log(max(time_s, 1e-6) / 1e-6) / np.log(1.1))
+        self._counts[min(number, len(self._counts) - 1)] += 1
+        self.longest_s = max(self.longest_s, time_s)
+        self.over += time_s > LIMIT_S
+
+    def __len__(self) -> int:
+        return int(self._counts.sum())
+
+    def quantile_s(self, part: float) -> float:
+        """Upper end of the class in which the times of this part end."""
+        if not len(self):
+            return float("nan")
+        number = int(np.searchsorted(np.cumsum(self._counts), part * len(self)))
+        return min(1e-6 * 1.1 ** (number + 1), self.longest_s)
+
+
 @dataclass(slots=True)
 class Course:
-    """What was measured.
+    """What was measured; it does not grow with the messages.
 
     Attributes:
         alone_s: processor time of each call with one message, and of what it left to be done.
@@ -84,11 +115,12 @@ class Course:
         wall_s: longest wall-clock time of a call.
         resident: resident memory along the run, bytes.
         kinds: messages by the fuzzer's change; bad_keys: refused before the monitor.
+        escaped: the first exceptions that came out of the fleet; escapes: how many.
         slowest: processor time and change of the slowest message.
     """
 
-    alone_s: list[float] = field(default_factory=list)
-    gathered_s: list[float] = field(default_factory=list)
+    alone_s: Times = field(default_factory=Times)
+    gathered_s: Times = field(default_factory=Times)
     wall_s: float = 0.0
     tick_s: float = 0.0
     resident: list[int] = field(default_factory=list)
@@ -96,7 +128,14 @@ class Course:
     bad_keys: int = 0
     handed_over: int = 0
     escaped: list[str] = field(default_factory=list)
+    escapes: int = 0
     slowest: dict[str, float] = field(default_factory=dict)
+
+    def escape(self, error: Exception) -> None:
+        """Count an exception, and keep where it came from while there are few."""
+        self.escapes += 1
+        if len(self.escaped) < MOST_SHOWN:
+            self.escaped.append(_where(error))
 
 
 class Outputs:
@@ -219,9 +258,9 @@ def hand_over(fleet: FleetMonitor, messages: Sequence[InboundMessage], change: s
         try:
             fleet.receive_all(waiting)
         except Exception as error:
-            course.escaped.append(_where(error))
+            course.escape(error)
         took_s = time.thread_time() - begin_s
-        times.append(took_s)
+        times.add(took_s)
         course.wall_s = max(course.wall_s, time.perf_counter() - wall_s)
         course.slowest[change] = max(course.slowest.get(change, 0.0), took_s)
         if not fleet.behind:
@@ -243,11 +282,12 @@ def run(fleet: FleetMonitor, stream: Iterator[Sent], total: int, rng: random.Ran
             hand_over(fleet, gathered, sent.change if wanted == 1 else "gathered", course)
             gathered, wanted = [], rng.choice((1,) * 60 + (2, 8, GATHERED))
         _between(fleet, number, course, outputs, checkpoints)
-        if number % max(total // 50, 1) == 0:
+        if number % max(total // READINGS, 1) == 0:
             course.resident.append(resident_bytes())
             say(f"{number} messages, {course.resident[-1] / 2**20:.0f} MB")
     if gathered:
         hand_over(fleet, gathered, "gathered", course)
+    course.resident.append(resident_bytes())
     return course
 
 
@@ -266,7 +306,7 @@ def _between(
         if number % EVERY_CHECKPOINT == 0:
             checkpoints.check()
     except Exception as error:
-        course.escaped.append(_where(error))
+        course.escape(error)
 
 
 def _where(error: Exception) -> str:
@@ -329,9 +369,10 @@ class Outcome:
 
 
 def fuzz(
-    messages: int, seed: int, seconds: float, dear: float = 0.3, say: Callable[[str], None] = lambda _: None
-) -> Outcome:
-    """The whole of it; see the module's text."""
+    messages: int, seed: int, seconds: float, dear: float = 0.3, say: Callable[[str], None] = lambda _: None,
+    until_s: float = float("inf"),
+) -> Outcome:  # fmt: skip
+    """The whole of it; see the module's text. It ends before the last message at ``until_s`` of the monotonic clock."""
     rng = random.Random(seed)
     flown = flights(seconds, seed)
     sound = sound_messages(flown)
@@ -345,7 +386,7 @@ def fuzz(
             lambda: f"a{next(ids)}",
             None,
             outputs,
-            FleetSettings(max_vehicles=PLACES),
+            FleetSettings(max_vehicles=PLACES, stale_s=SILENCE_S),
             checkpoints=checkpoints,
         )
         fleet.prepare_with(preparing)
@@ -353,15 +394,16 @@ def fuzz(
         gc.collect()
         gc.freeze()  # as the service does once its kernels are there
         stream = mixed(sound, Fuzzer(rng, victims(flown), dear), messages)
+        stream = itertools.takewhile(lambda _: time.monotonic() < until_s, stream)
         course = run(fleet, stream, messages + len(sound), rng, outputs, checkpoints, say)
         finish(fleet)
     alone = FleetMonitor(find, time.monotonic, lambda: "alone")
-    for sent in sound:
+    for sent in sound[: course.kinds["sound"]]:
         key = parse_key(sent.key)
         alone.receive(key.fleet, key.vehicle, key.leaf, sent.payload, sent.encoding)
     finish(alone)
     answers = asked(fleet)
-    problems = list(course.escaped[:10])
+    problems = [f"{course.escapes} exceptions came out, the first: {text}" for text in course.escaped]
     if misfit := misfit_of_counts(fleet, course):
         problems.append(f"the counts do not add up: {misfit}")
     if derivatives(fleet) != derivatives(alone):
@@ -398,19 +440,25 @@ def main() -> int:
     parser.add_argument("--messages", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--flight", type=float, default=200.0, help="seconds that the sound vehicles fly")
+    parser.add_argument(
+        "--minutes", type=float, default=float("inf"), help="the run ends after so long at most"
+    )
     chosen = parser.parse_args()
     begin_s = time.monotonic()
     outcome = fuzz(
-        chosen.messages, chosen.seed, chosen.flight, say=lambda text: print(f"  {text}", file=sys.stderr)
+        chosen.messages,
+        chosen.seed,
+        chosen.flight,
+        say=lambda text: print(f"  {text}", file=sys.stderr),
+        until_s=begin_s + 60.0 * chosen.minutes,
     )
     course, middle = outcome.course, len(outcome.course.resident) // 2
     print(f"{sum(course.kinds.values())} messages, seed {chosen.seed}, {time.monotonic() - begin_s:.0f} s")
     for name, times in (("alone", course.alone_s), (f"up to {GATHERED} at once", course.gathered_s)):
-        ms = 1000.0 * np.array(times)
         print(
-            f"  {name:<18}{len(ms):>9} calls, processor ms: median {np.median(ms):.3f}, "
-            f"99.9 % {np.percentile(ms, 99.9):.1f}, longest {ms.max():.1f}; "
-            f"over {1000 * LIMIT_S:.0f} ms: {np.count_nonzero(ms > 1000 * LIMIT_S)}"
+            f"  {name:<18}{len(times):>9} calls, processor ms: median {1000 * times.quantile_s(0.5):.3f}, "
+            f"99.9 % {1000 * times.quantile_s(0.999):.1f}, longest {1000 * times.longest_s:.1f}; "
+            f"over {1000 * LIMIT_S:.0f} ms: {times.over}"
         )
     print(
         f"  longest call by the wall clock {1000 * course.wall_s:.0f} ms, "
@@ -418,6 +466,8 @@ def main() -> int:
     )
     half, end = course.resident[middle] / 2**20, course.resident[-1] / 2**20
     print(f"  resident memory {half:.1f} MB half-way, {end:.1f} MB at the end ({end - half:+.1f} MB)")
+    tenths = [f"{reading / 2**20:.0f}" for reading in course.resident[:: max(READINGS // 10, 1)]]
+    print(f"  resident memory by tenths of the run, MB: {' '.join(tenths)}")
     became = ", ".join(f"{k} {n}" for k, n in sorted(outcome.intake.items()))
     print(f"  what became of them: bad_key {course.bad_keys}, {became}")
     print(f"  alerts of attacked vehicles {outcome.alerts}; REST {dict(outcome.answers)}")

@@ -380,6 +380,10 @@ class Fuzzer:
     def _announcement(self) -> Sent:
         rng, victim = self._rng, self._rng.choice(self._victims)
         fields: dict[str, Any] = {"aircraft": victim.aircraft}
+        if rng.random() < 0.5:  # its own, another's, or nonsense
+            fields["stream"] = rng.choice(
+                (victim.stream, victim.stream, rng.choice(SEQUENCES), rng.choice(OTHERS))
+            )
         change, encoding = "announced", rng.choice((JSON, PROTOBUF))
         chance = rng.random()
         if chance > 0.5:

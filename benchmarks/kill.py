@@ -19,7 +19,9 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
+import httpx
 import numpy as np
 import zenoh
 from service_process import (
@@ -59,6 +61,7 @@ SHORTEST_S, LONGEST_S = 0.5, 6.0
 BEFORE_S, BEFORE_SPEED = 240.0, 12.0
 """Flight before the first kill at most, and how fast: until two alerts are in force."""
 ACT_EVERY_S = 0.5
+REST_PATIENCE_S = 30.0
 NEXT = {"active": "acknowledge", "acknowledged": "shelve", "shelved": "unshelve"}
 
 
@@ -79,6 +82,7 @@ class Tally:
 
     Attributes:
         announced: alerts that REST has shown, with their vehicles; acted: actions that were answered, by alert.
+        unanswered: questions and actions without an answer within the client's patience; such an action counts as none.
         turned_healthy: vehicles with an alert in force that were not degraded after a start.
         standing: vehicles with an alert in force, of all kills together.
         compared: checkpoints that had gone on since the comparison before.
@@ -90,6 +94,7 @@ class Tally:
     acted: list[tuple[str, str]] = field(default_factory=list)
     lost_alerts: set[str] = field(default_factory=set)
     lost_actions: set[str] = field(default_factory=set)
+    unanswered: int = 0
     turned_healthy: int = 0
     standing: list[int] = field(default_factory=list)
     compared: list[Comparison] = field(default_factory=list)
@@ -105,12 +110,13 @@ class Operator(RestClient):
     """What a person sees and does over REST."""
 
     def __init__(self, port: int, tally: Tally) -> None:
-        super().__init__(port)
+        super().__init__(port, REST_PATIENCE_S)
         self._tally = tally
+        self._able = 0
 
     def check(self) -> None:
         """After a start: whether all that was said and done before is there."""
-        alerts = {alert["id"]: alert for alert in self.items("/v1/alerts")}
+        alerts = {alert["id"]: alert for alert in self._patiently("/v1/alerts")}
         self._tally.lost_alerts |= set(self._tally.announced) - set(alerts)
         self._tally.lost_actions |= {
             said for a, said in self._tally.acted if said not in alerts.get(a, {"notes": ()})["notes"]
@@ -118,11 +124,27 @@ class Operator(RestClient):
         standing = {a["vehicle"] for a in alerts.values() if a["state"] != "cleared"}
         gone = {a: v for a, v in self._tally.announced.items() if a not in alerts}
         standing |= set(gone.values())
-        for vehicle in self.items("/v1/vehicles"):
+        for vehicle in self._patiently("/v1/vehicles"):
             self._tally.turned_healthy += vehicle["vehicle"] in standing and vehicle["state"] != "degraded"
 
+    def _patiently(self, path: str) -> list[dict[str, Any]]:
+        """The answer's ``items``, asked for until there is one: ten times at most."""
+        for _ in range(9):
+            try:
+                return self.items(path)
+            except httpx.TransportError:
+                self._tally.unanswered += 1
+        return self.items(path)
+
     def act(self, rng: np.random.Generator) -> int:
-        """Read the alerts, and now and then do what may be done to one; how many are in force."""
+        """Read the alerts, and now and then do what may be done to one; how many are in force, as last answered."""
+        try:
+            self._able = self._act(rng)
+        except httpx.TransportError:  # too busy to answer in time, or killed
+            self._tally.unanswered += 1
+        return self._able
+
+    def _act(self, rng: np.random.Generator) -> int:
         alerts = self.items("/v1/alerts")
         self._tally.announced |= {a["id"]: a["vehicle"] for a in alerts}
         able = [a for a in alerts if a["state"] in NEXT]
@@ -230,6 +252,7 @@ def show(tally: Tally) -> None:
           f"{sum(n > 1 for n in tally.standing)}")  # fmt: skip
     print(f"alerts announced: {len(tally.announced)}, lost: {len(tally.lost_alerts)}")
     print(f"actions answered: {len(tally.acted)}, lost: {len(tally.lost_actions)}")
+    print(f"questions and actions not answered within {REST_PATIENCE_S:.0f} s: {tally.unanswered}")
     print("actions by kind: " + (", ".join(f"{kind} {n}" for kind, n in sorted(actions.items())) or "none"))
     print(f"vehicles with an alert that were not degraded after a start: {tally.turned_healthy}")
     print(f"checkpoints refused: {tally.refused}")
@@ -260,9 +283,11 @@ def main() -> None:
         parser.error(f"--speed is {arguments.speed}; give 1 to 20")
     tally = Tally()
     prepare_kernels()
-    with suppress(KeyboardInterrupt), threadpool_limits(1, "blas"):  # what was found until then is shown
-        course(tally, arguments.kills, arguments.seed, arguments.speed)
-    show(tally)
+    try:
+        with suppress(KeyboardInterrupt), threadpool_limits(1, "blas"):
+            course(tally, arguments.kills, arguments.seed, arguments.speed)
+    finally:
+        show(tally)  # what was found until then, whatever ended it
 
 
 if __name__ == "__main__":

@@ -31,11 +31,11 @@ from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule
 from wingwatch.telemetry import (
     AircraftMessage,
     FlightPublisher,
+    InboundMessage,
     SampleBlock,
     ZenohSettings,
     open_session,
 )
-from wingwatch.telemetry.subscriber import InboundMessage
 
 VEHICLES, RATE_HZ, SETTLE_S = 3, 50.0, 15.0
 COMPILE_S, PATIENCE_S = 240.0, 10.0

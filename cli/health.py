@@ -44,6 +44,7 @@ class Parts:
     pump: Pump
     tokens: TokenRegister
     diagnoses: DiagnosisJobs
+    refusals: Mapping[str, int]
 
 
 class Health:
@@ -78,6 +79,7 @@ class Health:
             "store": parts.store.counts,
             "checkpoints": parts.checkpoints.counts,
             "outputs": dict(parts.outputs.dropped),
+            "links": {**parts.refusals, "foreign_alerts": parts.outputs.foreign_alerts},
             "connections": parts.http.counts,
         }
 
@@ -129,6 +131,7 @@ class Health:
         return {
             "zenoh": self._zenoh_problem(),
             "messages": self._messages_problem(),
+            "capacity": self._capacity_problem(),
             "database": database,
             "checkpoints": self._checkpoints_problem(),
             "http": parts.http.problem,
@@ -158,6 +161,13 @@ class Health:
         if waiting_s <= _MOST_QUEUED_S:
             return None
         return f"messages wait for {waiting_s:.0f} s before they are taken in; what is shown is as old."
+
+    def _capacity_problem(self) -> str | None:
+        left_out = self._parts.monitor.left_out
+        if not left_out:
+            return None
+        who = "1 vehicle is" if left_out == 1 else f"{left_out} vehicles are"
+        return f"degraded service: {who} not watched, for there is more to compute than the machine can."
 
     def _database_problem(self) -> str | None:
         store = self._parts.store

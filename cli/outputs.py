@@ -10,13 +10,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, Self
 
 import zenoh
 
 from wingwatch.api import alert_document, vehicle_document
 from wingwatch.cli.loops import Loop
-from wingwatch.monitor import AlertView, MonitorPort, VehicleView
+from wingwatch.monitor import AlertState, AlertView, MonitorPort, VehicleView
 from wingwatch.monitor.ports import News
 from wingwatch.telemetry import (
     JSON,
@@ -25,7 +26,7 @@ from wingwatch.telemetry import (
     service_alive_key,
     vehicle_key,
 )
-from wingwatch.telemetry.keys import KEY_ROOT
+from wingwatch.telemetry.keys import KEY_ROOT, KeyNameError, parse_key
 
 __all__ = ["ZenohOutputs"]
 
@@ -36,6 +37,8 @@ _STREAMS: tuple[ServiceStream, ...] = ("derivatives", "status", "alerts")
 _COALESCED: tuple[ServiceStream, ...] = ("derivatives", "status")
 _JOIN_S = 1.0
 _LOOK_S = 0.2
+_SAID_AGAIN_S = 60.0
+_MOST_FOREIGN, _MOST_KEY = 1000, 300
 
 
 def _always() -> bool:
@@ -51,6 +54,7 @@ class ZenohOutputs:
 
     Attributes:
         dropped: alerts and queries that found their queue full, and messages that could not be sent.
+        foreign_alerts: messages that somebody else published under a vehicle's alerts, which the service alone writes.
         loop: hands over what waits.
     """
 
@@ -67,7 +71,7 @@ class ZenohOutputs:
         self._news = threading.Event()
         self._ending = False
         self.loop = Loop("wingwatch-outputs", "the loop that publishes", self._run, self._news.set)
-        self._queryables: list[Any] = []
+        self._listening: list[Any] = []
         self._listened: dict[ServiceStream, Any] = {
             stream: session.declare_publisher(f"{KEY_ROOT}/*/*/{stream}") for stream in _COALESCED
         }
@@ -75,13 +79,16 @@ class ZenohOutputs:
         end ends them, so whoever still announces is not refused."""
         self._token: Any = None
         self.dropped = {"alerts": 0, "queries": 0, "unsent": 0}
+        self.foreign_alerts = 0
+        self._foreign: deque[str] = deque(maxlen=_MOST_FOREIGN)
+        self._foreign_said_s: dict[str, float] = {}
 
     def __enter__(self) -> Self:
         self.loop.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        for declared in (*self._queryables, self._token):
+        for declared in (*self._listening, self._token):
             if declared is not None:
                 declared.undeclare()
         self._ending = True
@@ -104,7 +111,13 @@ class ZenohOutputs:
         self._monitor = monitor
         for stream in _STREAMS:
             callback = zenoh.handlers.Callback(self._asked, indirect=False)
-            self._queryables.append(self._session.declare_queryable(f"{KEY_ROOT}/*/*/{stream}", callback))
+            self._listening.append(self._session.declare_queryable(f"{KEY_ROOT}/*/*/{stream}", callback))
+        heard = zenoh.handlers.Callback(self._heard_foreign, indirect=False)
+        self._listening.append(
+            self._session.declare_subscriber(
+                f"{KEY_ROOT}/*/*/alerts", heard, allowed_origin=zenoh.Locality.REMOTE
+            )
+        )
         key = service_alive_key(str(self._session.info.zid()))
         self._token = self._session.liveliness().declare_token(key)
 
@@ -146,12 +159,42 @@ class ZenohOutputs:
             self._queries.append(query)
         self._news.set()
 
+    def _heard_foreign(self, sample: Any) -> None:
+        """In Zenoh's thread: somebody else has published an alert."""
+        with self._lock:
+            self.foreign_alerts += 1
+            self._foreign.append(str(sample.key_expr)[:_MOST_KEY])
+        self._news.set()
+
+    def _answer_foreign(self, key: str) -> None:
+        """Say so, and once more what stands of the vehicle: whoever listens has heard the other one last."""
+        monitor, now_s = self._monitor, time.monotonic()
+        if monitor is None or now_s - self._foreign_said_s.get(key, float("-inf")) < _SAID_AGAIN_S:
+            return
+        try:
+            found = parse_key(key)
+        except KeyNameError:
+            return
+        if len(self._foreign_said_s) >= _MOST_FOREIGN:
+            self._foreign_said_s.clear()
+        self._foreign_said_s[key] = now_s
+        about = f"{found.fleet}/{found.vehicle}"
+        _LOG.warning("somebody else publishes alerts of %s", about, extra={"vehicle": about})
+        for alert in reversed(monitor.alerts()):
+            if (alert.fleet, alert.vehicle) == (
+                found.fleet,
+                found.vehicle,
+            ) and alert.state is not AlertState.CLEARED:
+                self.announce(found.fleet, found.vehicle, "alerts", partial(_same, alert))
+
     def _run(self) -> None:
         while True:
             self._news.wait(_LOOK_S if self._alerts else None)
             if self._ending:
                 return
             self._news.clear()
+            while self._foreign:
+                self._safely(self._answer_foreign, self._foreign.popleft())
             connected = self._connected() if self._alerts else True
             with self._lock:
                 latest, queries = self._latest, list(self._queries)
@@ -217,6 +260,10 @@ class ZenohOutputs:
             key = vehicle_key(alert.fleet, alert.vehicle, "alerts")
             if asked.intersects(zenoh.KeyExpr(key)):
                 yield key, "alerts", _document(alert.fleet, alert.vehicle, alert)
+
+
+def _same(alert: AlertView) -> AlertView:
+    return alert
 
 
 def _document(fleet: str, vehicle: str, value: News) -> Mapping[str, Any]:

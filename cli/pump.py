@@ -108,7 +108,7 @@ class Pump:
             self._arrived.clear()
             full = True
             while full and not self._ending:
-                messages = self._subscriber.drain(_GATHERED)
+                messages = self._subscriber.drain(_GATHERED, self._monitor.has_enough)
                 self._since_s = self._clock()
                 self._safely(self._monitor.receive_all, messages)
                 self._since_s, now_s = None, self._clock()
@@ -121,6 +121,7 @@ class Pump:
         now_s = self._clock()
         if now_s < due_s:
             return due_s
+        self._safely(self._monitor.relieve, self._subscriber.ages())
         self._safely(self._monitor.tick)
         return now_s + _TICK_S
 

@@ -14,6 +14,7 @@ from wingwatch.cli.ending import asked_to_end, leave
 from wingwatch.cli.faults import say
 from wingwatch.cli.logs import configure_logs
 from wingwatch.cli.progress import write_json
+from wingwatch.cli.refusals import noticed_refusals
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import serve_settings
 
@@ -32,7 +33,10 @@ def run(arguments: argparse.Namespace) -> int:
     allow_open_files()
     tell: Callable[[str], object] = say if settings.log_format == "text" else _LOG.info
     with asked_to_end() as end:
-        with running_service(settings) as service:
+        with (
+            noticed_refusals(settings.zenoh.access is not None) as refusals,
+            running_service(settings, refusals=refusals) as service,
+        ):
             write_address(service, arguments.json)
             if await_ready(service, end, tell):
                 tell("ready")

@@ -175,17 +175,18 @@ def running_service(
     preparation: Preparation | None = None,
     wall_clock: Callable[[], float] = time.time,
     fresh: bool = False,
+    refusals: Mapping[str, int] | None = None,
 ) -> Iterator[Service]:
     """Start a service and end it on the way out.
 
-    The HTTP port is taken before anything else happens, and requests are answered while ``preparation`` goes on;
-    messages that arrive meanwhile wait in the subscriber's queue.
+    The HTTP port is taken first. Requests are answered, and messages wait, while ``preparation`` goes on.
 
     Args:
         preparation: done before messages are taken in; without, the kernels of the live path are loaded, and compiled
             where this machine has not done so yet.
         wall_clock: seconds since 1970-01-01 UTC, for the database's entries.
         fresh: remove the SQLite file of ``settings`` and the checkpoints first, once the port is ours.
+        refusals: counts of what access rules refuse, where they are kept and read (``noticed_refusals``).
 
     Raises:
         AddressError, CertificateError, DatabaseError, LinkError, LinkSecurityError, AircraftFileError,
@@ -231,7 +232,7 @@ def running_service(
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
-            diagnoses=diagnoses,
+            diagnoses=diagnoses, refusals=refusals or {},
         )  # fmt: skip
         service: Service = Service(parts)
         stack.callback(pump.stop)

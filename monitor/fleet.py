@@ -18,8 +18,10 @@ from wingwatch.estimators import Estimate
 from wingwatch.monitor.chain import Solution
 from wingwatch.monitor.checkpoint import SavedVehicle, settings_of
 from wingwatch.monitor.fleet_alerts import FleetAlerts
+from wingwatch.monitor.fleet_arrivals import FleetArrivals
 from wingwatch.monitor.fleet_checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
+from wingwatch.monitor.fleet_overload import FleetOverload
 from wingwatch.monitor.fleet_settings import FleetSettings
 from wingwatch.monitor.intake import Intake
 from wingwatch.monitor.known_vehicle import KnownVehicle
@@ -39,7 +41,6 @@ from wingwatch.monitor.views import (
     VehicleView,
 )
 from wingwatch.telemetry import (
-    AircraftMessage,
     InboundMessage,
     MessageError,
     SensorsMessage,
@@ -52,12 +53,12 @@ __all__ = ["FleetMonitor"]
 _LOG = logging.getLogger(__name__)
 _MOST_HELD = 2000  # pieces of messages, of all vehicles together, for which monitors are still to be made
 _MOST_WAITING = 1000  # pieces of one vehicle's messages; beyond, the publisher waits, and all others with it
+_ENOUGH = 10  # pieces of one vehicle: two seconds of messages of ten samples at 50 Hz
 _AT_ONCE_S = 0.005  # of samples that wait; REST and new messages wait as long
 _CAUGHT_UP_AT_ONCE = 16  # vehicles
 _SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
 _COUNTED_AT_ONCE = 500  # vehicles, likewise: 2 ms
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
-_MOST_ASKS = 100  # questions between two ticks, a second: invented names are not worth more
 
 
 _NOTHING: Sequence[Outgoing] = ()
@@ -101,10 +102,10 @@ class FleetMonitor:
         self._lock, self._clock, self._vehicles = context.lock, clock, context.vehicles
         self._saving = FleetCheckpoints(context, checkpoints)
         self._alerts = FleetAlerts(context, self._saving.save_now)
+        self._arrivals, self._overload = FleetArrivals(context, find_aircraft), FleetOverload(context)
         self._maker = MonitorMaker(new_id, self._settings.judge)
         self._forgotten = 0
         self._solutions = 0
-        self._asks_left = _MOST_ASKS
         self._held = 0
         self._behind: dict[VehicleKey, KnownVehicle] = {}
         self._intake = Intake()
@@ -146,6 +147,9 @@ class FleetMonitor:
             ready: dict[VehicleKey, KnownVehicle] = {}
             for message in messages:
                 key = message.fleet, message.vehicle
+                if message.stream == "left":
+                    self._arrivals.left(key, message.received_s)
+                    continue
                 known = self._vehicles.heard(key)
                 if known is None:
                     self._intake.count("too_many_vehicles")
@@ -163,6 +167,29 @@ class FleetMonitor:
             self._saving.save_some(ready)
         for (fleet, vehicle), news in told:
             self._context.tell((fleet, vehicle), news)
+
+    def has_enough(self, fleet: str, vehicle: str) -> bool:
+        """Whether so much of the vehicle waits here that further messages of it are better left where they are.
+
+        For the thread that calls ``receive_all``: a vehicle that sends more than is taken in waits there, and no other.
+        """
+        known = self._vehicles.get((fleet, vehicle))
+        return known is not None and len(known.held) >= _ENOUGH
+
+    def relieve(self, lags_s: Mapping[VehicleKey, float]) -> None:
+        """Leave vehicles out while there is too much to compute; to be called about once a second.
+
+        Args:
+            lags_s: how long the oldest message of each vehicle has waited, by fleet and name.
+        """
+        with self._lock:
+            self._overload.look(lags_s)
+            self._behind = {key: known for key, known in self._behind.items() if not known.left_out}
+
+    @property
+    def left_out(self) -> int:
+        """Vehicles that are not watched, for there is more to compute than the machine can."""
+        return self._overload.left_out
 
     @property
     def behind(self) -> bool:
@@ -182,12 +209,18 @@ class FleetMonitor:
 
     def _taken_in(self, key: VehicleKey, known: KnownVehicle, message: InboundMessage) -> Sequence[Outgoing]:
         """One message decoded; samples that can be used are held for ``_advance``."""
+        if known.left_out and message.stream != "aircraft":
+            known.owner.heard_s = message.received_s
+            known.count("message_left_out")
+            self._intake.count("message_left_out")
+            return _NOTHING
         try:
             if message.stream == "aircraft":
-                self._announced(key, known, decode_aircraft(message.payload, message.encoding))
-                became, news = "aircraft", _NOTHING
+                announced = decode_aircraft(message.payload, message.encoding)
+                became, news = self._arrivals.heard_of(key, known, announced, message.received_s), _NOTHING
             else:
-                became, news = self._sampled(key, known, decode_sensors(message.payload, message.encoding))
+                samples = decode_sensors(message.payload, message.encoding)
+                became, news = self._sampled(key, known, samples, message.received_s)
         except MessageError as error:
             became, news = f"message_{error.reason}", _NOTHING
             known.count(became)
@@ -197,40 +230,16 @@ class FleetMonitor:
         self._intake.count(became)
         return news
 
-    def _announced(self, key: VehicleKey, known: KnownVehicle, message: AircraftMessage) -> None:
-        if message == known.message:
-            return
-        changed = known.message is not None and (
-            message.aircraft != known.message.aircraft or message.configuration != known.message.configuration
-        )
-        known.message = message
-        try:
-            known.aircraft, known.problem = self._find(message.aircraft), ""
-        except ValueError as error:
-            known.aircraft, known.problem = None, str(error)
-            known.count("unknown_aircraft")
-        self._vehicles.sort(key)
-        if changed or known.aircraft is None:
-            known.start_anew()
-        known.announce_loading()
-
     def _sampled(
-        self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage
+        self, key: VehicleKey, known: KnownVehicle, message: SensorsMessage, at_s: float
     ) -> tuple[str, Sequence[Outgoing]]:
         """What became of the message, and the question what aircraft it is, if that is asked."""
-        if not known.arrivals.observe(message.sequence, message.stream, *message.span_s):
-            known.refused_s = self._clock()
-            return known.arrivals.refusal, _NOTHING
-        known.received_s = self._clock()
-        if known.aircraft is None:
-            unknown = "unannounced" if known.message is None else "unknown_aircraft"
-            known.count(unknown, len(message.block))
-            return unknown, ("ask",) if known.message is None and self._may_ask(known) else _NOTHING
-        known.take_loading()
-        self._held += known.hold(message)
-        if known.monitor is None and not known.recalled:
-            self._recall(*key, known)
-        return "sensors", _NOTHING
+        became, news = self._arrivals.sampled(key, known, message, at_s)
+        if became == "sensors":
+            self._held += known.hold(message)
+            if known.monitor is None and not known.recalled:
+                self._recall(*key, known)
+        return became, news
 
     def _advance(self, ready: Mapping[VehicleKey, KnownVehicle]) -> list[tuple[VehicleKey, list[Outgoing]]]:
         """Hand over what is held of vehicles that have a monitor, piece by piece, all vehicles at once.
@@ -383,15 +392,6 @@ class FleetMonitor:
         """What went wrong so far, by kind, without zeros."""
         return self._context.problems
 
-    def _may_ask(self, known: KnownVehicle) -> bool:
-        """Whether a vehicle that never said what it is is asked now."""
-        now = self._clock()
-        if now - known.asked_s < self._settings.ask_interval_s or self._asks_left <= 0:
-            return False
-        known.asked_s = now
-        self._asks_left -= 1
-        return True
-
     def tick(self) -> None:
         """To be called about once a second: staleness, and status for those who listen."""
         now = self._clock()
@@ -399,7 +399,7 @@ class FleetMonitor:
         with self._lock:
             earlier = self._alerts.read_earlier(0.0)
             self._alerts.look_again()
-            self._asks_left = _MOST_ASKS
+            self._arrivals.new_second()
             self._saving.save_some(dict(self._vehicles.items()))
             self._held = sum(len(known.held) for _, known in self._vehicles.items())
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten
@@ -496,7 +496,7 @@ class FleetMonitor:
             with self._lock:
                 waiting += self._tally(everyone[start : start + _COUNTED_AT_ONCE], states, counts)
         of_alerts = Counter((alert.state, alert.level) for alert in alerts)
-        return FleetFigures(states, of_alerts, counts, solutions, waiting)
+        return FleetFigures(states, of_alerts, counts, solutions, waiting, self.left_out)
 
     def _tally(
         self, some: Sequence[KnownVehicle], states: Counter[VehicleState], counts: dict[str, int]

@@ -103,6 +103,7 @@ class FleetCheckpoints:
                 self._checkpoints.count("refused", text)
                 continue
             known.heard_s = context.clock() - saved.silent_s
+            known.owner.heard_s = context.clock()  # who speaks first after a restart takes nobody's name
             with context.lock:
                 news = follow(key, known)
                 if not context.vehicles.resume(key, known):

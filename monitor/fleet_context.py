@@ -97,6 +97,14 @@ class FleetContext:
             about = {"vehicle": f"{fleet}/{vehicle}"}
             _LOG.exception("the samples of %s/%s led to a fault of the program", fleet, vehicle, extra=about)
 
+    def note_second_publisher(self, fleet: str, vehicle: str, known: KnownVehicle) -> None:
+        """A message under the vehicle's name was refused because another publisher owns it: reported once a minute."""
+        if not known.owner.refuse(self.clock()):
+            return
+        text = f"messages of a second publisher of {fleet}/{vehicle} are refused while the first is heard of"
+        self.event("problem", {"what": "second_publisher", "fleet": fleet, "vehicle": vehicle, "text": text})
+        _LOG.warning("%s", text, extra={"vehicle": f"{fleet}/{vehicle}"})
+
     def tell(self, key: VehicleKey, news: Sequence[Outgoing]) -> None:
         """Hand news over, without the lock."""
         if self._outputs is None:

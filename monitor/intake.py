@@ -12,7 +12,8 @@ class Intake:
     """Messages by what became of them.
 
     ``sensors`` and ``aircraft`` were taken in. All others were not, by reason: ``message_...`` (``MessageError``),
-    ``messages_late``, ``messages_repeated``, ``messages_stray`` (``SequenceTracker``), ``unannounced``,
+    ``messages_late``, ``messages_repeated``, ``messages_stray``, ``messages_second_publisher`` (``SequenceTracker``),
+    ``unannounced``,
     ``unknown_aircraft``, ``too_many_vehicles``, ``faults`` of the program.
     """
 

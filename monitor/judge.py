@@ -241,8 +241,8 @@ class Judge:
         if alarmed_onset_s is not None and oldest.end_s > alarmed_onset_s:
             return
         suspicious = verdict is not None and verdict.log_statistic > 0.5 * self.config.log_threshold
-        if suspicious and alarmed_onset_s is None and verdict is not None and verdict.onset == 0:
-            return
+        if suspicious and alarmed_onset_s is None and verdict is not None and verdict.onset <= _first(state):
+            return  # also where the first block cannot be judged: the change may be older than what is remembered
         for name, mode in oldest.modes.items():
             if name in state.references and np.trace(mode.information) > 0.0:
                 state.references[name] = state.references[name].add(
@@ -340,8 +340,7 @@ class Judge:
         state.blocks[:] = [b for k, b in enumerate(state.blocks) if b.end_s <= onset_s or k >= resumed]
 
     def _verdict(self, state: JudgeState) -> Verdict | None:
-        first = 0 if state.founded else 1
-        onsets = range(first, len(state.blocks))
+        onsets = range(_first(state), len(state.blocks))
         if not onsets:
             return None
         hypotheses = (*CAUSES, UNEXPLAINED)
@@ -446,6 +445,11 @@ class Judge:
                     pull += float(direction @ (mode.ekf_vector - mode.ekf_information @ start))
                     weight += float(direction @ mode.ekf_information @ direction)
         return weight <= 0.0 or pull / weight >= 0.5 * size
+
+
+def _first(state: JudgeState) -> int:
+    """The first block that may be judged: without a foundation the oldest one is what others are compared with."""
+    return 0 if state.founded else 1
 
 
 def _informative_since(state: JudgeState, onset_s: float) -> list[int]:

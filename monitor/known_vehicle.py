@@ -9,15 +9,24 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor.loading import Loading, loading_of
+from wingwatch.monitor.ownership import Ownership
+from wingwatch.monitor.pace import Pace
 from wingwatch.monitor.pieces import pieces
 from wingwatch.monitor.vehicle import VehicleMonitor
 from wingwatch.monitor.views import VehicleState, VehicleView
 from wingwatch.telemetry import CHANNELS, AircraftMessage, SensorsMessage, SequenceTracker
 
-__all__ = ["FAULT_SHOWN_S", "KnownVehicle"]
+__all__ = ["FAULT_SHOWN_S", "LEFT_OUT", "KnownVehicle"]
 
 FAULT_SHOWN_S = 30.0
 """Wall-clock time for which a fault is shown after the last one: three blocks, so that no block passes in silence."""
+
+LEFT_OUT = "degraded service: this vehicle is not watched, for there is more to compute than the machine can"
+"""The reason of a vehicle that is left out."""
+
+_REFUSED = (
+    "Messages of a second publisher under this name are refused: two aircraft with one name, or a forger"
+)
 
 
 @dataclass(slots=True)
@@ -43,6 +52,10 @@ class KnownVehicle:
         recall_s: when it was asked for first.
         watched_as: what it had said when ``loading`` came into use; given: channels that the monitor was made for;
             settings: what it was made from (``settings_of``); late: whether what is kept of the vehicle came after it.
+        owner: which publisher its messages are taken from.
+        pace: how fast it sends beside how fast it flies.
+        left_out: whether it is not watched, for there is more to compute than the machine can.
+        deferred: another aircraft or configuration that was announced while an alert is in force.
         checkpoint_s: when its state was handed over to be saved; unsaved: whether it has changed since; urgent: whether
             that is to be saved at once.
     """
@@ -73,6 +86,10 @@ class KnownVehicle:
     given: tuple[str, ...] = ()
     settings: str = ""
     late: bool = False
+    owner: Ownership = field(default_factory=Ownership)
+    pace: Pace = field(default_factory=Pace)
+    left_out: bool = False
+    deferred: AircraftMessage | None = None
     checkpoint_s: float = float("-inf")
     unsaved: bool = False
     urgent: bool = False
@@ -80,6 +97,16 @@ class KnownVehicle:
     def count(self, reason: str, times: int = 1) -> None:
         """Count what was not used."""
         self.counts[reason] = self.counts.get(reason, 0) + times
+
+    @property
+    def alarmed(self) -> bool:
+        """Whether an alert is in force."""
+        return self.monitor is not None and self.monitor.book.active is not None
+
+    @property
+    def suspected(self) -> bool:
+        """Whether what was seen last speaks for a change, without an alert so far."""
+        return self.monitor is not None and self.monitor.suspects
 
     def note_fault(self, error: Exception, now_s: float) -> None:
         """Remember a fault of the program over this vehicle's samples."""
@@ -160,13 +187,11 @@ class KnownVehicle:
         An alert stands through silence and faults; neither passes for health.
         """
         faulty = now_s - self.fault_s <= FAULT_SHOWN_S
+        blind = self.fault_text if faulty else LEFT_OUT if self.left_out else None
         if self.monitor is not None and self.monitor.state is VehicleState.DEGRADED:
-            return (
-                VehicleState.DEGRADED,
-                f"{self.monitor.reason} Meanwhile {self.fault_text}" if faulty else None,
-            )
-        if faulty:
-            return VehicleState.UNKNOWN, self.fault_text
+            return VehicleState.DEGRADED, f"{self.monitor.reason} Meanwhile {blind}" if blind else None
+        if blind:
+            return VehicleState.UNKNOWN, blind
         if self.monitor is None:
             return VehicleState.UNKNOWN, self._unknown_because
         if self.received_s is None or now_s - self.received_s > stale_s:
@@ -184,10 +209,13 @@ class KnownVehicle:
 
     @property
     def _loading_text(self) -> str:
-        """The loading in use and what of the announced one is not used."""
+        """The loading in use, and what of that which was announced is not used."""
         loading, announced = self.loading, self.announced
         if loading is None or announced is None:
             return ""
+        if (other := self.deferred) is not None:
+            name = f"{other.aircraft} ({other.configuration})"
+            return f"{loading.text} It has announced that it is {name}, which counts once its alert is cleared.".strip()
         waits = self.monitor is not None and announced.differs(loading)
         said = [
             loading.text,
@@ -216,15 +244,16 @@ class KnownVehicle:
             alerts: ids of all that are kept.
         """
         state, reason = self.standing(now_s, stale_s)
+        refused = now_s - self.owner.refused_s <= FAULT_SHOWN_S
         if self.monitor is None:
-            return self.bare_view(fleet, vehicle, state, reason or "")
+            return self.bare_view(fleet, vehicle, state, _with_refusal(reason or "", refused))
         view = self.monitor.view()
         unread = "" if self.recalled else " What is kept of its earlier flights has not been read yet."
         loaded = f" {text}" if (text := self._loading_text) else ""
         return replace(
             view,
             state=state,
-            reason=view.reason if reason is None else reason,
+            reason=_with_refusal(view.reason if reason is None else reason, refused),
             basis_text=view.basis_text + loaded + unread,
             counts=self.all_counts,
             active_alerts=tuple(name for name in view.active_alerts if name in alerts),
@@ -241,3 +270,8 @@ class KnownVehicle:
             reason=reason, last_sample_time_s=None, basis=None, basis_text="Nothing has been compared yet.",
             worst=None, counts=self.all_counts, active_alerts=(), condition={},
         )  # fmt: skip
+
+
+def _with_refusal(reason: str, refused: bool) -> str:
+    """The reason, with a second publisher where messages of one were refused."""
+    return f"{reason.rstrip('.')}. {_REFUSED}." if refused else reason

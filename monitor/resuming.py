@@ -16,7 +16,7 @@ from wingwatch.monitor.loading import loading_of
 from wingwatch.monitor.monitors import MonitorMaker
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.roster import VehicleKey
-from wingwatch.monitor.vehicle import VehicleMonitor
+from wingwatch.monitor.vehicle import VehicleMonitor, suspected
 from wingwatch.monitor.views import AlertState, AlertView
 from wingwatch.telemetry import SampleBlock, SensorsMessage
 
@@ -67,9 +67,7 @@ def saved_vehicle(key: VehicleKey, known: KnownVehicle, now_s: float) -> SavedVe
 
 def goes_on(saved: SavedVehicle, config: JudgeConfig) -> bool:
     """Whether a vehicle resumes its flight: it was heard within ``RESUMED_S``, or an alert stands or is suspected."""
-    verdict = saved.monitor.memory.verdict
-    suspected = verdict is not None and verdict.log_statistic > 0.5 * config.log_threshold
-    return saved.silent_s <= RESUMED_S or saved.alarmed or suspected
+    return saved.silent_s <= RESUMED_S or saved.alarmed or suspected(saved.monitor.memory, config)
 
 
 def resumed_vehicle(

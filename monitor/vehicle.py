@@ -38,7 +38,7 @@ from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstD
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 from wingwatch.telemetry.conditioning import AirQuality
 
-__all__ = ["Report", "VehicleMonitor", "surface_kinds"]
+__all__ = ["Report", "VehicleMonitor", "surface_kinds", "suspected"]
 
 
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
@@ -145,6 +145,11 @@ class VehicleMonitor:
     def last_verdict(self) -> Verdict | None:
         """What the test said after it; None while there is nothing to compare with."""
         return self._memory.verdict
+
+    @property
+    def suspects(self) -> bool:
+        """Whether the test is half-way to an alert, or further."""
+        return suspected(self._memory, self.judge.config)
 
     @property
     def last_sample_time_s(self) -> float | None:
@@ -481,6 +486,12 @@ class VehicleMonitor:
             active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
             air=self.air, rejected_by_channel=dict(self.cleaner.report.by_channel),
         )  # fmt: skip
+
+
+def suspected(memory: WatchMemory, config: JudgeConfig) -> bool:
+    """Whether what a monitor remembers is half-way to an alert, or further."""
+    verdict = memory.verdict
+    return verdict is not None and verdict.log_statistic > 0.5 * config.log_threshold
 
 
 def _compared(structures: Sequence[ModeStructure]) -> tuple[ModeStructure, ...]:

@@ -59,9 +59,10 @@ from wingwatch.telemetry.sample import (
     Channel,
     SampleBlock,
 )
-from wingwatch.telemetry.sequence import SequenceState, SequenceTracker
+from wingwatch.telemetry.sequence import SECOND_PUBLISHER, SequenceState, SequenceTracker
 from wingwatch.telemetry.service_messages import ServiceStream, decode_service_object, encode_service_object
-from wingwatch.telemetry.subscriber import InboundMessage, SensorSubscriber
+from wingwatch.telemetry.subscriber import SensorSubscriber
+from wingwatch.telemetry.vehicle_queues import InboundMessage
 from wingwatch.telemetry.zenoh_link import DEFAULT_ENDPOINT, LinkError, ZenohSettings, open_session
 
 __all__ = [
@@ -129,6 +130,7 @@ __all__ = [
     "InboundMessage",
     "SensorSubscriber",
     "SequenceState",
+    "SECOND_PUBLISHER",
     "SequenceTracker",
     "FlightPublisher",
 ]

@@ -8,7 +8,7 @@ it includes it: the service subscribes ``wingwatch/v1/*/*/sensors``, which must 
 from collections.abc import Sequence
 from typing import Any, Literal
 
-from wingwatch.telemetry.keys import KEY_ROOT, alive_key, check_name, vehicle_key
+from wingwatch.telemetry.keys import EVERY_VEHICLE_ALIVE, KEY_ROOT, alive_key, check_name, vehicle_key
 
 __all__ = ["access_rules", "vehicle_subject"]
 
@@ -18,6 +18,7 @@ _FROM_SERVICE = tuple(f"{KEY_ROOT}/*/*/{leaf}" for leaf in ("derivatives", "stat
 _AIRCRAFT = (f"{KEY_ROOT}/*/*/aircraft",)
 _ALL = (f"{KEY_ROOT}/**",)
 _ALL_ALIVE = (f"{_ALIVE}/**",)
+_VEHICLES_ALIVE = (EVERY_VEHICLE_ALIVE,)
 
 Identity = Literal["certificate", "user"]
 
@@ -99,6 +100,8 @@ def _of_service() -> list[dict[str, Any]]:
         _rule("gets samples", "egress", ("put",), _FROM_VEHICLES),
         _rule("gets aircraft", "egress", ("declare_queryable", "reply"), _AIRCRAFT),
         _rule("is asked", "egress", ("declare_subscriber", "query"), _ALL),
+        _rule("asks who leaves", "ingress", ("declare_liveliness_subscriber",), _VEHICLES_ALIVE),
+        _rule("hears who leaves", "egress", ("liveliness_token",), _VEHICLES_ALIVE),
     ]
 
 

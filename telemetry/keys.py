@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 __all__ = [
+    "EVERY_VEHICLE_ALIVE",
     "KEY_ROOT",
     "KeyNameError",
     "VehicleKey",
     "alive_key",
     "check_name",
+    "parse_alive_key",
     "parse_key",
     "service_alive_key",
     "vehicle_key",
@@ -17,6 +19,9 @@ __all__ = [
 
 KEY_ROOT = "wingwatch/v1"
 _ALIVE_ROOT = "wingwatch/alive/v1"
+EVERY_VEHICLE_ALIVE = f"{_ALIVE_ROOT}/*/*"
+"""Key expression of all liveliness tokens of vehicles (and of services, whose fleet is called ``service`` there)."""
+
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 _LEAVES = ("sensors", "aircraft", "derivatives", "status", "alerts")
 _SHOWN_CHARACTERS = 80
@@ -86,6 +91,20 @@ def alive_key(fleet: str, vehicle: str) -> str:
         KeyNameError: a name that may not stand in a key.
     """
     return f"{_ALIVE_ROOT}/{check_name('fleet', fleet)}/{check_name('vehicle', vehicle)}"
+
+
+def parse_alive_key(key: str) -> tuple[str, str]:
+    """Fleet and vehicle of a liveliness token.
+
+    Raises:
+        KeyNameError: a key that is not ``wingwatch/alive/v1/<fleet>/<vehicle>``.
+    """
+    parts = key.split("/", 5) if len(key) <= 256 else []
+    if len(parts) != 5 or "/".join(parts[:3]) != _ALIVE_ROOT:
+        raise KeyNameError(
+            f"{key[:_SHOWN_CHARACTERS]!r} is no key of the form {_ALIVE_ROOT}/<fleet>/<vehicle>"
+        )
+    return check_name("fleet", parts[3]), check_name("vehicle", parts[4])
 
 
 def service_alive_key(service_id: str) -> str:

@@ -104,6 +104,8 @@ class AircraftMessage(BaseModel):
         configuration: configuration in the sense of the aircraft file.
         mass_kg: actual mass where it is known; whether an aircraft can have it, the monitor says.
         cg_shift_m: centre of gravity behind (positive) that of the aircraft file, where it is known.
+        stream: that of the publisher's sensors messages, where it says one: while that publisher is heard of, what
+            others announce under its name is refused.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -112,6 +114,7 @@ class AircraftMessage(BaseModel):
     configuration: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")] = "clean"
     mass_kg: Annotated[float, Field(ge=0.0, le=_MAX_MASS_KG)] | None = None
     cg_shift_m: Annotated[float, Field(ge=-_MAX_SHIFT_M, le=_MAX_SHIFT_M)] | None = None
+    stream: int | float | None = None
 
 
 def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None = None) -> SensorsMessage:
@@ -192,6 +195,8 @@ def decode_aircraft(payload: bytes, encoding: str, limits: MessageLimits | None 
         message = vehicle_pb2.Aircraft()
         _parse(message, payload)
         fields = {field.name: value for field, value in message.ListFields()}
+    if "stream" in fields:
+        fields["stream"] = _stream(fields["stream"])
     try:
         return AircraftMessage.model_validate(fields)
     except ValidationError as problem:

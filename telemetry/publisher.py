@@ -70,7 +70,7 @@ class FlightPublisher:
         # Drawn, not read from a clock: one without a battery starts at the same time whenever it starts.
         self._stream = secrets.randbits(_STREAM_BITS) if stream is None else stream
         self._lock = Lock()
-        self._aircraft_payload = encode_aircraft(aircraft)
+        self._aircraft_payload = self._encoded(aircraft)
         self._sensors = session.declare_publisher(
             self._sensors_key, encoding=PROTOBUF, congestion_control=zenoh.CongestionControl.DROP
         )
@@ -100,7 +100,7 @@ class FlightPublisher:
     def announce(self, aircraft: AircraftMessage) -> None:
         """Says what the vehicle is, now and to whoever asks later: for a change of load or configuration."""
         with self._lock:
-            self._aircraft_payload = encode_aircraft(aircraft)
+            self._aircraft_payload = self._encoded(aircraft)
         self._put_aircraft()
 
     def wait_for_receiver(self, timeout_s: float) -> bool:
@@ -164,6 +164,9 @@ class FlightPublisher:
         for due_s, piece in self._pieces(block):
             self._pause_until(start_s + due_s / rate)
             self._sensors.put(self._next_payload(piece, names))
+
+    def _encoded(self, aircraft: AircraftMessage) -> bytes:
+        return encode_aircraft(aircraft.model_copy(update={"stream": self._stream}))
 
     def _next_payload(self, piece: SampleBlock, names: Sequence[str]) -> bytes:
         payload = encode_sensors(self._sequence, piece, PROTOBUF, names, self._stream)

@@ -1,8 +1,11 @@
 """Which messages of a vehicle count: by their numbers, the number of their stream and their stamps.
 
 A message that comes after newer ones is late, and late is late: it is counted and dropped. A publisher that was started
-again counts from 0 anew, and looks alike to whoever sees its first message only. The contract's ``stream`` number tells
-the two apart at once; without it the messages have to agree with one another first.
+again counts from 0 anew, and looks alike to whoever sees its first message only. The contract's ``stream`` number
+distinguishes the two at once; without it the messages have to agree with one another first.
+
+A publisher that is still heard of owns the vehicle's name: whoever begins another count meanwhile is a second
+publisher, and is refused.
 """
 
 from collections import deque
@@ -10,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
 
-__all__ = ["SequenceState", "SequenceTracker"]
+__all__ = ["SECOND_PUBLISHER", "SequenceState", "SequenceTracker"]
 
 AGREEING = 3
 """Messages in a row, each counting on from the one before it and none of the present run between them, that are
@@ -27,6 +30,9 @@ MOST_LOST = 1_000_000
 _KEPT_GAPS = 64
 _KEPT_STREAMS = 8
 _MOST_COUNTED = 2**53 - 1  # what JSON carries exactly
+
+SECOND_PUBLISHER = "messages_second_publisher"
+"""The count of messages that were refused because another publisher owns the name."""
 
 Stream = int | float
 
@@ -53,12 +59,13 @@ class SequenceTracker:
     Attributes:
         counts: ``messages_lost`` (numbers that did not come in time), ``messages_late`` (came after newer ones),
             ``messages_repeated`` (had been here), ``messages_stray`` (a number that does not go with the others),
-            ``publisher_restarts``; all of them but the first and last were dropped.
+            ``messages_second_publisher`` (of another publisher while the first is heard of), ``publisher_restarts``;
+            all of them but the first and last were dropped.
         refusal: under which of these names the last message that was dropped was counted; empty before one was.
     """
 
     def __init__(self) -> None:
-        names = ("lost", "late", "repeated", "stray")
+        names = ("lost", "late", "repeated", "stray", "second_publisher")
         self.counts = dict.fromkeys((*(f"messages_{name}" for name in names), "publisher_restarts"), 0)
         self.refusal = ""
         self._first = 0
@@ -90,8 +97,23 @@ class SequenceTracker:
         self._former.extend(state.former)
         self._rivals, self._rival_next, self._enough = state.rivals, state.rival_next, state.enough
 
+    @property
+    def stream(self) -> Stream | None:
+        """The number of the present publisher's start; None where it says none, or nothing has come yet."""
+        return self._stream
+
+    def refuse(self) -> None:
+        """Count a message of a second publisher that something else than its numbers has shown to be one."""
+        self.refusal = SECOND_PUBLISHER
+        self._count(SECOND_PUBLISHER)
+
     def observe(
-        self, sequence: int, stream: Stream | None = None, first_s: float = nan, last_s: float = nan
+        self,
+        sequence: int,
+        stream: Stream | None = None,
+        first_s: float = nan,
+        last_s: float = nan,
+        owned: bool = False,
     ) -> bool:
         """Takes the number of a message that arrived; whether the message is to be used.
 
@@ -100,12 +122,16 @@ class SequenceTracker:
             stream: the number of its publisher's start, None where it says none.
             first_s: its earliest stamp, NaN without any.
             last_s: its latest.
+            owned: whether the present publisher is still heard of; no other takes its place then.
         """
         if self._next is None:
             self._begin(sequence, stream)
         elif (doubt := self._doubt(sequence, stream, first_s)) is None:
             self._go_on(sequence)
         elif self._agree(sequence, doubt[1]):
+            if owned:
+                self.refuse()
+                return False
             self._count("publisher_restarts")
             self._begin(sequence, stream)
         else:

@@ -1,4 +1,4 @@
-"""Receiving: messages of all vehicles wait, undecoded, in a bounded queue for the service's loop.
+"""Receiving: messages of all vehicles wait, undecoded, in bounded queues for the service's loop.
 
 Zenoh keeps what arrives in channels of its own, without this interpreter; every few milliseconds a thread takes over
 what is there, checks the key and copies the bytes. A callback a message would stop whoever computes at every message.
@@ -6,18 +6,24 @@ Aircraft messages go before the samples that were taken over with them, for thes
 """
 
 import logging
-from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Any, Self
 
 import zenoh
 
-from wingwatch.telemetry.keys import KEY_ROOT, KeyNameError, parse_key, vehicle_key
+from wingwatch.telemetry.keys import (
+    EVERY_VEHICLE_ALIVE,
+    KEY_ROOT,
+    KeyNameError,
+    parse_alive_key,
+    parse_key,
+    vehicle_key,
+)
+from wingwatch.telemetry.vehicle_queues import InboundMessage, VehicleQueues
 
-__all__ = ["InboundMessage", "SensorSubscriber"]
+__all__ = ["SensorSubscriber"]
 
 _LOG = logging.getLogger(__name__)
 
@@ -30,27 +36,6 @@ _CHANNEL = 16_384
 _END_S = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class InboundMessage:
-    """One message as it came in.
-
-    Attributes:
-        fleet: from its key.
-        vehicle: from its key.
-        stream: ``sensors`` or ``aircraft``.
-        payload: its bytes; of a payload above the limit only so many that decoding says ``too_large``.
-        encoding: Zenoh's encoding, as text.
-        received_s: the subscriber's clock when it was taken over, a few milliseconds after its arrival.
-    """
-
-    fleet: str
-    vehicle: str
-    stream: str
-    payload: bytes
-    encoding: str
-    received_s: float
-
-
 class SensorSubscriber:
     """Subscribes the sensors and aircraft streams of every vehicle; use it in a ``with`` statement.
 
@@ -61,7 +46,8 @@ class SensorSubscriber:
         session: an open session.
         clock: seconds, for the time of arrival.
         on_arrival: called after messages came, from another thread; it must return at once (set an event).
-        capacity: most messages waiting; more are dropped and counted as ``overflow``.
+        capacity: most messages waiting; where more come, the vehicle of which most wait loses them, counted as
+            ``overflow``.
         capacity_bytes: most bytes waiting; likewise.
         max_message_bytes: longest payload kept whole.
     """
@@ -79,17 +65,16 @@ class SensorSubscriber:
         self._session = session
         self._clock = clock
         self._on_arrival = on_arrival
-        self._capacity = capacity
-        self._capacity_bytes = capacity_bytes
         self._keep_bytes = max_message_bytes + 1
-        self._waiting: deque[InboundMessage] = deque()
-        self._waiting_bytes = 0
-        self._counts = {"received": 0, "overflow": 0, "bad_key": 0}
+        self._waiting = VehicleQueues(capacity, capacity_bytes)
+        self._counts = {"received": 0, "bad_key": 0}
         self._lock = Lock()
         self._subscribers = [
             session.declare_subscriber(f"{KEY_ROOT}/*/*/{stream}", zenoh.handlers.FifoChannel(_CHANNEL))
             for stream in ("aircraft", "sensors")
         ]
+        tokens: Any = zenoh.handlers.FifoChannel(_CHANNEL)
+        self._subscribers.append(session.liveliness().declare_subscriber(EVERY_VEHICLE_ALIVE, tokens))
         self._ending = Event()
         self._thread = Thread(target=self._run, name="wingwatch-subscriber", daemon=True)
         self._thread.start()
@@ -112,9 +97,10 @@ class SensorSubscriber:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Messages ``received``, dropped from a full queue (``overflow``), and under a ``bad_key``."""
+        """Messages ``received``, of these dropped again for another vehicle's (``gave_way``); not received for a full
+        queue (``overflow``) or under a ``bad_key``."""
         with self._lock:
-            return dict(self._counts)
+            return {**self._counts, "overflow": self._waiting.refused, "gave_way": self._waiting.gave_way}
 
     @property
     def alive(self) -> bool:
@@ -129,15 +115,22 @@ class SensorSubscriber:
     @property
     def waiting_s(self) -> float:
         """How long the oldest message has waited; 0 where none waits."""
-        with self._lock:
-            return self._clock() - self._waiting[0].received_s if self._waiting else 0.0
+        return max(self.ages().values(), default=0.0)
 
-    def drain(self, max_items: int) -> list[InboundMessage]:
-        """The oldest waiting messages, in the order of arrival; never waits. Called from one thread only."""
+    def ages(self) -> Mapping[tuple[str, str], float]:
+        """How long the oldest waiting message of each vehicle has waited, by fleet and name."""
         with self._lock:
-            taken = [self._waiting.popleft() for _ in range(min(max_items, len(self._waiting)))]
-            self._waiting_bytes -= sum(len(message.payload) for message in taken)
-        return taken
+            return self._waiting.ages(self._clock())
+
+    def drain(self, max_items: int, enough: Callable[[str, str], bool] | None = None) -> list[InboundMessage]:
+        """The oldest waiting messages of the vehicles whose turn it is; never waits. Called from one thread only.
+
+        Args:
+            max_items: how many.
+            enough: whether no more is to be taken of a vehicle (fleet, name) now; what waits of it stays.
+        """
+        with self._lock:
+            return self._waiting.take(max_items, enough)
 
     def ask_aircraft(self, fleet: str, vehicle: str) -> None:
         """Ask a vehicle what aircraft it is; the answer comes as a message. Never called in Zenoh's thread."""
@@ -153,9 +146,12 @@ class SensorSubscriber:
                 _LOG.exception("messages could not be taken over")
 
     def _take_over(self) -> None:
-        aircraft, sensors = self._subscribers
+        aircraft, sensors, tokens = self._subscribers
         samples = _waiting(sensors)  # first: whatever was announced before them is there by now
-        news = _waiting(aircraft) + samples
+        announced = _waiting(aircraft)
+        for token in _waiting(tokens):  # likewise: who leaves makes room for whoever sent these
+            self._left(token)
+        news = announced + samples
         for sample in news:
             self._arrived(sample)
         if news and self._on_arrival is not None:
@@ -175,15 +171,21 @@ class SensorSubscriber:
         )
         self._queue(message)
 
+    def _left(self, token: zenoh.Sample) -> None:
+        if token.kind != zenoh.SampleKind.DELETE:
+            return
+        try:
+            fleet, vehicle = parse_alive_key(str(token.key_expr))
+        except KeyNameError:
+            return  # a service, or nobody
+        message = InboundMessage(fleet, vehicle, "left", b"", "", self._clock())
+        with self._lock:
+            self._waiting.add(message)
+
     def _queue(self, message: InboundMessage) -> None:
         with self._lock:
-            full = len(self._waiting) >= self._capacity
-            if full or self._waiting_bytes + len(message.payload) > self._capacity_bytes:
-                self._counts["overflow"] += 1
-                return
-            self._counts["received"] += 1
-            self._waiting_bytes += len(message.payload)
-            self._waiting.append(message)
+            if self._waiting.add(message):
+                self._counts["received"] += 1
 
     def _count(self, name: str) -> None:
         with self._lock:

@@ -81,13 +81,15 @@ class SensorColumns(_message.Message):
     def __init__(self, time_s: _Optional[_Iterable[float]] = ..., airspeed_true_m_s: _Optional[_Iterable[float]] = ..., airspeed_indicated_m_s: _Optional[_Iterable[float]] = ..., roll_rate_rad_s: _Optional[_Iterable[float]] = ..., pitch_rate_rad_s: _Optional[_Iterable[float]] = ..., yaw_rate_rad_s: _Optional[_Iterable[float]] = ..., specific_force_x_m_s2: _Optional[_Iterable[float]] = ..., specific_force_y_m_s2: _Optional[_Iterable[float]] = ..., specific_force_z_m_s2: _Optional[_Iterable[float]] = ..., roll_rad: _Optional[_Iterable[float]] = ..., pitch_rad: _Optional[_Iterable[float]] = ..., heading_rad: _Optional[_Iterable[float]] = ..., elevator_rad: _Optional[_Iterable[float]] = ..., aileron_rad: _Optional[_Iterable[float]] = ..., rudder_rad: _Optional[_Iterable[float]] = ..., angle_of_attack_rad: _Optional[_Iterable[float]] = ..., sideslip_rad: _Optional[_Iterable[float]] = ..., throttle: _Optional[_Iterable[float]] = ..., altitude_m: _Optional[_Iterable[float]] = ..., air_density_kg_m3: _Optional[_Iterable[float]] = ..., outside_air_temperature_k: _Optional[_Iterable[float]] = ..., elevator_command_rad: _Optional[_Iterable[float]] = ..., aileron_command_rad: _Optional[_Iterable[float]] = ..., rudder_command_rad: _Optional[_Iterable[float]] = ..., aileron_left_rad: _Optional[_Iterable[float]] = ..., aileron_right_rad: _Optional[_Iterable[float]] = ..., roll_demand_rad: _Optional[_Iterable[float]] = ..., pitch_demand_rad: _Optional[_Iterable[float]] = ..., airspeed_demand_m_s: _Optional[_Iterable[float]] = ..., altitude_demand_m: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Aircraft(_message.Message):
-    __slots__ = ("aircraft", "configuration", "mass_kg", "cg_shift_m")
+    __slots__ = ("aircraft", "configuration", "mass_kg", "cg_shift_m", "stream")
     AIRCRAFT_FIELD_NUMBER: _ClassVar[int]
     CONFIGURATION_FIELD_NUMBER: _ClassVar[int]
     MASS_KG_FIELD_NUMBER: _ClassVar[int]
     CG_SHIFT_M_FIELD_NUMBER: _ClassVar[int]
+    STREAM_FIELD_NUMBER: _ClassVar[int]
     aircraft: str
     configuration: str
     mass_kg: float
     cg_shift_m: float
-    def __init__(self, aircraft: _Optional[str] = ..., configuration: _Optional[str] = ..., mass_kg: _Optional[float] = ..., cg_shift_m: _Optional[float] = ...) -> None: ...
+    stream: int
+    def __init__(self, aircraft: _Optional[str] = ..., configuration: _Optional[str] = ..., mass_kg: _Optional[float] = ..., cg_shift_m: _Optional[float] = ..., stream: _Optional[int] = ...) -> None: ...

@@ -22,6 +22,7 @@ from wingwatch.cli.logs import JsonLines, TextLines, configure_logs
 from wingwatch.cli.serve_command import allow_open_files
 from wingwatch.cli.service import Service
 from wingwatch.cli.store import DatabaseStore
+from wingwatch.monitor import FleetMonitor
 from wingwatch.telemetry import ZenohSettings, open_session, vehicle_key
 
 PATIENCE_S = 60.0
@@ -60,6 +61,17 @@ def test_messages_that_wait_too_long_are_told(service: Service, monkeypatch: pyt
     until(lambda: "messages wait for" in problem(service, "messages"))
 
 
+@pytest.mark.parametrize(("vehicles", "said"), [(1, "1 vehicle is"), (12, "12 vehicles are")])
+def test_vehicles_that_are_left_out_are_told(
+    service: Service, monkeypatch: pytest.MonkeyPatch, vehicles: int, said: str
+) -> None:
+    assert problem(service, "capacity") == ""
+    monkeypatch.setattr(FleetMonitor, "left_out", vehicles)
+    assert problem(service, "capacity").startswith(f"degraded service: {said} not watched")
+    status = httpx.get(f"{service.url}/v1/status").json()
+    assert status["problems"]["capacity"] == problem(service, "capacity")
+
+
 def test_a_thread_that_ended_is_told(service: Service) -> None:
     for part in ("zenoh", "database", "diagnoses"):
         assert problem(service, part) == ""
@@ -79,7 +91,8 @@ def test_a_thread_that_ended_is_told(service: Service) -> None:
 def test_every_part_shows_its_counters(service: Service) -> None:
     counters = httpx.get(f"{service.url}/v1/status").json()["counters"]
     assert set(counters) == {
-        "messages", "intake", "monitor", "loop", "store", "checkpoints", "outputs", "connections", "access", "events",
+        "messages", "intake", "monitor", "loop", "store", "checkpoints", "outputs", "links", "connections", "access",
+        "events",
     }  # fmt: skip
 
 

@@ -56,8 +56,13 @@ class Queue:
     def __init__(self) -> None:
         self.messages: list[InboundMessage] = []
 
-    def drain(self, max_items: int) -> list[InboundMessage]:
-        taken, self.messages = self.messages[:max_items], self.messages[max_items:]
+    def ages(self) -> Mapping[tuple[str, str], float]:
+        return {("default", message.vehicle): 1.0 for message in self.messages}
+
+    def drain(self, max_items: int, enough: Callable[[str, str], bool] | None = None) -> list[InboundMessage]:
+        waits = [enough is not None and enough(one.fleet, one.vehicle) for one in self.messages]
+        taken = [one for one, stays in zip(self.messages, waits, strict=True) if not stays][:max_items]
+        self.messages = [one for one in self.messages if one not in taken]
         return taken
 
 
@@ -68,12 +73,20 @@ class Recorder:
         self.got: list[str] = []
         self.ticks = 0
         self.behind = False
+        self.full = ""
+        self.lags_s: Mapping[tuple[str, str], float] = {}
 
     def receive_all(self, messages: Sequence[InboundMessage]) -> None:
         for message in messages:
             if message.vehicle == "bad":
                 raise ZeroDivisionError("a fault of the program")
             self.got.append(message.vehicle)
+
+    def has_enough(self, fleet: str, vehicle: str) -> bool:
+        return vehicle == self.full
+
+    def relieve(self, lags_s: Mapping[tuple[str, str], float]) -> None:
+        self.lags_s = lags_s
 
     def tick(self) -> None:
         self.ticks += 1
@@ -128,6 +141,20 @@ def test_a_fault_over_one_vehicle_does_not_end_the_watch_over_others() -> None:
     pump.stop()
     assert not pump.loop.alive
     assert pump.problem is not None
+
+
+def test_of_a_vehicle_that_has_enough_nothing_is_taken_and_how_long_it_waits_is_told() -> None:
+    queue, monitor = Queue(), Recorder()
+    monitor.full = "busy"
+    pump, arrived = pump_over(queue, monitor)
+    queue.messages = [message("busy"), message("a")]
+    pump.start()
+    arrived.set()
+    until(lambda: monitor.got == ["a"])
+    until(lambda: ("default", "busy") in monitor.lags_s)
+    monitor.full = ""
+    until(lambda: monitor.got == ["a", "busy"])
+    pump.stop()
 
 
 @pytest.mark.parametrize(

@@ -234,6 +234,10 @@ class Hall:
         payload = encode_sensors(sequence, block, encoding, stream=stream)
         self.fleet.receive("default", vehicle, "sensors", payload, encoding)
 
+    def leave(self, vehicle: str = "uav") -> None:
+        """The vehicle's publisher ends, and its liveliness token goes."""
+        self.fleet.receive("default", vehicle, "left", b"", "")
+
     def raw(self, payload: bytes, encoding: str = JSON, stream: str = "sensors") -> None:
         self.fleet.receive("default", "uav", stream, payload, encoding)
 

@@ -51,6 +51,12 @@ def test_a_short_run_of_the_fuzzer_finds_nothing() -> None:
     assert outcome.course.kinds["sound"] == 3 * (4 * 5 + 1)
 
 
+def test_a_run_that_is_ended_before_its_time_counts_what_it_sent() -> None:
+    outcome = fuzz.fuzz(1500, 4, 4.0, dear=0.0, until_s=float("-inf"))
+    assert outcome.problems == ()
+    assert sum(outcome.course.kinds.values()) == outcome.intake["received"] == 0
+
+
 def test_the_fuzzer_is_the_same_for_a_seed() -> None:
     flown = fuzz.flights(1.0, 0)
     twice = [Fuzzer(random.Random(5), fuzz.victims(flown)) for _ in range(2)]

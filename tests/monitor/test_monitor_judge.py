@@ -165,6 +165,26 @@ def test_old_blocks_teach_the_reference_but_not_those_after_an_alarm() -> None:
     assert kept == learned + bench.judge.config.remembered_blocks
 
 
+@pytest.mark.parametrize("founded", [False, True])
+def test_blocks_of_a_suspected_change_do_not_teach_the_reference_either(founded: bool) -> None:
+    """Without an alert so far, as where nothing is confirmed; a restart keeps blocks and references as they are."""
+    bench = Bench(7, founded=founded)
+    for _ in range(bench.judge.config.remembered_blocks + 5):
+        bench.feed(bench.truth)
+    learned = bench.state.references["short_period"].blocks
+    for _ in range(2 * bench.judge.config.remembered_blocks):
+        verdict = bench.feed(bench.change("elevator_effectiveness", 0.5))
+    assert verdict is not None
+    assert verdict.log_statistic > 0.5 * bench.judge.config.log_threshold
+    kept = bench.state.references["short_period"].blocks
+    assert (
+        learned + bench.judge.config.remembered_blocks - 1
+        <= kept
+        <= learned + bench.judge.config.remembered_blocks
+    )
+    assert verdict.size == pytest.approx(0.5, abs=0.05)  # still beside what was before
+
+
 def test_the_second_voice_must_move_the_same_way() -> None:
     bench = Bench(8)
     for _ in range(6):

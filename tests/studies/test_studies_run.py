@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from wingwatch.studies.local_workers import LocalWorkers
 from wingwatch.studies.run import Answer, Progress, Task, run_study
 
 FLIGHTS = 6
+PATIENCE_S = 250.0
 
 
 @pytest.fixture(autouse=True)
@@ -169,6 +171,36 @@ def test_rows_are_the_same_though_one_of_two_workers_is_killed(
     assert killed
     assert (progress.done, progress.failed) == (FLIGHTS, 0)
     assert rows_of(out) == undisturbed
+
+
+def _client(study: StudySettings, out: Path) -> None:
+    run_module.TASK_FLIGHT_S = 80.0
+    flown(study, out, InThisProcess())
+
+
+@pytest.mark.slow
+def test_a_client_that_is_killed_has_lost_no_finished_task_and_goes_on(
+    tmp_path: Path, study: StudySettings, undisturbed: list[dict[str, str]]
+) -> None:
+    out = tmp_path / "study.parquet"
+    client = multiprocessing.get_context("spawn").Process(target=_client, args=(study, out))
+    client.start()
+    first = tmp_path / "study.parquet.parts" / "00000000.parquet"
+    deadline = time.monotonic() + PATIENCE_S
+    while not first.exists():
+        assert client.is_alive()
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+    client.kill()
+    client.join()
+    assert client.exitcode == -signal.SIGKILL
+    assert not out.exists()
+    rest = InThisProcess()
+    progress = flown(study, out, rest, resume=True)
+    assert 0 not in rest.flown
+    assert progress.kept == FLIGHTS - 2 * len(rest.flown)
+    assert rows_of(out) == undisturbed
+    assert list(tmp_path.glob("*.parts")) == []
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import orjson
 import pytest
 from google.protobuf.json_format import MessageToJson
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from telemetry_flights import THOR75, THOR75_MAP, flight_block, same
 
@@ -248,6 +248,7 @@ SHAPED = st.fixed_dictionaries(
 )
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=200), ENCODINGS)
 def test_any_bytes_are_a_message_or_a_message_error(payload: bytes, encoding: str) -> None:
     for decode in (decode_sensors, decode_aircraft):
@@ -258,6 +259,7 @@ def test_any_bytes_are_a_message_or_a_message_error(payload: bytes, encoding: st
             decode_service_object(stream, payload, encoding)
 
 
+@settings(deadline=None)
 @given(SHAPED | VALUES)
 def test_any_json_is_a_message_or_a_message_error(value: Any) -> None:
     payload = json.dumps(value).encode()
@@ -266,6 +268,7 @@ def test_any_json_is_a_message_or_a_message_error(value: Any) -> None:
             decode(payload, JSON)
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**64 - 1), st.integers(0, 400), st.integers(0, 255))
 def test_a_damaged_message_is_a_message_or_a_message_error(sequence: int, place: int, byte: int) -> None:
     payload = bytearray(encode_sensors(sequence, flight_block(3)))

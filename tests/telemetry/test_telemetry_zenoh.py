@@ -73,12 +73,23 @@ def until(condition: Callable[[], bool]) -> None:
 
 
 def collect(subscriber: SensorSubscriber, messages: int) -> list[InboundMessage]:
-    """That many messages, and none after them for a moment."""
-    until(lambda: subscriber.waiting >= messages)
+    """That many messages, and none after them for a moment; that a vehicle leaves is none."""
+    taken: list[InboundMessage] = []
+
+    def enough() -> bool:
+        taken.extend(message for message in subscriber.drain(1_000_000) if message.stream != "left")
+        return len(taken) >= messages
+
+    until(enough)
     time.sleep(0.05)
-    taken = subscriber.drain(1_000_000)
+    enough()
     assert len(taken) == messages
     return taken
+
+
+def announced(message: InboundMessage) -> AircraftMessage:
+    """What a vehicle says it is; its stream is another at each start."""
+    return decode_aircraft(message.payload, message.encoding).model_copy(update={"stream": None})
 
 
 def samples_of(messages: list[InboundMessage]) -> SampleBlock:
@@ -103,7 +114,7 @@ class TestPublishing:
         messages = collect(subscriber, 202)
         assert [message.stream for message in messages] == ["aircraft"] + ["sensors"] * 201
         assert {(message.fleet, message.vehicle) for message in messages} == {("f", "uav1")}
-        assert decode_aircraft(messages[0].payload, messages[0].encoding) == AEROSONDE
+        assert announced(messages[0]) == AEROSONDE
         assert same(samples_of(messages), block)
         tracker = SequenceTracker()
         for message in messages[1:]:
@@ -250,7 +261,8 @@ class TestWhoIsThere:
 
         def answers() -> list[AircraftMessage]:
             replies = [reply.ok for reply in service.get("wingwatch/v1/*/*/aircraft") if reply.ok]
-            return [decode_aircraft(reply.payload.to_bytes(), str(reply.encoding)) for reply in replies]
+            found = [decode_aircraft(reply.payload.to_bytes(), str(reply.encoding)) for reply in replies]
+            return [one.model_copy(update={"stream": None}) for one in found]
 
         with open_session(vehicle(endpoint)) as session:
             with FlightPublisher(session, "f", "uav1", AEROSONDE) as publisher:
@@ -269,7 +281,27 @@ class TestWhoIsThere:
             with SensorSubscriber(service, time.monotonic) as late:
                 (message,) = collect(late, 1)
         assert (message.stream, message.vehicle) == ("aircraft", "uav1")
-        assert decode_aircraft(message.payload, message.encoding) == AEROSONDE
+        assert announced(message) == AEROSONDE
+
+    def test_a_publisher_says_its_stream_in_both_messages_and_is_missed_when_it_leaves(
+        self, endpoint: str, subscriber: SensorSubscriber
+    ) -> None:
+        taken: list[InboundMessage] = []
+
+        def came(stream: str) -> list[InboundMessage]:
+            taken.extend(subscriber.drain(100))
+            return [message for message in taken if message.stream == stream]
+
+        with open_session(vehicle(endpoint)) as session:
+            with FlightPublisher(session, "f", "uav1", AEROSONDE, stream=4711) as publisher:
+                publisher.publish(flight_block(10), None)
+                until(lambda: bool(came("aircraft") and came("sensors")))
+                assert not came("left")
+            until(lambda: bool(came("left")))  # the session is still open
+        aircraft, sensors, left = (came(stream)[0] for stream in ("aircraft", "sensors", "left"))
+        assert decode_aircraft(aircraft.payload, aircraft.encoding).stream == 4711
+        assert decode_sensors(sensors.payload, sensors.encoding).stream == 4711
+        assert (left.fleet, left.vehicle, left.payload) == ("f", "uav1", b"")
 
     def test_a_vehicle_that_is_asked_for_its_aircraft_answers_by_a_message(
         self, endpoint: str, service: zenoh.Session
@@ -343,7 +375,7 @@ class TestStrangers:
         aircraft = vehicle_pb2.Aircraft(aircraft="aerosonde").SerializeToString()
         self.publish(endpoint, "application/protobuf", payloads, aircraft)
         messages = collect(subscriber, 4)
-        assert decode_aircraft(messages[0].payload, messages[0].encoding) == AEROSONDE
+        assert announced(messages[0]) == AEROSONDE
         assert samples_of(messages).column("roll_rad").tolist() == [0.3] * 3
 
     def test_the_fifteen_lines_of_the_manual(self, endpoint: str, subscriber: SensorSubscriber) -> None:
@@ -353,7 +385,7 @@ class TestStrangers:
         here = program.replace(DEFAULT_ENDPOINT, endpoint).replace("sleep(0.02)", "sleep(0.001)")
         subprocess.run([sys.executable, "-c", here], check=True, timeout=60)
         messages = collect(subscriber, 101)
-        assert decode_aircraft(messages[0].payload, messages[0].encoding) == AEROSONDE
+        assert announced(messages[0]) == AEROSONDE
         assert Cleaner().clean(samples_of(messages)).report.counts == {"accepted": 100}
 
 
@@ -397,7 +429,7 @@ class TestBadInput:
             service.put("wingwatch/v1/f/uav/sensors", b"x" * 60)
             service.put("wingwatch/v1/f/uav/sensors", b"x" * 60)
             until(lambda: subscriber.counts["overflow"] == 3)
-            assert subscriber.counts == {"received": 4, "overflow": 3, "bad_key": 0}
+            assert subscriber.counts == {"received": 4, "overflow": 3, "gave_way": 0, "bad_key": 0}
 
     def test_arrival_wakes_the_service_and_draining_takes_no_more_than_asked(
         self, service: zenoh.Session
