@@ -11,6 +11,7 @@ from wingwatch.diagnosis import Cause, Diagnosis, Gain, Misfit
 from wingwatch.diagnosis.summary import (
     by_misfit,
     cause_title,
+    chances,
     change_text,
     display,
     headline,
@@ -39,9 +40,7 @@ def show(console: Console, found: Diagnosis) -> None:
     if found.ranking:
         console.print(_ranking(found))
     for cause in found.causes:
-        console.print(
-            f"\n[bold]{escape(cause_title(cause))}[/]  probability {probability_text(cause.probability)}"
-        )
+        console.print(f"\n[bold]{escape(cause_title(cause))}[/]  {chances(cause)}")
         for line in _cause_lines(cause):
             console.print(f"  {escape(line)}")
     for group in found.not_separable:
