@@ -26,6 +26,8 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "unexplained_fraction": _number(d.unexplained_fraction),
         "unexplained": d.unexplained,
+        "not_judged": list(d.not_judged),
+        "another_aircraft": d.another_aircraft,
         "missing_terms": [
             {
                 "coefficient": t.coefficient,
@@ -68,6 +70,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         "parameters": {name: _parameter(p) for name, p in cause.parameters.items()},
         "channels": list(cause.channels),
         "probability": _number(cause.probability),
+        "set_probability": _number(cause.set_probability),
         "gain": _number(cause.gain),
         "held_out_gain": _number(cause.held_out_gain),
         "indistinguishable_from": list(cause.indistinguishable_from),

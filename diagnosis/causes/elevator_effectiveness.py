@@ -15,7 +15,7 @@ def candidates(subject: Subject) -> list[Candidate]:
     return [
         Candidate(
             "elevator_effectiveness", "", (_LOST,), lambda model, v: scale(model, _FACTORS, v[0]),
-            "the elevator has {0:.0%} less effect than the simulation gives it",
+            "the elevator has {0:.0%} [less|more] effect than the simulation gives it",
             lambda aircraft, v: with_coefficients(aircraft, _FACTORS, v[0]), 3.0,
         )
     ]  # fmt: skip

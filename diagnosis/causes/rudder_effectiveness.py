@@ -15,7 +15,7 @@ def candidates(subject: Subject) -> list[Candidate]:
     return [
         Candidate(
             "rudder_effectiveness", "", (_LOST,), lambda model, v: scale(model, _FACTORS, v[0]),
-            "the rudder has {0:.0%} less effect than the simulation gives it",
+            "the rudder has {0:.0%} [less|more] effect than the simulation gives it",
             lambda aircraft, v: with_coefficients(aircraft, _FACTORS, v[0]), 3.0,
         )
     ]  # fmt: skip

@@ -15,6 +15,7 @@ from wingwatch.diagnosis.result import Cause, Diagnosis, Gain
 from wingwatch.diagnosis.summary import (
     by_misfit,
     cause_title,
+    chances,
     change_text,
     display,
     label_title,
@@ -121,9 +122,8 @@ def _cause(cause: Cause) -> str:
         (parameter_title(name), with_error(p.value, p.standard_error), p.unit)
         for name, p in cause.parameters.items()
     ]
-    facts = [
-        f"Probability {probability_text(cause.probability)}; log-likelihood gained {number(cause.gain)}."
-    ]
+    chance = chances(cause)
+    facts = [f"{chance[:1].upper()}{chance[1:]}; log-likelihood gained {number(cause.gain)}."]
     facts.append(
         f"On data left out it takes away {percent(cause.held_out_gain)} of the weighted squared misfit."
     )

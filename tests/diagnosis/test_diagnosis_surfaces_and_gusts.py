@@ -4,17 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from diagnosis_cases import draw
+from diagnosis_cases import FIXED, draw
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.diagnosis import diagnose
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.fit import fit
 from wingwatch.diagnosis.measured import OUTPUTS, measure
+from wingwatch.diagnosis.misfit import noise_variance, replayed
 from wingwatch.diagnosis.noise import first_noise, fit_noise, likeliest_level
 from wingwatch.diagnosis.problem import prepare
 from wingwatch.diagnosis.search import _promises, settled
 from wingwatch.diagnosis.subject import subject_of
+from wingwatch.diagnosis.traces import traces_of
 from wingwatch.simulation import Scenario, doublet_schedule, parse_effect, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
@@ -103,3 +105,19 @@ def test_pitch_damping_in_gusts_is_no_downwash_lag() -> None:
         return settled(problem, replace(point, causes=causes, values=tuple(np.zeros(1) for _ in causes))).cost
 
     assert cost("pitch_damping") < cost("downwash_lag", "derivative[m_w]") - 3.0
+
+
+def test_what_no_model_explains_is_of_the_size_of_what_is_left_where_a_file_states_no_force_along_x() -> None:
+    """The force along x may be anything for the filter; open loop it is what was read, and wrong by its noise."""
+    case = FIXED["plant-nothing"]()
+    subject = subject_of(case.flight, case.aircraft, case.kinds)
+    problem, point = prepare(subject, first_noise(subject))
+    solution = settled(problem, point)
+    noise, flown = noise_variance(problem, solution.point), replayed(problem, solution.point)
+    spectra = traces_of(problem, flown, flown, solution.point).spectra
+    for name in ("pitch_rate_rad_s", "specific_force_z_m_s2", "yaw_rate_rad_s", "pitch_rad"):
+        k = OUTPUTS.index(name)
+        left = float(np.mean([np.mean((a - b) ** 2) for a, b in flown.pairs(k)]))
+        assert 0.5 * left < noise[k] < 3.0 * left, name
+        before, _, floor = spectra[name]
+        assert 0.3 < np.median(before[2:] / floor[2:]) < 2.0, name
