@@ -140,7 +140,7 @@ def _terms(problem: Problem, followed: Mapping[int, Array]) -> list[_Term]:
             own, pairs = along, [*_pairs(along), *_pairs(across)]
         else:
             own, pairs = across, [(a, b) for a in along for b in across]
-        courses = {
+        courses: dict[str, tuple[Array, tuple[str, ...]]] = {
             f"{a} x {b}" if a != b else f"{a} squared": (signals[a] * signals[b], (a, b)) for a, b in pairs
         }
         for name in own:
