@@ -39,6 +39,7 @@ def counted(verdicts: Sequence[Verdict]) -> list[str]:
         "sizes inside": [v.inside for v in heard if v.inside is not None],
         "healthy ones quiet": [not v.said for v in heard if not v.hidden],
         "both of two named": [all(v.named) for v in heard if len(v.hidden) == 2],
+        "nine tenths of the gain reached": [v.reached >= 0.9 for v in one if math.isfinite(v.reached)],
     }
     return [f"{what} {_of(sum(yes), len(yes))}" for what, yes in answers.items() if yes]
 

@@ -136,12 +136,14 @@ class Gain:
         source: which data: windows of the same flight, or another flight.
         before, after: by channel.
         change: of the rms residual, after over before minus 1, with bootstrap intervals over windows, by channel.
+        intervals: of ``r_squared``, ``tic``, ``bias``, ``variance`` and ``covariance`` before and after, likewise.
     """
 
     source: str
     before: Mapping[str, Misfit]
     after: Mapping[str, Misfit]
     change: Mapping[str, Interval]
+    intervals: Mapping[str, Mapping[str, tuple[Interval, Interval]]] = field(default_factory=dict)
 
     @property
     def pays(self) -> bool:

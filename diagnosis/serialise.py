@@ -98,6 +98,10 @@ def _gain(gain: Gain | None) -> dict[str, Any]:
                 "before": _misfit(before),
                 "after": _misfit(gain.after[channel]),
                 "change": _interval(gain.change.get(channel)),
+                "intervals": {
+                    name: {"before": _interval(one), "after": _interval(other)}
+                    for name, (one, other) in gain.intervals.get(channel, {}).items()
+                },
             }
             for channel, before in gain.before.items()
             if channel in gain.after
