@@ -71,11 +71,12 @@ def report(verdicts: Sequence[Verdict]) -> list[str]:
         lines.append(line(figures("all", verdicts)))
     lines += ["", "counts, with 95 % intervals"]
     lines += [f"  {s}: {'; '.join(counted([v for v in verdicts if v.source == s]))}" for s in sources]
-    lines += ["", "hidden: first cause, how often"]
-    lines += [
-        f"  {hidden:26}" + ", ".join(f"{said} {n}" for said, n in counts.most_common())
-        for hidden, counts in confusion(verdicts).items()
-    ]
+    for s in sources:
+        lines += ["", f"{s}, hidden: first cause, how often"]
+        lines += [
+            f"  {hidden:26}" + ", ".join(f"{said} {n}" for said, n in counts.most_common())
+            for hidden, counts in confusion([v for v in verdicts if v.source == s]).items()
+        ]
     for title, some in (
         ("refused", [v for v in verdicts if v.refusal]),
         ("missed", [v for v in verdicts if v.missed]),
