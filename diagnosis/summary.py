@@ -112,6 +112,8 @@ def label_title(label: str) -> str:
     target = target.removesuffix("]")
     if name == "derivative":
         return f"derivative {target}"
+    if name == "surface_stuck":
+        return f"{target} stuck"
     shown = display(target)
     return f"{words} of {shown.name if shown.unit else _GROUPS.get(target, target.replace('_', ' '))}"
 

@@ -43,7 +43,7 @@ def candidates(subject: Subject) -> list[Candidate]:
         if subject.measures(column):
             change = _Read(output_index(column))
         if subject.measures(column) or subject.trims_known:
-            parameters, where = (_LOST, _STANDS), "; it stands at {1:+.3f} rad"
+            parameters, where = (_STANDS, _LOST), "; it stands at {0:+.3f} rad"
         found.append(Candidate("surface_stuck", surface, parameters, change, says + where, odds=_ODDS))
     return found
 
@@ -58,8 +58,8 @@ class _Flown:
         """In place."""
         for of, constant in self.terms:
             if len(v) > 1:
-                model.row[constant] += v[1] * model.row[of]
-            model.row[of] *= 1.0 - v[0]
+                model.row[constant] += v[0] * model.row[of]
+            model.row[of] *= 1.0 - v[-1]
 
 
 class _Read:
@@ -70,5 +70,5 @@ class _Read:
 
     def __call__(self, model: Model, v: NDArray[np.float64]) -> None:
         """In place."""
-        model.sensors[self.column, SCALE] -= v[0]
-        model.sensors[self.column, BIAS] += v[1]
+        model.sensors[self.column, BIAS] += v[0]
+        model.sensors[self.column, SCALE] -= v[1]

@@ -119,7 +119,8 @@ def test_no_channel_of_the_flight_table_is_shown_with_its_unit_in_the_name() -> 
         ("cg_shift", "shift of the centre of gravity"),
         ("derivative[m_q]", "derivative m_q"),
         ("sensor_bias[pitch_rad]", "sensor bias of pitch attitude"),
-        ("surface_stuck[elevator]", "surface stuck of elevator"),
+        ("surface_stuck[elevator]", "elevator stuck"),
+        ("sensor_delay[inertial]", "sensor delay of the inertial sensors"),
     ],
 )
 def test_labels_in_words(label: str, words: str) -> None:
