@@ -198,7 +198,7 @@ def _assembled(
         unexplained=rest_in_words(found, terms, unexplained),
         gain=gain,
         not_separable=not_separable(subject),
-        notes=notes_of(subject, found, model),
+        notes=notes_of(subject, found, gain, model),
         model=model,
         derivatives=_derivatives(problem, found),
         traces=traces_of(problem, before, after, found.last.point),

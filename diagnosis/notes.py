@@ -7,9 +7,12 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.diagnosis.candidate import Candidate, Subject
+from wingwatch.diagnosis.evidence import MATTERS
 from wingwatch.diagnosis.measured import OUTPUTS
-from wingwatch.diagnosis.result import Misfit, MissingTerm
+from wingwatch.diagnosis.result import Gain, Misfit, MissingTerm
 from wingwatch.diagnosis.search import Search
+from wingwatch.diagnosis.summary import display
+from wingwatch.pages.texts import listed, percent
 
 __all__ = ["another_aircraft", "note_on_silence", "notes_of", "rest_in_words"]
 
@@ -37,7 +40,7 @@ def _last(found: Search) -> tuple[tuple[Candidate, ...], tuple[Array, ...]]:
     return found.last.point.causes, found.last.point.values
 
 
-def notes_of(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str, ...]:
+def notes_of(subject: Subject, found: Search, gain: Gain | None, model: Aircraft | None) -> tuple[str, ...]:
     """What could not be answered."""
     notes = []
     if subject.stated.coefficients is None:
@@ -61,15 +64,22 @@ def notes_of(subject: Subject, found: Search, model: Aircraft | None) -> tuple[s
         notes.append(
             f"the air was rough: {gusts[0]:.1f} m/s across and {gusts[1]:.1f} m/s vertically, root mean square"
         )
-    if any(one.matters for one in found.found) and model is None:
-        notes.append(
-            "no extended aircraft file: on data left out no output is surely better, or another is worse, or the file "
-            "has no place for the causes"
-        )
+    if gain is not None and model is None:
+        notes.append(f"no extended aircraft file: {_why_none(gain)}")
     minor = [c.sentence(v) for c, v, one in zip(*_last(found), found.found, strict=True) if not one.matters]
     if minor:
         notes.append(f"known, but too small to matter: {'; '.join(minor)}")
     return tuple(notes)
+
+
+def _why_none(gain: Gain) -> str:
+    """Why no extended file is offered where causes were found."""
+    worse = [display(name).name for name, change in gain.change.items() if change.low > MATTERS]
+    if worse:
+        return f"on {gain.source} {listed(worse)} would be surely worse by more than {percent(MATTERS)}"
+    if not gain.pays:
+        return f"on {gain.source} no channel is surely better"
+    return "it has no place for what was found"
 
 
 def note_on_silence(symbols: Sequence[str]) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from wingwatch.diagnosis.evidence import MATTERS
 from wingwatch.diagnosis.result import Cause, Diagnosis, Interval, Misfit, ParameterEstimate
 from wingwatch.pages.texts import listed, percent, probability_text, with_error
 
@@ -222,7 +223,8 @@ def _gained(d: Diagnosis) -> str:
     if not certain:
         return f"On {d.gain.source} the extended model is not better beyond doubt in any channel."
     certain.sort(key=lambda item: item[1].value)
-    return f"With the model extended, the residual on {d.gain.source} is {_changes(certain[:2])}."
+    told = [item for item in certain[:2] if item[1].value <= -MATTERS] or certain[:1]
+    return f"With the model extended, the residual on {d.gain.source} is {_changes(told)}."
 
 
 def _changes(best: Sequence[tuple[str, Interval]]) -> str:
