@@ -1,8 +1,10 @@
-"""A flight that moves the aircraft too little judges next to nothing, and says so."""
+"""A flight that moves the aircraft too little, or flies otherwise than the file states, and what is said of it."""
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.diagnosis import as_json, diagnose
 from wingwatch.diagnosis.answerable import MAIN
+from wingwatch.diagnosis.notes import another_aircraft
+from wingwatch.diagnosis.subject import subject_of
 from wingwatch.diagnosis.summary import headline
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 
@@ -25,3 +27,10 @@ def test_a_flight_with_doublets_of_all_surfaces_judges_every_main_derivative() -
     assert found.not_judged == ()
     assert set(MAIN) <= set(found.derivatives)
     assert "agrees" in headline(found)[0]
+
+
+def test_a_flight_outside_the_envelope_that_a_file_states_may_be_of_another_aircraft() -> None:
+    flown = simulate(Scenario(AEROSONDE, seed=1), 12.0)
+    assert another_aircraft(subject_of(flown, AEROSONDE, {}), {}) == ""
+    why = another_aircraft(subject_of(flown, load_aircraft("twinotter"), {}), {})
+    assert "m/s is not in the" in why
