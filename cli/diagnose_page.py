@@ -110,8 +110,8 @@ def _cause_lines(cause: Cause) -> Iterator[str]:
     if cause.channels:
         yield f"lowers the misfit of {listed(display(c).name for c in cause.channels)}"
     yield (
-        f"log-likelihood gained {number(cause.gain)}, misfit taken away on data left out "
-        f"{percent(cause.held_out_gain)}"
+        f"log-likelihood gained {number(cause.gain)}; on windows left out it takes away "
+        f"{percent(cause.held_out_gain)} of what is beyond noise without it"
     )
     if cause.indistinguishable_from:
         yield f"this flight does not tell it from {listed(map(label_title, cause.indistinguishable_from))}"

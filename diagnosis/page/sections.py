@@ -76,7 +76,7 @@ def _misfit(d: Diagnosis, page: Pictures) -> str:
         paragraph(
             "R2 is the part of the measured variation that the simulation follows. Theil's coefficient is the rms "
             "residual over the sum of the rms of both signals; its proportions say whether the mean (bias), the size "
-            "(variance) or the course (covariance) is wrong. The noise part of the residual no model takes away. "
+            "(variance) or the course (covariance) is wrong. The noise part of the residual is of sensors and gusts. "
             "White is the probability of so correlated a residual, were it white. Coherent with: the signal with "
             "which the residual goes together most, from 0 to 1.",
             "legend",
@@ -125,7 +125,7 @@ def _cause(cause: Cause) -> str:
     chance = chances(cause)
     facts = [f"{chance[:1].upper()}{chance[1:]}; log-likelihood gained {number(cause.gain)}."]
     facts.append(
-        f"On data left out it takes away {percent(cause.held_out_gain)} of the weighted squared misfit."
+        f"On windows left out it takes away {percent(cause.held_out_gain)} of what is beyond noise without it."
     )
     if cause.channels:
         facts.append(f"Lowers the misfit of {listed(display(c).name for c in cause.channels)}.")
