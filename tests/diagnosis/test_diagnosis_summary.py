@@ -81,7 +81,7 @@ def test_an_extension_that_does_not_pay_is_said() -> None:
     assert "does not pay" in headline(dataclasses.replace(FOUND, gain=None))[1]
     assert FOUND.gain is not None
     worse = dataclasses.replace(
-        FOUND.gain, change=FOUND.gain.change | {"roll_rate_rad_s": Interval(0.09, 0.05, 0.1)}
+        FOUND.gain, change={**FOUND.gain.change, "roll_rate_rad_s": Interval(0.09, 0.05, 0.1)}
     )
     said = headline(dataclasses.replace(FOUND, gain=worse))[1]
     assert said.endswith("but 9 % larger (5 to 10) in roll rate: no extended file is offered.")
