@@ -5,9 +5,12 @@ from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
+from wingwatch.api.access import admission_of
+from wingwatch.api.diagnosis_events import DiagnosisStreams
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import JsonResponse, quantity
 from wingwatch.api.guards import BodySize
@@ -90,12 +93,19 @@ _REPORT: dict[int | str, dict[str, Any]] = {
         "content": {"text/html": {"schema": {"type": "string"}}},
     }
 }
+_STREAM: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "An event `diagnosis` now and at each change, its data the diagnosis without its result.",
+        "content": {"text/event-stream": {"schema": {"type": "string"}}},
+    }
+}
 
 
 def diagnosis_router(door: Door) -> APIRouter:
     """The routes ``/diagnoses...``."""
     router = APIRouter(tags=["diagnoses"])
     _add_upload(router, door)
+    _add_progress(router, door)
 
     @router.get(
         "/diagnoses", response_model=DiagnosisList, summary="Diagnoses, newest first, without their results"
@@ -136,6 +146,27 @@ def _add_upload(router: APIRouter, door: Door) -> None:
         await _refuse_forms(request)
         view = await _upload(request, port, query)
         return _answer(view, HTTPStatus.ACCEPTED, {"Location": f"/v1/diagnoses/{view.id}"})
+
+
+def _add_progress(router: APIRouter, door: Door) -> None:
+    streams = DiagnosisStreams(lambda: door.streams.closing)
+
+    @router.get(
+        "/diagnoses/{diagnosis_id}/events", response_class=StreamingResponse, responses=_STREAM,
+        summary="How far it is, as server-sent events until it has ended",
+    )  # fmt: skip
+    async def progress(request: Request, diagnosis_id: DiagnosisId) -> Response:
+        port, admission = _port(door), admission_of(request)
+        await run_in_threadpool(_find, port, diagnosis_id)
+        return StreamingResponse(
+            streams.follow(
+                lambda: _kept(port, diagnosis_id),
+                lambda view: _document(view, with_result=False).model_dump(mode="json"),
+                admission.holds,
+            ),
+            media_type="text/event-stream",
+            headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+        )
 
 
 def _port(door: Door) -> DiagnosisPort:
@@ -202,11 +233,15 @@ async def _drain(request: Request) -> None:
             pass
 
 
+def _kept(port: DiagnosisPort, diagnosis_id: str) -> DiagnosisView | None:
+    return next((view for view in port.diagnoses() if view.id == diagnosis_id), None)
+
+
 def _find(port: DiagnosisPort, diagnosis_id: str) -> DiagnosisView:
-    for view in port.diagnoses():
-        if view.id == diagnosis_id:
-            return view
-    raise _unknown(diagnosis_id)
+    view = _kept(port, diagnosis_id)
+    if view is None:
+        raise _unknown(diagnosis_id)
+    return view
 
 
 def _report(port: DiagnosisPort, diagnosis_id: str) -> Response:

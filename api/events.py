@@ -76,6 +76,11 @@ class EventStreams:
         """Streams that are open."""
         return len(self._open)
 
+    @property
+    def closing(self) -> bool:
+        """Whether the service stops."""
+        return self._closing
+
     def close(self) -> None:
         """End every open stream within a tenth of a second and refuse new ones. Callable from any thread."""
         self._closing = True

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from diagnosis_score import Figures, Verdict, confusion, figures
+from scipy.stats import beta
 
-__all__ = ["plain", "report", "sentence"]
+__all__ = ["counted", "plain", "report", "sentence"]
 
 HEADER = (
     f"{'source':12}{'one':>6}{'two':>5}{'well':>6}{'refused':>9}{'named %':>9}{'first %':>9}{'alone %':>9}"
@@ -25,6 +26,28 @@ def line(f: Figures) -> str:
         f"{cell(f.alone, 9)}{cell(f.inside, 9)}{cell(f.quiet, 9)}{cell(f.both, 8)}{cell(f.gain, 7, 2)}"
         f"{cell(f.held_out, 7)}{cell(f.seconds, 7, 1)}"
     )
+
+
+def counted(verdicts: Sequence[Verdict]) -> list[str]:
+    """Each figure as a count with its 95 % interval (Clopper and Pearson), for as many as there are cases."""
+    heard = [v for v in verdicts if not v.refusal]
+    one = [v for v in heard if len(v.hidden) == 1]
+    answers = {
+        "right cause first or in its set": [all(v.named) for v in one],
+        "first": [v.first for v in one],
+        "first and alone": [v.alone for v in one],
+        "sizes inside": [v.inside for v in heard if v.inside is not None],
+        "healthy ones quiet": [not v.said for v in heard if not v.hidden],
+        "both of two named": [all(v.named) for v in heard if len(v.hidden) == 2],
+        "nine tenths of the gain reached": [v.reached >= 0.9 for v in one if math.isfinite(v.reached)],
+    }
+    return [f"{what} {_of(sum(yes), len(yes))}" for what, yes in answers.items() if yes]
+
+
+def _of(yes: int, cases: int) -> str:
+    low = float(beta.ppf(0.025, yes, cases - yes + 1)) if yes > 0 else 0.0
+    high = float(beta.ppf(0.975, yes + 1, cases - yes)) if yes < cases else 1.0
+    return f"{yes} of {cases} ({100.0 * low:.0f} to {100.0 * high:.0f} %)"
 
 
 def sentence(v: Verdict) -> str:
@@ -46,11 +69,14 @@ def report(verdicts: Sequence[Verdict]) -> list[str]:
     lines = [HEADER, *(line(figures(s, [v for v in verdicts if v.source == s])) for s in sources)]
     if len(sources) > 1:
         lines.append(line(figures("all", verdicts)))
-    lines += ["", "hidden: first cause, how often"]
-    lines += [
-        f"  {hidden:26}" + ", ".join(f"{said} {n}" for said, n in counts.most_common())
-        for hidden, counts in confusion(verdicts).items()
-    ]
+    lines += ["", "counts, with 95 % intervals"]
+    lines += [f"  {s}: {'; '.join(counted([v for v in verdicts if v.source == s]))}" for s in sources]
+    for s in sources:
+        lines += ["", f"{s}, hidden: first cause, how often"]
+        lines += [
+            f"  {hidden:26}" + ", ".join(f"{said} {n}" for said, n in counts.most_common())
+            for hidden, counts in confusion([v for v in verdicts if v.source == s]).items()
+        ]
     for title, some in (
         ("refused", [v for v in verdicts if v.refusal]),
         ("missed", [v for v in verdicts if v.missed]),

@@ -48,6 +48,8 @@ class Verdict:
         inside: the size is in its stated 95 % interval; None where there is no size.
         gain: part of the squared misfit that the first cause takes away on windows left out; NaN without a cause.
         held_out: largest drop of a channel's rms residual on the second flight, percent; NaN where there is none.
+        reached: part of the squared misfit beyond noise that is gone on the second flight, in the channel where most of
+            it was; a true model reaches 1. NaN without an extension.
         seconds: that the diagnosis took.
         refusal: the sentence of a flight that was refused, else empty.
     """
@@ -71,6 +73,7 @@ class Verdict:
     inside: bool | None = None
     gain: float = math.nan
     held_out: float = math.nan
+    reached: float = math.nan
     seconds: float = math.nan
     refusal: str = ""
 
@@ -120,6 +123,7 @@ def judged(case: Case, found: Diagnosis, seconds: float) -> Verdict:
         inside=None if value is None else _inside(*value),
         gain=causes[0].held_out_gain if causes else math.nan,
         held_out=_held_out(found),
+        reached=_reached(found),
         seconds=seconds,
     )
 
@@ -160,6 +164,22 @@ def _held_out(found: Diagnosis) -> float:
     if found.gain is None or not found.gain.change:
         return math.nan
     return -100.0 * min(interval.value for interval in found.gain.change.values())
+
+
+def _reached(found: Diagnosis) -> float:
+    """R2 says what is left, ``noise_fraction`` what of it no model takes away."""
+    if found.gain is None:
+        return math.nan
+    reached, most = math.nan, 0.0
+    for channel, before in found.gain.before.items():
+        beyond, after = (
+            (1.0 - before.r_squared) * (1.0 - before.noise_fraction),
+            found.gain.after.get(channel),
+        )
+        weight = beyond / max(1.0 - before.r_squared, 1e-12) * before.tic
+        if after is not None and weight > most:
+            reached, most = min(1.0, (after.r_squared - before.r_squared) / beyond), weight
+    return reached
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,10 @@ def run(arguments: argparse.Namespace) -> int:
     _check(arguments)
     aircraft = load_aircraft(arguments.aircraft)
     with Progress().follow() as progress:
-        found = diagnose_file(arguments.flight, aircraft, arguments.map, arguments.validate, progress)
+        found = diagnose_file(
+            arguments.flight, aircraft, arguments.map, arguments.validate, progress,
+            validate_map=arguments.validate_map,
+        )  # fmt: skip
         if arguments.report is not None:
             progress("writing the report", 1.0)
             write_report(found, arguments.report)
@@ -42,7 +45,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Refuse before the work what could not be written after it."""
-    inputs = [p for p in (arguments.flight, arguments.map, arguments.validate) if p is not None]
+    if arguments.validate_map is not None and arguments.validate is None:
+        raise CommandError("--validate-map is of the flight of --validate; give that too")
+    read = (arguments.flight, arguments.map, arguments.validate, arguments.validate_map)
+    inputs = [path for path in read if path is not None]
     inputs.append(Path(arguments.aircraft))
     for option, out, suffixes in (
         ("--report", arguments.report, (".html", ".htm")),

@@ -11,6 +11,7 @@ from wingwatch.diagnosis import Cause, Diagnosis, Gain, Misfit
 from wingwatch.diagnosis.summary import (
     by_misfit,
     cause_title,
+    chances,
     change_text,
     display,
     headline,
@@ -39,9 +40,7 @@ def show(console: Console, found: Diagnosis) -> None:
     if found.ranking:
         console.print(_ranking(found))
     for cause in found.causes:
-        console.print(
-            f"\n[bold]{escape(cause_title(cause))}[/]  probability {probability_text(cause.probability)}"
-        )
+        console.print(f"\n[bold]{escape(cause_title(cause))}[/]  {chances(cause)}")
         for line in _cause_lines(cause):
             console.print(f"  {escape(line)}")
     for group in found.not_separable:
@@ -111,8 +110,8 @@ def _cause_lines(cause: Cause) -> Iterator[str]:
     if cause.channels:
         yield f"lowers the misfit of {listed(display(c).name for c in cause.channels)}"
     yield (
-        f"log-likelihood gained {number(cause.gain)}, misfit taken away on data left out "
-        f"{percent(cause.held_out_gain)}"
+        f"log-likelihood gained {number(cause.gain)}; on windows left out it takes away "
+        f"{percent(cause.held_out_gain)} of what is beyond noise without it"
     )
     if cause.indistinguishable_from:
         yield f"this flight does not tell it from {listed(map(label_title, cause.indistinguishable_from))}"

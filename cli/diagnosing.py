@@ -19,15 +19,17 @@ def diagnose_file(
     validate: Path | None = None,
     progress: Callable[[str, float], None] | None = None,
     source: str = "",
+    validate_map: Path | None = None,
 ) -> Diagnosis:
     """Read, clean and diagnose.
 
     Args:
         flight: CSV, Parquet or MATLAB file.
-        channel_map: of both flights.
+        channel_map: of the flight, and of the other where ``validate_map`` is not given.
         validate: another flight, on which the gain is judged; parts of the first without.
         progress: called with what is being done and the fraction done.
         source: what the flight is called; its path if empty.
+        validate_map: of the other flight.
 
     Raises:
         CommandError: a flight of which no sample is accepted.
@@ -37,12 +39,13 @@ def diagnose_file(
     if progress is not None:
         progress("reading the flight", 0.0)
     table = load_flight(flight, channel_map)
-    other = None if validate is None else _cleaned(load_flight(validate, channel_map))
+    other = None if validate is None else load_flight(validate, validate_map or channel_map)
     return diagnosis.diagnose(
         _cleaned(table),
         aircraft,
         kinds=table.kinds,
-        validate=other,
+        validate=None if other is None else _cleaned(other),
+        validate_kinds=None if other is None else other.kinds,
         source=source or str(flight),
         progress=progress,
     )

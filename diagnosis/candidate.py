@@ -1,5 +1,6 @@
 """A candidate cause: parameters, and how they enter the simulation. Each kind is one file of ``causes``."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
@@ -16,6 +17,8 @@ from wingwatch.simulation.layout import PARAMETERS
 __all__ = ["INDEX", "Candidate", "FreeParameter", "Subject", "no_change", "output_index", "scale", "updated"]
 
 Array = NDArray[np.float64]
+
+_EITHER = re.compile(r"\[([^|\]]*)\|([^\]]*)\]")
 
 _Table = TypeVar("_Table", bound=BaseModel)
 
@@ -95,7 +98,7 @@ class Candidate:
         name: of the vocabulary of causes; target: what of it, empty where the name says all.
         parameters: what is estimated.
         change: changes a model as the cause does at given values.
-        says: what an operator reads, with ``{0}``, ``{1}`` for the values.
+        says: what an operator reads, with ``{0}``, ``{1}`` for the values (``sentence``).
         mend: the aircraft file with the cause in it; None where it has no place for it.
         odds: prior odds beside other causes.
     """
@@ -112,6 +115,13 @@ class Candidate:
     def label(self) -> str:
         """Name, with the target in brackets."""
         return f"{self.name}[{self.target}]" if self.target else self.name
+
+    def sentence(self, values: Array) -> str:
+        """What an operator reads: of ``[more|less]`` the first word, or the second and sizes without sign below 0."""
+        if "|" not in self.says:
+            return self.says.format(*values)
+        word = 1 if values[0] >= 0.0 else 2
+        return _EITHER.sub(lambda match: match[word], self.says).format(*np.abs(values))
 
 
 def output_index(channel: str) -> int:

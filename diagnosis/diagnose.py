@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from wingwatch.aircraft import Aircraft, FlightCondition
-from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject
+from wingwatch.diagnosis.answerable import not_judged
+from wingwatch.diagnosis.candidate import FreeParameter, Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.evaluation import evaluate
 from wingwatch.diagnosis.extension import extended
@@ -19,8 +20,9 @@ from wingwatch.diagnosis.measured import OUTPUTS, DiagnosisError
 from wingwatch.diagnosis.misfit import Replayed, noise_variance, replayed
 from wingwatch.diagnosis.missing_terms import missing_terms
 from wingwatch.diagnosis.noise import first_noise
+from wingwatch.diagnosis.notes import another_aircraft, note_on_silence, notes_of, rest_in_words
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError, model_at, prepare
-from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Misfit, MissingTerm, ParameterEstimate
+from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, MissingTerm, ParameterEstimate
 from wingwatch.diagnosis.search import Search, Tried, quiet, search
 from wingwatch.diagnosis.separable import not_separable
 from wingwatch.diagnosis.separating import separating_manoeuvre
@@ -51,6 +53,7 @@ def diagnose(
     *,
     kinds: Mapping[str, str] | None = None,
     validate: SampleBlock | None = None,
+    validate_kinds: Mapping[str, str] | None = None,
     source: str = "",
     progress: Callable[[str, float], None] | None = None,
 ) -> Diagnosis:
@@ -61,6 +64,7 @@ def diagnose(
         aircraft: its file, with mass, geometry and coefficients or derivatives at conditions.
         kinds: ``command`` for surface columns that are commands; others are measured positions.
         validate: another flight of the same aircraft, to measure the gain on; else windows left out.
+        validate_kinds: ``kinds`` of that flight, those of the first if not given.
         source: the flight's name, for the report.
         progress: called with what is being done, and which part is done (0 to 1).
 
@@ -79,10 +83,12 @@ def diagnose(
     """
     report = progress or _silent
     report("reading the flight", 0.0)
-    flights = (flight, validate)
+    flights = [(flight, kinds or {})]
+    if validate is not None:
+        flights.append((validate, flights[0][1] if validate_kinds is None else validate_kinds))
     with threadpool_limits(1):
         for window_s in WINDOWS_S:
-            subjects = [subject_of(f, aircraft, kinds or {}, window_s) for f in flights if f is not None]
+            subjects = [subject_of(block, aircraft, its, window_s) for block, its in flights]
             try:
                 if (found := _in_windows(subjects, source, report, window_s == WINDOWS_S[-1])) is not None:
                     return found
@@ -108,11 +114,14 @@ def _in_windows(
     active = _most_active(problem)
     found = search(problem.part(active), point.part(active), candidates(subjects[0]), report)
     report("looking for missing terms", 0.88)
-    terms = missing_terms(problem.part(active), found.last)
+    searched, last = problem.part(active), found.last
+    terms, silent = missing_terms(searched, last), not_judged(searched, last)
     if len(active) < len(problem.windows):
         found = _over(problem, point, found)
     report("measuring the gain", 0.9)
-    return _assembled(source, problem, found, terms, _begun(subjects[1]) if len(subjects) > 1 else None)
+    other = _begun(subjects[1]) if len(subjects) > 1 else None
+    made = _assembled(source, problem, found, terms, other)
+    return replace(made, not_judged=silent, notes=(*made.notes, *note_on_silence(silent)))
 
 
 MOST_S = 96.0
@@ -186,16 +195,17 @@ def _assembled(
         causes=causes,
         ranking=_ranking(found),
         unexplained_fraction=unexplained,
-        unexplained=_rest_in_words(found, terms, unexplained),
+        unexplained=rest_in_words(found, terms, unexplained),
         gain=gain,
         not_separable=not_separable(subject),
-        notes=(*_notes(subject, found, model), *_another_aircraft(misfits(after, noise, problem.compared))),
+        notes=notes_of(subject, found, gain, model),
         model=model,
         derivatives=_derivatives(problem, found),
-        traces=traces_of(problem, before, after, noise),
+        traces=traces_of(problem, before, after, found.last.point),
         seconds=subject.flight.seconds,
         windows=len(problem.windows),
         missing_terms=terms,
+        another_aircraft=another_aircraft(subject, misfits(after, noise, problem.compared)),
     )
 
 
@@ -229,7 +239,8 @@ def _cause(problem: Problem, found: Search, i: int, noise: Array) -> Cause:
         )
         if one.alike
         else "",
-        text=candidate.says.format(*values),
+        text=candidate.sentence(values),
+        set_probability=sum(_probability(t, one.tried) for t in (one.best, *one.alike)),
     )
 
 
@@ -308,76 +319,6 @@ def _unexplained(problem: Problem, found: Search) -> float:
     return float(min(1.0, left[1] / left[0])) if left[1] > chance else 0.0
 
 
-def _rest_in_words(found: Search, terms: Sequence[MissingTerm], unexplained: float) -> str:
-    """What would follow what is left best."""
-    if terms:
-        each = [
-            f"{t.coefficient} changes by {t.value:.3g} +- {t.standard_error:.1g} times {t.signal}"
-            for t in terms
-        ]
-        return f"what is left follows a term that the simulation does not have: {', or '.join(each)}"
-    if unexplained == 0.0 or not found.rest:
-        return ""
-    best = found.rest[0]
-    if best.evidence <= 0.0:
-        return "what is left follows none of the causes that were tried"
-    return f"what is left follows {best.candidate.label} best, but not beyond doubt"
-
-
-def _last(found: Search) -> tuple[tuple[Candidate, ...], tuple[Array, ...]]:
-    """Causes of the last model and their values."""
-    return found.last.point.causes, found.last.point.values
-
-
-def _notes(subject: Subject, found: Search, model: Aircraft | None) -> tuple[str, ...]:
-    """What could not be answered."""
-    notes = []
-    if subject.stated.coefficients is None:
-        notes.append(
-            "the aircraft file states derivatives only: steady forces and moments are each window's own, and the "
-            "forward accelerometer is taken as read; causes that show in them alone, such as a loss of thrust, cannot "
-            "be found"
-        )
-    elif not subject.throttle_known:
-        notes.append(
-            "throttle or propulsion is not known: steady forces and moments are each window's own, and causes that "
-            "show in them alone cannot be found"
-        )
-    absent = [OUTPUTS[k] for k in (9, 10) if k not in subject.flight.compared]
-    if absent:
-        notes.append(
-            f"no {' and no '.join(absent)}: gusts are distinguished from motion by the accelerometers alone"
-        )
-    gusts = found.last.point.noise.gusts[1:3]
-    if float(gusts.max()) > 0.3:
-        notes.append(
-            f"the air was rough: {gusts[0]:.1f} m/s across and {gusts[1]:.1f} m/s vertically, root mean square"
-        )
-    if any(one.matters for one in found.found) and model is None:
-        notes.append(
-            "no extended aircraft file: on data left out no output is surely better, or another is worse, or the file "
-            "has no place for the causes"
-        )
-    minor = [
-        c.says.format(*v) for c, v, one in zip(*_last(found), found.found, strict=True) if not one.matters
-    ]
-    if minor:
-        notes.append(f"known, but too small to matter: {'; '.join(minor)}")
-    return tuple(notes)
-
-
-def _another_aircraft(after: Mapping[str, Misfit]) -> tuple[str, ...]:
-    """A note where even the mended simulation does not follow the rates."""
-    rates = [
-        after[name].r_squared for name in OUTPUTS[1:4] if name in after and after[name].noise_fraction < 0.9
-    ]
-    if len(rates) < 2 or np.median(rates) > 0.0:
-        return ()
-    return (
-        "even mended, the simulation does not follow the rates of this flight; is the file of this aircraft?",
-    )
-
-
 def _derivatives(problem: Problem, found: Search) -> Mapping[str, tuple[float, float]]:
     """Concise derivatives of both models at the flight's mean condition."""
     flight = problem.subject.flight
@@ -393,4 +334,9 @@ def _derivatives(problem: Problem, found: Search) -> Mapping[str, tuple[float, f
     )
     before = concise(problem.subject.model.row, at, SYMBOLS)
     after = concise(model_at(problem, found.last.point).row, at, SYMBOLS)
-    return {s: (float(a), float(b)) for s, a, b in zip(SYMBOLS, before, after, strict=True)}
+    both = {s: (float(a), float(b)) for s, a, b in zip(SYMBOLS, before, after, strict=True)}
+    stated = problem.subject.stated
+    if stated.coefficients is not None:
+        return both
+    known = {symbol for condition in stated.conditions for symbol in condition.derivatives}
+    return {symbol: values for symbol, values in both.items() if symbol in known or values[0] != values[1]}

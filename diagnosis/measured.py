@@ -141,7 +141,7 @@ def measure(
             flown[:, j] = outputs[:, 11 + j] = np.nan
         elif not np.isfinite(commands[:, j]).any():
             outputs[:, 11 + j] = np.nan
-    _without_constants(outputs)
+    _without_constants(outputs, commands)
     others = _sampled(block, ("throttle", "air_density_kg_m3", "altitude_m"), time_s)
     windows = _windows(outputs, flown, commands, others, dt_s, window_s)
     if not windows:
@@ -211,10 +211,15 @@ def _sampled(block: SampleBlock, names: tuple[str, ...], time_s: Array) -> Array
     return out
 
 
-def _without_constants(outputs: Array) -> None:
-    """A channel that never changes is no measurement."""
+def _without_constants(outputs: Array, commands: Array) -> None:
+    """A channel that never changes is no measurement, but for a surface that does not follow a command that moves."""
+    first = outputs.shape[1] - commands.shape[1]
     for j in range(outputs.shape[1]):
         seen = outputs[np.isfinite(outputs[:, j]), j]
+        if j >= first and np.nanmax(commands[:, j - first], initial=-np.inf) > np.nanmin(
+            commands[:, j - first], initial=np.inf
+        ):
+            continue
         if seen.size and np.ptp(seen) == 0.0:
             outputs[:, j] = np.nan
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -10,14 +11,14 @@ from scipy.signal import detrend
 from scipy.signal.windows import hann
 from scipy.stats import chi2
 
-from wingwatch.diagnosis.linear_model import STATES
-from wingwatch.diagnosis.measured import OUTPUTS
+from wingwatch.diagnosis.linear_model import STATES, Noise
+from wingwatch.diagnosis.measured import FORCE_X, OUTPUTS
 from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, model_at
 from wingwatch.diagnosis.replay import TRIM_STEPS, Model, without_delays
 from wingwatch.diagnosis.result import Misfit
 from wingwatch.diagnosis.windows import open_loop
 
-__all__ = ["Replayed", "misfit_of", "noise_variance", "replayed"]
+__all__ = ["Replayed", "misfit_of", "noise_variance", "of_open_loop", "replayed"]
 
 Array = NDArray[np.float64]
 
@@ -104,13 +105,25 @@ def noise_variance(problem: Problem, point: Point) -> Array:
     total, readings = np.zeros(len(OUTPUTS)), 0
     for group in dict.fromkeys(problem.groups):
         linear = linear_at(problem, group, model, point.noise)
-        process, spread = linear.covariances(point.noise)
+        process, spread = linear.covariances(of_open_loop(problem, point.noise))
         spread[:STATES, :STATES] = 0.0  # starts are fitted
         for _ in range(problem.windows[group].stop - problem.windows[group].start):
             total += np.einsum("ki,ij,kj->k", linear.output, spread, linear.output)
             spread = linear.transition @ spread @ linear.transition.T + process
             readings += 1
     return np.asarray(total / max(readings, 1) + point.noise.sensors**2)
+
+
+def of_open_loop(problem: Problem, noise: Noise) -> Noise:
+    """What disturbs a replay open loop: where the force along x is given, what its accelerometer reads wrongly.
+
+    With the filter that force may be anything, for the file states none; open loop it is what was read.
+    """
+    if not problem.subject.given:
+        return noise
+    gusts = noise.gusts.copy()
+    gusts[-1] = problem.subject.flight.noise_std[FORCE_X]
+    return replace(noise, gusts=gusts, any_force_x=False)
 
 
 def misfit_of(flown: Replayed, k: int, noise: float, windows: list[int] | None = None) -> Misfit | None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from wingwatch.aircraft import SURFACES
+from wingwatch.diagnosis.answerable import shown_by, symbol_of
 from wingwatch.diagnosis.causes import coefficients_of
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.evidence import ALIKE, BEYOND_DOUBT
@@ -35,6 +36,12 @@ _COEFFICIENTS = ("CL", "CY", "Cl", "Cm", "Cn")
 _ALONG = ("angle of attack", "pitch rate", "elevator")
 _ACROSS = ("sideslip", "roll rate", "yaw rate", "aileron", "rudder")
 _LAGS_S = (0.1, 0.5)
+_EQUATION = {"CL": "z", "CY": "y", "Cl": "l", "Cm": "m", "Cn": "n"}
+_BY = {
+    "angle of attack": "w", "pitch rate": "q", "elevator": "eta",
+    "sideslip": "v", "roll rate": "p", "yaw rate": "r", "aileron": "xi", "rudder": "zeta",
+}  # fmt: skip
+"""Letters of a derivative's symbol."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +54,14 @@ class _Term:
             then on, and as followed a sample before, which is in the same sample's outputs: these show a gust that what
             is followed then knows; (samples, 2).
         unit: what ``course`` was divided by.
+        slopes: derivatives of the same coefficient by the signals in it.
     """
 
     coefficient: int
     name: str
     course: Array
     unit: float
+    slopes: tuple[str, ...]
 
 
 def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ...]:
@@ -104,6 +113,9 @@ def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ..
     information = np.diagonal(h)[known:] - np.einsum("ij,ij->j", h[:known, known:], across)
     informed = information > 1e-6 * np.diagonal(h)[known:]  # else it is a linear term
     gain = np.where(informed, 0.5 * score**2 / np.where(informed, information, 1.0), 0.0)
+    slope_gain = shown_by(np.diagonal(reduced.information)[point.theta.size : known] / inflated)
+    silent = {symbol_of(c) for c, g in zip(coefficients, slope_gain, strict=True) if not g > BEYOND_DOUBT}
+    gain[[i for i, term in enumerate(terms) if silent & set(term.slopes)]] = 0.0  # nor does it judge the bend
     blocks = sum(len(b) for b in evaluation.blocks)
     evidence = gain - 0.5 * math.log(max(blocks, 2)) - math.log(len(terms))
     order = [int(i) for i in np.argsort(-gain) if evidence[i] > BEYOND_DOUBT and gain[i] > gain.max() - ALIKE]
@@ -128,18 +140,21 @@ def _terms(problem: Problem, followed: Mapping[int, Array]) -> list[_Term]:
             own, pairs = along, [*_pairs(along), *_pairs(across)]
         else:
             own, pairs = across, [(a, b) for a in along for b in across]
-        courses = {f"{a} x {b}" if a != b else f"{a} squared": signals[a] * signals[b] for a, b in pairs}
+        courses: dict[str, tuple[Array, tuple[str, ...]]] = {
+            f"{a} x {b}" if a != b else f"{a} squared": (signals[a] * signals[b], (a, b)) for a, b in pairs
+        }
         for name in own:
-            x = signals[name]
+            x, it = signals[name], (name,)
             if coefficient not in ("CL", "Cm"):
-                courses[f"{name} x its size"] = x * np.abs(x)
-            courses[f"{name} cubed"] = x**3
-            courses |= {f"{name}, {lag:g} s late": _late(x, lag / dt_s) for lag in _LAGS_S}
-        for name, course in courses.items():
+                courses[f"{name} x its size"] = x * np.abs(x), it
+            courses[f"{name} cubed"] = x**3, it
+            courses |= {f"{name}, {lag:g} s late": (_late(x, lag / dt_s), it) for lag in _LAGS_S}
+        for name, (course, signals_in_it) in courses.items():
             off = course - course[:, 0].mean()
             unit = float(np.sqrt(np.mean(off[:, 0] ** 2)))
+            slopes = tuple(f"{_EQUATION[coefficient]}_{_BY[s]}" for s in signals_in_it if s in own)
             if unit > 1e-9:
-                found.append(_Term(j, name, off / unit, unit))
+                found.append(_Term(j, name, off / unit, unit, slopes))
     return found
 
 

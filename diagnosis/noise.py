@@ -32,19 +32,22 @@ __all__ = ["first_noise", "fit_noise", "likeliest_level"]
 Array = NDArray[np.float64]
 
 _STEP = 1e-3
-_SPREAD = 3.0
-"""Of the logarithms, beforehand."""
+_SPREAD, _SPREAD_ALONG = 3.0, 0.35
+"""Of the logarithms, beforehand; of the strength of gusts along the path over that of those up and down."""
 _LONGEST = 1.0
 _MOST_PASSES = 12
 _ENOUGH = 0.5
 """Of log-likelihood, gained or promised by a step, below which it is not worth another."""
-_GUSTS = 6
+_GUSTS, _FELT = 6, 3
 _LEAST_OF_STATED = 0.2
 """Sensors are not believed to be better than this part of what is stated or of their own roughness."""
 _LEAST_OF_GUSTS = 0.01
 _LEAST_GRADIENTS, _MOST_GRADIENTS = 0.001, 2.0
 _LEAST_LAG, _MOST_LAG = 0.01, 20.0
 """Bounds, as parts of what is thought first."""
+_LEAST_ALONG, _MOST_ALONG = 0.05, 2.0
+"""Strength of gusts along the path over that of those up and down: 1 high up, up to 2 near the ground (MIL-F-8785C,
+3.7.2). An aircraft that is not moved by them, or a flight that has none, says so."""
 
 
 def first_noise(subject: Subject) -> Noise:
@@ -57,18 +60,18 @@ def first_noise(subject: Subject) -> Noise:
 
 
 def _eta_of(noise: Noise, used: tuple[int, ...]) -> Array:
-    """Logarithms of what is fitted: sensors that count, gusts but those along the path, how they are felt."""
-    felt = [noise.gradients, noise.lag_s]
+    """Logarithms of what is fitted: sensors that count, gusts, those along the path over those up and down, how they
+    are felt."""
+    felt = [noise.gusts[0] / noise.gusts[2], noise.gradients, noise.lag_s]
     return np.asarray(np.log(np.concatenate([noise.sensors[list(used)], noise.gusts[1:], felt])))
 
 
 def _noise_at(eta: Array, used: tuple[int, ...], noise: Noise) -> Noise:
-    """Gusts along the path are as strong as those up and down: turbulence is isotropic."""
     sensors, last = noise.sensors.copy(), len(used) + _GUSTS
     sensors[list(used)] = np.exp(eta[: len(used)])
     gusts = np.exp(eta[len(used) : last])
-    gradients, lag_s = np.exp(eta[last:])
-    gusts = np.concatenate([gusts[1:2], gusts])
+    along, gradients, lag_s = np.exp(eta[last:])
+    gusts = np.concatenate([along * gusts[1:2], gusts])
     return replace(noise, sensors=sensors, gusts=gusts, gradients=float(gradients), lag_s=float(lag_s))
 
 
@@ -82,10 +85,10 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     prior, eta = _eta_of(first, used), _eta_of(point.noise, used)
     least = prior + np.log([
         *(_LEAST_OF_STATED if k < SURFACE_OUTPUTS else _LEAST_OF_GUSTS for k in used),
-        *([_LEAST_OF_GUSTS] * _GUSTS), _LEAST_GRADIENTS, _LEAST_LAG,
+        *([_LEAST_OF_GUSTS] * _GUSTS), _LEAST_ALONG, _LEAST_GRADIENTS, _LEAST_LAG,
     ])  # fmt: skip
     most = np.full(len(eta), np.inf)
-    most[-2:] = prior[-2:] + np.log([_MOST_GRADIENTS, _MOST_LAG])
+    most[-_FELT:] = prior[-_FELT:] + np.log([_MOST_ALONG, _MOST_GRADIENTS, _MOST_LAG])
     model = model_at(problem, point)
     cost, score, information = _sums(problem, model, point, eta, prior)
     reach = _LONGEST
@@ -208,7 +211,9 @@ def _sums(
     with ThreadPoolExecutor(WORKERS) as pool:
         found = dict(zip(groups, pool.map(of_group, groups), strict=True))
         parts = list(pool.map(of_window, range(len(problem.windows))))
+    known = np.full(len(eta), _SPREAD**-2.0)
+    known[-_FELT] = _SPREAD_ALONG**-2.0
     off = eta - prior
-    cost = sum(p[0] for p in parts) + 0.5 * float(off @ off) / _SPREAD**2
-    information = sum((p[2] for p in parts), np.diag(np.full(len(eta), _SPREAD**-2.0)))
-    return cost, sum((p[1] for p in parts), -off / _SPREAD**2), information
+    cost = sum(p[0] for p in parts) + 0.5 * float(off @ (known * off))
+    information = sum((p[2] for p in parts), np.diag(known))
+    return cost, sum((p[1] for p in parts), -known * off), information

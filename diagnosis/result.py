@@ -67,6 +67,7 @@ class Cause:
         parameters: by name.
         channels: those whose misfit it lowers, most first.
         probability: of this cause against those that compete with it, and against none.
+        set_probability: that it is this cause or one that this flight does not tell it from.
         gain: of the log-likelihood, by it alone.
         held_out_gain: part of the squared, weighted misfit that it takes away on windows left out.
         indistinguishable_from: labels (``label``) of causes that this flight does not tell it from.
@@ -84,6 +85,7 @@ class Cause:
     indistinguishable_from: tuple[str, ...] = ()
     separating_manoeuvre: str = ""
     text: str = ""
+    set_probability: float = math.nan
 
     @property
     def label(self) -> str:
@@ -134,12 +136,14 @@ class Gain:
         source: which data: windows of the same flight, or another flight.
         before, after: by channel.
         change: of the rms residual, after over before minus 1, with bootstrap intervals over windows, by channel.
+        intervals: of ``r_squared``, ``tic``, ``bias``, ``variance`` and ``covariance`` before and after, likewise.
     """
 
     source: str
     before: Mapping[str, Misfit]
     after: Mapping[str, Misfit]
     change: Mapping[str, Interval]
+    intervals: Mapping[str, Mapping[str, tuple[Interval, Interval]]] = field(default_factory=dict)
 
     @property
     def pays(self) -> bool:
@@ -187,6 +191,8 @@ class Diagnosis:
         traces: for pictures.
         seconds: of flight that were used; windows: how many.
         missing_terms: that what is left follows beyond doubt, best first.
+        not_judged: derivatives of which an error of a third would not show in this flight.
+        another_aircraft: why the file may be of another aircraft than this flight; empty where nothing says so.
     """
 
     source: str
@@ -205,3 +211,5 @@ class Diagnosis:
     seconds: float
     windows: int
     missing_terms: tuple[MissingTerm, ...] = ()
+    not_judged: tuple[str, ...] = ()
+    another_aircraft: str = ""

@@ -268,7 +268,11 @@ def _begun(problem: Problem, before: Solution, candidate: Candidate) -> Solution
 
 
 def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[float]:
-    """Gain of log-likelihood that one step along each candidate promises, causes in the model free."""
+    """Gain of log-likelihood that one step along each candidate promises, causes in the model free.
+
+    A step that would end beyond a parameter's limits ends at them: a play that would have to be below 0, or a surface
+    that is stuck where a third less effect is what the flight asks for, promises what that gains.
+    """
     reduced = reduce(
         problem, present.point, evaluate(problem, present.point, candidates, own=present.evaluation.own)
     )
@@ -284,7 +288,9 @@ def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidat
     for c in candidates:
         part = slice(at, at + len(c.parameters))
         at = part.stop
-        gains.append(0.5 * float(g[part] @ np.linalg.solve(h[part, part], g[part])))
+        low, high = (np.array([getattr(p, side) for p in c.parameters]) for side in ("low", "high"))
+        step = np.clip(np.linalg.solve(h[part, part], g[part]), low, high)
+        gains.append(float(g[part] @ step - 0.5 * step @ h[part, part] @ step))
     return gains
 
 

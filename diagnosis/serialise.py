@@ -26,6 +26,8 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "unexplained_fraction": _number(d.unexplained_fraction),
         "unexplained": d.unexplained,
+        "not_judged": list(d.not_judged),
+        "another_aircraft": d.another_aircraft,
         "missing_terms": [
             {
                 "coefficient": t.coefficient,
@@ -68,6 +70,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         "parameters": {name: _parameter(p) for name, p in cause.parameters.items()},
         "channels": list(cause.channels),
         "probability": _number(cause.probability),
+        "set_probability": _number(cause.set_probability),
         "gain": _number(cause.gain),
         "held_out_gain": _number(cause.held_out_gain),
         "indistinguishable_from": list(cause.indistinguishable_from),
@@ -95,6 +98,10 @@ def _gain(gain: Gain | None) -> dict[str, Any]:
                 "before": _misfit(before),
                 "after": _misfit(gain.after[channel]),
                 "change": _interval(gain.change.get(channel)),
+                "intervals": {
+                    name: {"before": _interval(one), "after": _interval(other)}
+                    for name, (one, other) in gain.intervals.get(channel, {}).items()
+                },
             }
             for channel, before in gain.before.items()
             if channel in gain.after

@@ -7,14 +7,16 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from wingwatch.diagnosis.evidence import MATTERS
 from wingwatch.diagnosis.result import Cause, Diagnosis, Interval, Misfit, ParameterEstimate
-from wingwatch.pages.texts import listed, percent, with_error
+from wingwatch.pages.texts import listed, percent, probability_text, with_error
 
 __all__ = [
     "Display",
     "beyond_noise",
     "by_misfit",
     "cause_title",
+    "chances",
     "change_text",
     "display",
     "headline",
@@ -26,6 +28,9 @@ __all__ = [
 
 _ONLY_NOISE = 0.8
 """A channel agrees where sensor noise explains at least this part of its residual's mean square."""
+
+_MOST_SILENT = 6
+"""Of the twelve main derivatives: where a flight judges fewer than half of them, it does not judge the simulation."""
 
 _UNITS: Mapping[str, tuple[str, float]] = {
     "_rad_s2": ("deg/s²", math.degrees(1.0)),
@@ -46,6 +51,11 @@ _NAMES: Mapping[str, str] = {
     "specific_force_z": "normal specific force",
     "roll": "bank angle",
     "pitch": "pitch attitude",
+}
+_GROUPS: Mapping[str, str] = {
+    "inertial": "the inertial sensors",
+    "imu": "gyros and accelerometers",
+    "vanes": "the vanes",
 }
 _CAUSES: Mapping[str, str] = {
     "cg_shift": "shift of the centre of gravity",
@@ -94,19 +104,32 @@ def parameter_title(name: str) -> str:
 def label_title(label: str) -> str:
     """A cause's label in words: ``sensor_delay[pitch_rad]`` is "sensor delay of pitch attitude"."""
     name, bracket, target = label.partition("[")
-    words = _CAUSES.get(name, name.replace("_", " "))
+    first, space, rest = name.partition(
+        " "
+    )  # of a set that no flight can tell apart: "sensor_delay of all channels"
+    words = _CAUSES.get(first, first.replace("_", " ")) + space + rest
     if not bracket:
         return words
     target = target.removesuffix("]")
     if name == "derivative":
         return f"derivative {target}"
+    if name == "surface_stuck":
+        return f"{target} stuck"
     shown = display(target)
-    return f"{words} of {shown.name if shown.unit else target.replace('_', ' ')}"
+    return f"{words} of {shown.name if shown.unit else _GROUPS.get(target, target.replace('_', ' '))}"
 
 
 def cause_title(cause: Cause) -> str:
     """A cause's name and target in words."""
     return label_title(cause.label)
+
+
+def chances(cause: Cause) -> str:
+    """Its probability, and that of the set that it cannot be told from."""
+    alone = f"probability {probability_text(cause.probability)}"
+    if not cause.indistinguishable_from or not math.isfinite(cause.set_probability):
+        return alone
+    return f"{alone}, {probability_text(cause.set_probability)} with those that this flight does not tell it from"
 
 
 def parameter_text(name: str, parameter: ParameterEstimate) -> str:
@@ -145,7 +168,11 @@ def by_misfit(misfits: Mapping[str, Misfit]) -> tuple[str, ...]:
 
 def headline(diagnosis: Diagnosis) -> tuple[str, str]:
     """The answer in two sentences: what is wrong and why; what the extension gains, empty where there is no cause."""
-    return _what_and_why(diagnosis), _gained(diagnosis)
+    doubt = diagnosis.another_aircraft
+    question = (
+        f"Is the file of {diagnosis.aircraft.name} the one of this aircraft? {doubt[:1].upper()}{doubt[1:]}. "
+    )
+    return f"{question if doubt else ''}{_what_and_why(diagnosis)}", _gained(diagnosis)
 
 
 def _what_and_why(d: Diagnosis) -> str:
@@ -157,6 +184,11 @@ def _what_and_why(d: Diagnosis) -> str:
         where = f" departs from this flight most in {most}" if most else " departs from this flight"
         plural = "causes" if len(d.causes) > 1 else "cause"
         return f"The simulation of {d.aircraft.name}{where}; {plural} found: {causes}{more}."
+    if len(d.not_judged) > _MOST_SILENT and not wrong:
+        return (
+            f"This flight moves the aircraft too little to judge the simulation of {d.aircraft.name}: an error of a "
+            f"third in any of {listed(d.not_judged)} would not show. What there is of motion agrees."
+        )
     if not wrong and d.unexplained_fraction == 0.0:
         return f"The simulation of {d.aircraft.name} agrees with this flight: what is left is sensor noise."
     if not wrong:
@@ -191,7 +223,12 @@ def _gained(d: Diagnosis) -> str:
     if not certain:
         return f"On {d.gain.source} the extended model is not better beyond doubt in any channel."
     certain.sort(key=lambda item: item[1].value)
-    return f"With the model extended, the residual on {d.gain.source} is {_changes(certain[:2])}."
+    told = [item for item in certain[:2] if item[1].value <= -MATTERS] or certain[:1]
+    worse = sorted(
+        ((c, i) for c, i in d.gain.change.items() if i.low > MATTERS), key=lambda item: -item[1].value
+    )
+    but = f", but {_changes(worse[:1])}: no extended file is offered" if worse else ""
+    return f"With the model extended, the residual on {d.gain.source} is {_changes(told)}{but}."
 
 
 def _changes(best: Sequence[tuple[str, Interval]]) -> str:
@@ -208,4 +245,8 @@ def unexplained_text(diagnosis: Diagnosis) -> str:
         left = "No cause was found, so all of the misfit beyond noise is unexplained."
         if fraction <= 0.0:
             left = "There is no misfit beyond noise."
-    return f"{left} {diagnosis.unexplained}".strip()
+    rest = diagnosis.unexplained
+    if rest and fraction <= 0.0:
+        left = "Next to nothing is left beyond noise."
+    stop = "" if not rest or rest.endswith(".") else "."
+    return f"{left} {rest[:1].upper()}{rest[1:]}{stop}".strip()

@@ -172,6 +172,12 @@ def add_diagnose(commands: Commands) -> None:
         help="another flight, on which the extended model is judged (default: windows of FLIGHT left out)",
     )
     parser.add_argument(
+        "--validate-map",
+        type=Path,
+        metavar="MAP",
+        help="channel map of the other flight (default: that of FLIGHT)",
+    )
+    parser.add_argument(
         "--report", type=Path, metavar="FILE.html", help="write the answer with pictures as one page"
     )
     parser.add_argument(

@@ -25,7 +25,7 @@ def candidates(subject: Subject) -> list[Candidate]:
         found.append(
             Candidate(
                 "actuator_lag", surface, (added,), _Slower(surface),
-                f"the {surface}'s servo follows {{0:+.3f}} s later than the file says (time constant "
+                f"the {surface}'s servo follows {{0:.3f}} s [later|sooner] than the file says (time constant "
                 f"{stated_s:.3f} s)", _Mended(surface), 2.0,
             )
         )  # fmt: skip

@@ -8,4 +8,4 @@ __all__ = ["candidates"]
 
 def candidates(subject: Subject) -> list[Candidate]:
     """Always tried."""
-    return [too_large("airspeed_error", "", "airspeed_true_m_s", "airspeed reads {0:+.1%} too much")]
+    return [too_large("airspeed_error", "", "airspeed_true_m_s", "airspeed reads {0:.1%} too [much|little]")]

@@ -16,8 +16,8 @@ def candidates(subject: Subject) -> list[Candidate]:
     shift = FreeParameter("shift_aft_m", "m", 0.01 * chord, 0.1 * chord, 0.01 * chord, -chord, chord)
     return [
         Candidate(
-            "cg_shift", "", (shift,), _change, "the centre of gravity is {0:+.3f} m aft of where the simulation has it",
-            _mend, 2.0,
+            "cg_shift", "", (shift,), _change,
+            "the centre of gravity is {0:.3f} m [aft|forward] of where the simulation has it", _mend, 2.0,
         )
     ]  # fmt: skip
 

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject, output_index
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.replay import BIAS, Model
+from wingwatch.diagnosis.summary import display
 
 __all__ = ["candidates"]
 
@@ -34,4 +35,10 @@ def _biased(name: str, subject: Subject) -> Candidate:
 
     least = max(0.02 * size, 0.3 * noise, _GRAVITY_VARIES_M_S2 if name == "specific_force_z_m_s2" else 0.0)
     parameter = FreeParameter("bias", unit, 0.1 * size, size, least)
-    return Candidate("sensor_bias", name, (parameter,), change, f"{name} reads {{0:+.4g}} {unit} too much")
+    return Candidate(
+        "sensor_bias",
+        name,
+        (parameter,),
+        change,
+        f"{display(name).name} reads {{0:.4g}} {unit} too [much|little]",
+    )

@@ -7,12 +7,18 @@ from wingwatch.aircraft import Aircraft
 from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject, output_index, updated
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.replay import DELAY, Model
+from wingwatch.diagnosis.summary import display
 
 __all__ = ["candidates"]
 
 _DELAY = FreeParameter("delay_s", "s", 0.004, 0.06, 0.003, -0.25, 0.28)
 _GROUPS = {"inertial": OUTPUTS[1:9], "imu": OUTPUTS[1:7], "vanes": OUTPUTS[9:11]}
 """Inertial: rates, forces and attitude."""
+_WORDS = {
+    "inertial": "the inertial sensors are",
+    "imu": "gyros and accelerometers are",
+    "vanes": "the vanes are",
+}
 
 
 def candidates(subject: Subject) -> list[Candidate]:
@@ -37,6 +43,6 @@ def _late(target: str, names: tuple[str, ...], odds: float) -> Candidate:
         delays |= {name: delays.get(name, 0.0) + float(v[0]) for name in names}
         return updated(aircraft, sensors=aircraft.sensors.model_dump() | {"delay_s": delays})
 
-    what = f"the {target} sensors are" if target in _GROUPS else f"{target} is"
-    says = f"{what} {{0:+.3f}} s off in time; above 0 is later than the file says"
+    what = _WORDS[target] if target in _WORDS else f"{display(target).name} is"
+    says = f"{what} {{0:.3f}} s [later|earlier] than the file says"
     return Candidate("sensor_delay", target, (_DELAY,), change, says, mend, odds)

@@ -33,7 +33,7 @@ def _moved(place: str, span: float) -> Candidate:
         position["xyz".index(axis)] += float(v[0])
         return updated(aircraft, sensors=aircraft.sensors.model_dump() | {key: position})
 
-    where = {"x": "forward", "y": "right", "z": "down"}[axis]
+    where = {"x": "[forward|aft]", "y": "to the [right|left]", "z": "[down|up]"}[axis]
     parameter = FreeParameter("distance_m", "m", 0.01 * span, 0.2 * span, 0.005 * span, -100.0, 100.0)
-    says = f"{_OF[sensor]} sit {{0:+.2f}} m further {where} than the file says"
+    says = f"{_OF[sensor]} sit {{0:.2f}} m further {where} than the file says"
     return Candidate("sensor_position", place, (parameter,), change, says, mend)

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from wingwatch.diagnosis.candidate import Candidate, FreeParameter, Subject, output_index
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.replay import SCALE, Model
+from wingwatch.diagnosis.summary import display
 
 __all__ = ["candidates", "too_large"]
 
@@ -15,7 +16,7 @@ _RATIO = FreeParameter("scale_error", "", 0.01, 0.1, 0.01, -0.9, 3.0)
 def candidates(subject: Subject) -> list[Candidate]:
     """Each measured channel of rates, forces and attitude."""
     return [
-        too_large("sensor_scale", name, name, f"{name} reads {{0:+.1%}} too much")
+        too_large("sensor_scale", name, name, f"{display(name).name} reads {{0:.1%}} too [much|little]")
         for name in OUTPUTS[1:9]
         if subject.measures(name)
     ]

@@ -22,7 +22,7 @@ def candidates(subject: Subject) -> list[Candidate]:
             "",
             (lower,),
             _change,
-            "the thrust line lies {0:+.3f} m lower than in the simulation",
+            "the thrust line lies {0:.3f} m [lower|higher] than in the simulation",
             _mend,
         )
     ]

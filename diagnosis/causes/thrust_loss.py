@@ -14,6 +14,6 @@ def candidates(subject: Subject) -> list[Candidate]:
     return [
         Candidate(
             "thrust_loss", "", (_LOST,), lambda model, v: scale(model, {"thrust_share": -1.0}, v[0]),
-            "thrust is {0:.0%} less than the throttle gives in the simulation", odds=2.0,
+            "thrust is {0:.0%} [less|more] than the throttle gives in the simulation", odds=2.0,
         )
     ]  # fmt: skip

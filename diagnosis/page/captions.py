@@ -33,33 +33,35 @@ def misfit_caption(diagnosis: Diagnosis) -> str:
     noisy = sum(m.noise_fraction >= _MOSTLY for m in misfits.values())
     return (
         f"From 0 (the same) to 1 (nothing in common), a bar as short as its diamond is as good as sensors "
-        f"allow; {display(by_misfit(misfits)[0]).name} is "
+        f"and gusts allow; {display(by_misfit(misfits)[0]).name} is "
         f"missed most, and in {noisy} of {len(misfits)} channels noise is the larger part of the residual."
     )
 
 
+_CLEARLY = 2.0
+"""Times the noise that a residual's power must be before a caption points at it."""
+
+
 def spectrum_caption(diagnosis: Diagnosis) -> str:
-    """At which frequency the residual stands most above noise, and what the extension leaves of it."""
-    traces = diagnosis.traces
-    for channel in by_misfit(diagnosis.misfit):
-        if channel not in traces.spectra:
-            continue
-        before, after, noise = traces.spectra[channel]
+    """In which channel and at which frequency the residual stands most above noise, and what the extension leaves."""
+    traces, most, where = diagnosis.traces, 0.0, ("", 0)
+    for channel, (before, _, noise) in traces.spectra.items():
         ratio = np.where(traces.residual_hz > 0.0, before / noise, np.nan)
-        if not np.isfinite(ratio).any():
-            break
-        peak = int(np.nanargmax(ratio))
-        left = (
-            f" and {number(float(after[peak] / noise[peak]), 2)} times extended"
-            if diagnosis.causes and np.isfinite(after[peak])
-            else ""
-        )
-        return (
-            f"Where a line stands above the noise, a term is missing: in {display(channel).name} most at "
-            f"{number(float(traces.residual_hz[peak]), 2)} Hz, {number(float(ratio[peak]), 2)} times the noise as it "
-            f"stands{left}."
-        )
-    return "Where a line stands above the noise, a term is missing from the model."
+        if np.isfinite(ratio).any() and (highest := float(np.nanmax(ratio))) > most:
+            most, where = highest, (channel, int(np.nanargmax(ratio)))
+    if most < _CLEARLY:
+        return "Where a line stands above the noise of sensors and gusts, a term is missing; here none does clearly."
+    channel, peak = where
+    _, after, noise = traces.spectra[channel]
+    left = (
+        f" and {number(float(after[peak] / noise[peak]), 2)} times extended"
+        if diagnosis.causes and np.isfinite(after[peak])
+        else ""
+    )
+    return (
+        f"Where a line stands above the noise of sensors and gusts, a term is missing: most in {display(channel).name} "
+        f"at {number(float(traces.residual_hz[peak]), 2)} Hz, {number(most, 2)} times the noise as it stands{left}."
+    )
 
 
 def ranking_caption(diagnosis: Diagnosis) -> str:

@@ -11,10 +11,11 @@ from wingwatch.diagnosis.page.figures import (
     spectrum_figures,
 )
 from wingwatch.diagnosis.page.traces import trace_figure
-from wingwatch.diagnosis.result import Cause, Diagnosis, Gain
+from wingwatch.diagnosis.result import Cause, Diagnosis, Gain, Interval
 from wingwatch.diagnosis.summary import (
     by_misfit,
     cause_title,
+    chances,
     change_text,
     display,
     label_title,
@@ -75,7 +76,7 @@ def _misfit(d: Diagnosis, page: Pictures) -> str:
         paragraph(
             "R2 is the part of the measured variation that the simulation follows. Theil's coefficient is the rms "
             "residual over the sum of the rms of both signals; its proportions say whether the mean (bias), the size "
-            "(variance) or the course (covariance) is wrong. The noise part of the residual no model takes away. "
+            "(variance) or the course (covariance) is wrong. The noise part of the residual is of sensors and gusts. "
             "White is the probability of so correlated a residual, were it white. Coherent with: the signal with "
             "which the residual goes together most, from 0 to 1.",
             "legend",
@@ -121,11 +122,10 @@ def _cause(cause: Cause) -> str:
         (parameter_title(name), with_error(p.value, p.standard_error), p.unit)
         for name, p in cause.parameters.items()
     ]
-    facts = [
-        f"Probability {probability_text(cause.probability)}; log-likelihood gained {number(cause.gain)}."
-    ]
+    chance = chances(cause)
+    facts = [f"{chance[:1].upper()}{chance[1:]}; log-likelihood gained {number(cause.gain)}."]
     facts.append(
-        f"On data left out it takes away {percent(cause.held_out_gain)} of the weighted squared misfit."
+        f"On windows left out it takes away {percent(cause.held_out_gain)} of what is beyond noise without it."
     )
     if cause.channels:
         facts.append(f"Lowers the misfit of {listed(display(c).name for c in cause.channels)}.")
@@ -154,11 +154,12 @@ def _gain(d: Diagnosis, page: Pictures) -> str:
         )  # fmt: skip
         return section("gain", "Gain on data left out", paragraph(why))
     picture = page.place(gain_figure(d.gain), captions.gain_caption(d.gain))
-    return section("gain", "Gain on data left out", picture, _gain_table(d.gain))
+    legend = paragraph("In brackets: 95 % intervals, by drawing windows anew.", "legend")
+    return section("gain", "Gain on data left out", picture, _gain_table(d.gain), legend)
 
 
 def _gain_table(gain: Gain) -> str:
-    head = ("channel", "R2 before", "R2 after", "Theil before", "Theil after", "rms residual (95 % interval)")
+    head = ("channel", "R2 before", "R2 after", "Theil before", "Theil after", "rms residual")
     rows = []
     for channel in by_misfit(gain.before):
         before, after = gain.before[channel], gain.after.get(channel)
@@ -166,9 +167,16 @@ def _gain_table(gain: Gain) -> str:
             continue
         change = gain.change.get(channel)
         figures = (before.r_squared, after.r_squared, before.tic, after.tic)
-        text = "-" if change is None else change_text(change)
-        rows.append((display(channel).name, *map(number, figures), text))
+        known = gain.intervals.get(channel, {})
+        ends = (*known.get("r_squared", (None, None)), *known.get("tic", (None, None)))
+        cells = [number(value) + _ends(interval) for value, interval in zip(figures, ends, strict=True)]
+        rows.append((display(channel).name, *cells, "-" if change is None else change_text(change)))
     return table(head, rows)
+
+
+def _ends(interval: Interval | None) -> str:
+    """An interval behind its value."""
+    return "" if interval is None else f" ({number(interval.low)} to {number(interval.high)})"
 
 
 def _derivatives(d: Diagnosis) -> str:

@@ -1,7 +1,9 @@
 """Diagnoses over REST: uploads in pieces, bounded, from our own callers; states, results, reports."""
 
+import asyncio
 import dataclasses
-from collections.abc import Generator, Mapping
+import json
+from collections.abc import AsyncIterator, Generator, Mapping
 from typing import Any
 
 import httpx
@@ -10,7 +12,9 @@ from api_fakes import FakeDiagnoses, FakeMonitor, diagnosis_view, served
 from openapi_check import misfits
 
 from wingwatch.api import DiagnosisState
+from wingwatch.api.diagnosis_events import DiagnosisStreams
 from wingwatch.api.diagnosis_routes import FLIGHT_SIZE
+from wingwatch.api.problems import ProblemError
 
 BINARY = {"content-type": "application/octet-stream"}
 
@@ -73,6 +77,56 @@ def test_a_job_that_is_done_has_its_result_and_its_report(client: httpx.Client, 
     assert "allow-same-origin" not in policy
     assert "default-src 'none'" in policy
     assert page.headers["x-content-type-options"] == "nosniff"
+
+
+def test_progress_is_told_as_it_happens_until_the_job_has_ended(
+    client: httpx.Client, port: FakeDiagnoses
+) -> None:
+    states = iter([
+        diagnosis_view("d1"), diagnosis_view("d1"),
+        diagnosis_view("d1", state=DiagnosisState.RUNNING, doing="looking for causes", progress=0.25),
+        diagnosis_view("d1", state=DiagnosisState.DONE, doing="done", progress=1.0, result={"causes": []}),
+    ])  # fmt: skip
+    port.views = [diagnosis_view("d1")]
+    port.diagnoses = lambda: [next(states)]  # type: ignore[method-assign]
+    answer = client.get("/v1/diagnoses/d1/events")
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    told = [
+        json.loads(line.removeprefix("data: "))
+        for line in answer.text.splitlines()
+        if line.startswith("data")
+    ]
+    assert [(one["state"], one["progress"]) for one in told] == [
+        ("queued", 0.0),
+        ("running", 0.25),
+        ("done", 1.0),
+    ]
+    assert told[-1]["report"] == "/v1/diagnoses/d1/report"
+    assert all(one["result"] is None for one in told)
+
+
+def test_a_diagnosis_that_there_is_not_has_no_progress(client: httpx.Client) -> None:
+    assert "no diagnosis 'd9'" in problem(client.get("/v1/diagnoses/d9/events"), 404)
+
+
+def test_streams_of_progress_are_bounded_and_end_with_the_service() -> None:
+    async def work() -> None:
+        over: list[bool] = []
+        streams = DiagnosisStreams(lambda: bool(over), most=1)
+        view = diagnosis_view("d1")
+
+        def follow() -> AsyncIterator[bytes]:
+            return streams.follow(lambda: view, lambda v: {"state": v.state}, lambda: True)
+
+        stream = follow()
+        await anext(stream)
+        with pytest.raises(ProblemError, match="the limit"):
+            follow()
+        over.append(True)
+        assert [piece async for piece in stream] == []
+        follow()
+
+    asyncio.run(asyncio.wait_for(work(), 10.0))
 
 
 def test_the_list_is_newest_first_and_without_results(client: httpx.Client, port: FakeDiagnoses) -> None:

@@ -116,6 +116,7 @@ def test_every_promised_path_is_described_with_its_errors(client: httpx.Client) 
         "/v1/events",
         "/v1/diagnoses",
         "/v1/diagnoses/{diagnosis_id}",
+        "/v1/diagnoses/{diagnosis_id}/events",
         "/v1/diagnoses/{diagnosis_id}/report",
         "/v1/session",
         "/health/live",

@@ -145,6 +145,7 @@ def test_the_report_names_every_miss_and_every_refusal(gyro: cases.Case) -> None
     assert "size 0.1 ± 0.001" in text
     assert "refused: 1" in text
     assert "missed: 1" in text
+    assert "first 1 of 2 (1 to 99 %)" in text
     assert [row.split()[0] for row in report([wrong, off, no])[1:4]] == ["simulation", "plant", "all"]
 
 

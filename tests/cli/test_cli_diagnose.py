@@ -116,6 +116,24 @@ def test_the_numerics_get_clean_samples_kinds_and_the_other_flight(
     assert asked["source"] == str(flight)
 
 
+def test_the_other_flight_may_have_a_map_of_its_own(
+    capsys: pytest.CaptureFixture[str], numerics: Numerics, flight: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "commands.toml"
+    other.write_text(
+        'format = 1\n[rows]\nto_s = 2.0\n[channels]\nelevator_rad = { source = "elevator_rad", kind = "command" }\n'
+    )
+    run(
+        capsys, ["diagnose", flight, "--aircraft", "aerosonde", "--validate", flight, "--validate-map", other]
+    )
+    (asked,) = numerics.asked
+    assert len(asked["validate"]) < len(asked["flight"]) == 200
+    assert asked["kinds"]["elevator_rad"] == "position"
+    assert asked["validate_kinds"]["elevator_rad"] == "command"
+    alone = run(capsys, ["diagnose", flight, "--aircraft", "aerosonde", "--validate-map", other])
+    assert "--validate" in alone.sentence
+
+
 def test_with_no_model_to_offer_none_is_written_and_that_is_said(
     capsys: pytest.CaptureFixture[str], numerics: Numerics, flight: Path, tmp_path: Path
 ) -> None:

@@ -4,11 +4,18 @@ The flights are those of ``benchmarks/diagnosis_cases``, which shares no code wi
 hundreds, here are a few fixed ones.
 """
 
+import json
+from pathlib import Path
+from typing import Any
+
 import pytest
 from diagnosis_cases import FIXED
 from diagnosis_score import judged
 
+from wingwatch.aircraft import aircraft_toml
+from wingwatch.cli.main import main
 from wingwatch.diagnosis import Diagnosis, diagnose
+from wingwatch.telemetry import write_flight
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -46,15 +53,41 @@ def test_nothing_is_claimed_where_nothing_is_hidden(name: str) -> None:
     assert found.gain is None
 
 
-def test_a_jetstream_with_late_inertial_sensors_is_seen_through() -> None:
+def asked(capsys: pytest.CaptureFixture[str], *arguments: object) -> Any:
+    """The object that a command prints with ``--json``."""
+    assert main([*map(str, arguments), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_jetstream_with_late_inertial_sensors_is_seen_through_from_the_command_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     """The thesis's own case (7.6.3): 50 ms on rates and attitude, 60 ms on accelerometers, impulses of the elevator."""
     case = FIXED["inertial-delay"]()
-    found = diagnose(case.flight, case.aircraft, kinds=case.kinds, validate=case.held_out)
-    late = {cause.label: cause.parameters["delay_s"] for cause in found.causes}
+    flight, other, stated, extended = (
+        tmp_path / name for name in ("flight.csv", "other.csv", "jetstream.toml", "extended.toml")
+    )
+    write_flight(case.flight, flight)
+    write_flight(case.held_out, other)
+    stated.write_text(aircraft_toml(case.aircraft, "as stated"))
+    found = asked(capsys, "diagnose", flight, "--aircraft", stated, "--validate", other, "--model", extended)
+
+    late = {cause["label"]: cause["parameters"]["delay_s"] for cause in found["causes"]}
     assert list(late) == ["sensor_delay[inertial]", "sensor_delay[specific_force_z_m_s2]"]
-    all_of_them, more = late.values()
-    for found_s, true_s in ((all_of_them, 0.05), (more, 0.01)):
-        assert abs(found_s.value - true_s) < 3.0 * found_s.standard_error < 0.005
-    assert found.gain is not None
-    assert found.gain.after["pitch_rate_rad_s"].r_squared > 0.99
-    assert found.derivatives["m_q"][1] == found.derivatives["m_q"][0] < 0.0
+    for delay, true_s in zip(late.values(), (0.05, 0.01), strict=True):
+        assert abs(delay["value"] - true_s) < 3.0 * delay["standard_error"] < 0.005
+    assert found["gain"]["source"] == "another flight"
+    for channel in ("pitch_rate_rad_s", "specific_force_z_m_s2"):
+        before, after = (
+            found["gain"]["held_out"][channel][when]["r_squared"] for when in ("before", "after")
+        )
+        assert after > 0.99 > before, channel
+
+    def damping(aircraft: Path) -> Any:
+        told = asked(capsys, "estimate", flight, "--aircraft", aircraft, "--estimator", "equation-error")
+        return told["estimators"]["equation-error"]["short_period"]["derivatives"]["m_q"]
+
+    without, mended = damping(stated), damping(extended)
+    assert without["value"] + 1.96 * without["standard_error"] > 0.0  # of its sign nothing is known
+    assert mended["value"] + 4.0 * mended["standard_error"] < 0.0
+    assert abs(mended["value"] + 1.547) < 3.0 * mended["standard_error"]

@@ -4,11 +4,14 @@ import json
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from diagnosis_examples import AGREES, FOUND, NOTHING_FOUND
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.diagnosis import Diagnosis, as_json
+from wingwatch.diagnosis.gain import gain_of
+from wingwatch.diagnosis.misfit import Replayed
 
 CONTRACT = {"misfit", "causes", "unexplained_fraction", "gain", "model", "not_separable"}
 MISFIT = {"r_squared", "tic", "bias", "variance", "covariance"}
@@ -50,3 +53,17 @@ def test_what_is_not_known_is_null() -> None:
 
 def test_the_model_reads_back_as_an_aircraft() -> None:
     assert Aircraft.model_validate(as_json(FOUND)["model"]) == FOUND.model
+
+
+def test_figures_of_the_gain_have_intervals_that_hold_them() -> None:
+    rng = np.random.default_rng(1)
+    windows = [np.repeat(rng.standard_normal((50, 1)), 14, axis=1) for _ in range(8)]
+    poor = Replayed(windows, [w + 0.5 * rng.standard_normal(w.shape) for w in windows])
+    good = Replayed(windows, [w + 0.1 * rng.standard_normal(w.shape) for w in windows])
+    gain = gain_of(poor, good, np.full(14, 0.01), (2,), "windows left out")
+    figures, intervals = gain.before["pitch_rate_rad_s"], gain.intervals["pitch_rate_rad_s"]
+    for name, (before, after) in intervals.items():
+        assert before.value == pytest.approx(getattr(figures, name)), name
+        assert before.low <= before.value <= before.high
+        assert after.value == pytest.approx(getattr(gain.after["pitch_rate_rad_s"], name)), name
+    assert intervals["r_squared"][1].low > intervals["r_squared"][0].high

@@ -3,15 +3,18 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from diagnosis_examples import AGREES, BEFORE, FOUND, NOTHING_FOUND
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wingwatch.diagnosis import Interval, Misfit, ParameterEstimate
+from wingwatch.diagnosis.causes.sensor_scale import too_large
 from wingwatch.diagnosis.summary import (
     beyond_noise,
     by_misfit,
+    chances,
     change_text,
     display,
     headline,
@@ -41,9 +44,47 @@ def test_the_answer_where_nothing_was_found_or_nothing_is_wrong() -> None:
     assert "by no more than gusts and unmodelled moments" in headline(gusts)[0]
 
 
+def test_a_flight_that_judges_little_does_not_agree() -> None:
+    few = dataclasses.replace(AGREES, not_judged=("n_zeta",))
+    assert headline(few) == headline(AGREES)
+    many = dataclasses.replace(AGREES, not_judged=("z_w", "m_w", "m_q", "y_v", "l_v", "l_p", "n_v"))
+    assert headline(many)[0].startswith(
+        "This flight moves the aircraft too little to judge the simulation of aerosonde"
+    )
+    assert "z_w, m_w, m_q, y_v, l_v, l_p and n_v would not show" in headline(many)[0]
+
+
+def test_doubt_about_the_file_comes_first() -> None:
+    why = "the flight's mean airspeed of 12.0 m/s is not in the 20 to 34 m/s that it states"
+    answer, _ = headline(dataclasses.replace(FOUND, another_aircraft=why))
+    assert answer.startswith(
+        "Is the file of aerosonde the one of this aircraft? The flight's mean airspeed of 12.0"
+    )
+    assert "causes found" in answer
+
+
+def test_the_chance_of_a_set_stands_beside_that_of_the_cause() -> None:
+    both = dataclasses.replace(FOUND.causes[0], set_probability=0.998)
+    assert chances(both) == "probability 0.97, 0.998 with those that this flight does not tell it from"
+    assert chances(FOUND.causes[1]) == "probability > 0.999"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.05, "airspeed reads 5.0% too much"), (-0.05, "airspeed reads 5.0% too little")]
+)
+def test_an_operator_reads_more_or_less_and_no_sign(value: float, text: str) -> None:
+    cause = too_large("airspeed_error", "", "airspeed_true_m_s", "airspeed reads {0:.1%} too [much|little]")
+    assert cause.sentence(np.array([value])) == text
+
+
 def test_an_extension_that_does_not_pay_is_said() -> None:
     assert "does not pay" in headline(dataclasses.replace(FOUND, gain=None))[1]
     assert FOUND.gain is not None
+    worse = dataclasses.replace(
+        FOUND.gain, change={**FOUND.gain.change, "roll_rate_rad_s": Interval(0.09, 0.05, 0.1)}
+    )
+    said = headline(dataclasses.replace(FOUND, gain=worse))[1]
+    assert said.endswith("but 9 % larger (5 to 10) in roll rate: no extended file is offered.")
     uncertain = dataclasses.replace(FOUND.gain, change={"roll_rate_rad_s": Interval(-0.1, -0.3, 0.1)})
     assert "not better beyond doubt" in headline(dataclasses.replace(FOUND, gain=uncertain))[1]
 
@@ -83,7 +124,8 @@ def test_no_channel_of_the_flight_table_is_shown_with_its_unit_in_the_name() -> 
         ("cg_shift", "shift of the centre of gravity"),
         ("derivative[m_q]", "derivative m_q"),
         ("sensor_bias[pitch_rad]", "sensor bias of pitch attitude"),
-        ("surface_stuck[elevator]", "surface stuck of elevator"),
+        ("surface_stuck[elevator]", "elevator stuck"),
+        ("sensor_delay[inertial]", "sensor delay of the inertial sensors"),
     ],
 )
 def test_labels_in_words(label: str, words: str) -> None:
