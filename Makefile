@@ -30,8 +30,7 @@ test: python  ## set up, then every check and test
 checks:
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy -p wingwatch
-	$(BIN)/mypy tests benchmarks tools
+	$(BIN)/mypy wingwatch tests benchmarks tools
 	$(BIN)/lint-imports
 
 kernels:

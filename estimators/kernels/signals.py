@@ -112,13 +112,8 @@ def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: 
             o[c + 6] = 1.0 if measured else 0.0
             if seen == 0.0 and not np.isfinite(row[_ALPHA]):
                 o[c + 5] = _level_alpha(row)
-        memory[i, 0], memory[i, 1], memory[i, 2], memory[i, 3], memory[i, 4] = (
-            last,
-            along,
-            velocity,
-            rate,
-            seen,
-        )
+        memory[i, 0], memory[i, 1], memory[i, 2] = last, along, velocity
+        memory[i, 3], memory[i, 4] = rate, seen
 
 
 @njit(cache=True, error_model="numpy")
