@@ -239,8 +239,7 @@ def test_make_test_makes_every_check() -> None:
     for check in (
         "ruff check",
         "ruff format --check",
-        "mypy -p wingwatch",
-        "mypy tests benchmarks",
+        "mypy wingwatch tests benchmarks tools",
         "lint-imports",
     ):
         assert check in done.stdout
