@@ -248,6 +248,17 @@ def test_make_test_makes_every_check() -> None:
     assert ".venv/bin/python -m wingwatch.cli.kernels" in before
 
 
+def test_what_make_starts_keeps_its_byte_code() -> None:
+    """A container that forbids it makes every start of Python several seconds longer."""
+    done = subprocess.run(
+        ["make", "--no-print-directory", "-f", "-", "show"],
+        input="include Makefile\nshow:\n\t@env\n",
+        cwd=ROOT, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "PATH=" in done.stdout
+    assert "PYTHONDONTWRITEBYTECODE" not in done.stdout
+
+
 def test_make_run_starts_the_service_as_soon_as_packages_are_installed() -> None:
     command = ["make", "--no-print-directory", "-n", "run", "ARGS=--port 8010"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
