@@ -35,6 +35,7 @@ checks:
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy wingwatch tests benchmarks tools
 	$(BIN)/lint-imports
+	-@$(BIN)/pytest --collect-only -qq >/dev/null  # byte code of all that the three processes import, made once
 
 kernels:
 	@$(BIN)/python -m wingwatch.cli.kernels
