@@ -35,7 +35,6 @@ checks:
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy wingwatch tests benchmarks tools
 	$(BIN)/lint-imports
-	-@$(BIN)/pytest --collect-only -qq >/dev/null  # byte code of all that the three processes import, made once
 
 kernels:
 	@$(BIN)/python -m wingwatch.cli.kernels
