@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -276,6 +277,14 @@ def test_the_ci_script_is_executable_and_ends_in_make_test() -> None:
     assert "set -euo pipefail" in lines
     assert "make clean" in lines
     assert lines[-1] == "make test"
+
+
+def test_the_ci_script_sets_up_what_make_test_asks_for() -> None:
+    """It begins while the system's packages are installed; with other extras all of it would be done twice."""
+    (early,) = re.findall(r"tools/install\.py ([a-z -]+) &\n", (ROOT / ".ci" / "run").read_text())
+    recipe = (ROOT / "Makefile").read_text().partition("\ntest: python")[2]
+    (asked,) = re.findall(r"\$\(SETUP\) ([a-z -]+)\n", recipe)[:1]
+    assert early == asked
 
 
 def test_the_note_of_a_finished_set_up_is_plain(set_up: Callable[..., list[str]], tmp_path: Path) -> None:
