@@ -33,6 +33,7 @@ from wingwatch.api import create_app, encode_json
 from wingwatch.monitor import (
     Checkpoint,
     FleetMonitor,
+    FleetPorts,
     FleetSettings,
     SavedVehicle,
     decode_checkpoint,
@@ -384,10 +385,8 @@ def fuzz(
             find,
             time.monotonic,
             lambda: f"a{next(ids)}",
-            None,
-            outputs,
+            FleetPorts(outputs=outputs, checkpoints=checkpoints),
             FleetSettings(max_vehicles=PLACES, stale_s=SILENCE_S),
-            checkpoints=checkpoints,
         )
         fleet.prepare_with(preparing)
         warm_up(sound)

@@ -32,7 +32,7 @@ from service_process import (
 from wingwatch.aircraft import load_aircraft
 from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.settings import ServeSettings
-from wingwatch.monitor import FleetMonitor, SavedVehicle
+from wingwatch.monitor import FleetMonitor, FleetPorts, SavedVehicle
 from wingwatch.simulation import FleetSimulation, demo_fleet
 from wingwatch.telemetry import PROTOBUF, AircraftMessage, SampleBlock, encode_aircraft, encode_sensors
 
@@ -64,7 +64,10 @@ def saved_flight(folder: Path) -> SavedVehicle:
     """The state of one vehicle after a simulated flight, as a service saves it."""
     numbers = count()
     fleet = FleetMonitor(
-        load_aircraft, time.monotonic, lambda: str(next(numbers)), checkpoints=_InHand(folder, time.time)
+        load_aircraft,
+        time.monotonic,
+        lambda: str(next(numbers)),
+        FleetPorts(checkpoints=_InHand(folder, time.time)),
     )
     flight = FleetSimulation(demo_fleet()[:1], RATE_HZ)
     announced = encode_aircraft(AircraftMessage(aircraft="aerosonde"))

@@ -102,13 +102,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandError(" ".join(str(error).split())) from None
     head = _head(task, arguments, length_s)
     if arguments.compare:
-        compared = head | {"kinds": {kind: _summary(one, task) for kind, one in made.items()}}
+        compared = head | {"kinds": {kind: _summary(one) for kind, one in made.items()}}
         write_json(compared) if arguments.json else _show_compared(page(), head, made)
         return 0
     one = made[arguments.kind]
     _write(arguments, one, task)
     if arguments.json:
-        write_json(head | {"kind": arguments.kind} | _summary(one, task) | _series(one))
+        write_json(head | {"kind": arguments.kind} | _summary(one) | _series(one))
     else:
         _show(page(), head, one)
     return 0
@@ -232,7 +232,7 @@ def _head(task: _Task, arguments: argparse.Namespace, length_s: float) -> dict[s
     }
 
 
-def _summary(one: Designed, task: _Task) -> dict[str, Any]:
+def _summary(one: Designed) -> dict[str, Any]:
     """Surfaces, promise, response and notes, for JSON."""
     design = one.design
     shares, peaks = design.share_in_band(), design.relative_peak_factors

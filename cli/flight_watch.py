@@ -11,7 +11,7 @@ from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.baselines import Envelope, Reference
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import Progress
-from wingwatch.monitor import AlertView, Report, VehicleMonitor
+from wingwatch.monitor import AlertView, MonitorStart, Report, VehicleMemory, VehicleMonitor
 from wingwatch.telemetry import FlightTable, SampleBlock, load_flight
 
 __all__ = ["OFFLINE", "Watched", "load", "watch"]
@@ -97,9 +97,10 @@ def watch(
         CommandError: the flight has not the channels for any mode, or the aircraft no expectation.
     """
     numbers = iter(range(1, 1 + len(flight.block)))
+    start = MonitorStart(memory=VehicleMemory(references or {}, envelopes or {}))
     monitor = VehicleMonitor(
         aircraft, fleet, vehicle, flight.block.present, flight.kinds,
-        references=references, envelopes=envelopes, new_id=lambda: f"alert-{next(numbers)}",
+        new_id=lambda: f"alert-{next(numbers)}", start=start,
     )  # fmt: skip
     if not monitor.chain.structures:
         reasons = "; ".join(f"{name}: {why}" for name, why in monitor.chain.absent.items())

@@ -152,9 +152,9 @@ def _diagnosis() -> None:
 
 
 STEPS: Mapping[str, KernelStep] = {
-    "fourier": KernelStep("the Fourier estimator", 70.0, _fourier),
+    "fourier": KernelStep("the Fourier estimator", 58.0, _fourier),
     "filter": KernelStep("the Kalman filter", 50.0, _filter),
-    "simulation": KernelStep("simulated flight", 25.0, _simulation),
+    "simulation": KernelStep("simulated flight", 22.0, _simulation),
     "watch": KernelStep("signals and the monitor", 4.0, _watch, after=("fourier", "filter")),
     "whole-flights": KernelStep("estimates from whole flights", 11.0, _whole_flights),
     "diagnosis": KernelStep("diagnosis", 35.0, _diagnosis, after=("simulation",)),

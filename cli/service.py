@@ -43,7 +43,7 @@ from wingwatch.cli.pump import Pump
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenFile, TokenRegister
-from wingwatch.monitor import FleetMonitor, FleetSettings
+from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings
 from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
 
 __all__ = ["Parts", "Pump", "Service", "running_service"]
@@ -154,11 +154,9 @@ def _fleet(
         hangar.find,
         time.monotonic,
         lambda: uuid4().hex,
-        store,
-        outputs,
+        FleetPorts(store, outputs, checkpoints),
         FleetSettings(stale_s=settings.stale_s),
         wall_clock,
-        checkpoints,
     )
     _resume(monitor, checkpoints)
     preparing = ThreadPoolExecutor(1, "wingwatch-expectations")

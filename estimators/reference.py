@@ -117,7 +117,7 @@ def standing(
             outcomes.append(Outcome.CONVERGED)
         else:
             outcomes.append(Outcome.SETTLING)
-    outcome, reason = _together(structure, outcomes, informed_s, time_s, stale_s, solved)
+    outcome, reason = _together(structure, outcomes, informed_s, solved)
     if sets and outcome is not Outcome.REJECTED:
         reason = "; ".join(part for part in (told_apart_text(structure, sets), reason) if part)
     return Estimate(
@@ -158,12 +158,7 @@ def says_something(value: Array, ratio: Array, stale: NDArray[np.bool_]) -> Says
 
 
 def _together(
-    structure: ModeStructure,
-    outcomes: list[Outcome],
-    informed_s: Array,
-    time_s: float,
-    stale_s: float,
-    solved: bool,
+    structure: ModeStructure, outcomes: list[Outcome], informed_s: Array, solved: bool
 ) -> tuple[Outcome, str]:
     """The mode's own outcome: that of most of its derivatives, worst named."""
     if not solved:

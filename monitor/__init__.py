@@ -26,12 +26,12 @@ from wingwatch.monitor.checkpoint import (
     default_settings,
     encode_checkpoint,
 )
-from wingwatch.monitor.fleet import FleetMonitor
+from wingwatch.monitor.fleet import FleetMonitor, FleetPorts
 from wingwatch.monitor.fleet_settings import FleetSettings
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.ports import ActionPlan, ActionRequest, Outputs, Store, VehicleMemory
 from wingwatch.monitor.resuming import Checkpoints
-from wingwatch.monitor.vehicle import Report, VehicleMonitor, surface_kinds
+from wingwatch.monitor.vehicle import MonitorStart, Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
     AlertState,
@@ -49,6 +49,7 @@ from wingwatch.monitor.views import (
 
 __all__ = [
     "VehicleMonitor",
+    "MonitorStart",
     "Report",
     "surface_kinds",
     "CellBook",
@@ -59,6 +60,7 @@ __all__ = [
     "Cause",
     "JudgeConfig",
     "FleetMonitor",
+    "FleetPorts",
     "FleetSettings",
     "Store",
     "ActionPlan",

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -48,7 +49,7 @@ from wingwatch.telemetry import (
     decode_sensors,
 )
 
-__all__ = ["FleetMonitor"]
+__all__ = ["FleetMonitor", "FleetPorts"]
 
 _LOG = logging.getLogger(__name__)
 _MOST_HELD = 2000  # pieces of messages, of all vehicles together, for which monitors are still to be made
@@ -73,6 +74,21 @@ STATE_ORDER = (
 """Worst first."""
 
 
+@dataclass(frozen=True, slots=True)
+class FleetPorts:
+    """What a fleet is connected to; each may be missing.
+
+    Attributes:
+        store: memory across restarts.
+        outputs: where news goes.
+        checkpoints: where states of vehicles are kept; ``FleetMonitor.resume`` goes on from them.
+    """
+
+    store: Store | None = None
+    outputs: Outputs | None = None
+    checkpoints: Checkpoints | None = None
+
+
 class FleetMonitor:
     """All vehicles of a service; implements ``MonitorPort``.
 
@@ -80,10 +96,9 @@ class FleetMonitor:
         find_aircraft: the aircraft of a name; raises ValueError with one sentence for an unknown one.
         clock: wall or monotonic time in s, for staleness only.
         new_id: makes alert ids.
-        store: memory across restarts, or None.
-        outputs: where news goes, or None.
+        ports: what it is connected to; nothing if not given.
+        settings: limits of the live loop, and the settings of the test.
         wall_clock: seconds since 1970-01-01 UTC, for the time that alerts are shelved.
-        checkpoints: where states of vehicles are kept, or None; ``resume`` goes on from them.
     """
 
     def __init__(
@@ -91,16 +106,15 @@ class FleetMonitor:
         find_aircraft: Callable[[str], Aircraft],
         clock: Callable[[], float],
         new_id: Callable[[], str],
-        store: Store | None = None,
-        outputs: Outputs | None = None,
+        ports: FleetPorts | None = None,
         settings: FleetSettings | None = None,
         wall_clock: Callable[[], float] = time.time,
-        checkpoints: Checkpoints | None = None,
     ) -> None:
+        ports = ports or FleetPorts()
         self._find, self._settings = find_aircraft, settings or FleetSettings()
-        self._context = context = FleetContext(self._settings, clock, wall_clock, store, outputs)
+        self._context = context = FleetContext(self._settings, clock, wall_clock, ports.store, ports.outputs)
         self._lock, self._clock, self._vehicles = context.lock, clock, context.vehicles
-        self._saving = FleetCheckpoints(context, checkpoints)
+        self._saving = FleetCheckpoints(context, ports.checkpoints)
         self._alerts = FleetAlerts(context, self._saving.save_now)
         self._arrivals, self._overload = FleetArrivals(context, find_aircraft), FleetOverload(context)
         self._maker = MonitorMaker(new_id, self._settings.judge)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from typing import Any
 
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, Aircraft, ModeStructure
@@ -9,7 +10,7 @@ from wingwatch.baselines import Envelope, apriori_envelope
 from wingwatch.monitor.chain import STRUCTURES_WATCHED, Chain
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.ports import VehicleMemory
-from wingwatch.monitor.vehicle import VehicleMonitor, surface_kinds
+from wingwatch.monitor.vehicle import MonitorStart, VehicleMonitor, surface_kinds
 from wingwatch.telemetry import AircraftMessage, derivations, missing_for
 
 __all__ = ["MonitorMaker"]
@@ -108,11 +109,10 @@ class MonitorMaker:
         shared = self._chains.get(kind)
         if memory.envelopes or (shared is not None and shared.aircraft != aircraft):
             shared = None
+        kept = replace(memory, envelopes={**apriori, **memory.envelopes})
         monitor = VehicleMonitor(
-            aircraft, fleet, vehicle, [*given, *derivations(given)], surface_kinds(given),
-            configuration=announced.configuration, references=memory.references,
-            envelopes={**apriori, **memory.envelopes}, cells=memory.cells, chain=shared,
-            new_id=self._new_id, config=self._judge,
+            aircraft, fleet, vehicle, [*given, *derivations(given)], surface_kinds(given), new_id=self._new_id,
+            start=MonitorStart(announced.configuration, kept, shared, self._judge),
         )  # fmt: skip
         stated = {k: v for k, v in monitor.chain.envelopes.items() if k not in memory.envelopes}
         # One type's vehicles share what its file says: linearised once, not once a vehicle.

@@ -15,10 +15,10 @@ from wingwatch.aircraft import (
     ModeStructure,
     mode_quantities,
 )
-from wingwatch.baselines import CellMemory, Envelope, Expectation, OutOfEnvelope, Reference
+from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import BlockEvidence, Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook, BookState
-from wingwatch.monitor.cell_memory import CellBook, CellPlace
+from wingwatch.monitor.cell_memory import CellBook
 from wingwatch.monitor.chain import (
     NO_CONDITION,
     SOLUTION_INTERVAL_S,
@@ -38,7 +38,7 @@ from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstD
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 from wingwatch.telemetry.conditioning import AirQuality
 
-__all__ = ["Report", "VehicleMonitor", "surface_kinds", "suspected"]
+__all__ = ["MonitorStart", "Report", "VehicleMonitor", "surface_kinds", "suspected"]
 
 
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
@@ -64,6 +64,24 @@ class Report:
     alerts: list[AlertView] = field(default_factory=list)
 
 
+@dataclass(frozen=True, slots=True)
+class MonitorStart:
+    """What the watch of a vehicle starts from, beside its aircraft file.
+
+    Attributes:
+        configuration: of the aircraft, as its file names it.
+        memory: what is kept of the vehicle's earlier flights.
+        chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
+            is larger than what they remember of a vehicle, then serve this one as well.
+        judge: settings of the test.
+    """
+
+    configuration: str = "clean"
+    memory: VehicleMemory = field(default_factory=VehicleMemory)
+    chain: Chain | None = None
+    judge: JudgeConfig = field(default_factory=JudgeConfig)
+
+
 class VehicleMonitor:
     """Watches one vehicle.
 
@@ -71,12 +89,8 @@ class VehicleMonitor:
         aircraft: its file.
         present: channels that its samples carry after completion.
         kinds: of the surfaces (see ``surface_kinds``).
-        references: what earlier flights of this vehicle taught, by structure.
-        envelopes: expectations that take the place of the aircraft file's, by structure.
-        cells: what earlier flights remember of cells of the envelope.
-        chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
-            is larger than what they remember of a vehicle, then serve this one as well.
         new_id: makes alert ids.
+        start: what it starts from; the aircraft file alone if not given.
     """
 
     def __init__(
@@ -87,30 +101,29 @@ class VehicleMonitor:
         present: Sequence[str],
         kinds: Mapping[str, str],
         *,
-        configuration: str = "clean",
-        references: Mapping[str, Reference] | None = None,
-        envelopes: Mapping[str, Envelope] | None = None,
-        cells: Mapping[CellPlace, CellMemory] | None = None,
-        chain: Chain | None = None,
         new_id: Callable[[], str],
-        config: JudgeConfig | None = None,
+        start: MonitorStart | None = None,
     ) -> None:
+        start = start or MonitorStart()
+        memory, configuration = start.memory, start.configuration
         self.aircraft, self.fleet, self.vehicle = aircraft, fleet, vehicle
         self.configuration = configuration
         self.cleaner = Cleaner()
         delays = aligned_delays(aircraft.sensors.delay_s, kinds)
         self._aligner = Aligner(delays, [name for name, kind in kinds.items() if kind == "command"])
         self.chain = (
-            chain.of_another() if chain else Chain(aircraft, present, kinds, configuration, envelopes)
+            start.chain.of_another()
+            if start.chain
+            else Chain(aircraft, present, kinds, configuration, memory.envelopes)
         )
         self.chain_state = self.chain.init()
         self._compared = _compared(self.chain.seen)
         nominal = nominal_condition(aircraft)
         self._stated = self._stated_provenance(nominal)
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
-        self.judge = Judge({s.name: Coordinates(s, aircraft, reference) for s in self._compared}, config)
-        self.cells = CellBook(self.judge.coordinates, cells)
-        self._judge_state = self.judge.init(references or {}, self._founded_by_file)
+        self.judge = Judge({s.name: Coordinates(s, aircraft, reference) for s in self._compared}, start.judge)
+        self.cells = CellBook(self.judge.coordinates, memory.cells)
+        self._judge_state = self.judge.init(memory.references, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
         self._memory = WatchMemory()
 

@@ -11,6 +11,7 @@ import math
 from numba import njit
 
 from wingwatch.simulation.aerodynamics import Deflections, Motion, load
+from wingwatch.simulation.kernel import kernel
 from wingwatch.simulation.layout import (
     CG_X,
     CG_Y,
@@ -161,7 +162,7 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
         s[SPIN], s[SPIN_Q], s[SPIN_R] = k[10], k[11], k[12]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def airspeed(c, s, x):  # type: ignore[no-untyped-def]
     """Airspeed of the reference point, m/s, at the start of a step: the size of what ``rates`` leaves in ``s``."""
     p, q, r = x[10] - s[GUST_P], x[11] - s[GUST_Q], x[12] - s[GUST_R]

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2, Aircraft, FlightCondition, TrimError
+from wingwatch.simulation.kernel import kernel
 from wingwatch.simulation.layout import ELEVATOR_LIMIT, RUDDER_LIMIT, parameter_row
 from wingwatch.simulation.trim import trim
 
@@ -137,8 +137,8 @@ def _ahead_m(leg: NDArray[np.float64], following: NDArray[np.float64]) -> float:
     return min(radius * math.tan(0.5 * turn), _MOST_RADII_AHEAD * radius, half)
 
 
-@njit(cache=True, error_model="numpy")
-def _towards(leg, along_m, across_m, north, east):  # type: ignore[no-untyped-def]
+@kernel
+def _towards(leg, across_m, north, east):  # type: ignore[no-untyped-def]
     """Bank in rad that the L1 law wants, at velocities over the ground and a position from the leg's start."""
     ground = math.sqrt(north * north + east * east)
     if ground == 0.0:
@@ -154,7 +154,7 @@ def _towards(leg, along_m, across_m, north, east):  # type: ignore[no-untyped-de
     return math.atan(2.0 * ground * ground / ahead * turn / GRAVITY_M_S2)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def route_bank(route, leg, north_m, east_m, north, east):  # type: ignore[no-untyped-def]
     """Bank in rad towards a leg of a route, and the leg that is flown by then.
 
@@ -175,9 +175,8 @@ def route_bank(route, leg, north_m, east_m, north, east):  # type: ignore[no-unt
             leg = following
             row = route[1 + leg]
             from_north, from_east = north_m - row[_NORTH], east_m - row[_EAST]
-            along_m = from_north * row[_ALONG_NORTH] + from_east * row[_ALONG_EAST]
     across_m = from_east * row[_ALONG_NORTH] - from_north * row[_ALONG_EAST]
-    return _towards(row, along_m, across_m, north, east), leg
+    return _towards(row, across_m, north, east), leg
 
 
 def check_route(aircraft: Aircraft, route: Route) -> None:

@@ -7,9 +7,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from wingwatch.simulation.kernel import kernel
 from wingwatch.simulation.random_numbers import fill_normals, uniform
 
 __all__ = ["ENTRY", "FAULT", "LAG_STATES", "MEMORY", "SensorState", "SensorTable", "read_sensors"]
@@ -100,7 +100,7 @@ class _Workspace(NamedTuple):
     """(3, rows): its gain, bias and delay in samples."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _wrapped(angle):  # type: ignore[no-untyped-def]
     """To [-pi, pi], untouched where it is there."""
     if -math.pi <= angle <= math.pi:
@@ -108,7 +108,7 @@ def _wrapped(angle):  # type: ignore[no-untyped-def]
     return angle - _TURN * np.rint(angle / _TURN)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _follow(x, n, sample, entries, lags, memory, i, j):  # type: ignore[no-untyped-def]
     """The lag: z' = Phi z + older u + newer u', exact for an input that is linear between samples."""
     row, output = int(entries[i, j, LAG]), int(entries[i, j, OUTPUT])
@@ -132,7 +132,7 @@ def _follow(x, n, sample, entries, lags, memory, i, j):  # type: ignore[no-untyp
     memory[i, j, LAST], memory[i, j, TURNS] = last, turns
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _severities(faults, piece, j, errors):  # type: ignore[no-untyped-def]
     """Faults of one entry onto its gain, bias and delay (rows of ``errors``); severity as in ``Effect.severity``."""
     i, sample = piece.vehicle, piece.sample
@@ -150,7 +150,7 @@ def _severities(faults, piece, j, errors):  # type: ignore[no-untyped-def]
             errors[2, k] = max(errors[2, k] + severity * faults[i, f, 3], 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _delay(x, n, delay, sample, angle, ring, start, mask):  # type: ignore[no-untyped-def]
     """Each sample as it was ``delay[2]`` samples ago, linear in between; before the flight as at its start."""
     if sample == 0 and n > 0:
@@ -168,7 +168,7 @@ def _delay(x, n, delay, sample, angle, ring, start, mask):  # type: ignore[no-un
         x[k] = _wrapped(value) if angle else value
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _renew(x, n, sample, rate_hz, own_hz, held, reading):  # type: ignore[no-untyped-def]
     """A slow column: a reading at the first sample at or after each of its own instants 0, 1/own_hz, 2/own_hz ..."""
     for k in range(n):
@@ -183,7 +183,7 @@ def _renew(x, n, sample, rate_hz, own_hz, held, reading):  # type: ignore[no-unt
     return reading
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _late_and_faulty(piece, table, ring, j, work):  # type: ignore[no-untyped-def]
     """Delay, gain and bias of one entry that is delayed or has faults."""
     entries, i, n, x, errors = table.entries, piece.vehicle, piece.rows, work.x, work.errors
@@ -202,7 +202,7 @@ def _late_and_faulty(piece, table, ring, j, work):  # type: ignore[no-untyped-de
         x[k] = errors[0, k] * x[k] + errors[1, k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _read_piece(values, piece, table, state, work):  # type: ignore[no-untyped-def]
     """A piece through every stage but dropouts."""
     i, first, n, sample = piece.vehicle, piece.first, piece.rows, piece.sample
@@ -245,7 +245,7 @@ def _read_piece(values, piece, table, state, work):  # type: ignore[no-untyped-d
             values[i, first + k, column] = x[k]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _drop(values, piece, table, state):  # type: ignore[no-untyped-def]
     """Two-state Markov dropouts of whole samples (first) and of single columns, one number each a sample."""
     i, first = piece.vehicle, piece.first
@@ -270,7 +270,7 @@ def _drop(values, piece, table, state):  # type: ignore[no-untyped-def]
                 values[i, k, int(entries[i, j - 1, COLUMN])] = np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def read_sensors(values, first_sample, rate_hz, table, state):  # type: ignore[no-untyped-def]
     """True columns (vehicles, samples, channels) become readings in place; the state advances by as many samples.
 

@@ -16,7 +16,6 @@ from wingwatch.studies.grid import Grid, Kind, StudyError, checked_grid
 __all__ = [
     "COLUMNS",
     "SCHEMA",
-    "TIMINGS",
     "Study",
     "StudySettings",
     "read_settings",
@@ -83,12 +82,10 @@ COLUMNS: Mapping[str, pa.DataType] = {
     "wall_s": pa.float64(),
     "processor_s": pa.float64(),
 }
-"""Name and type of every column; ``docs/studies.md`` says what each holds."""
+"""Name and type of every column; ``docs/studies.md`` says what each holds. Two runs of one study differ in the last two
+alone."""
 
 SCHEMA = pa.schema(list(COLUMNS.items()))
-
-TIMINGS = ("wall_s", "processor_s")
-"""The only columns in which two runs of one study differ."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.monitor import AlertView, Chain, Report, VehicleMonitor, surface_kinds
+from wingwatch.monitor import (
+    AlertView,
+    Chain,
+    MonitorStart,
+    Report,
+    VehicleMemory,
+    VehicleMonitor,
+    surface_kinds,
+)
 from wingwatch.monitor.comparison import change_since
 from wingwatch.monitor.judge import BlockView, ModeBlock
 from wingwatch.simulation import (
@@ -125,10 +133,13 @@ class WatchedFlight:
         self.truth, self._drawn = expectations.exact(), drawn
         numbers = itertools.count(1)
         kind = plan.aircraft, self._given
+        expected = expectations.drawn(plan.expectation_errors) if drawn else self.truth
+        start = MonitorStart(
+            memory=VehicleMemory(envelopes=expected), chain=None if drawn else chains.get(kind)
+        )
         self.monitor = VehicleMonitor(
             aircraft, "study", str(plan.seed), [*self._given, *derivations(self._given)], surface_kinds(self._given),
-            envelopes=expectations.drawn(plan.expectation_errors) if drawn else self.truth,
-            chain=None if drawn else chains.get(kind), new_id=lambda: str(next(numbers)),
+            new_id=lambda: str(next(numbers)), start=start,
         )  # fmt: skip
         if not drawn:
             chains.setdefault(kind, self.monitor.chain.of_another())

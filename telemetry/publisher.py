@@ -27,7 +27,7 @@ class FlightPublisher:
     """One vehicle on the network; use it in a ``with`` statement.
 
     It holds the vehicle's liveliness token, answers queries for the aircraft, and counts its messages from 0
-    under a stream number of its own.
+    under a random stream number of its own.
 
     Args:
         session: an open session.
@@ -35,7 +35,6 @@ class FlightPublisher:
         vehicle: name of the vehicle.
         aircraft: what the vehicle is.
         samples_per_message: samples in one message; fewer are quicker to arrive, more are cheaper.
-        stream: number of this start of the publisher; a random one if not given.
         clock: monotonic seconds.
         sleep: waits that many seconds.
 
@@ -52,7 +51,6 @@ class FlightPublisher:
         aircraft: AircraftMessage,
         *,
         samples_per_message: int = 10,
-        stream: int | None = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -68,7 +66,7 @@ class FlightPublisher:
         self._sleep = sleep
         self._sequence = 0
         # Drawn, not read from a clock: one without a battery starts at the same time whenever it starts.
-        self._stream = secrets.randbits(_STREAM_BITS) if stream is None else stream
+        self._stream = secrets.randbits(_STREAM_BITS)
         self._lock = Lock()
         self._aircraft_payload = self._encoded(aircraft)
         self._sensors = session.declare_publisher(

@@ -127,7 +127,7 @@ def _columns(structure: ModeStructure, form: FlightForm, block: SampleBlock) -> 
         return signal_columns(structure, form.reference, _signals(_SIGNALS[structure], form, block))
     pitching = signal_columns(SHORT_PERIOD, form.reference, _signals(SHORT_PERIOD, form, block))
     if "w" in structure.states:
-        return _longitudinal(structure, form, block, pitching)
+        return _longitudinal(structure, block, pitching)
     return _reduced(structure, form, block, pitching)
 
 
@@ -168,9 +168,7 @@ def _forward(block: SampleBlock) -> Array:
     return np.asarray(block.column("airspeed_true_m_s") * np.cos(angles[0]) * np.cos(angles[1]))
 
 
-def _longitudinal(
-    structure: ModeStructure, form: FlightForm, block: SampleBlock, pitching: FlightColumns
-) -> FlightColumns:
+def _longitudinal(structure: ModeStructure, block: SampleBlock, pitching: FlightColumns) -> FlightColumns:
     """States u w q with du/dt = a_x - q w + r v - g sin(theta) (thesis 3.11, 7.1) above the equations of w and q."""
     n, ns = len(block), len(structure.states)
     beta = block.column("sideslip_rad")

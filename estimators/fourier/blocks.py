@@ -174,7 +174,7 @@ def _outweighs(block, memory):  # type: ignore[no-untyped-def]
     return more
 
 
-@part
+@lean
 def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 

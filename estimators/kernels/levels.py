@@ -7,7 +7,8 @@ the most likely. What is known of the level's motion (inertial navigation, say) 
 """
 
 import numpy as np
-from numba import njit
+
+from wingwatch.estimators.kernels.hot import whole
 
 __all__ = ["LEVELS", "SMOOTHING_S", "advance_level", "set_gains", "start_level"]
 
@@ -21,7 +22,7 @@ _ALLOWED = 4.0
 """Twice the log-likelihood that a slower smoother may be worse by: it is preferred within chance."""
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def set_gains(memory, dt):  # type: ignore[no-untyped-def]
     """Gains for a time step; nothing to do where it is the step they are for."""
     if abs(dt - memory[3, 0]) > 1e-6 * dt:
@@ -30,7 +31,7 @@ def set_gains(memory, dt):  # type: ignore[no-untyped-def]
         memory[3, 0] = dt
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def start_level(memory, reading):  # type: ignore[no-untyped-def]
     """Every smoother at a first reading, nothing known of its errors."""
     memory[1, :] = reading
@@ -38,7 +39,7 @@ def start_level(memory, reading):  # type: ignore[no-untyped-def]
     memory[3, 1] = 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def advance_level(memory, reading, motion, dt, memory_s):  # type: ignore[no-untyped-def]
     """One reading more; returns the index of the smoother to go by.
 

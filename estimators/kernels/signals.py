@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
+from wingwatch.estimators.kernels.hot import whole
 from wingwatch.estimators.kernels.levels import advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
 
@@ -47,7 +47,7 @@ class SignalForm(NamedTuple):
     """(inputs,)."""
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: ignore[no-untyped-def]
     """One pass over vehicles and samples; see the layout of ``signals``.
 
@@ -112,16 +112,11 @@ def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: 
             o[c + 6] = 1.0 if measured else 0.0
             if seen == 0.0 and not np.isfinite(row[_ALPHA]):
                 o[c + 5] = _level_alpha(row)
-        memory[i, 0], memory[i, 1], memory[i, 2], memory[i, 3], memory[i, 4] = (
-            last,
-            along,
-            velocity,
-            rate,
-            seen,
-        )
+        memory[i, 0], memory[i, 1], memory[i, 2] = last, along, velocity
+        memory[i, 3], memory[i, 4] = rate, seen
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def pass_high(signals, lanes, passed, passing, kinematic, leak_s, out):  # type: ignore[no-untyped-def]
     """See ``Signals.high_passed``; ``passing`` holds the columns that pass the filter."""
     for m in range(lanes.place.size):
@@ -139,7 +134,7 @@ def pass_high(signals, lanes, passed, passing, kinematic, leak_s, out):  # type:
             passed[i, 0] = row
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def fill_moments(values, coupling, out):  # type: ignore[no-untyped-def]
     """Into ``out`` (vehicles, samples, rates) the angular accelerations by ``coupling`` (rates, 4) of p q, q r, p r and
     p^2 - r^2."""
@@ -152,7 +147,7 @@ def fill_moments(values, coupling, out):  # type: ignore[no-untyped-def]
                 out[i, k, j] = moment if np.isfinite(moment) else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def _density(row: NDArray[np.float64]) -> float:
     """Air density: measured, or from measured temperature, or the standard atmosphere's (troposphere)."""
     if np.isfinite(row[_DENSITY]):
@@ -167,7 +162,7 @@ def _density(row: NDArray[np.float64]) -> float:
     return float(pressure / (287.05287 * temperature))
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
     """Air-relative w or v at the c.g. (NaN without vane) and the kinematic term of its rate."""
     airspeed = row[_AIRSPEED]
@@ -185,13 +180,13 @@ def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-u
     return w, kinematic
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def _level_alpha(row):  # type: ignore[no-untyped-def]
     """Angle of attack of level flight without sideslip at this attitude; banks beyond 45 degrees count as 45."""
     return np.arctan(np.tan(row[_PITCH]) / max(np.cos(row[_ROLL]), 0.7))
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def _along_path(row):  # type: ignore[no-untyped-def]
     """Rate of the inertial speed along the path without sideslip: specific force and gravity along it."""
     alpha = row[_ALPHA] if np.isfinite(row[_ALPHA]) else 0.0
@@ -202,7 +197,7 @@ def _along_path(row):  # type: ignore[no-untyped-def]
     return rate if np.isfinite(rate) else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def _surface(command, dt, servo_s, servo):  # type: ignore[no-untyped-def]
     """Where a servo has its surface: it went on to the command before, x = c + (x0 - c) exp(-dt / servo_s).
 

@@ -212,7 +212,6 @@ def served(
     monitor: FakeMonitor,
     history: HistoryPort | None = None,
     checks: Mapping[str, str | None] | None = None,
-    keep_alive_s: float = 10.0,
     diagnoses: DiagnosisPort | None = None,
     counters: Mapping[str, Mapping[str, int]] | None = None,
     kernels: Callable[[], KernelsView | None] = lambda: None,
@@ -227,7 +226,6 @@ def served(
         access=access or AccessSettings(),
         counters=lambda: counters or {},
         kernels=kernels,
-        keep_alive_s=keep_alive_s,
         diagnoses=diagnoses,
     )
     app = create_app(monitor, lambda: ready, history, VERSION, settings)

@@ -18,7 +18,7 @@ from typing import IO
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import AlertRecord, open_database
 from wingwatch.cli.store import DatabaseStore
-from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetMonitor
+from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetMonitor, FleetPorts
 from wingwatch.monitor.ports import News
 
 
@@ -45,7 +45,7 @@ def work(database: str, paper: IO[str], name: str) -> None:
     """Raise alerts, follow them, and act on them in another thread, until killed."""
     with open_database(database) as opened, DatabaseStore(opened, time.time) as store:
         said = _Said(paper)
-        fleet = FleetMonitor(load_aircraft, time.monotonic, lambda: "", store, said)
+        fleet = FleetMonitor(load_aircraft, time.monotonic, lambda: "", FleetPorts(store, said))
 
         def people() -> None:
             while True:

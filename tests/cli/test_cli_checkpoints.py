@@ -132,28 +132,37 @@ def test_little_waits_but_news_of_an_alert_always_does(tmp_path: Path) -> None:
 
 
 def test_killed_while_writing_leaves_the_old_file_or_the_new_one(tmp_path: Path) -> None:
+    """Each writer is forked from a process that has imported everything, and ends by itself after a minute."""
     program = (
-        "import sys; sys.path.insert(0, sys.argv[2])\n"
+        "import os, signal, sys; sys.path.insert(0, sys.argv[2])\n"
         "from pathlib import Path\n"
         "from test_cli_checkpoints import CheckpointFolder, saved\n"
         "from dataclasses import replace\n"
         "folder, state, k = CheckpointFolder(Path(sys.argv[1]), lambda: 0.0), saved('a'), 0\n"
-        "while True:\n"
-        "    folder.write(replace(state, counts={'faults': k})); k += 1\n"
-        "    if k == 1: print(flush=True)\n"
+        "for _ in sys.stdin:\n"
+        "    writer = os.fork()\n"
+        "    if not writer: signal.alarm(60)\n"
+        "    while not writer:\n"
+        "        folder.write(replace(state, counts={'faults': k})); k += 1\n"
+        "        if k == 1: print(os.getpid(), flush=True)\n"
+        "    print(os.waitstatus_to_exitcode(os.waitpid(writer, 0)[1]), flush=True)\n"
     )
     rng = np.random.default_rng(4)
-    for _ in range(5):
-        command = [sys.executable, "-c", program, str(tmp_path), str(Path(__file__).parent)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-            assert process.stdout is not None
-            process.stdout.readline()
+    command = [sys.executable, "-c", program, str(tmp_path), str(Path(__file__).parent)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        for _ in range(5):
+            process.stdin.write("one more\n")
+            process.stdin.flush()
+            writer = int(process.stdout.readline())
             time.sleep(float(rng.uniform(0.0, 0.1)))
-            process.send_signal(signal.SIGKILL)
-        folder = CheckpointFolder(tmp_path, lambda: 0.0)
-        assert len(folder.load()) == 1
-        assert folder.counts["refused"] == 0
-        assert len(list(tmp_path.iterdir())) == 1
+            os.kill(writer, signal.SIGKILL)
+            assert int(process.stdout.readline()) == -signal.SIGKILL
+            folder = CheckpointFolder(tmp_path, lambda: 0.0)
+            assert len(folder.load()) == 1
+            assert folder.counts["refused"] == 0
+            assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_states_lie_beside_their_own_database(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import DatabaseError, open_database
 from wingwatch.cli.patient import PatientReader
 from wingwatch.cli.store import DatabaseStore, alert_record
-from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetMonitor
+from wingwatch.monitor import AlertAction, AlertState, AlertView, FleetMonitor, FleetPorts
 from wingwatch.simulation import Scenario, simulate
 from wingwatch.telemetry import PROTOBUF, AircraftMessage, SampleBlock, encode_aircraft, encode_sensors
 
@@ -137,7 +137,7 @@ def test_samples_are_taken_in_while_the_database_does_not_answer(outage: Outage)
         open_database(outage.where, busy_timeout_s=1.0) as database,
         DatabaseStore(database, time.time) as store,
     ):
-        fleet = FleetMonitor(load_aircraft, time.monotonic, lambda: "a9", store)
+        fleet = FleetMonitor(load_aircraft, time.monotonic, lambda: "a9", FleetPorts(store))
         fleet.receive(
             "default", "uav1", "aircraft", encode_aircraft(AircraftMessage(aircraft="aerosonde")), PROTOBUF
         )

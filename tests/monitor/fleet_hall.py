@@ -16,6 +16,7 @@ from wingwatch.monitor import (
     CellPlace,
     Checkpoint,
     FleetMonitor,
+    FleetPorts,
     FleetSettings,
     SavedVehicle,
     VehicleMemory,
@@ -210,11 +211,9 @@ class Hall:
             find,
             self.clock,
             lambda: f"a{next(ids)}",
-            self.store,
-            self.outputs,
+            FleetPorts(self.store, self.outputs, checkpoints),
             settings,
             self.clock,
-            checkpoints,
         )
         self.fleet.resume()
         self.sequence = count()

@@ -7,7 +7,7 @@ import numpy as np
 from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.baselines import Cell, CellMemory, Reference
 from wingwatch.estimators import BlockEvidence
-from wingwatch.monitor import CellBook, CellPlace, VehicleMonitor
+from wingwatch.monitor import CellBook, CellPlace, MonitorStart, VehicleMemory, VehicleMonitor
 from wingwatch.monitor.comparison import Coordinates
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import SampleBlock, complete
@@ -137,8 +137,9 @@ def test_a_second_flight_starts_from_what_the_first_one_learned() -> None:
 
     def monitor(samples: SampleBlock, cells: dict[CellPlace, CellMemory]) -> VehicleMonitor:
         return VehicleMonitor(
-            AEROSONDE, "default", "uav", samples.present, {}, cells=cells, new_id=lambda: "alert"
-        )
+            AEROSONDE, "default", "uav", samples.present, {}, new_id=lambda: "alert",
+            start=MonitorStart(memory=VehicleMemory(cells=cells)),
+        )  # fmt: skip
 
     flights = [
         complete(simulate(Scenario(AEROSONDE, manoeuvres=doublets, seed=seed), 61.0)) for seed in (3, 4)

@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -239,14 +240,24 @@ def test_make_test_makes_every_check() -> None:
     for check in (
         "ruff check",
         "ruff format --check",
-        "mypy -p wingwatch",
-        "mypy tests benchmarks",
+        "mypy wingwatch tests benchmarks tools",
         "lint-imports",
     ):
         assert check in done.stdout
     *before, last = done.stdout.splitlines()
     assert last == ".venv/bin/pytest -n 3 --dist worksteal"
     assert ".venv/bin/python -m wingwatch.cli.kernels" in before
+
+
+def test_what_make_starts_keeps_its_byte_code() -> None:
+    """A container that forbids it makes every start of Python several seconds longer."""
+    done = subprocess.run(
+        ["make", "--no-print-directory", "-f", "-", "show"],
+        input="include Makefile\nshow:\n\t@env\n",
+        cwd=ROOT, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "PATH=" in done.stdout
+    assert "PYTHONDONTWRITEBYTECODE" not in done.stdout
 
 
 def test_make_run_starts_the_service_as_soon_as_packages_are_installed() -> None:
@@ -266,6 +277,14 @@ def test_the_ci_script_is_executable_and_ends_in_make_test() -> None:
     assert "set -euo pipefail" in lines
     assert "make clean" in lines
     assert lines[-1] == "make test"
+
+
+def test_the_ci_script_sets_up_what_make_test_asks_for() -> None:
+    """It begins while the system's packages are installed; with other extras all of it would be done twice."""
+    (early,) = re.findall(r"tools/install\.py ([a-z -]+) &\n", (ROOT / ".ci" / "run").read_text())
+    recipe = (ROOT / "Makefile").read_text().partition("\ntest: python")[2]
+    (asked,) = re.findall(r"\$\(SETUP\) ([a-z -]+)\n", recipe)[:1]
+    assert early == asked
 
 
 def test_the_note_of_a_finished_set_up_is_plain(set_up: Callable[..., list[str]], tmp_path: Path) -> None:
