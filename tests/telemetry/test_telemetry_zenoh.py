@@ -293,14 +293,15 @@ class TestWhoIsThere:
             return [message for message in taken if message.stream == stream]
 
         with open_session(vehicle(endpoint)) as session:
-            with FlightPublisher(session, "f", "uav1", AEROSONDE, stream=4711) as publisher:
+            with FlightPublisher(session, "f", "uav1", AEROSONDE) as publisher:
                 publisher.publish(flight_block(10), None)
                 until(lambda: bool(came("aircraft") and came("sensors")))
                 assert not came("left")
             until(lambda: bool(came("left")))  # the session is still open
         aircraft, sensors, left = (came(stream)[0] for stream in ("aircraft", "sensors", "left"))
-        assert decode_aircraft(aircraft.payload, aircraft.encoding).stream == 4711
-        assert decode_sensors(sensors.payload, sensors.encoding).stream == 4711
+        stream = decode_aircraft(aircraft.payload, aircraft.encoding).stream
+        assert stream is not None
+        assert decode_sensors(sensors.payload, sensors.encoding).stream == stream
         assert (left.fleet, left.vehicle, left.payload) == ("f", "uav1", b"")
 
     def test_a_vehicle_that_is_asked_for_its_aircraft_answers_by_a_message(
