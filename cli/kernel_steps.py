@@ -7,6 +7,7 @@ cache already, the same call loads them. What a step does not name is compiled b
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,12 +61,16 @@ def _fourier() -> None:
     estimator.solve(state)
 
 
-def _filter() -> None:
-    """Its kernels are compiled for the number of states: once for two, once for three."""
+def _filter(span_m: float = 1.0) -> None:
+    """Its kernels are compiled for the numbers of states, inputs and gusts: for two states and for three.
+
+    Args:
+        span_m: of the wing; where an aircraft file states none, the filter knows no gusts.
+    """
     samples, half_second = 750, 25  # as long as it takes until the first seconds are run again
     for structure in (SHORT_PERIOD, LATERAL):
         k = len(structure.derivatives)
-        estimator = EkfEstimator(EkfConfig(structure, np.zeros(k), np.ones(k), _REFERENCE, span_m=1.0))
+        estimator = EkfEstimator(EkfConfig(structure, np.zeros(k), np.ones(k), _REFERENCE, span_m=span_m))
         state = estimator.init(1)
         layout = SignalLayout(len(structure.states), len(structure.inputs))
         angles = np.outer(np.arange(samples) / _RATE_HZ, 2.0 + 0.7 * np.arange(layout.kinematic - 1))
@@ -74,6 +79,8 @@ def _filter() -> None:
             estimator.update(state, rows[None, start : start + half_second])
             estimator.solve(state)
         estimator.gust_variance(state, np.array([0]))
+        for since_s in (0.8 * samples / _RATE_HZ, np.inf):  # what a change leads to, at its time or later
+            estimator.release(state, np.arange(k) == 0, 0, since_s)
 
 
 def _level_flight(layout: SignalLayout, moving: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -154,6 +161,9 @@ def _diagnosis() -> None:
 STEPS: Mapping[str, KernelStep] = {
     "fourier": KernelStep("the Fourier estimator", 58.0, _fourier),
     "filter": KernelStep("the Kalman filter", 50.0, _filter),
+    "calm-filter": KernelStep(
+        "the Kalman filter without gusts", 20.0, partial(_filter, 0.0), after=("filter",)
+    ),
     "simulation": KernelStep("simulated flight", 22.0, _simulation),
     "watch": KernelStep("signals and the monitor", 4.0, _watch, after=("fourier", "filter")),
     "whole-flights": KernelStep("estimates from whole flights", 11.0, _whole_flights),
@@ -161,10 +171,10 @@ STEPS: Mapping[str, KernelStep] = {
 }
 """By the name under which a process is asked for it, in the order in which they are begun."""
 
-LIVE: Sequence[str] = ("fourier", "filter", "watch")
+LIVE: Sequence[str] = ("fourier", "filter", "calm-filter", "watch")
 """Without these no sample is taken in."""
 
-DEMO: Sequence[str] = ("fourier", "filter", "simulation", "watch")
+DEMO: Sequence[str] = ("fourier", "filter", "calm-filter", "simulation", "watch")
 """The same, and the simulated fleet."""
 
 AT_FIRST_USE: Sequence[str] = ("simulation", "whole-flights", "diagnosis")

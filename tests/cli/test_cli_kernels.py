@@ -14,11 +14,16 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from numba import int64
 
+from wingwatch.aircraft import library_names, load_aircraft
 from wingwatch.api import KernelState, KernelsView
 from wingwatch.cli import kernel_worker, kernels
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO, LIVE, STEPS, KernelStep
 from wingwatch.cli.kernels import KernelCompiler, KernelError, only_load
+from wingwatch.estimators.ekf import recursion, window
+from wingwatch.monitor import VehicleMonitor
+from wingwatch.telemetry import REQUIRED_CHANNELS
 
 PATIENCE_S = 60.0
 
@@ -270,6 +275,27 @@ def test_every_step_comes_after_those_that_it_needs() -> None:
         for place, name in enumerate(order):
             assert set(STEPS[name].after) <= set(order[:place])
     assert set(DEMO) | set(AT_FIRST_USE) == set(STEPS)
+
+
+@pytest.mark.slow
+def test_neither_a_first_sample_nor_a_first_change_has_the_filter_compiled_under_it() -> None:
+    """An aircraft that states no span has a filter without gusts; its kernels held everybody up for eleven seconds."""
+    for step in ("filter", "calm-filter"):
+        STEPS[step].run()
+    there = {tuple(len(part) for part in signature[0]) for signature in recursion._update_all.signatures}
+    reset_by_a_change = [signature for signature in window.set_checkpoint.signatures if signature[3] == int64]
+    assert reset_by_a_change
+    present = (*REQUIRED_CHANNELS, "elevator_rad", "aileron_rad", "rudder_rad", "angle_of_attack_rad",
+               "sideslip_rad", "airspeed_true_m_s", "altitude_m", "air_density_kg_m3")  # fmt: skip
+    needed = set()
+    for name in library_names():
+        whole = load_aircraft(name)
+        for aircraft in (whole, whole.model_copy(update={"geometry": None})):
+            monitor = VehicleMonitor(aircraft, "f", "v", present, {}, new_id=lambda: "1")
+            sizes = [pair.ekf.model.sizes for pair in monitor.chain.supervisor.pairs.values()]
+            needed |= {(one.states, one.inputs, one.gusts) for one in sizes}
+    assert {(2, 1, 0), (2, 1, 2)} < needed
+    assert needed <= there
 
 
 def test_the_command_compiles_everything_and_says_what_it_cannot(
