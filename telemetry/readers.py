@@ -128,7 +128,12 @@ def _parse_csv(source: str, text: bytes, encoding: str, delimiter: str, short_ro
     try:
         return pacsv.read_csv(
             BytesIO(text),
-            read_options=pacsv.ReadOptions(encoding=encoding, block_size=min(len(text), _MAX_BLOCK_BYTES)),
+            read_options=pacsv.ReadOptions(
+                # a thread of the reader that outlived a refused file could abort the program at its end
+                use_threads=False,
+                encoding=encoding,
+                block_size=min(len(text), _MAX_BLOCK_BYTES),
+            ),
             parse_options=pacsv.ParseOptions(delimiter=delimiter, invalid_row_handler=skip),
         )
     except (pa.ArrowException, ValueError) as problem:
