@@ -84,8 +84,8 @@ from wingwatch.telemetry import MAX_GAP_S
 __all__ = ["Workspace", "advance", "block_workspace", "fill"]
 
 ROLLED = 0.1
-"""Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: the score
-has more roots there, at l_p = 0 and at infinity."""
+"""Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: what its
+own fit has left of the residual shows too little rolling air."""
 
 GOES_ON, FULL, GAP = 0, 1, 2
 """What a sample does to the running block: it goes on, is full, or ends because time does not go on."""
