@@ -4,7 +4,7 @@ Sensors' noise is in both. Gusts, rolling air and moments that nobody measures d
 Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``noise``.
 """
 
-from wingwatch.estimators.fourier.driven_motion import driven_motion, roll_shared_at_ends
+from wingwatch.estimators.fourier.driven_motion import driven_motion
 from wingwatch.estimators.fourier.noise import DRIVING, channel_variance, weighted_column
 from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
@@ -45,7 +45,7 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
 
 
 @lean
-def expected_products(omega, plant, air, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
+def expected_products(omega, plant, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
     """Expected products of regressors and weighted residual, in present derivatives, (docs (12) to (15)).
 
     Sensors' noise is in regressors and residual. The gust drives the states, by (s - A)^-1, and so is in both, too. So
@@ -53,6 +53,7 @@ def expected_products(omega, plant, air, noise, power, span, work, g, bias):  # 
 
     Args:
         span: length of the block, s.
+        work: ``NoiseWorkspace``, after ``roll_shared_at_ends``.
         g: becomes what of R' W r is due to sensors and air, (p,).
         bias: becomes what of it is due to what moment equations leave out, (p,).
     """
@@ -75,7 +76,7 @@ def expected_products(omega, plant, air, noise, power, span, work, g, bias):  # 
     for k in range(ns):
         for f in range(omega.size):
             g[k * nd] -= variance * work.weighted[k, 0, f]
-    _driven_states(omega, plant, air, noise, power, span, work, g, bias)
+    _driven_states(omega, plant, noise, power, span, work, g, bias)
 
 
 @lean
@@ -113,7 +114,7 @@ def _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise):  # type
 
 
 @lean
-def _driven_states(omega, plant, air, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
+def _driven_states(omega, plant, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
     """What ``expected_products`` has of all that drives the states, (docs (14), (14c), (15)).
 
     Motion by the gust is in the regressors. Motion by rolling air has been taken out of them, but for what of it is in
@@ -124,7 +125,6 @@ def _driven_states(omega, plant, air, noise, power, span, work, g, bias):  # typ
     rows = weights.shape[0]
     rolling = power * noise[ROLLING]
     work.rolled[0] = 0.0
-    roll_shared_at_ends(plant, air, work)
     for f in range(omega.size):
         driven_motion(omega, plant, work, f)
         work.rolled[0] += rolling * abs(answers[1, ns + 1]) ** 2 * weights[1, 1, 0, f]

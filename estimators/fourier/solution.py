@@ -19,6 +19,7 @@ from wingwatch.estimators.fourier.directions import (
     noise_edge,
     reduce_information,
 )
+from wingwatch.estimators.fourier.driven_motion import roll_shared_at_ends
 from wingwatch.estimators.fourier.equations import (
     EquationSides,
     normal_equations,
@@ -333,7 +334,8 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     if model.roll:
         _leave_out_rolling(plant, power, fraction, noise, span, work)
     bins = reduce_weights(transforms.regressors, nd + 1, normal, weighing)
-    expected_products(omega, plant, air, noise, power, span, weighing, g, bias)
+    roll_shared_at_ends(plant, air, weighing)
+    expected_products(omega, plant, noise, power, span, weighing, g, bias)
     for a in range(scale.size):
         score[a] -= scale[a] * g[a]
         bias[a] *= scale[a]

@@ -46,7 +46,7 @@ from pathlib import Path
 from wingwatch import diagnosis
 from diagnosis_examples import FOUND
 import dataclasses, os
-def diagnose(flight, aircraft, *, kinds, validate, source, progress):
+def diagnose(flight, aircraft, *, kinds, validate, validate_kinds, source, progress):
     progress("looking", 0.25)
     print("a library's chatter")
     if len(flight) < 50:

@@ -30,7 +30,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page(report: Path) -> Generator[Page]:
     with open_page(report.as_uri()) as opened:
         opened.look(1100, 900)
-        opened.wait(f"document.querySelectorAll('.picture').length === {PICTURES} && {DRAWN}")
+        opened.wait(f"document.querySelectorAll('.picture').length === {PICTURES} && {DRAWN}", 60.0)
         yield opened
 
 

@@ -8,6 +8,7 @@ import pytest
 from kernels import PITCH_MODEL
 from numpy.typing import NDArray
 
+from wingwatch.estimators.fourier.driven_motion import roll_shared_at_ends
 from wingwatch.estimators.fourier.noise import (
     Air,
     NoiseWorkspace,
@@ -135,7 +136,8 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     ns, nd, work = c.states, c.states + 1, weighed(c)
     n_noise, g, driven = np.empty((ns * nd, ns * nd)), np.empty(ns * nd), np.empty(ns * nd)
     noise_power(OMEGA, c.plant, c.air, c.noise, POWER, work, n_noise)
-    expected_products(OMEGA, c.plant, c.air, c.noise, POWER, SPAN, work, g, driven)
+    roll_shared_at_ends(c.plant, c.air, work)
+    expected_products(OMEGA, c.plant, c.noise, POWER, SPAN, work, g, driven)
     sensors, own = variances(c)
     want_g, want_driven = np.zeros((ns, nd)), np.zeros((ns, nd))
     a = c.plant.derivatives[:, :ns].copy()
