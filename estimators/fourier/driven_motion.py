@@ -6,30 +6,33 @@ Derivation and equation numbers: ``docs/methods/fourier.md`` sections 2 and 3. M
 from wingwatch.estimators.fourier.noise import DRIVING
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["driven_motion", "roll_shared_at_ends"]
+__all__ = ["driven_motions", "roll_shared_at_ends"]
 
 
 @lean
-def driven_motion(omega, plant, work, f):  # type: ignore[no-untyped-def]
+def driven_motions(omega, plant, work):  # type: ignore[no-untyped-def]
     """Into ``work.answers`` what air and moments of unit strength drive the states to: (s - A)^-1 times each.
 
-    Columns after those of the states: gust, rolling air, the moment left out of each equation.
+    Columns after those of the states: gust, rolling air, the moment left out of each equation. The transfer of the air
+    has to be that of ``weigh``.
     """
     ns, nd = plant.derivatives.shape
-    transfer, answers = work.transfer, work.answers
+    transfer = work.transfer
     rows = work.weights.shape[0]
-    _open_loop(plant, 1j * omega[f], answers)
-    for k in range(ns):
-        for j in range(ns):
-            answers[k, ns + DRIVING + j] = 1.0 if k == j else 0.0
-        for e in range(DRIVING):
-            drive = transfer[nd + 1 + e, k]
-            answers[k, ns + e] = complex(drive[0, f], drive[1, f])
-            if k == 0 and rows > ns:
-                # The rate of the velocity is the force row and the kinematic row together.
-                kinematic = transfer[nd + 1 + e, ns]
-                answers[k, ns + e] += complex(kinematic[0, f], kinematic[1, f])
-    _eliminate_states(answers, ns)
+    for f in range(omega.size):
+        answers = work.answers[f]
+        _open_loop(plant, 1j * omega[f], answers)
+        for k in range(ns):
+            for j in range(ns):
+                answers[k, ns + DRIVING + j] = 1.0 if k == j else 0.0
+            for e in range(DRIVING):
+                drive = transfer[nd + 1 + e, k]
+                answers[k, ns + e] = complex(drive[0, f], drive[1, f])
+                if k == 0 and rows > ns:
+                    # The rate of the velocity is the force row and the kinematic row together.
+                    kinematic = transfer[nd + 1 + e, ns]
+                    answers[k, ns + e] += complex(kinematic[0, f], kinematic[1, f])
+        _eliminate_states(answers, ns)
 
 
 @lean
@@ -40,17 +43,16 @@ def roll_shared_at_ends(plant, air, work):  # type: ignore[no-untyped-def]
     states there.
     """
     ns = plant.lever.size
-    answers = work.answers
+    begun = work.begun
     work.at_ends[:] = 0.0
     if ns != 3 or air.roll_s == 0.0:
         return
-    answers[:, :] = 0.0
-    _open_loop(plant, 1.0 / air.roll_s + 0.0j, answers)
+    _open_loop(plant, 1.0 / air.roll_s + 0.0j, begun)
     for k in range(ns):
-        answers[k, ns] = -plant.roll_column[k]
-    _eliminate_states(answers, ns)
+        begun[k, ns] = -plant.roll_column[k]
+    _eliminate_states(begun, ns)
     for k in range(ns):
-        work.at_ends[k] = answers[k, ns].real
+        work.at_ends[k] = begun[k, ns].real
 
 
 @lean

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.bank import NUISANCE
 from wingwatch.estimators.fourier.between import rate_of
+from wingwatch.estimators.fourier.checkpoints import copy_matrix
 from wingwatch.estimators.fourier.nuisance import prior_of
 from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["EquationSides", "normal_equations", "residual_of", "responses"]
+__all__ = ["EquationSides", "normal_equations", "residual_of", "responses", "with_other_states"]
 
 
 class EquationSides(NamedTuple):
@@ -80,11 +81,12 @@ def _product_sums(real, imaginary, weight):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _normal_matrix(bank, weights, ns, nd, product, m_full):  # type: ignore[no-untyped-def]
-    """M of all columns, the wanted ones of every equation first, then the nuisance ones of every row."""
+def _normal_matrix(bank, weights, columns, ns, nd, product, m_full):  # type: ignore[no-untyped-def]
+    """M, the wanted columns of every equation first, then the nuisance ones of every row: the products of the first
+    so many columns with all."""
     rows, nc = weights.shape[0], nd + NUISANCE
     real, imaginary = product[0], product[1]
-    for c in range(nc):
+    for c in range(columns):
         x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
         for d in range(c, nc):
             u, v = bank[d if d < ns else d + 1, 0], bank[d if d < ns else d + 1, 1]
@@ -152,12 +154,33 @@ def normal_equations(sides, plant, fraction, weights, normal):  # type: ignore[n
     ns, nd = plant.derivatives.shape
     rows = weights.shape[0]
     bank, product = sides.regressors, sides.product
-    _normal_matrix(bank, weights, ns, nd, product, normal.matrix)
+    _normal_matrix(bank, weights, nd + NUISANCE, ns, nd, product, normal.matrix)
     _right_side(bank, weights, sides.response, ns, nd, product, normal.vector)
     for k in range(rows):
         first = ns * nd + NUISANCE * k
         for c in range(NUISANCE):
             normal.matrix[first + c, first + c] += prior_of(normal.variances[k, c], fraction)
+
+
+@lean
+def with_other_states(sides, plant, weights, whole, normal):  # type: ignore[no-untyped-def]
+    """Normal equations of one block whose states' columns are others, of a residual that the nuisance columns of all
+    its columns have been fitted to.
+
+    About the values of the nuisance columns the residual's products with them are what is known beforehand of these, so
+    their right sides are nothing.
+
+    Args:
+        sides: ``EquationSides``: the other columns, and the residual.
+        weights: of ``noise.weigh``.
+        whole: ``NormalWorkspace`` of all columns.
+        normal: ``NormalWorkspace``; its matrix and vector are made.
+    """
+    ns, nd = plant.derivatives.shape
+    copy_matrix(whole.matrix, normal.matrix)
+    _normal_matrix(sides.regressors, weights, ns, ns, nd, sides.product, normal.matrix)
+    _right_side(sides.regressors, weights, sides.response, ns, nd, sides.product, normal.vector)
+    normal.vector[ns * nd :] = 0.0
 
 
 @lean

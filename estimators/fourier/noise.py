@@ -91,10 +91,11 @@ class NoiseWorkspace(NamedTuple):
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
         sums: (states, states) sum over bins of Re W.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
-        answers: (states, 2 states + 2), complex.
+        answers: (bins, states, 2 states + 2), complex, of ``driven_motion.driven_motions``.
         gain: (rows, 2, bins) K: the roll rate of the air is K times the residual, (docs (14a)).
         explained: (bins,) K B, part of the rolling air that the residual shows.
-        at_ends: (states,) of ``driven_motion.roll_shared_at_ends``.
+        shared: (states + inputs, 2, bins) what the estimate K r and the noise of a regressor's sensor have in common.
+        at_ends: (states,) of ``driven_motion.roll_shared_at_ends``; begun: (states, states + 1), complex, workspace.
         moved: (states, 2, bins) c, motion that a unit of the air's roll rate causes.
     """
 
@@ -112,7 +113,9 @@ class NoiseWorkspace(NamedTuple):
     answers: NDArray[np.complex128]
     gain: NDArray[np.float64]
     explained: NDArray[np.float64]
+    shared: NDArray[np.float64]
     at_ends: NDArray[np.float64]
+    begun: NDArray[np.complex128]
     moved: NDArray[np.float64]
 
 
@@ -130,10 +133,12 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros(bins),
         np.zeros((states, states)),
         np.zeros(1),
-        np.zeros((states, 2 * states + 2), dtype=np.complex128),
+        np.zeros((bins, states, 2 * states + 2), dtype=np.complex128),
         np.zeros((rows, 2, bins)),
         np.zeros(bins),
+        np.zeros((states + inputs, 2, bins)),
         np.zeros(states),
+        np.zeros((states, states + 1), dtype=np.complex128),
         np.zeros((states, 2, bins)),
     )
 

@@ -33,9 +33,11 @@ __all__ = [
     "NormalWorkspace",
     "degrees_of_freedom",
     "eliminate",
+    "factorise",
     "normal_workspace",
     "nuisance_of",
     "nuisance_variances",
+    "of_the_same_nuisance",
     "prior_of",
     "reduce_weights",
 ]
@@ -84,6 +86,13 @@ def normal_workspace(derivatives: int, rows: int) -> NormalWorkspace:
     return NormalWorkspace(*(np.empty(shape) for shape in shapes))
 
 
+def of_the_same_nuisance(normal: NormalWorkspace) -> NormalWorkspace:
+    """Memory for the same block with other columns of derivatives; what is of nuisance columns alone is shared."""
+    own = (normal.matrix, normal.vector, normal.crossed, normal.rest, normal.values)
+    matrix, vector, crossed, rest, values = (np.empty_like(array) for array in own)
+    return normal._replace(matrix=matrix, vector=vector, crossed=crossed, rest=rest, values=values)
+
+
 @lean
 def nuisance_variances(plant, air, noise, dt, variances):  # type: ignore[no-untyped-def]
     """What is known beforehand of the nuisance columns of every row, (docs (6), (8)).
@@ -121,38 +130,51 @@ def prior_of(variance, fraction):  # type: ignore[no-untyped-def]
 
 
 @lean
-def eliminate(normal, theta, scale, span, m, score):  # type: ignore[no-untyped-def]
-    """Schur complement on the nuisance columns.
+def factorise(normal, derivatives, span):  # type: ignore[no-untyped-def]
+    """Root and inverse of the nuisance columns' power, for ``eliminate``.
 
     Over a whole number of periods a constant has no transform: what rounding leaves of it is no column.
 
     Args:
-        normal: with matrix and vector; all else but the values becomes what ``NormalWorkspace`` says.
-        theta, scale: referred derivatives that the block is linearised at, and what makes them present ones, (p,).
+        normal: with a matrix; its size, root and inverse are made.
+        derivatives: how many columns before the nuisance ones.
         span: length of the block, s.
-        m (p, p), score (p,): become M and b - M theta, in referred derivatives.
     """
-    p, q = theta.size, normal.size.size
-    matrix, size, root, crossed, rest = normal.matrix, normal.size, normal.root, normal.crossed, normal.rest
+    p, q = derivatives, normal.size.size
+    matrix, size, root = normal.matrix, normal.size, normal.root
     for a in range(q):
         column = a % NUISANCE
         ramp = matrix[p + a - column + RAMP, p + a - column + RAMP] / (span * span)
         own = matrix[p + a, p + a]
         size[a] = np.sqrt(own) if column > PRESSURE or own > NOTHING * ramp else np.inf
     for a in range(q):
-        unit = 1.0 / size[a]
         for b in range(a + 1):
-            root[a, b] = matrix[p + a, p + b] * unit / size[b]
+            root[a, b] = matrix[p + a, p + b] / size[a] / size[b]
         root[a, a] += RIDGE
+    cholesky(root, 1e-3 * RIDGE, root)
+    _inverse_of_root(root, normal.inverse)
+
+
+@lean
+def eliminate(normal, theta, scale, m, score):  # type: ignore[no-untyped-def]
+    """Schur complement on the nuisance columns.
+
+    Args:
+        normal: with matrix and vector, after ``factorise``; crossed and rest are made.
+        theta, scale: referred derivatives that the block is linearised at, and what makes them present ones, (p,).
+        m (p, p), score (p,): become M and b - M theta, in referred derivatives.
+    """
+    p, q = theta.size, normal.size.size
+    matrix, crossed, rest = normal.matrix, normal.crossed, normal.rest
+    for a in range(q):
+        unit = 1.0 / normal.size[a]
         total = normal.vector[p + a]
         for b in range(p):
             total -= matrix[p + a, b] * theta[b] * scale[b]
             crossed[a, b] = matrix[p + a, b] * unit
         rest[a, 0] = total * unit
-    cholesky(root, 1e-3 * RIDGE, root)
-    _inverse_of_root(root, normal.inverse)
-    forward(root, crossed)
-    forward(root, rest)
+    forward(normal.root, crossed)
+    forward(normal.root, rest)
     for a in range(p):
         total = normal.vector[a]
         for b in range(p):

@@ -4,7 +4,6 @@ Sensors' noise is in both. Gusts, rolling air and moments that nobody measures d
 Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``noise``.
 """
 
-from wingwatch.estimators.fourier.driven_motion import driven_motion
 from wingwatch.estimators.fourier.noise import DRIVING, channel_variance, weighted_column
 from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
@@ -33,9 +32,9 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
                 n_noise[k * nd + c, m * nd + c] = variance * work.sums[k, m]
     if work.weights.shape[0] > ns and air.turn != 0.0:
         _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise)
-    weights, answers = work.weights, work.answers
+    weights = work.weights
     for f in range(omega.size):
-        driven_motion(omega, plant, work, f)
+        answers = work.answers[f]
         for e in range(ns):
             variance = power * noise[ns + 1 + e] * weights[e, e, 0, f]
             for j in range(ns):
@@ -53,7 +52,7 @@ def expected_products(omega, plant, noise, power, span, work, g, bias):  # type:
 
     Args:
         span: length of the block, s.
-        work: ``NoiseWorkspace``, after ``roll_shared_at_ends``.
+        work: ``NoiseWorkspace``, after ``driven_motions`` and ``roll_shared_at_ends``.
         g: becomes what of R' W r is due to sensors and air, (p,).
         bias: becomes what of it is due to what moment equations leave out, (p,).
     """
@@ -121,12 +120,12 @@ def _driven_states(omega, plant, noise, power, span, work, g, bias):  # type: ig
     the readings at the block's ends.
     """
     ns, nd = plant.derivatives.shape
-    weights, transfer, answers = work.weights, work.transfer, work.answers
+    weights, transfer = work.weights, work.transfer
     rows = weights.shape[0]
     rolling = power * noise[ROLLING]
     work.rolled[0] = 0.0
     for f in range(omega.size):
-        driven_motion(omega, plant, work, f)
+        answers = work.answers[f]
         work.rolled[0] += rolling * abs(answers[1, ns + 1]) ** 2 * weights[1, 1, 0, f]
         for e in range(DRIVING):
             variance = power * noise[GUST + e]

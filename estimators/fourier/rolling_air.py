@@ -2,11 +2,10 @@
 
 What is left of the regressors is the motion that surfaces and measured gusts cause, so neither the intensity of the
 rolling air nor what the derivatives make of it enters the score. Derivation and equation numbers:
-``docs/methods/fourier.md`` section 3, (14a).
+``docs/methods/fourier.md`` section 3, (14a) and (14b).
 """
 
 from wingwatch.estimators.fourier.checkpoints import copy_bank
-from wingwatch.estimators.fourier.driven_motion import driven_motion
 from wingwatch.estimators.fourier.noise import channel_variance, weighted_column
 from wingwatch.estimators.fourier.state import ROLLING
 from wingwatch.estimators.kernels.hot import lean
@@ -15,21 +14,23 @@ __all__ = ["rolling_gain", "rolling_noise", "without_rolling"]
 
 
 @lean
-def rolling_gain(omega, plant, noise, power, work):  # type: ignore[no-untyped-def]
-    """K, K B and the motion c of ``NoiseWorkspace``, with the weights as they are."""
-    ns, nd = plant.derivatives.shape
+def rolling_gain(noise, power, work):  # type: ignore[no-untyped-def]
+    """K and K B of ``NoiseWorkspace``, with the weights as they are."""
     variance = power * noise[ROLLING]
-    weighted_column(work, nd + 2)
-    for k in range(work.gain.shape[0]):
-        for f in range(omega.size):
+    weighted_column(work, work.transfer.shape[0] - 2)
+    for f in range(work.explained.size):
+        work.explained[f] = variance * work.spread[f]
+        for k in range(work.gain.shape[0]):
             work.gain[k, 0, f] = variance * work.weighted[k, 0, f]
             work.gain[k, 1, f] = -variance * work.weighted[k, 1, f]
-    for f in range(omega.size):
-        work.explained[f] = variance * work.spread[f]
-        driven_motion(omega, plant, work, f)
-        for j in range(ns):
-            work.moved[j, 0, f] = work.answers[j, ns + 1].real
-            work.moved[j, 1, f] = work.answers[j, ns + 1].imag
+
+
+@lean
+def _add_product(left, right, factor, out):  # type: ignore[no-untyped-def]
+    """out += factor left right, bin by bin, (2, bins)."""
+    for f in range(out.shape[1]):
+        out[0, f] += factor * (left[0, f] * right[0, f] - left[1, f] * right[1, f])
+        out[1, f] += factor * (left[0, f] * right[1, f] + left[1, f] * right[0, f])
 
 
 @lean
@@ -39,19 +40,22 @@ def without_rolling(residual, regressors, work, out):  # type: ignore[no-untyped
     Args:
         residual: (rows, 2, bins) at the linearisation.
         regressors: (channels, 2, bins), the states first.
+        work: ``NoiseWorkspace``, after ``rolling_gain`` and ``driven_motions``; its ``moved`` is filled.
         out: (channels, 2, bins), filled.
     """
+    air = work.weighted[0]
+    air[:, :] = 0.0
+    for k in range(residual.shape[0]):
+        _add_product(work.gain[k], residual[k], 1.0, air)
     copy_bank(regressors, out)
-    for f in range(regressors.shape[2]):
-        air = 0.0j
-        for k in range(residual.shape[0]):
-            air += complex(work.gain[k, 0, f], work.gain[k, 1, f]) * complex(
-                residual[k, 0, f], residual[k, 1, f]
+    ns = work.moved.shape[0]
+    for j in range(ns):
+        for f in range(air.shape[1]):
+            work.moved[j, 0, f], work.moved[j, 1, f] = (
+                work.answers[f, j, ns + 1].real,
+                work.answers[f, j, ns + 1].imag,
             )
-        for j in range(work.moved.shape[0]):
-            caused = complex(work.moved[j, 0, f], work.moved[j, 1, f]) * air
-            out[j, 0, f] -= caused.real
-            out[j, 1, f] -= caused.imag
+        _add_product(work.moved[j], air, -1.0, out[j])
 
 
 @lean
@@ -61,33 +65,39 @@ def rolling_noise(plant, noise, power, work, n_noise):  # type: ignore[no-untype
     The estimate K r has the sensors' noise in it, and leaves 1 - K B of the rolling air.
     """
     ns, nd = plant.derivatives.shape
-    for f in range(work.explained.size):
-        left = power * noise[ROLLING] * (1.0 - work.explained[f])
-        for i in range(nd):
-            of_i = complex(work.moved[i, 0, f], work.moved[i, 1, f]) if i < ns else 0.0j
-            shared_i = _shared(noise, power, work, i, f)
-            for j in range(nd):
-                if i >= ns and j >= ns:
-                    continue
-                of_j = complex(work.moved[j, 0, f], work.moved[j, 1, f]) if j < ns else 0.0j
-                shared_j = _shared(noise, power, work, j, f)
-                # E[v_i conj(v_j)] of the noise v in the regressors, beside the sensors' own
-                common = (
-                    of_i * of_j.conjugate() * left - shared_i.conjugate() * of_j.conjugate() - of_i * shared_j
-                )
-                for k in range(ns):
-                    for m in range(ns):
-                        w = complex(work.weights[k, m, 0, f], work.weights[k, m, 1, f])
-                        n_noise[k * nd + i, m * nd + j] += (w * common.conjugate()).real
+    gain, shared, common = work.gain, work.shared, work.weighted[0]
+    for j in range(nd):
+        source = j if j < ns else j + 1
+        variance = power * channel_variance(noise, source, ns)
+        shared[j, :, :] = 0.0
+        for k in range(gain.shape[0]):
+            _add_product(gain[k], work.transfer[source, k], variance, shared[j])
+    for i in range(ns):
+        for j in range(i, nd):
+            _in_common(work, power * noise[ROLLING], i, j, common)
+            for k in range(ns):
+                for m in range(ns):
+                    real, imaginary = work.weights[k, m, 0], work.weights[k, m, 1]
+                    total = 0.0
+                    for f in range(real.size):
+                        total += real[f] * common[0, f] + imaginary[f] * common[1, f]
+                    n_noise[k * nd + i, m * nd + j] += total
+                    if j > i:
+                        n_noise[m * nd + j, k * nd + i] += total
 
 
 @lean
-def _shared(noise, power, work, column, f):  # type: ignore[no-untyped-def]
-    """What the estimate of the rolling air and the noise of a regressor's sensor have in common: K L D."""
+def _in_common(work, rolling, i, j, common):  # type: ignore[no-untyped-def]
+    """E[v_i conj(v_j)] of the noise v in the regressors, beside the sensors' own, (2, bins); i is a state's."""
     ns = work.moved.shape[0]
-    source = column if column < ns else column + 1
-    total = 0.0j
-    for k in range(work.gain.shape[0]):
-        lead = complex(work.transfer[source, k, 0, f], work.transfer[source, k, 1, f])
-        total += complex(work.gain[k, 0, f], work.gain[k, 1, f]) * lead
-    return total * power * channel_variance(noise, source, ns)
+    a, b, x, y = work.moved[i, 0], work.moved[i, 1], work.shared[j, 0], work.shared[j, 1]
+    for f in range(common.shape[1]):
+        common[0, f] = -(a[f] * x[f] - b[f] * y[f])
+        common[1, f] = -(a[f] * y[f] + b[f] * x[f])
+    if j >= ns:
+        return
+    c, d, u, v = work.moved[j, 0], work.moved[j, 1], work.shared[i, 0], work.shared[i, 1]
+    for f in range(common.shape[1]):
+        left = rolling * (1.0 - work.explained[f])
+        common[0, f] += left * (a[f] * c[f] + b[f] * d[f]) - (u[f] * c[f] - v[f] * d[f])
+        common[1, f] += left * (b[f] * c[f] - a[f] * d[f]) + (u[f] * d[f] + v[f] * c[f])

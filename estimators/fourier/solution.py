@@ -12,19 +12,20 @@ from numpy.typing import NDArray
 from wingwatch.estimators.fourier.air import air_channels, present_regressors
 from wingwatch.estimators.fourier.bank import NUISANCE, bank_channels, block_transforms
 from wingwatch.estimators.fourier.between import between_samples
-from wingwatch.estimators.fourier.checkpoints import copy_bank, copy_matrix
+from wingwatch.estimators.fourier.checkpoints import copy_bank
 from wingwatch.estimators.fourier.directions import (
     DirectionsWorkspace,
     directions_workspace,
     noise_edge,
     reduce_information,
 )
-from wingwatch.estimators.fourier.driven_motion import roll_shared_at_ends
+from wingwatch.estimators.fourier.driven_motion import driven_motions, roll_shared_at_ends
 from wingwatch.estimators.fourier.equations import (
     EquationSides,
     normal_equations,
     residual_of,
     responses,
+    with_other_states,
 )
 from wingwatch.estimators.fourier.noise import (
     SMALLEST_VARIANCE,
@@ -41,9 +42,11 @@ from wingwatch.estimators.fourier.nuisance import (
     NormalWorkspace,
     degrees_of_freedom,
     eliminate,
+    factorise,
     normal_workspace,
     nuisance_of,
     nuisance_variances,
+    of_the_same_nuisance,
     reduce_weights,
 )
 from wingwatch.estimators.fourier.products import expected_products, noise_power
@@ -164,10 +167,11 @@ def solution_workspace(ns: int, nu: int, bins: int, rows: int) -> SolutionWorksp
     """Workspace for ns states, nu inputs and ns or ns + 1 rows."""
     k, channels = ns * (ns + nu), bank_channels(ns, nu) + NUISANCE - 1 + air_channels(ns, nu)
     shapes = [(channels, 2, bins)] * 3 + [(ns + nu, 2, bins)] * 2 + [(2, bins)] * 2 + [(rows, 2, bins)] * 3
+    normal = normal_workspace(k, rows)
     return SolutionWorkspace(
         Transforms(*(np.empty(shape) for shape in shapes)),
-        normal_workspace(k, rows),
-        normal_workspace(k, rows),
+        normal,
+        of_the_same_nuisance(normal),
         noise_workspace(ns, nu, rows, bins),
         directions_workspace(k),
         PosteriorWorkspace(np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty(k), zero_memory(k)),
@@ -281,12 +285,8 @@ def _plant(model, theta, work):  # type: ignore[no-untyped-def]
 
 
 @part
-def _leave_out_rolling(plant, power, fraction, noise, span, work):  # type: ignore[no-untyped-def]
-    """Score, power and noise of the regressors without the motion that rolling air has caused, (docs (14a), (14b)).
-
-    The nuisance columns' values are those of all regressors; about them the residual's products with the nuisance
-    columns are what is known beforehand of these, so nothing more is eliminated from the score.
-    """
+def _leave_out_rolling(plant, power, noise, work):  # type: ignore[no-untyped-def]
+    """Score, power and noise of the regressors without the motion that rolling air has caused, (docs (14a), (14b))."""
     transforms, normal, quiet, equation = work.transforms, work.normal, work.without_rolling, work.equation
     work.change[:] = 0.0
     nuisance_of(normal, work.change, work.scale)
@@ -296,11 +296,9 @@ def _leave_out_rolling(plant, power, fraction, noise, span, work):  # type: igno
         transforms.regressors, residual, transforms.whitened, plant, normal.values, work.noise.weights
     )
     without_rolling(residual, transforms.regressors, work.noise, transforms.without_rolling)
-    copy_matrix(normal.variances, quiet.variances)
     left = EquationSides(transforms.without_rolling, residual, transforms.product)
-    normal_equations(left, plant, fraction, work.noise.weights, quiet)
-    quiet.vector[work.change.size :] = 0.0
-    eliminate(quiet, work.change, work.scale, span, equation.power, equation.vector)
+    with_other_states(left, plant, work.noise.weights, normal, quiet)
+    eliminate(quiet, work.change, work.scale, equation.power, equation.vector)
     rolling_noise(plant, noise, power, work.noise, equation.noise)
 
 
@@ -318,21 +316,24 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     between_samples(
         model, rows, span / max(sums[SAMPLES] - 1.0, 1.0), theta, scale, work.forward_speed, transforms
     )
-    if model.roll:
+    rolls = model.roll and noise[ROLLING] > SMALLEST_VARIANCE
+    if rolls:
         weighing.doubt[:, :, :] = 0.0
         weigh(omega, plant, air, noise, power, weighing)
-        rolling_gain(omega, plant, noise, power, weighing)
+        rolling_gain(noise, power, weighing)
     doubt_of(at.covariance, scale, noise, weighing.doubt)
     weigh(omega, plant, air, noise, power, weighing)
+    driven_motions(omega, plant, weighing)
     responses(omega, rows, plant, transforms)
     present_regressors(model, block, plant, air, weighing.believed, transforms)
     nuisance_variances(plant, air, noise, power / span, normal.variances)
     sides = EquationSides(transforms.regressors, transforms.response, transforms.product)
     normal_equations(sides, plant, fraction, weighing.weights, normal)
-    eliminate(normal, theta, scale, span, m, score)
+    factorise(normal, theta.size, span)
+    eliminate(normal, theta, scale, m, score)
     noise_power(omega, plant, air, noise, power, weighing, n_noise)
-    if model.roll:
-        _leave_out_rolling(plant, power, fraction, noise, span, work)
+    if rolls:
+        _leave_out_rolling(plant, power, noise, work)
     bins = reduce_weights(transforms.regressors, nd + 1, normal, weighing)
     roll_shared_at_ends(plant, air, weighing)
     expected_products(omega, plant, noise, power, span, weighing, g, bias)

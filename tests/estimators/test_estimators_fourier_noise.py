@@ -8,7 +8,7 @@ import pytest
 from kernels import PITCH_MODEL
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.driven_motion import roll_shared_at_ends
+from wingwatch.estimators.fourier.driven_motion import driven_motions, roll_shared_at_ends
 from wingwatch.estimators.fourier.noise import (
     Air,
     NoiseWorkspace,
@@ -87,6 +87,7 @@ def transfer_of(c: Case, omega: float) -> tuple[Complex, Complex]:
 def weighed(c: Case) -> NoiseWorkspace:
     work = noise_workspace(c.states, 1, c.rows, OMEGA.size)
     weigh(OMEGA, c.plant, c.air, c.noise, POWER, work)
+    driven_motions(OMEGA, c.plant, work)
     return work
 
 
@@ -172,13 +173,13 @@ def test_what_is_left_of_the_regressors_goes_with_no_rolling_air() -> None:
     none of it left, and had much."""
     c, draws, rng = CASES["lateral"], 400, np.random.default_rng(8)
     work, (sensors, own) = weighed(c), variances(c)
-    rolling_gain(OMEGA, c.plant, c.noise, POWER, work)
+    rolling_gain(c.noise, POWER, work)
     residual, regressors = (np.zeros((draws, k, 2, OMEGA.size)) for k in (c.rows, c.states + 1))
     for f, omega in enumerate(OMEGA):
         left, by_air = transfer_of(c, omega)
         air = drawn(rng, draws, c.noise[GUST:])
         r = drawn(rng, draws, sensors) @ left.T + air @ by_air.T + drawn(rng, draws, own)
-        x = np.outer(air[:, 1], work.moved[:, 0, f] + 1j * work.moved[:, 1, f])
+        x = np.outer(air[:, 1], work.answers[f, :, c.states + 1])
         residual[:, :, 0, f], residual[:, :, 1, f] = r.real, r.imag
         regressors[:, : c.states, 0, f], regressors[:, : c.states, 1, f] = x.real, x.imag
     quiet = np.empty_like(regressors)
