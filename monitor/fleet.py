@@ -14,14 +14,13 @@ from functools import partial
 from typing import Any
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import EstimateRecord
-from wingwatch.estimators import Estimate
 from wingwatch.monitor.chain import Solution
 from wingwatch.monitor.checkpoint import SavedVehicle, settings_of
 from wingwatch.monitor.fleet_alerts import FleetAlerts
 from wingwatch.monitor.fleet_arrivals import FleetArrivals
 from wingwatch.monitor.fleet_checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
+from wingwatch.monitor.fleet_memory import keep, learned_blocks
 from wingwatch.monitor.fleet_overload import FleetOverload
 from wingwatch.monitor.fleet_settings import FleetSettings
 from wingwatch.monitor.intake import Intake
@@ -321,7 +320,7 @@ class FleetMonitor:
             fleet, vehicle, loading.aircraft, announced, given, loading.recalled(memory or VehicleMemory())
         )
         known.recalled = memory is not None
-        known.saved_blocks = _blocks(known.monitor)
+        known.saved_blocks = learned_blocks(known.monitor)
         known.given, known.settings = given, settings_of(known.monitor, given)
         self._alerts.follow_earlier((fleet, vehicle), known)
 
@@ -336,7 +335,7 @@ class FleetMonitor:
             news += self._alerts.keep(alert)
         self._solutions += len(report.solutions)
         if report.solutions:
-            self._keep_history(fleet, vehicle, known, monitor, report)
+            keep(self._context, (fleet, vehicle), known, report)
             latest = report.solutions[-1]
             news.append(("derivatives", partial(self._derivatives_of, monitor, latest)))
             self._context.event("derivatives", {"fleet": fleet, "vehicle": vehicle, "time_s": latest.time_s})
@@ -354,41 +353,6 @@ class FleetMonitor:
     def _derivatives_of(self, monitor: VehicleMonitor, solution: Solution) -> Mapping[str, Any]:
         with self._lock:
             return monitor.derivatives(solution)
-
-    def _keep_history(
-        self, fleet: str, vehicle: str, known: KnownVehicle, monitor: VehicleMonitor, report: Report
-    ) -> None:
-        store = self._context.store
-        if store is None:
-            return
-        rows: list[EstimateRecord] = []
-        for solution in report.solutions:
-            since = solution.time_s - known.history_s
-            if 0.0 <= since < self._settings.history_interval_s - 1e-6:
-                continue
-            known.history_s = solution.time_s
-            estimates: list[Estimate] = [e for m in solution.modes.values() for e in (m.fourier, m.ekf)]
-            rows += [
-                EstimateRecord.of(fleet, vehicle, e, monitor.aircraft.name, monitor.configuration)
-                for e in estimates
-            ]
-        if rows:
-            self._context.guarded(lambda: store.append_estimates(rows))
-        loading = known.loading
-        if not known.recalled or loading is None:
-            return  # nothing is written over what has not been read
-        name, configuration = monitor.aircraft.name, monitor.configuration
-        cells = loading.kept_cells(monitor.cells.take_changed())
-        if cells:
-            self._context.guarded(lambda: store.save_cells(fleet, vehicle, name, configuration, cells))
-        learned = _blocks(monitor)
-        if learned > known.saved_blocks:
-            known.saved_blocks = learned
-            self._context.guarded(
-                lambda: store.save_references(
-                    fleet, vehicle, name, configuration, loading.kept(monitor.references)
-                )
-            )
 
     def _late_start(self, key: VehicleKey, known: KnownVehicle) -> list[Outgoing]:
         """What is held of a vehicle handed over, if it can be by now."""
@@ -521,8 +485,3 @@ class FleetMonitor:
             states[known.standing(now_s, self._settings.stale_s)[0]] += 1
             known.add_counts(counts)
         return sum(len(known.held) for known in some)
-
-
-def _blocks(monitor: VehicleMonitor) -> int:
-    """Blocks that a vehicle's references rest on; one more means there is something new to keep."""
-    return sum(r.blocks for r in monitor.references.values())

@@ -28,20 +28,22 @@ from wingwatch.estimators.fourier.checkpoints import (
     place_checkpoint,
     since_checkpoint,
 )
+from wingwatch.estimators.fourier.closing import (
+    believe_inputs,
+    close,
+    mean_condition,
+    noise_of_block,
+    note_signal,
+)
 from wingwatch.estimators.fourier.dispersion import (
     DispersionWorkspace,
-    disperse,
     dispersion_workspace,
-    gather_scatter,
 )
-from wingwatch.estimators.fourier.memory import MemoryWorkspace, discount, memory_workspace, replace
+from wingwatch.estimators.fourier.memory import MemoryWorkspace, memory_workspace, replace
 from wingwatch.estimators.fourier.solution import (
-    AIR_MEMORY,
     ALONE,
     BEGIN,
-    INPUT_RESOLUTION,
     MOVE,
-    STAY,
     SolutionWorkspace,
     block_solution,
     remembered,
@@ -64,7 +66,6 @@ from wingwatch.estimators.fourier.state import (
     SOLUTIONS,
     START,
     TIME,
-    WEIGHT,
     Block,
     BlockSolution,
     Checkpoints,
@@ -78,14 +79,10 @@ from wingwatch.estimators.fourier.state import (
     State,
 )
 from wingwatch.estimators.kernels.hot import entry, lean, part
-from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings, reading_variance
+from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
 from wingwatch.telemetry import MAX_GAP_S
 
 __all__ = ["Workspace", "advance", "block_workspace", "fill"]
-
-ROLLED = 0.1
-"""Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: what its
-own fit has left of the residual shows too little rolling air."""
 
 GOES_ON, FULL, GAP = 0, 1, 2
 """What a sample does to the running block: it goes on, is full, or ends because time does not go on."""
@@ -148,125 +145,6 @@ def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Wor
         np.zeros(k, dtype=np.bool_),
         np.zeros(k, dtype=np.bool_),
     )
-
-
-@lean
-def _note_signal(informed_s, kept, power, time_s, gain):  # type: ignore[no-untyped-def]
-    """Note the time at which the regressors' power was mostly signal; ``kept`` is ``gain`` times the kept power."""
-    for a in range(informed_s.size):
-        if power[a, a] > 0.0 and kept[a, a] > 0.5 * gain * power[a, a]:
-            informed_s[a] = time_s
-
-
-@lean
-def _condition(sums, condition):  # type: ignore[no-untyped-def]
-    """Mean airspeed, altitude, density, angle of attack."""
-    condition[0], condition[1] = sums[AIRSPEED] / sums[SAMPLES], sums[ALTITUDE] / sums[SAMPLES]
-    condition[2], condition[3] = sums[DENSITY] / sums[SAMPLES], sums[ALPHA] / sums[SAMPLES]
-
-
-@lean
-def _outweighs(block, memory):  # type: ignore[no-untyped-def]
-    """Whether the information of a block exceeds what is remembered of any derivative."""
-    more = False
-    for a in range(block.shape[0]):
-        more = more or block[a, a] > memory[a, a]
-    return more
-
-
-@lean
-def _close(model, vehicle, work):  # type: ignore[no-untyped-def]
-    """End the block: solved on its own, from what is known, its information joins what is known.
-
-    A block that says more of a derivative than all before it is linearised where it leads itself, unless rolling air
-    drives it. Any other is linearised at what is known, and the variances of noise and air are fitted there. Where next
-    to nothing is known that is what is expected beforehand, to a natural size: a mean within a wide interval may lie
-    anywhere, at a damping that is none, too.
-    """
-    block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
-    solving, found, prior = work.solving, work.found, model.prior
-    k = known.theta.size
-    p_in_p = model.exponents.size + 1  # roll rate's column of the roll equation
-    if progress.counts[SOLUTIONS] == 0:
-        start_noise(model, block.roughness, known.noise)
-    nothing = solving.posterior.nothing
-    remembered(memory, prior, solving.posterior, known.theta, known.covariance)
-    unbiased = Memory(memory.sensitivity, memory.information, memory.vector, nothing.bias)
-    remembered(unbiased, prior, solving.posterior, known.theta, work.covariance)
-    for a in range(k):
-        work.size[a] = prior.std[a] / 3.0
-    remembered(memory, Prior(prior.value, work.size), solving.posterior, work.anchor, work.own_covariance)
-    copy_vector(work.anchor, work.own)
-    _noise_of_block(model, vehicle, work.noise)
-    around = Prior(work.anchor, work.size)
-    copy_matrix(known.covariance, work.own_covariance)
-    own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
-    at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
-    solve_block(model, block, own, nothing, around, MOVE, solving, found)
-    rolled = solving.noise.rolled[0] / solving.equation.power[p_in_p, p_in_p]
-    if rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity):
-        solve_block(model, block, own, nothing, around, MOVE, solving, found)
-        for a in range(k):
-            work.anchor[a] = work.own[a]
-        copy_matrix(work.own_covariance, known.covariance)
-    else:
-        _noise_of_block(model, vehicle, work.noise)
-        for _ in range(2):
-            solve_block(model, block, at, nothing, around, STAY, solving, found)
-    solve_block(model, block, at, nothing, around, ALONE, solving, found)
-    _remember(model, vehicle, work)
-    remembered(memory, prior, solving.posterior, known.theta, known.covariance)
-    progress.counts[SOLUTIONS] += 1
-    progress.counts[CLOSED] += 1
-
-
-@part
-def _remember(model, vehicle, work):  # type: ignore[no-untyped-def]
-    """Add what the closed block says to scatter, evidence, memory and noise variances."""
-    block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
-    rows, informed_s, found, scatter = block.rows, known.informed_s, work.found, progress.scatter
-    gained, evidence, dispersing = found.gained, found.evidence, work.dispersing
-    span = rows[LAST, TIME] - rows[START, TIME]
-    fraction = min(1.0, span / model.block_s)
-    power = work.solving.equation.power
-    _note_signal(informed_s, gained.information, power, rows[LAST, TIME], 2.0 * fraction)
-    decay = 1.0 - math.exp(-span / model.memory_s)
-    gather_scatter(
-        evidence.information, evidence.vector, known.theta, work.covariance, 1.0 - decay, scatter, dispersing
-    )
-    disperse(evidence.information, evidence.vector, evidence.bias, scatter, dispersing)
-    copy_matrix(evidence.information, vehicle.evidence.information)
-    copy_vector(evidence.vector, vehicle.evidence.vector)
-    copy_vector(evidence.bias, vehicle.evidence.bias)
-    _condition(block.sums, progress.condition)
-    progress.span[0], progress.span[1] = rows[START, TIME], rows[LAST, TIME]
-    last = informed_s[0]
-    for a in range(1, informed_s.size):
-        last = max(last, informed_s[a])
-    for j in range(4):
-        progress.span[2 + j] = progress.condition[j]
-    discount(0.0 if rows[LAST, TIME] - last > model.stale_s else decay, memory, vehicle.discounted)
-    replace(decay, gained.sensitivity, model.prior.std, memory, vehicle.discounted, work.replacing)
-    for a in range(informed_s.size):
-        memory.vector[a] += gained.vector[a]
-        memory.bias[a] += gained.bias[a]
-        for b in range(informed_s.size):
-            memory.sensitivity[a, b] += gained.sensitivity[a, b]
-            memory.information[a, b] += gained.information[a, b]
-    keep = math.exp(-model.block_s / model.memory_s)
-    _gather_noise(known.noise, known.noise_known, found.noise, fraction, keep, model.lever.size)
-
-
-@lean
-def _gather_noise(noise, noise_known, fresh, fraction, keep, ns):  # type: ignore[no-untyped-def]
-    """Add a block's noise variances to those of earlier blocks, and go on from there; of the air the block's own."""
-    first, weight = noise.size - AIR_VARIANCES, noise_known[WEIGHT]
-    for j in range(noise.size):
-        known = min(weight, AIR_MEMORY) if j >= first else weight
-        noise_known[j] = (known * noise_known[j] + fraction * fresh[j]) / (known + fraction)
-        if j <= 2 * ns or j >= first:
-            noise[j] = noise_known[j]
-    noise_known[WEIGHT] = keep * (weight + fraction)
 
 
 @lean
@@ -333,28 +211,6 @@ def _restart(model, block, row, gap, checkpoint_rows):  # type: ignore[no-untype
 
 
 @part
-def _believe_inputs(model, filters, noise):  # type: ignore[no-untyped-def]
-    """The inputs' part of the noise variances, as their readings have shown it."""
-    first = 2 * model.lever.size + 1
-    for j in range(model.servo_s.size):
-        noise[first + j] = max(
-            reading_variance(filters.readings[j], model.input_variance[j]), INPUT_RESOLUTION
-        )
-
-
-@part
-def _noise_of_block(model, vehicle, noise):  # type: ignore[no-untyped-def]
-    """Variances that a part of the running block is solved at: of sensors what all blocks so far have shown, of the
-    air, which changes, what the running block has."""
-    known = vehicle.posterior
-    first = noise.size - AIR_VARIANCES
-    for j in range(noise.size):
-        earlier = j < first and known.noise_known[WEIGHT] > 0.0
-        noise[j] = known.noise_known[j] if earlier else known.noise[j]
-    _believe_inputs(model, vehicle.filters, noise)
-
-
-@part
 def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Solve with the running block; ``work.found`` becomes what the block alone says."""
     block, known, memory = vehicle.block, vehicle.posterior, vehicle.memory
@@ -364,14 +220,14 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     if vehicle.progress.counts[SOLUTIONS] == 0:
         start_noise(model, block.roughness, known.noise)
         asked = BEGIN
-    _believe_inputs(model, vehicle.filters, known.noise)
+    believe_inputs(model, vehicle.filters, known.noise)
     at = Linearisation(known.theta, known.covariance, known.noise, known.noise_known)
     solve_block(model, block, at, memory, model.prior, asked, work.solving, found)
     span = rows[LAST, TIME] - rows[START, TIME]
     decay = 1.0 - math.exp(-span / model.memory_s)
     replace(decay, gained.sensitivity, model.prior.std, memory, vehicle.discounted, work.replacing)
     power, gain = work.solving.equation.power, 2.0 * min(1.0, span / model.block_s)
-    _note_signal(known.informed_s, gained.information, power, rows[LAST, TIME], gain)
+    note_signal(known.informed_s, gained.information, power, rows[LAST, TIME], gain)
     place_checkpoint(block, gained, vehicle.checkpoints)
 
 
@@ -387,7 +243,7 @@ def _before(model, vehicle, work, m):  # type: ignore[no-untyped-def]
             earlier.information[a, b] = memory.information[a, b] + gained.information[m, a, b]
     remembered(earlier, model.prior, work.solving.posterior, work.mean, work.covariance)
     _cut_out(model, vehicle, work, m)
-    _noise_of_block(model, vehicle, work.noise)
+    noise_of_block(model, vehicle, work.noise)
 
 
 @part
@@ -555,7 +411,7 @@ def advance(model, state, follows, signals, lanes, ends, solves, work):  # type:
             if what == GOES_ON:
                 continue
             if what == FULL or rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s:
-                _close(model, vehicle, work)
+                close(model, vehicle, work)
             _restart(model, block, signals[m, k], what == GAP, vehicle.checkpoints.rows)
         if not solves or not (rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s - 1e-9):
             continue
@@ -568,8 +424,8 @@ def advance(model, state, follows, signals, lanes, ends, solves, work):  # type:
                 break
             if cut >= 0:
                 if _cut_before(model, vehicle, work, cut):
-                    _close(model, vehicle, work)
+                    close(model, vehicle, work)
                 _cut_after(vehicle, work.window)
             _let_change(model, vehicle, work)
-        _condition(block.sums, progress.condition)
+        mean_condition(block.sums, progress.condition)
         progress.counts[SOLUTIONS] += 1

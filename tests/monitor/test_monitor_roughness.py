@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.monitor.supervision import ROUGHNESS, follow_roughness, is_gusty
+from wingwatch.monitor.roughness import ROUGHNESS, follow_roughness, is_gusty
 
 NOISE = 0.03
 
