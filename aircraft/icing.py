@@ -111,16 +111,16 @@ def icing_direction(
 
     Args:
         structure: the mode's structure.
-        concise_values: the clean derivatives, shape (k,), in the order of ``structure.derivatives``.
+        concise_values: the clean derivatives, shape (..., k), in the order of ``structure.derivatives``.
         aircraft: its [mass], [geometry] and [coefficients] serve where stated; nothing is required.
         condition: flight condition of the values.
         kind: where the ice is.
 
     Returns:
-        Shape (k,), units of the derivatives (severity has none).
+        Shape (..., k), units of the derivatives (severity has none).
     """
     theta = np.asarray(concise_values, dtype=np.float64)
-    clean = dict(zip(structure.derivatives, theta.tolist(), strict=True))
+    clean = dict(zip(structure.derivatives, np.moveaxis(theta, -1, 0), strict=True))
     kinematic = {
         "z_q": condition.forward_velocity_m_s,
         "y_r": -condition.forward_velocity_m_s,
@@ -131,7 +131,7 @@ def icing_direction(
     coupling = m_wdot / mass.inertia_y_kg_m2 if mass else 0.0
     if mass:
         kinematic["z_q"] *= mass.mass_kg / (mass.mass_kg - z_wdot)
-    moved: dict[str, float] = {}
+    moved: dict[str, NDArray[np.float64]] = {}
     for symbol, value in clean.items():
         row, index = symbol.split("_")
         factor = icing_factor(symbol, kind)
@@ -142,23 +142,23 @@ def icing_direction(
             moved[symbol] = factor * (value - coupling * clean[z]) + coupling * moved[z]
     if "n" in structure.equations:
         moved |= _roll_and_yaw(structure, clean, aircraft, condition, kind)
-    return np.array([moved[symbol] for symbol in structure.derivatives])
+    return np.stack([moved[symbol] for symbol in structure.derivatives], axis=-1)
 
 
 def _roll_and_yaw(
     structure: ModeStructure,
-    clean: Mapping[str, float],
+    clean: Mapping[str, NDArray[np.float64]],
     aircraft: Aircraft,
     condition: FlightCondition,
     kind: IcingKind,
-) -> dict[str, float]:
+) -> dict[str, NDArray[np.float64]]:
     """d/d(eta) of l_x and n_x: L_x/I_x = l_x - a n_x, N_x/I_z = n_x - b l_x, a = I_xz/I_x, b = I_xz/I_z."""
     mass = aircraft.mass
     a = mass.inertia_xz_kg_m2 / mass.inertia_x_kg_m2 if mass else 0.0
     b = mass.inertia_xz_kg_m2 / mass.inertia_z_kg_m2 if mass else 0.0
     has_roll = structure == LATERAL
     rolling = clean if has_roll else _rolling_from_coefficients(aircraft, condition)
-    out: dict[str, float] = {}
+    out: dict[str, NDArray[np.float64]] = {}
     for index in structure.regressors:
         n, k_l = clean[f"n_{index}"], icing_factor(f"l_{index}", kind)
         k_n = icing_factor(f"n_{index}", kind)

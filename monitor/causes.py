@@ -29,7 +29,7 @@ class Cause:
         size_std: standard deviation of the size expected before anything is seen (half-normal).
         weight: share of the prior probability among causes.
         levels: sizes from which an alert is a warning, and critical.
-        direction: change of the concise derivatives per unit of size.
+        direction: change of the concise derivatives (..., k) per unit of size, of the same shape.
         words: what the operator reads, with ``{size}``; advice: what to do.
     """
 
@@ -81,7 +81,7 @@ CAUSES: tuple[Cause, ...] = (
 """Every cause the first classifier knows. Sizes: severity eta (published values reach 0.3 to 0.4), fraction lost."""
 
 UNEXPLAINED = Cause(
-    "unknown", "unexplained", 0.3, 0.05, (0.2, 0.5), lambda s, c, a, f: np.zeros(c.size),
+    "unknown", "unexplained", 0.3, 0.05, (0.2, 0.5), lambda s, c, a, f: np.zeros_like(c),
     "Derivatives have changed by up to {size} in no known pattern", "Compare with the evidence and inspect.",
 )  # fmt: skip
 """Any change of any derivative, by up to about ``size_std`` of its size."""

@@ -12,7 +12,7 @@ without inverting J, which is singular where nothing was excited; b is the diffe
 expected to have caused in the window and in the reference.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,14 +88,14 @@ class Coordinates:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of one structure's derivatives since an onset.
+    """A change of one structure's derivatives since an onset, or since each of several: axes in front of those below.
 
     Attributes:
-        weight: K, shape (k, k): inverse covariance of the change, zero where nothing is known.
-        pull: K d, shape (k,).
+        weight: K, shape (..., k, k): inverse covariance of the change, zero where nothing is known.
+        pull: K d, shape (..., k).
         information, vector: J and h of the window, for the estimate after the onset.
         mean, covariance: the reference before it.
-        natural: natural size of each derivative, (k,).
+        natural: natural size of each derivative, (..., k).
     """
 
     weight: Array
@@ -106,18 +106,27 @@ class Change:
     covariance: Array
     natural: Array
 
-    def loosened(self, spread: Array) -> "Change":
-        """The same change seen through additional uncertainty of each derivative, standard deviations (k,)."""
-        inner = np.eye(spread.size) + self.weight * spread**2
-        solved = np.linalg.solve(inner, np.column_stack([self.weight, self.pull]))
-        weight = np.asarray(solved[:, :-1], dtype=np.float64)
-        return replace(
-            self, weight=0.5 * (weight + weight.T), pull=np.asarray(solved[:, -1], dtype=np.float64)
-        )
+    def at(self, onset: int) -> "Change":
+        """The change since one of several onsets."""
+        return Change(*(getattr(self, f.name)[onset] for f in fields(Change)))
 
-    def along(self, direction: Array) -> tuple[float, float]:
-        """(a'K d, a'K a) of a direction a."""
-        return float(direction @ self.pull), float(direction @ self.weight @ direction)
+    def loosened(self, spread: Array) -> "Change":
+        """The same change seen through additional uncertainty of each derivative, standard deviations (..., k)."""
+        inner = np.eye(spread.shape[-1]) + self.weight * spread[..., None, :] ** 2
+        weight, pull = _solved(inner, self.weight, self.pull)
+        return replace(self, weight=weight, pull=pull)
+
+    def along(self, direction: Array) -> tuple[Array, Array]:
+        """(a'K d, a'K a) of a direction a, (..., k)."""
+        across = (self.weight @ direction[..., None])[..., 0]
+        return (direction * self.pull).sum(axis=-1), (direction * across).sum(axis=-1)
+
+
+def _solved(inner: Array, weight: Array, pull: Array) -> tuple[Array, Array]:
+    """(I + J Q)^-1 times an information matrix and a vector; the first is symmetric but for rounding."""
+    solved = np.linalg.solve(inner, np.concatenate([weight, pull[..., None]], axis=-1))
+    reduced = solved[..., :-1]
+    return 0.5 * (reduced + np.swapaxes(reduced, -1, -2)), solved[..., -1]
 
 
 def natural_size(value: Array, covariance: Array) -> Array:
@@ -136,41 +145,42 @@ def blurred(information: Array, vector: Array, bias: Array, variance: Array) -> 
 def change_since(
     mean: Array, covariance: Array, information: Array, vector: Array, model_error: Array, natural: Array
 ) -> Change:
-    """The change that a window of blocks shows against a reference.
+    """The change that a window of blocks shows against a reference, or each of several windows against its own.
 
     Args:
-        mean, covariance: reference, (k,) and (k, k).
-        information, vector: sums over the window's blocks, (k, k) and (k,).
-        model_error: covariance of what gusts may make of an unchanged aircraft, (k, k).
-        natural: natural size of each derivative, (k,).
+        mean, covariance: reference, (..., k) and (..., k, k).
+        information, vector: sums over the window's blocks, (..., k, k) and (..., k).
+        model_error: covariance of what gusts may make of an unchanged aircraft, (..., k, k).
+        natural: natural size of each derivative, (..., k).
     """
-    spread = covariance + model_error
-    inner = np.eye(mean.size) + information @ spread
-    solved = np.linalg.solve(inner, np.column_stack([information, vector - information @ mean]))
-    weight = np.asarray(solved[:, :-1], dtype=np.float64)
-    pull = np.asarray(solved[:, -1], dtype=np.float64)
-    return Change(0.5 * (weight + weight.T), pull, information, vector, mean, covariance, natural)
+    inner = np.eye(mean.shape[-1]) + information @ (covariance + model_error)
+    known = (information @ mean[..., None])[..., 0]
+    weight, pull = _solved(inner, information, vector - known)
+    return Change(weight, pull, information, vector, mean, covariance, natural)
 
 
-def log_bayes_direction(pull: float, weight: float, size_std: float) -> tuple[float, float, float]:
+def log_bayes_direction(
+    pull: Array | float, weight: Array | float, size_std: float
+) -> tuple[Array, Array, Array]:
     """Log Bayes factor of "a change of some positive size along a direction" against "no change".
 
     The size is half-normal with standard deviation ``size_std``; the integral of the likelihood is exact.
 
     Returns:
-        log Bayes factor, size (posterior mode, not below zero) and its standard error.
+        log Bayes factor, size (posterior mode, not below zero) and its standard error, each of the shape of ``pull``.
     """
-    variance = 1.0 / (weight + size_std**-2)
+    variance = np.asarray(1.0 / (weight + size_std**-2))
     mode = variance * pull
-    error = float(np.sqrt(variance))
-    log_factor = np.log(error / size_std) + 0.5 * mode * pull + np.log(2.0) + float(log_ndtr(mode / error))
-    return float(log_factor), max(mode, 0.0), error
+    error = np.sqrt(variance)
+    log_factor = np.log(error / size_std) + 0.5 * mode * pull + np.log(2.0) + log_ndtr(mode / error)
+    return log_factor, np.maximum(mode, 0.0), error
 
 
-def log_bayes_any(change: Change, spread: Array) -> float:
-    """Log Bayes factor of "every derivative may have changed", each N(0, spread^2), against "no change"."""
-    weight = change.weight * np.outer(spread, spread)
+def log_bayes_any(change: Change, spread: Array) -> Array:
+    """Log Bayes factor of "every derivative may have changed", each N(0, spread^2), against "no change", (...)."""
+    weight = change.weight * (spread[..., :, None] * spread[..., None, :])
     pull = change.pull * spread
-    grown = np.eye(pull.size) + weight
+    grown = np.eye(pull.shape[-1]) + weight
     _, log_determinant = np.linalg.slogdet(grown)
-    return float(-0.5 * log_determinant + 0.5 * pull @ np.linalg.solve(grown, pull))
+    moved = np.linalg.solve(grown, pull[..., None])[..., 0]
+    return np.asarray(-0.5 * log_determinant + 0.5 * (pull * moved).sum(axis=-1))

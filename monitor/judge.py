@@ -17,6 +17,7 @@ from scipy.special import chdtrc, logsumexp
 from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
 from wingwatch.estimators import BlockEvidence, Outcome
+from wingwatch.monitor.blocks import BlockView, ModeBlock, sums_of, which_have_blocks
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.chain import condition_of
 from wingwatch.monitor.comparison import (
@@ -30,9 +31,11 @@ from wingwatch.monitor.comparison import (
 )
 from wingwatch.monitor.supervision import ModeSolution
 
-__all__ = ["BlockView", "Judge", "JudgeConfig", "JudgeState", "ModeBlock", "Verdict", "largest_change"]
+__all__ = ["Judge", "JudgeConfig", "JudgeState", "Verdict", "largest_change"]
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Places = NDArray[np.int64]
 
 
 APRIORI_DISCOUNT = 100.0
@@ -74,45 +77,6 @@ class JudgeConfig:
     def log_threshold(self) -> float:
         """Of the Shiryaev-Roberts statistic: blocks in the false alert interval."""
         return float(np.log(self.false_alert_interval_h * 3600.0 / self.block_s))
-
-
-@dataclass(frozen=True, slots=True)
-class ModeBlock:
-    """One structure's part of a block, in coordinates that do not depend on the flight condition.
-
-    Attributes:
-        information, vector: the Fourier estimator's evidence, (k, k) and (k,); bias: information times the bias that
-            gusts are expected to have caused, (k,).
-        expected, expected_covariance: the expectation.
-        ekf: the filter's estimate at the block's end; ekf_stands: whether it has standing.
-        ekf_information, ekf_vector: what the filter learned from this block alone.
-        rough: the air biases the evidence, alike before and after a change: it tells changes, not right from wrong.
-    """
-
-    information: Array
-    vector: Array
-    bias: Array
-    expected: Array
-    expected_covariance: Array
-    ekf: Array
-    ekf_information: Array
-    ekf_vector: Array
-    ekf_stands: bool
-    rough: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class BlockView:
-    """One block of all structures."""
-
-    end_s: float
-    condition: FlightCondition
-    modes: Mapping[str, ModeBlock]
-
-    @property
-    def informative(self) -> bool:
-        """Whether anything was excited."""
-        return any(np.trace(m.information) > 0.0 for m in self.modes.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,26 +257,38 @@ class Judge:
                 vector += block.modes[name].vector
         return information, vector
 
-    def _change(self, state: JudgeState, name: str, onset: int, healthy: int | None = None) -> Change | None:
-        """The change of a structure since an onset against everything before it (or before block ``healthy``)."""
-        modes = [b.modes[name] for b in state.blocks[onset:] if name in b.modes]
-        if not modes:
-            return None
-        latest = modes[-1]
+    def _changes_of_all(
+        self, state: JudgeState, onsets: Places, healthy: Places
+    ) -> tuple[dict[str, Change], Flags]:
+        """The changes of all structures that have a block since the first onset, and which have one since each of them,
+        (structures, m)."""
+        present = which_have_blocks(state.blocks, self.coordinates, onsets)
+        names = [name for name, seen in zip(self.coordinates, present, strict=True) if seen[0]]
+        return {name: self._changes(state, name, onsets, healthy) for name in names}, present[present[:, 0]]
+
+    def _changes(self, state: JudgeState, name: str, onsets: Places, healthy: Places) -> Change:
+        """The change of a structure since each of several onsets, against everything before a block of each.
+
+        Args:
+            onsets: index of the first changed block, (m,); those after the structure's last block say nothing.
+            healthy: index of the block before which all is healthy, (m,).
+        """
+        before, since, latest = sums_of(state.blocks, name)
         prior = latest.expected_covariance * (1.0 if state.identified else APRIORI_DISCOUNT)
-        information, vector = self._before(state, name, onset if healthy is None else healthy)
-        known = np.linalg.inv(prior)
-        covariance = np.linalg.inv(known + information)
-        covariance = 0.5 * (covariance + covariance.T)
-        mean = covariance @ (known @ latest.expected + vector)
-        window = np.sum([m.information for m in modes], axis=0)
-        pulled = np.sum([m.vector for m in modes], axis=0)
-        earlier = state.blocks[: onset if healthy is None else healthy]
-        gusts = np.sum([m.bias for m in modes], axis=0)
-        before = np.sum([b.modes[name].bias for b in earlier if name in b.modes] or [0.0 * gusts], axis=0)
-        bias = np.linalg.pinv(window, rcond=1e-9, hermitian=True) @ gusts - covariance @ before
-        natural = natural_size(latest.expected, latest.expected_covariance)
-        return change_since(mean, covariance, window, pulled, np.outer(bias, bias), natural)
+        reference = state.references[name]
+        information = reference.information + before.information[healthy]
+        vector = reference.vector + before.vector[healthy]
+        known = np.asarray(np.linalg.inv(prior), dtype=np.float64)
+        covariance = np.asarray(np.linalg.inv(known + information), dtype=np.float64)
+        covariance = np.asarray(0.5 * (covariance + np.swapaxes(covariance, -1, -2)), dtype=np.float64)
+        mean = _times(covariance, known @ latest.expected + vector)
+        window = since.information[onsets]
+        inverse = np.asarray(np.linalg.pinv(window, rcond=1e-9, hermitian=True), dtype=np.float64)
+        bias = _times(inverse, since.bias[onsets]) - _times(covariance, before.bias[healthy])
+        natural = np.tile(natural_size(latest.expected, latest.expected_covariance), (onsets.size, 1))
+        return change_since(
+            mean, covariance, window, since.vector[onsets], bias[:, :, None] * bias[:, None, :], natural
+        )
 
     def recent(
         self, state: JudgeState, cause: Cause, onset_s: float, blocks: int, condition: FlightCondition
@@ -324,12 +300,13 @@ class Judge:
         after = _informative_since(state, onset_s)
         if len(after) <= blocks:
             return None
-        found = {name: self._change(state, name, after[-blocks], after[0]) for name in self.coordinates}
-        known = {name: change for name, change in found.items() if change is not None}
+        onset, healthy = np.array([after[-blocks]]), np.array([after[0]])
+        changes, present = self._changes_of_all(state, onset, healthy)
         if cause is UNEXPLAINED:
-            size, error = largest_change(known)
-            return self._anything(known), size, error
-        return self._directed(known, cause, condition)
+            size, error = largest_change({name: change.at(0) for name, change in changes.items()})
+            return float(_anything(changes, present)[0]), size, error
+        factor, sizes, errors = self._directed(changes, cause, condition)
+        return float(factor[0]), float(sizes[0]), float(errors[0])
 
     def forget_change(self, state: JudgeState, onset_s: float, blocks: int) -> None:
         """A change is over: its blocks leave, so they neither accuse again nor teach the reference.
@@ -340,42 +317,38 @@ class Judge:
         state.blocks[:] = [b for k, b in enumerate(state.blocks) if b.end_s <= onset_s or k >= resumed]
 
     def _verdict(self, state: JudgeState) -> Verdict | None:
-        onsets = range(_first(state), len(state.blocks))
-        if not onsets:
+        onsets = np.arange(_first(state), len(state.blocks))
+        if not onsets.size:
             return None
         hypotheses = (*CAUSES, UNEXPLAINED)
-        factors = np.full((len(hypotheses), len(onsets)), -np.inf)
-        sizes = np.zeros((len(hypotheses), len(onsets), 2))
-        changes: list[dict[str, Change]] = []
         condition = state.blocks[-1].condition
-        for column, onset in enumerate(onsets):
-            found = {name: self._change(state, name, onset) for name in self.coordinates}
-            known = {name: change for name, change in found.items() if change is not None}
-            changes.append(known)
-            for row, cause in enumerate(CAUSES):
-                factor, size, error = self._directed(known, cause, condition)
-                factors[row, column] = factor
-                sizes[row, column] = size, error
-            factors[-1, column] = self._anything(known)
+        changes, present = self._changes_of_all(state, onsets, onsets)
+        directed = [self._directed(changes, cause, condition) for cause in CAUSES]
+        factors = np.array([*(factor for factor, _, _ in directed), _anything(changes, present)])
         weights = np.log([h.weight for h in hypotheses])
         by_cause = logsumexp(factors + weights[:, None], axis=1)
         total = float(logsumexp(by_cause))
         best = int(np.argmax(by_cause))
         column = int(np.argmax(factors[best]))
-        onset = onsets[column]
-        size, error = sizes[best, column]
+        onset = int(onsets[column])
         cause = hypotheses[best]
+        known = {
+            n: c.at(column) for (n, c), seen in zip(changes.items(), present, strict=True) if seen[column]
+        }
         if cause is UNEXPLAINED:
-            size, error = largest_change(changes[column])
+            size, error = largest_change(known)
+        else:
+            _, sizes, errors = directed[best]
+            size, error = float(sizes[column]), float(errors[column])
         earlier = state.blocks[onset - 1].end_s if onset else state.blocks[0].end_s - self.config.block_s
-        confirmed = self._confirmed(state, changes[column], cause, onset, float(size), condition)
+        confirmed = self._confirmed(state, known, cause, onset, size, condition)
         return Verdict(
             total, cause, float(np.exp(by_cause[best] - total)), float(np.exp(by_cause[-1] - total)), onset, earlier,
-            float(size), float(error), changes[column], confirmed,
+            size, error, known, confirmed,
         )  # fmt: skip
 
     def direction(self, name: str, cause: Cause, mean: Array, condition: FlightCondition) -> Array:
-        """A cause's direction in the judge's coordinates."""
+        """A cause's direction at a mean, both (..., k) in the judge's coordinates."""
         c = self.coordinates[name]
         scale, offset = c.to_concise(condition)
         aerodynamic = scale * mean + offset
@@ -385,8 +358,8 @@ class Judge:
 
     def _directed(
         self, changes: Mapping[str, Change], cause: Cause, condition: FlightCondition
-    ) -> tuple[float, float, float]:
-        """Bayes factor and size of a cause, over all structures together.
+    ) -> tuple[Array, Array, Array]:
+        """Bayes factor, size and its error of a cause since each onset, over all structures together, each (m,).
 
         No real ice or damage follows its pattern exactly: with even odds a cause either does, or moves every
         derivative of the structures it acts on off the pattern in proportion to its size. The integral over those
@@ -394,33 +367,25 @@ class Judge:
         taken from another aircraft is never known to be exact.
         """
         directions = {name: self.direction(name, cause, c.mean, condition) for name, c in changes.items()}
-        along = [c.along(directions[name]) for name, c in changes.items()]
-        exact, size, _ = log_bayes_direction(
-            sum(p for p, _ in along), sum(w for _, w in along), cause.size_std
-        )
-        log_factor = pull = weight = 0.0
+        exact, size, _ = log_bayes_direction(*_along(changes, directions), cause.size_std)
+        loose: dict[str, Change] = {}
+        deviating = np.zeros_like(exact)
         for name, change in changes.items():
-            stray = np.zeros(change.natural.size)
-            if directions[name].any():
-                stray = size * np.hypot(
-                    self.config.stray_pattern * directions[name],
-                    self.config.stray_natural / cause.size_std * change.natural,
-                )
-                log_factor += log_bayes_any(change, stray)
-            p, w = change.loosened(stray).along(directions[name])
-            pull, weight = pull + p, weight + w
-        strayed, loose_size, loose_error = log_bayes_direction(pull, weight, cause.size_std)
-        strayed += log_factor
-        size = loose_size if strayed > exact else size
-        return float(np.logaddexp(exact, strayed) - np.log(2.0)), size, loose_error
-
-    def _anything(self, changes: Mapping[str, Change]) -> float:
-        """Bayes factor of a change in no pattern: in one structure, in another, or in all."""
-        singles = [log_bayes_any(c, UNEXPLAINED.size_std * c.natural) for c in changes.values()]
-        if len(singles) == 1:
-            return singles[0]
-        options = [*singles, float(np.sum(singles))]
-        return float(logsumexp(options) - np.log(len(options)))
+            direction = directions[name]
+            stray = size[:, None] * np.hypot(
+                self.config.stray_pattern * direction,
+                self.config.stray_natural / cause.size_std * change.natural,
+            )
+            stray[~direction.any(axis=1)] = 0.0
+            deviating += log_bayes_any(change, stray)
+            loose[name] = change.loosened(stray)
+        strayed, loose_size, loose_error = log_bayes_direction(*_along(loose, directions), cause.size_std)
+        strayed = strayed + deviating
+        return (
+            np.logaddexp(exact, strayed) - np.log(2.0),
+            np.where(strayed > exact, loose_size, size),
+            loose_error,
+        )
 
     def _confirmed(
         self, state: JudgeState, changes: Mapping[str, Change], cause: Cause, onset: int, size: float,
@@ -445,6 +410,30 @@ class Judge:
                     pull += float(direction @ (mode.ekf_vector - mode.ekf_information @ start))
                     weight += float(direction @ mode.ekf_information @ direction)
         return weight <= 0.0 or pull / weight >= 0.5 * size
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    """Products of matrices (..., k, k) and vectors (..., k)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _along(changes: Mapping[str, Change], directions: Mapping[str, Array]) -> tuple[Array, Array]:
+    """a'y and a'K a over all structures together, each (m,)."""
+    parts = [change.along(directions[name]) for name, change in changes.items()]
+    return np.sum([pull for pull, _ in parts], axis=0), np.sum([weight for _, weight in parts], axis=0)
+
+
+def _anything(changes: Mapping[str, Change], present: Flags) -> Array:
+    """Bayes factor of a change in no pattern since each onset, (m,): in one structure, in another, or in all.
+
+    Args:
+        present: which structures have a block since each onset, (structures, m).
+    """
+    singles = np.array([log_bayes_any(c, UNEXPLAINED.size_std * c.natural) for c in changes.values()])
+    options = np.where(present, singles, -np.inf)
+    several = present.sum(axis=0) > 1
+    together = np.where(several, np.where(present, singles, 0.0).sum(axis=0), -np.inf)
+    return np.asarray(logsumexp([*options, together], axis=0) - np.log(present.sum(axis=0) + several))
 
 
 def _first(state: JudgeState) -> int:

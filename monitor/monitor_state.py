@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators import BlockEvidence, EkfSnapshot, FourierSnapshot
 from wingwatch.monitor.alerts import BookState
+from wingwatch.monitor.blocks import BlockView
 from wingwatch.monitor.cell_memory import CellBookState
 from wingwatch.monitor.chain import Chain, SavedChain, Solution
-from wingwatch.monitor.judge import BlockView, JudgeState, Verdict
+from wingwatch.monitor.judge import JudgeState, Verdict
 from wingwatch.monitor.state_codec import NOT_SAVED
 from wingwatch.monitor.supervision import ModeSolution
 from wingwatch.monitor.views import VehicleState

@@ -18,6 +18,7 @@ from wingwatch.aircraft import (
 from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import BlockEvidence, Estimate, Outcome
 from wingwatch.monitor.alerts import AlertBook, BookState
+from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.cell_memory import CellBook
 from wingwatch.monitor.chain import (
     NO_CONDITION,
@@ -28,7 +29,7 @@ from wingwatch.monitor.chain import (
     nominal_condition,
 )
 from wingwatch.monitor.comparison import Coordinates, natural_size
-from wingwatch.monitor.judge import BlockView, Judge, JudgeConfig, ModeBlock, Verdict
+from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory

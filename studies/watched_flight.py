@@ -21,8 +21,8 @@ from wingwatch.monitor import (
     VehicleMonitor,
     surface_kinds,
 )
+from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.comparison import change_since
-from wingwatch.monitor.judge import BlockView, ModeBlock
 from wingwatch.simulation import (
     EFFECTS,
     Effect,

@@ -7,9 +7,10 @@ import pytest
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.baselines import Expectation, apriori_envelope
+from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.causes import CAUSES
 from wingwatch.monitor.comparison import Coordinates
-from wingwatch.monitor.judge import BlockView, Judge, JudgeState, ModeBlock, Verdict
+from wingwatch.monitor.judge import Judge, JudgeState, Verdict
 
 AIRCRAFT = load_aircraft("aerosonde")
 CONDITION = FlightCondition(25.0, 1000.0, angle_of_attack_rad=0.05)
