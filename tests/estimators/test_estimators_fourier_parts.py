@@ -9,7 +9,7 @@ from kernels import as_complex, new_filters, reduced, rows_before, transforms_of
 from numpy.typing import NDArray
 
 from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
-from wingwatch.estimators.fourier import blocks, closing
+from wingwatch.estimators.fourier import closing
 from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 from wingwatch.estimators.fourier.directions import noise_edge
 
