@@ -132,7 +132,8 @@ class VehicleDocument(_Answer):
         default=None, description="gusts of the last half minute; null without a vane and before that"
     )
     rejected_by_channel: dict[str, int] = Field(
-        default_factory=dict, description="samples refused as non-finite or out of range, by channel at fault"
+        default_factory=dict,
+        description="readings refused as non-finite, out of range or of a stuck sensor, by channel",
     )
     mass_kg: float | None = Field(
         default=None, description="mass that is expected: the announced one, else the aircraft file's"

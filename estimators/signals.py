@@ -37,7 +37,17 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
 from wingwatch.estimators.kernels.levels import LEVELS
-from wingwatch.estimators.kernels.signals import SignalForm, fill_moments, fill_signals, pass_high
+from wingwatch.estimators.kernels.signals import (
+    LAST,
+    REST_S,
+    ROWS,
+    STUCK_S,
+    SignalArrays,
+    SignalForm,
+    fill_moments,
+    fill_signals,
+    pass_high,
+)
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, INPUT_CHANNELS
 
@@ -145,16 +155,27 @@ class SignalState:
         passed: last readings of the columns that go with a reconstructed velocity, and what of them has passed its
             filter, shape (2, columns).
         servos: last command of each input, and where its servo has the surface, shape (2, inputs).
+        readings: of vane, rates and accelerometer the last reading, how long it has rested while others moved, s, and
+            the number of rows in which it was stuck, shape (states + 1, 3).
     """
 
     memory: NDArray[np.float64]
     airspeed: NDArray[np.float64]
     passed: NDArray[np.float64]
     servos: NDArray[np.float64]
+    readings: NDArray[np.float64]
 
 
 class Signals:
-    """Turns blocks of samples into signals of one structure, for a batch of vehicles."""
+    """Turns blocks of samples into signals of one structure, for a batch of vehicles.
+
+    A sensor whose reading has not moved for ``STUCK_S`` while another of the structure has is stuck: its readings are
+    NaN until it moves again, and estimators pass over such rows. Noise moves every reading, so of healthy sensors
+    those of coarse resolution alone are left out, in quiet flight, where they say nothing.
+
+    Attributes:
+        sensors: channels of the vane, the rates and the accelerometer, in the order of their columns.
+    """
 
     def __init__(self, config: SignalConfig) -> None:
         self.config = config
@@ -162,9 +183,14 @@ class Signals:
         lateral = structure.name in (DUTCH_ROLL.name, LATERAL.name)
         if not lateral and structure.name != SHORT_PERIOD.name:
             raise ValueError(f"no signals are defined for structure {structure.name!r}")
+        self.sensors = (
+            "sideslip_rad" if lateral else "angle_of_attack_rad",
+            *(_RATE_CHANNEL[s] for s in structure.states[1:]),
+            "specific_force_y_m_s2" if lateral else "specific_force_z_m_s2",
+        )
         self._form = SignalForm(
             lateral=lateral,
-            rates=np.array([CHANNEL_INDEX[_RATE_CHANNEL[s]] for s in structure.states[1:]]),
+            readings=np.array([CHANNEL_INDEX[name] for name in self.sensors]),
             inputs=np.array([CHANNEL_INDEX[INPUT_CHANNELS[u]] for u in structure.inputs]),
             x_vane_m=config.vane_position_m[0],
             z_vane_m=config.vane_position_m[2],
@@ -180,7 +206,9 @@ class Signals:
         memory = np.tile(np.array([np.nan, 0.0, 0.0, 0.0, 0.0]), (vehicles, 1))
         passed = np.full((vehicles, 2, self.config.layout.columns), np.nan)
         servos = np.full((vehicles, 2, self.config.layout.inputs), np.nan)
-        return SignalState(memory, np.zeros((vehicles, 4, LEVELS)), passed, servos)
+        readings = np.zeros((vehicles, len(self.sensors), ROWS + 1))
+        readings[:, :, LAST] = np.nan
+        return SignalState(memory, np.zeros((vehicles, 4, LEVELS)), passed, servos, readings)
 
     def update(
         self, state: SignalState, values: NDArray[np.float64], lanes: Lanes | None = None
@@ -200,9 +228,20 @@ class Signals:
         layout = self.config.layout
         out = np.empty((*values.shape[:2], layout.columns))
         values, lanes = np.ascontiguousarray(values), lanes or all_lanes(*values.shape[:2])
-        fill_signals(values, lanes, self._form, state.memory, state.airspeed, state.servos, out)
+        arrays = SignalArrays(state.memory, state.airspeed, state.servos, state.readings)
+        fill_signals(values, lanes, self._form, arrays, out)
         fill_moments(values, self._coupling, out[..., layout.known_moments :])
         return out
+
+    def stuck(self, state: SignalState, vehicle: int = 0) -> tuple[str, ...]:
+        """Channels of sensors that are stuck now and are left out."""
+        resting = state.readings[vehicle, :, REST_S] > STUCK_S
+        return tuple(name for name, still in zip(self.sensors, resting, strict=True) if still)
+
+    def stuck_rows(self, state: SignalState, vehicle: int = 0) -> dict[str, int]:
+        """In how many rows each sensor has been stuck, by channel, those that never were left out."""
+        rows = zip(self.sensors, state.readings[vehicle, :, ROWS].tolist(), strict=True)
+        return {name: int(number) for name, number in rows if number}
 
     def high_passed(
         self, state: SignalState, signals: NDArray[np.float64], lanes: Lanes | None = None

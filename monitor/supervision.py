@@ -281,6 +281,18 @@ class Supervisor:
             for (name, p), state in zip(self.pairs.items(), self._states.values(), strict=True)
         }
 
+    def stuck(self, lane: Lane) -> tuple[str, ...]:
+        """Channels of one vehicle's sensors that are stuck now, so that no estimator reads them."""
+        found = [p.signals.stuck(self._states[name].signals, lane.place) for name, p in self.pairs.items()]
+        return tuple(dict.fromkeys(channel for channels in found for channel in channels))
+
+    def stuck_rows(self, lane: Lane) -> dict[str, int]:
+        """In how many rows one vehicle's sensors have been stuck, by channel."""
+        rows: dict[str, int] = {}
+        for name, p in self.pairs.items():
+            rows |= p.signals.stuck_rows(self._states[name].signals, lane.place)
+        return rows
+
     def saved(self, lane: Lane) -> dict[str, PairState]:
         """A copy of what is remembered of one vehicle, by structure, each a batch of one."""
         return {name: state.of(lane.place) for name, state in self._states.items()}

@@ -136,6 +136,14 @@ class VehicleMonitor:
         return {**self.cleaner.report.counts, **{name: times for name, times in unused.items() if times}}
 
     @property
+    def rejected_by_channel(self) -> dict[str, int]:
+        """Readings that were refused as not finite, out of range or of a stuck sensor, by channel."""
+        found = dict(self.cleaner.report.by_channel)
+        for name, rows in self.chain.supervisor.stuck_rows(self.chain_state.lane).items():
+            found[name] = found.get(name, 0) + rows
+        return found
+
+    @property
     def observable_s(self) -> float:
         """Seconds of flight in which something could be said."""
         return self._memory.observable_s
@@ -475,6 +483,8 @@ class VehicleMonitor:
             return f"the airspeed is below {LEAST_AIRSPEED_M_S:g} m/s: estimation waits"
         if self._memory.outside:
             return self._memory.outside
+        if stuck := self.chain.supervisor.stuck(self.chain_state.lane):
+            return f"{', '.join(stuck)} stays as it is while the aircraft moves: a stuck sensor is left out"
         if self._memory.latest is None:
             return "no solution yet"
         if self.state is VehicleState.NOT_OBSERVABLE:
@@ -498,7 +508,7 @@ class VehicleMonitor:
             last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
             worst=self.worst(), counts=self.counts,
             active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
-            air=self.air, rejected_by_channel=dict(self.cleaner.report.by_channel),
+            air=self.air, rejected_by_channel=self.rejected_by_channel,
         )  # fmt: skip
 
 

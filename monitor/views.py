@@ -85,7 +85,7 @@ class VehicleView:
         active_alerts: ids of the alerts that are not cleared, worst first.
         condition: latest airspeed_true_m_s, altitude_m, air_density_kg_m3 (empty before the first sample).
         air: gusts of the last half minute; None without a vane and before there is half a minute.
-        rejected_by_channel: samples refused as non-finite or out of range, by channel at fault.
+        rejected_by_channel: readings refused as non-finite, out of range or of a stuck sensor, by channel.
         mass_kg: of the aircraft as it is expected, where it or its file states one.
         cg_shift_m: its centre of gravity aft of the file's.
     """

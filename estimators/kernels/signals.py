@@ -10,7 +10,9 @@ from wingwatch.estimators.kernels.hot import whole
 from wingwatch.estimators.kernels.levels import advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
 
-__all__ = ["SignalForm", "fill_moments", "fill_signals", "pass_high"]
+__all__ = [
+    "LAST", "REST_S", "ROWS", "STUCK_S", "SignalArrays", "SignalForm", "fill_moments", "fill_signals", "pass_high"
+]  # fmt: skip
 
 _TIME = CHANNEL_INDEX["time_s"]
 _AIRSPEED = CHANNEL_INDEX["airspeed_true_m_s"]
@@ -28,13 +30,19 @@ _ALTITUDE = CHANNEL_INDEX["altitude_m"]
 _DENSITY = CHANNEL_INDEX["air_density_kg_m3"]
 _TEMPERATURE = CHANNEL_INDEX["outside_air_temperature_k"]
 
+STUCK_S = 2.0
+"""A sensor whose reading has not moved for so long, while another of the structure has, is stuck. Sensors that are read
+again more seldom are of no use to a mode's dynamics."""
+LAST, REST_S, ROWS = range(3)
+"""Of a reading's history: its last value, how long it has rested while others moved, in how many rows it was stuck."""
+
 
 class SignalForm(NamedTuple):
     """What does not change of one structure's signals."""
 
     lateral: bool
-    rates: NDArray[np.int64]
-    """(states - 1,): channels."""
+    readings: NDArray[np.int64]
+    """(states + 1,): channels of the vane, the rates and the accelerometer."""
     inputs: NDArray[np.int64]
     """(inputs,): channels."""
     x_vane_m: float
@@ -47,20 +55,30 @@ class SignalForm(NamedTuple):
     """(inputs,)."""
 
 
+class SignalArrays(NamedTuple):
+    """``SignalState`` as kernels take it."""
+
+    memory: NDArray[np.float64]
+    airspeed: NDArray[np.float64]
+    servos: NDArray[np.float64]
+    readings: NDArray[np.float64]
+
+
 @whole
-def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: ignore[no-untyped-def]
+def fill_signals(values, lanes, form, state, out):  # type: ignore[no-untyped-def]
     """One pass over vehicles and samples; see the layout of ``signals``.
 
     Args:
         values: (vehicles, samples, channels).
         lanes: ``Lanes`` of these vehicles.
         form: ``SignalForm``.
-        memory, smoothers, servos: of ``SignalState``, in place.
+        state: ``SignalArrays``, in place.
         out: (vehicles, samples, columns), filled.
     """
-    lateral, rates, inputs = form.lateral, form.rates, form.inputs
-    force = _AY if lateral else _AZ
-    ns, nu = 1 + rates.size, inputs.size
+    memory, smoothers, servos = state.memory, state.airspeed, state.servos
+    lateral, inputs = form.lateral, form.inputs
+    ns, nu = form.readings.size - 1, inputs.size
+    force = form.readings[ns]
     for m in range(lanes.place.size):
         i = lanes.place[m]
         last, along, velocity, rate, seen = memory[i]
@@ -94,9 +112,9 @@ def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: 
             if measured:
                 seen = 1.0
             o[1] = velocity_measured if measured or seen == 1.0 else velocity
-            for j in range(rates.size):
-                o[2 + j] = row[rates[j]]
-            o[1 + ns] = row[force]
+            for j in range(1, ns + 1):
+                o[1 + j] = row[form.readings[j]]
+            _leave_out_stuck(row, form.readings, dt, state.readings[i], o)
             for j in range(nu):
                 o[2 + ns + j] = row[inputs[j]]
                 if form.servo_s[j] > 0.0:
@@ -114,6 +132,34 @@ def fill_signals(values, lanes, form, memory, smoothers, servos, out):  # type: 
                 o[c + 5] = _level_alpha(row)
         memory[i, 0], memory[i, 1], memory[i, 2] = last, along, velocity
         memory[i, 3], memory[i, 4] = rate, seen
+
+
+@whole
+def _leave_out_stuck(row, channels, dt, readings, out):  # type: ignore[no-untyped-def]
+    """Make NaN of what a stuck sensor reads.
+
+    Args:
+        channels: of the structure's sensors, (sensors,).
+        readings: their histories, (sensors, 3), in place.
+        out: a row of signals, whose columns from 1 on hold what they read.
+    """
+    moving = 0
+    for j in range(channels.size):
+        if np.isfinite(row[channels[j]]) and row[channels[j]] != readings[j, LAST]:
+            moving += 1
+    for j in range(channels.size):
+        now, history = row[channels[j]], readings[j]
+        if not np.isfinite(now):
+            continue
+        moved = now != history[LAST]
+        history[LAST] = now
+        if moved or not (0.0 < dt <= MAX_GAP_S):
+            history[REST_S] = 0.0
+        elif moving:
+            history[REST_S] += dt
+        if history[REST_S] > STUCK_S:
+            history[ROWS] += 1.0
+            out[1 + j] = np.nan
 
 
 @whole

@@ -206,3 +206,69 @@ def test_another_shape_is_refused(shape: tuple[int, ...]) -> None:
     signals = Signals(SignalConfig(SHORT_PERIOD))
     with pytest.raises(ValueError, match="values have shape"):
         signals.update(signals.init(1), np.zeros(shape))
+
+
+def moving(n: int = 500) -> SampleBlock:
+    """Ten seconds in which every sensor of both axes moves in every sample."""
+    angles = np.outer(np.arange(n) / 50.0, [1.0, 1.3, 0.7, 1.9, 2.3, 0.9, 1.1])
+    names = (
+        "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "specific_force_y_m_s2", "specific_force_z_m_s2",
+        "angle_of_attack_rad", "sideslip_rad",
+    )  # fmt: skip
+    found = block(n)
+    for name, values in zip(names, 0.1 * np.sin(angles).T, strict=True):
+        found.values[:, CHANNEL_INDEX[name]] = values
+    return found
+
+
+@pytest.mark.parametrize("column", range(4), ids=("sideslip", "roll rate", "yaw rate", "accelerometer"))
+def test_a_stuck_sensor_is_left_out_until_it_moves(column: int) -> None:
+    """From two seconds after its last movement to its next one, however the samples were cut; the others stay."""
+    signals, flight = Signals(SignalConfig(LATERAL)), moving()
+    channel = CHANNEL_INDEX[signals.sensors[column]]
+    flight.values[100:400, channel] = flight.values[99, channel]
+    state = signals.init(1)
+    whole = signals.update(state, flight.values[None])[0]
+    assert np.flatnonzero(np.isnan(whole[:, 1 + column])).tolist() == list(range(200, 400))
+    others = [c for c in range(whole.shape[1]) if c != 1 + column]
+    assert np.isfinite(whole[:, others]).all()
+    assert signals.stuck(state) == ()
+    assert signals.stuck_rows(state) == {signals.sensors[column]: 200}
+    parts, pieces = (
+        signals.init(1),
+        (flight.values[None, :37], flight.values[None, 37:251], flight.values[None, 251:]),
+    )
+    for piece, stuck in zip(pieces, ((), (signals.sensors[column],), ()), strict=True):
+        out = signals.update(parts, piece)[0]
+        np.testing.assert_array_equal(out, whole[: len(out)])
+        whole = whole[len(out) :]
+        assert signals.stuck(parts) == stuck
+
+
+def test_what_rests_together_is_not_stuck() -> None:
+    """Without noise a flight that has not begun to move in an axis rests bit by bit."""
+    flight = moving()
+    for name in ("roll_rate_rad_s", "yaw_rate_rad_s", "specific_force_y_m_s2", "sideslip_rad"):
+        flight.values[:400, CHANNEL_INDEX[name]] = 0.0
+    assert np.isfinite(rows(LATERAL, flight)).all()
+    # The sideslip answers a sample after the others have begun.
+    flight.values[400, CHANNEL_INDEX["sideslip_rad"]] = 0.0
+    assert np.isfinite(rows(LATERAL, flight)).all()
+
+
+def test_a_slow_sensor_is_not_stuck() -> None:
+    """Read once a second, its reading stands for fifty samples."""
+    flight = moving()
+    channel = CHANNEL_INDEX["sideslip_rad"]
+    flight.values[:, channel] = flight.values[:, channel][np.arange(500) // 50 * 50]
+    assert np.isfinite(rows(LATERAL, flight)).all()
+
+
+def test_a_gap_begins_anew() -> None:
+    """What a sensor did in a gap nobody knows: two seconds count from its end."""
+    flight = moving()
+    channel = CHANNEL_INDEX["sideslip_rad"]
+    flight.values[100:, channel] = flight.values[99, channel]
+    flight.values[250:, 0] += 10.0
+    left_out = np.flatnonzero(np.isnan(rows(LATERAL, flight)[:, 1]))
+    assert left_out.tolist() == [*range(200, 250), *range(351, 500)]
