@@ -239,7 +239,7 @@ class Signals:
         return tuple(name for name, still in zip(self.sensors, resting, strict=True) if still)
 
     def stuck_rows(self, state: SignalState, vehicle: int = 0) -> dict[str, int]:
-        """In how many rows each sensor has been stuck, by channel, those that never were left out."""
+        """In how many rows each sensor has been stuck, by channel; those that never were are not in it."""
         rows = zip(self.sensors, state.readings[vehicle, :, ROWS].tolist(), strict=True)
         return {name: int(number) for name, number in rows if number}
 

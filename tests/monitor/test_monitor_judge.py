@@ -10,7 +10,7 @@ from wingwatch.baselines import Expectation, apriori_envelope
 from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.causes import CAUSES
 from wingwatch.monitor.comparison import Coordinates
-from wingwatch.monitor.judge import Judge, JudgeState, Verdict
+from wingwatch.monitor.judge import Judge, JudgeState, Verdict, _anything
 
 AIRCRAFT = load_aircraft("aerosonde")
 CONDITION = FlightCondition(25.0, 1000.0, angle_of_attack_rad=0.05)
@@ -200,3 +200,24 @@ def test_the_second_voice_must_move_the_same_way() -> None:
     again = bench.judge._verdict(bench.state)
     assert again is not None
     assert not again.confirmed
+
+
+def test_onsets_together_say_what_each_says_alone() -> None:
+    """A structure that has no block since an onset takes no part in what is said of it."""
+    bench = Bench(5)
+    for k in range(9):
+        changed = bench.change("rudder_effectiveness", 0.3) if k > 4 else bench.truth
+        bench.feed({n: t for n, t in changed.items() if n == "lateral" or k < 6})
+    judge, state = bench.judge, bench.state
+    onsets = np.arange(1, 9)
+    together, present = judge._changes_of_all(state, onsets, onsets)
+    assert present.tolist() == [[True] * 5 + [False] * 3, [True] * 8]
+    for cause in CAUSES:
+        found = judge._directed(together, cause, CONDITION)
+        for column, onset in enumerate(onsets):
+            alone, seen = judge._changes_of_all(state, np.array([onset]), np.array([onset]))
+            assert set(alone) == ({"short_period", "lateral"} if onset < 6 else {"lateral"})
+            for several, single in zip(found, judge._directed(alone, cause, CONDITION), strict=True):
+                assert several[column] == pytest.approx(single[0], rel=1e-9, abs=1e-9)
+            anything = _anything(together, present)[column]
+            assert anything == pytest.approx(_anything(alone, seen)[0], rel=1e-9, abs=1e-9)

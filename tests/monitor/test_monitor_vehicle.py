@@ -169,3 +169,17 @@ def test_bad_samples_are_counted_and_change_nothing() -> None:
     counts = other.view().counts
     assert counts["non_finite"] == 1
     assert counts["duplicate"] + counts.get("out_of_order", 0) == 2
+
+
+def test_a_stuck_vane_is_named_counted_and_believed_by_nobody() -> None:
+    """The short period goes on; of the lateral structure nothing is claimed, and no alert comes of it."""
+    block = _flight(seconds=60.0)
+    block.values[:, CHANNEL_INDEX["sideslip_rad"]] = 0.01
+    monitor, alerts = _alerts(block)
+    view, estimators = monitor.view(), monitor.derivatives()["estimators"]
+    assert alerts == []
+    assert view.reason == "sideslip_rad stays as it is while the aircraft moves: a stuck sensor is left out"
+    assert view.rejected_by_channel == {"sideslip_rad": pytest.approx(2900, abs=2)}
+    for estimates in estimators.values():
+        assert estimates["lateral"]["outcome"] != "converged"
+        assert estimates["short_period"]["outcome"] == "converged"
