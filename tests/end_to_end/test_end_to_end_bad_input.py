@@ -87,12 +87,15 @@ def test_stamps_that_no_clock_shows_and_impossible_numbers_hold_nobody_up(
 ) -> None:
     far = SampleBlock(block.values[:20].copy())
     far.values[:, 0] = 9e15 + 2.0 * np.arange(20)
-    with service_in(tmp_path) as (service, endpoint):
+    stale_s = 0.5
+    with service_in(tmp_path, stale_s=stale_s) as (service, endpoint):
         with open_session(ZenohSettings.for_vehicle((endpoint,))) as session:
             put(session, AIRCRAFT, encode_aircraft(AircraftMessage(aircraft="aerosonde")))
             put(session, SENSORS, encode_sensors(0, far))
             for sequence in (0, 2**64 - 1, 2**64 - 1):
                 put(session, SENSORS, encode_sensors(sequence, SampleBlock(block.values[:10])))
+            until(lambda: counts(service).get("messages_stray") == 2)
+            time.sleep(1.5 * stale_s)  # the name belongs to the first publisher until it has been silent
             publish(session, "uav1", block)
         until_last(service, "uav1", block)
         status = get(service, "/v1/status")
