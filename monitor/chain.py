@@ -394,6 +394,7 @@ def _pair(
         imu_position_m=imu,
         noise_std=(0.0, *(aircraft.noise_std(_RATE_COLUMN[s]) or 0.0 for s in structure.states[1:])),
         input_noise_std=noise,
+        accelerometer_noise_std=force,
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
     )
     return Pair(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)

@@ -68,6 +68,7 @@ class EkfConfig:
         noise_std: of the measured states as the aircraft file states it, 0 where it says nothing; believed as far as
             the record allows.
         input_noise_std: of the measured inputs, as the aircraft file states it.
+        accelerometer_noise_std: of the accelerometer, as the aircraft file states it, m/s2; 0 where it says nothing.
         span_m: of the wing, over which gusts are smoothed; 0 for a filter that knows only calm air.
     """
 
@@ -86,6 +87,7 @@ class EkfConfig:
     imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     noise_std: tuple[float, ...] = ()
     input_noise_std: tuple[float, ...] = ()
+    accelerometer_noise_std: float = 0.0
     span_m: float = 0.0
 
     def __post_init__(self) -> None:
@@ -386,7 +388,7 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
         stale_s=float(config.stale_s),
         reference_airspeed_m_s=float(config.reference[0]),
         reference_density_kg_m3=float(config.reference[1]),
-        stated_variance=np.square(np.array(config.noise_std or (0.0,) * ns, dtype=np.float64)),
+        stated_variance=np.square([*(config.noise_std or (0.0,) * ns), config.accelerometer_noise_std]),
         input_variance=np.square(np.array(config.input_noise_std or (0.0,) * nu, dtype=np.float64)),
         servo_s=np.where(config.held, 0.0, np.where(servo > 0.0, servo, np.inf)),
         lever_m=lever,

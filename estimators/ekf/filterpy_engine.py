@@ -112,7 +112,7 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     posterior = Posterior(state.z[i], state.cov[i])
     residual = float(reading[ns] - predicted[ns] - rows[ns] @ (posterior.z - after))
     explained = float(rows[ns] @ posterior.cov @ rows[ns])
-    fit = Force(residual, explained, force, added)
+    fit = Force(residual, explained, force, added, float(new[1] - posterior.z[0]))
     adapt_noise(model, noise, i, posterior, prediction, step, fit, rate)
 
 

@@ -26,16 +26,13 @@ __all__ = ["accelerometer", "measure", "transition", "transition_into"]
 
 
 @hot
-def _rates(model, z, step, first, work):  # type: ignore[no-untyped-def]
-    """A and the part of dx/dt that does not depend on x; aerodynamics from row ``first`` on."""
+def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
+    """A and the part of dx/dt that does not depend on x."""
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
     nd, scale, a, lasting = ns + nu, step.scale, work.system, work.mean_decay
     gust_rate = z[ns + 1] * lasting[1] if gusts > 0 else 0.0
     for k in range(ns):
-        work.rate[k] = work.early_rate[k] = 0.0
-        for j in range(ns):
-            a[k, j] = 0.0
-    for k in range(first, ns):
+        work.early_rate[k] = 0.0
         total = z[nx + ns * nd + k] * step.pressure_ratio
         for j in range(ns):
             a[k, j] = z[nx + k * nd + j] * scale[k * nd + j]
@@ -46,9 +43,7 @@ def _rates(model, z, step, first, work):  # type: ignore[no-untyped-def]
             work.early_rate[k] += control * step.early[j]
         if gusts > 0:
             total += model.gust_direction[k] * z[ns] * lasting[0]
-        work.rate[k] = total
-    for k in range(ns):
-        work.rate[k] += step.rest[k]
+        work.rate[k] = total + step.rest[k]
 
 
 @hot
@@ -89,13 +84,13 @@ def transition(model, z, step):  # type: ignore[no-untyped-def]
 def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
     """``transition`` into ``work``, without allocating."""
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
-    nd, dt, first = ns + nu, step.dt_s, 1 if step.inertial else 0
+    nd, dt = ns + nu, step.dt_s
     a, after, jacobian, series, lasting = (
         work.system, work.after, work.jacobian, work.series, work.mean_decay,
     )  # fmt: skip
     for g in range(gusts):
         lasting[g] = 0.5 * (1.0 + step.decay[g])
-    _rates(model, z, step, first, work)
+    _rates(model, z, step, work)
     for k in range(ns):
         for j in range(ns):
             work.aerodynamic[k, j] = a[k, j] * dt
@@ -113,9 +108,9 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
     for g in range(gusts):
         after[ns + g] *= step.decay[g]
     jacobian[:] = 0.0
-    _sensitivity_to_states(model, step, first, work)
+    _sensitivity_to_states(model, step, work)
     gust_rate = z[ns + 1] * lasting[1] if gusts > 0 else 0.0
-    for k in range(first, ns):
+    for k in range(ns):
         for j in range(nd):
             factor = (
                 step.inputs[j - ns]
@@ -131,7 +126,7 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
 
 
 @hot
-def _sensitivity_to_states(model, step, first, work):  # type: ignore[no-untyped-def]
+def _sensitivity_to_states(model, step, work):  # type: ignore[no-untyped-def]
     """The Jacobian's columns of states and gust states; ``work.squared`` becomes the series times A."""
     ns, gusts = model.sizes.states, model.sizes.gusts
     series, jacobian = work.series, work.jacobian
@@ -143,7 +138,7 @@ def _sensitivity_to_states(model, step, first, work):  # type: ignore[no-untyped
     if gusts > 0:
         for row in range(ns):
             strength = answer = 0.0
-            for k in range(first, ns):
+            for k in range(ns):
                 strength += series[row, k] * model.gust_direction[k]
                 answer += series[row, k] * work.aerodynamic[k, ns - 1]
             jacobian[row, ns] = strength * step.dt_s * work.mean_decay[0]

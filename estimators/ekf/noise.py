@@ -9,6 +9,7 @@ __all__ = [
     "LEAST",
     "adapt_accelerometer",
     "adapt_process",
+    "adapt_reading",
     "difference_variance",
     "learn_reading_noise",
     "process_noise",
@@ -51,15 +52,16 @@ def learn_reading_noise(variance, differences, stated, sample, z, after, rate, n
     White noise n leaves n - n' in a difference and n - 2 n' + n'' in a second one: variances 2 R and 6 R,
     covariances one and two samples apart -R and R. What moves an aircraft adds to the variance, but its increments
     do not go together over so few samples. Where the vane's velocity is known to have moved (``Sample.motion``), gust
-    and noise are left; of the others what the filter predicts is taken out. Within what the covariance allows by its
-    own standard error a stated variance is believed, else the variance alone, which is the sharper figure in calm air.
+    and noise are left, and the filter's own residuals adapt the variance (``adapt_reading``) within what the covariance
+    allows by its own standard error; of the others what the filter predicts is taken out. Within the same bounds a
+    stated variance is believed, else the variance alone, which is the sharper figure in calm air.
 
     The variance is taken from the mean root of the differences' magnitudes: the few large ones at a doublet's edges
     are no noise. A difference of exactly nothing is that of a reading that was repeated, and is passed over.
 
     Args:
         variance, differences: of one vehicle, advanced: (ns + 1,) of ``Noise`` and (ns, 5) of ``Memory``.
-        stated: variances as the aircraft file states them, (ns,), 0: not at all.
+        stated: variances as the aircraft file states them, (ns + 1,), 0: not at all.
         sample: the ``Sample``.
         z, after: state before the step and as predicted after it; the same where nothing is predicted.
         rate: weight of the sample in the means.
@@ -89,9 +91,20 @@ def learn_reading_noise(variance, differences, stated, sample, z, after, rate, n
         error = spread * white * rough * np.sqrt(0.5 * rate)
         highest = min(rough, max(differences[j, COVARIANCE], 0.0) + error)
         level = highest
-        if stated[j] > 0.0:
+        if j == 0 and sample.inertial:
+            level = min(max(variance[j], differences[j, COVARIANCE] - error), highest)
+        elif stated[j] > 0.0:
             level = min(max(stated[j], differences[j, COVARIANCE] - error), highest)
         variance[j] = max(level, LEAST if j == 0 else LEAST_RATE)
+
+
+@hot
+def adapt_reading(variance, residual, explained, rate):  # type: ignore[no-untyped-def]
+    """Variance of a reading from its residual after correction, whose variance due to the state is ``explained``.
+
+    E[r r'] + H P H' = R at the right variance, and each step brings the likelihood up (expectation maximisation).
+    """
+    return variance + rate * (residual * residual + explained - variance)
 
 
 @hot
@@ -149,7 +162,7 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
         if source == 0:
             power = noise.gust[i]
             if gusts > 0:
-                gust_rate = (1.0 - step.decay[1]) / (step.airspeed_m_s * step.dt_s)
+                gust_rate = 1.0 / model.gust_length_m[1]
                 gust_rate = gust_rate if model.longitudinal else -gust_rate
         elif source < ns:
             power = UNMODELLED * noise.reading[i, source]

@@ -24,6 +24,7 @@ from wingwatch.estimators.ekf.noise import (
     ROOT_MEAN,
     adapt_accelerometer,
     adapt_process,
+    adapt_reading,
     difference_variance,
     learn_reading_noise,
     process_noise_into,
@@ -92,8 +93,8 @@ CONDITION_S = 5.0
 SETTLE_S = 5.0
 """Time in which only noise is learned where gusts have to be told apart from the vane's own noise."""
 
-_GAINS = 0
-"""Row of a level's memory (``kernels.levels``) that holds the smoothers' gains."""
+_GAINS, _ERRORS = 0, 2
+"""Rows of a level's memory (``kernels.levels``): the smoothers' gains, and their mean squared errors."""
 
 
 class Prediction(NamedTuple):
@@ -104,7 +105,7 @@ class Prediction(NamedTuple):
 
 
 class Force(NamedTuple):
-    """The accelerometer after a correction."""
+    """Accelerometer and vane after a correction."""
 
     residual: float
     """Reading less what the corrected state predicts, m/s2."""
@@ -114,6 +115,8 @@ class Force(NamedTuple):
     """Specific force that was predicted, less the trim's part, m/s2."""
     input_variance: float
     """Variance that the inputs' reading errors add."""
+    velocity_residual: float
+    """Vane's velocity less the corrected state's, m/s."""
 
 
 class Notes(NamedTuple):
@@ -186,8 +189,6 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
     if model.roll:
         forward[1] = speed * np.sin(alpha)
     rest[0] = 0.5 * (old[kinematic] + new[kinematic])
-    if step.inertial:
-        rest[0] += 0.5 * (old[1 + ns] + new[1 + ns])
     known_moments = kinematic + CONDITION_COLUMNS
     for j in range(1, ns):
         rest[0] -= forward[j] * 0.5 * (old[1 + j] + new[1 + j])
@@ -221,8 +222,10 @@ def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignor
     if sample.inertial:
         level = memory.levels[i]
         index = advance_level(level, sample.new[1], sample.motion, sample.dt_s, model.adapt_s)
-        gain = level[_GAINS, index]
-        noise.gust[i] = gain * gain / (1.0 - gain) * noise.reading[i, 0]
+        gain, error = level[_GAINS, index], level[_ERRORS, index]
+        carried = noise.reading[i, ns] * sample.dt_s * sample.dt_s
+        noise.reading[i, 0] = max(min(noise.reading[i, 0], (1.0 - gain) * error), LEAST)
+        noise.gust[i] = max(gain * gain * error - carried, 1e-4 * LEAST)
 
 
 @njit(cache=True, error_model="numpy")
@@ -246,7 +249,10 @@ def _adapt_noise(model, noise, i, posterior, prediction, step, force, rate):  # 
     if model.use_accelerometer:
         squared = force.residual * force.residual + force.explained
         adapt_accelerometer(noise, i, squared, force, rate, ns)
-    if not step.inertial:
+    if step.inertial:
+        off = force.velocity_residual
+        noise.reading[i, 0] = adapt_reading(noise.reading[i, 0], off, cov[0, 0], rate)
+    else:
         noise.gust[i], sums[0] = adapt_process(
             noise.gust[i], sums[0], z[0] - prediction.z[0], prediction.variance[0], cov[0, 0], 1.0, rate
         )
@@ -273,11 +279,16 @@ def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
 
 
 @hot
-def _first_noise(noise, memory, i, sample, samples, ns):  # type: ignore[no-untyped-def]
-    """Noise that the filter starts from: all of the accelerometer's roughness is its noise, the gusts are as strong as
-    the first rate's second differences say."""
-    reading = noise.reading[i]
-    reading[ns] = max(memory.roughness[i] / (6.0 * max(samples - 2.0, 1.0)), LEAST)
+def _first_noise(model, noise, memory, i, sample, samples):  # type: ignore[no-untyped-def]
+    """Noise that the filter starts from: the gusts are as strong as the first rate's second differences say.
+
+    The variance of the accelerometer's equation is at most all of its roughness, at least its sensor's own: it starts
+    in the middle of their logarithms.
+    """
+    reading, ns = noise.reading[i], model.sizes.states
+    most = max(memory.roughness[i] / (6.0 * max(samples - 2.0, 1.0)), LEAST)
+    stated = model.stated_variance[ns]
+    reading[ns] = np.sqrt(most * stated) if 0.0 < stated < most else most
     if not sample.inertial:
         noise.gust[i] = 1e-4 * reading[0]
     rough = difference_variance(memory.differences[i, 1, ROOT_MEAN]) - 6.0 * reading[1]
@@ -345,7 +356,8 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
     posterior = Posterior(z, cov)
     residual, explained = correct(model, posterior, readings, space.gains)
     correct_input_errors(model, state.input_errors, i, readings, space.gains, space.sources[0])
-    force, prediction = Force(residual, explained, predicted, added), Prediction(after, space.variance)
+    off = sample.new[1] - z[0]
+    force, prediction = Force(residual, explained, predicted, added, off), Prediction(after, space.variance)
     _adapt_noise(model, noise, i, posterior, prediction, step, force, rate)
 
 
@@ -355,10 +367,11 @@ def _warm_up(model, state, i, sample, settled):  # type: ignore[no-untyped-def]
     z, ns, samples = state.z[i], model.sizes.states, state.samples[i]
     if np.isfinite(sample.older[TIME]) and not settled:
         rate = max(sample.dt_s / model.adapt_s, 1.0 / (samples - 1.0))
+        state.noise.reading[i, 0] = np.inf  # no residual has shown it yet: as much as the differences allow
         learn_noise(model, state.noise, state.memory, i, sample, z, z, rate)
         second = sample.new[1 + ns] - 2.0 * sample.old[1 + ns] + sample.older[1 + ns]
         state.memory.roughness[i] += second * second
-        _first_noise(state.noise, state.memory, i, sample, samples, ns)
+        _first_noise(model, state.noise, state.memory, i, sample, samples)
     _restart(model, Posterior(z, state.cov[i]), state.noise.reading[i], sample.new)
 
 

@@ -57,7 +57,7 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     """
     ns, nu, first = model.sizes.states, model.sizes.inputs, model.sizes.dynamic
     z, cov, moments = state.z[i], state.cov[i], state.input_moments[i]
-    information, vector, solved = state.information[i], state.vector[i], state.solutions[i] > 0
+    information, vector = state.information[i], state.vector[i]
     variance = state.noise.inputs[i]
     largest = state.noise.largest_inputs[i]
     resting = _resting(moments, state.moved_s[i], largest, state.rows[i, NEWEST, TIME])
@@ -65,7 +65,7 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     before, mean = np.empty((k, k)), np.zeros(k)
     more = True
     while more:
-        if solved and resting.any():
+        if resting.any():
             invert(information.copy(), before)
             mean[:] = 0.0
             for a in range(k):
@@ -86,8 +86,6 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
                 resting[j] = more = True
                 break
     moments[:] = 0.0
-    if not solved:
-        resting[:] = False
     return resting
 
 

@@ -116,7 +116,8 @@ class Model(NamedTuple):
     reference_airspeed_m_s: float
     reference_density_kg_m3: float
     stated_variance: Array
-    """(ns,): of the measured states as the aircraft file states it, 0 where it says nothing."""
+    """(ns + 1,): of the measured states and of the accelerometer as the aircraft file states it, 0 where it says
+    nothing."""
     input_variance: Array
     """(nu,): of the inputs' readings as it is stated, rad2; 0 of exact ones."""
     servo_s: Array
@@ -312,7 +313,7 @@ class Sample(NamedTuple):
     older: Array
     dt_s: float
     inertial: bool
-    """Whether the first state is propagated inertially, by the measured specific force."""
+    """Whether vane and accelerometer are there at both ends."""
     motion: float
     """How far it went so since the row before, m/s; 0 where it does not."""
 
@@ -325,8 +326,7 @@ class Step(NamedTuple):
     """Dynamic pressure over that of the reference; the trim constants go with it."""
     airspeed_m_s: float
     inertial: bool
-    """The first state goes by kinematics alone, so that gusts and vane errors do not pass for aerodynamics; its
-    derivatives are then seen by the accelerometer only."""
+    """Whether vane and accelerometer are there at both ends: gusts are known from their difference."""
     inputs: Array
     """(nu,): mean over the step."""
     early: Array
@@ -340,8 +340,8 @@ class Step(NamedTuple):
     forward: Array
     """(ns,): kinematic part of the first equation per state, m/s."""
     rest: Array
-    """(ns,): acceleration of each state that is due neither to states nor air: of the first gravity, products of states
-    and, where ``inertial``, the specific force, m/s2; of the rates inertia coupling, rad/s2."""
+    """(ns,): acceleration of each state that is due neither to states nor air: of the first gravity and products
+    of states, m/s2; of the rates inertia coupling, rad/s2."""
     decay: Array
     """(ng,): of the gust states over the step."""
 

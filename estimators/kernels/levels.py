@@ -10,13 +10,16 @@ import numpy as np
 
 from wingwatch.estimators.kernels.hot import whole
 
-__all__ = ["LEVELS", "SMOOTHING_S", "advance_level", "set_gains", "start_level"]
+__all__ = ["LEVELS", "SLOWEST_S", "advance_level", "set_gains", "start_level"]
 
-SMOOTHING_S = 0.01 * 1.5 ** np.arange(16)
-"""Time constants of the smoothers, s: from less than a sample to four seconds."""
-
-LEVELS = SMOOTHING_S.size
+LEVELS = 16
 """Smoothers a level; a level's memory is (4, LEVELS): gains, levels, mean squared errors, and the gains' time step."""
+
+SLOWEST_S = 4.0
+"""Time constant of the slowest smoother."""
+
+HIGHEST_GAIN = 0.99
+"""Gain of the fastest one: a level that wanders by ten times its noise a step is followed by the readings alone."""
 
 _ALLOWED = 4.0
 """Twice the log-likelihood that a slower smoother may be worse by: it is preferred within chance."""
@@ -26,8 +29,10 @@ _ALLOWED = 4.0
 def set_gains(memory, dt):  # type: ignore[no-untyped-def]
     """Gains for a time step; nothing to do where it is the step they are for."""
     if abs(dt - memory[3, 0]) > 1e-6 * dt:
+        fastest = -dt / np.log(1.0 - HIGHEST_GAIN)
         for g in range(memory.shape[1]):
-            memory[0, g] = 1.0 - np.exp(-dt / SMOOTHING_S[g])
+            smoothing_s = fastest * (SLOWEST_S / fastest) ** (g / (memory.shape[1] - 1.0))
+            memory[0, g] = 1.0 - np.exp(-dt / smoothing_s)
         memory[3, 0] = dt
 
 

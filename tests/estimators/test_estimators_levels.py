@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wingwatch.estimators.kernels.levels import LEVELS, SMOOTHING_S, advance_level, start_level
+from wingwatch.estimators.kernels.levels import LEVELS, SLOWEST_S, advance_level, start_level
 
 DT = 0.02
 
@@ -51,6 +51,6 @@ def test_known_motion_is_no_unrest() -> None:
     index, memory = follow(level + 0.1 * rng.standard_normal(1500), motion)
     assert index == LEVELS - 1
     # the slowest smoother averages over 2 * 4 s / 0.02 s samples: 0.1 / sqrt(400), five times over
-    assert abs(memory[1, index] - level[-1]) < 5.0 * 0.1 * np.sqrt(DT / (2.0 * SMOOTHING_S[-1]))
+    assert abs(memory[1, index] - level[-1]) < 5.0 * 0.1 * np.sqrt(DT / (2.0 * SLOWEST_S))
     still, _ = follow(level + 0.1 * rng.standard_normal(1500), np.zeros(1500))
     assert still < LEVELS // 2
