@@ -208,7 +208,7 @@ def _bare_loop(m: Mode, rows: Array) -> float:
     state, model, ns = calm.init(1), calm.model, calm.layout.states
     kalman = _Filter(dim_x=model.sizes.augmented, dim_z=ns + 1)
     kalman.x, kalman.P = state.z[0].copy(), state.cov[0].copy()
-    kalman.Q, kalman.R = 1e-8 * np.eye(len(kalman.x)), 1e-4 * np.eye(ns + 1)
+    kalman.Q, kalman.R = 1e-4 * np.eye(len(kalman.x)), 1e-2 * np.eye(ns + 1)
     start = time.process_time()
     for k in range(2, len(rows)):
         dt = rows[k, 0] - rows[k - 1, 0]
