@@ -6,6 +6,13 @@ from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf import recursion
+from wingwatch.estimators.ekf.adaptation import (
+    Prediction,
+    Residuals,
+    adapt_noise,
+    inertial_motion,
+    learn_noise,
+)
 from wingwatch.estimators.ekf.covariance import correct
 from wingwatch.estimators.ekf.inputs import (
     correct_input_errors,
@@ -18,11 +25,6 @@ from wingwatch.estimators.ekf.noise import process_noise, trim_drift
 from wingwatch.estimators.ekf.recursion import (
     SETTLE_S,
     WARM_UP,
-    Force,
-    Prediction,
-    adapt_noise,
-    inertial_motion,
-    learn_noise,
     step_of,
     track_condition,
 )
@@ -112,8 +114,8 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     posterior = Posterior(state.z[i], state.cov[i])
     residual = float(reading[ns] - predicted[ns] - rows[ns] @ (posterior.z - after))
     explained = float(rows[ns] @ posterior.cov @ rows[ns])
-    fit = Force(residual, explained, force, added, float(new[1] - posterior.z[0]))
-    adapt_noise(model, noise, i, posterior, prediction, step, fit, rate)
+    residuals = Residuals(residual, explained, force, added, float(new[1] - posterior.z[0]))
+    adapt_noise(model, noise, i, posterior, prediction, step, residuals, rate)
 
 
 def _follow_input_errors(

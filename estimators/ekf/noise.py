@@ -108,15 +108,15 @@ def adapt_reading(variance, residual, explained, rate):  # type: ignore[no-untyp
 
 
 @hot
-def adapt_accelerometer(noise, i, squared, force, rate, ns):  # type: ignore[no-untyped-def]
+def adapt_accelerometer(noise, i, squared, residuals, rate, ns):  # type: ignore[no-untyped-def]
     """Variance of the accelerometer's equation: R + gain force^2, both by steps of Fisher's scoring.
 
-    ``force`` holds what the filter predicts and what the inputs' reading errors add, which is known. ``squared`` is the
-    square of the residual after correction plus its variance due to the state: E[r r'] = R - H P H'.
+    ``residuals`` hold what the filter predicts and what the inputs' reading errors add, which is known; ``squared`` is
+    the square of the residual after correction plus its variance due to the state: E[r r'] = R - H P H'.
     """
     reading, fisher = noise.reading[i], noise.fisher[i]
-    power = force.predicted * force.predicted
-    total = reading[ns] + noise.gain[i] * power + force.input_variance
+    power = residuals.predicted * residuals.predicted
+    total = reading[ns] + noise.gain[i] * power + residuals.input_variance
     excess = (squared - total) / (total * total)
     fisher[0] += rate * (1.0 / (total * total) - fisher[0])
     fisher[1] += rate * (power * power / (total * total) - fisher[1])

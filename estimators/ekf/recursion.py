@@ -10,6 +10,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from wingwatch.estimators.ekf.adaptation import (
+    Prediction,
+    Residuals,
+    adapt_noise_inline,
+    first_noise,
+    inertial_motion,
+    learn_noise,
+)
 from wingwatch.estimators.ekf.covariance import correct, predict
 from wingwatch.estimators.ekf.inputs import (
     correct_input_errors,
@@ -19,17 +27,7 @@ from wingwatch.estimators.ekf.inputs import (
     track_inputs,
 )
 from wingwatch.estimators.ekf.model import accelerometer, transition_into
-from wingwatch.estimators.ekf.noise import (
-    LEAST,
-    ROOT_MEAN,
-    adapt_accelerometer,
-    adapt_process,
-    adapt_reading,
-    difference_variance,
-    learn_reading_noise,
-    process_noise_into,
-    trim_drift_into,
-)
+from wingwatch.estimators.ekf.noise import process_noise_into, trim_drift_into
 from wingwatch.estimators.ekf.state import (
     AIRSPEED,
     ALPHA,
@@ -56,13 +54,8 @@ from wingwatch.estimators.ekf.state import (
 )
 from wingwatch.estimators.kernels.hot import hot, lean, part, sizes, whole_entry
 from wingwatch.estimators.kernels.intersample import course
-from wingwatch.estimators.kernels.levels import advance_level, start_level
-from wingwatch.estimators.kernels.reading_noise import (
-    follow_reading,
-    forget_readings,
-    largest_variance,
-    reading_variance,
-)
+from wingwatch.estimators.kernels.levels import start_level
+from wingwatch.estimators.kernels.reading_noise import forget_readings
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.signals import CONDITION_COLUMNS
 from wingwatch.telemetry import MAX_GAP_S
@@ -70,12 +63,7 @@ from wingwatch.telemetry import MAX_GAP_S
 __all__ = [
     "SETTLE_S",
     "WARM_UP",
-    "Force",
     "Notes",
-    "Prediction",
-    "adapt_noise",
-    "inertial_motion",
-    "learn_noise",
     "run_again",
     "step_of",
     "track_condition",
@@ -92,31 +80,6 @@ CONDITION_S = 5.0
 
 SETTLE_S = 5.0
 """Time in which only noise is learned where gusts have to be told apart from the vane's own noise."""
-
-_GAINS, _ERRORS = 0, 2
-"""Rows of a level's memory (``kernels.levels``): the smoothers' gains, and their mean squared errors."""
-
-
-class Prediction(NamedTuple):
-    """Before a correction: mean of the augmented state (nz,), variances of states and gust states (nx,)."""
-
-    z: Array
-    variance: Array
-
-
-class Force(NamedTuple):
-    """Accelerometer and vane after a correction."""
-
-    residual: float
-    """Reading less what the corrected state predicts, m/s2."""
-    explained: float
-    """Variance of the residual that is due to the state."""
-    predicted: float
-    """Specific force that was predicted, less the trim's part, m/s2."""
-    input_variance: float
-    """Variance that the inputs' reading errors add."""
-    velocity_residual: float
-    """Vane's velocity less the corrected state's, m/s."""
 
 
 class Notes(NamedTuple):
@@ -198,74 +161,6 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
 
 
 @hot
-def inertial_motion(new, old, dt, ns, kinematic):  # type: ignore[no-untyped-def]
-    """How far the first state goes between two signal rows by specific force and kinematics, m/s."""
-    force = 1 + ns
-    return 0.5 * dt * (new[force] + new[kinematic] + old[force] + old[kinematic])
-
-
-@hot
-def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignore[no-untyped-def]
-    """Noise that needs no filter: the sensors', the inputs', and the gusts that the vane sees against inertial motion.
-
-    ``after`` is what the filter predicts after ``z``, ``rate`` the weight of the sample in the means.
-    """
-    ns = model.sizes.states
-    learn_reading_noise(
-        noise.reading[i], memory.differences[i], model.stated_variance, sample, z, after, rate, ns
-    )
-    for j in range(model.sizes.inputs):
-        readings, stated = memory.readings[i, j], model.input_variance[j]
-        follow_reading(readings, sample.new[2 + ns + j], sample.dt_s, stated)
-        noise.inputs[i, j] = reading_variance(readings, stated)
-        noise.largest_inputs[i, j] = largest_variance(readings, stated)
-    if sample.inertial:
-        level = memory.levels[i]
-        index = advance_level(level, sample.new[1], sample.motion, sample.dt_s, model.adapt_s)
-        gain, error = level[_GAINS, index], level[_ERRORS, index]
-        carried = noise.reading[i, ns] * sample.dt_s * sample.dt_s
-        noise.reading[i, 0] = max(min(noise.reading[i, 0], (1.0 - gain) * error), LEAST)
-        noise.gust[i] = max(gain * gain * error - carried, 1e-4 * LEAST)
-
-
-@njit(cache=True, error_model="numpy")
-def adapt_noise(model, noise, i, posterior, prediction, step, force, rate):  # type: ignore[no-untyped-def]
-    """``_adapt_noise`` for the engine "filterpy"."""
-    _adapt_noise(model, noise, i, posterior, prediction, step, force, rate)
-
-
-@hot
-def _adapt_noise(model, noise, i, posterior, prediction, step, force, rate):  # type: ignore[no-untyped-def]
-    """Noise that the filter's own corrections show: of the accelerometer's equation and of the gusts.
-
-    Args:
-        model: of the filter.
-        noise: ``Noise``, advanced; i: the vehicle.
-        posterior: after correction; prediction: before it.
-        step, force: of this sample.
-        rate: weight of the sample in the means.
-    """
-    ns, z, cov, sums = model.sizes.states, posterior.z, posterior.cov, noise.corrections[i]
-    if model.use_accelerometer:
-        squared = force.residual * force.residual + force.explained
-        adapt_accelerometer(noise, i, squared, force, rate, ns)
-    if step.inertial:
-        off = force.velocity_residual
-        noise.reading[i, 0] = adapt_reading(noise.reading[i, 0], off, cov[0, 0], rate)
-    else:
-        noise.gust[i], sums[0] = adapt_process(
-            noise.gust[i], sums[0], z[0] - prediction.z[0], prediction.variance[0], cov[0, 0], 1.0, rate
-        )
-        noise.gust[i] = max(noise.gust[i], 1e-4 * LEAST)
-    if model.sizes.gusts > 0:
-        noise.angular_gust[i], sums[1] = adapt_process(
-            noise.angular_gust[i], sums[1], z[ns] - prediction.z[ns], prediction.variance[ns], cov[ns, ns],
-            step.decay[0], rate,
-        )  # fmt: skip
-        noise.angular_gust[i] = max(noise.angular_gust[i], LEAST)
-
-
-@hot
 def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
     """States as measured, with ``variance``, and calm air; the derivatives keep what is known of them."""
     ns, z, cov = model.sizes.states, posterior.z, posterior.cov
@@ -276,23 +171,6 @@ def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
             cov[c, k] = 0.0
     for k in range(ns):
         cov[k, k] = variance[k]
-
-
-@hot
-def _first_noise(model, noise, memory, i, sample, samples):  # type: ignore[no-untyped-def]
-    """Noise that the filter starts from: the gusts are as strong as the first rate's second differences say.
-
-    The variance of the accelerometer's equation is at most all of its roughness, at least its sensor's own: it starts
-    in the middle of their logarithms.
-    """
-    reading, ns = noise.reading[i], model.sizes.states
-    most = max(memory.roughness[i] / (6.0 * max(samples - 2.0, 1.0)), LEAST)
-    stated = model.stated_variance[ns]
-    reading[ns] = np.sqrt(most * stated) if 0.0 < stated < most else most
-    if not sample.inertial:
-        noise.gust[i] = 1e-4 * reading[0]
-    rough = difference_variance(memory.differences[i, 1, ROOT_MEAN]) - 6.0 * reading[1]
-    noise.angular_gust[i] = max(rough, 0.01 * reading[1]) / (sample.dt_s * sample.dt_s)
 
 
 @hot
@@ -356,9 +234,9 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
     posterior = Posterior(z, cov)
     residual, explained = correct(model, posterior, readings, space.gains)
     correct_input_errors(model, state.input_errors, i, readings, space.gains, space.sources[0])
-    off = sample.new[1] - z[0]
-    force, prediction = Force(residual, explained, predicted, added, off), Prediction(after, space.variance)
-    _adapt_noise(model, noise, i, posterior, prediction, step, force, rate)
+    residuals = Residuals(residual, explained, predicted, added, sample.new[1] - z[0])
+    prediction = Prediction(after, space.variance)
+    adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, rate)
 
 
 @part
@@ -367,11 +245,14 @@ def _warm_up(model, state, i, sample, settled):  # type: ignore[no-untyped-def]
     z, ns, samples = state.z[i], model.sizes.states, state.samples[i]
     if np.isfinite(sample.older[TIME]) and not settled:
         rate = max(sample.dt_s / model.adapt_s, 1.0 / (samples - 1.0))
-        state.noise.reading[i, 0] = np.inf  # no residual has shown it yet: as much as the differences allow
+        stated = model.stated_variance[
+            0
+        ]  # no residual has shown it yet: else as much as the differences allow
+        state.noise.reading[i, 0] = stated if stated > 0.0 else np.inf
         learn_noise(model, state.noise, state.memory, i, sample, z, z, rate)
         second = sample.new[1 + ns] - 2.0 * sample.old[1 + ns] + sample.older[1 + ns]
         state.memory.roughness[i] += second * second
-        _first_noise(model, state.noise, state.memory, i, sample, samples)
+        first_noise(model, state.noise, state.memory, i, sample, samples)
     _restart(model, Posterior(z, state.cov[i]), state.noise.reading[i], sample.new)
 
 

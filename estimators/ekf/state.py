@@ -315,7 +315,8 @@ class Sample(NamedTuple):
     inertial: bool
     """Whether vane and accelerometer are there at both ends."""
     motion: float
-    """How far it went so since the row before, m/s; 0 where it does not."""
+    """How far specific force and kinematics have carried the first state since the row before, m/s; 0 where not
+    ``inertial``."""
 
 
 class Step(NamedTuple):
