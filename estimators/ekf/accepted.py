@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.covariance import reseat
+from wingwatch.estimators.ekf.scatter import forget_block
 from wingwatch.estimators.ekf.state import Accepted, EkfState
 from wingwatch.estimators.ekf.window import empty_window
 
@@ -49,6 +50,7 @@ def go_back(state: EkfState, i: int, first: int) -> None:
     state.variance[i] = np.diagonal(covariance)
     state.gained_matrix[i], state.gained_vector[i] = accepted.gained_matrix[i], accepted.gained_vector[i]
     state.input_moments[i] = 0.0
+    forget_block(state, i)
     for errors in (state.input_errors.response, state.input_errors.energy, state.input_errors.information):
         errors[i] = 0.0
     empty_window(state.window, i)

@@ -17,6 +17,7 @@ from wingwatch.estimators.ekf.noise import LEAST
 from wingwatch.estimators.ekf.recursion import WARM_UP, update_all
 from wingwatch.estimators.ekf.release import release_since
 from wingwatch.estimators.ekf.relinearise import relinearise_all
+from wingwatch.estimators.ekf.scatter import dispersed, forget_block, wider_covariance
 from wingwatch.estimators.ekf.solve import solve_all
 from wingwatch.estimators.ekf.state import (
     NEWEST,
@@ -28,6 +29,7 @@ from wingwatch.estimators.ekf.state import (
     Memory,
     Model,
     Noise,
+    Scatter,
     Solved,
     Window,
     put_vehicle,
@@ -35,6 +37,7 @@ from wingwatch.estimators.ekf.state import (
 )
 from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.kernels.dispersion import dispersion_workspace
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
@@ -100,13 +103,15 @@ class EkfSnapshot(NamedTuple):
 
     Attributes:
         z, condition, informed_s: of ``EkfState``.
-        covariance: (k, k) of the derivatives.
+        covariance: (k, k) of the derivatives, as white residuals would have it.
+        scatter: (ns, 3) of blocks, by equation.
         row: the last signal row.
         started: whether the filter has begun.
     """
 
     z: Array
     covariance: Array
+    scatter: Array
     condition: Array
     informed_s: Array
     row: Array
@@ -122,6 +127,7 @@ class EkfEstimator:
         self.config = config
         self.layout = SignalLayout(len(config.structure.states), len(config.structure.inputs))
         self.model = _model(config, self.layout.states, self.layout.inputs)
+        self._dispersing = dispersion_workspace(config.prior_value.size)
 
     def gust_variance(self, state: EkfState, places: NDArray[np.int64]) -> Array:
         """Variance of each state of some vehicles that gusts alone cause within ten seconds, shape (m, ns).
@@ -174,6 +180,15 @@ class EkfEstimator:
             vector=np.tile(c.prior_value / c.prior_std**2, (n, 1)),
             gained_matrix=np.zeros((n, k, k)),
             gained_vector=np.zeros((n, k)),
+            scatter=Scatter(
+                solutions=none.copy(),
+                start_s=np.zeros(n),
+                start_matrix=np.tile(information, (n, 1, 1)),
+                start_vector=np.tile(c.prior_value / c.prior_std**2, (n, 1)),
+                matrix=np.zeros((n, k, k)),
+                vector=np.zeros((n, k)),
+                equations=np.zeros((n, ns, 3)),
+            ),
             window=Window(
                 rows=np.zeros((n, WINDOW_ROWS, columns), dtype=np.float32),
                 filled=none.copy(),
@@ -246,7 +261,7 @@ class EkfEstimator:
             except Exception as error:  # the others are not to suffer by it
                 faults[i] = error
         solved = Solved(np.empty(n), np.empty(n), np.empty((n, self.layout.inputs), dtype=np.bool_))
-        solve_all(self.model, state, places, solved)
+        solve_all(self.model, state, places, solved, self._dispersing)
         faults |= relinearise_all(self.model, state, places, solved)
         self._start_lost(state, places)
         for i in quiet:
@@ -292,6 +307,7 @@ class EkfEstimator:
         if not at_its_time:
             begin_window(state, vehicle)
         accept(state, vehicle, first)
+        forget_block(state, vehicle)
 
     @property
     def _parameters(self) -> slice:
@@ -309,6 +325,7 @@ class EkfEstimator:
         return EkfSnapshot(
             state.z[vehicle].copy(),
             state.cov[vehicle, parameters, parameters].copy(),
+            state.scatter.equations[vehicle].copy(),
             state.condition[vehicle].copy(),
             state.informed_s[vehicle].copy(),
             state.rows[vehicle, NEWEST].copy(),
@@ -323,10 +340,11 @@ class EkfEstimator:
         value = seen.z[self._parameters] * scale + offsets(c.structure, airspeed, alpha)
         if c.structure.states[0] == "w":
             value += self._by_airspeed(seen, value)
+        covariance = wider_covariance(seen.covariance, c.prior_std, seen.scatter)
         return standing(
             self.name, c.structure, float(seen.row[TIME]),
             ConcisePosterior(
-                value, seen.covariance * np.outer(scale, scale), 3.0 * c.prior_std * scale, prior_ratio=1.0
+                value, covariance * np.outer(scale, scale), 3.0 * c.prior_std * scale, prior_ratio=1.0
             ),
             seen.informed_s, c.stale_s, seen.started, np.array([airspeed, altitude, density, alpha]),
         )  # fmt: skip
@@ -347,8 +365,11 @@ class EkfEstimator:
         return by_w.ravel()
 
     def take_gained(self, state: EkfState, vehicle: int = 0) -> tuple[Array, Array]:
-        """Information (k, k) and vector (k,) gained from data since the last call; the account starts anew."""
-        matrix, vector = state.gained_matrix[vehicle].copy(), state.gained_vector[vehicle].copy()
+        """Information (k, k) and vector (k,) gained from data since the last call, with the dispersion of the blocks
+        before; the account starts anew."""
+        matrix, vector = dispersed(
+            state.gained_matrix[vehicle], state.gained_vector[vehicle], state.scatter.equations[vehicle]
+        )
         state.gained_matrix[vehicle] = 0.0
         state.gained_vector[vehicle] = 0.0
         state.accepted.gained_matrix[vehicle] = 0.0

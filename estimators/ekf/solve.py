@@ -6,6 +6,7 @@ from numba import njit
 from wingwatch.estimators.ekf.covariance import forget, inverse_of, keep_marginal
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
+from wingwatch.estimators.ekf.scatter import begin_block, close_block
 from wingwatch.estimators.ekf.state import NEWEST, READINGS, SQUARES, SUM, TIME
 from wingwatch.estimators.kernels.hot import part, whole_entry
 from wingwatch.estimators.kernels.symmetric import invert
@@ -97,6 +98,7 @@ def _account(state, i, first, noise_information, fresh):  # type: ignore[no-unty
     """
     z, cov, information, vector = state.z[i], state.cov[i], state.information[i], state.vector[i]
     gained_matrix, gained_vector = state.gained_matrix[i], state.gained_vector[i]
+    block_matrix, block_vector = state.scatter.matrix[i], state.scatter.vector[i]
     k, fraction = vector.size, 0.0
     for a in range(k):
         gained = -vector[a]
@@ -104,18 +106,21 @@ def _account(state, i, first, noise_information, fresh):  # type: ignore[no-unty
             gained += fresh[a, b] * z[first + b]
             more = fresh[a, b] - noise_information[a, b] - information[a, b]
             gained_matrix[a, b] += more
+            block_matrix[a, b] += more
             fraction += more * cov[first + a, first + b]
         gained_vector[a] += gained
+        block_vector[a] += gained
         if cov[first + a, first + a] < 0.98 * state.variance[i, a]:
             state.informed_s[i, a] = state.rows[i, NEWEST, TIME]
     return max(fraction / k, 0.0)
 
 
 @whole_entry
-def solve_all(model, state, places, solved):  # type: ignore[no-untyped-def]
+def solve_all(model, state, places, solved, dispersing):  # type: ignore[no-untyped-def]
     """Note what the last half second taught, then forget; after ``stale_s`` of quiet, nothing is forgotten.
 
-    ``places``: vehicles of the state, (m,). What was done is left in ``solved``.
+    ``places``: vehicles of the state, (m,). What was done is left in ``solved``. ``dispersing``: a
+    ``DispersionWorkspace``.
     """
     k, first = state.vector.shape[1], model.sizes.dynamic
     prior_information = 1.0 / (model.prior_std * model.prior_std)
@@ -130,6 +135,7 @@ def solve_all(model, state, places, solved):  # type: ignore[no-untyped-def]
         solved.resting[m] = _without_noise(model, state, i, noise_information)
         fresh = inverse_of(cov, chosen)
         solved.gained[m] = _account(state, i, first, noise_information, fresh)
+        close_block(state.scatter, i, now_s, model.memory_s, dispersing)
         elapsed_s = now_s - state.solved_s[i]
         state.solved_s[i] = now_s
         forgets = 0.0 < elapsed_s < model.stale_s and now_s - np.max(state.informed_s[i]) < model.stale_s
@@ -144,4 +150,7 @@ def solve_all(model, state, places, solved):  # type: ignore[no-untyped-def]
             for b in range(k):
                 information[a, b] = fresh[a, b]
                 vector[a] += fresh[a, b] * z[first + b]
+        if state.scatter.solutions[i] == 0:
+            begin_block(state.scatter, i, now_s, information, vector)
+        state.scatter.solutions[i] += 1
         state.solutions[i] += 1

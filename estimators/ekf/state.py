@@ -44,6 +44,7 @@ __all__ = [
     "running",
     "Readings",
     "Sample",
+    "Scatter",
     "Sizes",
     "Solved",
     "Step",
@@ -235,6 +236,26 @@ class Accepted(NamedTuple):
     """(n, k)."""
 
 
+class Scatter(NamedTuple):
+    """The running block of solutions, and how much blocks scatter about what was known before each."""
+
+    solutions: Counts
+    """(n,): in the running block."""
+    start_s: Array
+    """(n,): when it began."""
+    start_matrix: Array
+    """(n, k, k): information about the derivatives at its beginning."""
+    start_vector: Array
+    """(n, k): its vector."""
+    matrix: Array
+    """(n, k, k): information gained from data in it."""
+    vector: Array
+    """(n, k): its vector."""
+    equations: Array
+    """(n, ns, 3): of each equation discounted chi-square of closed blocks, its degrees of freedom, and the dispersion
+    that they gave before the last of them."""
+
+
 class EkfState(NamedTuple):
     """Everything the filter remembers."""
 
@@ -272,6 +293,7 @@ class EkfState(NamedTuple):
     """(n, k, k): information gained from data since ``take_gained`` was called."""
     gained_vector: Array
     """(n, k): its vector."""
+    scatter: Scatter
     window: Window
     accepted: Accepted
 

@@ -35,10 +35,6 @@ from wingwatch.estimators.fourier.closing import (
     noise_of_block,
     note_signal,
 )
-from wingwatch.estimators.fourier.dispersion import (
-    DispersionWorkspace,
-    dispersion_workspace,
-)
 from wingwatch.estimators.fourier.memory import MemoryWorkspace, memory_workspace, replace
 from wingwatch.estimators.fourier.solution import (
     ALONE,
@@ -78,6 +74,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
+from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, dispersion_workspace
 from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
 from wingwatch.telemetry import MAX_GAP_S

@@ -7,7 +7,7 @@ that of ``blocks``.
 import math
 
 from wingwatch.estimators.fourier.checkpoints import copy_matrix, copy_vector
-from wingwatch.estimators.fourier.dispersion import disperse, gather_scatter
+from wingwatch.estimators.kernels.dispersion import disperse, gather_scatter
 from wingwatch.estimators.fourier.memory import discount, replace
 from wingwatch.estimators.fourier.solution import (
     AIR_MEMORY,

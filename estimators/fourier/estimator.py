@@ -22,7 +22,7 @@ from wingwatch.estimators.fourier.air import air_channels
 from wingwatch.estimators.fourier.bank import bank_channels
 from wingwatch.estimators.fourier.blocks import advance, block_workspace, fill
 from wingwatch.estimators.fourier.checkpoints import CHECKPOINTS
-from wingwatch.estimators.fourier.dispersion import dispersion_of
+from wingwatch.estimators.kernels.dispersion import dispersion_of
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
     CLOSED,

@@ -18,12 +18,9 @@ __all__ = [
     "ALTITUDE",
     "BEFORE",
     "BETWEEN",
-    "CHI_SQUARE",
     "CLOSED",
     "CONDITION",
     "DENSITY",
-    "DISPERSION",
-    "FREEDOM",
     "GUST",
     "LAST",
     "ROLLING",
@@ -72,9 +69,6 @@ WEIGHT = -1
 
 SOLUTIONS, CLOSED = range(2)
 """Places in ``Progress.counts``."""
-
-CHI_SQUARE, FREEDOM, DISPERSION = range(3)
-"""Columns of ``Progress.scatter``."""
 
 
 class Prior(NamedTuple):

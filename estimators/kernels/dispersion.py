@@ -1,4 +1,4 @@
-"""How much more the blocks of the recursive Fourier estimator scatter than they say, compiled.
+"""How much more the blocks of an online estimator scatter than they say, compiled.
 
 Derivation and symbols: ``docs/methods/fourier.md`` section 8. Arrays are those of one vehicle, memory is the caller's.
 """
@@ -9,11 +9,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.state import CHI_SQUARE, DISPERSION, FREEDOM
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import congruence, eigen
 
-__all__ = ["DispersionWorkspace", "disperse", "dispersion_of", "dispersion_workspace", "gather_scatter"]
+__all__ = [
+    "CHI_SQUARE",
+    "DISPERSION",
+    "FREEDOM",
+    "DispersionWorkspace",
+    "disperse",
+    "dispersion_of",
+    "dispersion_workspace",
+    "gather_scatter",
+]
+
+CHI_SQUARE, FREEDOM, DISPERSION = range(3)
+"""Columns of the scatter of one equation."""
 
 PRIOR_FREEDOM = 3.0
 """Weight of a dispersion of one, in degrees of freedom: that of the widest inverse chi-square, five degrees, that has a

@@ -1,0 +1,105 @@
+"""How much more the filter's derivatives scatter from block to block than it says; compiled.
+
+A filter's stated errors are those of white residuals. Where residuals are coloured (moments that nobody measures, terms
+that the model leaves out) what one block says of the derivatives differs from what was known before by more than both
+admit, and errors are wider by that much. Derivation: ``docs/methods/fourier.md`` section 8; here blocks are of ten
+solutions, so that inputs are in some and not in others: what only the one kind or the other says wrongly is seen.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from wingwatch.estimators.ekf.state import EkfState
+from wingwatch.estimators.kernels.dispersion import (
+    DISPERSION,
+    disperse,
+    dispersion_of,
+    dispersion_workspace,
+    gather_scatter,
+)
+from wingwatch.estimators.kernels.symmetric import invert
+
+__all__ = ["BLOCK_SOLUTIONS", "begin_block", "close_block", "dispersed", "forget_block", "wider_covariance"]
+
+Array = NDArray[np.float64]
+
+BLOCK_SOLUTIONS = 10
+"""Solutions of a block, five seconds: longer than what gusts and unmodelled moments remember, shorter than the time
+between two inputs."""
+
+
+@njit(cache=True, error_model="numpy")
+def begin_block(scatter, i, now_s, information, vector):  # type: ignore[no-untyped-def]
+    """Vehicle i begins a block with ``information`` (k, k) and ``vector`` (k,) about the derivatives."""
+    scatter.start_s[i] = now_s
+    scatter.start_matrix[i] = information
+    scatter.start_vector[i] = vector
+    scatter.matrix[i] = 0.0
+    scatter.vector[i] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def close_block(scatter, i, now_s, memory_s, work):  # type: ignore[no-untyped-def]
+    """Compares a block that is full with what was known when it began; the next solution begins another.
+
+    Args:
+        scatter: ``Scatter``; i: the vehicle.
+        now_s: on the rows' clock.
+        memory_s: with which earlier blocks are forgotten.
+        work: ``DispersionWorkspace``.
+    """
+    if scatter.solutions[i] < BLOCK_SOLUTIONS:
+        return
+    scatter.solutions[i] = 0
+    k = scatter.vector.shape[1]
+    covariance, mean = np.empty((k, k)), np.zeros(k)
+    invert(scatter.start_matrix[i].copy(), covariance)
+    for a in range(k):
+        for b in range(k):
+            mean[a] += covariance[a, b] * scatter.start_vector[i, b]
+    keep = math.exp(-(now_s - scatter.start_s[i]) / memory_s)
+    gather_scatter(
+        scatter.matrix[i], scatter.vector[i], mean, covariance, keep, scatter.equations[i], work
+    )
+
+
+def forget_block(state: EkfState, i: int) -> None:
+    """What vehicle i's running block says is no evidence: the derivatives have been put elsewhere."""
+    state.scatter.solutions[i] = 0
+
+
+def _dispersion(equations: Array) -> Array:
+    """Dispersion by equation, (ns,)."""
+    return np.array([dispersion_of(row) for row in equations])
+
+
+def wider_covariance(covariance: Array, prior_std: Array, equations: Array) -> Array:
+    """Covariance (k, k) of the derivatives with the information that data gave S^-1 (P^-1 - P_0^-1) S^-1, S the roots
+    of the dispersions.
+
+    Stabilised forgetting keeps the prior's information whole, so what is more than that is of data.
+
+    Args:
+        covariance: P of the filter, (k, k).
+        prior_std: (k,).
+        equations: of ``Scatter``, (ns, 3).
+    """
+    dispersion = _dispersion(equations)
+    if not dispersion.max() > 1.0:
+        return covariance
+    roots = np.sqrt(np.repeat(dispersion, prior_std.size // len(equations)))
+    prior = np.diag(prior_std**-2.0)
+    of_data = np.linalg.inv(covariance) - prior
+    wider: Array = np.linalg.inv(prior + of_data / np.outer(roots, roots))
+    return wider
+
+
+def dispersed(matrix: Array, vector: Array, equations: Array) -> tuple[Array, Array]:
+    """A block's evidence (k, k), (k,) with its covariance as much larger as blocks before it scattered."""
+    matrix, vector, scatter = matrix.copy(), vector.copy(), equations.copy()
+    scatter[:, DISPERSION] = _dispersion(scatter)
+    disperse(matrix, vector, np.zeros_like(vector), scatter, dispersion_workspace(vector.size))
+    return matrix, vector
