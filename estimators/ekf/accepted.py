@@ -49,7 +49,7 @@ def go_back(state: EkfState, i: int, first: int) -> None:
     state.vector[i] = state.information[i] @ value
     state.variance[i] = np.diagonal(covariance)
     state.gained_matrix[i], state.gained_vector[i] = accepted.gained_matrix[i], accepted.gained_vector[i]
-    state.input_moments[i] = 0.0
+    state.moments[i] = 0.0
     forget_block(state, i)
     for errors in (state.input_errors.response, state.input_errors.energy, state.input_errors.information):
         errors[i] = 0.0

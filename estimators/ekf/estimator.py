@@ -167,14 +167,14 @@ class EkfEstimator:
             input_errors=InputErrors(
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()
             ),
-            input_moments=np.zeros((n, nu, 4)),
+            moments=np.zeros((n, ns + nu, 4)),
             rows=np.full((n, 2, columns), np.nan),
             condition=np.full((n, 5), np.nan),
             samples=none.copy(),
             solutions=none.copy(),
             solved_s=np.full(n, np.nan),
             informed_s=np.full((n, k), -np.inf),
-            moved_s=np.full((n, nu), -np.inf),
+            moved_s=np.full((n, ns + nu), -np.inf),
             variance=np.tile(c.prior_std**2, (n, 1)),
             information=np.tile(information, (n, 1, 1)),
             vector=np.tile(c.prior_value / c.prior_std**2, (n, 1)),
@@ -197,7 +197,7 @@ class EkfEstimator:
                 rerun=none.copy(),
                 ends=np.zeros((n, SOLUTIONS), dtype=np.int64),
                 keep=np.zeros((n, SOLUTIONS)),
-                resting=np.zeros((n, SOLUTIONS, nu), dtype=np.bool_),
+                resting=np.zeros((n, SOLUTIONS, ns + nu), dtype=np.bool_),
                 checkpoints=Checkpoints(
                     z=np.tile(z, (n, 2, 1)),
                     cov=np.tile(cov, (n, 2, 1, 1)),
@@ -260,7 +260,7 @@ class EkfEstimator:
                 go_back(state, i, first)
             except Exception as error:  # the others are not to suffer by it
                 faults[i] = error
-        solved = Solved(np.empty(n), np.empty(n), np.empty((n, self.layout.inputs), dtype=np.bool_))
+        solved = Solved(np.empty(n), np.empty(n), np.empty((n, self.layout.states + self.layout.inputs), dtype=np.bool_))
         solve_all(self.model, state, places, solved, self._dispersing)
         faults |= relinearise_all(self.model, state, places, solved)
         self._start_lost(state, places)

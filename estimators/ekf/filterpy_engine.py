@@ -18,7 +18,7 @@ from wingwatch.estimators.ekf.inputs import (
     correct_input_errors,
     input_noise,
     predict_input_errors,
-    track_inputs,
+    track_readings,
 )
 from wingwatch.estimators.ekf.model import measure, transition
 from wingwatch.estimators.ekf.noise import process_noise, trim_drift
@@ -79,7 +79,7 @@ def _take(model: Model, state: EkfState, i: int, new: Array) -> None:
     state.rows[i, EARLIER] = old
     state.rows[i, NEWEST] = new
     track_condition(state.condition[i], new, kinematic, dt)
-    track_inputs(state.input_moments[i], new, 2 + ns, model.sizes.inputs)
+    track_readings(state.moments[i], new, ns, model.sizes.inputs)
 
 
 def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:

@@ -26,7 +26,7 @@ __all__ = [
     "input_noise_information",
     "input_noise_into",
     "predict_input_errors",
-    "track_inputs",
+    "track_readings",
 ]
 
 FOLLOWED_STEPS = 40
@@ -34,12 +34,13 @@ FOLLOWED_STEPS = 40
 
 
 @hot
-def track_inputs(moments, new, first, nu):  # type: ignore[no-untyped-def]
-    """Sum and sum of squares of each input since the last solution, about its first reading; see ``EkfState``."""
-    for j in range(nu):
+def track_readings(moments, new, ns, nu):  # type: ignore[no-untyped-def]
+    """Sum and sum of squares of each state and input of a signal row, about its first reading; see ``EkfState``."""
+    for j in range(ns + nu):
+        reading = new[1 + j if j < ns else 2 + j]
         if moments[j, READINGS] == 0.0:
-            moments[j, FIRST_READING] = new[first + j]
-        off = new[first + j] - moments[j, FIRST_READING]
+            moments[j, FIRST_READING] = reading
+        off = reading - moments[j, FIRST_READING]
         moments[j, READINGS] += 1.0
         moments[j, SUM] += off
         moments[j, SQUARES] += off * off
@@ -156,15 +157,15 @@ def correct_input_errors(model, errors, i, readings, gains, work):  # type: igno
 def input_noise_information(error_information, moments, variance, resting, out):  # type: ignore[no-untyped-def]
     """Information that came of reading errors since the last solution, into ``out`` (k, k); none of a resting input.
 
-    ``error_information`` (nu, ns, ns) of ``InputErrors`` and ``moments`` (nu, 4) of ``EkfState``, one vehicle's;
-    ``variance`` of the readings, (nu,).
+    ``error_information`` (nu, ns, ns) of ``InputErrors`` and ``moments`` (ns + nu, 4) of ``EkfState``, one vehicle's;
+    ``variance`` of the readings, (nu,); ``resting`` (ns + nu,).
     """
     nu, ns = variance.size, error_information.shape[1]
     nd = ns + nu
     out[:] = 0.0
     for j in range(nu):
-        if not resting[j]:
+        if not resting[ns + j]:
             for a in range(ns):
                 for b in range(ns):
-                    power = moments[j, READINGS] * variance[j] * error_information[j, a, b]
+                    power = moments[ns + j, READINGS] * variance[j] * error_information[j, a, b]
                     out[a * nd + ns + j, b * nd + ns + j] = power

@@ -24,7 +24,7 @@ from wingwatch.estimators.ekf.inputs import (
     input_error_effect,
     input_noise_into,
     predict_input_errors,
-    track_inputs,
+    track_readings,
 )
 from wingwatch.estimators.ekf.model import accelerometer, transition_into
 from wingwatch.estimators.ekf.noise import process_noise_into, trim_drift_into
@@ -89,8 +89,8 @@ class Notes(NamedTuple):
     """(s, nz)."""
     cov: Array
     """(s, nz, nz)."""
-    input_moments: Array
-    """(s, nu, 4): since the solution before."""
+    moments: Array
+    """(s, ns + nu, 4): as ``EkfState.moments``."""
     error_information: Array
     """(s, nu, ns, ns): of ``InputErrors``."""
 
@@ -284,24 +284,25 @@ def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-d
     for c in range(new.size):
         old[c] = new[c]
     track_condition(state.condition[i], new, kinematic, dt)
-    track_inputs(state.input_moments[i], new, 2 + model.sizes.states, model.sizes.inputs)
+    track_readings(state.moments[i], new, model.sizes.states, model.sizes.inputs)
 
 
 @part
 def _note(state, i, s, notes):  # type: ignore[no-untyped-def]
-    """What the filter has now becomes note ``s``; the inputs' moments begin anew."""
+    """What the filter has now becomes note ``s``; moments begin anew."""
     for a in range(notes.z.shape[1]):
         notes.z[s, a] = state.z[i, a]
         for b in range(notes.z.shape[1]):
             notes.cov[s, a, b] = state.cov[i, a, b]
     ns, information = notes.error_information.shape[2], state.input_errors.information[i]
-    for j in range(notes.input_moments.shape[1]):
-        for c in range(notes.input_moments.shape[2]):
-            notes.input_moments[s, j, c] = state.input_moments[i, j, c]
+    for j in range(notes.moments.shape[1]):
+        for c in range(notes.moments.shape[2]):
+            notes.moments[s, j, c] = state.moments[i, j, c]
+    for j in range(notes.error_information.shape[1]):
         for a in range(ns):
             for b in range(ns):
                 notes.error_information[s, j, a, b] = information[j, a, b]
-    state.input_moments[i] = 0.0
+    state.moments[i] = 0.0
 
 
 @lean
@@ -356,7 +357,7 @@ def _notes(model: Model, solutions: int) -> Notes:
     """Room for so many solutions."""
     ns, nu, nz = model.sizes.states, model.sizes.inputs, model.sizes.augmented
     return Notes(
-        np.empty((solutions, nz)), np.empty((solutions, nz, nz)), np.empty((solutions, nu, 4)),
+        np.empty((solutions, nz)), np.empty((solutions, nz, nz)), np.empty((solutions, ns + nu, 4)),
         np.empty((solutions, nu, ns, ns)),
     )  # fmt: skip
 
@@ -376,7 +377,7 @@ def run_again(model: Model, state: Running, signals: Array, ends: NDArray[np.int
         what the filter has at each solution.
     """
     notes = _notes(model, ends.size)
-    state.input_moments[:] = 0.0
+    state.moments[:] = 0.0
     rows = signals[None], all_lanes(1, len(signals))
     _update_all(_lengths(model), model, state, rows, ends, False, notes)
     return notes

@@ -10,7 +10,7 @@ when it matters they are run again with the derivatives held at the present esti
   and covariance S after it, is one step of Gauss and Newton on the likelihood of the innovations (thesis 5.3): its
   score, sensitivities that depend on the past alone times white innovations, has no mean at the truth.
 - J and h of each half second go into the information that the checkpoint had, in the place of what was first learned,
-  then comes what the solution did there: resting inputs, information that came of noise, forgetting. No row counts
+  then comes what the solution did there: what rested, information that came of noise, forgetting. No row counts
   twice.
 - At the end the derivatives get their mean and covariance so, the states keep their regression on them.
 
@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from wingwatch.estimators.ekf.covariance import inverse_of, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import run_again
-from wingwatch.estimators.ekf.solve import controls_of
+from wingwatch.estimators.ekf.solve import columns_of
 from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, Running, Solved, one_vehicle
 from wingwatch.estimators.ekf.window import (
     WINDOW_ROWS,
@@ -93,7 +93,7 @@ class Span(NamedTuple):
     keep: Array
     """(s,): fraction of the information that was kept."""
     resting: NDArray[np.bool_]
-    """(s, nu): inputs at rest."""
+    """(s, ns + nu): states and inputs at rest."""
     middle: int
     """Rows of the window before its second checkpoint, 0 where there is none."""
     input_variance: Array
@@ -197,16 +197,16 @@ def _take_back(known, before, chosen):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-def]
-    """What solution ``s`` does to what is known: resting inputs (``before``: as known before the half second),
+    """What solution ``s`` does to what is known: resting states and inputs (``before``: as known before the half second),
     information that came of reading errors, forgetting."""
     information, vector, k = known.matrix, known.vector, known.vector.size
     resting, keep, prior_std = span.resting[s], span.keep[s], model.prior_std
     noise_information = np.empty((k, k))
     input_noise_information(
-        notes.error_information[s], notes.input_moments[s], span.input_variance, resting, noise_information
+        notes.error_information[s], notes.moments[s], span.input_variance, resting, noise_information
     )
     if resting.any():
-        _take_back(known, before, controls_of(resting, model.sizes.states, model.sizes.inputs))
+        _take_back(known, before, columns_of(resting, model.sizes.states))
     for a in range(k):
         prior = 1.0 / (prior_std[a] * prior_std[a])
         vector[a] *= keep
@@ -276,7 +276,7 @@ def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
         noise=one_vehicle(state.noise, i),
         memory=one_vehicle(state.memory, i),
         input_errors=one_vehicle(state.input_errors, i),
-        input_moments=state.input_moments[one].copy(),
+        moments=state.moments[one].copy(),
         rows=points.rows[one, c].copy(),
         condition=state.condition[one].copy(),
         samples=state.samples[one].copy(),
@@ -356,7 +356,7 @@ def _assess(model, state, places, solved, fresh, matters):  # type: ignore[no-un
         if left_out > max(_MATTERS, np.sqrt(solved.gained[m])) and spare >= 0.0:
             window.rerun[i] += again
             matters[m] = start
-        elif _TAUGHT < fraction < _MATTERS * _MATTERS:
+        elif fraction < _MATTERS * _MATTERS and (fraction > _TAUGHT or solved.resting[m].all()):
             fresh[m] = -1
             begin_window(state, i)
 

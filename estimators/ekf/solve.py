@@ -7,17 +7,21 @@ from wingwatch.estimators.ekf.covariance import forget, inverse_of, keep_margina
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.scatter import begin_block, close_block
-from wingwatch.estimators.ekf.state import NEWEST, READINGS, SQUARES, SUM, TIME
+from wingwatch.estimators.ekf.state import FIRST_READING, NEWEST, READINGS, SQUARES, SUM, TIME, VANE
 from wingwatch.estimators.kernels.hot import part, whole_entry
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["controls_of", "solve_all"]
+__all__ = ["columns_of", "solve_all"]
 
-MOVED_RATIO = 2.0
-"""An input has moved if its variance within half a second is over this many times that of its reading."""
+CHANCE = 4.0
+"""Standard deviations by which the readings' variance must exceed that of their noise to be motion: once in 30,000 half
+seconds by chance."""
+
+STATES_KEPT = 0.75
+"""Part of a state's readings that is kept at a solution: two seconds, for slow modes hardly move in half a second."""
 
 MOVED_S = 1.75
-"""Time that a motion of an input is given to die out."""
+"""Time that a motion is given to die out."""
 
 NOISE_FRACTION = 0.5
 """Fraction of all that is known of an input's derivatives beyond which a half second of its noise is not corrected
@@ -26,41 +30,48 @@ for."""
 
 @njit(cache=True, error_model="numpy")
 def _resting(moments, moved_s, variance, now_s):  # type: ignore[no-untyped-def]
-    """Which inputs have not moved beyond their own noise for ``MOVED_S``."""
+    """Which of some readings have not moved beyond their own noise for ``MOVED_S``; none of those that have no noise.
+
+    The variance of so many readings has a chi-square distribution (Wilson and Hilferty 1931).
+    """
     resting = np.zeros(variance.size, dtype=np.bool_)
     for j in range(variance.size):
-        count = moments[j, READINGS]
-        if count > 1.0:
-            spread = (moments[j, SQUARES] - moments[j, SUM] * moments[j, SUM] / count) / (count - 1.0)
-            if spread > MOVED_RATIO * variance[j]:
+        freedom = moments[j, READINGS] - 1.0
+        if freedom > 0.0:
+            spread = (moments[j, SQUARES] - moments[j, SUM] * moments[j, SUM] / moments[j, READINGS]) / freedom
+            part = 2.0 / (9.0 * freedom)
+            if spread > variance[j] * (1.0 - part + CHANCE * np.sqrt(part)) ** 3:
                 moved_s[j] = now_s
         resting[j] = variance[j] > 0.0 and not now_s - moved_s[j] < MOVED_S
     return resting
 
 
 @njit(cache=True, error_model="numpy")
-def controls_of(resting, ns, nu):  # type: ignore[no-untyped-def]
-    """Indices of the derivatives that belong to resting inputs."""
-    chosen = np.zeros(ns * (ns + nu), dtype=np.bool_)
+def columns_of(resting, ns):  # type: ignore[no-untyped-def]
+    """Indices of the derivatives by resting states and inputs, ``resting`` (ns + nu,)."""
+    nd = resting.size
+    chosen = np.zeros(ns * nd, dtype=np.bool_)
     for a in range(ns):
-        for j in range(nu):
-            chosen[a * (ns + nu) + ns + j] = resting[j]
+        for j in range(nd):
+            chosen[a * nd + j] = resting[j]
     return np.flatnonzero(chosen)
 
 
 @part
 def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyped-def]
-    """Takes back what resting inputs taught; the information that came of the noise of the others goes into
-    ``noise_information`` (k, k). Returns which inputs are taken to rest.
+    """Takes back what resting states and inputs taught; the information that came of the noise of the other inputs goes
+    into ``noise_information`` (k, k). Returns what is taken to rest.
 
     An input whose noise gives half as much as is known altogether, when what others taught is taken back and what comes
     of their noise is counted, is treated as one at rest: surfaces that move together are known by their sum alone.
     """
     ns, nu, first = model.sizes.states, model.sizes.inputs, model.sizes.dynamic
-    z, cov, moments = state.z[i], state.cov[i], state.input_moments[i]
+    z, cov, moments = state.z[i], state.cov[i], state.moments[i]
     information, vector = state.information[i], state.vector[i]
-    variance = state.noise.inputs[i]
-    largest = state.noise.largest_inputs[i]
+    variance, largest = state.noise.inputs[i], np.empty(ns + nu)
+    largest[:ns], largest[ns:] = state.noise.reading[i, :ns], state.noise.largest_inputs[i]
+    if not state.rows[i, NEWEST, model.sizes.kinematic + VANE] == 1.0:
+        largest[0] = 0.0  # a reconstructed velocity's noise is not white
     resting = _resting(moments, state.moved_s[i], largest, state.rows[i, NEWEST, TIME])
     k = vector.size
     before, mean = np.empty((k, k)), np.zeros(k)
@@ -72,7 +83,7 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
             for a in range(k):
                 for b in range(k):
                     mean[a] += before[a, b] * vector[b]
-            keep_marginal(z, cov, mean, before, controls_of(resting, ns, nu), first)
+            keep_marginal(z, cov, mean, before, columns_of(resting, ns), first)
         input_noise_information(
             state.input_errors.information[i], moments, variance, resting, noise_information
         )
@@ -83,10 +94,11 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
                 for b in range(ns):
                     c, d = a * (ns + nu) + ns + j, b * (ns + nu) + ns + j
                     fraction += noise_information[c, d] * cov[first + c, first + d]
-            if fraction > NOISE_FRACTION and not resting[j]:
-                resting[j] = more = True
+            if fraction > NOISE_FRACTION and not resting[ns + j]:
+                resting[ns + j] = more = True
                 break
-    moments[:] = 0.0
+    moments[:ns, :FIRST_READING] *= STATES_KEPT
+    moments[ns:] = 0.0
     return resting
 
 
@@ -129,7 +141,7 @@ def solve_all(model, state, places, solved, dispersing):  # type: ignore[no-unty
         i = places[m]
         now_s, z, cov = state.rows[i, NEWEST, TIME], state.z[i], state.cov[i]
         if state.samples[i] <= WARM_UP:
-            state.input_moments[i] = 0.0
+            state.moments[i] = 0.0
             solved.keep[m] = np.nan
             continue
         solved.resting[m] = _without_noise(model, state, i, noise_information)

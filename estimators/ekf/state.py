@@ -76,7 +76,7 @@ CONDITION_ALPHA = 4
 """The angle of attack in ``EkfState.condition``."""
 
 READINGS, SUM, SQUARES, FIRST_READING = 0, 1, 2, 3
-"""Of ``EkfState.input_moments``."""
+"""Of ``EkfState.moments``."""
 
 
 class Sizes(NamedTuple):
@@ -219,7 +219,7 @@ class Window(NamedTuple):
     keep: Array
     """(n, SOLUTIONS): fraction of the information that each solution kept."""
     resting: Flags
-    """(n, SOLUTIONS, nu): whether each input rested before it."""
+    """(n, SOLUTIONS, ns + nu): whether each state and input rested before it."""
     checkpoints: Checkpoints
 
 
@@ -266,9 +266,9 @@ class EkfState(NamedTuple):
     noise: Noise
     memory: Memory
     input_errors: InputErrors
-    input_moments: Array
-    """(n, nu, 4): of each input since the last solution: number of readings, their sum and sum of squares from the
-    first of them, that first one."""
+    moments: Array
+    """(n, ns + nu, 4): of each state and input: number of readings, their sum and sum of squares from the first of
+    them, that first one. An input's begin anew at each solution, of a state's a part is kept."""
     rows: Array
     """(n, 2, columns): last signal row and the one before."""
     condition: Array
@@ -282,7 +282,7 @@ class EkfState(NamedTuple):
     informed_s: Array
     """(n, k): last time each derivative's variance shrank through data."""
     moved_s: Array
-    """(n, nu): last time each input moved beyond its noise."""
+    """(n, ns + nu): last time each state and input moved beyond its noise."""
     variance: Array
     """(n, k): of the derivatives after the last solution."""
     information: Array
@@ -306,7 +306,7 @@ class Running(NamedTuple):
     noise: Noise
     memory: Memory
     input_errors: InputErrors
-    input_moments: Array
+    moments: Array
     rows: Array
     condition: Array
     samples: Counts
@@ -315,7 +315,7 @@ class Running(NamedTuple):
 def running(state: EkfState) -> Running:
     """The same arrays."""
     return Running(
-        state.z, state.cov, state.noise, state.memory, state.input_errors, state.input_moments, state.rows,
+        state.z, state.cov, state.noise, state.memory, state.input_errors, state.moments, state.rows,
         state.condition, state.samples,
     )  # fmt: skip
 
@@ -455,7 +455,7 @@ class Solved(NamedTuple):
     gained: Array
     """(n,): fraction of all that is known (mean over directions) that the data since the last solution gave."""
     resting: Flags
-    """(n, nu): inputs whose derivatives' information was taken back."""
+    """(n, ns + nu): states and inputs whose derivatives' information was taken back."""
 
 
 def _each(change: Callable[[Any], Any], state: Named) -> Named:

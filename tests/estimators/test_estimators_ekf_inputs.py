@@ -97,7 +97,8 @@ def last(estimator: EkfEstimator, batch: Array) -> tuple[Array, Array]:
 
 
 def test_reading_errors_of_a_surface_are_in_the_standard_errors() -> None:
-    """A fifth of the doublets' rms is noise: where it is not stated, wrong values get small errors.
+    """A fifth of the doublets' rms is noise: where it is not stated, the forces' derivatives come out many times as
+    wrong; blocks scatter then, so the errors say so.
 
     What is left where it is stated, 1 to 2 % of m_eta, is the errors' part in w and q
     (docs/methods/kalman_filter.md, section 11).
@@ -106,11 +107,11 @@ def test_reading_errors_of_a_surface_are_in_the_standard_errors() -> None:
     noise_std = 0.2 * float(inputs.std())
     batch = readings(noise_std, 12, inputs)
     stated, silent = (last(filter_of(std), batch) for std in (noise_std, 0.0))
-    rms = [
-        np.sqrt(np.mean(np.square((value - PITCH.truth) / error), axis=0))
-        for value, error in (stated, silent)
-    ]
-    assert (rms[0][3:] < rms[1][3:] / 3.0).all(), rms
+    rms = [np.sqrt(np.mean(np.square(value - PITCH.truth), axis=0)) for value, _ in (stated, silent)]
+    assert (rms[0][:3] < rms[1][:3] / 3.0).all(), rms
+    for value, error in (stated, silent):
+        scores = np.sqrt(np.mean(np.square((value - PITCH.truth) / error), axis=0))
+        assert (scores < 2.5).all(), scores
     assert abs(stated[0][:, 5].mean() / PITCH.truth[5] - 1.0) < 0.02
 
 
