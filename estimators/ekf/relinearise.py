@@ -327,7 +327,7 @@ def _assess(model, state, places, solved, fresh, matters):  # type: ignore[no-un
     """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the window begins anew) and from
     which checkpoint on it ``matters`` to run the window again (-1: from none)."""
     first, k, window, kept = model.sizes.dynamic, state.vector.shape[1], state.window, np.ones(2)
-    prior_information = 1.0 / (model.prior_std[:k] * model.prior_std[:k])
+    prior_information, ns = 1.0 / (model.prior_std[:k] * model.prior_std[:k]), model.sizes.states
     for m in range(places.size):
         i = places[m]
         fresh[m] = matters[m] = -1
@@ -356,7 +356,7 @@ def _assess(model, state, places, solved, fresh, matters):  # type: ignore[no-un
         if left_out > max(_MATTERS, np.sqrt(solved.gained[m])) and spare >= 0.0:
             window.rerun[i] += again
             matters[m] = start
-        elif fraction < _MATTERS * _MATTERS and (fraction > _TAUGHT or solved.resting[m].all()):
+        elif fraction < _MATTERS * _MATTERS and (fraction > _TAUGHT or solved.resting[m, :ns].all()):
             fresh[m] = -1
             begin_window(state, i)
 
