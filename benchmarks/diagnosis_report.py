@@ -7,7 +7,7 @@ from dataclasses import asdict
 from diagnosis_score import Figures, Verdict, confusion, figures
 from scipy.stats import beta
 
-__all__ = ["counted", "plain", "report", "sentence"]
+__all__ = ["counted", "of_cases", "plain", "report", "sentence"]
 
 HEADER = (
     f"{'source':12}{'one':>6}{'two':>5}{'well':>6}{'refused':>9}{'named %':>9}{'first %':>9}{'alone %':>9}"
@@ -41,10 +41,11 @@ def counted(verdicts: Sequence[Verdict]) -> list[str]:
         "both of two named": [all(v.named) for v in heard if len(v.hidden) == 2],
         "nine tenths of the gain reached": [v.reached >= 0.9 for v in one if math.isfinite(v.reached)],
     }
-    return [f"{what} {_of(sum(yes), len(yes))}" for what, yes in answers.items() if yes]
+    return [f"{what} {of_cases(sum(yes), len(yes))}" for what, yes in answers.items() if yes]
 
 
-def _of(yes: int, cases: int) -> str:
+def of_cases(yes: int, cases: int) -> str:
+    """A count with its 95 % interval (Clopper and Pearson)."""
     low = float(beta.ppf(0.025, yes, cases - yes + 1)) if yes > 0 else 0.0
     high = float(beta.ppf(0.975, yes + 1, cases - yes)) if yes < cases else 1.0
     return f"{yes} of {cases} ({100.0 * low:.0f} to {100.0 * high:.0f} %)"

@@ -21,7 +21,7 @@ from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, mode
 from wingwatch.diagnosis.replay import DELAY, SCALE, TRIM_STEPS, Model, smoothed, without_delays
 from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
 
-__all__ = ["Evaluation", "Reduced", "evaluate", "own_offset", "own_prior", "reduce"]
+__all__ = ["Evaluation", "Reduced", "evaluate", "own_count", "own_offset", "own_prior", "reduce"]
 
 Array = NDArray[np.float64]
 
@@ -41,12 +41,19 @@ class Evaluation:
         deviations: standard deviations of the innovations that they were divided by, of each window, (samples, used).
         readings: how many innovations.
         own: of each window, what its free trims take from the innovations, (samples, used, trims).
+        unweighted: the same by the point's own standard deviations, where others were asked for.
     """
 
     blocks: tuple[Array, ...]
     deviations: tuple[Array, ...]
     readings: int
     own: tuple[Array, ...]
+    unweighted: "Evaluation | None" = None
+
+    def with_columns(self, kept: Sequence[int]) -> "Evaluation":
+        """With some of the columns."""
+        blocks = tuple(np.ascontiguousarray(b[:, kept][:, :, kept]) for b in self.blocks)
+        return replace(self, blocks=blocks, unweighted=None)
 
     @property
     def log_spread(self) -> float:
@@ -184,14 +191,21 @@ def _of_window(
     own: Array | None,
     weights: Array | None,
     columns: Columns | None,
-) -> tuple[Array, Array, int, Array]:
+) -> tuple[list[tuple[Array, Array, int]], Array]:
+    """``_summed`` by the weights, if there are any, then by the point's own deviations; what free trims take."""
     innovations, deviation, own, psi = _innovations(problem, point, w, versions, own, columns)
-    deviation = deviation if weights is None else weights
-    white = np.concatenate([innovations[..., None], own, psi], axis=-1) / deviation[..., None]
+    taken = np.concatenate([innovations[..., None], own, psi], axis=-1)
+    by = [deviation] if weights is None else [weights, deviation]
+    return [_summed(problem, w, taken, one) for one in by], own
+
+
+def _summed(problem: Problem, w: int, taken: Array, deviation: Array) -> tuple[Array, Array, int]:
+    """Of a window: sums of its blocks, the standard deviations, how many innovations."""
+    white = taken / deviation[..., None]
     width = white.shape[-1]
     known = np.array([bool(np.isfinite(white[..., c]).all()) for c in range(width)])
     if not known[: 1 + own_count(problem)].all():
-        return np.full((1, width, width), np.nan), np.full_like(deviation, np.nan), 0, own
+        return np.full((1, width, width), np.nan), np.full_like(deviation, np.nan), 0
     white[..., ~known] = 0.0  # a version that runs away in this window says nothing here
     count = max(1, round(len(white) * problem.inputs[w].dt / _BLOCK_S))
     cuts = np.linspace(0, len(white), count + 1).round().astype(int)
@@ -199,7 +213,7 @@ def _of_window(
     for b in range(count):
         rows = white[cuts[b] : cuts[b + 1]].reshape(-1, width)
         blocks[b] = rows.T @ rows
-    return blocks, deviation, int((white[..., 0] != 0.0).sum()), own
+    return blocks, deviation, int((white[..., 0] != 0.0).sum())
 
 
 def evaluate(
@@ -224,18 +238,18 @@ def evaluate(
     models, steps = _versions(problem, point, further)
     versions = _prepared(problem, point, models, steps)
 
-    def of_window(w: int) -> tuple[Array, Array, int, Array]:
+    def of_window(w: int) -> tuple[list[tuple[Array, Array, int]], Array]:
         known, weight = None if own is None else own[w], None if weights is None else weights[w]
         return _of_window(problem, point, w, versions, known, weight, columns)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         parts = list(pool.map(of_window, range(len(problem.inputs))))
-    return Evaluation(
-        tuple(p[0] for p in parts),
-        tuple(p[1] for p in parts),
-        sum(p[2] for p in parts),
-        tuple(p[3] for p in parts),
-    )
+    trims, found = tuple(own for _, own in parts), None
+    for sums in reversed(list(zip(*(by for by, _ in parts), strict=True))):
+        blocks, deviations, readings = zip(*sums, strict=True)
+        found = Evaluation(blocks, deviations, sum(readings), trims, found)
+    assert found is not None
+    return found
 
 
 def own_count(problem: Problem) -> int:

@@ -61,7 +61,7 @@ def _moved(problem: Problem, point: Point, reduced: Reduced, step: Array, part: 
 
 
 def fit(
-    problem: Problem, point: Point, passes: int = _MOST_PASSES, own: Sequence[Array] | None = None
+    problem: Problem, point: Point, passes: int = _MOST_PASSES, evaluation: Evaluation | None = None
 ) -> Solution:
     """The parameters of the causes in the model, and trims, that predict best (Ljung 1999, section 7.2).
 
@@ -72,15 +72,16 @@ def fit(
         problem: the flight.
         point: where to begin.
         passes: at most.
-        own: ``Evaluation.own`` of a point nearby with the same noise.
+        evaluation: at the point, where it is known.
 
     Raises:
         RunsAwayError: the simulation leaves the flight.
     """
-    evaluation = evaluate(problem, point, own=own)
+    if evaluation is None:
+        evaluation = evaluate(problem, point)
     if not np.isfinite(evaluation.log_spread):
         raise RunsAwayError("the simulation runs away from the flight")
-    weights, moved = evaluation.deviations, False
+    weights = evaluation.deviations
     reduced = reduce(problem, point, evaluation)
     prior = _prior(point.causes)
     for _ in range(passes):
@@ -98,12 +99,12 @@ def fit(
         if not better:
             break
         gained = here - _whole_cost(problem, tried, there, prior)
-        point, evaluation, moved = there, tried, True
+        point, evaluation = there, tried
         reduced = reduce(problem, point, evaluation)
         if gained < _ENOUGH:
             break
-    if moved:
-        evaluation = evaluate(problem, point, own=evaluation.own)
+    if evaluation.unweighted is not None:
+        evaluation = evaluation.unweighted
         reduced = reduce(problem, point, evaluation)
     if not np.isfinite(reduced.cost):
         raise RunsAwayError("the simulation runs away from the flight")

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from wingwatch.diagnosis.linear_model import STATES, WIDTH, LinearModel, Noise
 from wingwatch.diagnosis.replay import (
     BIAS,
+    DISTURBANCES,
     SCALE,
     Inputs,
     Model,
@@ -102,13 +103,19 @@ def kalman_filter(
     return Filter(linear, index, output, gain[:count], deviation[:count], given)
 
 
+def _entries(matrix: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """Rows, columns and values of what is not 0, which is little."""
+    rows, columns = np.nonzero(matrix)
+    return rows, columns, matrix[rows, columns]
+
+
 class Change(NamedTuple):
     """Derivatives of a filter by parameters.
 
     Attributes:
-        transition: transposed, (22, 22, parameters).
-        output: (used, 22, parameters).
-        gain: (samples, used, 22, parameters).
+        transition: transposed, (parameters, 22, 22).
+        output: (parameters, used, 22).
+        gain: (parameters, samples, used, 22).
     """
 
     transition: Array
@@ -118,17 +125,12 @@ class Change(NamedTuple):
 
 def change_of(base: Filter, others: Sequence[Filter], steps: Array) -> Change:
     """Differences of filters by their steps."""
-    samples, used, _ = base.gain.shape
-    change = Change(
-        np.zeros((WIDTH, WIDTH, len(others))),
-        np.zeros((used, WIDTH, len(others))),
-        np.zeros((samples, used, WIDTH, len(others))),
+    pairs = list(zip(others, steps, strict=True))
+    return Change(
+        np.array([(other.linear.transition - base.linear.transition).T / step for other, step in pairs]),
+        np.array([(other.output - base.output) / step for other, step in pairs]),
+        np.array([(other.gain - base.gain) / step for other, step in pairs]),
     )
-    for i, other in enumerate(others):
-        change.transition[..., i] = (other.linear.transition - base.linear.transition).T / steps[i]
-        change.output[..., i] = (other.output - base.output) / steps[i]
-        change.gain[..., i] = (other.gain - base.gain) / steps[i]
-    return change
 
 
 class Path(NamedTuple):
@@ -176,8 +178,7 @@ def fly(
         np.zeros((recorded, WIDTH)),
     )  # fmt: skip
     linear = filtering.linear
-    air = np.ascontiguousarray(linear.disturbance[:, STATES:])
-    moves = np.ascontiguousarray(linear.transition[STATES:, STATES:])
+    air, moves = _entries(linear.disturbance[:, STATES:]), _entries(linear.transition[STATES:, STATES:])
     _fly(
         (model.row, model.sensors, start, trims), inputs, measured, filtering.used, (air, moves, filtering.output),
         filtering.gain, filtering.deviation, path,
@@ -188,14 +189,14 @@ def fly(
 
 def sensitivities(filtering: Filter, path: Path, change: Change) -> Array:
     """Change of a window's innovations by what changes its filter alone, (samples, used, parameters): equation (3)."""
-    samples, used, width = *path.innovations.shape, change.output.shape[-1]
+    samples, used, width = *path.innovations.shape, len(change.output)
     columns = np.zeros((samples, used, width))
     for k in range(used):
-        columns[:, k] -= path.before[:, k] @ change.output[k]
-    moved = (path.after @ change.transition.reshape(WIDTH, -1)).reshape(samples, WIDTH, width)
+        columns[:, k] -= path.before[:, k] @ change.output[:, k].T
     _differentiate(
-        filtering.linear.transition, filtering.output, filtering.gain, change.gain, moved, columns, path
-    )
+        np.ascontiguousarray(filtering.linear.transition.T), filtering.output, filtering.gain, change.gain,
+        path.after @ change.transition, columns, path,
+    )  # fmt: skip
     columns[:, : filtering.given] = 0.0
     return columns
 
@@ -207,8 +208,8 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
     air, moves, h = linear
     samples, outputs = measured.shape
     c, work, x = with_trims(row, trims), work_space(inputs.steps), start.copy()
-    blown, dx, read = np.zeros(moves.shape[0]), np.zeros(STATES + moves.shape[0]), np.empty(sensors.shape[0])
-    here, there, later = np.zeros(air.shape[0]), np.zeros(air.shape[0]), np.zeros(blown.size)
+    blown, dx, read = np.zeros(WIDTH - STATES), np.zeros(WIDTH), np.empty(sensors.shape[0])
+    here, there, later = np.zeros(DISTURBANCES), np.zeros(DISTURBANCES), np.zeros(WIDTH - STATES)
     ready(c, inputs, work)
     for t in range(samples):
         at = min(t, gains.shape[0] - 1)
@@ -221,10 +222,8 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
                     path.before[t, i, STATES + j] = blown[j] + dx[STATES + j]
             if path.seen[t, i]:
                 k = used[i]
-                e = measured[t, i] - (1.0 + sensors[k, SCALE]) * read[k] - sensors[k, BIAS]
-                for j in range(dx.size):
-                    e -= h[i, j] * dx[j]
-                for j in range(dx.size):
+                e = measured[t, i] - (1.0 + sensors[k, SCALE]) * read[k] - sensors[k, BIAS] - _along(h, i, dx)
+                for j in range(WIDTH):
                     dx[j] += gains[at, i, j] * e
                 path.innovations[t, i], path.deviation[t, i] = e, deviations[at, i]
         for j in range(blown.size):
@@ -246,38 +245,42 @@ def _fly(version, inputs, measured, used, linear, gains, deviations, path):  # t
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _multiply(matrix, vector, out):  # type: ignore[no-untyped-def]
-    """Their product into ``out``; a library's call costs more than so small a product."""
-    for i in range(matrix.shape[0]):
-        total = 0.0
-        for j in range(vector.size):
-            total += matrix[i, j] * vector[j]
-        out[i] = total
+def _multiply(entries, vector, out):  # type: ignore[no-untyped-def]
+    """Product of ``_entries`` and a vector into ``out``."""
+    rows, columns, values = entries
+    out[:] = 0.0
+    for n in range(values.size):
+        out[rows[n]] += values[n] * vector[columns[n]]
+
+
+@njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+def _along(h, i, vector):  # type: ignore[no-untyped-def]
+    """Row ``i`` of h times a vector (22,), summed in any order: one after another each sum would wait for the last."""
+    total = 0.0
+    for j in range(WIDTH):
+        total += h[i, j] * vector[j]
+    return total
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _differentiate(f, h, gains, gain_changes, moved, columns, path):  # type: ignore[no-untyped-def]
-    """Equation (3), in place: columns begin with what the changed outputs make of the states."""
+    """Equation (3), in place: columns begin with what the changed outputs make of the states; f is Phi transposed."""
     samples, outputs, width = columns.shape
-    n = f.shape[0]
-    x = np.zeros((n, width))
+    x = np.zeros((width, WIDTH))
     for t in range(samples):
         at = min(t, gains.shape[0] - 1)
         for k in range(outputs):
-            e = columns[t, k]
             if not path.seen[t, k]:
-                e[:] = 0.0
+                columns[t, k, :] = 0.0
                 continue
             here = path.innovations[t, k]
-            for i in range(n):
-                if h[k, i] != 0.0:
-                    for c in range(width):
-                        e[c] -= h[k, i] * x[i, c]
-            for i in range(n):
-                for c in range(width):
-                    x[i, c] += gains[at, k, i] * e[c] + gain_changes[at, k, i, c] * here
-        x = f @ x
-        x += moved[t]
+            for c in range(width):
+                e = columns[t, k, c] - _along(h, k, x[c])
+                columns[t, k, c] = e
+                for i in range(WIDTH):
+                    x[c, i] += gains[at, k, i] * e + gain_changes[c, at, k, i] * here
+        x = x @ f
+        x += moved[:, t]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

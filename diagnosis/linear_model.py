@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_lyapunov
 
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.replay import (
@@ -128,8 +127,21 @@ class LinearModel(NamedTuple):
             process += _ANY_FORCE_M_S2**2 * np.outer(self.noise[:, _FORCE], self.noise[:, _FORCE])
         start, air = np.zeros((WIDTH, WIDTH)), slice(STATES, None)
         start[:STATES, :STATES] = np.diag(_START_SPREAD**2)
-        start[air, air] = solve_discrete_lyapunov(self.transition[air, air], process[air, air])
+        start[air, air] = _long_after(self.transition[air, air], process[air, air])
         return process, start
+
+
+_DOUBLINGS = 24
+"""2^24 samples are long after any beginning."""
+
+
+def _long_after(moves: Array, process: Array) -> Array:
+    """Covariance p = F p F' + process, by doubling the time gone."""
+    spread = process
+    for _ in range(_DOUBLINGS):
+        spread = spread + moves @ spread @ moves.T
+        moves = moves @ moves
+    return spread
 
 
 @dataclass(frozen=True, slots=True)

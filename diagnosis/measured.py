@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +64,7 @@ class Window:
     stop: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MeasuredFlight:
     """Even samples of one flight.
 
@@ -77,7 +78,6 @@ class MeasuredFlight:
         noise_std: of each output, as the aircraft file states it, else from the samples' roughness.
         surface_noise_std: of the positions that are flown, likewise, NaN where none is; (3,).
         windows: those that are used.
-        held: whether a surface moves between samples as a command does: held, not on a line; (3,).
     """
 
     time_s: Array
@@ -92,7 +92,7 @@ class MeasuredFlight:
     surface_noise_std: Array
     windows: tuple[Window, ...]
 
-    @property
+    @cached_property
     def compared(self) -> tuple[int, ...]:
         """Outputs that are measured."""
         return tuple(int(k) for k in np.flatnonzero(np.isfinite(self.outputs).any(axis=0)))

@@ -82,8 +82,8 @@ def _best(problem: Problem, point: Point, w: int, model: Model, rows: Array, wei
     steps = np.concatenate([_STEPS, TRIM_STEPS[free]])
     place = np.concatenate([problem.starts[w], point.trims[w, free]])
     best, least = np.empty(0), np.inf
-    for _ in range(_PASSES + 1):
-        places = np.vstack([place, place + np.diag(steps)])
+    for turn in range(_PASSES + 1):
+        places = np.vstack([place, place + np.diag(steps)]) if turn < _PASSES else place[None]
         trims = np.tile(point.trims[w], (len(places), 1))
         trims[:, free] = places[:, count:]
         read = open_loop(problem, w, model, places[:, :count], trims, rows)
@@ -92,6 +92,8 @@ def _best(problem: Problem, point: Point, w: int, model: Model, rows: Array, wei
         if best.size and not cost < least:
             break
         best, least = read[0], cost
+        if turn == _PASSES:
+            break
         columns = ((read[1:] - read[0])[..., used] * weight[used])[:, seen].T / steps
         if not np.isfinite(columns).all():
             break

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.causes import of_sensors
-from wingwatch.diagnosis.evaluation import evaluate, reduce
+from wingwatch.diagnosis.evaluation import Evaluation, evaluate, own_count, reduce
 from wingwatch.diagnosis.evidence import ALIKE, BEYOND_DOUBT, MATTERS
 from wingwatch.diagnosis.fit import Solution, fit, inflation, own_fitted
 from wingwatch.diagnosis.linear_model import Noise
@@ -245,10 +245,11 @@ def _short_list(problem: Problem, present: Solution, candidates: Sequence[Candid
     fitted, still = present.point.noise, first_noise(problem.subject)
     for noise in (fitted, quiet(problem, fitted), still):
         before = fit(problem, replace(present.point, noise=noise), 3)
-        promised = _promises(problem, before, candidates)
+        screened = evaluate(problem, before.point, candidates, own=before.evaluation.own)
+        promised = _promises(problem, before, candidates, screened)
         order = sorted(range(len(candidates)), key=lambda i: -promised[i])[:_SHORT_LIST]
         least = max(_WORTH_A_FIT * promised[order[0]], _LEAST_GAIN)
-        begun = [_begun(problem, before, candidates[i]) for i in order if promised[i] > least]
+        begun = [_begun(problem, before, candidates, i, screened) for i in order if promised[i] > least]
         gains = [(before.cost - after.cost, after.point) for after in begun if after is not None]
         least = max(_WORTH_ITS_NOISE * max((gain for gain, _ in gains), default=0.0), _LEAST_GAIN)
         for gain, point in gains:
@@ -257,25 +258,31 @@ def _short_list(problem: Problem, present: Solution, candidates: Sequence[Candid
     return list(chosen.values())
 
 
-def _begun(problem: Problem, before: Solution, candidate: Candidate) -> Solution | None:
+def _begun(
+    problem: Problem, before: Solution, candidates: Sequence[Candidate], i: int, screened: Evaluation
+) -> Solution | None:
     """A candidate fitted beside a model by the model's noise; None where the simulation runs away."""
-    at, zero = before.point, np.zeros(len(candidate.parameters))
+    at, candidate = before.point, candidates[i]
+    counts = [len(c.parameters) for c in candidates]
+    known = 1 + own_count(problem) + at.theta.size
+    first = known + sum(counts[:i])
+    columns = [*range(known), *range(first, first + counts[i])]
+    begun = replace(at, causes=(*at.causes, candidate), values=(*at.values, np.zeros(counts[i])))
     try:
-        begun = replace(at, causes=(*at.causes, candidate), values=(*at.values, zero))
-        return fit(problem, begun, 3, before.evaluation.own)
+        return fit(problem, begun, 3, screened.with_columns(columns))
     except RunsAwayError:
         return None
 
 
-def _promises(problem: Problem, present: Solution, candidates: Sequence[Candidate]) -> list[float]:
+def _promises(
+    problem: Problem, present: Solution, candidates: Sequence[Candidate], screened: Evaluation
+) -> list[float]:
     """Gain of log-likelihood that one step along each candidate promises, causes in the model free.
 
     A step that would end beyond a parameter's limits ends at them: a play that would have to be below 0, or a surface
     that is stuck where a third less effect is what the flight asks for, promises what that gains.
     """
-    reduced = reduce(
-        problem, present.point, evaluate(problem, present.point, candidates, own=present.evaluation.own)
-    )
+    reduced = reduce(problem, present.point, screened)
     first, at = present.point.theta.size, present.point.theta.size
     prior = np.array([p.spread**-2.0 for c in (*present.point.causes, *candidates) for p in c.parameters])
     h, g = reduced.information + np.diag(prior), reduced.score

@@ -9,6 +9,7 @@ from diagnosis_cases import FIXED, draw
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.diagnosis import diagnose
 from wingwatch.diagnosis.causes import candidates
+from wingwatch.diagnosis.evaluation import evaluate
 from wingwatch.diagnosis.fit import fit
 from wingwatch.diagnosis.measured import OUTPUTS, measure
 from wingwatch.diagnosis.misfit import noise_variance, replayed
@@ -69,9 +70,9 @@ def test_an_elevator_that_lost_a_third_does_not_promise_to_be_stuck() -> None:
     both = [
         c for c in candidates(subject) if c.label in ("surface_stuck[elevator]", "elevator_effectiveness")
     ]
-    stuck, weak = sorted(
-        zip(_promises(problem, fit(problem, point), both), both, strict=True), key=lambda p: p[0]
-    )
+    fitted = fit(problem, point)
+    promised = _promises(problem, fitted, both, evaluate(problem, fitted.point, both))
+    stuck, weak = sorted(zip(promised, both, strict=True), key=lambda p: p[0])
     assert weak[1].label == "elevator_effectiveness"
     assert stuck[0] < 0.7 * weak[0]
 
