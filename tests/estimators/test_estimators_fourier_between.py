@@ -27,7 +27,10 @@ def flight(command: Array, servo_s: float) -> tuple[Array, Array, Array]:
     linear, so that a step of the method is a matrix, and as many as lie between two samples are its powers.
     """
     h = STEP_S / FINE
-    z, rate = np.zeros((4, command.size, FINE)), np.zeros((4, 4))  # of both states, the surface, and what is held
+    z, rate = (
+        np.zeros((4, command.size, FINE)),
+        np.zeros((4, 4)),
+    )  # of both states, the surface, and what is held
     rate[:2, :2] = A
     rate[:2, 2 if servo_s > 0.0 else 3] = B
     if servo_s > 0.0:
