@@ -27,7 +27,7 @@ from wingwatch.estimators import (
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock
 
-__all__ = ["AT_FIRST_USE", "DEMO", "LIVE", "STEPS", "KernelStep"]
+__all__ = ["AT_FIRST_USE", "DEMO", "EVERY", "LIVE", "STEPS", "KernelStep"]
 
 _RATE_HZ = 50.0
 _REFERENCE = (25.0, 1.2)
@@ -179,3 +179,9 @@ DEMO: Sequence[str] = ("fourier", "filter", "calm-filter", "simulation", "watch"
 
 AT_FIRST_USE: Sequence[str] = ("simulation", "whole-flights", "diagnosis")
 """For files: these can wait."""
+
+EVERY: Sequence[str] = (
+    "simulation", "filter", "fourier", "diagnosis", "calm-filter", "whole-flights", "watch",
+)  # fmt: skip
+"""All, for who waits for all: the long ones and those that others come after first, so that no process ends long before
+the other."""

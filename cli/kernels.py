@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from wingwatch.api import KernelPart, KernelState, KernelsView
-from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO, STEPS
+from wingwatch.cli.kernel_steps import EVERY, STEPS
 from wingwatch.cli.kernel_worker import LATER
 
 __all__ = ["KernelCompiler", "KernelError", "Preparation", "main", "only_load"]
@@ -339,7 +339,7 @@ def _rounded(seconds: float) -> int:
 
 def main() -> int:
     """Compile everything; 0 where all of it went well."""
-    compiler = KernelCompiler(DEMO, AT_FIRST_USE)
+    compiler = KernelCompiler(EVERY)
     began_s = time.monotonic()
     print("[kernels] compiled on the first start, one process a processor, and kept", flush=True)
     compiler.start()

@@ -199,17 +199,24 @@ def set_up(venv: Path, extras: Sequence[str], editable: bool, dependencies_only:
     whole = dependencies_only or state.get("project") == ("editable" if editable else "copy")
     if fresh and have >= set(extras) and whole:
         return
-    pins = select(read_pins(constraints), wanted_names(pyproject, sorted(have | set(extras))))
-    if not fresh:
-        say(f"virtual environment {venv.name}, Python {sys.version_info[0]}.{sys.version_info[1]}")
-        run([sys.executable, "-m", "venv", "--clear", str(venv)], venv / LOG)
-    say(f"{len(pins)} pinned packages, each checked against its hash (a minute or two the first time)")
-    subset = venv / "wingwatch-pins.txt"
-    subset.write_text("".join(pin.text for pin in pins))
+    known = read_pins(constraints)
+    pins = select(known, wanted_names(pyproject, sorted(have | set(extras))))
     pip = [str(venv / "bin" / "python"), "-m", "pip", "--disable-pip-version-check", "--no-input", "install"]
     # In an image its user may not write byte code; beside a clone each module is compiled when it is first imported.
     how = ["--no-compile"] if editable and not dependencies_only else []
-    run([*pip, *how, "--require-hashes", "--only-binary=:all:", "-r", str(subset)], venv / LOG)
+
+    def install(some: Sequence[Pin], name: str) -> None:
+        subset = venv / name
+        subset.write_text("".join(pin.text for pin in some))
+        run([*pip, *how, "--require-hashes", "--only-binary=:all:", "-r", str(subset)], venv / LOG)
+
+    if not fresh:
+        say(f"virtual environment {venv.name}, Python {sys.version_info[0]}.{sys.version_info[1]}")
+        run([sys.executable, "-m", "venv", "--clear", str(venv)], venv / LOG)
+        # Python brings a pip as old as itself, which takes twice as long to look through the lists of an index.
+        install([pin for pin in known if pin.name == "pip"], "wingwatch-pip.txt")
+    say(f"{len(pins)} pinned packages, each checked against its hash (a minute or two the first time)")
+    install(pins, "wingwatch-pins.txt")
     if not dependencies_only:
         say("wingwatch itself")
         where = ["-e", "."] if editable else ["."]

@@ -61,7 +61,8 @@ def environment_bill() -> Json:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / BILL
         command = [sys.executable, "-m", "cyclonedx_py", "environment", "--output-reproducible", "--short-PURLs",
-                   "--pyproject", str(ROOT / "pyproject.toml"), "--output-file", str(path), sys.executable]  # fmt: skip
+                   "--no-validate", "--pyproject", str(ROOT / "pyproject.toml"),
+                   "--output-file", str(path), sys.executable]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
@@ -178,7 +179,24 @@ def make_bill(extras: Sequence[str]) -> Json:
     )
     if left := forbidden.search(json.dumps(bill)):
         raise BillError(f"the bill would name {left.group()}, which is no part of the program")
+    check_form(bill)
     return bill
+
+
+def check_form(bill: Json) -> None:
+    """That the bill is as CycloneDX's schema wants it: as it is written, not as cyclonedx-py makes it of more packages.
+
+    Raises:
+        BillError: it is not.
+    """
+    from cyclonedx.schema import SchemaVersion  # installed beside cyclonedx-py, which has run by now
+    from cyclonedx.validation.json import JsonStrictValidator
+
+    version = SchemaVersion.from_version(bill["specVersion"])
+    problem = JsonStrictValidator(version).validate_str(json.dumps(bill))
+    if problem is not None:
+        first = (str(problem).splitlines() or [""])[0][:300]
+        raise BillError(f"the bill is not what CycloneDX {version.to_version()} asks for: {first}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

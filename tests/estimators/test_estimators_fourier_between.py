@@ -23,29 +23,29 @@ THETA = np.array([A[0, 0], A[0, 1] - FORWARD[1], B[0], A[1, 0], A[1, 1], B[1]])
 def flight(command: Array, servo_s: float) -> tuple[Array, Array, Array]:
     """Time, states (n, 2), surface and rates (n, 2) of a flight in fine steps, by the fourth-order Runge-Kutta method.
 
-    ``command``: one value a sample, held to the next; the surface follows it at once if ``servo_s`` is 0.
+    ``command``: one value a sample, held to the next; the surface follows it at once if ``servo_s`` is 0. The motion is
+    linear, so that a step of the method is a matrix, and as many as lie between two samples are its powers.
     """
     h = STEP_S / FINE
-    x: Array = np.zeros(3)
-    rows = [x.copy()]
-    for k in range((command.size - 1) * FINE):
-        held = command[k // FINE]
-
-        def rate(z: Array, held: float = held) -> Array:
-            surface = z[2] if servo_s > 0.0 else held
-            moved = (held - z[2]) / servo_s if servo_s > 0.0 else 0.0
-            return np.append(A @ z[:2] + B * surface, moved)
-
-        k1 = rate(x)
-        k2 = rate(x + 0.5 * h * k1)
-        k3 = rate(x + 0.5 * h * k2)
-        x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(x + h * k3))
-        rows.append(x.copy())
-    z = np.array(rows, dtype=np.float64)
-    surface: Array = np.asarray(
-        z[:, 2] if servo_s > 0.0 else np.append(np.repeat(command[:-1], FINE), command[-1])
-    )
-    return h * np.arange(z.shape[0], dtype=np.float64), z[:, :2], surface
+    z, rate = (
+        np.zeros((4, command.size, FINE)),
+        np.zeros((4, 4)),
+    )  # of both states, the surface, and what is held
+    rate[:2, :2] = A
+    rate[:2, 2 if servo_s > 0.0 else 3] = B
+    if servo_s > 0.0:
+        rate[2, 2:] = -1.0 / servo_s, 1.0 / servo_s
+    step = np.eye(4)
+    for order in (4, 3, 2, 1):
+        step = np.eye(4) + (h / order) * rate @ step
+    powers = np.array([np.linalg.matrix_power(step, k) for k in range(FINE + 1)])
+    x: Array = np.zeros(4)
+    for k, held in enumerate(command):
+        x[3] = held
+        between = powers @ x
+        z[:, k], x = between[:-1].T, between[-1]
+    rows = z.reshape(4, -1)[:, : (command.size - 1) * FINE + 1]
+    return h * np.arange(rows.shape[1], dtype=np.float64), rows[:2].T, rows[2 if servo_s > 0.0 else 3]
 
 
 def transform(time: Array, value: Array) -> NDArray[np.complex128]:

@@ -3,6 +3,7 @@
 import multiprocessing
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -76,6 +77,13 @@ class Case:
             made.chain.supervisor.pairs[name] = replace(pair, ekf=EkfEstimator(config))
         return made
 
+    @cached_property
+    def whole(self) -> tuple[list[Any], bytes, Any]:
+        """Of the flight without an interruption: reports, the state in the end, and what is shown then."""
+        monitor = self.monitor()
+        reports = [bits(monitor.feed(piece)) for piece in pieces(self.flight, SAMPLES)]
+        return reports, state_bytes(monitor), bits((monitor.derivatives(), monitor.view()))
+
 
 def without(flight: SampleBlock, columns: Sequence[int], to_s: float = np.inf) -> SampleBlock:
     values = flight.values[flight.time_s < to_s].copy()
@@ -148,18 +156,12 @@ def state_bytes(monitor: VehicleMonitor) -> bytes:
     return CODEC.encode(MonitorState, monitor.saved())
 
 
-def whole(case: Case) -> tuple[list[Any], bytes, Any]:
-    monitor = case.monitor()
-    reports = [bits(monitor.feed(piece)) for piece in pieces(case.flight, SAMPLES)]
-    return reports, state_bytes(monitor), bits((monitor.derivatives(), monitor.view()))
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_a_flight_that_was_saved_and_restored_is_the_uninterrupted_one(
     name: str, cases: dict[str, Case]
 ) -> None:
     case = case_of(name, cases)
-    expected, last, shown = whole(case)
+    expected, last, shown = case.whole
     parts = list(pieces(case.flight, SAMPLES))
     cuts = np.random.default_rng(7).choice(np.arange(1, len(parts)), case.cuts, replace=False)
     monitor = case.monitor()
@@ -175,7 +177,7 @@ def test_a_flight_that_was_saved_and_restored_is_the_uninterrupted_one(
 
 def test_vehicles_that_fly_together_are_restored_into_one_batch(cases: dict[str, Case]) -> None:
     several = [case_of(name, cases) for name in list(CASES)[:2]] + [Case(fly_doublets(60.0))]
-    expected = [whole(case) for case in several]
+    expected = [case.whole for case in several]
 
     def joined(states: Sequence[MonitorState] | None) -> list[VehicleMonitor]:
         maker = MonitorMaker(lambda: "1", JudgeConfig())
@@ -209,7 +211,7 @@ def go_on(data: bytes, flight: SampleBlock, first: int) -> tuple[str, bytes]:
 
 def test_another_process_goes_on_to_the_bit(cases: dict[str, Case]) -> None:
     case = case_of("an elevator that loses effect", cases)
-    expected, last, _ = whole(case)
+    expected, last, _ = case.whole
     monitor, first = case.monitor(), 333
     for piece in list(pieces(case.flight, SAMPLES))[:first]:
         monitor.feed(piece)

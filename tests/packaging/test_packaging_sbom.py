@@ -137,6 +137,8 @@ def test_the_bill_of_this_environment(tool: ModuleType, tmp_path: Path) -> None:
     licences = (tmp_path / "licences.txt").read_text()
     assert len(licences.splitlines()) == len(names)
     assert not re.search(r"  not stated$", licences, re.MULTILINE)
+    with pytest.raises(tool.BillError, match=r"is not what CycloneDX 1\.\d asks for"):
+        tool.check_form({**made, "components": [{"name": "without a type"}]})
 
 
 def test_make_says_how(tool: ModuleType) -> None:

@@ -54,16 +54,20 @@ def set_up(install: ModuleType, commands: list[list[str]], tmp_path: Path) -> Ca
     def run(*arguments: str) -> list[str]:
         commands.clear()
         assert install.main(["--venv", str(tmp_path / "venv"), *arguments]) == 0
-        return [
-            "make" if "venv" in c else "pins" if "--require-hashes" in c else "link" if "-e" in c else "copy"
-            for c in commands
-        ]
+        return [what(command) for command in commands]
 
     return run
 
 
+def what(command: Sequence[str]) -> str:
+    """What a command of the set-up does, in one word."""
+    if "--require-hashes" in command:
+        return {"wingwatch-pip.txt": "pip", "wingwatch-pins.txt": "pins"}[Path(command[-1]).name]
+    return "make" if "venv" in command else "link" if "-e" in command else "copy"
+
+
 def test_the_second_time_nothing_is_done(set_up: Callable[..., list[str]]) -> None:
-    assert set_up() == ["make", "pins", "link"]
+    assert set_up() == ["make", "pip", "pins", "link"]
     assert set_up() == []
 
 
@@ -85,7 +89,7 @@ def test_a_stale_environment_is_made_anew(
     )
     assert changed != text
     (tmp_path / file).write_text(changed)
-    assert set_up() == ["make", "pins", "link"]
+    assert set_up() == ["make", "pip", "pins", "link"]
     assert "\npytest==" not in (tmp_path / "venv" / "wingwatch-pins.txt").read_text()
 
 
@@ -107,7 +111,7 @@ def test_a_set_up_that_was_cut_short_starts_again(
     with monkeypatch.context() as patch:
         patch.setattr(install, "run", cut)
         assert install.main(["--venv", str(tmp_path / "venv")]) == 130
-    assert set_up() == ["make", "pins", "link"]
+    assert set_up() == ["make", "pip", "pins", "link"]
 
 
 def test_a_broken_note_of_the_last_set_up_counts_as_none(
@@ -115,22 +119,33 @@ def test_a_broken_note_of_the_last_set_up_counts_as_none(
 ) -> None:
     set_up()
     (tmp_path / "venv" / "wingwatch-setup.json").write_text("[1, 2")
-    assert set_up() == ["make", "pins", "link"]
+    assert set_up() == ["make", "pip", "pins", "link"]
 
 
 def test_dependencies_first_then_a_copy_of_the_project(set_up: Callable[..., list[str]]) -> None:
-    assert set_up("--dependencies-only", "--extra", "postgres") == ["make", "pins"]
+    assert set_up("--dependencies-only", "--extra", "postgres") == ["make", "pip", "pins"]
     assert set_up("--copy", "--extra", "postgres") == ["pins", "copy"]
     assert set_up("--copy", "--extra", "postgres") == []
+
+
+def test_the_pip_that_installs_is_the_pinned_one(
+    install: ModuleType, set_up: Callable[..., list[str]], tmp_path: Path
+) -> None:
+    set_up()
+    (pin,) = install.read_pins((tmp_path / "venv" / "wingwatch-pip.txt").read_text())
+    assert pin.name == "pip"
+    assert pin.text in (tmp_path / "constraints.txt").read_text()
+    assert "--hash=sha256:" in pin.text
 
 
 def test_hashes_are_demanded_and_nothing_is_built(
     set_up: Callable[..., list[str]], commands: list[list[str]]
 ) -> None:
     set_up()
-    (pins,) = [c for c in commands if "--require-hashes" in c]
+    pip, pins = [c for c in commands if what(c) in ("pip", "pins")]
     (project,) = [c for c in commands if "-e" in c]
-    assert "--only-binary=:all:" in pins
+    for command in (pip, pins):
+        assert {"--require-hashes", "--only-binary=:all:"} <= set(command)
     assert {"--no-deps", "--no-build-isolation", "--no-index"} <= set(project)
 
 
@@ -138,10 +153,10 @@ def test_byte_code_is_made_where_its_user_may_not_write(
     set_up: Callable[..., list[str]], commands: list[list[str]], tmp_path: Path
 ) -> None:
     set_up()
-    (beside_a_clone,) = [c for c in commands if "--require-hashes" in c]
+    (beside_a_clone,) = [c for c in commands if what(c) == "pins"]
     assert "--no-compile" in beside_a_clone
     set_up("--venv", str(tmp_path / "image"), "--dependencies-only")
-    (in_an_image,) = [c for c in commands if "--require-hashes" in c]
+    (in_an_image,) = [c for c in commands if what(c) == "pins"]
     assert "--no-compile" not in in_an_image
 
 

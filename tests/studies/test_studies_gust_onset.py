@@ -15,18 +15,8 @@ from wingwatch.studies.plan import Gusts
 IMPROBABLE = 1e-8
 
 
-@pytest.mark.parametrize(
-    ("aircraft", "structure"),
-    [
-        ("aerosonde", "short_period"),
-        ("ultrastick25e", "short_period"),
-        ("ultrastick25e", "lateral"),
-        ("aerosonde", "lateral"),
-    ],
-)
-def test_gusts_that_begin_within_a_block_leave_its_evidence_true(
-    tmp_path: Path, aircraft: str, structure: str
-) -> None:
+@pytest.mark.parametrize("aircraft", ["aerosonde", "ultrastick25e"])
+def test_gusts_that_begin_within_a_block_leave_its_evidence_true(tmp_path: Path, aircraft: str) -> None:
     grid = small_grid(tmp_path).model_copy(update={"aircraft": {aircraft: 1.0}})
     fleet = load_fleet(grid)
     plan = replace(
@@ -39,11 +29,12 @@ def test_gusts_that_begin_within_a_block_leave_its_evidence_true(
     ]
     rows = FlightMaker(fleet).rows(plans, "{seed}")
     assert [row["failed"] for row in rows] == [""] * 8
-    blocks = [
-        (row["seed"], end_s, float(chi2.sf(score, freedom)))
-        for row in rows
-        for end_s, score, freedom in json.loads(row["block_scores"]).get(structure, [])
-        if freedom > 0.0
-    ]
-    assert len(blocks) > 30
-    assert [block for block in blocks if block[2] < IMPROBABLE] == []
+    for structure in ("short_period", "lateral"):
+        blocks = [
+            (row["seed"], end_s, float(chi2.sf(score, freedom)))
+            for row in rows
+            for end_s, score, freedom in json.loads(row["block_scores"]).get(structure, [])
+            if freedom > 0.0
+        ]
+        assert len(blocks) > 30, structure
+        assert [block for block in blocks if block[2] < IMPROBABLE] == [], structure
