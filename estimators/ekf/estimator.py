@@ -17,7 +17,7 @@ from wingwatch.estimators.ekf.noise import LEAST
 from wingwatch.estimators.ekf.recursion import WARM_UP, update_all
 from wingwatch.estimators.ekf.release import release_since
 from wingwatch.estimators.ekf.relinearise import relinearise_all
-from wingwatch.estimators.ekf.scatter import dispersed, forget_block, wider_covariance
+from wingwatch.estimators.ekf.scatter import dispersed, forget_block, no_scatter, wider_covariance
 from wingwatch.estimators.ekf.solve import solve_all
 from wingwatch.estimators.ekf.state import (
     NEWEST,
@@ -29,7 +29,6 @@ from wingwatch.estimators.ekf.state import (
     Memory,
     Model,
     Noise,
-    Scatter,
     Solved,
     Window,
     put_vehicle,
@@ -180,15 +179,7 @@ class EkfEstimator:
             vector=np.tile(c.prior_value / c.prior_std**2, (n, 1)),
             gained_matrix=np.zeros((n, k, k)),
             gained_vector=np.zeros((n, k)),
-            scatter=Scatter(
-                solutions=none.copy(),
-                start_s=np.zeros(n),
-                start_matrix=np.tile(information, (n, 1, 1)),
-                start_vector=np.tile(c.prior_value / c.prior_std**2, (n, 1)),
-                matrix=np.zeros((n, k, k)),
-                vector=np.zeros((n, k)),
-                equations=np.zeros((n, ns, 3)),
-            ),
+            scatter=no_scatter(n, ns, k),
             window=Window(
                 rows=np.zeros((n, WINDOW_ROWS, columns), dtype=np.float32),
                 filled=none.copy(),
@@ -260,7 +251,9 @@ class EkfEstimator:
                 go_back(state, i, first)
             except Exception as error:  # the others are not to suffer by it
                 faults[i] = error
-        solved = Solved(np.empty(n), np.empty(n), np.empty((n, self.layout.states + self.layout.inputs), dtype=np.bool_))
+        solved = Solved(
+            np.empty(n), np.empty(n), np.empty((n, self.layout.states + self.layout.inputs), dtype=np.bool_)
+        )
         solve_all(self.model, state, places, solved, self._dispersing)
         faults |= relinearise_all(self.model, state, places, solved)
         self._start_lost(state, places)

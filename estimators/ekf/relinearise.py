@@ -197,8 +197,8 @@ def _take_back(known, before, chosen):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-def]
-    """What solution ``s`` does to what is known: resting states and inputs (``before``: as known before the half second),
-    information that came of reading errors, forgetting."""
+    """What solution ``s`` does to what is known: what rested (``before``: as known before the half second), information
+    that came of reading errors, forgetting."""
     information, vector, k = known.matrix, known.vector, known.vector.size
     resting, keep, prior_std = span.resting[s], span.keep[s], model.prior_std
     noise_information = np.empty((k, k))

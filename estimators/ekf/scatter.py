@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.state import EkfState
+from wingwatch.estimators.ekf.state import EkfState, Scatter
 from wingwatch.estimators.kernels.dispersion import (
     DISPERSION,
     disperse,
@@ -22,7 +22,15 @@ from wingwatch.estimators.kernels.dispersion import (
 )
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["BLOCK_SOLUTIONS", "begin_block", "close_block", "dispersed", "forget_block", "wider_covariance"]
+__all__ = [
+    "BLOCK_SOLUTIONS",
+    "begin_block",
+    "close_block",
+    "dispersed",
+    "forget_block",
+    "no_scatter",
+    "wider_covariance",
+]
 
 Array = NDArray[np.float64]
 
@@ -61,8 +69,19 @@ def close_block(scatter, i, now_s, memory_s, work):  # type: ignore[no-untyped-d
         for b in range(k):
             mean[a] += covariance[a, b] * scatter.start_vector[i, b]
     keep = math.exp(-(now_s - scatter.start_s[i]) / memory_s)
-    gather_scatter(
-        scatter.matrix[i], scatter.vector[i], mean, covariance, keep, scatter.equations[i], work
+    gather_scatter(scatter.matrix[i], scatter.vector[i], mean, covariance, keep, scatter.equations[i], work)
+
+
+def no_scatter(vehicles: int, ns: int, k: int) -> Scatter:
+    """Before the first block."""
+    return Scatter(
+        solutions=np.zeros(vehicles, dtype=np.int64),
+        start_s=np.zeros(vehicles),
+        start_matrix=np.zeros((vehicles, k, k)),
+        start_vector=np.zeros((vehicles, k)),
+        matrix=np.zeros((vehicles, k, k)),
+        vector=np.zeros((vehicles, k)),
+        equations=np.zeros((vehicles, ns, 3)),
     )
 
 

@@ -38,7 +38,9 @@ def _resting(moments, moved_s, variance, now_s):  # type: ignore[no-untyped-def]
     for j in range(variance.size):
         freedom = moments[j, READINGS] - 1.0
         if freedom > 0.0:
-            spread = (moments[j, SQUARES] - moments[j, SUM] * moments[j, SUM] / moments[j, READINGS]) / freedom
+            spread = (
+                moments[j, SQUARES] - moments[j, SUM] * moments[j, SUM] / moments[j, READINGS]
+            ) / freedom
             part = 2.0 / (9.0 * freedom)
             if spread > variance[j] * (1.0 - part + CHANCE * np.sqrt(part)) ** 3:
                 moved_s[j] = now_s
@@ -70,7 +72,7 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     information, vector = state.information[i], state.vector[i]
     variance, largest = state.noise.inputs[i], np.empty(ns + nu)
     largest[:ns], largest[ns:] = state.noise.reading[i, :ns], state.noise.largest_inputs[i]
-    if not state.rows[i, NEWEST, model.sizes.kinematic + VANE] == 1.0:
+    if state.rows[i, NEWEST, model.sizes.kinematic + VANE] != 1.0:
         largest[0] = 0.0  # a reconstructed velocity's noise is not white
     resting = _resting(moments, state.moved_s[i], largest, state.rows[i, NEWEST, TIME])
     k = vector.size

@@ -7,7 +7,6 @@ that of ``blocks``.
 import math
 
 from wingwatch.estimators.fourier.checkpoints import copy_matrix, copy_vector
-from wingwatch.estimators.kernels.dispersion import disperse, gather_scatter
 from wingwatch.estimators.fourier.memory import discount, replace
 from wingwatch.estimators.fourier.solution import (
     AIR_MEMORY,
@@ -36,6 +35,7 @@ from wingwatch.estimators.fourier.state import (
     Memory,
     Prior,
 )
+from wingwatch.estimators.kernels.dispersion import disperse, gather_scatter
 from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.reading_noise import reading_variance
 

@@ -22,7 +22,6 @@ from wingwatch.estimators.fourier.air import air_channels
 from wingwatch.estimators.fourier.bank import bank_channels
 from wingwatch.estimators.fourier.blocks import advance, block_workspace, fill
 from wingwatch.estimators.fourier.checkpoints import CHECKPOINTS
-from wingwatch.estimators.kernels.dispersion import dispersion_of
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
     CLOSED,
@@ -42,6 +41,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
+from wingwatch.estimators.kernels.dispersion import dispersion_of
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import (

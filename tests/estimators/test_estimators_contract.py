@@ -33,29 +33,6 @@ FAST = [ESTIMATORS["fourier"], ESTIMATORS["ekf"]]
 """The compiled ones; filterpy's answers are theirs to 1e-9 (below) at a hundred times the cost."""
 compiled = pytest.mark.parametrize("make", FAST, ids=["fourier", "ekf"])
 
-learns_from_noise = pytest.mark.xfail(
-    strict=True,
-    reason="run alone, the filter takes noise for information in quiet flight; the service undoes it (decision 0013)",
-)
-
-
-def at_rest(*learns: str) -> pytest.MarkDecorator:
-    """Every compiled estimator on every plant; the filter alone fails on those named."""
-    return pytest.mark.parametrize(
-        ("make", "plant"),
-        [
-            pytest.param(
-                maker,
-                plant,
-                id=f"{of}-{name}",
-                marks=learns_from_noise if name == "ekf" and of in learns else (),
-            )
-            for of, plant in PLANTS.items()
-            for name, maker in ESTIMATORS.items()
-            if name != "ekf_filterpy"
-        ],
-    )
-
 
 def equal(a: State, b: State) -> None:
     """Every array of two states, to the bit."""
@@ -102,7 +79,8 @@ def test_short_data_say_nothing(make: Maker, plant: Plant) -> None:
         assert not np.isinf(estimate.value).any(), "a value is known or NaN"
 
 
-@at_rest("short_period")
+@compiled
+@every_plant
 def test_quiet_flight_is_not_observable(make: Maker, plant: Plant) -> None:
     """Sensor noise alone: the mode never converges, at any solution, on any of twenty vehicles."""
     runner = make(plant)
@@ -117,7 +95,6 @@ def test_quiet_flight_is_not_observable(make: Maker, plant: Plant) -> None:
             assert start < 100 or np.isfinite(estimate.value).all()
 
 
-@learns_from_noise
 @every_plant
 def test_filterpy_too_does_not_learn_from_noise(plant: Plant) -> None:
     runner = ESTIMATORS["ekf_filterpy"](plant)
@@ -126,7 +103,8 @@ def test_filterpy_too_does_not_learn_from_noise(plant: Plant) -> None:
     assert "move the" in estimate.reason
 
 
-@at_rest("short_period", "dutch_roll")
+@compiled
+@every_plant
 def test_ten_minutes_of_quiet_do_not_drift(make: Maker, plant: Plant) -> None:
     """After an excited start the quiet adds nothing: the last values stay within three of their standard errors."""
     runner = make(plant)
