@@ -1,0 +1,70 @@
+"""The filter's errors are as wide as its blocks scatter; states that rest within their noise teach nothing."""
+
+import numpy as np
+import pytest
+from reference_plant import PLANTS
+from situation_cases import SITUATIONS
+from situation_plants import fly_situation
+from situations import ekf
+
+from wingwatch.estimators import Outcome
+from wingwatch.estimators.ekf.scatter import dispersed, wider_covariance
+from wingwatch.estimators.kernels.dispersion import CHI_SQUARE, FREEDOM
+
+PRIOR_STD = np.array([2.0, 3.0, 1.0, 4.0, 5.0, 20.0])
+QUIET_BLOCKS = np.array([[30.0, 30.0, 1.0], [20.0, 30.0, 1.0]])
+"""Scatter of two equations that is no more than was said."""
+
+
+def scatter(moment: float) -> np.ndarray:
+    """That of blocks whose second equation scatters by ``moment``, in variance, with many degrees of freedom."""
+    rows = QUIET_BLOCKS.copy()
+    rows[1, CHI_SQUARE], rows[1, FREEDOM] = moment * 1e6, 1e6
+    return rows
+
+
+def covariance() -> np.ndarray:
+    """Of derivatives that data have told a hundred times as much of as the prior, correlated."""
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(6, 6)) / PRIOR_STD[:, None]
+    return np.asarray(np.linalg.inv(np.diag(PRIOR_STD**-2.0) + 100.0 * root @ root.T))
+
+
+def test_blocks_that_agree_leave_the_errors() -> None:
+    before = covariance()
+    np.testing.assert_array_equal(wider_covariance(before, PRIOR_STD, QUIET_BLOCKS), before)
+
+
+def test_the_equation_that_scatters_has_wider_errors_and_keeps_its_prior() -> None:
+    before = covariance()
+    after = wider_covariance(before, PRIOR_STD, scatter(9.0))
+    prior = np.diag(PRIOR_STD**-2.0)
+    roots = np.repeat([1.0, 3.0], 3)
+    expected = (np.linalg.inv(before) - prior) / np.outer(roots, roots)
+    np.testing.assert_allclose(np.linalg.inv(after) - prior, expected, rtol=1e-4, atol=1e-9)
+    hopeless = wider_covariance(before, PRIOR_STD, scatter(1e12))
+    assert (np.sqrt(np.diagonal(hopeless)) <= PRIOR_STD * (1.0 + 1e-9)).all()
+
+
+def test_what_a_block_says_stays_and_its_error_grows() -> None:
+    matrix = np.linalg.inv(covariance())
+    value = np.array([-4.0, 0.5, -2.0, -4.0, -6.0, -30.0])
+    wider, vector = dispersed(matrix, matrix @ value, scatter(4.0))
+    np.testing.assert_allclose(np.linalg.solve(wider, vector), value, rtol=1e-6)
+    error = np.sqrt(np.diagonal(np.linalg.inv(wider)) / np.diagonal(np.linalg.inv(matrix)))
+    np.testing.assert_allclose(error, np.repeat([1.0, 2.0], 3), rtol=1e-3)
+
+
+@pytest.mark.parametrize("plant", PLANTS, ids=[p.structure.name for p in PLANTS])
+@pytest.mark.parametrize(
+    "case", ["unknown moment, autopilot, each 10 s", "random moment, autopilot, each 10 s"]
+)
+def test_moments_that_nobody_measures_are_in_the_errors(plant, case: str) -> None:  # type: ignore[no-untyped-def]
+    """What is claimed holds; by white residuals alone 62 to 79 % of it did, the worst 4.9 stated errors off."""
+    inside = []
+    for seed in range(20, 26):
+        found = ekf(fly_situation(plant, SITUATIONS[case], seed, 60.0))
+        claims = [outcome is Outcome.CONVERGED for outcome in found.outcomes]
+        inside.extend((np.abs(found.value - plant.truth) <= 1.96 * found.standard_error)[claims])
+    assert len(inside) >= 24, "two thirds of the derivatives are claimed"
+    assert np.mean(inside) >= 0.9
