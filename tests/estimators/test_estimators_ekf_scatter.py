@@ -24,7 +24,7 @@ def scatter(moment: float) -> np.ndarray:
 
 
 def covariance() -> np.ndarray:
-    """Of derivatives that data have told a hundred times as much of as the prior, correlated."""
+    """Of derivatives of which data say a hundred times as much as the prior, correlated."""
     rng = np.random.default_rng(3)
     root = rng.normal(size=(6, 6)) / PRIOR_STD[:, None]
     return np.asarray(np.linalg.inv(np.diag(PRIOR_STD**-2.0) + 100.0 * root @ root.T))
