@@ -81,11 +81,14 @@ def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignor
     learn_reading_noise(
         noise.reading[i], memory.differences[i], model.stated_variance, sample, z, after, rate, ns
     )
-    for j in range(model.sizes.inputs):
-        readings, stated = memory.readings[i, j], model.input_variance[j]
-        follow_reading(readings, sample.new[2 + ns + j], sample.dt_s, stated)
-        noise.inputs[i, j] = reading_variance(readings, stated)
-        noise.largest_inputs[i, j] = largest_variance(readings, stated)
+    for j in range(ns + model.sizes.inputs):
+        of_state = j < ns
+        readings = memory.readings[i, j]
+        stated = noise.reading[i, j] if of_state else model.input_variance[j - ns]
+        follow_reading(readings, sample.new[1 + j if of_state else 2 + j], sample.dt_s, stated)
+        noise.largest[i, j] = largest_variance(readings, stated)
+        if not of_state:
+            noise.inputs[i, j - ns] = reading_variance(readings, stated)
     if sample.inertial:
         level = memory.levels[i]
         index = advance_level(level, sample.new[1], sample.motion, sample.dt_s, model.adapt_s)

@@ -10,7 +10,7 @@ from numba import njit
 from wingwatch.estimators.kernels.hot import hot
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["correct", "forget", "inverse_of", "keep_marginal", "predict", "put_marginal", "reseat"]
+__all__ = ["correct", "forget", "inverse_of", "leave_out", "predict", "put_marginal", "reseat"]
 
 
 @hot
@@ -208,22 +208,29 @@ def forget(z, cov, prior_value, prior_information, keep, noise_information, firs
 
 
 @njit(cache=True, error_model="numpy")
-def keep_marginal(z, cov, value, covariance, chosen, first):  # type: ignore[no-untyped-def]
-    """Gives some derivatives the mean and covariance back that they had; all else, given these, stays.
+def leave_out(matrix, vector, before, mean, resting):  # type: ignore[no-untyped-def]
+    """Leaves out what was learned of some derivatives: the others' information is that at the mean that these had.
 
     Args:
-        z, cov: changed in place.
-        value, covariance: of all derivatives as they were, (k,) and (k, k).
-        chosen: which of the derivatives, indices.
-        first: where the derivatives begin in ``z``.
+        matrix, vector: information about all derivatives now, (k, k) and (k,), changed in place.
+        before: (k, k), the matrix before it was learned.
+        mean: (k,), the mean then.
+        resting: which derivatives, (k,).
     """
-    m = chosen.size
-    mean, before = np.empty(m), np.empty((m, m))
-    for a in range(m):
-        mean[a] = value[chosen[a]]
-        for b in range(m):
-            before[a, b] = covariance[chosen[a], chosen[b]]
-    put_marginal(z, cov, first + chosen, inverse_of(cov, first + chosen), mean, before)
+    k = mean.size
+    for a in range(k):
+        if resting[a]:
+            vector[a] = 0.0
+            for b in range(k):
+                vector[a] += before[a, b] * mean[b]
+        else:
+            for b in range(k):
+                if resting[b]:
+                    vector[a] -= (matrix[a, b] - before[a, b]) * mean[b]
+    for a in range(k):
+        for b in range(k):
+            if resting[a] or resting[b]:
+                matrix[a, b] = before[a, b]
 
 
 @njit(cache=True, error_model="numpy")

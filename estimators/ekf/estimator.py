@@ -158,15 +158,16 @@ class EkfEstimator:
                 fisher=np.full((n, 2), LEAST),
                 corrections=np.zeros((n, 2)),
                 inputs=np.tile(self.model.input_variance, (n, 1)),
-                largest_inputs=np.tile(self.model.input_variance, (n, 1)),
+                largest=np.tile(np.concatenate([np.full(ns, LEAST), self.model.input_variance]), (n, 1)),
             ),
             memory=Memory(
-                np.zeros((n, ns, 5)), np.zeros((n, 4, LEVELS)), np.zeros(n), np.zeros((n, nu, READING_MEMORY))
+                np.zeros((n, ns, 5)), np.zeros((n, 4, LEVELS)), np.zeros(n), np.zeros((n, ns + nu, READING_MEMORY))
             ),
             input_errors=InputErrors(
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()
             ),
             moments=np.zeros((n, ns + nu, 4)),
+            earlier=np.zeros((n, ns, 4, 3)),
             rows=np.full((n, 2, columns), np.nan),
             condition=np.full((n, 5), np.nan),
             samples=none.copy(),

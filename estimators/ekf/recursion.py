@@ -264,7 +264,7 @@ def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-d
     if not (0.0 < dt <= MAX_GAP_S):
         _restart(model, Posterior(state.z[i], state.cov[i]), state.noise.reading[i], new)
         start_level(state.memory.levels[i], new[1])
-        for j in range(model.sizes.inputs):
+        for j in range(state.memory.readings.shape[1]):
             forget_readings(state.memory.readings[i, j])
         state.input_errors.age[i] = 0
         older[:] = np.nan

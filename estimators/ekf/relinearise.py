@@ -36,10 +36,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.covariance import inverse_of, reseat
+from wingwatch.estimators.ekf.covariance import leave_out, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import run_again
-from wingwatch.estimators.ekf.solve import columns_of
+from wingwatch.estimators.ekf.solve import of_derivatives
 from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, Running, Solved, one_vehicle
 from wingwatch.estimators.ekf.window import (
     WINDOW_ROWS,
@@ -83,6 +83,13 @@ class Belief(NamedTuple):
 
     value: Array
     covariance: Array
+
+
+class Before(NamedTuple):
+    """Known of the derivatives before a half second: information matrix (k, k) and mean (k,)."""
+
+    matrix: Array
+    value: Array
 
 
 class Span(NamedTuple):
@@ -178,24 +185,6 @@ def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _take_back(known, before, chosen):  # type: ignore[no-untyped-def]
-    """Resting inputs: the marginal of their derivatives is again that of ``before``.
-
-    A density times the ratio of two marginals of C: to the information of C comes that of the one, less that of the
-    other, each the inverse of its covariance.
-    """
-    k, m = known.vector.size, chosen.size
-    work, now, mean = np.empty((k, k)), np.empty((k, k)), np.empty(k)
-    _inverse(known.matrix, work, now)
-    _times(now, known.vector, mean)
-    old, new = inverse_of(before.covariance, chosen), inverse_of(now, chosen)
-    for a in range(m):
-        for b in range(m):
-            known.matrix[chosen[a], chosen[b]] += old[a, b] - new[a, b]
-            known.vector[chosen[a]] += old[a, b] * before.value[chosen[b]] - new[a, b] * mean[chosen[b]]
-
-
-@njit(cache=True, error_model="numpy")
 def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-def]
     """What solution ``s`` does to what is known: what rested (``before``: as known before the half second), information
     that came of reading errors, forgetting."""
@@ -206,7 +195,7 @@ def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-de
         notes.error_information[s], notes.moments[s], span.input_variance, resting, noise_information
     )
     if resting.any():
-        _take_back(known, before, columns_of(resting, model.sizes.states))
+        leave_out(known.matrix, known.vector, before.matrix, before.value, of_derivatives(resting, model.sizes.states))
     for a in range(k):
         prior = 1.0 / (prior_std[a] * prior_std[a])
         vector[a] *= keep
@@ -235,16 +224,17 @@ def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-
     """
     k, first = fixed.value.size, model.sizes.dynamic
     square = (k, k)
-    work, seen, fresh = np.empty(square), np.empty(square), np.empty(square)
-    seen_vector, before = np.empty(k), Belief(np.empty(k), np.empty(square))
+    work, seen, fresh, known_covariance = np.empty(square), np.empty(square), np.empty(square), np.empty(square)
+    seen_vector, before = np.empty(k), Before(np.empty(square), np.empty(k))
     _inverse(fixed.covariance, work, seen)
     _times(seen, fixed.value, seen_vector)
-    _inverse(known.matrix, work, before.covariance)
+    _inverse(known.matrix, work, known_covariance)
     for s in range(len(notes.z)):
         value = notes.z[s, first : first + k]
         if not _inverse(notes.cov[s, first : first + k, first : first + k], work, fresh):
             return False
-        _times(before.covariance, known.vector, before.value)
+        before.matrix[:] = known.matrix
+        _times(known_covariance, known.vector, before.value)
         for a in range(k):
             now_vector = 0.0
             for b in range(k):
@@ -254,7 +244,7 @@ def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-
             known.vector[a] += now_vector - seen_vector[a]
             seen_vector[a] = now_vector
         _forget(model, known, before, span, notes, s)
-        if not _inverse(known.matrix, work, before.covariance):
+        if not _inverse(known.matrix, work, known_covariance):
             return False
         if span.ends[s] == span.middle:
             middle.matrix[:], middle.vector[:] = known.matrix, known.vector

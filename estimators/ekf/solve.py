@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from wingwatch.estimators.ekf.covariance import forget, inverse_of, keep_marginal
+from wingwatch.estimators.ekf.covariance import forget, inverse_of, leave_out, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.scatter import begin_block, close_block
@@ -11,14 +11,11 @@ from wingwatch.estimators.ekf.state import FIRST_READING, NEWEST, READINGS, SQUA
 from wingwatch.estimators.kernels.hot import part, whole_entry
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["columns_of", "solve_all"]
+__all__ = ["of_derivatives", "solve_all"]
 
 CHANCE = 4.0
 """Standard deviations by which the readings' variance must exceed that of their noise to be motion: once in 30,000 half
 seconds by chance."""
-
-STATES_KEPT = 0.75
-"""Part of a state's readings that is kept at a solution: two seconds, for slow modes hardly move in half a second."""
 
 MOVED_S = 1.75
 """Time that a motion is given to die out."""
@@ -29,34 +26,83 @@ for."""
 
 
 @njit(cache=True, error_model="numpy")
-def _resting(moments, moved_s, variance, now_s):  # type: ignore[no-untyped-def]
-    """Which of some readings have not moved beyond their own noise for ``MOVED_S``; none of those that have no noise.
+def _half_second(moments, out):  # type: ignore[no-untyped-def]
+    """Number, mean and sum of squares from it of the readings since the last solution, from ``moments`` (4,)."""
+    out[0] = moments[READINGS]
+    out[1] = out[2] = 0.0
+    if moments[READINGS] > 0.0:
+        out[1] = moments[FIRST_READING] + moments[SUM] / moments[READINGS]
+        out[2] = moments[SQUARES] - moments[SUM] * moments[SUM] / moments[READINGS]
+
+
+@njit(cache=True, error_model="numpy")
+def _moves(halves, variance):  # type: ignore[no-untyped-def]
+    """Whether the readings of some half seconds, (h, 3), vary by more than noise of ``variance`` does.
 
     The variance of so many readings has a chi-square distribution (Wilson and Hilferty 1931).
     """
-    resting = np.zeros(variance.size, dtype=np.bool_)
+    count = mean = squares = 0.0
+    for h in range(halves.shape[0]):
+        count += halves[h, 0]
+        mean += halves[h, 0] * halves[h, 1]
+    if count < 2.0:
+        return False
+    mean /= count
+    for h in range(halves.shape[0]):
+        squares += halves[h, 2] + halves[h, 0] * (halves[h, 1] - mean) ** 2
+    part = 2.0 / (9.0 * (count - 1.0))
+    return squares > (count - 1.0) * variance * (1.0 - part + CHANCE * np.sqrt(part)) ** 3
+
+
+@njit(cache=True, error_model="numpy")
+def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
+    """Which states and inputs of vehicle i rest, (ns + nu,): an input that has not moved beyond its noise for
+    ``MOVED_S``; all states where none of them has in two seconds, for slow modes hardly move in half a second.
+
+    ``variance`` of the readings at most, (ns + nu,); 0 of readings that are not asked. Moments begin anew.
+    """
+    moments, earlier, moved_s = state.moments[i], state.earlier[i], state.moved_s[i]
+    now_s = state.rows[i, NEWEST, TIME]
+    resting, half, asked = np.zeros(variance.size, dtype=np.bool_), np.empty((1, 3)), False
+    mode = True
     for j in range(variance.size):
-        freedom = moments[j, READINGS] - 1.0
-        if freedom > 0.0:
-            spread = (
-                moments[j, SQUARES] - moments[j, SUM] * moments[j, SUM] / moments[j, READINGS]
-            ) / freedom
-            part = 2.0 / (9.0 * freedom)
-            if spread > variance[j] * (1.0 - part + CHANCE * np.sqrt(part)) ** 3:
-                moved_s[j] = now_s
-        resting[j] = variance[j] > 0.0 and not now_s - moved_s[j] < MOVED_S
+        _half_second(moments[j], half[0])
+        moments[j] = 0.0
+        if j < ns:
+            earlier[j, :-1] = earlier[j, 1:]
+            earlier[j, -1] = half[0]
+        if not variance[j] > 0.0:
+            continue
+        if _moves(earlier[j] if j < ns else half, variance[j]):
+            moved_s[j] = now_s
+        if j < ns:
+            asked = True
+            mode = mode and now_s > moved_s[j]
+        else:
+            resting[j] = not now_s - moved_s[j] < MOVED_S
+    resting[:ns] = asked and mode
     return resting
 
 
 @njit(cache=True, error_model="numpy")
-def columns_of(resting, ns):  # type: ignore[no-untyped-def]
-    """Indices of the derivatives by resting states and inputs, ``resting`` (ns + nu,)."""
+def of_derivatives(resting, ns):  # type: ignore[no-untyped-def]
+    """Whether each derivative is by a resting state or input, (k,), of ``resting`` (ns + nu,)."""
     nd = resting.size
-    chosen = np.zeros(ns * nd, dtype=np.bool_)
+    chosen = np.empty(ns * nd, dtype=np.bool_)
     for a in range(ns):
         for j in range(nd):
             chosen[a * nd + j] = resting[j]
-    return np.flatnonzero(chosen)
+    return chosen
+
+
+@njit(cache=True, error_model="numpy")
+def _mean_of(matrix, vector, covariance, mean):  # type: ignore[no-untyped-def]
+    """Covariance and mean that an information matrix and vector mean, into ``covariance`` and ``mean``."""
+    invert(matrix.copy(), covariance)
+    for a in range(mean.size):
+        mean[a] = 0.0
+        for b in range(mean.size):
+            mean[a] += covariance[a, b] * vector[b]
 
 
 @part
@@ -68,24 +114,28 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     of their noise is counted, is treated as one at rest: surfaces that move together are known by their sum alone.
     """
     ns, nu, first = model.sizes.states, model.sizes.inputs, model.sizes.dynamic
-    z, cov, moments = state.z[i], state.cov[i], state.moments[i]
+    z, cov = state.z[i], state.cov[i]
     information, vector = state.information[i], state.vector[i]
-    variance, largest = state.noise.inputs[i], np.empty(ns + nu)
-    largest[:ns], largest[ns:] = state.noise.reading[i, :ns], state.noise.largest_inputs[i]
+    variance, largest = state.noise.inputs[i], state.noise.largest[i].copy()
     if state.rows[i, NEWEST, model.sizes.kinematic + VANE] != 1.0:
         largest[0] = 0.0  # a reconstructed velocity's noise is not white
-    resting = _resting(moments, state.moved_s[i], largest, state.rows[i, NEWEST, TIME])
+    moments = state.moments[i].copy()
+    resting = _resting(state, i, largest, ns)
     k = vector.size
-    before, mean = np.empty((k, k)), np.zeros(k)
+    chosen = np.arange(first, first + k)
+    covariance, before, mean = np.empty((k, k)), np.empty(k), np.empty(k)
+    fresh, gained = inverse_of(cov, chosen), np.zeros(k)
+    for a in range(k):
+        for b in range(k):
+            gained[a] += fresh[a, b] * z[first + b]
+    _mean_of(information, vector, covariance, before)
     more = True
     while more:
         if resting.any():
-            invert(information.copy(), before)
-            mean[:] = 0.0
-            for a in range(k):
-                for b in range(k):
-                    mean[a] += before[a, b] * vector[b]
-            keep_marginal(z, cov, mean, before, columns_of(resting, ns), first)
+            matrix, left = fresh.copy(), gained.copy()
+            leave_out(matrix, left, information, before, of_derivatives(resting, ns))
+            _mean_of(matrix, left, covariance, mean)
+            reseat(z, cov, mean, covariance, first)
         input_noise_information(
             state.input_errors.information[i], moments, variance, resting, noise_information
         )
@@ -99,8 +149,6 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
             if fraction > NOISE_FRACTION and not resting[ns + j]:
                 resting[ns + j] = more = True
                 break
-    moments[:ns, :FIRST_READING] *= STATES_KEPT
-    moments[ns:] = 0.0
     return resting
 
 

@@ -152,8 +152,8 @@ class Noise(NamedTuple):
     """(n, 2): discounted sums of the corrections of the first state and of the gusts' angular acceleration."""
     inputs: Array
     """(n, nu): variance of the inputs' readings, rad2; 0 of exact ones."""
-    largest_inputs: Array
-    """(n, nu): the same at most."""
+    largest: Array
+    """(n, ns + nu): of the readings of states and inputs at most."""
 
 
 class Memory(NamedTuple):
@@ -166,7 +166,7 @@ class Memory(NamedTuple):
     roughness: Array
     """(n,): sum of squared second differences of the accelerometer during the warm-up, m2/s4."""
     readings: Array
-    """(n, nu, READING_MEMORY): of the inputs' readings, see ``kernels.reading_noise``."""
+    """(n, ns + nu, READING_MEMORY): of the readings of states and inputs, see ``kernels.reading_noise``."""
 
 
 class InputErrors(NamedTuple):
@@ -267,8 +267,11 @@ class EkfState(NamedTuple):
     memory: Memory
     input_errors: InputErrors
     moments: Array
-    """(n, ns + nu, 4): of each state and input: number of readings, their sum and sum of squares from the first of
-    them, that first one. An input's begin anew at each solution, of a state's a part is kept."""
+    """(n, ns + nu, 4): of each state and input since the last solution: number of readings, their sum and sum of
+    squares from the first of them, that first one."""
+    earlier: Array
+    """(n, ns, 4, 3): of each state before each of the last four solutions: number of readings, their mean and sum of
+    squares from it."""
     rows: Array
     """(n, 2, columns): last signal row and the one before."""
     condition: Array

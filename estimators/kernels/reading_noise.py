@@ -1,4 +1,4 @@
-"""Noise of an input's readings, learned beside its motion; compiled.
+"""Noise of a surface's or a sensor's readings, learned beside its motion; compiled.
 
 A surface moves smoothly and now and then quickly; its readings' noise is white and always there. Differences of order
 n of white noise of variance R have the variance C(2n, n) R, while those of a motion slower than a quarter of the
