@@ -171,6 +171,7 @@ class EkfEstimator:
             rows=np.full((n, 2, columns), np.nan),
             condition=np.full((n, 5), np.nan),
             samples=none.copy(),
+            settling=np.ones(n, dtype=np.bool_),
             solutions=none.copy(),
             solved_s=np.full(n, np.nan),
             informed_s=np.full((n, k), -np.inf),
@@ -186,6 +187,7 @@ class EkfEstimator:
                 filled=none.copy(),
                 middle=none.copy(),
                 solutions=none.copy(),
+                skipped=none.copy(),
                 rerun=none.copy(),
                 ends=np.zeros((n, SOLUTIONS), dtype=np.int64),
                 keep=np.zeros((n, SOLUTIONS)),
@@ -393,7 +395,7 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
     constant = np.full(ns, 10.0)
     constant[0] = 30.0
     return Model(
-        sizes=sizes_of(ns, nu, len(spans)),
+        sizes=sizes_of(ns, nu, 3 if spans else 0),
         longitudinal=longitudinal,
         roll=roll,
         use_accelerometer=config.use_accelerometer,

@@ -74,6 +74,7 @@ def _take(model: Model, state: EkfState, i: int, new: Array) -> None:
         put_vehicle(state, [i], one)
         return
     state.samples[i] = samples
+    state.settling[i] = False
     motion = float(inertial_motion(new, old, dt, ns, kinematic)) if inertial else 0.0
     _filter(model, state, i, Sample(new, old, older, dt, inertial, motion))
     state.rows[i, EARLIER] = old

@@ -46,7 +46,8 @@ def gust_variance(model, z, noise, condition, places, out):  # type: ignore[no-u
         if model.roll:
             forward[1] = airspeed * np.sin(alpha)
         speed = max(airspeed, 1.0)
-        decay = np.exp(-STEP_S * speed / model.gust_length_m)
+        decay = np.ones(3)
+        decay[:2] = np.exp(-STEP_S * speed / model.gust_length_m)
         step = Step(STEP_S, 0.0, speed, False, still, still, still, still, scale, forward, rest, decay)
         jacobian = transition(model, z[i], step).jacobian
         caused[:] = process_noise(model, noise, i, jacobian, step)

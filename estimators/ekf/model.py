@@ -30,7 +30,7 @@ def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
     """A and the part of dx/dt that does not depend on x."""
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
     nd, scale, a, lasting = ns + nu, step.scale, work.system, work.mean_decay
-    gust_rate = z[ns + 1] * lasting[1] if gusts > 0 else 0.0
+    gust_rate = z[ns + 1] * (1.0 + z[ns + 2]) * lasting[1] if gusts > 0 else 0.0
     for k in range(ns):
         work.early_rate[k] = 0.0
         total = z[nx + ns * nd + k] * step.pressure_ratio
@@ -74,7 +74,7 @@ def transition(model, z, step):  # type: ignore[no-untyped-def]
     square = (ns, ns)
     work = Transition(
         np.empty(z.size), np.empty((nx, z.size)), np.empty(square), np.empty(square), np.empty(square),
-        np.empty(square), np.empty(square), np.empty(ns), np.empty(ns), np.empty(2),
+        np.empty(square), np.empty(square), np.empty(ns), np.empty(ns), np.empty(3),
     )  # fmt: skip
     transition_into(model, z, step, work)
     return work
@@ -108,8 +108,8 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
     for g in range(gusts):
         after[ns + g] *= step.decay[g]
     jacobian[:] = 0.0
-    _sensitivity_to_states(model, step, work)
-    gust_rate = z[ns + 1] * lasting[1] if gusts > 0 else 0.0
+    _sensitivity_to_states(model, z, step, work)
+    gust_rate = z[ns + 1] * (1.0 + z[ns + 2]) * lasting[1] if gusts > 0 else 0.0
     for k in range(ns):
         for j in range(nd):
             factor = (
@@ -126,7 +126,7 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
 
 
 @hot
-def _sensitivity_to_states(model, step, work):  # type: ignore[no-untyped-def]
+def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def]
     """The Jacobian's columns of states and gust states; ``work.squared`` becomes the series times A."""
     ns, gusts = model.sizes.states, model.sizes.gusts
     series, jacobian = work.series, work.jacobian
@@ -142,7 +142,8 @@ def _sensitivity_to_states(model, step, work):  # type: ignore[no-untyped-def]
                 strength += series[row, k] * model.gust_direction[k]
                 answer += series[row, k] * work.aerodynamic[k, ns - 1]
             jacobian[row, ns] = strength * step.dt_s * work.mean_decay[0]
-            jacobian[row, ns + 1] = -answer * work.mean_decay[1]
+            jacobian[row, ns + 1] = -answer * work.mean_decay[1] * (1.0 + z[ns + 2])
+            jacobian[row, ns + 2] = -answer * work.mean_decay[1] * z[ns + 1]
     for g in range(gusts):
         jacobian[ns + g, ns + g] = step.decay[g]
 
@@ -173,7 +174,8 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
     """
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
     nd, scale, direction = ns + nu, step.scale, model.gust_direction
-    gust_rate = z[ns + 1] if gusts > 0 else 0.0
+    path = 1.0 + z[ns + 2] if gusts > 0 else 0.0
+    gust_rate = z[ns + 1] * path if gusts > 0 else 0.0
     row[:] = 0.0
     predicted = 0.0
     for k in range(ns):
@@ -187,7 +189,8 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             row[j] += value
             row[nx + k * nd + j] = weight * scale[k * nd + j] * relative
             if gusts > 0 and j == ns - 1:
-                row[ns + 1] -= value
+                row[ns + 1] -= value * path
+                row[ns + 2] -= value * z[ns + 1]
         for j in range(nu):
             factor = weight * scale[k * nd + ns + j] * step.inputs_end[j]
             predicted += factor * z[nx + k * nd + ns + j]

@@ -28,6 +28,8 @@ UNMODELLED = 1e-3
 NORMAL_ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
 
+PATH_STD = 1.0
+
 LEAST = 1e-8
 LEAST_RATE = 1e-10
 """Below any sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s."""
@@ -169,13 +171,15 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
         else:
             power = noise.angular_gust[i]
         for a in range(nx):
-            v = (1.0 if a == source else 0.0) + (gust_rate if a == nx - 1 else 0.0)
-            u = jacobian[a, source] + jacobian[a, nx - 1] * gust_rate - v
+            v = (1.0 if a == source else 0.0) + (gust_rate if a == ns + 1 else 0.0)
+            u = jacobian[a, source] + jacobian[a, ns + 1] * gust_rate - v
             work[0, a], work[1, a] = u, v + 0.5 * u
         for a in range(nx):
             u, w = power * work[0, a] / 12.0, power * work[1, a]
             for b in range(nx):
                 q[a, b] += w * work[1, b] + u * work[0, b]
+    if gusts > 0:
+        q[ns + 2, ns + 2] += (1.0 - step.decay[2] * step.decay[2]) * PATH_STD * PATH_STD
 
 
 @njit(cache=True, error_model="numpy")

@@ -27,7 +27,7 @@ from wingwatch.estimators.ekf.inputs import (
     track_readings,
 )
 from wingwatch.estimators.ekf.model import accelerometer, transition_into
-from wingwatch.estimators.ekf.noise import process_noise_into, trim_drift_into
+from wingwatch.estimators.ekf.noise import PATH_STD, process_noise_into, trim_drift_into
 from wingwatch.estimators.ekf.state import (
     AIRSPEED,
     ALPHA,
@@ -156,8 +156,10 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
     for j in range(1, ns):
         rest[0] -= forward[j] * 0.5 * (old[1 + j] + new[1 + j])
         rest[j] = 0.5 * (old[known_moments + j - 1] + new[known_moments + j - 1])
-    for g in range(model.sizes.gusts):
-        step.decay[g] = np.exp(-step.dt_s * step.airspeed_m_s / model.gust_length_m[g])
+    if model.sizes.gusts > 0:
+        for g in range(2):
+            step.decay[g] = np.exp(-step.dt_s * step.airspeed_m_s / model.gust_length_m[g])
+        step.decay[2] = np.exp(-step.dt_s / model.memory_s)
 
 
 @hot
@@ -171,6 +173,8 @@ def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
             cov[c, k] = 0.0
     for k in range(ns):
         cov[k, k] = variance[k]
+    if model.sizes.gusts > 0:
+        cov[ns + 2, ns + 2] = PATH_STD * PATH_STD
 
 
 @hot
@@ -273,6 +277,7 @@ def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-d
         inertial = model.use_accelerometer and new[kinematic + VANE] == 1.0 and old[kinematic + VANE] == 1.0
         settling = first_time and inertial and state.samples[i] * dt < SETTLE_S
         settled = state.samples[i] > WARM_UP and not settling
+        state.settling[i] = not settled
         motion = inertial_motion(new, old, dt, model.sizes.states, kinematic) if inertial else 0.0
         sample = Sample(new, old, older, dt, inertial, motion)
         if settled and np.isfinite(older[TIME]):
@@ -338,7 +343,7 @@ def _update_all(lengths, model, state, rows, ends, first_time, notes):  # type: 
         _drive(ns, model.sizes.inputs, model.sizes.gusts),
         Transition(
             np.empty(nz), np.empty((nx, nz)), np.empty(square), np.empty(square), np.empty(square), np.empty(square),
-            np.empty(square), np.empty(ns), np.empty(ns), np.empty(2),
+            np.empty(square), np.empty(ns), np.empty(ns), np.empty(3),
         ),
         np.empty((nx, nx)), np.empty((2, nx)), np.empty(ns), np.empty((nx, nz)),
         Readings(np.empty(ns + 1), np.empty(ns + 1), np.empty(nz), np.empty(ns + 1, dtype=np.bool_)),

@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from wingwatch.estimators.ekf.covariance import leave_out, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import run_again
-from wingwatch.estimators.ekf.solve import of_derivatives
+from wingwatch.estimators.ekf.solve import INFORMED, of_derivatives
 from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, Running, Solved, one_vehicle
 from wingwatch.estimators.ekf.window import (
     WINDOW_ROWS,
@@ -270,6 +270,7 @@ def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
         rows=points.rows[one, c].copy(),
         condition=state.condition[one].copy(),
         samples=state.samples[one].copy(),
+        settling=state.settling[one].copy(),
     )
 
 
@@ -343,10 +344,17 @@ def _assess(model, state, places, solved, fresh, matters):  # type: ignore[no-un
         start = 1 if 0 < middle < count and before <= _MATTERS else 0
         again = count - middle if start == 1 else count
         spare = _SPARE_ROWS + _SPARE * state.samples[i] - window.rerun[i] - again
-        if left_out > max(_MATTERS, np.sqrt(solved.gained[m])) and spare >= 0.0:
+        rested = window.resting[i, : window.solutions[i], :ns].all()
+        if state.settling[i]:
+            window.skipped[i] = count
+        elif window.skipped[i] > 0 and not rested:
+            window.skipped[i] = 0
+            window.rerun[i] += count
+            matters[m] = 0
+        elif left_out > max(_MATTERS, np.sqrt(solved.gained[m])) and spare >= 0.0:
             window.rerun[i] += again
             matters[m] = start
-        elif fraction < _MATTERS * _MATTERS and (fraction > _TAUGHT or solved.resting[m, :ns].all()):
+        elif fraction < _MATTERS * _MATTERS and (fraction > _TAUGHT or rested):
             fresh[m] = -1
             begin_window(state, i)
 
@@ -381,6 +389,9 @@ def relinearise_all(
                 covariance = state.cov[i, parameters, parameters]
                 state.information[i] = np.linalg.inv(covariance)
                 state.vector[i] = state.information[i] @ state.z[i, parameters]
+                informed = np.diag(covariance) < INFORMED * state.variance[i]
+                moved_s = float(np.max(state.moved_s[i, : model.sizes.states]))
+                state.informed_s[i, informed] = np.maximum(state.informed_s[i, informed], moved_s)
                 state.variance[i] = np.diag(covariance)
         except Exception as error:  # the others are not to suffer by it
             faults[i], fresh[m] = error, -1

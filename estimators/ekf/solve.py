@@ -20,6 +20,9 @@ seconds by chance."""
 MOVED_S = 1.75
 """Time that a motion is given to die out."""
 
+INFORMED = 0.98
+"""Fraction of its variance below which a derivative has been informed."""
+
 NOISE_FRACTION = 0.5
 """Fraction of all that is known of an input's derivatives beyond which a half second of its noise is not corrected
 for."""
@@ -172,7 +175,7 @@ def _account(state, i, first, noise_information, fresh):  # type: ignore[no-unty
             fraction += more * cov[first + a, first + b]
         gained_vector[a] += gained
         block_vector[a] += gained
-        if cov[first + a, first + a] < 0.98 * state.variance[i, a]:
+        if cov[first + a, first + a] < INFORMED * state.variance[i, a]:
             state.informed_s[i, a] = state.rows[i, NEWEST, TIME]
     return max(fraction / k, 0.0)
 

@@ -212,6 +212,8 @@ class Window(NamedTuple):
     """(n,): rows before the second checkpoint, 0 where there is none."""
     solutions: Counts
     """(n,): solutions in it."""
+    skipped: Counts
+    """(n,): rows in it that have set levels of noise alone and are still to be filtered."""
     rerun: Counts
     """(n,): rows that the filter has run again so far."""
     ends: Counts
@@ -278,6 +280,8 @@ class EkfState(NamedTuple):
     """(n, 5): of the last sample, dynamic pressure ratio, airspeed, density, altitude (m) and angle of attack."""
     samples: Counts
     """(n,): taken so far."""
+    settling: Flags
+    """(n,): whether the last sample set levels of noise alone."""
     solutions: Counts
     """(n,): so far."""
     solved_s: Array
@@ -313,13 +317,14 @@ class Running(NamedTuple):
     rows: Array
     condition: Array
     samples: Counts
+    settling: Flags
 
 
 def running(state: EkfState) -> Running:
     """The same arrays."""
     return Running(
         state.z, state.cov, state.noise, state.memory, state.input_errors, state.moments, state.rows,
-        state.condition, state.samples,
+        state.condition, state.samples, state.settling,
     )  # fmt: skip
 
 

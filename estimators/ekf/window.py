@@ -95,7 +95,7 @@ def set_checkpoint(state, i, checkpoints, m):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def empty_window(window, i):  # type: ignore[no-untyped-def]
     """Nothing that came before is run again."""
-    window.filled[i] = window.middle[i] = window.solutions[i] = 0
+    window.filled[i] = window.middle[i] = window.solutions[i] = window.skipped[i] = 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -123,6 +123,7 @@ def _cut(window, i):  # type: ignore[no-untyped-def]
     for r in range(left):
         rows[r] = rows[r + cut]
     window.filled[i], window.middle[i], window.solutions[i] = left, left, kept
+    window.skipped[i] = max(window.skipped[i] - cut, 0)
 
 
 @part
