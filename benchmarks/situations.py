@@ -86,6 +86,7 @@ def ekf(flight: Flight) -> Estimate:
         noise_std=(0.0, k.rate_noise_rad_s),
         input_noise_std=(k.surface_noise_rad,),
         span_m=k.span_m,
+        vane_ahead_m=k.vane_ahead_m,
     )
     return _watched(EkfEstimator(config), flight)
 

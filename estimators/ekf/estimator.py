@@ -20,9 +20,13 @@ from wingwatch.estimators.ekf.relinearise import relinearise_all
 from wingwatch.estimators.ekf.scatter import dispersed, forget_block, no_scatter, wider_covariance
 from wingwatch.estimators.ekf.solve import solve_all
 from wingwatch.estimators.ekf.state import (
+    ACCELERATION,
+    AHEAD,
+    GUST_STATES,
     NEWEST,
     PRESSURE_RATIO,
     TIME,
+    TURN,
     Checkpoints,
     EkfState,
     InputErrors,
@@ -72,6 +76,7 @@ class EkfConfig:
         input_noise_std: of the measured inputs, as the aircraft file states it.
         accelerometer_noise_std: of the accelerometer, as the aircraft file states it, m/s2; 0 where it says nothing.
         span_m: of the wing, over which gusts are smoothed; 0 for a filter that knows only calm air.
+        vane_ahead_m: distance of the vane ahead of the c.g.: it meets a gust so much earlier.
     """
 
     structure: ModeStructure
@@ -91,6 +96,7 @@ class EkfConfig:
     input_noise_std: tuple[float, ...] = ()
     accelerometer_noise_std: float = 0.0
     span_m: float = 0.0
+    vane_ahead_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.held:
@@ -384,7 +390,11 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
         if roll:
             lever[1] = z
     # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
-    spans = [4.0, 4.0 if longitudinal else 3.0] if config.span_m > 0.0 else []
+    gust_length_m = np.zeros(GUST_STATES if config.span_m > 0.0 else 0)
+    if gust_length_m.size > 0:
+        gust_length_m[ACCELERATION] = 4.0 * config.span_m / np.pi
+        gust_length_m[TURN] = (4.0 if longitudinal else 3.0) * config.span_m / np.pi
+        gust_length_m[AHEAD] = 0.5 * max(config.vane_ahead_m, 0.0)
     direction = np.zeros(ns)
     direction[1] = 1.0
     if roll:
@@ -395,7 +405,7 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
     constant = np.full(ns, 10.0)
     constant[0] = 30.0
     return Model(
-        sizes=sizes_of(ns, nu, 3 if spans else 0),
+        sizes=sizes_of(ns, nu, gust_length_m.size),
         longitudinal=longitudinal,
         roll=roll,
         use_accelerometer=config.use_accelerometer,
@@ -409,7 +419,7 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
         input_variance=np.square(np.array(config.input_noise_std or (0.0,) * nu, dtype=np.float64)),
         servo_s=np.where(config.held, 0.0, np.where(servo > 0.0, servo, np.inf)),
         lever_m=lever,
-        gust_length_m=np.array(spans, dtype=np.float64) * config.span_m / np.pi,
+        gust_length_m=gust_length_m,
         gust_direction=np.ascontiguousarray(direction),
         prior_value=np.concatenate([config.prior_value, np.zeros(ns)]),
         prior_std=np.concatenate([config.prior_std, constant]),

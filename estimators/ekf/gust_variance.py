@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wingwatch.estimators.ekf.model import transition
+from wingwatch.estimators.ekf.model import gust_decay, transition
 from wingwatch.estimators.ekf.noise import process_noise
 from wingwatch.estimators.ekf.state import Step
 from wingwatch.estimators.kernels.hot import whole
@@ -46,8 +46,9 @@ def gust_variance(model, z, noise, condition, places, out):  # type: ignore[no-u
         if model.roll:
             forward[1] = airspeed * np.sin(alpha)
         speed = max(airspeed, 1.0)
-        decay = np.ones(3)
-        decay[:2] = np.exp(-STEP_S * speed / model.gust_length_m)
+        decay = np.empty(model.sizes.gusts)
+        if decay.size > 0:
+            gust_decay(model, STEP_S, speed, decay)
         step = Step(STEP_S, 0.0, speed, False, still, still, still, still, scale, forward, rest, decay)
         jacobian = transition(model, z[i], step).jacobian
         caused[:] = process_noise(model, noise, i, jacobian, step)

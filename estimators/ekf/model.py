@@ -19,10 +19,52 @@ The aerodynamics know only the rate relative to it.
 import numpy as np
 from numba import njit
 
-from wingwatch.estimators.ekf.state import Transition
+from wingwatch.estimators.ekf.state import ACCELERATION, AHEAD, PATH, TURN, Transition
 from wingwatch.estimators.kernels.hot import hot
 
-__all__ = ["accelerometer", "measure", "transition", "transition_into"]
+__all__ = ["accelerometer", "gust_decay", "gust_turn", "measure", "transition", "transition_into"]
+
+
+NOTHING_LEFT = 1e-12
+"""Of what decays within a step: it has passed at once."""
+
+
+@hot
+def mean_decay(decay):  # type: ignore[no-untyped-def]
+    """Mean over a step of what decays to ``decay`` of itself in it, from 0 to 1."""
+    if decay < NOTHING_LEFT:
+        return 0.0
+    if decay > 0.99:
+        return 0.5 * (1.0 + decay)
+    return (decay - 1.0) / np.log(decay)
+
+
+@hot
+def gust_turn(model):  # type: ignore[no-untyped-def]
+    """Rate of the air that a gust's unit step makes, 1/m: pitch +, yaw -, smoothed over the span; 0 without one."""
+    if model.sizes.gusts == 0:
+        return 0.0
+    turn = 1.0 / model.gust_length_m[TURN]
+    return turn if model.longitudinal else -turn
+
+
+@hot
+def gust_decay(model, dt_s, airspeed_m_s, out):  # type: ignore[no-untyped-def]
+    """Of the gust states over a step, into ``out`` (ng,)."""
+    for g in range(model.sizes.gusts):
+        length_m = model.gust_length_m[g]
+        out[g] = np.exp(-dt_s * airspeed_m_s / length_m) if length_m > 0.0 else 0.0
+    out[PATH] = np.exp(-dt_s / model.memory_s)
+
+
+@hot
+def _mean_gust(model, z, lasting):  # type: ignore[no-untyped-def]
+    """Means over a step of the air's rate, as the aircraft feels it, and of the gust that only the vane has met."""
+    ns = model.sizes.states
+    if model.sizes.gusts == 0:
+        return 0.0, 0.0
+    met = gust_turn(model) * (1.0 - lasting[AHEAD]) * z[ns + AHEAD]
+    return (lasting[TURN] * z[ns + TURN] + met) * (1.0 + z[ns + PATH]), lasting[AHEAD] * z[ns + AHEAD]
 
 
 @hot
@@ -30,19 +72,19 @@ def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
     """A and the part of dx/dt that does not depend on x."""
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
     nd, scale, a, lasting = ns + nu, step.scale, work.system, work.mean_decay
-    gust_rate = z[ns + 1] * (1.0 + z[ns + 2]) * lasting[1] if gusts > 0 else 0.0
+    gust_rate, ahead = _mean_gust(model, z, lasting)
     for k in range(ns):
         work.early_rate[k] = 0.0
         total = z[nx + ns * nd + k] * step.pressure_ratio
         for j in range(ns):
             a[k, j] = z[nx + k * nd + j] * scale[k * nd + j]
-        total -= a[k, ns - 1] * gust_rate
+        total -= a[k, ns - 1] * gust_rate + a[k, 0] * ahead
         for j in range(nu):
             control = z[nx + k * nd + ns + j] * scale[k * nd + ns + j]
             total += control * step.inputs[j]
             work.early_rate[k] += control * step.early[j]
         if gusts > 0:
-            total += model.gust_direction[k] * z[ns] * lasting[0]
+            total += model.gust_direction[k] * z[ns + ACCELERATION] * lasting[ACCELERATION]
         work.rate[k] = total + step.rest[k]
 
 
@@ -74,7 +116,7 @@ def transition(model, z, step):  # type: ignore[no-untyped-def]
     square = (ns, ns)
     work = Transition(
         np.empty(z.size), np.empty((nx, z.size)), np.empty(square), np.empty(square), np.empty(square),
-        np.empty(square), np.empty(square), np.empty(ns), np.empty(ns), np.empty(3),
+        np.empty(square), np.empty(square), np.empty(ns), np.empty(ns), np.empty(model.sizes.gusts),
     )  # fmt: skip
     transition_into(model, z, step, work)
     return work
@@ -89,7 +131,7 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
         work.system, work.after, work.jacobian, work.series, work.mean_decay,
     )  # fmt: skip
     for g in range(gusts):
-        lasting[g] = 0.5 * (1.0 + step.decay[g])
+        lasting[g] = mean_decay(step.decay[g])
     _rates(model, z, step, work)
     for k in range(ns):
         for j in range(ns):
@@ -107,15 +149,19 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
             after[k] += series[k, j] * work.rate[j]
     for g in range(gusts):
         after[ns + g] *= step.decay[g]
+    if gusts > 0:
+        after[ns + TURN] += gust_turn(model) * (1.0 - step.decay[AHEAD]) * z[ns + AHEAD]
     jacobian[:] = 0.0
     _sensitivity_to_states(model, z, step, work)
-    gust_rate = z[ns + 1] * (1.0 + z[ns + 2]) * lasting[1] if gusts > 0 else 0.0
+    gust_rate, ahead = _mean_gust(model, z, lasting)
     for k in range(ns):
         for j in range(nd):
             factor = (
                 step.inputs[j - ns]
                 if j >= ns
-                else 0.5 * (z[j] + after[j]) - (gust_rate if j == ns - 1 else 0.0)
+                else 0.5 * (z[j] + after[j])
+                - (gust_rate if j == ns - 1 else 0.0)
+                - (ahead if j == 0 else 0.0)
             )
             factor *= dt * step.scale[k * nd + j]
             early = step.early[j - ns] * dt * step.scale[k * nd + j] if j >= ns else 0.0
@@ -129,23 +175,28 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
 def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def]
     """The Jacobian's columns of states and gust states; ``work.squared`` becomes the series times A."""
     ns, gusts = model.sizes.states, model.sizes.gusts
-    series, jacobian = work.series, work.jacobian
+    series, jacobian, lasting = work.series, work.jacobian, work.mean_decay
     _multiply(series, work.system, ns, work.squared)
     for row in range(ns):
         for j in range(ns):
             jacobian[row, j] = work.squared[row, j]
         jacobian[row, row] += 1.0
     if gusts > 0:
+        turn, path, (gust_rate, _) = gust_turn(model), 1.0 + z[ns + PATH], _mean_gust(model, z, lasting)
         for row in range(ns):
-            strength = answer = 0.0
+            strength = answer = met = 0.0
             for k in range(ns):
                 strength += series[row, k] * model.gust_direction[k]
                 answer += series[row, k] * work.aerodynamic[k, ns - 1]
-            jacobian[row, ns] = strength * step.dt_s * work.mean_decay[0]
-            jacobian[row, ns + 1] = -answer * work.mean_decay[1] * (1.0 + z[ns + 2])
-            jacobian[row, ns + 2] = -answer * work.mean_decay[1] * z[ns + 1]
+                met += series[row, k] * work.aerodynamic[k, 0]
+            jacobian[row, ns + ACCELERATION] = strength * step.dt_s * lasting[ACCELERATION]
+            jacobian[row, ns + TURN] = -answer * lasting[TURN] * path
+            jacobian[row, ns + PATH] = -answer * gust_rate / path
+            jacobian[row, ns + AHEAD] = -met * lasting[AHEAD] - answer * turn * (1.0 - lasting[AHEAD]) * path
     for g in range(gusts):
         jacobian[ns + g, ns + g] = step.decay[g]
+    if gusts > 0:
+        jacobian[ns + TURN, ns + AHEAD] = gust_turn(model) * (1.0 - step.decay[AHEAD])
 
 
 @njit(cache=True, error_model="numpy")
@@ -174,8 +225,9 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
     """
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
     nd, scale, direction = ns + nu, step.scale, model.gust_direction
-    path = 1.0 + z[ns + 2] if gusts > 0 else 0.0
-    gust_rate = z[ns + 1] * path if gusts > 0 else 0.0
+    path = 1.0 + z[ns + PATH] if gusts > 0 else 0.0
+    gust_rate = z[ns + TURN] * path if gusts > 0 else 0.0
+    ahead = z[ns + AHEAD] if gusts > 0 else 0.0
     row[:] = 0.0
     predicted = 0.0
     for k in range(ns):
@@ -184,20 +236,22 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             continue
         for j in range(ns):
             value = weight * z[nx + k * nd + j] * scale[k * nd + j]
-            relative = z[j] - (gust_rate if j == ns - 1 else 0.0)
+            relative = z[j] - (gust_rate if j == ns - 1 else 0.0) - (ahead if j == 0 else 0.0)
             predicted += value * relative
             row[j] += value
             row[nx + k * nd + j] = weight * scale[k * nd + j] * relative
             if gusts > 0 and j == ns - 1:
-                row[ns + 1] -= value * path
-                row[ns + 2] -= value * z[ns + 1]
+                row[ns + TURN] -= value * path
+                row[ns + PATH] -= value * z[ns + TURN]
+            if gusts > 0 and j == 0:
+                row[ns + AHEAD] -= value
         for j in range(nu):
             factor = weight * scale[k * nd + ns + j] * step.inputs_end[j]
             predicted += factor * z[nx + k * nd + ns + j]
             row[nx + k * nd + ns + j] = factor
         if gusts > 0:
-            predicted += weight * direction[k] * z[ns]
-            row[ns] += weight * direction[k]
+            predicted += weight * direction[k] * z[ns + ACCELERATION]
+            row[ns + ACCELERATION] += weight * direction[k]
         predicted += weight * z[nx + ns * nd + k] * step.pressure_ratio
         row[nx + ns * nd + k] = weight * step.pressure_ratio
     return predicted

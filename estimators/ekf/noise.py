@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from wingwatch.estimators.ekf.model import NOTHING_LEFT, gust_turn, mean_decay
+from wingwatch.estimators.ekf.state import AHEAD, PATH, TURN
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
@@ -160,26 +162,49 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
     ns, gusts, nx = model.sizes.states, model.sizes.gusts, model.sizes.dynamic
     q[:] = 0.0
     for source in range(ns + (1 if gusts > 0 else 0)):
-        gust_rate = 0.0
+        turn = gust_turn(model) if source == 0 else 0.0
         if source == 0:
             power = noise.gust[i]
-            if gusts > 0:
-                gust_rate = 1.0 / model.gust_length_m[1]
-                gust_rate = gust_rate if model.longitudinal else -gust_rate
         elif source < ns:
             power = UNMODELLED * noise.reading[i, source]
         else:
             power = noise.angular_gust[i]
         for a in range(nx):
-            v = (1.0 if a == source else 0.0) + (gust_rate if a == ns + 1 else 0.0)
-            u = jacobian[a, source] + jacobian[a, ns + 1] * gust_rate - v
+            v = (1.0 if a == source else 0.0) + (turn if a == ns + TURN else 0.0)
+            u = jacobian[a, source] + jacobian[a, ns + TURN] * turn - v
+            if source == 0 and gusts > 0 and a < ns:
+                u += 2.0 * (jacobian[a, ns + AHEAD] - turn * jacobian[a, ns + TURN] / mean_decay(step.decay[TURN]))
             work[0, a], work[1, a] = u, v + 0.5 * u
         for a in range(nx):
             u, w = power * work[0, a] / 12.0, power * work[1, a]
             for b in range(nx):
                 q[a, b] += w * work[1, b] + u * work[0, b]
+        if source == 0 and gusts > 0 and step.decay[AHEAD] > NOTHING_LEFT:
+            _ahead(step.decay[AHEAD], power, work, (ns + TURN, -2.0 * turn), q)
+            _ahead(step.decay[AHEAD], power, work, (ns + AHEAD, 2.0), q)
+            both = -4.0 * turn * power * (1.0 - step.decay[AHEAD] ** 2) / (-2.0 * np.log(step.decay[AHEAD]))
+            q[ns + TURN, ns + AHEAD] += both
+            q[ns + AHEAD, ns + TURN] += both
     if gusts > 0:
-        q[ns + 2, ns + 2] += (1.0 - step.decay[2] * step.decay[2]) * PATH_STD * PATH_STD
+        q[ns + PATH, ns + PATH] += (1.0 - step.decay[PATH] ** 2) * PATH_STD * PATH_STD
+
+
+@hot
+def _ahead(decay, power, work, share, q):  # type: ignore[no-untyped-def]
+    """What a gust at the vane adds to ``row`` of ``q``: of its velocity f(s) = ``decay``^s is still ahead of the c.g.
+    when it has struck the fraction s of a step before its end, and v + s u it has done by then.
+
+    ``work`` (2, nx): u and v + u / 2 of all other rows.
+    """
+    row, factor = share
+    rate = -np.log(decay)
+    mean = (1.0 - decay) / rate
+    slope = (mean - decay) / rate - 0.5 * mean
+    for b in range(q.shape[0]):
+        added = factor * power * (mean * work[1, b] + slope * work[0, b])
+        q[row, b] += added
+        q[b, row] += added
+    q[row, row] += factor * factor * power * (1.0 - decay * decay) / (2.0 * rate)
 
 
 @njit(cache=True, error_model="numpy")

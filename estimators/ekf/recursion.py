@@ -26,7 +26,7 @@ from wingwatch.estimators.ekf.inputs import (
     predict_input_errors,
     track_readings,
 )
-from wingwatch.estimators.ekf.model import accelerometer, transition_into
+from wingwatch.estimators.ekf.model import accelerometer, gust_decay, transition_into
 from wingwatch.estimators.ekf.noise import PATH_STD, process_noise_into, trim_drift_into
 from wingwatch.estimators.ekf.state import (
     AIRSPEED,
@@ -35,6 +35,7 @@ from wingwatch.estimators.ekf.state import (
     DENSITY,
     EARLIER,
     NEWEST,
+    PATH,
     PRESSURE_RATIO,
     TIME,
     VANE,
@@ -157,9 +158,7 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
         rest[0] -= forward[j] * 0.5 * (old[1 + j] + new[1 + j])
         rest[j] = 0.5 * (old[known_moments + j - 1] + new[known_moments + j - 1])
     if model.sizes.gusts > 0:
-        for g in range(2):
-            step.decay[g] = np.exp(-step.dt_s * step.airspeed_m_s / model.gust_length_m[g])
-        step.decay[2] = np.exp(-step.dt_s / model.memory_s)
+        gust_decay(model, step.dt_s, step.airspeed_m_s, step.decay)
 
 
 @hot
@@ -174,7 +173,7 @@ def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
     for k in range(ns):
         cov[k, k] = variance[k]
     if model.sizes.gusts > 0:
-        cov[ns + 2, ns + 2] = PATH_STD * PATH_STD
+        cov[ns + PATH, ns + PATH] = PATH_STD * PATH_STD
 
 
 @hot
@@ -343,7 +342,7 @@ def _update_all(lengths, model, state, rows, ends, first_time, notes):  # type: 
         _drive(ns, model.sizes.inputs, model.sizes.gusts),
         Transition(
             np.empty(nz), np.empty((nx, nz)), np.empty(square), np.empty(square), np.empty(square), np.empty(square),
-            np.empty(square), np.empty(ns), np.empty(ns), np.empty(3),
+            np.empty(square), np.empty(ns), np.empty(ns), np.empty(model.sizes.gusts),
         ),
         np.empty((nx, nx)), np.empty((2, nx)), np.empty(ns), np.empty((nx, nz)),
         Readings(np.empty(ns + 1), np.empty(ns + 1), np.empty(nz), np.empty(ns + 1, dtype=np.bool_)),

@@ -1,13 +1,13 @@
 """The Kalman filter's model, state and workspace: named arrays, which compiled code takes as they are.
 
-Axes: n vehicles, the first axis of everything in ``EkfState``; ns states and nu inputs of the mode; ng gust states, 2
+Axes: n vehicles, the first axis of everything in ``EkfState``; ns states and nu inputs of the mode; ng gust states, 4
 or 0; nx = ns + ng; k = ns (ns + nu) derivatives, equation by equation, states before inputs; nz = nx + k + ns elements
 of the augmented state: states, gust states, referred derivatives, one trim constant an equation. A signal row has the
 columns of ``SignalLayout``.
 
 Units: the first state is a velocity, m/s, the others rates (and the roll angle's), rad/s; an equation has its state's
 unit over a second, a derivative that of its equation over that of its state or input, a variance the square. The gust
-states are an angular acceleration, rad/s2, and a rate, rad/s.
+states are an angular acceleration, rad/s2, a rate, rad/s, a number and a velocity, m/s.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,18 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "ACCELERATION",
+    "AHEAD",
     "AIRSPEED",
     "ALPHA",
     "CONDITION_ALPHA",
     "DENSITY",
     "EARLIER",
     "FIRST_READING",
+    "GUST_STATES",
     "NEWEST",
+    "PATH",
     "PRESSURE_RATIO",
     "READINGS",
     "SQUARES",
     "SUM",
     "TIME",
+    "TURN",
     "VANE",
     "Accepted",
     "Checkpoints",
@@ -68,6 +73,10 @@ TIME = 0
 PRESSURE_RATIO, AIRSPEED, DENSITY, ALPHA, VANE = 1, 2, 3, 5, 6
 """Columns of a signal row after its kinematic column: dynamic pressure ratio, airspeed, density, angle of attack, and
 whether a vane measured the first state."""
+
+ACCELERATION, TURN, PATH, AHEAD, GUST_STATES = 0, 1, 2, 3, 4
+"""Gust states, after the states of the mode: angular acceleration by air that no vane sees; rate of the air that a gust's
+slope makes; by how much more than once that rate acts; how much more of the gust the vane has met than the c.g."""
 
 NEWEST, EARLIER = 0, 1
 """The last signal row and the one before, in ``EkfState.rows``."""
@@ -126,7 +135,8 @@ class Model(NamedTuple):
     lever_m: Array
     """(ns,): the accelerometer reads less this times each angular acceleration."""
     gust_length_m: Array
-    """(ng,): over which the span smooths roll or pitch, and yaw, of the air."""
+    """(ng,): over which the span smooths roll or pitch, and yaw, of the air; the vane's distance ahead of the c.g. is
+    the last."""
     gust_direction: Array
     """(ns,): how each equation answers to the gusts' angular acceleration, over how the first rate's does."""
     prior_value: Array
@@ -374,7 +384,7 @@ class Step(NamedTuple):
     """(ns,): acceleration of each state that is due neither to states nor air: of the first gravity and products
     of states, m/s2; of the rates inertia coupling, rad/s2."""
     decay: Array
-    """(ng,): of the gust states over the step."""
+    """(ng,): of the gust states over the step; 0 of what has passed at once."""
 
 
 class Drive(NamedTuple):
@@ -409,7 +419,7 @@ class Transition(NamedTuple):
     early_rate: Array
     """(ns,): B times ``Step.early``."""
     mean_decay: Array
-    """(2,): of the gust states, mean over the step."""
+    """(ng,): of the gust states, mean over the step."""
 
 
 class Readings(NamedTuple):
