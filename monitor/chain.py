@@ -396,6 +396,7 @@ def _pair(
         input_noise_std=noise,
         accelerometer_noise_std=force,
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
+        vane_ahead_m=max(sensors.vane_position_m[0], 0.0),
     )
     return Pair(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)
 

@@ -167,7 +167,10 @@ class EkfEstimator:
                 largest=np.tile(np.concatenate([np.full(ns, LEAST), self.model.input_variance]), (n, 1)),
             ),
             memory=Memory(
-                np.zeros((n, ns, 5)), np.zeros((n, 4, LEVELS)), np.zeros(n), np.zeros((n, ns + nu, READING_MEMORY))
+                np.zeros((n, ns, 5)),
+                np.zeros((n, 4, LEVELS)),
+                np.zeros(n),
+                np.zeros((n, ns + nu, READING_MEMORY)),
             ),
             input_errors=InputErrors(
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()

@@ -6,7 +6,7 @@ come out too small, by the fraction of noise in what the filter takes for the in
 variables). So:
 
 - the effect of n on states and accelerometer belongs to their variances;
-- while an input rests within its noise, what is learned of its derivatives is taken back (``solve``);
+- while an input rests within its noise, nothing is learned of its derivatives (``solve``);
 - else the information N that comes of n alone is taken out again. A least-squares solution with the true regressors is
   (M - N)^-1 h where one with noisy ones is M^-1 h. N is the energy that one error sends into the normalised
   innovations, summed over all errors. The filter's gains change slowly, so one error in ``FOLLOWED_STEPS`` is followed.

@@ -13,7 +13,10 @@ The gust states are first-order processes with the time that the span takes to p
   product of two unknowns, l_p and p_g, it would bias both;
 - the gust-induced pitch or yaw rate that belongs to the gust seen by the vane, q_g = -w_g'/V or r_g = v_g'/V.
 
-The aerodynamics know only the rate relative to it.
+The aerodynamics know only the rate relative to it. How strongly the aircraft feels it is a gust state too, 1 + PATH
+with a standard deviation of 1: taken as exact, it would carry information about the moment's derivatives that nobody
+has. A vane ahead of the c.g. meets a gust earlier by l / V; the first state is the velocity at the vane, and the
+aerodynamics know it less what only the vane has met, AHEAD, by an all-pass of first order with that delay.
 """
 
 import numpy as np

@@ -31,6 +31,7 @@ NORMAL_ROOT_MEAN = 0.8221790
 """Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
 
 PATH_STD = 1.0
+"""Standard deviation of what the aircraft feels of the air's rate, as a fraction of what a gust's slope makes."""
 
 LEAST = 1e-8
 LEAST_RATE = 1e-10
@@ -148,7 +149,8 @@ def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-d
     """Covariance that a step adds to states and gust states, (nx, nx): sources that strike at any time within the step.
 
     A source v of unit strength, propagated for the rest of the step, adds v v' + (v u' + u v') / 2 + u u' / 3 with
-    u = (F - I) v. The gust takes its change from the first state and, smoothed over the span, turns the air.
+    u = (F - I) v. The gust takes its change from the first state and, smoothed over the span, turns the air; of the vane's
+    lead see ``_ahead``.
     """
     nx = model.sizes.dynamic
     q = np.empty((nx, nx))
@@ -173,38 +175,49 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
             v = (1.0 if a == source else 0.0) + (turn if a == ns + TURN else 0.0)
             u = jacobian[a, source] + jacobian[a, ns + TURN] * turn - v
             if source == 0 and gusts > 0 and a < ns:
-                u += 2.0 * (jacobian[a, ns + AHEAD] - turn * jacobian[a, ns + TURN] / mean_decay(step.decay[TURN]))
+                u += 2.0 * (
+                    jacobian[a, ns + AHEAD] - turn * jacobian[a, ns + TURN] / mean_decay(step.decay[TURN])
+                )
             work[0, a], work[1, a] = u, v + 0.5 * u
         for a in range(nx):
             u, w = power * work[0, a] / 12.0, power * work[1, a]
             for b in range(nx):
                 q[a, b] += w * work[1, b] + u * work[0, b]
         if source == 0 and gusts > 0 and step.decay[AHEAD] > NOTHING_LEFT:
-            _ahead(step.decay[AHEAD], power, work, (ns + TURN, -2.0 * turn), q)
-            _ahead(step.decay[AHEAD], power, work, (ns + AHEAD, 2.0), q)
-            both = -4.0 * turn * power * (1.0 - step.decay[AHEAD] ** 2) / (-2.0 * np.log(step.decay[AHEAD]))
-            q[ns + TURN, ns + AHEAD] += both
-            q[ns + AHEAD, ns + TURN] += both
+            _ahead(model, step.decay[AHEAD], power, work, q)
     if gusts > 0:
         q[ns + PATH, ns + PATH] += (1.0 - step.decay[PATH] ** 2) * PATH_STD * PATH_STD
 
 
 @hot
-def _ahead(decay, power, work, share, q):  # type: ignore[no-untyped-def]
-    """What a gust at the vane adds to ``row`` of ``q``: of its velocity f(s) = ``decay``^s is still ahead of the c.g.
-    when it has struck the fraction s of a step before its end, and v + s u it has done by then.
+def _ahead(model, decay, power, work, q):  # type: ignore[no-untyped-def]
+    """What the vane's lead changes in ``q`` of a gust that strikes the vane at any time within a step.
 
-    ``work`` (2, nx): u and v + u / 2 of all other rows.
+    The c.g. meets it later, by an all-pass of first order: a fraction s of a step after it struck, 2 f of it are still
+    ahead, f = ``decay``^s, and the slope has turned the air by 1 - 2 f of its part. With x = v + s u what it would
+    have done without a lead and g = 2 (1 ahead, -turn on the rate), x x' becomes x x' + f (g x' + x g') + f^2 g g'.
+
+    Args:
+        model: of the filter.
+        decay: of what is ahead, over the step.
+        power: of the gust, m2/s2.
+        work: (2, nx): u and v + u / 2.
+        q: as it is without a lead, changed.
     """
-    row, factor = share
-    rate = -np.log(decay)
-    mean = (1.0 - decay) / rate
+    rate, turn, ahead = -np.log(decay), model.sizes.states + TURN, model.sizes.states + AHEAD
+    mean, square = (1.0 - decay) / rate, (1.0 - decay * decay) / (2.0 * rate)
     slope = (mean - decay) / rate - 0.5 * mean
+    by_turn = -2.0 * gust_turn(model)
     for b in range(q.shape[0]):
-        added = factor * power * (mean * work[1, b] + slope * work[0, b])
-        q[row, b] += added
-        q[b, row] += added
-    q[row, row] += factor * factor * power * (1.0 - decay * decay) / (2.0 * rate)
+        lead = power * (mean * work[1, b] + slope * work[0, b])
+        q[turn, b] += by_turn * lead
+        q[b, turn] += by_turn * lead
+        q[ahead, b] += 2.0 * lead
+        q[b, ahead] += 2.0 * lead
+    q[turn, turn] += by_turn * by_turn * power * square
+    q[ahead, ahead] += 4.0 * power * square
+    q[turn, ahead] += 2.0 * by_turn * power * square
+    q[ahead, turn] += 2.0 * by_turn * power * square
 
 
 @njit(cache=True, error_model="numpy")

@@ -195,7 +195,13 @@ def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-de
         notes.error_information[s], notes.moments[s], span.input_variance, resting, noise_information
     )
     if resting.any():
-        leave_out(known.matrix, known.vector, before.matrix, before.value, of_derivatives(resting, model.sizes.states))
+        leave_out(
+            known.matrix,
+            known.vector,
+            before.matrix,
+            before.value,
+            of_derivatives(resting, model.sizes.states),
+        )
     for a in range(k):
         prior = 1.0 / (prior_std[a] * prior_std[a])
         vector[a] *= keep
@@ -224,7 +230,12 @@ def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-
     """
     k, first = fixed.value.size, model.sizes.dynamic
     square = (k, k)
-    work, seen, fresh, known_covariance = np.empty(square), np.empty(square), np.empty(square), np.empty(square)
+    work, seen, fresh, known_covariance = (
+        np.empty(square),
+        np.empty(square),
+        np.empty(square),
+        np.empty(square),
+    )
     seen_vector, before = np.empty(k), Before(np.empty(square), np.empty(k))
     _inverse(fixed.covariance, work, seen)
     _times(seen, fixed.value, seen_vector)

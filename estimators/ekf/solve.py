@@ -110,10 +110,10 @@ def _mean_of(matrix, vector, covariance, mean):  # type: ignore[no-untyped-def]
 
 @part
 def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyped-def]
-    """Takes back what resting states and inputs taught; the information that came of the noise of the other inputs goes
+    """Leaves out what resting states and inputs taught; the information that came of the noise of the other inputs goes
     into ``noise_information`` (k, k). Returns what is taken to rest.
 
-    An input whose noise gives half as much as is known altogether, when what others taught is taken back and what comes
+    An input whose noise gives half as much as is known altogether, when what others taught is left out and what comes
     of their noise is counted, is treated as one at rest: surfaces that move together are known by their sum alone.
     """
     ns, nu, first = model.sizes.states, model.sizes.inputs, model.sizes.dynamic

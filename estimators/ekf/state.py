@@ -75,8 +75,9 @@ PRESSURE_RATIO, AIRSPEED, DENSITY, ALPHA, VANE = 1, 2, 3, 5, 6
 whether a vane measured the first state."""
 
 ACCELERATION, TURN, PATH, AHEAD, GUST_STATES = 0, 1, 2, 3, 4
-"""Gust states, after the states of the mode: angular acceleration by air that no vane sees; rate of the air that a gust's
-slope makes; by how much more than once that rate acts; how much more of the gust the vane has met than the c.g."""
+"""Gust states, after the states of the mode: angular acceleration by air that no vane sees; rate of the air that the
+slope of a gust makes; how much more than that rate the aircraft feels, as a fraction of it; the gust that the vane has
+met and the c.g. has not."""
 
 NEWEST, EARLIER = 0, 1
 """The last signal row and the one before, in ``EkfState.rows``."""

@@ -9,7 +9,7 @@ from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.estimators import EkfConfig, EkfEstimator, EkfState, SignalLayout
 from wingwatch.estimators.ekf.noise import process_noise
 from wingwatch.estimators.ekf.recursion import step_of
-from wingwatch.estimators.ekf.state import Sample
+from wingwatch.estimators.ekf.state import TURN, Sample
 
 DT, FINE = 1.0 / RATE_HZ, 10
 SPEED_M_S = REFERENCE[0]
@@ -86,9 +86,10 @@ def test_a_gust_turns_the_air_by_its_slope_over_the_span() -> None:
     model, (older, new) = estimator.model, state.rows[0, ::-1]
     step = step_of(model, Sample(new, older, older, DT, True, 0.0))
     still = np.eye(model.sizes.dynamic, model.sizes.augmented)
-    still[-1, model.sizes.dynamic - 1] = step.decay[1]
+    turn = model.sizes.states + TURN
+    still[turn, turn] = step.decay[TURN]
     length_m = 4.0 * span_m / np.pi
     faded = DT * SPEED_M_S / length_m
     walked = quad(lambda s: np.exp(-2.0 * s * faded), 0.0, 1.0)[0] / length_m**2
-    found = process_noise(model, state.noise, 0, still, step)[-1, -1]
+    found = process_noise(model, state.noise, 0, still, step)[turn, turn]
     assert found == pytest.approx(state.noise.gust[0] * walked, rel=faded**2 / 4.0)
