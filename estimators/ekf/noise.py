@@ -149,8 +149,8 @@ def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-d
     """Covariance that a step adds to states and gust states, (nx, nx): sources that strike at any time within the step.
 
     A source v of unit strength, propagated for the rest of the step, adds v v' + (v u' + u v') / 2 + u u' / 3 with
-    u = (F - I) v. The gust takes its change from the first state and, smoothed over the span, turns the air; of the vane's
-    lead see ``_ahead``.
+    u = (F - I) v. The gust takes its change from the first state and, smoothed over the span, turns the air. Of the
+    vane's lead see ``_ahead``.
     """
     nx = model.sizes.dynamic
     q = np.empty((nx, nx))
