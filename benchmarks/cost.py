@@ -34,7 +34,8 @@ from wingwatch.estimators import (
 )
 from wingwatch.estimators.ekf.model import measure, transition
 from wingwatch.estimators.ekf.recursion import step_of
-from wingwatch.estimators.ekf.state import Sample, arrays_of
+from wingwatch.estimators.ekf.sample import Sample
+from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.monitor import Chain, VehicleMonitor
 from wingwatch.monitor.chain import nominal_condition
 from wingwatch.simulation import FleetSimulation, Scenario, doublet_schedule, simulate

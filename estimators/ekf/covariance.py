@@ -10,7 +10,7 @@ from numba import njit
 from wingwatch.estimators.kernels.hot import hot
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["correct", "forget", "inverse_of", "leave_out", "predict", "put_marginal", "reseat"]
+__all__ = ["correct", "forget", "inverse_of", "leave_out", "predict", "reseat"]
 
 
 @hot

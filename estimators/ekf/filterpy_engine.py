@@ -28,6 +28,7 @@ from wingwatch.estimators.ekf.recursion import (
     step_of,
     track_condition,
 )
+from wingwatch.estimators.ekf.sample import Gains, Posterior, Readings, Sample
 from wingwatch.estimators.ekf.state import (
     ALPHA,
     EARLIER,
@@ -35,11 +36,7 @@ from wingwatch.estimators.ekf.state import (
     TIME,
     VANE,
     EkfState,
-    Gains,
     Model,
-    Posterior,
-    Readings,
-    Sample,
     one_vehicle,
     put_vehicle,
 )

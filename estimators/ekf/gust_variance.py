@@ -4,7 +4,8 @@ import numpy as np
 
 from wingwatch.estimators.ekf.model import gust_decay, transition
 from wingwatch.estimators.ekf.noise import process_noise
-from wingwatch.estimators.ekf.state import Step
+from wingwatch.estimators.ekf.sample import Step
+from wingwatch.estimators.ekf.state import PATH
 from wingwatch.estimators.kernels.hot import whole
 
 __all__ = ["gust_variance"]
@@ -53,6 +54,8 @@ def gust_variance(model, z, noise, condition, places, out):  # type: ignore[no-u
         jacobian = transition(model, z[i], step).jacobian
         caused[:] = process_noise(model, noise, i, jacobian, step)
         advance[:] = jacobian[:, :nx]
+        if decay.size > 0:
+            advance[:ns, ns + PATH] = 0.0  # an error of the path is no motion
         for _ in range(DOUBLINGS):
             _times(advance, caused, half)
             _times_transposed(half, advance, product)

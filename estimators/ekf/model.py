@@ -22,7 +22,8 @@ aerodynamics know it less what only the vane has met, AHEAD, by an all-pass of f
 import numpy as np
 from numba import njit
 
-from wingwatch.estimators.ekf.state import ACCELERATION, AHEAD, PATH, TURN, Transition
+from wingwatch.estimators.ekf.sample import Transition
+from wingwatch.estimators.ekf.state import ACCELERATION, AHEAD, PATH, TURN
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = ["accelerometer", "gust_decay", "gust_turn", "measure", "transition", "transition_into"]

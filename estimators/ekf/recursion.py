@@ -28,6 +28,16 @@ from wingwatch.estimators.ekf.inputs import (
 )
 from wingwatch.estimators.ekf.model import accelerometer, gust_decay, transition_into
 from wingwatch.estimators.ekf.noise import PATH_STD, process_noise_into, trim_drift_into
+from wingwatch.estimators.ekf.sample import (
+    Drive,
+    Gains,
+    Posterior,
+    Readings,
+    Sample,
+    Step,
+    Transition,
+    Workspace,
+)
 from wingwatch.estimators.ekf.state import (
     AIRSPEED,
     ALPHA,
@@ -39,17 +49,9 @@ from wingwatch.estimators.ekf.state import (
     PRESSURE_RATIO,
     TIME,
     VANE,
-    Drive,
     EkfState,
-    Gains,
     Model,
-    Posterior,
-    Readings,
     Running,
-    Sample,
-    Step,
-    Transition,
-    Workspace,
     running,
     sizes_of,
 )

@@ -26,6 +26,8 @@ estimate by the root of the fraction of all information that such a half second 
 A window that has taught too little for all of it to matter begins anew, and where the rows before the second checkpoint
 are not what matters, the run begins there.
 
+Rows that set levels of noise alone are run as soon as these are known, if anything moved in them.
+
 A step of Gauss and Newton is a guide only where the response is straight within what is not known yet: tr J P / (2 r)
 at most a quarter. Quiet flight, where J comes of noise, and a derivative just reset are left alone so.
 """

@@ -125,16 +125,15 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
     moments = state.moments[i].copy()
     resting = _resting(state, i, largest, ns)
     k = vector.size
-    chosen = np.arange(first, first + k)
     covariance, before, mean = np.empty((k, k)), np.empty(k), np.empty(k)
-    fresh, gained = inverse_of(cov, chosen), np.zeros(k)
+    fresh, gained = inverse_of(cov, np.arange(first, first + k)), np.zeros(k)
     for a in range(k):
         for b in range(k):
             gained[a] += fresh[a, b] * z[first + b]
-    _mean_of(information, vector, covariance, before)
     more = True
     while more:
         if resting.any():
+            _mean_of(information, vector, covariance, before)
             matrix, left = fresh.copy(), gained.copy()
             leave_out(matrix, left, information, before, of_derivatives(resting, ns))
             _mean_of(matrix, left, covariance, mean)

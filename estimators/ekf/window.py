@@ -155,3 +155,4 @@ def cut_at(state: EkfState, solution: int) -> None:
         array[0, :kept] = array[0, solution + 1 : solutions].copy()
     window.ends[0, :kept] -= cut
     window.filled[0], window.middle[0], window.solutions[0] = left, 0, kept
+    window.skipped[0] = max(int(window.skipped[0]) - cut, 0)

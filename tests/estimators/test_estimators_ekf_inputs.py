@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from wingwatch.estimators import EkfConfig, EkfEstimator
 from wingwatch.estimators.ekf.model import transition
-from wingwatch.estimators.ekf.state import Step
+from wingwatch.estimators.ekf.sample import Step
 from wingwatch.estimators.kernels.intersample import course
 
 DT = 1.0 / RATE_HZ

@@ -9,7 +9,8 @@ from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.estimators import EkfConfig, EkfEstimator, EkfState, SignalLayout
 from wingwatch.estimators.ekf.noise import process_noise
 from wingwatch.estimators.ekf.recursion import step_of
-from wingwatch.estimators.ekf.state import TURN, Sample
+from wingwatch.estimators.ekf.sample import Sample
+from wingwatch.estimators.ekf.state import TURN
 
 DT, FINE = 1.0 / RATE_HZ, 10
 SPEED_M_S = REFERENCE[0]

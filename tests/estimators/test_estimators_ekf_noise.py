@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wingwatch.estimators.ekf.noise import learn_reading_noise
-from wingwatch.estimators.ekf.state import Sample
+from wingwatch.estimators.ekf.sample import Sample
 
 SAMPLES, DT, MEMORY_S = 1500, 0.02, 10.0
 

@@ -30,6 +30,16 @@ def covariance() -> np.ndarray:
     return np.asarray(np.linalg.inv(np.diag(PRIOR_STD**-2.0) + 100.0 * root @ root.T))
 
 
+def claims_inside(plant, case: str, seeds: range) -> list[bool]:  # type: ignore[no-untyped-def]
+    """Whether each derivative that the filter claims at the end of a flight is within its 95 % interval."""
+    inside: list[bool] = []
+    for seed in seeds:
+        found = ekf(fly_situation(plant, SITUATIONS[case], seed, 60.0))
+        claims = [outcome is Outcome.CONVERGED for outcome in found.outcomes]
+        inside.extend((np.abs(found.value - plant.truth) <= 1.96 * found.standard_error)[claims])
+    return inside
+
+
 def test_blocks_that_agree_leave_the_errors() -> None:
     before = covariance()
     np.testing.assert_array_equal(wider_covariance(before, PRIOR_STD, QUIET_BLOCKS), before)
@@ -61,11 +71,7 @@ def test_what_a_block_says_stays_and_its_error_grows() -> None:
 )
 def test_moments_that_nobody_measures_are_in_the_errors(plant, case: str) -> None:  # type: ignore[no-untyped-def]
     """What is claimed holds; by white residuals alone 62 to 79 % of it did, the worst 4.9 stated errors off."""
-    inside = []
-    for seed in range(20, 26):
-        found = ekf(fly_situation(plant, SITUATIONS[case], seed, 60.0))
-        claims = [outcome is Outcome.CONVERGED for outcome in found.outcomes]
-        inside.extend((np.abs(found.value - plant.truth) <= 1.96 * found.standard_error)[claims])
+    inside = claims_inside(plant, case, range(20, 26))
     assert len(inside) >= 24, "two thirds of the derivatives are claimed"
     assert np.mean(inside) >= 0.9
 
@@ -81,11 +87,7 @@ def test_moments_that_nobody_measures_are_in_the_errors(plant, case: str) -> Non
 )
 def test_gusts_whose_path_to_the_moment_is_not_known(plant, case: str) -> None:  # type: ignore[no-untyped-def]
     """With a path taken as exact and no lead of the vane, a fifth to four fifths of what was claimed held."""
-    inside = []
-    for seed in range(30, 34):
-        found = ekf(fly_situation(plant, SITUATIONS[case], seed, 60.0))
-        claims = [outcome is Outcome.CONVERGED for outcome in found.outcomes]
-        inside.extend((np.abs(found.value - plant.truth) <= 1.96 * found.standard_error)[claims])
+    inside = claims_inside(plant, case, range(30, 34))
     assert len(inside) >= 19, "four fifths of the derivatives are claimed"
     assert np.mean(inside) >= 0.9
 
