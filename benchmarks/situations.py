@@ -21,7 +21,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -42,8 +42,10 @@ from wingwatch.estimators import (
     Manoeuvre,
     ManoeuvreConfig,
     Outcome,
+    SignalLayout,
     filter_error,
     manoeuvres,
+    meets_at_centre,
 )
 
 Array = NDArray[np.float64]
@@ -53,6 +55,12 @@ SOLUTION_INTERVAL_S = 0.5
 WINDOW_S = 30.0
 """Longest manoeuvre of filter error, as ``wingwatch estimate`` cuts a flight."""
 Z_95 = 1.959964
+
+
+def _at_centre(flight: Flight) -> Flight:
+    """The flight with the velocity that the live chain gives its estimators where a vane is stated ahead."""
+    layout = SignalLayout(2, 1)
+    return replace(flight, rows=meets_at_centre(flight.rows[None], layout, flight.known.vane_ahead_m)[0])
 
 
 def fourier(flight: Flight) -> Estimate:
@@ -68,9 +76,8 @@ def fourier(flight: Flight) -> Estimate:
         force_from_accelerometer=k.accelerometer,
         input_noise_std=(k.surface_noise_rad,),
         span_m=k.span_m,
-        vane_ahead_m=k.vane_ahead_m,
     )
-    return _watched(FourierEstimator(config), flight)
+    return _watched(FourierEstimator(config), _at_centre(flight))
 
 
 def ekf(flight: Flight) -> Estimate:
@@ -86,9 +93,8 @@ def ekf(flight: Flight) -> Estimate:
         noise_std=(0.0, k.rate_noise_rad_s),
         input_noise_std=(k.surface_noise_rad,),
         span_m=k.span_m,
-        vane_ahead_m=k.vane_ahead_m,
     )
-    return _watched(EkfEstimator(config), flight)
+    return _watched(EkfEstimator(config), _at_centre(flight))
 
 
 def filter_online(flight: Flight) -> Estimate:

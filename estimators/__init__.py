@@ -57,7 +57,7 @@ from wingwatch.estimators.fourier.estimator import (
 from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
 from wingwatch.estimators.lanes import Lanes, padded
 from wingwatch.estimators.reference import Says, offsets, referred_scale
-from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState
+from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState, meets_at_centre
 
 __all__ = [
     "Estimate",
@@ -88,6 +88,7 @@ __all__ = [
     "Manoeuvre",
     "ManoeuvreConfig",
     "manoeuvres",
+    "meets_at_centre",
     "FORMS",
     "Form",
     "FlightForm",

@@ -48,6 +48,7 @@ from wingwatch.estimators.kernels.signals import (
     fill_signals,
     pass_high,
 )
+from wingwatch.estimators.kernels.vane_lead import VANE_MEMORY, meet_at_centre
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, INPUT_CHANNELS
 
@@ -58,6 +59,7 @@ __all__ = [
     "Signals",
     "SignalState",
     "known_moments",
+    "meets_at_centre",
 ]
 
 CONDITION_COLUMNS = 7
@@ -126,6 +128,8 @@ class SignalConfig:
         reference_density_kg_m3: density likewise.
         servo_s: for each input time constant of the first-order servo that stands between it and the surface, its
             command held to the next; 0 for what is to be taken as it is.
+        vane_leads: whether the velocity is given as a vane at the centre of gravity would read it, which meets the air
+            later than one ahead of it (``kernels.vane_lead``).
         inertia: moments of inertia, for the known angular accelerations; None where they are not stated.
     """
 
@@ -136,6 +140,7 @@ class SignalConfig:
     reference_airspeed_m_s: float = 25.0
     reference_density_kg_m3: float = 1.225
     servo_s: tuple[float, ...] = ()
+    vane_leads: bool = False
     inertia: InertiaCoupling | None = None
     layout: SignalLayout = field(init=False)
 
@@ -157,6 +162,7 @@ class SignalState:
         servos: last command of each input, and where its servo has the surface, shape (2, inputs).
         readings: of vane, rates and accelerometer the last reading, how long it has rested while others moved, s, and
             the number of rows in which it was stuck, shape (states + 1, 3).
+        vane: what the delay of a vane ahead remembers, shape (VANE_MEMORY,).
     """
 
     memory: NDArray[np.float64]
@@ -164,6 +170,7 @@ class SignalState:
     passed: NDArray[np.float64]
     servos: NDArray[np.float64]
     readings: NDArray[np.float64]
+    vane: NDArray[np.float64]
 
 
 class Signals:
@@ -208,7 +215,8 @@ class Signals:
         servos = np.full((vehicles, 2, self.config.layout.inputs), np.nan)
         readings = np.zeros((vehicles, len(self.sensors), ROWS + 1))
         readings[:, :, LAST] = np.nan
-        return SignalState(memory, np.zeros((vehicles, 4, LEVELS)), passed, servos, readings)
+        smoothers = np.zeros((vehicles, 4, LEVELS))
+        return SignalState(memory, smoothers, passed, servos, readings, _no_vane(vehicles))
 
     def update(
         self, state: SignalState, values: NDArray[np.float64], lanes: Lanes | None = None
@@ -231,6 +239,9 @@ class Signals:
         arrays = SignalArrays(state.memory, state.airspeed, state.servos, state.readings)
         fill_signals(values, lanes, self._form, arrays, out)
         fill_moments(values, self._coupling, out[..., layout.known_moments :])
+        lead_m = self.config.vane_position_m[0]
+        if self.config.vane_leads and lead_m > 0.0:
+            meet_at_centre(out, lanes, lead_m, layout.accelerometer, layout.kinematic, state.vane)
         return out
 
     def stuck(self, state: SignalState, vehicle: int = 0) -> tuple[str, ...]:
@@ -263,6 +274,30 @@ class Signals:
         lanes = lanes or all_lanes(*signals.shape[:2])
         pass_high(signals, lanes, state.passed, passing, layout.kinematic, self.config.reconstruction_s, out)
         return out
+
+
+def meets_at_centre(
+    signals: NDArray[np.float64], layout: SignalLayout, vane_ahead_m: float
+) -> NDArray[np.float64]:
+    """Signal rows of whole records with the velocity that a vane at the centre of gravity would read, as ``Signals``
+    gives them with ``vane_leads``.
+
+    Args:
+        signals: (vehicles, samples, columns), of a vane ``vane_ahead_m`` ahead.
+        layout: of their columns.
+    """
+    out = signals.copy()
+    if vane_ahead_m > 0.0:
+        lanes = all_lanes(*out.shape[:2])
+        meet_at_centre(out, lanes, vane_ahead_m, layout.accelerometer, layout.kinematic, _no_vane(len(out)))
+    return out
+
+
+def _no_vane(vehicles: int) -> NDArray[np.float64]:
+    """What the delay of a vane ahead remembers before the first sample."""
+    memory = np.zeros((vehicles, VANE_MEMORY))
+    memory[:, :2] = np.nan
+    return memory
 
 
 def known_moments(

@@ -368,6 +368,7 @@ def _pair(
         reference_airspeed_m_s=reference[0],
         reference_density_kg_m3=reference[1],
         servo_s=tuple(lag_s if still else 0.0 for still, lag_s in zip(told, servo_s, strict=True)),
+        vane_leads=True,
         inertia=inertia_coupling(aircraft),
     )
     fourier = FourierConfig(
@@ -381,7 +382,6 @@ def _pair(
         imu_position_m=imu,
         input_noise_std=noise,
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
-        vane_ahead_m=max(sensors.vane_position_m[0], 0.0),
         velocity_measured=vane,
     )
     ekf = EkfConfig(
@@ -396,7 +396,6 @@ def _pair(
         input_noise_std=noise,
         accelerometer_noise_std=force,
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
-        vane_ahead_m=max(sensors.vane_position_m[0], 0.0),
     )
     return Pair(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)
 

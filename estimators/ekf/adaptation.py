@@ -115,23 +115,22 @@ def adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, 
         step, residuals: of this sample.
         rate: weight of the sample in the means.
     """
-    ns, z, cov, sums = model.sizes.states, posterior.z, posterior.cov, noise.corrections[i]
+    ns, z, cov = model.sizes.states, posterior.z, posterior.cov
     if model.use_accelerometer:
         squared = residuals.force * residuals.force + residuals.explained
         adapt_accelerometer(noise, i, squared, residuals, rate, ns)
     if step.inertial:
         noise.reading[i, 0] = adapt_reading(noise.reading[i, 0], residuals.velocity, cov[0, 0], rate)
     else:
-        noise.gust[i], sums[0] = adapt_process(
-            noise.gust[i], sums[0], z[0] - prediction.z[0], prediction.variance[0], cov[0, 0], 1.0, rate
+        noise.gust[i], noise.corrections[i] = adapt_process(
+            noise.gust[i],
+            noise.corrections[i],
+            z[0] - prediction.z[0],
+            prediction.variance[0],
+            cov[0, 0],
+            rate,
         )
         noise.gust[i] = max(noise.gust[i], LEAST_GUST)
-    if model.sizes.gusts > 0:
-        noise.angular_gust[i], sums[1] = adapt_process(
-            noise.angular_gust[i], sums[1], z[ns] - prediction.z[ns], prediction.variance[ns], cov[ns, ns],
-            step.decay[0], rate,
-        )  # fmt: skip
-        noise.angular_gust[i] = max(noise.angular_gust[i], LEAST)
 
 
 @hot

@@ -21,7 +21,6 @@ from wingwatch.estimators.ekf.scatter import dispersed, forget_block, no_scatter
 from wingwatch.estimators.ekf.solve import solve_all
 from wingwatch.estimators.ekf.state import (
     ACCELERATION,
-    AHEAD,
     GUST_STATES,
     NEWEST,
     PRESSURE_RATIO,
@@ -32,6 +31,7 @@ from wingwatch.estimators.ekf.state import (
     InputErrors,
     Memory,
     Model,
+    MomentLevel,
     Noise,
     Solved,
     Window,
@@ -76,7 +76,6 @@ class EkfConfig:
         input_noise_std: of the measured inputs, as the aircraft file states it.
         accelerometer_noise_std: of the accelerometer, as the aircraft file states it, m/s2; 0 where it says nothing.
         span_m: of the wing, over which gusts are smoothed; 0 for a filter that knows only calm air.
-        vane_ahead_m: distance of the vane ahead of the c.g.: it meets a gust so much earlier.
     """
 
     structure: ModeStructure
@@ -96,7 +95,6 @@ class EkfConfig:
     input_noise_std: tuple[float, ...] = ()
     accelerometer_noise_std: float = 0.0
     span_m: float = 0.0
-    vane_ahead_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.held:
@@ -162,7 +160,7 @@ class EkfEstimator:
                 angular_gust=np.full(n, LEAST),
                 gain=np.full(n, LEAST),
                 fisher=np.full((n, 2), LEAST),
-                corrections=np.zeros((n, 2)),
+                corrections=np.zeros(n),
                 inputs=np.tile(self.model.input_variance, (n, 1)),
                 largest=np.tile(np.concatenate([np.full(ns, LEAST), self.model.input_variance]), (n, 1)),
             ),
@@ -175,8 +173,12 @@ class EkfEstimator:
             input_errors=InputErrors(
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()
             ),
+            moment_level=MomentLevel(
+                np.zeros((n, ns + 1)), np.zeros((n, ns + 1, ns + 1)), np.zeros(n), np.zeros(n)
+            ),
             moments=np.zeros((n, ns + nu, 4)),
-            earlier=np.zeros((n, ns, 4, 3)),
+            halves=np.zeros((n, ns + nu, 4, 3)),
+            half_s=np.full(n, np.nan),
             rows=np.full((n, 2, columns), np.nan),
             condition=np.full((n, 5), np.nan),
             samples=none.copy(),
@@ -397,7 +399,6 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
     if gust_length_m.size > 0:
         gust_length_m[ACCELERATION] = 4.0 * config.span_m / np.pi
         gust_length_m[TURN] = (4.0 if longitudinal else 3.0) * config.span_m / np.pi
-        gust_length_m[AHEAD] = 0.5 * max(config.vane_ahead_m, 0.0)
     direction = np.zeros(ns)
     direction[1] = 1.0
     if roll:

@@ -21,6 +21,7 @@ from wingwatch.estimators.ekf.inputs import (
     track_readings,
 )
 from wingwatch.estimators.ekf.model import measure, transition
+from wingwatch.estimators.ekf.moment_level import follow_moment_level
 from wingwatch.estimators.ekf.noise import process_noise, trim_drift
 from wingwatch.estimators.ekf.recursion import (
     SETTLE_S,
@@ -39,6 +40,7 @@ from wingwatch.estimators.ekf.state import (
     Model,
     one_vehicle,
     put_vehicle,
+    running,
 )
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.signals import CONDITION_COLUMNS
@@ -104,8 +106,9 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     force = float(predicted[ns] - after[-ns] * step.pressure_ratio)
     variance = noise.reading[i].copy()
     variance[ns] += noise.gain[i] * force**2 + added
-    readings = Readings(variance, np.zeros(ns + 1), rows[ns], measured)
-    _follow_input_errors(model, state, i, jacobian, step.newest_fraction, kalman.P, readings)
+    readings = Readings(variance, reading - predicted, rows[ns], measured)
+    gains = _gains(model, kalman.P, readings)
+    _follow_input_errors(model, state, i, jacobian, step.newest_fraction, (readings, gains))
     kalman.R = np.diag(variance[measured])
     kalman.update(reading[measured], lambda _: rows[measured], lambda _: predicted[measured])
     state.z[i], state.cov[i] = kalman.x, 0.5 * (kalman.P + kalman.P.T)
@@ -114,18 +117,25 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     explained = float(rows[ns] @ posterior.cov @ rows[ns])
     residuals = Residuals(residual, explained, force, added, float(new[1] - posterior.z[0]))
     adapt_noise(model, noise, i, posterior, prediction, step, residuals, rate)
+    square = np.empty((ns + 1, ns + 1))
+    follow_moment_level(model, running(state), i, step, jacobian, (readings, gains), rate, square)
+
+
+def _gains(model: Model, predicted: Array, readings: Readings) -> Gains:
+    """Of measurements taken one by one; the innovations come with them."""
+    size, m = readings.row.size, (model.sizes.states + 2) // 2 * 2
+    gains = Gains(np.zeros((m, size)), np.zeros(m), np.zeros(m))
+    correct(model, Posterior(np.zeros(size), 0.5 * (predicted + predicted.T)), readings, gains)
+    return gains
 
 
 def _follow_input_errors(
-    model: Model, state: EkfState, i: int, jacobian: Array, newest_fraction: Array, predicted: Array,
-    readings: Readings,
+    model: Model, state: EkfState, i: int, jacobian: Array, newest_fraction: Array,
+    measured: tuple[Readings, Gains],
 ) -> None:  # fmt: skip
-    """They need the gains of measurements taken one by one, which come from copies of state and covariance."""
-    size, m, work = readings.row.size, (model.sizes.states + 2) // 2 * 2, np.empty(model.sizes.dynamic)
-    gains = Gains(np.zeros((m, size)), np.zeros(m), np.zeros(m))
-    correct(model, Posterior(np.zeros(size), 0.5 * (predicted + predicted.T)), readings, gains)
+    work = np.empty(model.sizes.dynamic)
     predict_input_errors(model, state.input_errors, i, jacobian, newest_fraction, work)
-    correct_input_errors(model, state.input_errors, i, readings, gains, work)
+    correct_input_errors(model, state.input_errors, i, *measured, work)
 
 
 class _Filter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy carries no types

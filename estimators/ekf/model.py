@@ -15,15 +15,14 @@ The gust states are first-order processes with the time that the span takes to p
 
 The aerodynamics know only the rate relative to it. How strongly the aircraft feels it is a gust state too, 1 + PATH
 with a standard deviation of 1: taken as exact, it would carry information about the moment's derivatives that nobody
-has. A vane ahead of the c.g. meets a gust earlier by l / V; the first state is the velocity at the vane, and the
-aerodynamics know it less what only the vane has met, AHEAD, by an all-pass of first order with that delay.
+has.
 """
 
 import numpy as np
 from numba import njit
 
 from wingwatch.estimators.ekf.sample import Transition
-from wingwatch.estimators.ekf.state import ACCELERATION, AHEAD, PATH, TURN
+from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = ["accelerometer", "gust_decay", "gust_turn", "measure", "transition", "transition_into"]
@@ -56,19 +55,18 @@ def gust_turn(model):  # type: ignore[no-untyped-def]
 def gust_decay(model, dt_s, airspeed_m_s, out):  # type: ignore[no-untyped-def]
     """Of the gust states over a step, into ``out`` (ng,)."""
     for g in range(model.sizes.gusts):
-        length_m = model.gust_length_m[g]
-        out[g] = np.exp(-dt_s * airspeed_m_s / length_m) if length_m > 0.0 else 0.0
+        if g != PATH:
+            out[g] = np.exp(-dt_s * airspeed_m_s / model.gust_length_m[g])
     out[PATH] = np.exp(-dt_s / model.memory_s)
 
 
 @hot
 def _mean_gust(model, z, lasting):  # type: ignore[no-untyped-def]
-    """Means over a step of the air's rate, as the aircraft feels it, and of the gust that only the vane has met."""
+    """Mean over a step of the air's rate, as the aircraft feels it."""
     ns = model.sizes.states
     if model.sizes.gusts == 0:
-        return 0.0, 0.0
-    met = gust_turn(model) * (1.0 - lasting[AHEAD]) * z[ns + AHEAD]
-    return (lasting[TURN] * z[ns + TURN] + met) * (1.0 + z[ns + PATH]), lasting[AHEAD] * z[ns + AHEAD]
+        return 0.0
+    return lasting[TURN] * z[ns + TURN] * (1.0 + z[ns + PATH])
 
 
 @hot
@@ -76,13 +74,13 @@ def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
     """A and the part of dx/dt that does not depend on x."""
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
     nd, scale, a, lasting = ns + nu, step.scale, work.system, work.mean_decay
-    gust_rate, ahead = _mean_gust(model, z, lasting)
+    gust_rate = _mean_gust(model, z, lasting)
     for k in range(ns):
         work.early_rate[k] = 0.0
         total = z[nx + ns * nd + k] * step.pressure_ratio
         for j in range(ns):
             a[k, j] = z[nx + k * nd + j] * scale[k * nd + j]
-        total -= a[k, ns - 1] * gust_rate + a[k, 0] * ahead
+        total -= a[k, ns - 1] * gust_rate
         for j in range(nu):
             control = z[nx + k * nd + ns + j] * scale[k * nd + ns + j]
             total += control * step.inputs[j]
@@ -153,19 +151,15 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
             after[k] += series[k, j] * work.rate[j]
     for g in range(gusts):
         after[ns + g] *= step.decay[g]
-    if gusts > 0:
-        after[ns + TURN] += gust_turn(model) * (1.0 - step.decay[AHEAD]) * z[ns + AHEAD]
     jacobian[:] = 0.0
     _sensitivity_to_states(model, z, step, work)
-    gust_rate, ahead = _mean_gust(model, z, lasting)
+    gust_rate = _mean_gust(model, z, lasting)
     for k in range(ns):
         for j in range(nd):
             factor = (
                 step.inputs[j - ns]
                 if j >= ns
-                else 0.5 * (z[j] + after[j])
-                - (gust_rate if j == ns - 1 else 0.0)
-                - (ahead if j == 0 else 0.0)
+                else 0.5 * (z[j] + after[j]) - (gust_rate if j == ns - 1 else 0.0)
             )
             factor *= dt * step.scale[k * nd + j]
             early = step.early[j - ns] * dt * step.scale[k * nd + j] if j >= ns else 0.0
@@ -186,21 +180,17 @@ def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def
             jacobian[row, j] = work.squared[row, j]
         jacobian[row, row] += 1.0
     if gusts > 0:
-        turn, path, (gust_rate, _) = gust_turn(model), 1.0 + z[ns + PATH], _mean_gust(model, z, lasting)
+        path, gust_rate = 1.0 + z[ns + PATH], _mean_gust(model, z, lasting)
         for row in range(ns):
-            strength = answer = met = 0.0
+            strength = answer = 0.0
             for k in range(ns):
                 strength += series[row, k] * model.gust_direction[k]
                 answer += series[row, k] * work.aerodynamic[k, ns - 1]
-                met += series[row, k] * work.aerodynamic[k, 0]
             jacobian[row, ns + ACCELERATION] = strength * step.dt_s * lasting[ACCELERATION]
             jacobian[row, ns + TURN] = -answer * lasting[TURN] * path
             jacobian[row, ns + PATH] = -answer * gust_rate / path
-            jacobian[row, ns + AHEAD] = -met * lasting[AHEAD] - answer * turn * (1.0 - lasting[AHEAD]) * path
     for g in range(gusts):
         jacobian[ns + g, ns + g] = step.decay[g]
-    if gusts > 0:
-        jacobian[ns + TURN, ns + AHEAD] = gust_turn(model) * (1.0 - step.decay[AHEAD])
 
 
 @njit(cache=True, error_model="numpy")
@@ -231,7 +221,6 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
     nd, scale, direction = ns + nu, step.scale, model.gust_direction
     path = 1.0 + z[ns + PATH] if gusts > 0 else 0.0
     gust_rate = z[ns + TURN] * path if gusts > 0 else 0.0
-    ahead = z[ns + AHEAD] if gusts > 0 else 0.0
     row[:] = 0.0
     predicted = 0.0
     for k in range(ns):
@@ -240,15 +229,13 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             continue
         for j in range(ns):
             value = weight * z[nx + k * nd + j] * scale[k * nd + j]
-            relative = z[j] - (gust_rate if j == ns - 1 else 0.0) - (ahead if j == 0 else 0.0)
+            relative = z[j] - (gust_rate if j == ns - 1 else 0.0)
             predicted += value * relative
             row[j] += value
             row[nx + k * nd + j] = weight * scale[k * nd + j] * relative
             if gusts > 0 and j == ns - 1:
                 row[ns + TURN] -= value * path
                 row[ns + PATH] -= value * z[ns + TURN]
-            if gusts > 0 and j == 0:
-                row[ns + AHEAD] -= value
         for j in range(nu):
             factor = weight * scale[k * nd + ns + j] * step.inputs_end[j]
             predicted += factor * z[nx + k * nd + ns + j]

@@ -3,8 +3,8 @@
 import numpy as np
 from numba import njit
 
-from wingwatch.estimators.ekf.model import NOTHING_LEFT, gust_turn, mean_decay
-from wingwatch.estimators.ekf.state import AHEAD, PATH, TURN
+from wingwatch.estimators.ekf.model import gust_turn
+from wingwatch.estimators.ekf.state import PATH, TURN
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
@@ -131,14 +131,14 @@ def adapt_accelerometer(noise, i, squared, residuals, rate, ns):  # type: ignore
 
 
 @hot
-def adapt_process(variance, discounted, correction, before, after, decay, rate):  # type: ignore[no-untyped-def]
+def adapt_process(variance, discounted, correction, before, after, rate):  # type: ignore[no-untyped-def]
     """Process variance of one state from its corrections; returns the variance and the corrections' discounted sum.
 
     Corrections of a consistent filter are white with variance P- - P+. Summed with the filter's own forgetting of an
-    error, decay P+ / P-, they show a gain that is too low by too much power, one that is too high by too little.
+    error, P+ / P-, they show a gain that is too low by too much power, one that is too high by too little.
     """
     shrunk = max(before - after, 1e-30)
-    contraction = decay * after / max(before, 1e-30)
+    contraction = after / max(before, 1e-30)
     discounted = contraction * discounted + correction
     ratio = discounted * discounted * (1.0 - contraction * contraction) / shrunk
     return variance * (1.0 + rate * (min(ratio, FASTEST) - 1.0)), discounted
@@ -149,8 +149,7 @@ def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-d
     """Covariance that a step adds to states and gust states, (nx, nx): sources that strike at any time within the step.
 
     A source v of unit strength, propagated for the rest of the step, adds v v' + (v u' + u v') / 2 + u u' / 3 with
-    u = (F - I) v. The gust takes its change from the first state and, smoothed over the span, turns the air. Of the
-    vane's lead see ``_ahead``.
+    u = (F - I) v. The gust takes its change from the first state and, smoothed over the span, turns the air.
     """
     nx = model.sizes.dynamic
     q = np.empty((nx, nx))
@@ -174,50 +173,13 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
         for a in range(nx):
             v = (1.0 if a == source else 0.0) + (turn if a == ns + TURN else 0.0)
             u = jacobian[a, source] + jacobian[a, ns + TURN] * turn - v
-            if source == 0 and gusts > 0 and a < ns:
-                u += 2.0 * (
-                    jacobian[a, ns + AHEAD] - turn * jacobian[a, ns + TURN] / mean_decay(step.decay[TURN])
-                )
             work[0, a], work[1, a] = u, v + 0.5 * u
         for a in range(nx):
             u, w = power * work[0, a] / 12.0, power * work[1, a]
             for b in range(nx):
                 q[a, b] += w * work[1, b] + u * work[0, b]
-        if source == 0 and gusts > 0 and step.decay[AHEAD] > NOTHING_LEFT:
-            _ahead(model, step.decay[AHEAD], power, work, q)
     if gusts > 0:
         q[ns + PATH, ns + PATH] += (1.0 - step.decay[PATH] ** 2) * PATH_STD * PATH_STD
-
-
-@hot
-def _ahead(model, decay, power, work, q):  # type: ignore[no-untyped-def]
-    """What the vane's lead changes in ``q`` of a gust that strikes the vane at any time within a step.
-
-    The c.g. meets it later, by an all-pass of first order: a fraction s of a step after it struck, 2 f of it are still
-    ahead, f = ``decay``^s, and the slope has turned the air by 1 - 2 f of its part. With x = v + s u what it would
-    have done without a lead and g = 2 (1 ahead, -turn on the rate), x x' becomes x x' + f (g x' + x g') + f^2 g g'.
-
-    Args:
-        model: of the filter.
-        decay: of what is ahead, over the step.
-        power: of the gust, m2/s2.
-        work: (2, nx): u and v + u / 2.
-        q: as it is without a lead, changed.
-    """
-    rate, turn, ahead = -np.log(decay), model.sizes.states + TURN, model.sizes.states + AHEAD
-    mean, square = (1.0 - decay) / rate, (1.0 - decay * decay) / (2.0 * rate)
-    slope = (mean - decay) / rate - 0.5 * mean
-    by_turn = -2.0 * gust_turn(model)
-    for b in range(q.shape[0]):
-        lead = power * (mean * work[1, b] + slope * work[0, b])
-        q[turn, b] += by_turn * lead
-        q[b, turn] += by_turn * lead
-        q[ahead, b] += 2.0 * lead
-        q[b, ahead] += 2.0 * lead
-    q[turn, turn] += by_turn * by_turn * power * square
-    q[ahead, ahead] += 4.0 * power * square
-    q[turn, ahead] += 2.0 * by_turn * power * square
-    q[ahead, turn] += 2.0 * by_turn * power * square
 
 
 @njit(cache=True, error_model="numpy")

@@ -27,6 +27,7 @@ from wingwatch.estimators.ekf.inputs import (
     track_readings,
 )
 from wingwatch.estimators.ekf.model import accelerometer, gust_decay, transition_into
+from wingwatch.estimators.ekf.moment_level import follow_moment_level_inline, forget_moment_level
 from wingwatch.estimators.ekf.noise import PATH_STD, process_noise_into, trim_drift_into
 from wingwatch.estimators.ekf.sample import (
     Drive,
@@ -242,6 +243,7 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
     residuals = Residuals(residual, explained, predicted, added, sample.new[1] - z[0])
     prediction = Prediction(after, space.variance)
     adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, rate)
+    follow_moment_level_inline(model, state, i, step, jacobian, (readings, space.gains), rate, space.square)
 
 
 @part
@@ -269,6 +271,7 @@ def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-d
     if not (0.0 < dt <= MAX_GAP_S):
         _restart(model, Posterior(state.z[i], state.cov[i]), state.noise.reading[i], new)
         start_level(state.memory.levels[i], new[1])
+        forget_moment_level(state.moment_level, i)
         for j in range(state.memory.readings.shape[1]):
             forget_readings(state.memory.readings[i, j])
         state.input_errors.age[i] = 0
@@ -349,7 +352,7 @@ def _update_all(lengths, model, state, rows, ends, first_time, notes):  # type: 
         np.empty((nx, nx)), np.empty((2, nx)), np.empty(ns), np.empty((nx, nz)),
         Readings(np.empty(ns + 1), np.empty(ns + 1), np.empty(nz), np.empty(ns + 1, dtype=np.bool_)),
         Gains(np.zeros((readings, nz)), np.zeros(readings), np.zeros(readings)),
-        np.empty(nx),
+        np.empty(nx), np.empty((ns + 1, ns + 1)),
     )  # fmt: skip
     _run(lengths, model, state, rows, ends, first_time, notes, space)
 

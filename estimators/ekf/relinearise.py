@@ -279,6 +279,7 @@ def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
         noise=one_vehicle(state.noise, i),
         memory=one_vehicle(state.memory, i),
         input_errors=one_vehicle(state.input_errors, i),
+        moment_level=one_vehicle(state.moment_level, i),
         moments=state.moments[one].copy(),
         rows=points.rows[one, c].copy(),
         condition=state.condition[one].copy(),
@@ -300,6 +301,7 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
     parameters = slice(first, first + k)
     fixed = Belief(state.z[i, parameters].copy(), _NARROW * state.cov[i, parameters, parameters])
     run = _from_checkpoint(state, i, start)
+    run.moment_level.mean[:] = run.moment_level.covariance[:] = 0.0
     information = points.information[i, start].copy()
     known = Information(information, information @ run.z[0, parameters])
     middle = Information(np.zeros((k, k)), np.zeros(k))
@@ -321,8 +323,9 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
         points.z[i, 1], points.cov[i, 1], points.information[i, 1] = notes.z[at], notes.cov[at], middle.matrix
         _reseat((points.z[i, 1], points.cov[i, 1]), middle, first)
     state.z[i], state.cov[i] = run.z[0], run.cov[0]
-    for kept, new in zip((*state.noise, *state.input_errors), (*run.noise, *run.input_errors), strict=True):
-        kept[i] = new[0]
+    for learned in ("noise", "input_errors", "moment_level"):
+        for kept, new in zip(getattr(state, learned), getattr(run, learned), strict=True):
+            kept[i] = new[0]
     return True
 
 

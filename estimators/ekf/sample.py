@@ -139,3 +139,5 @@ class Workspace(NamedTuple):
     gains: Gains
     variance: Array
     """(nx,): predicted, of states and gust states."""
+    square: Array
+    """(ns + 1, ns + 1): of ``moment_level``."""

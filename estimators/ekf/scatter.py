@@ -109,10 +109,11 @@ def wider_covariance(covariance: Array, prior_std: Array, equations: Array) -> A
     dispersion = _dispersion(equations)
     if not dispersion.max() > 1.0:
         return covariance
-    roots = np.sqrt(np.repeat(dispersion, prior_std.size // len(equations)))
-    prior = np.diag(prior_std**-2.0)
-    of_data = np.linalg.inv(covariance) - prior
-    wider: Array = np.linalg.inv(prior + of_data / np.outer(roots, roots))
+    wider, columns = covariance.copy(), prior_std.size // len(equations)
+    for e, by in enumerate(dispersion):
+        own = slice(e * columns, (e + 1) * columns)
+        prior = np.diag(prior_std[own] ** -2.0)
+        wider[own, own] = np.linalg.inv(prior + (np.linalg.inv(covariance[own, own]) - prior) / by)
     return wider
 
 

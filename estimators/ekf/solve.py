@@ -17,6 +17,9 @@ CHANCE = 4.0
 """Standard deviations by which the readings' variance must exceed that of their noise to be motion: once in 30,000 half
 seconds by chance."""
 
+ALMOST_HALF_S = 0.45
+"""Solutions join their readings until they are those of half a second."""
+
 MOVED_S = 1.75
 """Time that a motion is given to die out."""
 
@@ -29,13 +32,17 @@ for."""
 
 
 @njit(cache=True, error_model="numpy")
-def _half_second(moments, out):  # type: ignore[no-untyped-def]
-    """Number, mean and sum of squares from it of the readings since the last solution, from ``moments`` (4,)."""
-    out[0] = moments[READINGS]
-    out[1] = out[2] = 0.0
-    if moments[READINGS] > 0.0:
-        out[1] = moments[FIRST_READING] + moments[SUM] / moments[READINGS]
-        out[2] = moments[SQUARES] - moments[SUM] * moments[SUM] / moments[READINGS]
+def _join(moments, half):  # type: ignore[no-untyped-def]
+    """The readings since the last solution, of ``moments`` (4,), join those of ``half`` (3,): number, mean and sum of
+    squares from it."""
+    count = moments[READINGS]
+    if count > 0.0:
+        mean = moments[FIRST_READING] + moments[SUM] / count
+        off, total = mean - half[1], half[0] + count
+        half[2] += (
+            moments[SQUARES] - moments[SUM] * moments[SUM] / count + off * off * half[0] * count / total
+        )
+        half[0], half[1] = total, half[1] + off * count / total
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,19 +71,19 @@ def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
 
     ``variance`` of the readings at most, (ns + nu,); 0 of readings that are not asked. Moments begin anew.
     """
-    moments, earlier, moved_s = state.moments[i], state.earlier[i], state.moved_s[i]
-    now_s = state.rows[i, NEWEST, TIME]
-    resting, half, asked = np.zeros(variance.size, dtype=np.bool_), np.empty((1, 3)), False
-    mode = True
+    moments, halves, moved_s = state.moments[i], state.halves[i], state.moved_s[i]
+    now_s, solved_s = state.rows[i, NEWEST, TIME], state.solved_s[i]
+    resting, asked, mode = np.zeros(variance.size, dtype=np.bool_), False, True
+    if not solved_s - state.half_s[i] < ALMOST_HALF_S:
+        state.half_s[i] = solved_s
+        halves[:, :-1] = halves[:, 1:]
+        halves[:, -1] = 0.0
     for j in range(variance.size):
-        _half_second(moments[j], half[0])
+        _join(moments[j], halves[j, -1])
         moments[j] = 0.0
-        if j < ns:
-            earlier[j, :-1] = earlier[j, 1:]
-            earlier[j, -1] = half[0]
         if not variance[j] > 0.0:
             continue
-        if _moves(earlier[j] if j < ns else half, variance[j]):
+        if _moves(halves[j] if j < ns else halves[j, -1:], variance[j]):
             moved_s[j] = now_s
         if j < ns:
             asked = True
@@ -155,19 +162,24 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
 
 
 @part
-def _account(state, i, first, noise_information, fresh):  # type: ignore[no-untyped-def]
+def _account(state, i, first, noise_information, fresh, resting):  # type: ignore[no-untyped-def]
     """Adds to what was gained; returns the fraction of all that is known which the last half second gave.
 
-    ``fresh``: inverse of the derivatives' covariance.
+    ``fresh``: inverse of the derivatives' covariance. ``resting``: which of them have gained nothing, (k,); a
+    difference of two inverses would leave rounding.
     """
     z, cov, information, vector = state.z[i], state.cov[i], state.information[i], state.vector[i]
     gained_matrix, gained_vector = state.gained_matrix[i], state.gained_vector[i]
     block_matrix, block_vector = state.scatter.matrix[i], state.scatter.vector[i]
     k, fraction = vector.size, 0.0
     for a in range(k):
+        if resting[a]:
+            continue
         gained = -vector[a]
         for b in range(k):
             gained += fresh[a, b] * z[first + b]
+            if resting[b]:
+                continue
             more = fresh[a, b] - noise_information[a, b] - information[a, b]
             gained_matrix[a, b] += more
             block_matrix[a, b] += more
@@ -198,7 +210,8 @@ def solve_all(model, state, places, solved, dispersing):  # type: ignore[no-unty
             continue
         solved.resting[m] = _without_noise(model, state, i, noise_information)
         fresh = inverse_of(cov, chosen)
-        solved.gained[m] = _account(state, i, first, noise_information, fresh)
+        still = of_derivatives(solved.resting[m], model.sizes.states)
+        solved.gained[m] = _account(state, i, first, noise_information, fresh, still)
         close_block(state.scatter, i, now_s, model.memory_s, dispersing)
         elapsed_s = now_s - state.solved_s[i]
         state.solved_s[i] = now_s

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 __all__ = [
     "ACCELERATION",
-    "AHEAD",
     "AIRSPEED",
     "ALPHA",
     "CONDITION_ALPHA",
@@ -66,10 +65,9 @@ PRESSURE_RATIO, AIRSPEED, DENSITY, ALPHA, VANE = 1, 2, 3, 5, 6
 """Columns of a signal row after its kinematic column: dynamic pressure ratio, airspeed, density, angle of attack, and
 whether a vane measured the first state."""
 
-ACCELERATION, TURN, PATH, AHEAD, GUST_STATES = 0, 1, 2, 3, 4
+ACCELERATION, TURN, PATH, GUST_STATES = 0, 1, 2, 3
 """Gust states, after the states of the mode: angular acceleration by air that no vane sees; rate of the air that the
-slope of a gust makes; how much more than that rate the aircraft feels, as a fraction of it; the gust that the vane has
-met and the c.g. has not."""
+slope of a gust makes; how much more than that rate the aircraft feels, as a fraction of it."""
 
 NEWEST, EARLIER = 0, 1
 """The last signal row and the one before, in ``EkfState.rows``."""
@@ -128,8 +126,7 @@ class Model(NamedTuple):
     lever_m: Array
     """(ns,): the accelerometer reads less this times each angular acceleration."""
     gust_length_m: Array
-    """(ng,): over which the span smooths roll or pitch, and yaw, of the air; the vane's distance ahead of the c.g. is
-    the last."""
+    """(ng,): over which the span smooths roll or pitch, and yaw, of the air; nothing for the path."""
     gust_direction: Array
     """(ns,): how each equation answers to the gusts' angular acceleration, over how the first rate's does."""
     prior_value: Array
@@ -152,11 +149,24 @@ class Noise(NamedTuple):
     fisher: Array
     """(n, 2): running Fisher information of the accelerometer's variance and of ``gain``."""
     corrections: Array
-    """(n, 2): discounted sums of the corrections of the first state and of the gusts' angular acceleration."""
+    """(n,): discounted sum of the corrections of the first state."""
     inputs: Array
     """(n, nu): variance of the inputs' readings, rad2; 0 of exact ones."""
     largest: Array
     """(n, ns + nu): of the readings of states and inputs at most."""
+
+
+class MomentLevel(NamedTuple):
+    """What the filter would be at another variance of the unmeasured moment (``moment_level``)."""
+
+    mean: Array
+    """(n, ns + 1): derivative of the mean of states and moment by the logarithm of the variance."""
+    covariance: Array
+    """(n, ns + 1, ns + 1): of their covariance."""
+    information: Array
+    """(n,): running mean of what a sample tells of that logarithm."""
+    samples: Array
+    """(n,): number of samples that it comes of."""
 
 
 class Memory(NamedTuple):
@@ -271,12 +281,15 @@ class EkfState(NamedTuple):
     noise: Noise
     memory: Memory
     input_errors: InputErrors
+    moment_level: MomentLevel
     moments: Array
     """(n, ns + nu, 4): of each state and input since the last solution: number of readings, their sum and sum of
     squares from the first of them, that first one."""
-    earlier: Array
-    """(n, ns, 4, 3): of each state before each of the last four solutions: number of readings, their mean and sum of
-    squares from it."""
+    halves: Array
+    """(n, ns + nu, 4, 3): of each state and input in the last four half seconds: number of readings, their mean and sum
+    of squares from it."""
+    half_s: Array
+    """(n,): when the last of them began."""
     rows: Array
     """(n, 2, columns): last signal row and the one before."""
     condition: Array
@@ -316,6 +329,7 @@ class Running(NamedTuple):
     noise: Noise
     memory: Memory
     input_errors: InputErrors
+    moment_level: MomentLevel
     moments: Array
     rows: Array
     condition: Array
@@ -326,8 +340,8 @@ class Running(NamedTuple):
 def running(state: EkfState) -> Running:
     """The same arrays."""
     return Running(
-        state.z, state.cov, state.noise, state.memory, state.input_errors, state.moments, state.rows,
-        state.condition, state.samples, state.settling,
+        state.z, state.cov, state.noise, state.memory, state.input_errors, state.moment_level, state.moments,
+        state.rows, state.condition, state.samples, state.settling,
     )  # fmt: skip
 
 

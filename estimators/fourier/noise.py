@@ -47,13 +47,11 @@ class Air(NamedTuple):
             known.
         turn_s: time constant of the smoothing over the span, s.
         roll_s: the same for rolling, s.
-        lead_s: time by which the vane meets a gust before the c.g. does, s.
     """
 
     turn: float
     turn_s: float
     roll_s: float
-    lead_s: float
 
 
 class Plant(NamedTuple):
@@ -150,9 +148,7 @@ def air_of(model, airspeed):  # type: ignore[no-untyped-def]
     turn = 0.0
     if model.turn_smoothing_m > 0.0:
         turn = (-1.0 if model.longitudinal else 1.0) / speed
-    return Air(
-        turn, model.turn_smoothing_m / speed, model.roll_smoothing_m / speed, model.vane_ahead_m / speed
-    )
+    return Air(turn, model.turn_smoothing_m / speed, model.roll_smoothing_m / speed)
 
 
 @lean
@@ -203,7 +199,7 @@ def _transfer_of_sensors(omega, plant, transfer):  # type: ignore[no-untyped-def
 
 @lean
 def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-def]
-    """B: how the gust's rate at the vane, rolling air and a gust between samples enter the rows, (docs (8) to (11)).
+    """B: how the gust's rate, rolling air and a gust between samples enter the rows, (docs (8) to (11)).
 
     A velocity that is short by e between samples makes the accelerometer short by z_w e there, so that the force row
     holds; the rows with rates are not concerned.
@@ -213,13 +209,12 @@ def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-de
     gust, rolling, between = transfer[nd + 1], transfer[nd + 2], transfer[nd + 3]
     for f in range(omega.size):
         s = 1j * omega[f]
-        lead = (1.0 - np.exp(-s * air.lead_s)) / s
         turn = air.turn / (1.0 + s * air.turn_s)
         roll = 1.0 / (1.0 + s * air.roll_s)
         for k in range(rows):
             by_gust, by_roll = -1.0 + 0.0j, 0.0j
             if k < ns:
-                by_gust = plant.derivatives[k, 0] * lead - plant.derivatives[k, ns - 1] * turn
+                by_gust = -plant.derivatives[k, ns - 1] * turn
                 if k == 0 and rows == ns and not plant.by_accelerometer:
                     by_gust -= 1.0
                 by_roll = -plant.roll_column[k] * roll

@@ -96,7 +96,6 @@ class Model(NamedTuple):
         block_s, first_solution_s, memory_s, stale_s, smallest_signal: of ``FourierConfig``.
         roll_smoothing_m, turn_smoothing_m: lengths over which the span smooths the air's roll rate, and its pitch or
             yaw rate; 0 where the air is not known to turn.
-        vane_ahead_m: distance of the vane ahead of the c.g.
         by_accelerometer: whether the force equation rests on the accelerometer; else on the velocity's rate.
         longitudinal: whether the velocity is w; else v.
         roll: whether the second state is the roll rate.
@@ -117,7 +116,6 @@ class Model(NamedTuple):
     smallest_signal: float
     roll_smoothing_m: float
     turn_smoothing_m: float
-    vane_ahead_m: float
     by_accelerometer: bool
     longitudinal: bool
     roll: bool

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.kernels.hot import lean
-from wingwatch.estimators.kernels.symmetric import congruence, eigen
+from wingwatch.estimators.kernels.symmetric import congruence, eigen, invert
 
 __all__ = [
     "CHI_SQUARE",
@@ -173,12 +173,34 @@ def disperse(evidence, vector, bias, scatter, work):  # type: ignore[no-untyped-
         largest = max(largest, scatter[e, DISPERSION])
     if largest <= 1.0:
         return
-    value, shift = work.value, work.shift
-    _solved(evidence, vector, work.eigen, value)
-    _solved(evidence, bias, work.eigen, shift)
+    value, shift, eigen_work, half, inner = work.value, work.shift, work.eigen, work.half, work.expected
+    _solved(evidence, vector, eigen_work, value)
+    _solved(evidence, bias, eigen_work, shift)
+    rows, size, values = eigen_work.vectors, eigen_work.size, eigen_work.values
+    smallest = max(SMALLEST * values[k - 1], 1e-300)
+    for a in range(k):
+        for b in range(k):
+            half[a, b] = 0.0
+            if a // columns == b // columns:
+                for v in range(k):
+                    if values[v] > smallest:
+                        half[a, b] += rows[v, a] * rows[v, b] / values[v]
+                half[a, b] *= (scatter[a // columns, DISPERSION] - 1.0) / (size[a] * size[b])
+    # J = B' B with the rows of B along what is seen; J' = B' (I + B E B')^-1 B
+    for v in range(k):
+        root = math.sqrt(values[v]) if values[v] > smallest else 0.0
+        for a in range(k):
+            rows[v, a] *= root * size[a]
+    congruence(rows, half, evidence, inner)
+    for v in range(k):
+        inner[v, v] += 1.0
+    invert(inner, half)
+    for a in range(k):
+        for b in range(a):
+            rows[a, b], rows[b, a] = rows[b, a], rows[a, b]
+    congruence(rows, half, inner, evidence)
     for a in range(k):
         vector[a] = bias[a] = 0.0
         for b in range(k):
-            evidence[a, b] /= math.sqrt(scatter[a // columns, DISPERSION] * scatter[b // columns, DISPERSION])
             vector[a] += evidence[a, b] * value[b]
             bias[a] += evidence[a, b] * shift[b]

@@ -43,7 +43,6 @@ PITCH_MODEL = Model(
     smallest_signal=0.5,
     roll_smoothing_m=0.0,
     turn_smoothing_m=0.0,
-    vane_ahead_m=0.0,
     by_accelerometer=True,
     longitudinal=True,
     roll=False,

@@ -1,5 +1,7 @@
 """The filter's errors are as wide as its blocks scatter; states that rest within their noise teach nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference_plant import PLANTS
@@ -7,7 +9,7 @@ from situation_cases import SITUATIONS
 from situation_plants import fly_situation
 from situations import ekf
 
-from wingwatch.estimators import Outcome
+from wingwatch.estimators import EkfConfig, EkfEstimator, Outcome
 from wingwatch.estimators.ekf.scatter import dispersed, wider_covariance
 from wingwatch.estimators.kernels.dispersion import CHI_SQUARE, FREEDOM
 
@@ -48,12 +50,23 @@ def test_blocks_that_agree_leave_the_errors() -> None:
 def test_the_equation_that_scatters_has_wider_errors_and_keeps_its_prior() -> None:
     before = covariance()
     after = wider_covariance(before, PRIOR_STD, scatter(9.0))
-    prior = np.diag(PRIOR_STD**-2.0)
-    roots = np.repeat([1.0, 3.0], 3)
-    expected = (np.linalg.inv(before) - prior) / np.outer(roots, roots)
-    np.testing.assert_allclose(np.linalg.inv(after) - prior, expected, rtol=1e-4, atol=1e-9)
+    prior = np.diag(PRIOR_STD[3:] ** -2.0)
+    of_data = np.linalg.inv(before[3:, 3:]) - prior
+    np.testing.assert_allclose(np.linalg.inv(after[3:, 3:]) - prior, of_data / 9.0, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(after[:3], before[:3], rtol=1e-12)
     hopeless = wider_covariance(before, PRIOR_STD, scatter(1e12))
-    assert (np.sqrt(np.diagonal(hopeless)) <= PRIOR_STD * (1.0 + 1e-9)).all()
+    np.testing.assert_allclose(hopeless[3:, 3:], np.diag(PRIOR_STD[3:] ** 2), rtol=1e-6, atol=1e-6)
+
+
+def test_an_equation_that_scatters_does_not_sharpen_another_that_errs_with_it() -> None:
+    """Two rows that a common disturbance moves together: their difference is known a hundred times better."""
+    common = np.kron(np.ones((2, 2)), np.eye(3)) * 0.04
+    before = common + np.kron(np.eye(2), np.eye(3)) * 4e-6
+    for widened in (
+        wider_covariance(before, np.ones(6), scatter(1e6)),
+        np.linalg.inv(np.eye(6) + dispersed(np.linalg.inv(before), np.zeros(6), scatter(1e6))[0]),
+    ):
+        np.testing.assert_array_less(0.19, np.sqrt(np.diagonal(widened))[:3])
 
 
 def test_what_a_block_says_stays_and_its_error_grows() -> None:
@@ -63,6 +76,7 @@ def test_what_a_block_says_stays_and_its_error_grows() -> None:
     np.testing.assert_allclose(np.linalg.solve(wider, vector), value, rtol=1e-6)
     error = np.sqrt(np.diagonal(np.linalg.inv(wider)) / np.diagonal(np.linalg.inv(matrix)))
     np.testing.assert_allclose(error, np.repeat([1.0, 2.0], 3), rtol=1e-3)
+    np.testing.assert_allclose(np.linalg.inv(wider)[:3, 3:], np.linalg.inv(matrix)[:3, 3:], rtol=1e-6)
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=[p.structure.name for p in PLANTS])
@@ -110,3 +124,30 @@ def test_a_doublet_before_noise_levels_are_known_is_filtered_then() -> None:
             found.standard_error[5] / abs(found.value[5]),
         )
         assert max(m_w, m_eta) < 0.25
+
+
+def test_what_rests_gains_nothing_to_the_bit() -> None:
+    """A difference of two inverses would be rounding, and blocks of rounding scatter without bound."""
+    plant = PLANTS[0]
+    flight = fly_situation(plant, replace(SITUATIONS["moderate, open"], surface_noise_rad=1e-3), 0, 30.0)
+    k = flight.known
+    estimator = EkfEstimator(
+        EkfConfig(
+            plant.structure,
+            k.start,
+            k.natural,
+            k.reference,
+            span_m=k.span_m,
+            input_noise_std=(k.surface_noise_rad,),
+        )
+    )
+    state = estimator.init(1)
+    for at in range(0, len(flight.rows), 25):
+        estimator.update(state, flight.rows[None, at : at + 25])
+        estimator.solve(state)
+    matrix, vector = state.gained_matrix[0], state.gained_vector[0]
+    by_surface = [2, 5]
+    assert (matrix[by_surface] == 0.0).all()
+    assert (vector[by_surface] == 0.0).all()
+    assert np.diagonal(matrix)[[0, 1, 3, 4]].min() > 0.0
+    assert state.scatter.equations[0, :, FREEDOM].max() < 4.0 * 8.0

@@ -55,7 +55,7 @@ def case(ns: int, longitudinal: bool, kinematic: bool = True, by_accelerometer: 
     rolls = derivatives[:, 1].copy() if ns == 3 else np.zeros(ns)
     plant = Plant(derivatives, forward, lever, rolls, by_accelerometer, kinematic)
     turn = (-1.0 if longitudinal else 1.0) / SPEED
-    return Case(plant, Air(turn, 0.15, 0.12, 0.02), noise, ns + (1 if kinematic else 0))
+    return Case(plant, Air(turn, 0.15, 0.12), noise, ns + (1 if kinematic else 0))
 
 
 def transfer_of(c: Case, omega: float) -> tuple[Complex, Complex]:
@@ -69,9 +69,8 @@ def transfer_of(c: Case, omega: float) -> tuple[Complex, Complex]:
     sensors[0, 1:ns] += lever[1:] * s
     sensors[ns, 0] = s
     sensors[ns, 1:ns] = -u[1:] - lever[1:] * s
-    lead = (1.0 - np.exp(-s * c.air.lead_s)) / s
     turn = c.air.turn / (1.0 + s * c.air.turn_s)
-    air[:ns, 0] = d[:, 0] * lead - d[:, ns - 1] * turn
+    air[:ns, 0] = -d[:, ns - 1] * turn
     air[ns, 0] = -1.0
     air[:ns, 1] = -c.plant.roll_column / (1.0 + s * c.air.roll_s)
     air[1:ns, 2], air[ns, 2] = d[1:, 0], d[0, 0] - s
@@ -256,8 +255,8 @@ def test_a_walk_between_samples_is_short_of_its_line_by_a_twelfth() -> None:
 
 
 def test_the_air_of_a_span_at_an_airspeed() -> None:
-    model = PITCH_MODEL._replace(roll_smoothing_m=3.0, turn_smoothing_m=4.0, vane_ahead_m=0.5)
+    model = PITCH_MODEL._replace(roll_smoothing_m=3.0, turn_smoothing_m=4.0)
     found = air_of(model, SPEED)
-    np.testing.assert_allclose(found, [-1.0 / SPEED, 4.0 / SPEED, 3.0 / SPEED, 0.5 / SPEED], rtol=1e-15)
+    np.testing.assert_allclose(found, [-1.0 / SPEED, 4.0 / SPEED, 3.0 / SPEED], rtol=1e-15)
     assert air_of(model._replace(longitudinal=False), SPEED).turn == 1.0 / SPEED
     assert air_of(PITCH_MODEL, SPEED).turn == 0.0

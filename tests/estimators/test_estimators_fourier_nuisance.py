@@ -129,7 +129,7 @@ def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() ->
 def test_what_is_known_of_columns_before_the_flight() -> None:
     derivatives = np.array([[-4.0, -1.0, -2.0], [-3.0, -5.0, -30.0]])
     plant = Plant(derivatives, np.array([0.0, 25.0]), np.zeros(2), np.zeros(2), True, True)
-    air, noise = Air(-1.0 / 25.0, 0.15, 0.12, 0.0), np.full(2 * 2 + 2 + AIR_VARIANCES, 1e-2)
+    air, noise = Air(-1.0 / 25.0, 0.15, 0.12), np.full(2 * 2 + 2 + AIR_VARIANCES, 1e-2)
     noise[0], noise[1], noise[GUST] = 2e-2, 3e-2, 20.0
     found = np.empty((3, NUISANCE))
     nuisance_variances(plant, air, noise, 0.02, found)

@@ -272,3 +272,72 @@ def test_a_gap_begins_anew() -> None:
     flight.values[250:, 0] += 10.0
     left_out = np.flatnonzero(np.isnan(rows(LATERAL, flight)[:, 1]))
     assert left_out.tolist() == [*range(200, 250), *range(351, 500)]
+
+
+def led(lead_m: float, noise: float = 0.0) -> tuple[SampleBlock, NDArray[np.float64]]:
+    """A flight with a vane ahead of the c.g. through a gust; what a vane at the c.g. would have read, (samples,)."""
+    n, speed = 1000, 25.0
+    t = np.arange(n) / 50.0
+    motion = 0.8 * np.sin(2.0 * t)
+    noisy = noise * np.random.default_rng(2).standard_normal(n)
+
+    def gust(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(0.5 * np.sin(3.0 * at) + 0.3 * np.sin(7.0 * at + 1.0))
+
+    still = dict.fromkeys(
+        ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "roll_rad", "pitch_rad"), 0.0
+    )
+    samples = block(n, **still)
+    samples.values[:, CHANNEL_INDEX["angle_of_attack_rad"]] = np.arcsin(
+        (motion - gust(t + lead_m / speed) + noisy) / speed
+    )
+    samples.values[:, CHANNEL_INDEX["specific_force_z_m_s2"]] = 1.6 * np.cos(2.0 * t) - G
+    return samples, motion - gust(t)
+
+
+@pytest.mark.parametrize("lead_m", [0.1, 0.3, 0.6, 2.0, 8.0])
+def test_a_vane_ahead_meets_the_air_as_the_centre_of_gravity_does(lead_m: float) -> None:
+    samples, want = led(lead_m)
+    found = rows(SHORT_PERIOD, samples, vane_position_m=(lead_m, 0.0, 0.0), vane_leads=True)[:, 1]
+    np.testing.assert_allclose(found[50:], want[50:], atol=2e-3)
+    early = rows(SHORT_PERIOD, samples, vane_position_m=(lead_m, 0.0, 0.0))[:, 1]
+    assert np.abs(early - want)[50:].max() > 4e-3
+
+
+def test_the_delay_of_a_vane_keeps_its_noise_white() -> None:
+    place = {"vane_position_m": (0.3, 0.0, 0.0), "vane_leads": True}
+    clean, noisy = (rows(SHORT_PERIOD, led(0.3, noise)[0], **place)[:, 1] for noise in (0.0, 0.05))
+    noise = (noisy - clean)[50:]
+    assert noise.std() == pytest.approx(0.05, rel=4.0 / math.sqrt(2.0 * noise.size))
+    for lag in (1, 2, 3):
+        assert abs(np.corrcoef(noise[lag:], noise[:-lag])[0, 1]) < 4.0 / math.sqrt(noise.size)
+
+
+def test_a_delayed_vane_is_the_same_in_pieces_and_begins_anew_after_a_gap() -> None:
+    samples, _ = led(0.6)
+    signals = Signals(SignalConfig(SHORT_PERIOD, vane_position_m=(0.6, 0.0, 0.0), vane_leads=True))
+    whole = signals.update(signals.init(1), samples.values[None])
+    state = signals.init(1)
+    pieces = [signals.update(state, samples.values[None, at : at + 7]) for at in range(0, 1000, 7)]
+    np.testing.assert_array_equal(np.concatenate(pieces, axis=1), whole)
+    late = samples.values.copy()
+    late[500:, CHANNEL_INDEX["time_s"]] += 2.0 * MAX_GAP_S
+    after = signals.update(signals.init(1), late[None])[0, :, 1]
+    assert after[500] == pytest.approx(25.0 * math.sin(samples.column("angle_of_attack_rad")[500]), rel=1e-12)
+    np.testing.assert_allclose(after[550:], whole[0, 550:, 1], atol=1e-4)
+
+
+def test_a_vane_is_not_delayed_where_the_motion_of_the_aircraft_is_not_measured() -> None:
+    samples, _ = led(0.6)
+    samples.values[:, CHANNEL_INDEX["specific_force_z_m_s2"]] = math.nan
+    place = {"vane_position_m": (0.6, 0.0, 0.0)}
+    found, raw = (rows(SHORT_PERIOD, samples, **place, vane_leads=leads)[:, 1] for leads in (True, False))
+    np.testing.assert_array_equal(found, raw)
+
+
+def test_a_vane_that_fails_for_a_moment_keeps_its_delay() -> None:
+    samples, want = led(0.6)
+    samples.values[400:410, CHANNEL_INDEX["angle_of_attack_rad"]] = math.nan
+    found = rows(SHORT_PERIOD, samples, vane_position_m=(0.6, 0.0, 0.0), vane_leads=True)[:, 1]
+    assert np.isnan(found[400:410]).all()
+    np.testing.assert_allclose(found[420:], want[420:], atol=2e-3)

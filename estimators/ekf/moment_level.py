@@ -1,0 +1,130 @@
+"""How strong the unmeasured moment e is: its process variance as a parameter of the likelihood of the innovations.
+
+With lambda the logarithm of the variance, x' and P' the derivatives by lambda of the mean and covariance of states and
+e, (I - K H) what a reading leaves of an error, nu its innovation and S the variance of that, a step and a reading do
+
+    x' <- F x',                         P' <- F P' F' + Q_e,
+    x' <- (I - K H) x' + K' nu,         P' <- (I - K H) P' (I - K H)',      K' = (I - K H) P' H' / S,
+
+and the reading adds to score and information what ``docs/methods/kalman_filter.md``, (11), says. All of it is at given
+derivatives; S is that of the filter, so that an innovation which unknown derivatives may have caused counts little.
+"""
+
+import numpy as np
+from numba import njit
+
+from wingwatch.estimators.ekf.noise import UNMODELLED
+from wingwatch.estimators.ekf.state import ACCELERATION
+from wingwatch.estimators.kernels.hot import hot
+
+__all__ = ["follow_moment_level", "follow_moment_level_inline", "forget_moment_level"]
+
+
+@njit(cache=True, error_model="numpy")
+def follow_moment_level(model, state, i, step, jacobian, measured, rate, work):  # type: ignore[no-untyped-def]
+    """``follow_moment_level_inline`` for the engine "filterpy"."""
+    follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, work)
+
+
+@hot
+def follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, work):  # type: ignore[no-untyped-def]
+    """One sample of vehicle i: the variance of e goes a step of Fisher's scoring up the likelihood.
+
+    The information is a mean over all samples, from ``adapt_s`` on over the last of them; to it comes that of one
+    nat, for a sample alone says nothing. The logarithm rises by one, at most, while the span passes.
+
+    Args:
+        model: of the filter.
+        state: ``Running``, advanced; i: the vehicle.
+        step, jacobian: of the sample, the second (nx, nz).
+        measured: its ``Readings`` and ``Gains``, as ``covariance.correct`` leaves them.
+        rate: weight of the sample in the means.
+        work: (ns + 1, ns + 1).
+    """
+    if model.sizes.gusts == 0:
+        return
+    ns, noise, level = model.sizes.states, state.noise, state.moment_level
+    variance = noise.angular_gust[i]
+    _predict(level, i, jacobian, variance, ns, work)
+    score, information = _correct(level, i, measured, ns, work)
+    level.samples[i] += 1.0
+    rate = max(rate, 1.0 / level.samples[i])
+    level.information[i] += rate * (information - level.information[i])
+    passing = 1.0 - step.decay[ACCELERATION]
+    change = min(rate * score / (level.information[i] + rate), passing)
+    per_step = passing / step.dt_s
+    # what turns the aircraft less than the model is wrong in the calmest air cannot be told from that
+    least = UNMODELLED * noise.reading[i, 1] * per_step * per_step
+    noise.angular_gust[i] = max(variance * np.exp(change), least)
+
+
+@hot
+def forget_moment_level(level, i):  # type: ignore[no-untyped-def]
+    """The states of vehicle i begin anew."""
+    level.mean[i] = 0.0
+    level.covariance[i] = 0.0
+
+
+@hot
+def _predict(level, i, jacobian, variance, ns, work):  # type: ignore[no-untyped-def]
+    """x' and P' over a step in which e is driven with ``variance``, at any time within it ((5) of the docs)."""
+    mean, cov = level.mean[i], level.covariance[i]
+    for a in range(ns + 1):
+        work[0, a] = 0.0
+        for b in range(ns + 1):
+            work[0, a] += jacobian[a, b] * mean[b]
+    for a in range(ns + 1):
+        mean[a] = work[0, a]
+    for a in range(ns + 1):
+        for b in range(ns + 1):
+            work[a, b] = 0.0
+            for c in range(ns + 1):
+                work[a, b] += jacobian[a, c] * cov[c, b]
+    for a in range(ns + 1):
+        at_a = 1.0 if a == ns else 0.0
+        later_a = jacobian[a, ns] - at_a
+        for b in range(a + 1):
+            at_b = 1.0 if b == ns else 0.0
+            later_b = jacobian[b, ns] - at_b
+            total = variance * ((at_a + 0.5 * later_a) * (at_b + 0.5 * later_b) + later_a * later_b / 12.0)
+            for c in range(ns + 1):
+                total += work[a, c] * jacobian[b, c]
+            cov[a, b] = cov[b, a] = total
+
+
+@hot
+def _correct(level, i, measured, ns, work):  # type: ignore[no-untyped-def]
+    """x' and P' by the readings of an instant, one after the other; returns their score and information."""
+    readings, gains = measured
+    mean, cov, crossed, row = level.mean[i], level.covariance[i], work[0], readings.row
+    score = information = 0.0
+    for j in range(ns + 1):
+        root = gains.inverse_std[j]
+        if root == 0.0:
+            continue
+        gain, innovation = gains.gain[j], gains.innovation[j]
+        moved = spread = 0.0
+        for a in range(ns + 1):
+            crossed[a] = 0.0
+            for b in range(ns + 1):
+                crossed[a] += cov[a, b] * _seen(row, j, b, ns)
+        for a in range(ns + 1):
+            moved -= _seen(row, j, a, ns) * mean[a] * root
+            spread += _seen(row, j, a, ns) * crossed[a] * root * root
+        score += 0.5 * (innovation * innovation - 1.0) * spread - innovation * moved
+        information += moved * moved + 0.5 * spread * spread
+        for a in range(ns + 1):
+            mean[a] += (crossed[a] * root - gain[a] * spread) * innovation + gain[a] * moved
+            for b in range(a + 1):
+                left = gain[a] * gain[b] * spread - (gain[a] * crossed[b] + gain[b] * crossed[a]) * root
+                cov[a, b] += left
+                cov[b, a] = cov[a, b]
+    return score, information
+
+
+@hot
+def _seen(row, j, a, ns):  # type: ignore[no-untyped-def]
+    """What measurement j sees of state a: its own state, or as the accelerometer's ``row`` says."""
+    if j < ns:
+        return 1.0 if a == j else 0.0
+    return row[a]
