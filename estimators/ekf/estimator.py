@@ -154,16 +154,7 @@ class EkfEstimator:
         return EkfState(
             z=np.tile(z, (n, 1)),
             cov=np.tile(cov, (n, 1, 1)),
-            noise=Noise(
-                reading=np.full((n, ns + 1), LEAST),
-                gust=np.full(n, LEAST),
-                angular_gust=np.full(n, LEAST),
-                gain=np.full(n, LEAST),
-                fisher=np.full((n, 2), LEAST),
-                corrections=np.zeros(n),
-                inputs=np.tile(self.model.input_variance, (n, 1)),
-                largest=np.tile(np.concatenate([np.full(ns, LEAST), self.model.input_variance]), (n, 1)),
-            ),
+            noise=_no_noise(self.model, n),
             memory=Memory(
                 np.zeros((n, ns, 5)),
                 np.zeros((n, 4, LEVELS)),
@@ -382,6 +373,21 @@ class EkfEstimator:
         state.accepted.gained_matrix[vehicle] = 0.0
         state.accepted.gained_vector[vehicle] = 0.0
         return matrix, vector
+
+
+def _no_noise(model: Model, n: int) -> Noise:
+    """Before anything is known of it."""
+    ns, inputs = model.sizes.states, model.input_variance
+    return Noise(
+        reading=np.full((n, ns + 1), LEAST),
+        gust=np.full(n, LEAST),
+        angular_gust=np.full(n, LEAST),
+        gain=np.full(n, LEAST),
+        fisher=np.full((n, 2), LEAST),
+        corrections=np.zeros(n),
+        inputs=np.tile(inputs, (n, 1)),
+        largest=np.tile(np.concatenate([np.full(ns, LEAST), inputs]), (n, 1)),
+    )
 
 
 def _model(config: EkfConfig, ns: int, nu: int) -> Model:

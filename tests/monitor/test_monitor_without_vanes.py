@@ -58,10 +58,6 @@ def test_still_air_gives_the_filters_derivatives_and_no_alert() -> None:
         assert outcomes <= {str(Outcome.REJECTED), str(Outcome.NOT_OBSERVABLE)}
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="without a vane the filter is not notified of a change: it follows a seventh of half an elevator lost",
-)
 def test_a_fault_is_no_rough_air() -> None:
     monitor, _ = watched(ElevatorEffectiveness(0.5, 60.0), seconds=120.0)
     row = monitor.derivatives()["estimators"]["ekf"][SHORT_PERIOD.name]["derivatives"]["m_eta"]
