@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from reference_plant import PLANTS, Plant
 from situation_cases import CONDITIONS, SITUATIONS
-from situation_plants import Flight, Situation, fly_situation
+from situation_plants import Flight, Known, Situation, fly_situation
 
 from wingwatch.estimators import (
     EkfConfig,
@@ -57,27 +57,31 @@ WINDOW_S = 30.0
 Z_95 = 1.959964
 
 
-def _at_centre(flight: Flight) -> Flight:
+def at_centre(flight: Flight) -> Flight:
     """The flight with the velocity that the live chain gives its estimators where a vane is stated ahead."""
     layout = SignalLayout(2, 1)
     return replace(flight, rows=meets_at_centre(flight.rows[None], layout, flight.known.vane_ahead_m)[0])
 
 
+def fourier_config(known: Known) -> FourierConfig:
+    """The live chain's settings of the Fourier estimator."""
+    return FourierConfig(
+        known.plant.structure,
+        BAND_HZ,
+        known.start,
+        3.0 * known.natural,
+        known.reference,
+        held=(known.held,),
+        force_from_accelerometer=known.accelerometer,
+        input_noise_std=(known.surface_noise_rad,),
+        span_m=known.span_m,
+        vane_ahead_m=known.vane_ahead_m,
+    )
+
+
 def fourier(flight: Flight) -> Estimate:
     """The Fourier estimator with the live chain's settings."""
-    k = flight.known
-    config = FourierConfig(
-        k.plant.structure,
-        BAND_HZ,
-        k.start,
-        3.0 * k.natural,
-        k.reference,
-        held=(k.held,),
-        force_from_accelerometer=k.accelerometer,
-        input_noise_std=(k.surface_noise_rad,),
-        span_m=k.span_m,
-    )
-    return _watched(FourierEstimator(config), _at_centre(flight))
+    return _watched(FourierEstimator(fourier_config(flight.known)), at_centre(flight))
 
 
 def ekf(flight: Flight) -> Estimate:
@@ -94,7 +98,7 @@ def ekf(flight: Flight) -> Estimate:
         input_noise_std=(k.surface_noise_rad,),
         span_m=k.span_m,
     )
-    return _watched(EkfEstimator(config), _at_centre(flight))
+    return _watched(EkfEstimator(config), at_centre(flight))
 
 
 def filter_online(flight: Flight) -> Estimate:

@@ -382,6 +382,7 @@ def _pair(
         imu_position_m=imu,
         input_noise_std=noise,
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
+        vane_ahead_m=max(aircraft.sensors.vane_position_m[0], 0.0) if vane else 0.0,
         velocity_measured=vane,
     )
     ekf = EkfConfig(

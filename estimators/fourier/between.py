@@ -6,12 +6,12 @@ moves as its servo does. Both are corrections of second order in the time step: 
 
 import math
 
-from wingwatch.estimators.fourier.bank import NUISANCE
+from wingwatch.estimators.fourier.bank import NUISANCE, TURN_SIZE
 from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.intersample import course
 
-__all__ = ["between_samples", "rate_of"]
+__all__ = ["between_samples", "rate_of", "turned_between_samples"]
 
 
 @lean
@@ -118,3 +118,33 @@ def between_samples(model, rows, dt, theta, scale, forward, transforms):  # type
         for k in range(1, ns):
             slope -= lever[k] * theta[k * nd + j] * scale[k * nd + j]
         _add(slope, missed[j], out[ns])
+
+
+@lean
+def turned_between_samples(omega, dt, plant, air, transforms):  # type: ignore[no-untyped-def]
+    """What lines miss because the air turns between samples as well, (docs (25a)).
+
+    With a rate of the gust that is even over a step, the turn rate of the air is behind a lag of its time constant. A
+    state misses -dt^2 / 12 x_n times the rate of -q_g, and the accelerometer's line misses what q_g itself does.
+
+    Args:
+        dt: mean time step, s.
+        plant, air: of ``noise``.
+        transforms: regressors and response of ``air.present_regressors``; the response in place.
+    """
+    response = transforms.response
+    ns, nd = plant.derivatives.shape
+    if response.shape[0] == ns or air.turn == 0.0:
+        return
+    gust = transforms.regressors[nd + 1 + TURN_SIZE]
+    for f in range(omega.size):
+        s, turned = 1j * omega[f], air.turn * complex(gust[0, f], gust[1, f])
+        bent = -dt * dt / 12.0 * s * s * turned
+        felt = dt * dt / 12.0 * s / air.turn_s * turned
+        for k in range(ns):
+            missed = plant.derivatives[k, ns - 1] * (felt if k == 0 else bent)
+            response[k, 0, f] += missed.real
+            response[k, 1, f] += missed.imag
+        missed = plant.derivatives[0, ns - 1] * (bent - felt)
+        response[ns, 0, f] += missed.real
+        response[ns, 1, f] += missed.imag

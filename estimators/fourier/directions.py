@@ -70,22 +70,6 @@ def noise_edge(regressors, bins):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _suspected_noise(n_noise, suspected, size, direction, v):  # type: ignore[no-untyped-def]
-    """Fraction of noise in a direction, column v of ``direction``, each state's noise ``suspected`` times as large."""
-    ns = suspected.size
-    columns = n_noise.shape[0] // ns
-    total = 0.0
-    for j in range(columns):
-        factor = suspected[j] if j < ns else 1.0
-        for k in range(ns):
-            a = k * columns + j
-            for m in range(ns):
-                b = m * columns + j
-                total += factor * n_noise[a, b] * direction[a, v] / size[a] * direction[b, v] / size[b]
-    return total
-
-
-@lean
 def _add_direction(ray, signal, power, drive, gained, evidence):  # type: ignore[no-untyped-def]
     """Add the information of one direction, its ray (k,) in derivatives, to the sums of ``reduce_information``."""
     for a in range(ray.size):
@@ -98,28 +82,6 @@ def _add_direction(ray, signal, power, drive, gained, evidence):  # type: ignore
             gained.sensitivity[a, b] += signal * outer
             gained.information[a, b] += outer
             evidence.information[a, b] += signal * signal * outer
-
-
-@lean
-def _seen_by_all(equation, smallest, work):  # type: ignore[no-untyped-def]
-    """Whether no direction is more noise than ``smallest`` leaves room for, were all of the roughness noise.
-
-    Where no state's roughness is more than is believed, the fractions themselves have said so.
-    """
-    suspected, size, whitened = equation.suspected, work.size, work.other
-    ns, p = suspected.size, size.size
-    rougher = False
-    for j in range(ns):
-        rougher = rougher or suspected[j] > 1.0
-    if not rougher:
-        return True
-    columns = p // ns
-    for a in range(p):
-        factor = suspected[a % columns] if a % columns < ns else 1.0
-        for b in range(p):
-            whitened[a, b] = factor * equation.noise[a, b] / (size[a] * size[b])
-    whiten(work.lower, whitened)
-    return all_below(whitened, 1.0 - smallest, work.half)
 
 
 @lean
@@ -157,9 +119,8 @@ def reduce_information(equation, smallest, work, gained, evidence):  # type: ign
     """Keep the directions in which the regressors' power is signal, not noise.
 
     The sensitivity of the estimating equation is M - N. In coordinates that whiten M its eigenvalues are
-    the fraction of signal in the power (at most 1). A direction is kept if that is at least ``smallest`` even were
-    each state's noise ``suspected`` times what is believed: all of the state's roughness. Records without noise
-    make regressors dependent to the last digits: no pivot of M is believed below ``PIVOT``.
+    the fraction of signal in the power (at most 1). A direction is kept if that is at least ``smallest``. Records
+    without noise make regressors dependent to the last digits: no pivot of M is believed below ``PIVOT``.
 
     Args:
         equation: ``Equation`` of the block.
@@ -197,7 +158,7 @@ def reduce_information(equation, smallest, work, gained, evidence):  # type: ign
     if all_below(turned, smallest, other):
         return
     clear = sound and all_above(turned, smallest, other) and all_below(turned, 1.0 + 1e-6, other)
-    if clear and _seen_by_all(equation, smallest, work):
+    if clear:
         _keep_all(equation, work, gained, evidence)
         return
     eigen(turned, signal, work.off, work.work)
@@ -207,8 +168,6 @@ def reduce_information(equation, smallest, work, gained, evidence):  # type: ign
     backward(lower, other)
     for v in range(p):
         if not signal[v] >= smallest:
-            continue
-        if not 1.0 - _suspected_noise(n_noise, equation.suspected, size, other, v) >= smallest:
             continue
         # With d the direction, d' L^-1 is a column of L^-T d: what the score and its bias say along it.
         power = drive = 0.0

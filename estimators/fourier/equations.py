@@ -178,7 +178,7 @@ def with_other_states(sides, plant, weights, whole, normal):  # type: ignore[no-
     """
     ns, nd = plant.derivatives.shape
     copy_matrix(whole.matrix, normal.matrix)
-    _normal_matrix(sides.regressors, weights, ns, ns, nd, sides.product, normal.matrix)
+    _normal_matrix(sides.regressors, weights, nd, ns, nd, sides.product, normal.matrix)
     _right_side(sides.regressors, weights, sides.response, ns, nd, sides.product, normal.vector)
     normal.vector[ns * nd :] = 0.0
 

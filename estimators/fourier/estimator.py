@@ -84,6 +84,8 @@ class FourierConfig:
         smallest_share: fraction of signal in the regressors' power below which a direction counts as unseen (more
             where the bins are so few that noise alone may look like it).
         span_m: over which gust-induced pitch (yaw) and roll rates are smoothed; 0: the air is not known to cause any.
+        vane_ahead_m: how far ahead of the centre of gravity the vane is whose readings the signals have as those of one
+            at it (``SignalConfig.vane_leads``); it decides what vane and accelerometer have in common between samples.
         velocity_measured: whether a vane measures the velocity; a reconstructed one satisfies the kinematic row by
             itself.
     """
@@ -104,6 +106,7 @@ class FourierConfig:
     input_noise_std: tuple[float, ...] = ()
     smallest_share: float = 0.5
     span_m: float = 0.0
+    vane_ahead_m: float = 0.0
     velocity_measured: bool = True
     omega_rad_s: Array = field(init=False)
 
@@ -468,6 +471,7 @@ def _model(c: FourierConfig, layout: SignalLayout) -> Model:
         smallest_signal=float(c.smallest_share),
         roll_smoothing_m=float(roll_smoothing_m),
         turn_smoothing_m=float(turn_smoothing_m),
+        vane_ahead_m=float(c.vane_ahead_m),
         by_accelerometer=bool(c.force_from_accelerometer),
         longitudinal=bool(longitudinal),
         roll=bool(roll),

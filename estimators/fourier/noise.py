@@ -29,11 +29,18 @@ __all__ = [
     "noise_variances",
     "noise_workspace",
     "weigh",
+    "weigh_with_doubt",
     "weighted_column",
 ]
 
-DRIVING = 2
-"""Of the air's variances the first ones drive the states."""
+DRIVING = AIR_VARIANCES
+"""All of the air drives the states."""
+
+ESTIMATED = 2
+"""Of the air's variances the first ones are estimated; the others follow from them."""
+
+DOUBTED = 3
+"""What an error of a derivative makes noise of: noise of the regressor, the turning of the air, its rolling."""
 
 SMALLEST_VARIANCE = 1e-12
 """Of the air and of what a moment equation leaves out: nothing."""
@@ -47,11 +54,14 @@ class Air(NamedTuple):
             known.
         turn_s: time constant of the smoothing over the span, s.
         roll_s: the same for rolling, s.
+        together: correlation of what the gust does between samples at the vane and at the centre of gravity, 1 where
+            it is there when a sample is taken at both.
     """
 
     turn: float
     turn_s: float
     roll_s: float
+    together: float
 
 
 class Plant(NamedTuple):
@@ -80,27 +90,28 @@ class NoiseWorkspace(NamedTuple):
     Attributes:
         transfer: (sources, rows, 2, bins) L and B: states, accelerometer, inputs, gust's rate, rolling air.
         weights: (rows, rows, 2, bins) W, inverse of the residual's covariance.
-        fitted, half: (rows, rows, 2, bins), of ``nuisance.reduce_weights``.
+        sure: (rows, rows, 2, bins) the same were the derivatives known; then what fitted nuisance columns leave of it.
+        fitted, half, taken: (rows, rows, 2, bins), of ``nuisance.reduce_weights``.
         weighted: (rows, 2, bins) W times one column of ``transfer``.
         spread: (bins,).
-        doubt: (3, states, states) covariance that the equations' residuals have because the derivatives are not known:
-            by the regressors' noise, by the turning of the air for a unit of it, and by its rolling.
-        shaped: (3, bins) power of these in a bin: white, and what the span leaves of the air's.
+        doubt: (DOUBTED, states, states) covariance that the equations' residuals have because the derivatives are not
+            known: by the regressors' noise, by the turning of the air for a unit of it, and by its rolling.
+        shaped: (DOUBTED, bins) power of these in a bin: white, and what the span leaves of the air's.
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
         sums: (states, states) sum over bins of Re W.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
-        answers: (bins, states, 2 states + 2), complex, of ``driven_motion.driven_motions``.
-        gain: (rows, 2, bins) K: the roll rate of the air is K times the residual, (docs (14a)).
-        explained: (bins,) K B, part of the rolling air that the residual shows.
-        shared: (states + inputs, 2, bins) what the estimate K r and the noise of a regressor's sensor have in common.
+        answers: (bins, states, 2 states + DRIVING), complex, of ``driven_motion.driven_motions``.
+        shared: (states + inputs, rows, 2, bins) covariance of the regressors' errors with the residual.
+        common: (2, bins) workspace.
         at_ends: (states,) of ``driven_motion.roll_shared_at_ends``; begun: (states, states + 1), complex, workspace.
-        moved: (states, 2, bins) c, motion that a unit of the air's roll rate causes.
     """
 
     transfer: NDArray[np.float64]
     weights: NDArray[np.float64]
+    sure: NDArray[np.float64]
     fitted: NDArray[np.float64]
     half: NDArray[np.float64]
+    taken: NDArray[np.float64]
     weighted: NDArray[np.float64]
     spread: NDArray[np.float64]
     doubt: NDArray[np.float64]
@@ -109,12 +120,10 @@ class NoiseWorkspace(NamedTuple):
     sums: NDArray[np.float64]
     rolled: NDArray[np.float64]
     answers: NDArray[np.complex128]
-    gain: NDArray[np.float64]
-    explained: NDArray[np.float64]
     shared: NDArray[np.float64]
+    common: NDArray[np.float64]
     at_ends: NDArray[np.float64]
     begun: NDArray[np.complex128]
-    moved: NDArray[np.float64]
 
 
 def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWorkspace:
@@ -124,31 +133,34 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, rows, 2, bins)),
+        np.zeros((rows, rows, 2, bins)),
+        np.zeros((rows, rows, 2, bins)),
         np.zeros((rows, 2, bins)),
         np.zeros(bins),
-        np.zeros((1 + DRIVING, states, states)),
-        np.ones((1 + DRIVING, bins)),
+        np.zeros((DOUBTED, states, states)),
+        np.ones((DOUBTED, bins)),
         np.zeros(bins),
         np.zeros((states, states)),
         np.zeros(1),
-        np.zeros((bins, states, 2 * states + 2), dtype=np.complex128),
-        np.zeros((rows, 2, bins)),
-        np.zeros(bins),
-        np.zeros((states + inputs, 2, bins)),
+        np.zeros((bins, states, 2 * states + DRIVING), dtype=np.complex128),
+        np.zeros((states + inputs, rows, 2, bins)),
+        np.zeros((2, bins)),
         np.zeros(states),
         np.zeros((states, states + 1), dtype=np.complex128),
-        np.zeros((states, 2, bins)),
     )
 
 
 @lean
-def air_of(model, airspeed):  # type: ignore[no-untyped-def]
-    """``Air`` at an airspeed, m/s."""
+def air_of(model, airspeed, dt):  # type: ignore[no-untyped-def]
+    """``Air`` at an airspeed, m/s, of samples dt apart, s."""
     speed = max(airspeed, 1.0)
     turn = 0.0
     if model.turn_smoothing_m > 0.0:
         turn = (-1.0 if model.longitudinal else 1.0) / speed
-    return Air(turn, model.turn_smoothing_m / speed, model.roll_smoothing_m / speed)
+    ahead = model.vane_ahead_m / (speed * dt)
+    part = ahead - math.floor(ahead)
+    together = 1.0 - 6.0 * part * (1.0 - part)
+    return Air(turn, model.turn_smoothing_m / speed, model.roll_smoothing_m / speed, together)
 
 
 @lean
@@ -201,8 +213,8 @@ def _transfer_of_sensors(omega, plant, transfer):  # type: ignore[no-untyped-def
 def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-def]
     """B: how the gust's rate, rolling air and a gust between samples enter the rows, (docs (8) to (11)).
 
-    A velocity that is short by e between samples makes the accelerometer short by z_w e there, so that the force row
-    holds; the rows with rates are not concerned.
+    The lines of velocity and accelerometer lack what they do between samples, and so lack the same in the force row;
+    the rows with rates are exact in the left sides. The turning of the air follows the gust between samples too.
     """
     ns, nd = plant.derivatives.shape
     rows = transfer.shape[1]
@@ -220,11 +232,15 @@ def _transfer_of_air(omega, plant, air, transfer):  # type: ignore[no-untyped-de
                 by_roll = -plant.roll_column[k] * roll
             gust[k, 0, f], gust[k, 1, f] = by_gust.real, by_gust.imag
             rolling[k, 0, f], rolling[k, 1, f] = by_roll.real, by_roll.imag
-            has_velocity_rate = k == ns or (k == 0 and not plant.by_accelerometer)
-            between[k, 0, f] = plant.derivatives[0 if has_velocity_rate else k, 0]
-            between[k, 1, f] = -omega[f] if has_velocity_rate else 0.0
-            if k == 0 and plant.by_accelerometer:
-                between[k, 0, f] = 0.0
+            if k == ns:
+                short = air.together * plant.derivatives[0, 0] + 0.0j
+            elif k > 0 or not plant.by_accelerometer:
+                short = plant.derivatives[k, 0] + plant.derivatives[k, ns - 1] * turn * s
+            else:
+                short = (1.0 - air.together) * plant.derivatives[0, 0] + 0.0j
+                if air.turn != 0.0:
+                    short -= plant.derivatives[0, ns - 1] * turn / air.turn_s
+            between[k, 0, f], between[k, 1, f] = short.real, short.imag
 
 
 @lean
@@ -339,7 +355,7 @@ def doubt_of(covariance, scale, noise, doubt):  # type: ignore[no-untyped-def]
     Args:
         covariance: (k, k) of the derivatives, referred; scale: (k,) from these to present ones.
         noise: all variances.
-        doubt: (3, states, states), filled.
+        doubt: (DOUBTED, states, states), filled.
     """
     ns = doubt.shape[1]
     nd = scale.size // ns
@@ -366,17 +382,22 @@ def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def
         power: of white noise of unit variance in a bin.
         work: ``NoiseWorkspace``, its ``doubt`` as ``doubt_of`` leaves it; the rest is filled.
     """
-    ns = plant.derivatives.shape[0]
-    weights = work.weights
     _transfer_of_sensors(omega, plant, work.transfer)
     _transfer_of_air(omega, plant, air, work.transfer)
     for f in range(omega.size):
         work.shaped[1, f] = air.turn * air.turn / (1.0 + (omega[f] * air.turn_s) ** 2)
         work.shaped[2, f] = 1.0 / (1.0 + (omega[f] * air.roll_s) ** 2)
+    weigh_with_doubt(noise, power, work)
+
+
+@lean
+def weigh_with_doubt(noise, power, work):  # type: ignore[no-untyped-def]
+    """The weight of every bin with another ``doubt`` than in the call of ``weigh`` before, all else as there."""
+    weights, ns = work.weights, work.doubt.shape[1]
     _residual_covariance(noise, power, work)
     if weights.shape[0] > ns:
         gust = power * noise[GUST]
-        for f in range(omega.size):
+        for f in range(work.believed.size):
             work.believed[f] = gust / weights[ns, ns, 0, f]
         _condition_on_last(weights)
     if ns == 2:
@@ -388,7 +409,7 @@ def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def
     for k in range(ns):
         for m in range(ns):
             total = 0.0
-            for f in range(omega.size):
+            for f in range(weights.shape[3]):
                 total += weights[k, m, 0, f]
             work.sums[k, m] = total
 
@@ -432,7 +453,7 @@ def noise_variances(whitened, freedom, noise, power, work, total):  # type: igno
     for j in range(noise.size):
         total[j] = noise[j]
     for j in range(sources):
-        if ns < j < sources - AIR_VARIANCES or j >= sources - AIR_VARIANCES + DRIVING:
+        if ns < j < sources - AIR_VARIANCES or j >= sources - AIR_VARIANCES + ESTIMATED:
             continue
         own = j if j <= ns else noise.size - sources + j
         weighted_column(work, j)

@@ -31,9 +31,11 @@ from wingwatch.estimators.kernels.symmetric import backward, cholesky, forward
 __all__ = [
     "NO_COLUMN",
     "NormalWorkspace",
+    "bins_left",
     "degrees_of_freedom",
     "eliminate",
     "factorise",
+    "fitted_columns",
     "normal_workspace",
     "nuisance_of",
     "nuisance_variances",
@@ -243,22 +245,16 @@ def degrees_of_freedom(normal, fraction):  # type: ignore[no-untyped-def]
 
 
 @lean
-def reduce_weights(bank, first, normal, work):  # type: ignore[no-untyped-def]
-    """W becomes W - W P W / 2: what fitting the nuisance columns leaves of it, (docs (19)).
-
-    P = C (C' W C + prior)^-1 C', C the columns of one bin. The columns' values are real, and a bin has two real parts.
+def fitted_columns(bank, first, normal, work):  # type: ignore[no-untyped-def]
+    """Into ``work.fitted`` P = C (C' W C + prior)^-1 C', C the nuisance columns of one bin, (docs (19)).
 
     Args:
         bank: regressors; first: place of the first nuisance column in it.
         normal: of ``eliminate``.
-        work: ``NoiseWorkspace``, its ``weights`` and ``sums`` in place.
-
-    Returns:
-        how many equally weighted bins would be worth as many degrees of freedom as the weights leave (of the equation
-        that they leave fewest, Satterthwaite 1946).
+        work: ``NoiseWorkspace``.
     """
-    weights, fitted, half = work.weights, work.fitted, work.half
-    rows, bins = weights.shape[0], weights.shape[3]
+    fitted = work.fitted
+    rows, bins = fitted.shape[0], fitted.shape[3]
     fitted[:, :, :, :] = 0.0
     for c in range(NUISANCE):
         x, y = bank[first + c, 0], bank[first + c, 1]
@@ -278,14 +274,33 @@ def reduce_weights(bank, first, normal, work):  # type: ignore[no-untyped-def]
                     for f in range(bins):
                         real[f] += factor * work.spread[f]
                         imaginary[f] += factor * work.weighted[0, 0, f]
-    _multiply(weights, fitted, half)
-    _multiply(half, weights, fitted)
-    for k in range(rows):
-        for m in range(rows):
+
+
+@lean
+def reduce_weights(weights, work):  # type: ignore[no-untyped-def]
+    """W - W P W / 2 in place: what fitting the nuisance columns leaves of the weights, (docs (19)).
+
+    The columns' values are real, and a bin has two real parts.
+
+    Args:
+        weights: (rows, rows, 2, bins), in place.
+        work: ``NoiseWorkspace``, after ``fitted_columns``.
+    """
+    _multiply(weights, work.fitted, work.half)
+    _multiply(work.half, weights, work.taken)
+    for k in range(weights.shape[0]):
+        for m in range(weights.shape[0]):
             for part in range(2):
-                for f in range(bins):
-                    weights[k, m, part, f] -= 0.5 * fitted[k, m, part, f]
-    fewest = math.inf
+                for f in range(weights.shape[3]):
+                    weights[k, m, part, f] -= 0.5 * work.taken[k, m, part, f]
+
+
+@lean
+def bins_left(work):  # type: ignore[no-untyped-def]
+    """How many equally weighted bins are worth as many degrees of freedom as the weights leave (of the equation that
+    they leave fewest, Satterthwaite 1946); ``work.sums`` are made."""
+    weights = work.weights
+    bins, fewest = weights.shape[3], math.inf
     for k in range(work.sums.shape[0]):
         for m in range(work.sums.shape[0]):
             total = 0.0

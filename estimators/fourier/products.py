@@ -1,37 +1,27 @@
-"""What noise and air put into regressors and residual of a Fourier block alike; compiled.
+"""What drives the states of a Fourier block is in its regressors and in its residual; compiled.
 
-Sensors' noise is in both. Gusts, rolling air and moments that nobody measures drive the states, so they are in both.
+That are gusts, rolling air and moments that nobody measures. Noise of the sensors: ``regressor_errors``.
 Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``noise``.
 """
 
-from wingwatch.estimators.fourier.noise import DRIVING, channel_variance, weighted_column
-from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING
+from wingwatch.estimators.fourier.noise import DRIVING
+from wingwatch.estimators.fourier.state import GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["expected_products", "noise_power"]
+__all__ = ["expected_products", "motion_by_moments"]
 
 
 @lean
-def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore[no-untyped-def]
-    """Power of noise in the regressors, as ``work.weights`` weigh it, in present derivatives, (docs (13)).
+def motion_by_moments(omega, plant, noise, power, work, n_noise):  # type: ignore[no-untyped-def]
+    """What of R' W R is motion by a moment that an equation leaves out, in that equation, (docs (13)).
 
-    That of sensors, and in each moment equation the motion that the moment left out of it causes; to the other
-    equations that motion is as good as any.
+    It counts as noise there, in present derivatives; to the other equations that motion is as good as any.
 
     Args:
-        n_noise: becomes what of R' W R is noise, (p, p).
+        n_noise: becomes that power, (p, p).
     """
     ns, nd = plant.derivatives.shape
     n_noise[:, :] = 0.0
-    for c in range(nd):
-        variance = power * channel_variance(noise, c if c < ns else c + 1, ns)
-        if c == 0:
-            variance += power * noise[BETWEEN]
-        for k in range(ns):
-            for m in range(ns):
-                n_noise[k * nd + c, m * nd + c] = variance * work.sums[k, m]
-    if work.weights.shape[0] > ns and air.turn != 0.0:
-        _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise)
     weights = work.weights
     for f in range(omega.size):
         answers = work.answers[f]
@@ -44,11 +34,13 @@ def noise_power(omega, plant, air, noise, power, work, n_noise):  # type: ignore
 
 
 @lean
-def expected_products(omega, plant, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
-    """Expected products of regressors and weighted residual, in present derivatives, (docs (12) to (15)).
+def expected_products(omega, air, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
+    """Expected products of regressors and weighted residual, in present derivatives, (docs (14), (14c), (15)).
 
-    Sensors' noise is in regressors and residual. The gust drives the states, by (s - A)^-1, and so is in both, too. So
-    is what moment equations leave out; of that neither time history nor loop is known.
+    The gust drives the states, by (s - A)^-1, between samples too, and the last rate is relative to the air that it
+    turns; so it is in regressors and residual. Motion by rolling air has been taken out of the regressors, but for what
+    of it is in the readings at the block's ends. What moment equations leave out drives the states as well; of that
+    neither time history nor loop is known.
 
     Args:
         span: length of the block, s.
@@ -56,70 +48,9 @@ def expected_products(omega, plant, noise, power, span, work, g, bias):  # type:
         g: becomes what of R' W r is due to sensors and air, (p,).
         bias: becomes what of it is due to what moment equations leave out, (p,).
     """
-    ns, nd = plant.derivatives.shape
+    ns, nd = work.doubt.shape[1], work.shared.shape[0]
     g[:] = 0.0
     bias[:] = 0.0
-    for c in range(nd):
-        column = c if c < ns else c + 1
-        variance = power * channel_variance(noise, column, ns)
-        if variance == 0.0:
-            continue
-        weighted_column(work, column)
-        for k in range(ns):
-            total = 0.0
-            for f in range(omega.size):
-                total += work.weighted[k, 0, f]
-            g[k * nd + c] = variance * total
-    variance = power * noise[BETWEEN]
-    weighted_column(work, nd + 3)
-    for k in range(ns):
-        for f in range(omega.size):
-            g[k * nd] -= variance * work.weighted[k, 0, f]
-    _driven_states(omega, plant, noise, power, span, work, g, bias)
-
-
-@lean
-def _noise_of_turn_rate(omega, plant, air, noise, power, work, n_noise):  # type: ignore[no-untyped-def]
-    """What the turn rate that is taken from the kinematic row adds to the noise in its rate, (docs (13)).
-
-    The rate relative to the air is taken as q + a H r_kin; its error is n_q + a H (L n)_kin + a (1 - H) d, and the
-    errors of reading the velocity at both ends.
-    """
-    ns, nd = plant.derivatives.shape
-    gust = power * noise[GUST]
-    rate = ns - 1
-    for f in range(omega.size):
-        turn = air.turn / (1.0 + 1j * omega[f] * air.turn_s)
-        part = turn * work.believed[f]
-        own = gust * abs(turn * (1.0 - work.believed[f])) ** 2 + 2.0 * noise[0] * abs(part) ** 2
-        for j in range(ns + 1):
-            variance = power * noise[j]
-            transferred = part * complex(work.transfer[j, ns, 0, f], work.transfer[j, ns, 1, f])
-            if j == rate:
-                own += variance * (abs(1.0 + transferred) ** 2 - 1.0)
-                continue
-            own += variance * abs(transferred) ** 2
-            if j == ns:
-                continue
-            for k in range(ns):
-                for m in range(ns):
-                    w = complex(work.weights[k, m, 0, f], work.weights[k, m, 1, f])
-                    cross = variance * (w * transferred).real
-                    n_noise[k * nd + j, m * nd + rate] += cross
-                    n_noise[m * nd + rate, k * nd + j] += cross
-        for k in range(ns):
-            for m in range(ns):
-                n_noise[k * nd + rate, m * nd + rate] += own * work.weights[k, m, 0, f]
-
-
-@lean
-def _driven_states(omega, plant, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
-    """What ``expected_products`` has of all that drives the states, (docs (14), (14c), (15)).
-
-    Motion by the gust is in the regressors. Motion by rolling air has been taken out of them, but for what of it is in
-    the readings at the block's ends.
-    """
-    ns, nd = plant.derivatives.shape
     weights, transfer = work.weights, work.transfer
     rows = weights.shape[0]
     rolling = power * noise[ROLLING]
@@ -132,7 +63,9 @@ def _driven_states(omega, plant, noise, power, span, work, g, bias):  # type: ig
             if variance == 0.0:
                 continue
             for j in range(ns):
-                motion = answers[j, ns] if e == 0 else 0.0j
+                motion = 0.0j if e == 1 else answers[j, ns + e]
+                if e == 0 and j == ns - 1:
+                    motion -= air.turn / (1.0 + 1j * omega[f] * air.turn_s)
                 for i in range(ns):
                     at_ends = (work.at_ends[i] if e == 1 else 0.0) - answers[i, ns + e]
                     motion += answers[j, ns + DRIVING + i] * at_ends / span

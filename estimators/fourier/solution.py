@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.fourier.air import air_channels, present_regressors
 from wingwatch.estimators.fourier.bank import NUISANCE, bank_channels, block_transforms
-from wingwatch.estimators.fourier.between import between_samples
+from wingwatch.estimators.fourier.between import between_samples, turned_between_samples
 from wingwatch.estimators.fourier.checkpoints import copy_bank
 from wingwatch.estimators.fourier.directions import (
     DirectionsWorkspace,
@@ -37,20 +37,27 @@ from wingwatch.estimators.fourier.noise import (
     noise_variances,
     noise_workspace,
     weigh,
+    weigh_with_doubt,
 )
 from wingwatch.estimators.fourier.nuisance import (
     NormalWorkspace,
+    bins_left,
     degrees_of_freedom,
     eliminate,
     factorise,
+    fitted_columns,
     normal_workspace,
     nuisance_of,
     nuisance_variances,
     of_the_same_nuisance,
     reduce_weights,
 )
-from wingwatch.estimators.fourier.products import expected_products, noise_power
-from wingwatch.estimators.fourier.rolling_air import rolling_gain, rolling_noise, without_rolling
+from wingwatch.estimators.fourier.products import expected_products, motion_by_moments
+from wingwatch.estimators.fourier.regressor_errors import (
+    add_unseen_errors,
+    shared_with_residual,
+    without_errors,
+)
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
     AIRSPEED,
@@ -135,7 +142,7 @@ class SolutionWorkspace(NamedTuple):
 
     Attributes:
         transforms, normal, noise, directions, posterior, equation: of its parts.
-        without_rolling: normal equations without the motion by rolling air.
+        without_errors: normal equations whose regressors are without their errors.
         derivatives, forward_speed, roll_column: arrays of ``Plant``.
         scale: (k,) what makes referred derivatives present ones.
         expected: (k,) what of the score is expected of noise and gusts.
@@ -144,7 +151,7 @@ class SolutionWorkspace(NamedTuple):
 
     transforms: Transforms
     normal: NormalWorkspace
-    without_rolling: NormalWorkspace
+    without_errors: NormalWorkspace
     noise: NoiseWorkspace
     directions: DirectionsWorkspace
     posterior: PosteriorWorkspace
@@ -175,7 +182,7 @@ def solution_workspace(ns: int, nu: int, bins: int, rows: int) -> SolutionWorksp
         noise_workspace(ns, nu, rows, bins),
         directions_workspace(k),
         PosteriorWorkspace(np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty(k), zero_memory(k)),
-        Equation(np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k), np.empty(ns)),
+        Equation(np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)),
         np.empty((ns, ns + nu)),
         np.empty(ns),
         np.empty(ns),
@@ -285,21 +292,22 @@ def _plant(model, theta, work):  # type: ignore[no-untyped-def]
 
 
 @part
-def _leave_out_rolling(plant, power, noise, work):  # type: ignore[no-untyped-def]
-    """Score, power and noise of the regressors without the motion that rolling air has caused, (docs (14a), (14b))."""
-    transforms, normal, quiet, equation = work.transforms, work.normal, work.without_rolling, work.equation
+def _leave_out_errors(omega, plant, air, power, noise, work):  # type: ignore[no-untyped-def]
+    """Score, power and noise of the regressors without what the residual shows of their errors, (docs (12), (13))."""
+    transforms, normal, clear, equation = work.transforms, work.normal, work.without_errors, work.equation
     work.change[:] = 0.0
     nuisance_of(normal, work.change, work.scale)
     residual = transforms.residual
     copy_bank(transforms.response, residual)
-    residual_of(
-        transforms.regressors, residual, transforms.whitened, plant, normal.values, work.noise.weights
-    )
-    without_rolling(residual, transforms.regressors, work.noise, transforms.without_rolling)
-    left = EquationSides(transforms.without_rolling, residual, transforms.product)
-    with_other_states(left, plant, work.noise.weights, normal, quiet)
-    eliminate(quiet, work.change, work.scale, equation.power, equation.vector)
-    rolling_noise(plant, noise, power, work.noise, equation.noise)
+    residual_of(transforms.regressors, residual, transforms.whitened, plant, normal.values, work.noise.sure)
+    shared_with_residual(omega, plant, air, noise, power, work.noise)
+    without_errors(transforms.whitened, transforms.regressors, work.noise, transforms.without_errors)
+    left = EquationSides(transforms.without_errors, residual, transforms.product)
+    with_other_states(left, plant, work.noise.weights, normal, clear)
+    eliminate(clear, work.change, work.scale, equation.power, equation.vector)
+    fitted_columns(transforms.regressors, work.derivatives.shape[1] + 1, normal, work.noise)
+    reduce_weights(work.noise.sure, work.noise)
+    add_unseen_errors(noise, power, work.noise, equation.noise)
 
 
 @part
@@ -308,42 +316,38 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     omega, theta, noise, rows, sums = model.omega, at.theta, at.noise, block.rows, block.sums
     transforms, normal, weighing, equation = work.transforms, work.normal, work.noise, work.equation
     scale, g, bias, score = work.scale, work.expected, equation.bias, equation.vector
-    n_noise, m, suspected = equation.noise, equation.power, equation.suspected
-    nd, ns = model.exponents.size, model.lever.size
+    n_noise, m, nd = equation.noise, equation.power, model.exponents.size
     span = rows[LAST, TIME] - rows[START, TIME]
-    air = air_of(model, sums[AIRSPEED] / sums[SAMPLES])
+    dt = span / max(sums[SAMPLES] - 1.0, 1.0)
+    air = air_of(model, sums[AIRSPEED] / sums[SAMPLES], dt)
     plant = _plant(model, theta, work)
-    between_samples(
-        model, rows, span / max(sums[SAMPLES] - 1.0, 1.0), theta, scale, work.forward_speed, transforms
-    )
-    rolls = model.roll and noise[ROLLING] > SMALLEST_VARIANCE
-    if rolls:
-        weighing.doubt[:, :, :] = 0.0
-        weigh(omega, plant, air, noise, power, weighing)
-        rolling_gain(noise, power, weighing)
-    doubt_of(at.covariance, scale, noise, weighing.doubt)
+    between_samples(model, rows, dt, theta, scale, work.forward_speed, transforms)
+    weighing.doubt[:, :, :] = 0.0
     weigh(omega, plant, air, noise, power, weighing)
+    for k in range(weighing.weights.shape[0]):
+        copy_bank(weighing.weights[k], weighing.sure[k])
+    doubt_of(at.covariance, scale, noise, weighing.doubt)
+    weigh_with_doubt(noise, power, weighing)
     driven_motions(omega, plant, weighing)
     responses(omega, rows, plant, transforms)
     present_regressors(model, block, plant, air, weighing.believed, transforms)
+    turned_between_samples(omega, dt, plant, air, transforms)
     nuisance_variances(plant, air, noise, power / span, normal.variances)
     sides = EquationSides(transforms.regressors, transforms.response, transforms.product)
     normal_equations(sides, plant, fraction, weighing.weights, normal)
     factorise(normal, theta.size, span)
     eliminate(normal, theta, scale, m, score)
-    noise_power(omega, plant, air, noise, power, weighing, n_noise)
-    if rolls:
-        _leave_out_rolling(plant, power, noise, work)
-    bins = reduce_weights(transforms.regressors, nd + 1, normal, weighing)
+    motion_by_moments(omega, plant, noise, power, weighing, n_noise)
+    _leave_out_errors(omega, plant, air, power, noise, work)
+    reduce_weights(weighing.weights, weighing)
+    bins = bins_left(weighing)
     roll_shared_at_ends(plant, air, weighing)
-    expected_products(omega, plant, noise, power, span, weighing, g, bias)
+    expected_products(omega, air, noise, power, span, weighing, g, bias)
     for a in range(scale.size):
         score[a] -= scale[a] * g[a]
         bias[a] *= scale[a]
         for b in range(scale.size):
             n_noise[a, b] *= scale[a] * scale[b]
-    for j in range(ns):
-        suspected[j] = max(1.0, _rough_noise(block.roughness, j, ns) / noise[j])
     smallest = max(model.smallest_signal, noise_edge(nd, bins * fraction))
     reduce_information(equation, smallest, work.directions, found.gained, found.evidence)
 
@@ -432,7 +436,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
     span = rows[LAST, TIME] - rows[START, TIME]
     power = span * span / max(sums[SAMPLES] - 1.0, 1.0)
     fraction = min(1.0, span / model.block_s)
-    air = air_of(model, sums[AIRSPEED] / sums[SAMPLES])
+    air = air_of(model, sums[AIRSPEED] / sums[SAMPLES], power / span)
     block_transforms(omega, block.bank, span, air.turn_s, ns, nu, transforms.lines, transforms.phase)
     _present(model, sums, scale, work.forward_speed)
     noise[BETWEEN] = between_samples_variance(noise[GUST], power / span)

@@ -96,6 +96,7 @@ class Model(NamedTuple):
         block_s, first_solution_s, memory_s, stale_s, smallest_signal: of ``FourierConfig``.
         roll_smoothing_m, turn_smoothing_m: lengths over which the span smooths the air's roll rate, and its pitch or
             yaw rate; 0 where the air is not known to turn.
+        vane_ahead_m: of the centre of gravity, at which the signals have its readings.
         by_accelerometer: whether the force equation rests on the accelerometer; else on the velocity's rate.
         longitudinal: whether the velocity is w; else v.
         roll: whether the second state is the roll rate.
@@ -116,6 +117,7 @@ class Model(NamedTuple):
     smallest_signal: float
     roll_smoothing_m: float
     turn_smoothing_m: float
+    vane_ahead_m: float
     by_accelerometer: bool
     longitudinal: bool
     roll: bool
@@ -277,7 +279,7 @@ class Transforms(NamedTuple):
     Attributes:
         lines: (channels, 2, bins) of signals that are lines between samples (``bank.block_transforms``).
         regressors: (channels, 2, bins) of signals that move between samples as the aircraft does; then what acts.
-        without_rolling: (channels, 2, bins) the same without the motion that rolling air has caused.
+        without_errors: (channels, 2, bins) the same without what the residual shows of their errors.
         rates, missed: (states + inputs, 2, bins) rates, and what lines miss (``between``).
         phase: (2, bins) e^{sT}.
         product: (2, bins) workspace.
@@ -288,7 +290,7 @@ class Transforms(NamedTuple):
 
     lines: Array
     regressors: Array
-    without_rolling: Array
+    without_errors: Array
     rates: Array
     missed: Array
     phase: Array
@@ -306,14 +308,12 @@ class Equation(NamedTuple):
         noise: (k, k) N, what of it is noise.
         vector: (k,) score at the linearisation.
         bias: (k,) part of it that is expected of moments which the equations leave out.
-        suspected: (states,) how many times each state's noise would be larger, were all of its roughness noise.
     """
 
     power: Array
     noise: Array
     vector: Array
     bias: Array
-    suspected: Array
 
 
 class BlockSolution(NamedTuple):

@@ -43,6 +43,7 @@ PITCH_MODEL = Model(
     smallest_signal=0.5,
     roll_smoothing_m=0.0,
     turn_smoothing_m=0.0,
+    vane_ahead_m=0.0,
     by_accelerometer=True,
     longitudinal=True,
     roll=False,
@@ -61,12 +62,12 @@ def rows_before(rows: Real, k: int) -> Array:
 
 
 def reduced(
-    m: Real, noise: Real, suspected: Real, score: Real, bias: Real, smallest: float
+    m: Real, noise: Real, score: Real, bias: Real, smallest: float
 ) -> tuple[list[Array], list[Array]]:
     """``reduce_information``: sensitivity, kept, evidence; then score, bias, evidence's score and bias."""
     p = len(m)
     gained, evidence = zero_memory(p), Evidence(np.empty((p, p)), np.empty(p), np.empty(p))
-    equation = Equation(m, noise, score, bias, suspected)  # type: ignore[arg-type]
+    equation = Equation(m, noise, score, bias)  # type: ignore[arg-type]
     reduce_information(equation, smallest, directions_workspace(p), gained, evidence)
     matrices = [gained.sensitivity, gained.information, evidence.information]
     return matrices, [gained.vector, gained.bias, evidence.vector, evidence.bias]

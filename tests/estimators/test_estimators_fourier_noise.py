@@ -15,13 +15,19 @@ from wingwatch.estimators.fourier.noise import (
     Plant,
     air_of,
     between_samples_variance,
+    doubt_of,
     noise_variances,
     noise_workspace,
     weigh,
+    weigh_with_doubt,
 )
-from wingwatch.estimators.fourier.products import expected_products, noise_power
-from wingwatch.estimators.fourier.rolling_air import rolling_gain, without_rolling
-from wingwatch.estimators.fourier.state import AIR_VARIANCES, BETWEEN, GUST
+from wingwatch.estimators.fourier.products import expected_products, motion_by_moments
+from wingwatch.estimators.fourier.regressor_errors import (
+    add_unseen_errors,
+    shared_with_residual,
+    without_errors,
+)
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 SPEED, POWER, SPAN = 25.0, 0.2, 10.0
@@ -55,7 +61,7 @@ def case(ns: int, longitudinal: bool, kinematic: bool = True, by_accelerometer: 
     rolls = derivatives[:, 1].copy() if ns == 3 else np.zeros(ns)
     plant = Plant(derivatives, forward, lever, rolls, by_accelerometer, kinematic)
     turn = (-1.0 if longitudinal else 1.0) / SPEED
-    return Case(plant, Air(turn, 0.15, 0.12), noise, ns + (1 if kinematic else 0))
+    return Case(plant, Air(turn, 0.15, 0.12, 0.4), noise, ns + (1 if kinematic else 0))
 
 
 def transfer_of(c: Case, omega: float) -> tuple[Complex, Complex]:
@@ -73,12 +79,15 @@ def transfer_of(c: Case, omega: float) -> tuple[Complex, Complex]:
     air[:ns, 0] = -d[:, ns - 1] * turn
     air[ns, 0] = -1.0
     air[:ns, 1] = -c.plant.roll_column / (1.0 + s * c.air.roll_s)
-    air[1:ns, 2], air[ns, 2] = d[1:, 0], d[0, 0] - s
+    # e moves the states as velocity and turn rate do; the line of the accelerometer lacks some of it, too
+    air[:ns, 2], air[ns, 2] = d[:, 0] + d[:, ns - 1] * turn * s, c.air.together * d[0, 0]
+    if c.plant.by_accelerometer:
+        air[0, 2] = (1.0 - c.air.together) * d[0, 0] - d[0, ns - 1] * turn / c.air.turn_s
     if not c.plant.by_accelerometer:
         # the velocity's rate: force row and kinematic row together, the accelerometer gone
         together = sensors[0] + sensors[ns]
         together[0] = s - d[0, 0]
-        sensors[0], air[0] = together, air[0] + air[ns]
+        sensors[0], air[0, :2] = together, air[0, :2] + air[ns, :2]
         sensors[0, 1:ns] = -d[0, 1:ns] - u[1:]
     return sensors[: c.rows], air[: c.rows]
 
@@ -86,6 +95,7 @@ def transfer_of(c: Case, omega: float) -> tuple[Complex, Complex]:
 def weighed(c: Case) -> NoiseWorkspace:
     work = noise_workspace(c.states, 1, c.rows, OMEGA.size)
     weigh(OMEGA, c.plant, c.air, c.noise, POWER, work)
+    work.sure[...] = work.weights
     driven_motions(OMEGA, c.plant, work)
     return work
 
@@ -126,7 +136,8 @@ def test_weights_are_the_inverse_of_all_that_noise_and_air_do(name: str) -> None
 
 @pytest.mark.parametrize("name", ["pitch", "yaw", "lateral"])
 def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_states(name: str) -> None:
-    """E[R' W r] written out: sensors' noise in both, the gust through (s - A)^-1, a gust between samples.
+    """E[R' W r] of what the regressors are without their errors, written out: the gust, between samples too, through
+    (s - A)^-1, and the turning of the air in the last rate.
 
     Of the rolling air only what it did to the readings at the block's ends is left in the regressors; with the lag tau
     that goes with 2 c(1/tau) - c(s). What moment equations leave out drives the states as well: no part of the
@@ -135,28 +146,31 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     c = CASES[name]
     ns, nd, work = c.states, c.states + 1, weighed(c)
     n_noise, g, driven = np.empty((ns * nd, ns * nd)), np.empty(ns * nd), np.empty(ns * nd)
-    noise_power(OMEGA, c.plant, c.air, c.noise, POWER, work, n_noise)
+    motion_by_moments(OMEGA, c.plant, c.noise, POWER, work, n_noise)
     roll_shared_at_ends(c.plant, c.air, work)
-    expected_products(OMEGA, c.plant, c.noise, POWER, SPAN, work, g, driven)
-    sensors, own = variances(c)
+    expected_products(OMEGA, c.air, c.noise, POWER, SPAN, work, g, driven)
+    _, own = variances(c)
     want_g, want_driven = np.zeros((ns, nd)), np.zeros((ns, nd))
     a = c.plant.derivatives[:, :ns].copy()
     a[0] += c.plant.forward_speed
     for f, omega in enumerate(OMEGA):
-        left, by_air = transfer_of(c, omega)
+        _, by_air = transfer_of(c, omega)
         w = work.weights[:, :, 0, f] + 1j * work.weights[:, :, 1, f]
-        regressors = np.zeros((nd, ns + 2), complex)
-        regressors[:ns, :ns], regressors[ns, ns + 1] = np.eye(ns), 1.0
-        products = left @ np.diag(sensors) @ regressors.conj().T
+        products = np.zeros((c.rows, nd), complex)
         answer = np.linalg.inv(1j * omega * np.eye(ns) - a)
         drive = by_air[:ns].copy()
         drive[0] += by_air[ns]
-        by_gust, by_roll = (answer @ drive[:, e] for e in range(2))
+        by_gust, by_roll, by_rest = (answer @ drive[:, e] for e in range(3))
         begun = np.linalg.inv(np.eye(ns) / c.air.roll_s - a) @ -c.plant.roll_column
-        moved = by_gust - answer @ by_gust / SPAN, answer @ (begun - by_roll) / SPAN
-        for e in range(2):
+        relative = by_gust.copy()
+        relative[-1] -= c.air.turn / (1.0 + 1j * omega * c.air.turn_s)
+        moved = (
+            relative - answer @ by_gust / SPAN,
+            answer @ (begun - by_roll) / SPAN,
+            by_rest - answer @ by_rest / SPAN,
+        )
+        for e in range(3):
             products[:, :ns] += c.noise[GUST + e] * np.outer(by_air[:, e], moved[e].conj())
-        products[:, 0] -= c.noise[BETWEEN] * by_air[:, 2]
         want_g += POWER * (w @ products).real[:ns]
         moments = np.zeros((c.rows, ns), complex)
         moments[:ns] = np.diag(own[:ns]) @ answer.conj().T
@@ -164,31 +178,56 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     np.testing.assert_allclose(g, want_g.ravel(), rtol=1e-7, atol=1e-8 * np.abs(want_g).max())
     np.testing.assert_allclose(driven, want_driven.ravel(), rtol=1e-7, atol=1e-8 * np.abs(want_driven).max())
     np.testing.assert_allclose(n_noise, n_noise.T, rtol=1e-12)
-    assert (np.diag(n_noise) > 0.0).all()
+    by_moments = np.diag(n_noise).reshape(ns, nd)
+    np.testing.assert_array_equal((by_moments[:, :ns] > 0.0).all(axis=1), own[:ns] > 0.0)
+    assert (by_moments[:, ns:] == 0.0).all()
 
 
-def test_what_is_left_of_the_regressors_goes_with_no_rolling_air() -> None:
-    """Residuals drawn as the model has them, and the motion that their rolling air causes: on average the score has
-    none of it left, and had much."""
-    c, draws, rng = CASES["lateral"], 400, np.random.default_rng(8)
-    work, (sensors, own) = weighed(c), variances(c)
-    rolling_gain(c.noise, POWER, work)
-    residual, regressors = (np.zeros((draws, k, 2, OMEGA.size)) for k in (c.rows, c.states + 1))
+@pytest.mark.parametrize("name", list(CASES))
+def test_what_is_left_of_the_errors_of_regressors_goes_with_no_residual(name: str) -> None:
+    """Residuals drawn as the model has them, beside the errors in regressors that made them: on average the score has
+    none of these left, and had much; and the power of what is left is as said."""
+    c, draws, rng = CASES[name], 2000, np.random.default_rng(8)
+    ns, nd, work = c.states, c.states + 1, weighed(c)
+    sensors, own = variances(c)
+    shared_with_residual(OMEGA, c.plant, c.air, c.noise, POWER, work)
+    n_noise = np.zeros((ns * nd, ns * nd))
+    add_unseen_errors(c.noise, POWER, work, n_noise)
+    residual, errors = np.zeros((draws, c.rows, 2, OMEGA.size)), np.zeros((draws, nd + 1, 2, OMEGA.size))
     for f, omega in enumerate(OMEGA):
         left, by_air = transfer_of(c, omega)
-        air = drawn(rng, draws, c.noise[GUST:])
-        r = drawn(rng, draws, sensors) @ left.T + air @ by_air.T + drawn(rng, draws, own)
-        x = np.outer(air[:, 1], work.answers[f, :, c.states + 1])
+        noise, air = drawn(rng, draws, sensors), drawn(rng, draws, c.noise[GUST:])
+        r = noise @ left.T + air @ by_air.T + drawn(rng, draws, own)
+        x = noise.copy()
+        x[:, ns - 1] += air[:, 0] * c.air.turn / (1.0 + 1j * omega * c.air.turn_s)
+        if ns == 3:
+            x[:, :ns] += np.outer(air[:, 1], work.answers[f, :, ns + 1])
         residual[:, :, 0, f], residual[:, :, 1, f] = r.real, r.imag
-        regressors[:, : c.states, 0, f], regressors[:, : c.states, 1, f] = x.real, x.imag
-    quiet = np.empty_like(regressors)
+        errors[:, :, 0, f], errors[:, :, 1, f] = x.real, x.imag
+    rest, whitened = np.empty_like(errors), np.empty_like(residual)
+    w = work.weights[:, :, 0] + 1j * work.weights[:, :, 1]
     for i in range(draws):
-        without_rolling(residual[i], regressors[i], work, quiet[i])
-    before, after = scores(regressors, work, residual), scores(quiet, work, residual)
+        white = np.einsum("kmf,mf->kf", w, residual[i, :, 0] + 1j * residual[i, :, 1])
+        whitened[i, :, 0], whitened[i, :, 1] = white.real, white.imag
+        without_errors(whitened[i], errors[i], work, rest[i])
+    kept = [*range(ns), ns + 1]
+    before, after = scores(errors[:, kept], work, residual), scores(rest[:, kept], work, residual)
     error = after.std(axis=0) / np.sqrt(draws)
-    seen = error > 0.0
-    assert (np.abs(after.mean(axis=0))[seen] < 4.5 * error[seen]).all()
-    assert (np.abs(before.mean(axis=0))[seen] > 10.0 * error[seen]).any()
+    assert (np.abs(after.mean(axis=0)) < 4.5 * error + 1e-12).all()
+    assert (np.abs(before.mean(axis=0)) > 10.0 * error).any()
+    v = rest[:, kept, 0] + 1j * rest[:, kept, 1]
+    power = np.einsum("ijf,kmf,inf->ikjmn", v.conj(), w[:ns, :ns], v).real.reshape(draws, ns * nd, ns * nd)
+    scatter = power.std(axis=0) / np.sqrt(draws)
+    assert (np.abs(power.mean(axis=0) - n_noise) < 4.5 * scatter + 1e-9 * np.abs(n_noise).max()).all()
+
+
+def test_doubt_of_derivatives_widens_the_weights_alone() -> None:
+    c = CASES["pitch"]
+    work = weighed(c)
+    doubt_of(np.eye(6), np.ones(6), c.noise, work.doubt)
+    weigh_with_doubt(c.noise, POWER, work)
+    rows = np.arange(c.states)
+    assert (work.weights[rows, rows, 0] < work.sure[rows, rows, 0]).all()
 
 
 def drawn(rng: np.random.Generator, draws: int, variance: Array) -> Complex:
@@ -256,7 +295,27 @@ def test_a_walk_between_samples_is_short_of_its_line_by_a_twelfth() -> None:
 
 def test_the_air_of_a_span_at_an_airspeed() -> None:
     model = PITCH_MODEL._replace(roll_smoothing_m=3.0, turn_smoothing_m=4.0)
-    found = air_of(model, SPEED)
-    np.testing.assert_allclose(found, [-1.0 / SPEED, 4.0 / SPEED, 3.0 / SPEED], rtol=1e-15)
-    assert air_of(model._replace(longitudinal=False), SPEED).turn == 1.0 / SPEED
-    assert air_of(PITCH_MODEL, SPEED).turn == 0.0
+    found = air_of(model, SPEED, 0.02)
+    np.testing.assert_allclose(found, [-1.0 / SPEED, 4.0 / SPEED, 3.0 / SPEED, 1.0], rtol=1e-15)
+    assert air_of(model._replace(longitudinal=False), SPEED, 0.02).turn == 1.0 / SPEED
+    assert air_of(PITCH_MODEL, SPEED, 0.02).turn == 0.0
+
+
+@pytest.mark.parametrize("ahead_m", [0.0, 0.1, 0.25, 0.4, 0.5])
+def test_what_a_gust_does_between_samples_at_two_places(ahead_m: float) -> None:
+    """Integrals of a Wiener process over a step less their lines' at two phases, summed over many steps: 0.5 m are a
+    whole step at 25 m/s."""
+    rng, dt, fine, steps = np.random.default_rng(7), 0.02, 40, 20_000
+    walk = np.concatenate([[0.0], np.cumsum(rng.standard_normal((steps + 2) * fine))])
+    shift = round(ahead_m / SPEED / dt * fine)
+
+    def lacking(first: int) -> Array:
+        own = walk[first : first + steps * fine + 1]
+        ends = own[::fine]
+        inside = 0.5 * (own[:-1] + own[1:]).reshape(steps, fine).sum(axis=1)
+        rest = inside - 0.5 * fine * (ends[:-1] + ends[1:])
+        return np.asarray(rest.reshape(-1, 10).sum(axis=1))
+
+    found = np.corrcoef(lacking(fine), lacking(fine - shift))[0, 1]
+    model = PITCH_MODEL._replace(vane_ahead_m=ahead_m)
+    assert found == pytest.approx(air_of(model, SPEED, dt).together, abs=0.12)

@@ -11,9 +11,11 @@ from wingwatch.estimators.fourier.noise import Air, Plant, noise_workspace
 from wingwatch.estimators.fourier.nuisance import (
     NO_COLUMN,
     NormalWorkspace,
+    bins_left,
     degrees_of_freedom,
     eliminate,
     factorise,
+    fitted_columns,
     normal_workspace,
     nuisance_of,
     nuisance_variances,
@@ -104,7 +106,9 @@ def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() ->
     unit, size = power_of(w, c, variances)
     work = noise_workspace(STATES, 1, ROWS, BINS)
     work.weights[:, :, 0], work.weights[:, :, 1] = w.real.transpose(1, 2, 0), w.imag.transpose(1, 2, 0)
-    bins = reduce_weights(bank, FIRST, eliminated(unit, size, variances), work)
+    fitted_columns(bank, FIRST, eliminated(unit, size, variances), work)
+    reduce_weights(work.weights, work)
+    bins = bins_left(work)
     reduced = (work.weights[:, :, 0] + 1j * work.weights[:, :, 1]).transpose(2, 0, 1)
     np.testing.assert_allclose(work.sums, reduced.real.sum(axis=0)[:STATES, :STATES], rtol=1e-12)
     assert 1.0 < bins < BINS
@@ -129,7 +133,7 @@ def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() ->
 def test_what_is_known_of_columns_before_the_flight() -> None:
     derivatives = np.array([[-4.0, -1.0, -2.0], [-3.0, -5.0, -30.0]])
     plant = Plant(derivatives, np.array([0.0, 25.0]), np.zeros(2), np.zeros(2), True, True)
-    air, noise = Air(-1.0 / 25.0, 0.15, 0.12), np.full(2 * 2 + 2 + AIR_VARIANCES, 1e-2)
+    air, noise = Air(-1.0 / 25.0, 0.15, 0.12, 1.0), np.full(2 * 2 + 2 + AIR_VARIANCES, 1e-2)
     noise[0], noise[1], noise[GUST] = 2e-2, 3e-2, 20.0
     found = np.empty((3, NUISANCE))
     nuisance_variances(plant, air, noise, 0.02, found)

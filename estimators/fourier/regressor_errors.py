@@ -1,0 +1,115 @@
+"""What sensors and air put into the regressors: as much as the residual shows of it is taken out; compiled.
+
+A regressor is what the equations hold and an error v: noise of its sensor, the turning of the air in the last rate,
+motion by rolling air in the states. The residual r shows v, as E[v r'] W r. What is left of v has nothing in common
+with the residual. Derivation and equation numbers: ``docs/methods/fourier.md`` section 3. Memory is that of ``noise``.
+"""
+
+from wingwatch.estimators.fourier.checkpoints import copy_bank
+from wingwatch.estimators.fourier.noise import channel_variance
+from wingwatch.estimators.fourier.state import GUST, ROLLING
+from wingwatch.estimators.kernels.hot import lean
+
+__all__ = ["add_unseen_errors", "shared_with_residual", "without_errors"]
+
+
+@lean
+def shared_with_residual(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def]
+    """Into ``work.shared`` the covariance of each regressor's error with the residual, E[v r'], (docs (12)).
+
+    Args:
+        noise: all variances.
+        power: of white noise of unit variance in a bin.
+        work: ``NoiseWorkspace``, after ``weigh`` and ``driven_motions``.
+    """
+    ns, nd = plant.derivatives.shape
+    shared, transfer = work.shared, work.transfer
+    gust, rolling = power * noise[GUST], power * noise[ROLLING]
+    for c in range(nd):
+        source = c if c < ns else c + 1
+        variance = power * channel_variance(noise, source, ns)
+        for k in range(shared.shape[1]):
+            for f in range(omega.size):
+                own = variance * complex(transfer[source, k, 0, f], -transfer[source, k, 1, f])
+                if c == ns - 1 and air.turn != 0.0:
+                    turn = air.turn / (1.0 + 1j * omega[f] * air.turn_s)
+                    own += gust * turn * complex(transfer[nd + 1, k, 0, f], -transfer[nd + 1, k, 1, f])
+                if c < ns and ns == 3:
+                    moved = rolling * work.answers[f, c, ns + 1]
+                    own += moved * complex(transfer[nd + 2, k, 0, f], -transfer[nd + 2, k, 1, f])
+                shared[c, k, 0, f], shared[c, k, 1, f] = own.real, own.imag
+
+
+@lean
+def without_errors(whitened, regressors, work, out):  # type: ignore[no-untyped-def]
+    """Regressors less what the residual shows of their errors, (docs (12)).
+
+    Args:
+        whitened: (rows, 2, bins) W r.
+        regressors: (channels, 2, bins).
+        work: ``NoiseWorkspace``, after ``shared_with_residual``.
+        out: (channels, 2, bins), filled.
+    """
+    shared, ns = work.shared, work.doubt.shape[1]
+    copy_bank(regressors, out)
+    for c in range(shared.shape[0]):
+        real, imaginary = out[c if c < ns else c + 1, 0], out[c if c < ns else c + 1, 1]
+        for k in range(whitened.shape[0]):
+            a, b, x, y = shared[c, k, 0], shared[c, k, 1], whitened[k, 0], whitened[k, 1]
+            for f in range(real.size):
+                real[f] -= a[f] * x[f] - b[f] * y[f]
+                imaginary[f] -= a[f] * y[f] + b[f] * x[f]
+
+
+@lean
+def _error_products(noise, power, work, i, j, common):  # type: ignore[no-untyped-def]
+    """E[v_i conj(v_j)] before anything is known of the residual, (2, bins)."""
+    ns = work.doubt.shape[1]
+    rolling = power * noise[ROLLING]
+    own = power * channel_variance(noise, i if i < ns else i + 1, ns) if i == j else 0.0
+    turned = power * noise[GUST] if i == j == ns - 1 else 0.0
+    for f in range(common.shape[1]):
+        common[0, f], common[1, f] = own + turned * work.shaped[1, f], 0.0
+        if ns == 3 and i < ns and j < ns:
+            moved = rolling * work.answers[f, i, ns + 1] * work.answers[f, j, ns + 1].conjugate()
+            common[0, f] += moved.real
+            common[1, f] += moved.imag
+
+
+@lean
+def add_unseen_errors(noise, power, work, n_noise):  # type: ignore[no-untyped-def]
+    """Add to the noise power of the regressors what of their errors the residual does not show, (docs (13)).
+
+    Args:
+        noise, power, work: of ``shared_with_residual``.
+        n_noise: (p, p), in place.
+    """
+    nd, rows = work.shared.shape[0], work.shared.shape[1]
+    ns = work.doubt.shape[1]
+    shared, weights, sure, common, half = work.shared, work.weights, work.sure, work.common, work.weighted
+    for j in range(nd):
+        for k in range(rows):
+            real, imaginary = half[k, 0], half[k, 1]
+            for f in range(real.size):
+                real[f] = imaginary[f] = 0.0
+            for m in range(rows):
+                a, b, x, y = sure[k, m, 0], sure[k, m, 1], shared[j, m, 0], shared[j, m, 1]
+                for f in range(real.size):
+                    real[f] += a[f] * x[f] + b[f] * y[f]
+                    imaginary[f] += b[f] * x[f] - a[f] * y[f]
+        for i in range(j + 1):
+            _error_products(noise, power, work, i, j, common)
+            for k in range(rows):
+                a, b, x, y = shared[i, k, 0], shared[i, k, 1], half[k, 0], half[k, 1]
+                for f in range(common.shape[1]):
+                    common[0, f] -= a[f] * x[f] - b[f] * y[f]
+                    common[1, f] -= a[f] * y[f] + b[f] * x[f]
+            for k in range(ns):
+                for m in range(ns):
+                    real, imaginary = weights[k, m, 0], weights[k, m, 1]
+                    total = 0.0
+                    for f in range(real.size):
+                        total += real[f] * common[0, f] + imaginary[f] * common[1, f]
+                    n_noise[k * nd + i, m * nd + j] += total
+                    if j > i:
+                        n_noise[m * nd + j, k * nd + i] += total
