@@ -45,10 +45,6 @@ ROLLED = 0.1
 """Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: what its
 own fit has left of the residual shows too little rolling air."""
 
-OWN_STEPS = 4
-"""More steps to a block's own solution: an error e of a derivative leaves some e^2 in a step, and the noise variances
-follow."""
-
 
 @part
 def believe_inputs(model, filters, noise):  # type: ignore[no-untyped-def]
@@ -127,8 +123,6 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     solve_block(model, block, own, nothing, around, MOVE, solving, found)
     rolled = solving.noise.rolled[0] / solving.equation.power[p_in_p, p_in_p]
     if rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity):
-        for _ in range(OWN_STEPS):
-            solve_block(model, block, own, nothing, around, MOVE, solving, found)
         for a in range(k):
             work.anchor[a] = work.own[a]
         copy_matrix(work.own_covariance, known.covariance)

@@ -97,9 +97,13 @@ __all__ = [
 
 ALONE, MOVE, BEGIN, STAY = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 """What is asked of a solution: what the block says alone; derivatives, covariance and noise variances with the block
-too; all of that three times; noise variances alone, the derivatives staying where they are.
+too, until the derivatives move no more; all of that a few times at least; noise variances alone, the derivatives
+staying where they are.
 
 Not Python's integers: for each of them a kernel would be compiled anew."""
+
+BEGIN_STEPS, MOST_STEPS = 3, 5
+"""Gauss-Newton steps of the first solution at least, of any at most."""
 
 LOWEST_NOISE = 0.5
 """A noise variance is not believed to be less than this fraction of the roughness (which signal, too, enlarges)."""
@@ -389,6 +393,16 @@ def _moved(memory, gained, prior, work, moved):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _settled(change, covariance):  # type: ignore[no-untyped-def]
+    """Whether no derivative has moved by more than its stated error: what the next step would move is of second order
+    in that."""
+    far = False
+    for a in range(change.size):
+        far = far or change[a] * change[a] > covariance[a, a]
+    return not far
+
+
+@lean
 def _learned(inverse, information):  # type: ignore[no-untyped-def]
     """How many derivatives' worth of freedom a block has taken: tr(what is known^-1 of the block), at most all."""
     p = inverse.shape[0]
@@ -440,7 +454,8 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
     block_transforms(omega, block.bank, span, air.turn_s, ns, nu, transforms.lines, transforms.phase)
     _present(model, sums, scale, work.forward_speed)
     noise[BETWEEN] = between_samples_variance(noise[GUST], power / span)
-    for _ in range(3 if asked == BEGIN else 1):
+    fewest = BEGIN_STEPS if asked == BEGIN else 1
+    for step in range(1 if asked == STAY else MOST_STEPS):
         _form(model, block, at, power, fraction, work, found)
         _gain(theta, 2.0 * fraction, found)
         if asked == ALONE:
@@ -472,6 +487,8 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         left = 1.0 - taken / (2.0 * omega.size * fraction * whitened.shape[0])
         noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, weighing, found.noise)
         _update_noise(at, found.noise, fraction, power / span, block.roughness, plant, air)
+        if step + 1 >= fewest and _settled(work.change, at.covariance):
+            return
 
 
 @lean
