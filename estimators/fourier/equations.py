@@ -17,7 +17,7 @@ from wingwatch.estimators.fourier.nuisance import prior_of
 from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["EquationSides", "normal_equations", "residual_of", "responses", "with_other_states"]
+__all__ = ["EquationSides", "normal_equations", "residual_of", "responses", "with_other_regressors"]
 
 
 class EquationSides(NamedTuple):
@@ -163,9 +163,9 @@ def normal_equations(sides, plant, fraction, weights, normal):  # type: ignore[n
 
 
 @lean
-def with_other_states(sides, plant, weights, whole, normal):  # type: ignore[no-untyped-def]
-    """Normal equations of one block whose states' columns are others, of a residual that the nuisance columns of all
-    its columns have been fitted to.
+def with_other_regressors(sides, plant, weights, whole, normal):  # type: ignore[no-untyped-def]
+    """Normal equations of one block with other regressors, of a residual to which the nuisance columns have been fitted
+    beside the first ones.
 
     About the values of the nuisance columns the residual's products with them are what is known beforehand of these, so
     their right sides are nothing.

@@ -25,7 +25,7 @@ from wingwatch.estimators.fourier.equations import (
     normal_equations,
     residual_of,
     responses,
-    with_other_states,
+    with_other_regressors,
 )
 from wingwatch.estimators.fourier.noise import (
     SMALLEST_VARIANCE,
@@ -307,7 +307,7 @@ def _leave_out_errors(omega, plant, air, power, noise, work):  # type: ignore[no
     shared_with_residual(omega, plant, air, noise, power, work.noise)
     without_errors(transforms.whitened, transforms.regressors, work.noise, transforms.without_errors)
     left = EquationSides(transforms.without_errors, residual, transforms.product)
-    with_other_states(left, plant, work.noise.weights, normal, clear)
+    with_other_regressors(left, plant, work.noise.weights, normal, clear)
     eliminate(clear, work.change, work.scale, equation.power, equation.vector)
     fitted_columns(transforms.regressors, work.derivatives.shape[1] + 1, normal, work.noise)
     reduce_weights(work.noise.sure, work.noise)
