@@ -36,6 +36,7 @@ from wingwatch.estimators.fourier.closing import (
     note_signal,
 )
 from wingwatch.estimators.fourier.memory import MemoryWorkspace, memory_workspace, replace
+from wingwatch.estimators.fourier.noise_levels import start_noise
 from wingwatch.estimators.fourier.solution import (
     ALONE,
     BEGIN,
@@ -45,7 +46,6 @@ from wingwatch.estimators.fourier.solution import (
     remembered,
     solution_workspace,
     solve_block,
-    start_noise,
     zero_memory,
 )
 from wingwatch.estimators.fourier.state import (
@@ -352,7 +352,10 @@ def _vehicle_of(state, i):  # type: ignore[no-untyped-def]
             posterior.theta[i], posterior.covariance[i], posterior.noise[i], posterior.noise_known[i],
             posterior.informed_s[i], posterior.changed_s[i],
         ),
-        Progress(progress.counts[i], progress.condition[i], progress.span[i], progress.scatter[i]),
+        Progress(
+            progress.counts[i], progress.condition[i], progress.span[i], progress.scatter[i], progress.coherence[i],
+            progress.dispersion[i],
+        ),
         _memory_of(state.memory, i),
         _memory_of(state.discounted, i),
         Evidence(evidence.information[i], evidence.vector[i], evidence.bias[i]),

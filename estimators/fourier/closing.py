@@ -7,16 +7,16 @@ that of ``blocks``.
 import math
 
 from wingwatch.estimators.fourier.checkpoints import copy_matrix, copy_vector
+from wingwatch.estimators.fourier.coherence import coherent_dispersion
 from wingwatch.estimators.fourier.memory import discount, replace
+from wingwatch.estimators.fourier.noise_levels import AIR_MEMORY, INPUT_RESOLUTION, start_noise
 from wingwatch.estimators.fourier.solution import (
-    AIR_MEMORY,
     ALONE,
-    INPUT_RESOLUTION,
     MOVE,
     STAY,
+    coherence_of_block,
     remembered,
     solve_block,
-    start_noise,
 )
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
@@ -35,7 +35,12 @@ from wingwatch.estimators.fourier.state import (
     Memory,
     Prior,
 )
-from wingwatch.estimators.kernels.dispersion import disperse, gather_scatter
+from wingwatch.estimators.kernels.dispersion import (
+    DISPERSION,
+    disperse,
+    dispersion_of,
+    gather_scatter,
+)
 from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.reading_noise import reading_variance
 
@@ -133,8 +138,20 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     solve_block(model, block, at, nothing, around, ALONE, solving, found)
     _remember(model, vehicle, work)
     remembered(memory, prior, solving.posterior, known.theta, known.covariance)
+    keep = math.exp(-(block.rows[LAST, TIME] - block.rows[START, TIME]) / model.memory_s)
+    coherence_of_block(model, known, work.anchor, keep, solving, progress)
+    _disperse_more(progress, model.exponents.size)
     progress.counts[SOLUTIONS] += 1
     progress.counts[CLOSED] += 1
+
+
+@lean
+def _disperse_more(progress, columns):  # type: ignore[no-untyped-def]
+    """What stated variances are multiplied by from here on, (docs (31), (32b)): the blocks' scatter does not show what
+    errs in all of them alike, and what goes with the motion does not show what differs from block to block."""
+    for e in range(progress.dispersion.size):
+        scattered = dispersion_of(progress.scatter[e])
+        progress.dispersion[e] = max(scattered, coherent_dispersion(progress.coherence[e], columns))
 
 
 @part
@@ -151,6 +168,7 @@ def _remember(model, vehicle, work):  # type: ignore[no-untyped-def]
     gather_scatter(
         evidence.information, evidence.vector, known.theta, work.covariance, 1.0 - decay, scatter, dispersing
     )
+    copy_vector(progress.dispersion, scatter[:, DISPERSION])
     disperse(evidence.information, evidence.vector, evidence.bias, scatter, dispersing)
     copy_matrix(evidence.information, vehicle.evidence.information)
     copy_vector(evidence.vector, vehicle.evidence.vector)

@@ -41,7 +41,6 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
-from wingwatch.estimators.kernels.dispersion import dispersion_of
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import (
@@ -138,7 +137,7 @@ class FourierState:
         coefficients, step, readings: ``Filters``.
         bank, rows, sums, roughness: the running ``Block``.
         theta, covariance, noise, noise_known, informed_s, changed_s: ``Posterior``.
-        counts, condition, evidence_span, scatter: ``Progress``.
+        counts, condition, evidence_span, scatter, coherence, dispersion: ``Progress``.
         sensitivity, information, vector, bias: the ``Memory`` of closed blocks; ``discounted_``: the part of it that is
             discounted and not replaced yet.
         evidence_matrix, evidence_vector, evidence_bias: ``Evidence`` of the last closed block, for the monitor.
@@ -163,6 +162,8 @@ class FourierState:
     condition: Array
     evidence_span: Array
     scatter: Array
+    coherence: Array
+    dispersion: Array
     sensitivity: Array
     information: Array
     vector: Array
@@ -190,7 +191,7 @@ class FourierSnapshot(NamedTuple):
 
     Attributes:
         theta, covariance, informed_s: of ``Posterior``.
-        scatter, condition: of ``Progress``.
+        dispersion, condition: of ``Progress``.
         time_s: stamp of the last sample.
         solved: whether there was a solution.
     """
@@ -198,7 +199,7 @@ class FourierSnapshot(NamedTuple):
     theta: Array
     covariance: Array
     informed_s: Array
-    scatter: Array
+    dispersion: Array
     condition: Array
     time_s: float
     solved: bool
@@ -245,6 +246,8 @@ class FourierEstimator:
             condition=np.full((n, 4), np.nan),
             evidence_span=np.full((n, 6), np.nan),
             scatter=np.zeros((n, ns, 3)),
+            coherence=np.zeros((n, ns, 3, nf)),
+            dispersion=np.ones((n, ns)),
             sensitivity=np.zeros((n, k, k)),
             information=np.zeros((n, k, k)),
             vector=np.zeros((n, k)),
@@ -358,7 +361,7 @@ class FourierEstimator:
         """What an estimate is made of, for whoever may want it later."""
         return FourierSnapshot(
             state.theta[vehicle].copy(), state.covariance[vehicle].copy(), state.informed_s[vehicle].copy(),
-            state.scatter[vehicle].copy(), state.condition[vehicle].copy(), float(state.rows[vehicle, LAST, TIME]),
+            state.dispersion[vehicle].copy(), state.condition[vehicle].copy(), float(state.rows[vehicle, LAST, TIME]),
             bool(state.counts[vehicle, SOLUTIONS]),
         )  # fmt: skip
 
@@ -369,9 +372,7 @@ class FourierEstimator:
         scale = referred_scale(c.structure, airspeed_m_s, density_kg_m3, c.reference)
         value = seen.theta * scale + offsets(c.structure, airspeed_m_s, alpha)
         value += self._by_airspeed(value, airspeed_m_s, alpha)
-        wider = np.repeat(
-            np.sqrt([dispersion_of(row) for row in seen.scatter]), self.layout.states + self.layout.inputs
-        )
+        wider = np.repeat(np.sqrt(seen.dispersion), self.layout.states + self.layout.inputs)
         covariance = seen.covariance * np.outer(scale * wider, scale * wider)
         return standing(
             self.name, c.structure, seen.time_s, ConcisePosterior(value, covariance, c.prior_std * scale),
@@ -388,8 +389,7 @@ class FourierEstimator:
             return Says.NOTHING
         if not 0.0 < airspeed_m_s * density_kg_m3 < np.inf:
             return Says.UNDECIDED
-        dispersion = [dispersion_of(row) for row in seen.scatter]
-        wider = np.repeat(dispersion, self.layout.states + self.layout.inputs)
+        wider = np.repeat(seen.dispersion, self.layout.states + self.layout.inputs)
         variance = np.maximum(np.diagonal(seen.covariance), 0.0) * wider
         return says_something(seen.theta, 3.0 * np.sqrt(variance) / self.config.prior_std, self.unseen(seen))
 
@@ -432,7 +432,7 @@ def _grouped(s: FourierState) -> State:
         Filters(s.coefficients, s.step, s.readings),
         Block(s.bank, s.rows, s.sums, s.roughness),
         Posterior(s.theta, s.covariance, s.noise, s.noise_known, s.informed_s, s.changed_s),
-        Progress(s.counts, s.condition, s.evidence_span, s.scatter),
+        Progress(s.counts, s.condition, s.evidence_span, s.scatter, s.coherence, s.dispersion),
         Memory(s.sensitivity, s.information, s.vector, s.bias),
         Memory(s.discounted_sensitivity, s.discounted_information, s.discounted_vector, s.discounted_bias),
         Evidence(s.evidence_matrix, s.evidence_vector, s.evidence_bias),

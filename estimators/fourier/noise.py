@@ -99,6 +99,7 @@ class NoiseWorkspace(NamedTuple):
         shaped: (DOUBTED, bins) power of these in a bin: white, and what the span leaves of the air's.
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
         sums: (states, states) sum over bins of Re W.
+        driven: (states, 2, bins) products of explained motion and weighted residual that are due to the air.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
         answers: (bins, states, 2 states + DRIVING), complex, of ``driven_motion.driven_motions``.
         shared: (states + inputs, rows, 2, bins) covariance of the regressors' errors with the residual.
@@ -118,6 +119,7 @@ class NoiseWorkspace(NamedTuple):
     shaped: NDArray[np.float64]
     believed: NDArray[np.float64]
     sums: NDArray[np.float64]
+    driven: NDArray[np.float64]
     rolled: NDArray[np.float64]
     answers: NDArray[np.complex128]
     shared: NDArray[np.float64]
@@ -141,6 +143,7 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.ones((DOUBTED, bins)),
         np.zeros(bins),
         np.zeros((states, states)),
+        np.zeros((states, 2, bins)),
         np.zeros(1),
         np.zeros((bins, states, 2 * states + DRIVING), dtype=np.complex128),
         np.zeros((states + inputs, rows, 2, bins)),

@@ -34,7 +34,7 @@ def motion_by_moments(omega, plant, noise, power, work, n_noise):  # type: ignor
 
 
 @lean
-def expected_products(omega, air, noise, power, span, work, g, bias):  # type: ignore[no-untyped-def]
+def expected_products(omega, plant, air, noise, power, span, work, equation):  # type: ignore[no-untyped-def]
     """Expected products of regressors and weighted residual, in present derivatives, (docs (14), (14c), (15)).
 
     The gust drives the states, by (s - A)^-1, between samples too, and the last rate is relative to the air that it
@@ -44,14 +44,16 @@ def expected_products(omega, air, noise, power, span, work, g, bias):  # type: i
 
     Args:
         span: length of the block, s.
-        work: ``NoiseWorkspace``, after ``driven_motions`` and ``roll_shared_at_ends``.
-        g: becomes what of R' W r is due to sensors and air, (p,).
-        bias: becomes what of it is due to what moment equations leave out, (p,).
+        work: ``NoiseWorkspace``, after ``driven_motions`` and ``roll_shared_at_ends``; ``driven`` is filled.
+        equation: ``Equation``; ``expected`` becomes what of R' W r is due to the air, and ``bias`` what of it is due to
+            what moment equations leave out.
     """
     ns, nd = work.doubt.shape[1], work.shared.shape[0]
+    g, bias = equation.expected, equation.bias
     g[:] = 0.0
     bias[:] = 0.0
-    weights, transfer = work.weights, work.transfer
+    work.driven[:, :, :] = 0.0
+    weights, transfer, driven = work.weights, work.transfer, work.driven
     rows = weights.shape[0]
     rolling = power * noise[ROLLING]
     work.rolled[0] = 0.0
@@ -74,7 +76,10 @@ def expected_products(omega, air, noise, power, span, work, g, bias):  # type: i
                     for m in range(rows):
                         w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
                         cause += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
-                    g[k * nd + j] += variance * (cause * motion.conjugate()).real
+                    shared = variance * cause * motion.conjugate()
+                    g[k * nd + j] += shared.real
+                    driven[k, 0, f] += plant.derivatives[k, j] * shared.real
+                    driven[k, 1, f] += plant.derivatives[k, j] * shared.imag
         for k in range(ns):
             for m in range(ns):
                 variance = power * noise[ns + 1 + m]

@@ -13,6 +13,7 @@ from wingwatch.estimators.fourier.air import air_channels, present_regressors
 from wingwatch.estimators.fourier.bank import NUISANCE, bank_channels, block_transforms
 from wingwatch.estimators.fourier.between import between_samples, turned_between_samples
 from wingwatch.estimators.fourier.checkpoints import copy_bank
+from wingwatch.estimators.fourier.coherence import gather_coherence
 from wingwatch.estimators.fourier.directions import (
     DirectionsWorkspace,
     directions_workspace,
@@ -28,7 +29,6 @@ from wingwatch.estimators.fourier.equations import (
     with_other_regressors,
 )
 from wingwatch.estimators.fourier.noise import (
-    SMALLEST_VARIANCE,
     NoiseWorkspace,
     Plant,
     air_of,
@@ -39,6 +39,7 @@ from wingwatch.estimators.fourier.noise import (
     weigh,
     weigh_with_doubt,
 )
+from wingwatch.estimators.fourier.noise_levels import update_noise
 from wingwatch.estimators.fourier.nuisance import (
     NormalWorkspace,
     bins_left,
@@ -66,11 +67,9 @@ from wingwatch.estimators.fourier.state import (
     DENSITY,
     GUST,
     LAST,
-    ROLLING,
     SAMPLES,
     START,
     TIME,
-    WEIGHT,
     BlockSolution,
     Equation,
     Evidence,
@@ -81,17 +80,16 @@ from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.symmetric import congruence, invert
 
 __all__ = [
-    "AIR_MEMORY",
     "ALONE",
     "BEGIN",
     "MOVE",
     "STAY",
     "SolutionWorkspace",
     "block_solution",
+    "coherence_of_block",
     "remembered",
     "solution_workspace",
     "solve_block",
-    "start_noise",
     "zero_memory",
 ]
 
@@ -105,24 +103,8 @@ Not Python's integers: for each of them a kernel would be compiled anew."""
 BEGIN_STEPS, MOST_STEPS = 3, 5
 """Gauss-Newton steps of the first solution at least, of any at most."""
 
-LOWEST_NOISE = 0.5
-"""A noise variance is not believed to be less than this fraction of the roughness (which signal, too, enlarges)."""
-
 LEAST_FREEDOM = 0.25
 """Fraction of a block's degrees of freedom that its columns are believed to leave at least."""
-
-ROOT_MEAN = 0.8221790
-"""Mean of the square root of a standard normal number's magnitude, 2^(1/4) Gamma(3/4) / sqrt(pi)."""
-
-INPUT_RESOLUTION = 1e-12
-"""Least noise variance of a surface, (1e-6 rad)^2: a surface at rest leaves rounding in its transform, no signal."""
-
-AIR_MEMORY = 0.2
-"""Weight of the air of earlier blocks beside a whole block's own, in blocks: two seconds."""
-
-ROUGH_CHANCE = 2.4
-"""Relative standard deviation of ``_rough_noise`` times the root of the count: that of the fourth power of the mean of
-roots, 4 sqrt(0.180), differences of white noise being correlated by sqrt(35 / 18)."""
 
 
 class PosteriorWorkspace(NamedTuple):
@@ -149,7 +131,6 @@ class SolutionWorkspace(NamedTuple):
         without_errors: normal equations whose regressors are without their errors.
         derivatives, forward_speed, roll_column: arrays of ``Plant``.
         scale: (k,) what makes referred derivatives present ones.
-        expected: (k,) what of the score is expected of noise and gusts.
         moved, change: (k,) derivatives with the block, and how far they have moved.
     """
 
@@ -164,7 +145,6 @@ class SolutionWorkspace(NamedTuple):
     forward_speed: NDArray[np.float64]
     roll_column: NDArray[np.float64]
     scale: NDArray[np.float64]
-    expected: NDArray[np.float64]
     moved: NDArray[np.float64]
     change: NDArray[np.float64]
 
@@ -186,11 +166,11 @@ def solution_workspace(ns: int, nu: int, bins: int, rows: int) -> SolutionWorksp
         noise_workspace(ns, nu, rows, bins),
         directions_workspace(k),
         PosteriorWorkspace(np.empty((k, k)), np.empty((k, k)), np.empty((k, k)), np.empty(k), zero_memory(k)),
-        Equation(np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k)),
+        Equation(np.empty((k, k)), np.empty((k, k)), np.empty(k), np.empty(k), np.empty(k)),
         np.empty((ns, ns + nu)),
         np.empty(ns),
         np.empty(ns),
-        *(np.empty(k) for _ in range(4)),
+        *(np.empty(k) for _ in range(3)),
     )
 
 
@@ -199,32 +179,6 @@ def block_solution(ns: int, nu: int) -> BlockSolution:
     k = ns * (ns + nu)
     evidence = Evidence(np.empty((k, k)), np.empty(k), np.empty(k))
     return BlockSolution(zero_memory(k), evidence, np.empty(2 * ns + 1 + nu + AIR_VARIANCES))
-
-
-@lean
-def _rough_noise(roughness, j, ns):  # type: ignore[no-untyped-def]
-    """Variance of white noise of channel ``j`` that second differences (variance 6 D) would have such roots from.
-
-    The roots of their magnitudes are summed, not their squares: a jump of a surface makes large ones, but rarely.
-    """
-    root = roughness[j] / max(roughness[ns + 1], 1.0) / ROOT_MEAN
-    return root**4 / 6.0
-
-
-@lean
-def start_noise(model, roughness, noise):  # type: ignore[no-untyped-def]
-    """First variances from second differences, whose variance is 6 D for white noise; those of the air as of a breeze
-    that moves 1 m/s2 from sample to sample, which the first solutions correct; none where the air is not known to
-    turn."""
-    ns = model.lever.size
-    for j in range(ns + 1):
-        least = 1e-8 if j in (0, ns) else 1e-10
-        noise[j] = max(_rough_noise(roughness, j, ns), least)
-    for k in range(ns):
-        noise[ns + 1 + k] = noise[k]
-    noise[GUST], noise[ROLLING], noise[BETWEEN] = 1.0, 1e-4, 0.0
-    if model.turn_smoothing_m == 0.0:
-        noise[GUST] = 0.0
 
 
 @part
@@ -241,45 +195,6 @@ def _present(model, sums, scale, forward_speed):  # type: ignore[no-untyped-def]
     forward_speed[ns - 1] = airspeed * math.cos(alpha) * (1.0 if model.longitudinal else -1.0)
     if model.roll:
         forward_speed[1] = airspeed * math.sin(alpha)
-
-
-@lean
-def _update_noise(at, fresh, fraction, dt, roughness, plant, air):  # type: ignore[no-untyped-def]
-    """Noise variances from this block's residual and from earlier blocks, by the time each rests on.
-
-    Sensors' noise is the same in all blocks, and white, so between half and all of the roughness (two standard
-    deviations of chance allowed): what is more, is air or what a moment equation leaves out. Of the roughness of vane
-    and accelerometer the gust has its part: a walk of variance D dt^2 a step leaves 2 D dt^2 in second differences,
-    white noise of variance R leaves 6 R, and the accelerometer feels the walk by the force's derivative. Below any
-    sensor's resolution nothing is gained: 1e-4 m/s and m/s2, 1e-5 rad/s. Air changes: of earlier blocks little is
-    believed.
-    """
-    noise, noise_known = at.noise, at.noise_known
-    first, ns, slope = noise.size - AIR_VARIANCES, plant.lever.size, plant.derivatives[0, 0]
-    gust_walk = noise[GUST] * dt * dt / 3.0
-    for j in range(noise.size):
-        if 2 * ns + 1 <= j < first:
-            continue
-        sensor = j <= ns
-        known = noise_known[WEIGHT] if j < first else min(noise_known[WEIGHT], AIR_MEMORY)
-        noise[j] = (known * noise_known[j] + fraction * fresh[j]) / (known + fraction)
-        if sensor:
-            rough = _rough_noise(roughness, j, ns)
-            most = rough * (1.0 + 2.0 * ROUGH_CHANCE / math.sqrt(max(roughness[ns + 1], 1.0)))
-            if not plant.kinematic:
-                most = math.inf  # a reconstructed velocity's noise is no white noise
-            least = 1e-8 if j in (0, ns) else 1e-10
-            walk = gust_walk * (1.0 if j == 0 else (slope * slope if j == ns else 0.0))
-            noise[j] = max(min(noise[j], most), LOWEST_NOISE * (rough - walk), least)
-            fresh[j] = min(fresh[j], max(most, least))
-        else:
-            noise[j] = max(noise[j], SMALLEST_VARIANCE)
-    noise[ns + 1 if plant.by_accelerometer else ns] = 0.0
-    if air.turn != 0.0:
-        noise[ns + 1] = 0.0  # all that a force equation leaves out is the gust's rate
-    noise[BETWEEN] = between_samples_variance(noise[GUST], dt)
-    if ns == 3:
-        noise[ns + 2] = 0.0
 
 
 @part
@@ -319,7 +234,7 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     """The block's equations where it is linearised, and what of them is signal."""
     omega, theta, noise, rows, sums = model.omega, at.theta, at.noise, block.rows, block.sums
     transforms, normal, weighing, equation = work.transforms, work.normal, work.noise, work.equation
-    scale, g, bias, score = work.scale, work.expected, equation.bias, equation.vector
+    scale, g, bias, score = work.scale, equation.expected, equation.bias, equation.vector
     n_noise, m, nd = equation.noise, equation.power, model.exponents.size
     span = rows[LAST, TIME] - rows[START, TIME]
     dt = span / max(sums[SAMPLES] - 1.0, 1.0)
@@ -346,7 +261,7 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     reduce_weights(weighing.weights, weighing)
     bins = bins_left(weighing)
     roll_shared_at_ends(plant, air, weighing)
-    expected_products(omega, air, noise, power, span, weighing, g, bias)
+    expected_products(omega, plant, air, noise, power, span, weighing, equation)
     for a in range(scale.size):
         score[a] -= scale[a] * g[a]
         bias[a] *= scale[a]
@@ -486,9 +401,31 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         taken = degrees_of_freedom(normal, fraction) + fitted
         left = 1.0 - taken / (2.0 * omega.size * fraction * whitened.shape[0])
         noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, weighing, found.noise)
-        _update_noise(at, found.noise, fraction, power / span, block.roughness, plant, air)
+        update_noise(at, found.noise, fraction, power / span, block.roughness, plant, air)
         if step + 1 >= fewest and _settled(work.change, at.covariance):
             return
+
+
+@part
+def coherence_of_block(model, posterior, linearised, keep, work, progress):  # type: ignore[no-untyped-def]
+    """Add the block that was solved last to what goes with the motion, its residual at what is known with it.
+
+    Args:
+        posterior: ``Posterior`` with the block.
+        linearised: (k,) derivatives at which it was solved.
+        keep: what is kept of the blocks before.
+        work: ``SolutionWorkspace`` of that solution.
+        progress: ``Progress``, in place.
+    """
+    transforms, normal, weights = work.transforms, work.normal, work.noise.weights
+    for a in range(linearised.size):
+        work.change[a] = posterior.theta[a] - linearised[a]
+    nuisance_of(normal, work.change, work.scale)
+    plant = _plant(model, posterior.theta, work)
+    residual, whitened = transforms.residual, transforms.whitened
+    copy_bank(transforms.response, residual)
+    residual_of(transforms.regressors, residual, whitened, plant, normal.values, weights)
+    gather_coherence(transforms, plant, work.noise, keep, progress.coherence)
 
 
 @lean

@@ -215,12 +215,16 @@ class Progress(NamedTuple):
         span: (6,) start and end of the last closed block (s), then its condition.
         scatter: (equations, 3) discounted chi-square of closed blocks, its degrees of freedom, and the dispersion
             before the last block.
+        coherence: (equations, 3, bins) discounted products of residual and motion (``coherence``).
+        dispersion: (equations,) what stated variances are multiplied by.
     """
 
     counts: NDArray[np.int64]
     condition: Array
     span: Array
     scatter: Array
+    coherence: Array
+    dispersion: Array
 
 
 class Checkpoints(NamedTuple):
@@ -307,12 +311,14 @@ class Equation(NamedTuple):
         power: (k, k) M, power of the regressors.
         noise: (k, k) N, what of it is noise.
         vector: (k,) score at the linearisation.
+        expected: (k,) part of it that is expected of sensors and air, in present derivatives.
         bias: (k,) part of it that is expected of moments which the equations leave out.
     """
 
     power: Array
     noise: Array
     vector: Array
+    expected: Array
     bias: Array
 
 

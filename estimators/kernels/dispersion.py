@@ -16,6 +16,7 @@ __all__ = [
     "CHI_SQUARE",
     "DISPERSION",
     "FREEDOM",
+    "PRIOR_FREEDOM",
     "DispersionWorkspace",
     "disperse",
     "dispersion_of",

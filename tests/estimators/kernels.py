@@ -67,7 +67,7 @@ def reduced(
     """``reduce_information``: sensitivity, kept, evidence; then score, bias, evidence's score and bias."""
     p = len(m)
     gained, evidence = zero_memory(p), Evidence(np.empty((p, p)), np.empty(p), np.empty(p))
-    equation = Equation(m, noise, score, bias)  # type: ignore[arg-type]
+    equation = Equation(m, noise, score, np.zeros(p), bias)  # type: ignore[arg-type]
     reduce_information(equation, smallest, directions_workspace(p), gained, evidence)
     matrices = [gained.sensitivity, gained.information, evidence.information]
     return matrices, [gained.vector, gained.bias, evidence.vector, evidence.bias]

@@ -27,7 +27,7 @@ from wingwatch.estimators.fourier.regressor_errors import (
     shared_with_residual,
     without_errors,
 )
-from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST, Equation
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 SPEED, POWER, SPAN = 25.0, 0.2, 10.0
@@ -145,10 +145,12 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     """
     c = CASES[name]
     ns, nd, work = c.states, c.states + 1, weighed(c)
-    n_noise, g, driven = np.empty((ns * nd, ns * nd)), np.empty(ns * nd), np.empty(ns * nd)
+    n_noise, nothing = np.empty((ns * nd, ns * nd)), np.empty((0, 0))
+    g, driven = np.empty(ns * nd), np.empty(ns * nd)
     motion_by_moments(OMEGA, c.plant, c.noise, POWER, work, n_noise)
     roll_shared_at_ends(c.plant, c.air, work)
-    expected_products(OMEGA, c.air, c.noise, POWER, SPAN, work, g, driven)
+    equation = Equation(nothing, nothing, np.empty(0), g, driven)
+    expected_products(OMEGA, c.plant, c.air, c.noise, POWER, SPAN, work, equation)
     _, own = variances(c)
     want_g, want_driven = np.zeros((ns, nd)), np.zeros((ns, nd))
     a = c.plant.derivatives[:, :ns].copy()
@@ -177,6 +179,9 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
         want_driven[:, :ns] += POWER * (w @ moments).real[:ns]
     np.testing.assert_allclose(g, want_g.ravel(), rtol=1e-7, atol=1e-8 * np.abs(want_g).max())
     np.testing.assert_allclose(driven, want_driven.ravel(), rtol=1e-7, atol=1e-8 * np.abs(want_driven).max())
+    explained = (c.plant.derivatives * want_g).sum(axis=1)
+    size = np.abs(c.plant.derivatives * want_g).max()
+    np.testing.assert_allclose(work.driven[:, 0].sum(axis=1), explained, rtol=1e-7, atol=1e-8 * size)
     np.testing.assert_allclose(n_noise, n_noise.T, rtol=1e-12)
     by_moments = np.diag(n_noise).reshape(ns, nd)
     np.testing.assert_array_equal((by_moments[:, :ns] > 0.0).all(axis=1), own[:ns] > 0.0)
