@@ -70,7 +70,7 @@ _OF_VEHICLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "samples_unused": (
         "reason",
         "Samples that were not estimated from.",
-        ("non_finite", "out_of_range", "duplicate", "out_of_order", "clock_jump", "too_slow", "unaligned",
+        ("non_finite", "out_of_range", "duplicate", "out_of_order", "clock_jump", "too_slow", "stalled", "unaligned",
          "unannounced", "unknown_aircraft", "dropped_waiting"),
     ),
     "sample_events": ("kind", "Gaps in the samples, and clocks that were set.", ("gap", "clock_change")),

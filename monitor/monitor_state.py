@@ -11,6 +11,7 @@ from wingwatch.monitor.alerts import BookState
 from wingwatch.monitor.blocks import BlockView
 from wingwatch.monitor.cell_memory import CellBookState
 from wingwatch.monitor.chain import Chain, SavedChain, Solution
+from wingwatch.monitor.flight_regime import RegimeState
 from wingwatch.monitor.judge import JudgeState, Verdict
 from wingwatch.monitor.state_codec import NOT_SAVED
 from wingwatch.monitor.supervision import ModeSolution
@@ -33,8 +34,7 @@ class WatchMemory:
     state: VehicleState = VehicleState.UNKNOWN
     state_since_s: float | None = None
     outside: str = ""
-    too_slow: int = 0
-    resting: bool = False
+    regime: RegimeState = field(default_factory=RegimeState)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,7 @@ from wingwatch.monitor.chain import (
     nominal_condition,
 )
 from wingwatch.monitor.comparison import Coordinates, natural_size
+from wingwatch.monitor.flight_regime import FlightRegime
 from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
@@ -43,9 +44,6 @@ __all__ = ["MonitorStart", "Report", "VehicleMonitor", "surface_kinds", "suspect
 
 
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
-
-LEAST_AIRSPEED_M_S = 1.0
-"""Slower is not flying: at rest an airspeed sensor reads noise about zero, of either sign, and estimation waits."""
 
 
 def surface_kinds(given: Sequence[str]) -> dict[str, str]:
@@ -110,6 +108,7 @@ class VehicleMonitor:
         self.aircraft, self.fleet, self.vehicle = aircraft, fleet, vehicle
         self.configuration = configuration
         self.cleaner = Cleaner()
+        self._regime = FlightRegime(aircraft)
         delays = aligned_delays(aircraft.sensors.delay_s, kinds)
         self._aligner = Aligner(delays, [name for name, kind in kinds.items() if kind == "command"])
         self.chain = (
@@ -130,9 +129,10 @@ class VehicleMonitor:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Samples accepted and rejected, by reason; ``too_slow`` and ``unaligned`` are accepted ones that were not
-        estimated from: on the ground, and without a reading that a stated delay makes late."""
-        unused = {"too_slow": self._memory.too_slow, "unaligned": self._aligner.dropped}
+        """Samples accepted and rejected, by reason; ``too_slow``, ``stalled`` and ``unaligned`` are accepted ones that
+        nothing was estimated from: on the ground, stalled, and without a reading that a stated delay makes late."""
+        regime = self._memory.regime
+        unused = {"too_slow": regime.too_slow, "stalled": regime.stalled, "unaligned": self._aligner.dropped}
         return {**self.cleaner.report.counts, **{name: times for name, times in unused.items() if times}}
 
     @property
@@ -263,27 +263,21 @@ class VehicleMonitor:
         return changed
 
     def note_rest(self) -> None:
-        """After some samples: who is at rest is not observable."""
-        if self._memory.resting and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
+        """After some samples: who is on the ground or stalled is not observable."""
+        if self._memory.regime.waits and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
             self._memory.state, self._memory.state_since_s = (
                 VehicleState.NOT_OBSERVABLE,
                 self.last_sample_time_s,
             )
 
     def prepared(self, block: SampleBlock) -> SampleBlock:
-        """Samples as the chain takes them: cleaned, without the delays that the aircraft file states, and in flight.
+        """Samples as the chain takes them: cleaned, without the delays that the aircraft file states, and of attached
+        flight.
 
-        They come late by the largest delay: what belongs to an instant has to have been seen. Samples slower than
-        ``LEAST_AIRSPEED_M_S`` are counted (``too_slow``) and left out.
+        They come late by the largest delay: what belongs to an instant has to have been seen.
         """
         aligned = self._aligner.feed(self.cleaner.clean(block).block)
-        flying = aligned.column("airspeed_true_m_s") >= LEAST_AIRSPEED_M_S
-        if flying.size:
-            self._memory.resting = not flying[-1]
-        if flying.all():
-            return aligned
-        self._memory.too_slow += int(np.count_nonzero(~flying))
-        return SampleBlock(aligned.values[flying])
+        return self._regime.select(self._memory.regime, aligned)
 
     @property
     def _founded_by_file(self) -> bool:
@@ -479,8 +473,8 @@ class VehicleMonitor:
             return self.book.active.text
         if not self._compared:
             return self.basis_text
-        if self._memory.resting:
-            return f"the airspeed is below {LEAST_AIRSPEED_M_S:g} m/s: estimation waits"
+        if self._memory.regime.waits:
+            return self._memory.regime.waits
         if self._memory.outside:
             return self._memory.outside
         if stuck := self.chain.supervisor.stuck(self.chain_state.lane):

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numba import njit
 from numpy.typing import NDArray
 from reference_plant import PLANTS, Plant
 from situation_cases import SITUATIONS
@@ -18,6 +19,9 @@ from wingwatch.estimators.ekf.state import EkfState, MomentLevel
 Array = NDArray[np.float64]
 
 NS, SAMPLES, RATE = 2, 400, 1e-3
+FOLLOW = njit(error_model="numpy")(follow_moment_level.py_func)
+"""Compiled for the types of this file, which the kept kernels must not have in them: another process that does not know
+them could read none of these."""
 DECAY = math.exp(-0.02 / 0.15)
 
 
@@ -81,7 +85,7 @@ def filtered(log_variance: float, readings: Array, follow: bool) -> tuple[float,
             # of so little weight and so much information that the step is a thousandth of the score
             state.noise.angular_gust[0], level.information[0] = math.exp(log_variance), 1.0
             measured = Readings(np.array(variance), np.zeros(3), rows[2], np.ones(3, dtype=bool)), gains
-            follow_moment_level(
+            FOLLOW(
                 Model(Sizes(NS, 3)), state, 0, Step(np.zeros(3), 0.02), f, measured, RATE, np.empty((3, 3))
             )
             information += (level.information[0] - 1.0) / RATE + 1.0

@@ -280,6 +280,16 @@ def test_no_state_is_forgotten() -> None:
     assert names(ChainState) - {"lane"} == names(SavedChain) - {"estimators"}
     assert names(ModeSolution) - {"pair", "made"} - {"_made"} == names(SavedMode)
     assert names(SavedSolution) == {"time_s", "modes"}
-    settings = {"aircraft", "fleet", "vehicle", "configuration", "chain", "compared", "stated", "judge"}
+    settings = {
+        "aircraft",
+        "fleet",
+        "vehicle",
+        "configuration",
+        "chain",
+        "compared",
+        "stated",
+        "judge",
+        "regime",
+    }
     state = {"cleaner", "aligner", "chain_state", "cells", "judge_state", "book", "memory"}
     assert attributes(Case(fly_doublets(1.0)).monitor()) == settings | state
