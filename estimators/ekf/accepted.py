@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.covariance import reseat
 from wingwatch.estimators.ekf.scatter import forget_block
-from wingwatch.estimators.ekf.state import Accepted, EkfState
+from wingwatch.estimators.ekf.state import Accepted, Coherence, EkfState
 from wingwatch.estimators.ekf.window import empty_window
 
 __all__ = ["NOISE", "SIGNAL", "UNDECIDED", "accept", "go_back", "prior_accepted"]
@@ -23,12 +23,12 @@ Array = NDArray[np.float64]
 SIGNAL, NOISE, UNDECIDED = 1, 0, -1
 
 
-def prior_accepted(value: Array, std: Array, vehicles: int) -> Accepted:
+def prior_accepted(value: Array, std: Array, coherence: Coherence) -> Accepted:
     """Before the first sample: the prior, and nothing gained."""
-    k = value.size
+    k, vehicles = value.size, len(coherence.level)
     return Accepted(
         np.tile(value, (vehicles, 1)), np.tile(np.diag(std**2), (vehicles, 1, 1)), np.zeros((vehicles, k, k)),
-        np.zeros((vehicles, k)),
+        np.zeros((vehicles, k)), coherence.sums.copy(), coherence.products.copy(),
     )  # fmt: skip
 
 
@@ -38,6 +38,7 @@ def accept(state: EkfState, i: int, first: int) -> None:
     accepted.value[i] = state.z[i, first : first + k]
     accepted.covariance[i] = state.cov[i, first : first + k, first : first + k]
     accepted.gained_matrix[i], accepted.gained_vector[i] = state.gained_matrix[i], state.gained_vector[i]
+    accepted.sums[i], accepted.products[i] = state.coherence.sums[i], state.coherence.products[i]
 
 
 def go_back(state: EkfState, i: int, first: int) -> None:
@@ -49,6 +50,7 @@ def go_back(state: EkfState, i: int, first: int) -> None:
     state.vector[i] = state.information[i] @ value
     state.variance[i] = np.diagonal(covariance)
     state.gained_matrix[i], state.gained_vector[i] = accepted.gained_matrix[i], accepted.gained_vector[i]
+    state.coherence.sums[i], state.coherence.products[i] = accepted.sums[i], accepted.products[i]
     state.moments[i] = 0.0
     forget_block(state, i)
     for errors in (state.input_errors.response, state.input_errors.energy, state.input_errors.information):

@@ -12,12 +12,20 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.ekf.accepted import NOISE, UNDECIDED, accept, go_back, prior_accepted
+from wingwatch.estimators.ekf.coherence import forget_coherence, no_coherence
 from wingwatch.estimators.ekf.gust_variance import gust_variance
 from wingwatch.estimators.ekf.noise import LEAST
 from wingwatch.estimators.ekf.recursion import WARM_UP, update_all
 from wingwatch.estimators.ekf.release import release_since
 from wingwatch.estimators.ekf.relinearise import relinearise_all
-from wingwatch.estimators.ekf.scatter import dispersed, forget_block, no_scatter, wider_covariance
+from wingwatch.estimators.ekf.scatter import (
+    dispersed,
+    dispersion_before,
+    forget_block,
+    no_scatter,
+    stated_dispersion,
+    wider_covariance,
+)
 from wingwatch.estimators.ekf.solve import solve_all
 from wingwatch.estimators.ekf.state import (
     ACCELERATION,
@@ -107,14 +115,14 @@ class EkfSnapshot(NamedTuple):
     Attributes:
         z, condition, informed_s: of ``EkfState``.
         covariance: (k, k) of the derivatives, as white residuals would have it.
-        scatter: (ns, 3) of blocks, by equation.
+        dispersion: (ns,) what its equations' variances are multiplied by.
         row: the last signal row.
         started: whether the filter has begun.
     """
 
     z: Array
     covariance: Array
-    scatter: Array
+    dispersion: Array
     condition: Array
     informed_s: Array
     row: Array
@@ -167,6 +175,7 @@ class EkfEstimator:
             moment_level=MomentLevel(
                 np.zeros((n, ns + 1)), np.zeros((n, ns + 1, ns + 1)), np.zeros(n), np.zeros(n)
             ),
+            coherence=no_coherence(n, ns),
             moments=np.zeros((n, ns + nu, 4)),
             halves=np.zeros((n, ns + nu, 4, 3)),
             half_s=np.full(n, np.nan),
@@ -204,7 +213,7 @@ class EkfEstimator:
                     information=np.tile(information, (n, 2, 1, 1)),
                 ),
             ),
-            accepted=prior_accepted(c.prior_value, c.prior_std, n),
+            accepted=prior_accepted(c.prior_value, c.prior_std, no_coherence(n, ns)),
         )
 
     def update(self, state: EkfState, signals: Array, lanes: Lanes | None = None) -> None:
@@ -304,6 +313,7 @@ class EkfEstimator:
         state.variance[vehicle] = np.diagonal(covariance)
         if not at_its_time:
             begin_window(state, vehicle)
+        forget_coherence(state, vehicle)
         accept(state, vehicle, first)
         forget_block(state, vehicle)
 
@@ -323,7 +333,7 @@ class EkfEstimator:
         return EkfSnapshot(
             state.z[vehicle].copy(),
             state.cov[vehicle, parameters, parameters].copy(),
-            state.scatter.equations[vehicle].copy(),
+            stated_dispersion(state, vehicle),
             state.condition[vehicle].copy(),
             state.informed_s[vehicle].copy(),
             state.rows[vehicle, NEWEST].copy(),
@@ -338,7 +348,7 @@ class EkfEstimator:
         value = seen.z[self._parameters] * scale + offsets(c.structure, airspeed, alpha)
         if c.structure.states[0] == "w":
             value += self._by_airspeed(seen, value)
-        covariance = wider_covariance(seen.covariance, c.prior_std, seen.scatter)
+        covariance = wider_covariance(seen.covariance, c.prior_std, seen.dispersion)
         return standing(
             self.name, c.structure, float(seen.row[TIME]),
             ConcisePosterior(
@@ -365,9 +375,8 @@ class EkfEstimator:
     def take_gained(self, state: EkfState, vehicle: int = 0) -> tuple[Array, Array]:
         """Information (k, k) and vector (k,) gained from data since the last call, with the dispersion of the blocks
         before; the account starts anew."""
-        matrix, vector = dispersed(
-            state.gained_matrix[vehicle], state.gained_vector[vehicle], state.scatter.equations[vehicle]
-        )
+        before = dispersion_before(state.scatter, vehicle)
+        matrix, vector = dispersed(state.gained_matrix[vehicle], state.gained_vector[vehicle], before)
         state.gained_matrix[vehicle] = 0.0
         state.gained_vector[vehicle] = 0.0
         state.accepted.gained_matrix[vehicle] = 0.0

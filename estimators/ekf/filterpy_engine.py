@@ -13,6 +13,7 @@ from wingwatch.estimators.ekf.adaptation import (
     inertial_motion,
     learn_noise,
 )
+from wingwatch.estimators.ekf.coherence import follow_coherence
 from wingwatch.estimators.ekf.covariance import correct
 from wingwatch.estimators.ekf.inputs import (
     correct_input_errors,
@@ -119,6 +120,7 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     adapt_noise(model, noise, i, posterior, prediction, step, residuals, rate)
     square = np.empty((ns + 1, ns + 1))
     follow_moment_level(model, running(state), i, step, jacobian, (readings, gains), rate, square)
+    follow_coherence(model, state.coherence, i, state.z[i], step, gains)
 
 
 def _gains(model: Model, predicted: Array, readings: Readings) -> Gains:

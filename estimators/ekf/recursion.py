@@ -18,6 +18,7 @@ from wingwatch.estimators.ekf.adaptation import (
     inertial_motion,
     learn_noise,
 )
+from wingwatch.estimators.ekf.coherence import follow_coherence_inline, forget_motion
 from wingwatch.estimators.ekf.covariance import correct, predict
 from wingwatch.estimators.ekf.inputs import (
     correct_input_errors,
@@ -244,6 +245,8 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
     prediction = Prediction(after, space.variance)
     adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, rate)
     follow_moment_level_inline(model, state, i, step, jacobian, (readings, space.gains), rate, space.square)
+    if first_time:
+        follow_coherence_inline(model, state.coherence, i, z, step, space.gains)
 
 
 @part
@@ -272,6 +275,7 @@ def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-d
         _restart(model, Posterior(state.z[i], state.cov[i]), state.noise.reading[i], new)
         start_level(state.memory.levels[i], new[1])
         forget_moment_level(state.moment_level, i)
+        forget_motion(state.coherence, i)
         for j in range(state.memory.readings.shape[1]):
             forget_readings(state.memory.readings[i, j])
         state.input_errors.age[i] = 0

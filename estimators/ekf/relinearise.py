@@ -280,6 +280,7 @@ def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
         memory=one_vehicle(state.memory, i),
         input_errors=one_vehicle(state.input_errors, i),
         moment_level=one_vehicle(state.moment_level, i),
+        coherence=one_vehicle(state.coherence, i),
         moments=state.moments[one].copy(),
         rows=points.rows[one, c].copy(),
         condition=state.condition[one].copy(),

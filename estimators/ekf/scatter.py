@@ -12,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from wingwatch.estimators.ekf.coherence import coherent_dispersion
 from wingwatch.estimators.ekf.state import EkfState, Scatter
 from wingwatch.estimators.kernels.dispersion import (
     DISPERSION,
@@ -27,8 +28,10 @@ __all__ = [
     "begin_block",
     "close_block",
     "dispersed",
+    "dispersion_before",
     "forget_block",
     "no_scatter",
+    "stated_dispersion",
     "wider_covariance",
 ]
 
@@ -82,6 +85,7 @@ def no_scatter(vehicles: int, ns: int, k: int) -> Scatter:
         matrix=np.zeros((vehicles, k, k)),
         vector=np.zeros((vehicles, k)),
         equations=np.zeros((vehicles, ns, 3)),
+        coherent=np.ones((vehicles, ns)),
     )
 
 
@@ -90,12 +94,20 @@ def forget_block(state: EkfState, i: int) -> None:
     state.scatter.solutions[i] = 0
 
 
-def _dispersion(equations: Array) -> Array:
-    """Dispersion by equation, (ns,)."""
+def stated_dispersion(state: EkfState, i: int) -> Array:
+    """What vehicle i's stated variances are multiplied by, by equation, (ns,): what blocks scatter, or what goes with
+    the motion."""
+    coherent = np.ones_like(state.scatter.coherent[i])
+    coherent_dispersion(state.coherence, i, coherent)
+    return np.asarray(np.maximum(_scattered(state.scatter.equations[i]), coherent))
+
+
+def _scattered(equations: Array) -> Array:
+    """Dispersion of blocks by equation, (ns,)."""
     return np.array([dispersion_of(row) for row in equations])
 
 
-def wider_covariance(covariance: Array, prior_std: Array, equations: Array) -> Array:
+def wider_covariance(covariance: Array, prior_std: Array, dispersion: Array) -> Array:
     """Covariance (k, k) of the derivatives with the information that data gave S^-1 (P^-1 - P_0^-1) S^-1, S the roots
     of the dispersions.
 
@@ -104,12 +116,11 @@ def wider_covariance(covariance: Array, prior_std: Array, equations: Array) -> A
     Args:
         covariance: P of the filter, (k, k).
         prior_std: (k,).
-        equations: of ``Scatter``, (ns, 3).
+        dispersion: (ns,).
     """
-    dispersion = _dispersion(equations)
     if not dispersion.max() > 1.0:
         return covariance
-    wider, columns = covariance.copy(), prior_std.size // len(equations)
+    wider, columns = covariance.copy(), prior_std.size // len(dispersion)
     for e, by in enumerate(dispersion):
         own = slice(e * columns, (e + 1) * columns)
         prior = np.diag(prior_std[own] ** -2.0)
@@ -117,9 +128,14 @@ def wider_covariance(covariance: Array, prior_std: Array, equations: Array) -> A
     return wider
 
 
-def dispersed(matrix: Array, vector: Array, equations: Array) -> tuple[Array, Array]:
-    """A block's evidence (k, k), (k,) with its covariance as much larger as blocks before it scattered."""
-    matrix, vector, scatter = matrix.copy(), vector.copy(), equations.copy()
-    scatter[:, DISPERSION] = _dispersion(scatter)
+def dispersion_before(scatter: Scatter, i: int) -> Array:
+    """The same as ``stated_dispersion`` by what was before vehicle i's running block, (ns,)."""
+    return np.asarray(np.maximum(_scattered(scatter.equations[i]), scatter.coherent[i]))
+
+
+def dispersed(matrix: Array, vector: Array, dispersion: Array) -> tuple[Array, Array]:
+    """Evidence (k, k), (k,) with its covariance made larger by the dispersions (ns,)."""
+    matrix, vector, scatter = matrix.copy(), vector.copy(), np.zeros((dispersion.size, 3))
+    scatter[:, DISPERSION] = dispersion
     disperse(matrix, vector, np.zeros_like(vector), scatter, dispersion_workspace(vector.size))
     return matrix, vector

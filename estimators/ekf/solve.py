@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from wingwatch.estimators.ekf.coherence import coherent_dispersion
 from wingwatch.estimators.ekf.covariance import forget, inverse_of, leave_out, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
@@ -229,5 +230,6 @@ def solve_all(model, state, places, solved, dispersing):  # type: ignore[no-unty
                 vector[a] += fresh[a, b] * z[first + b]
         if state.scatter.solutions[i] == 0:
             begin_block(state.scatter, i, now_s, information, vector)
+            coherent_dispersion(state.coherence, i, state.scatter.coherent[i])
         state.scatter.solutions[i] += 1
         state.solutions[i] += 1

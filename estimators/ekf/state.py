@@ -36,6 +36,7 @@ __all__ = [
     "VANE",
     "Accepted",
     "Checkpoints",
+    "Coherence",
     "EkfState",
     "InputErrors",
     "Memory",
@@ -169,6 +170,19 @@ class MomentLevel(NamedTuple):
     """(n,): number of samples that it comes of."""
 
 
+class Coherence(NamedTuple):
+    """What innovations and earlier motion have in common, by equation (``coherence``)."""
+
+    level: Array
+    """(n, ns): slow mean of the explained acceleration."""
+    passed: Array
+    """(n, ns, STAGES): explained acceleration less that mean, behind so many low-pass filters."""
+    sums: Array
+    """(n, ns, STAGES): discounted sums of innovation times what has passed."""
+    products: Array
+    """(n, ns, STAGES, STAGES): lower triangle of their covariance if innovations are white."""
+
+
 class Memory(NamedTuple):
     """What the noise variances are learned from when a sample is seen for the first time."""
 
@@ -239,7 +253,8 @@ class Window(NamedTuple):
 
 
 class Accepted(NamedTuple):
-    """The posterior of the derivatives when data last carried signal, and the information gained by then."""
+    """The posterior of the derivatives when data last carried signal, and the information gained and what had gone with
+    the motion by then."""
 
     value: Array
     """(n, k)."""
@@ -249,6 +264,10 @@ class Accepted(NamedTuple):
     """(n, k, k)."""
     gained_vector: Array
     """(n, k)."""
+    sums: Array
+    """As in ``Coherence``."""
+    products: Array
+    """As there."""
 
 
 class Scatter(NamedTuple):
@@ -269,6 +288,8 @@ class Scatter(NamedTuple):
     equations: Array
     """(n, ns, 3): of each equation discounted chi-square of closed blocks, its degrees of freedom, and the dispersion
     that they gave before the last of them."""
+    coherent: Array
+    """(n, ns): dispersion by what goes with the motion, when the running block began."""
 
 
 class EkfState(NamedTuple):
@@ -282,6 +303,7 @@ class EkfState(NamedTuple):
     memory: Memory
     input_errors: InputErrors
     moment_level: MomentLevel
+    coherence: Coherence
     moments: Array
     """(n, ns + nu, 4): of each state and input since the last solution: number of readings, their sum and sum of
     squares from the first of them, that first one."""
@@ -330,6 +352,7 @@ class Running(NamedTuple):
     memory: Memory
     input_errors: InputErrors
     moment_level: MomentLevel
+    coherence: Coherence
     moments: Array
     rows: Array
     condition: Array
@@ -340,8 +363,8 @@ class Running(NamedTuple):
 def running(state: EkfState) -> Running:
     """The same arrays."""
     return Running(
-        state.z, state.cov, state.noise, state.memory, state.input_errors, state.moment_level, state.moments,
-        state.rows, state.condition, state.samples, state.settling,
+        state.z, state.cov, state.noise, state.memory, state.input_errors, state.moment_level, state.coherence,
+        state.moments, state.rows, state.condition, state.samples, state.settling,
     )  # fmt: skip
 
 
