@@ -103,8 +103,8 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
 
     A block that says more of a derivative than all before it is linearised where it leads itself, unless rolling air
     drives it. Any other is linearised at what is known, and the variances of noise and air are fitted there. Where next
-    to nothing is known that is what is expected beforehand, to a natural size: a mean within a wide interval may lie
-    anywhere, at a damping that is none, too.
+    to nothing is known that is what is expected beforehand, to a natural size, and no more is doubted: a mean within a
+    wide interval may lie anywhere, at a damping that is none, too.
     """
     block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
     solving, found, prior = work.solving, work.found, model.prior
@@ -122,7 +122,7 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     copy_vector(work.anchor, work.own)
     noise_of_block(model, vehicle, work.noise)
     around = Prior(work.anchor, work.size)
-    copy_matrix(known.covariance, work.own_covariance)
+    copy_matrix(work.own_covariance, known.covariance)
     own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
     at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
     solve_block(model, block, own, nothing, around, MOVE, solving, found)

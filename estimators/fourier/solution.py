@@ -245,7 +245,7 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     weigh(omega, plant, air, noise, power, weighing)
     for k in range(weighing.weights.shape[0]):
         copy_bank(weighing.weights[k], weighing.sure[k])
-    doubt_of(at.covariance, scale, noise, weighing.doubt)
+    doubt_of(at.covariance, scale, plant, noise, weighing.doubt)
     weigh_with_doubt(noise, power, weighing)
     driven_motions(omega, plant, weighing)
     responses(omega, rows, plant, transforms)

@@ -27,7 +27,7 @@ from wingwatch.estimators.fourier.regressor_errors import (
     shared_with_residual,
     without_errors,
 )
-from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST, Equation
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST, ROLLING, Equation
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 SPEED, POWER, SPAN = 25.0, 0.2, 10.0
@@ -229,10 +229,35 @@ def test_what_is_left_of_the_errors_of_regressors_goes_with_no_residual(name: st
 def test_doubt_of_derivatives_widens_the_weights_alone() -> None:
     c = CASES["pitch"]
     work = weighed(c)
-    doubt_of(np.eye(6), np.ones(6), c.noise, work.doubt)
+    doubt_of(np.eye(6), np.ones(6), c.plant, c.noise, work.doubt)
     weigh_with_doubt(c.noise, POWER, work)
     rows = np.arange(c.states)
     assert (work.weights[rows, rows, 0] < work.sure[rows, rows, 0]).all()
+
+
+def test_an_error_of_all_that_roll_does_is_one_of_the_rolling_air_and_ratios_are_doubted() -> None:
+    """Of derivatives by roll rate that err together nothing is noise; of one that errs alone, all of it."""
+    c = CASES["lateral"]
+    work, columns = weighed(c), c.plant.derivatives.shape[1]
+    by_roll = np.zeros(c.states * columns)
+    by_roll[1::columns] = c.plant.roll_column
+    size = np.outer(by_roll, by_roll)
+    doubt_of(0.04 * size, np.ones(by_roll.size), c.plant, c.noise, work.doubt)
+    assert np.abs(work.doubt[2]).max() < 1e-12 * c.noise[ROLLING] * size.max()
+    yaw_alone = np.zeros_like(size)
+    yaw_alone[2 * columns + 1, 2 * columns + 1] = 0.04
+    doubt_of(yaw_alone, np.ones(by_roll.size), c.plant, c.noise, work.doubt)
+    want = np.zeros((3, 3))
+    want[2, 2] = 0.04 * c.noise[ROLLING]
+    np.testing.assert_allclose(work.doubt[2], want, atol=1e-15)
+
+
+def test_the_turning_of_the_air_is_doubted_where_no_column_holds_it() -> None:
+    for name in ("pitch", "yaw"):
+        c = CASES[name]
+        work = weighed(c)
+        doubt_of(np.eye(6), np.ones(6), c.plant, c.noise, work.doubt)
+        assert (work.doubt[1] == 0.0).all() == c.plant.kinematic
 
 
 def drawn(rng: np.random.Generator, draws: int, variance: Array) -> Complex:
