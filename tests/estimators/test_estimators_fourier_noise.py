@@ -253,7 +253,7 @@ def test_an_error_of_all_that_roll_does_is_one_of_the_rolling_air_and_ratios_are
 
 
 def test_the_turning_of_the_air_is_doubted_where_no_column_holds_it() -> None:
-    for name in ("pitch", "yaw"):
+    for name in ("pitch", "without kinematic row"):
         c = CASES[name]
         work = weighed(c)
         doubt_of(np.eye(6), np.ones(6), c.plant, c.noise, work.doubt)
