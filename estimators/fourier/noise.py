@@ -383,7 +383,7 @@ def doubt_of(covariance, scale, plant, noise, doubt):  # type: ignore[no-untyped
                 doubted = scale[a] * scale[b] * covariance[a, b]
                 doubt[0, k, m] += channel_variance(noise, j if j < ns else j + 1, ns) * doubted
                 if j == ns - 1:
-                    doubt[1, k, m] = 0.0 if plant.kinematic else noise[GUST] * doubted
+                    doubt[1, k, m] = noise[GUST] * doubted
             rolls = ns == 3 and plant.roll_column[1] != 0.0
             doubt[2, k, m] = noise[ROLLING] * _beside_size(covariance, scale, plant, k, m) if rolls else 0.0
 

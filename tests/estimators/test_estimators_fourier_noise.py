@@ -252,14 +252,6 @@ def test_an_error_of_all_that_roll_does_is_one_of_the_rolling_air_and_ratios_are
     np.testing.assert_allclose(work.doubt[2], want, atol=1e-15)
 
 
-def test_the_turning_of_the_air_is_doubted_where_no_column_holds_it() -> None:
-    for name in ("pitch", "without kinematic row"):
-        c = CASES[name]
-        work = weighed(c)
-        doubt_of(np.eye(6), np.ones(6), c.plant, c.noise, work.doubt)
-        assert (work.doubt[1] == 0.0).all() == c.plant.kinematic
-
-
 def drawn(rng: np.random.Generator, draws: int, variance: Array) -> Complex:
     """Transforms of white noise in one bin, (draws, sources)."""
     parts = rng.standard_normal((2, draws, variance.size)) * np.sqrt(0.5 * POWER * variance)
