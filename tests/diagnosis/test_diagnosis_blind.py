@@ -15,6 +15,7 @@ from diagnosis_score import judged
 from wingwatch.aircraft import aircraft_toml
 from wingwatch.cli.main import main
 from wingwatch.diagnosis import Diagnosis, diagnose
+from wingwatch.diagnosis.diagnose import SIMULATION_ERROR
 from wingwatch.telemetry import SampleBlock, write_flight
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
@@ -40,6 +41,8 @@ def test_what_is_hidden_in_a_simulated_flight_is_named_first(name: str, seconds:
     assert found.gain is not None
     assert found.gain.source == "windows left out"
     assert min(change.value for change in found.gain.change.values()) < -0.05
+    for parameter in found.causes[0].parameters.values():
+        assert parameter.standard_error >= 0.999 * SIMULATION_ERROR * abs(parameter.value)
 
 
 @pytest.mark.parametrize("name", ["jsbsim-weak-elevator"])
