@@ -15,7 +15,7 @@ AFTER = round(MAX_GAP_S * RATE_HZ)
 """Samples that wait after the last one beyond the stall."""
 
 
-def cruise(seconds: float = 10.0, **columns: np.ndarray) -> SampleBlock:
+def cruise(seconds: float = 10.0, /, **columns: np.ndarray) -> SampleBlock:
     """Steady flight but for the columns given."""
     time_s = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
     flown = {"time_s": time_s, "airspeed_true_m_s": np.full(time_s.size, 25.0)}
