@@ -1,4 +1,4 @@
-"""How much of the innovations goes with the motion of the seconds before; compiled.
+"""How much of the innovations goes with the motion of the half second before; compiled.
 
 An innovation has nothing in common with anything before it, in gusts and in a closed loop too, as long as the model
 holds. What the model leaves out comes back with every manoeuvre: stated errors are wider by as much. Derivation:
@@ -37,7 +37,7 @@ def follow_coherence(model, coherence, i, z, step, gains):  # type: ignore[no-un
 
 @hot
 def follow_coherence_inline(model, coherence, i, z, step, gains):  # type: ignore[no-untyped-def]
-    """One sample of vehicle i: its innovations with the motion before it; then the motion goes on, (docs (24)).
+    """One sample of vehicle i: its innovations with the motion before it; then the motion goes on, (docs (15b)).
 
     The innovation of an equation is that of its own rate, of the force equation that of the accelerometer, or of the
     velocity where none is used.
@@ -83,7 +83,7 @@ def forget_motion(coherence, i):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def coherent_dispersion(coherence, i, out):  # type: ignore[no-untyped-def]
     """Into ``out`` (ns,) by equation: power of the sums over that which white innovations give them, at least one,
-    (docs (25))."""
+    (docs (15c))."""
     for k in range(out.size):
         sums, products = coherence.sums[i, k], coherence.products[i, k]
         found = expected = squares = 0.0
@@ -108,7 +108,6 @@ def no_coherence(vehicles: int, ns: int) -> Coherence:
 
 def forget_coherence(state: EkfState, i: int) -> None:
     """Vehicle i's derivatives have changed: what went with the motion before may have been that."""
-    coherence: Coherence = state.coherence
-    coherence.sums[i] = 0.0
-    coherence.products[i] = 0.0
+    state.coherence.sums[i] = 0.0
+    state.coherence.products[i] = 0.0
     state.scatter.coherent[i] = 1.0
