@@ -12,6 +12,7 @@ from wingwatch.diagnosis.answerable import not_judged
 from wingwatch.diagnosis.candidate import FreeParameter, Subject
 from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.evaluation import evaluate
+from wingwatch.diagnosis.evidence import SIMULATION_ERROR
 from wingwatch.diagnosis.extension import extended
 from wingwatch.diagnosis.fit import Solution, fit, own_fitted
 from wingwatch.diagnosis.gain import gain_of, misfits
@@ -123,10 +124,6 @@ def _in_windows(
     made = _assembled(source, problem, found, terms, other)
     return replace(made, not_judged=silent, notes=(*made.notes, *note_on_silence(silent)))
 
-
-SIMULATION_ERROR = 0.01
-"""Part of its size to which a cause is stated at best, one standard deviation: no simulation is right to the last
-percent, and where a cause acts it errs in the same direction throughout the flight."""
 
 MOST_S = 96.0
 """Of flight in which causes are looked for: windows in which the surfaces move most. The gain is measured on all."""

@@ -66,7 +66,11 @@ def notes_of(subject: Subject, found: Search, gain: Gain | None, model: Aircraft
         )
     if gain is not None and model is None:
         notes.append(f"no extended aircraft file: {_why_none(gain)}")
-    minor = [c.sentence(v) for c, v, one in zip(*_last(found), found.found, strict=True) if not one.matters]
+    minor = [
+        c.sentence(v)
+        for c, v, one in zip(*_last(found), found.found, strict=True)
+        if not one.matters and any(abs(size) > p.least for size, p in zip(v, c.parameters, strict=True))
+    ]
     if minor:
         notes.append(f"known, but too small to matter: {'; '.join(minor)}")
     return tuple(notes)

@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate
-from wingwatch.diagnosis.causes import of_sensors
 from wingwatch.diagnosis.evaluation import Evaluation, evaluate, own_count, reduce
-from wingwatch.diagnosis.evidence import ALIKE, BEYOND_DOUBT, MATTERS
+from wingwatch.diagnosis.evidence import ALIKE, BEYOND_DOUBT, MATTERS, SIMULATION_ERROR
 from wingwatch.diagnosis.fit import Solution, fit, inflation, own_fitted
 from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.misfit import replayed
@@ -38,7 +37,7 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 MOST_CAUSES = 4
-_MOST_ROUNDS_OF_SEARCH = 6
+_MOST_ROUNDS_OF_SEARCH = 8
 _SHORT_LIST = 4
 _MOST_ROUNDS, _GAIN_OF_A_ROUND = 3, 1.0
 """Of fits of parameters and noise in turn, and the gain of log-likelihood that another one is worth."""
@@ -51,6 +50,8 @@ _LEAST_GAIN = 2.0
 _FOLDS = 4
 _SURE = 3.0
 """Standard errors that a parameter must be away from none."""
+_SHOWN_S = 2.0
+"""Of flight in which a cause must change an output by more than the noise of its sensor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,12 +149,12 @@ def search(problem: Problem, point: Point, candidates: Sequence[Candidate], prog
         progress("screening causes", at)
         taken = {c.label for c in present.point.causes}
         listed = _short_list(problem, present, [c for c in candidates if c.label not in taken])
-        tried = []
+        fits = []
         for i, begun in enumerate(listed):
             progress(f"fitting {begun.causes[-1].label}", at + 0.02 + 0.1 * i / len(listed))
-            found_here = _fitted(problem, present, begun)
-            if found_here is not None:
-                tried.append(found_here)
+            if (solution := _fitted(problem, present, begun)) is not None:
+                fits.append(solution)
+        tried = _at_their_best(problem, present, fits)
         rest = tuple(_judged(problem, present, _over_the_best(problem, present, tried)))
         cause = next((one for t in rest if (one := _believed(problem, rest, t)) is not None), None)
         if cause is None:
@@ -171,8 +172,9 @@ def _sure(problem: Problem, found: list[Found], present: Solution) -> tuple[list
     while True:
         last, at, doubt = _beside_small_errors(problem, present), 0, []
         errors = np.sqrt(np.diagonal(last.covariance))
-        for cause, values in zip(last.point.causes, last.point.values, strict=True):
-            size = np.abs(values) / np.maximum(_SURE * errors[at : at + len(values)], _least(cause))
+        for one, values in zip(found, last.point.values, strict=True):
+            least = _least(one.best.candidate) * one.matters
+            size = np.abs(values) / np.maximum(_SURE * errors[at : at + len(values)], least)
             doubt.append(float(size.max()))
             at += len(values)
         if not doubt or min(doubt) > 1.0:
@@ -190,19 +192,17 @@ def _sure(problem: Problem, found: list[Found], present: Solution) -> tuple[list
 def _believed(problem: Problem, tried: Sequence[Tried], one: Tried) -> Found | None:
     """One of those that were tried, if it is to be believed.
 
-    What is measured a little wrong is taken so that the rest is seen right. Where the aircraft is a little wrong, small
-    errors of all coefficients stand for it.
+    What is only a little wrong is taken too, so that the rest is seen right: passed over, it would leave its misfit to
+    the next best.
     """
     if not _counts(one):
-        return None
-    matters = _matters(problem, one.solution)
-    if not matters and not of_sensors(one.candidate):
         return None
     held_out = held_out_gain(problem, one.solution)
     if not held_out > 0.0:
         return None
     alike = tuple(t for t in tried if t is not one and t.evidence > one.evidence - ALIKE)
-    return Found(one, alike, tuple(tried), held_out, matters)
+    large = bool((np.abs(one.value) > _least(one.candidate)).any())
+    return Found(one, alike, tuple(tried), held_out, large and _matters(problem, one.solution))
 
 
 def _beside_small_errors(problem: Problem, solution: Solution) -> Solution:
@@ -211,7 +211,7 @@ def _beside_small_errors(problem: Problem, solution: Solution) -> Solution:
     if not point.causes:
         return solution
     inflated = inflation(reduce(problem, point, solution.evaluation), slice(None))
-    beside, at, values = small_errors(problem, solution).beside(inflated), 0, []
+    beside, at, values = small_errors(problem, solution).beside(inflated, SIMULATION_ERROR / MATTERS), 0, []
     for cause, v in zip(point.causes, point.values, strict=True):
         low, high = (np.array([getattr(p, side) for p in cause.parameters]) for side in ("low", "high"))
         values.append(np.clip(v + beside.step[at : at + len(v)], low, high))
@@ -221,8 +221,8 @@ def _beside_small_errors(problem: Problem, solution: Solution) -> Solution:
 
 
 def _counts(tried: Tried) -> bool:
-    """Whether it is beyond doubt, of a size that matters, and of one that such a cause can have."""
-    size = np.abs(tried.value) > np.maximum(_SURE * tried.error, _least(tried.candidate))
+    """Whether it is beyond doubt, and of a size that such a cause can have."""
+    size = np.abs(tried.value) > _SURE * tried.error
     fitted, parameters = tried.solution.point.values[-1], tried.candidate.parameters
     possible = all(p.low < v < p.high or v == 0.0 for v, p in zip(fitted, parameters, strict=True))
     return bool(tried.evidence > BEYOND_DOUBT and size.any() and possible)
@@ -301,20 +301,36 @@ def _promises(
     return gains
 
 
-def _fitted(problem: Problem, present: Solution, begun: Point) -> Tried | None:
+def _fitted(problem: Problem, present: Solution, begun: Point) -> Solution | None:
     """The last cause of a point fitted with its own noise; None where that ends below the model without it.
 
     Every candidate contains the present model. A fit that ends below it began at noise that is not this flight's.
     """
-    candidate = begun.causes[-1]
     try:
         solution = fit(problem, fit_noise(problem, begun))
         if present.cost - solution.cost > BEYOND_DOUBT:
             solution = settled(problem, solution.point)
     except RunsAwayError:
         return None
-    if solution.cost > present.cost:
-        return None
+    return None if solution.cost > present.cost else solution
+
+
+def _at_their_best(problem: Problem, present: Solution, fits: Sequence[Solution]) -> list[Tried]:
+    """Fits, those that may be best settled anew: they began at noise of the model without the cause, which can be
+    another maximum of the likelihood than the best one beside it."""
+    most = max((present.cost - s.cost for s in fits), default=0.0)
+    least = max(_WORTH_ITS_NOISE * most, BEYOND_DOUBT)
+    tried = []
+    for solution in fits:
+        if present.cost - solution.cost >= least:
+            solution = min(solution, settled_anew(problem, solution.point), key=lambda s: s.cost)
+        tried.append(_tried(problem, present, solution))
+    return tried
+
+
+def _tried(problem: Problem, present: Solution, solution: Solution) -> Tried:
+    """Without small errors yet."""
+    candidate = solution.point.causes[-1]
     count = len(candidate.parameters)
     reduced = reduce(problem, solution.point, solution.evaluation)
     inflated = inflation(reduced, slice(solution.point.theta.size - count, None))
@@ -397,19 +413,23 @@ def held_out_gain(problem: Problem, solution: Solution) -> float:
 
 @np.errstate(all="ignore")  # without the cause the simulation may run away: that matters
 def _matters(problem: Problem, solution: Solution) -> bool:
-    """Whether the last cause changes any output by a part of its motion that matters (root mean squares)."""
+    """Whether the last cause changes any output by a part of its motion that matters (root mean squares), and in the
+    two seconds where it changes it most by more than the sensor's noise."""
     point = solution.point
     without = replace(point, causes=point.causes[:-1], values=point.values[:-1])
     one, other = replayed(problem, point), replayed(problem, without)
     for k in problem.compared:
-        changed = moved = 0.0
-        for w in range(len(problem.windows)):
+        changed, moved, most = 0.0, 0.0, 0.0
+        for w, inputs in enumerate(problem.inputs):
             # a delay changes what was measured when
             off = [it.measured[w][:, k] - it.simulated[w][:, k] for it in (one, other)]
-            measured = one.measured[w][:, k]
-            changed += float(np.nansum((off[0] - off[1]) ** 2))
+            square, measured = (off[0] - off[1]) ** 2, one.measured[w][:, k]
+            changed += float(np.nansum(square))
             moved += float(np.nansum((measured - np.nanmean(measured)) ** 2))
-        if not changed < MATTERS**2 * moved:
+            there = square[np.isfinite(measured)]
+            count = min(max(1, round(_SHOWN_S / inputs.dt)), len(there))
+            most = max(most, float(np.convolve(there, np.full(count, 1.0 / count), "valid").max(initial=0.0)))
+        if not (changed < MATTERS**2 * moved or most < point.noise.sensors[k] ** 2):
             return True
     return False
 

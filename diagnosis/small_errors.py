@@ -60,13 +60,14 @@ class SmallErrors:
     causes: int
     constant: NDArray[np.bool_]
 
-    def beside(self, inflated: float) -> Beside:
+    def beside(self, inflated: float, least: float = 0.0) -> Beside:
         """The causes beside the errors that are most likely.
 
         Args:
             inflated: variance of the scores over that of independent innovations.
+            least: of tau of derivatives, whatever the residual shows: what resembles a cause does not show.
         """
-        levels = [(one, other) for one in _LEVELS for other in _LEVELS]
+        levels = [(max(one, least), other) for one in _LEVELS for other in _LEVELS]
         found = [self._at(np.where(self.constant, other, one), inflated) for one, other in levels]
         best = int(np.argmax([gain for gain, _, _ in found]))
         gain, step, covariance = found[best]

@@ -15,7 +15,7 @@ from diagnosis_score import judged
 from wingwatch.aircraft import aircraft_toml
 from wingwatch.cli.main import main
 from wingwatch.diagnosis import Diagnosis, diagnose
-from wingwatch.diagnosis.diagnose import SIMULATION_ERROR
+from wingwatch.diagnosis.evidence import SIMULATION_ERROR
 from wingwatch.telemetry import SampleBlock, write_flight
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]

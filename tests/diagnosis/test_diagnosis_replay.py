@@ -16,7 +16,7 @@ from wingwatch.diagnosis.causes import candidates
 from wingwatch.diagnosis.diagnose import _reported
 from wingwatch.diagnosis.evaluation import evaluate, reduce
 from wingwatch.diagnosis.extension import extended
-from wingwatch.diagnosis.fit import fit
+from wingwatch.diagnosis.fit import Solution, fit
 from wingwatch.diagnosis.innovations import Filter, Path, kalman_filter
 from wingwatch.diagnosis.linear_aircraft import concise, row_of_derivatives
 from wingwatch.diagnosis.linear_model import STATES, WIDTH
@@ -40,7 +40,8 @@ from wingwatch.diagnosis.replay import (
 from wingwatch.diagnosis.small_errors import SmallErrors
 from wingwatch.diagnosis.subject import subject_of
 from wingwatch.diagnosis.windows import all_seen, fly_filtered, open_loop
-from wingwatch.simulation import Scenario, doublet_schedule, linearise, simulate
+from wingwatch.simulation import Scenario, doublet_schedule, linearise, parse_effect, simulate
+from wingwatch.simulation.effects.effect import Parameters
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
 Array = NDArray[np.float64]
@@ -178,6 +179,58 @@ def test_a_delay_matters_though_it_changes_nothing_that_is_simulated() -> None:
         assert search._matters(problem, replace(solution, point=delayed)) is matters
 
 
+def test_a_change_below_the_noise_of_its_sensor_does_not_matter() -> None:
+    subject, problem, point = problem_of(flown())
+    late = next(c for c in candidates(subject) if c.label == "sensor_delay[pitch_rate_rad_s]")
+    solution = fit(problem, point)
+    for louder, matters in ((1.0, True), (1000.0, False)):
+        noise = replace(solution.point.noise, sensors=louder * solution.point.noise.sensors)
+        delayed = replace(solution.point, causes=(late,), values=(np.array([0.05]),), noise=noise)
+        assert search._matters(problem, replace(solution, point=delayed)) is matters
+
+
+def test_fits_that_may_be_best_are_settled_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    subject, problem, point = problem_of(flown())
+    causes = [
+        c for c in candidates(subject) if c.label in ("elevator_effectiveness", "pitch_damping", "cg_shift")
+    ]
+    here = fit(problem, replace(point, causes=(causes[0],), values=(np.zeros(1),)))
+    points = [replace(here.point, causes=(cause,)) for cause in causes]
+    fits = [
+        replace(here, point=p, cost=here.cost - gain)
+        for p, gain in zip(points, (100.0, 40.0, 20.0), strict=True)
+    ]
+    anew: list[str] = []
+
+    def better(_: Problem, point: Point) -> Solution:
+        anew.append(point.causes[-1].label)
+        return replace(here, point=point, cost=here.cost - 150.0)
+
+    monkeypatch.setattr(search, "settled_anew", better)
+    gains = [t.gain for t in search._at_their_best(problem, here, fits)]
+    assert anew == [c.label for c in causes[:2]]
+    assert gains == pytest.approx([150.0, 150.0, 20.0])
+
+
+@pytest.mark.parametrize("name", ["aerosonde", "twinotter"])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_loss_of_a_wing_that_is_looked_for_is_the_one_that_is_simulated(name: str, side: str) -> None:
+    aircraft = load_aircraft(name)
+    assert aircraft.envelope is not None
+    at = aircraft.envelope.cruise
+    inputs = (doublet_schedule(aircraft, at, spacing_s=3.0, start_s=2.0),)
+    block = simulate(Scenario(aircraft, at.airspeed_true_m_s, at.altitude_m, inputs), 12.0)
+    subject = subject_of(block, aircraft, {})
+    lost = next(c for c in candidates(subject) if c.label == f"wing_damage[{side}]")
+    for size in (0.0, 0.1, 0.5):
+        looked_for, simulated = subject.model.copy(), subject.model.row.copy()
+        lost.change(looked_for, np.array([size]))
+        effect = parse_effect(f"wing_damage[{side}]:{size or 0.1}@0")
+        effect.apply(Parameters(aircraft, at, simulated), size)
+        np.testing.assert_allclose(looked_for.row, simulated, rtol=0.02, atol=1e-5)
+        assert np.array_equal(looked_for.row, subject.model.row, equal_nan=True) == (size == 0.0)
+
+
 def test_a_fit_begins_at_the_noise_that_is_likeliest_of_a_few() -> None:
     for air in ("none", "moderate"):
         inputs = (doublet_schedule(AEROSONDE, CRUISE, spacing_s=3.0, start_s=2.0),)
@@ -235,6 +288,18 @@ def test_a_state_that_is_followed_moves_on_a_straight_line_between_samples() -> 
     )
     time_s = inputs.dt * np.arange(count)
     np.testing.assert_allclose(out[0, :count, 7], 0.25 * time_s**2, rtol=0.005)  # held: 1 % short
+
+
+def test_a_derivative_is_known_to_a_percent_at_best_though_the_residual_shows_no_error() -> None:
+    along = np.random.default_rng(12).standard_normal((400, 3))
+    along[:, 1] = (
+        3.0 * along[:, 0] + 0.01 * along[:, 1]
+    )  # a coefficient that does what the cause does, three times
+    found = SmallErrors(np.zeros(3), along.T @ along, 1, np.array([False, True]))
+    assert found.beside(1.0).covariance[0, 0] == pytest.approx(1.0 / (along[:, 0] @ along[:, 0]))
+    known = found.beside(1.0, least=0.2)
+    assert known.levels == (0.2, 0.0)
+    assert np.sqrt(known.covariance[0, 0]) == pytest.approx(3.0 * 0.2, rel=0.05)
 
 
 def test_small_errors_of_everything_widen_an_interval_as_far_as_they_move_the_cause() -> None:
