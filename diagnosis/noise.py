@@ -75,10 +75,15 @@ def _noise_at(eta: Array, used: tuple[int, ...], noise: Noise) -> Noise:
     return replace(noise, sensors=sensors, gusts=gusts, gradients=float(gradients), lag_s=float(lag_s))
 
 
-def fit_noise(problem: Problem, point: Point) -> Point:
+def fit_noise(problem: Problem, point: Point, passes: int = _MOST_PASSES) -> Point:
     """The point with the most likely noise for its residuals.
 
     What belongs to a window is held: in a Gaussian likelihood the information of means and of spreads is orthogonal.
+
+    Args:
+        problem: the flight.
+        point: the model, and where to begin.
+        passes: at most.
     """
     used = problem.used
     first = first_noise(problem.subject)
@@ -92,7 +97,7 @@ def fit_noise(problem: Problem, point: Point) -> Point:
     model = model_at(problem, point)
     cost, score, information = _sums(problem, model, point, eta, prior)
     reach = _LONGEST
-    for _ in range(_MOST_PASSES):
+    for _ in range(passes):
         free = ~((eta <= least) & (score < 0.0) | (eta >= most) & (score > 0.0))
         tried = np.clip(eta + _step(information, score, free, reach), least, most)
         step = tried - eta

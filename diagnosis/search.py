@@ -45,6 +45,8 @@ _WORTH_A_FIT = 0.1
 """Part of the best one's promised gain below which a candidate is not fitted."""
 _WORTH_ITS_NOISE = 0.3
 """Part of the best one's gain by the same noise below which a candidate does not get noise of its own."""
+_FEW_PASSES, _MOST_ANEW = 2, 3
+"""Of a candidate's noise at first; and candidates that are settled anew in a round."""
 _LEAST_GAIN = 2.0
 """Of log-likelihood, of a candidate that is fitted."""
 _FOLDS = 4
@@ -307,7 +309,7 @@ def _fitted(problem: Problem, present: Solution, begun: Point) -> Solution | Non
     Every candidate contains the present model. A fit that ends below it began at noise that is not this flight's.
     """
     try:
-        solution = fit(problem, fit_noise(problem, begun))
+        solution = fit(problem, fit_noise(problem, begun, _FEW_PASSES))
         if present.cost - solution.cost > BEYOND_DOUBT:
             solution = settled(problem, solution.point)
     except RunsAwayError:
@@ -318,14 +320,14 @@ def _fitted(problem: Problem, present: Solution, begun: Point) -> Solution | Non
 def _at_their_best(problem: Problem, present: Solution, fits: Sequence[Solution]) -> list[Tried]:
     """Fits, those that may be best settled anew: they began at noise of the model without the cause, which can be
     another maximum of the likelihood than the best one beside it."""
-    most = max((present.cost - s.cost for s in fits), default=0.0)
-    least = max(_WORTH_ITS_NOISE * most, BEYOND_DOUBT)
-    tried = []
-    for solution in fits:
+    best = sorted(fits, key=lambda s: s.cost)
+    least = max(_WORTH_ITS_NOISE * (present.cost - best[0].cost), BEYOND_DOUBT) if best else 0.0
+    anew = []
+    for solution in best[:_MOST_ANEW]:
         if present.cost - solution.cost >= least:
             solution = min(solution, settled_anew(problem, solution.point), key=lambda s: s.cost)
-        tried.append(_tried(problem, present, solution))
-    return tried
+        anew.append(solution)
+    return [_tried(problem, present, solution) for solution in (*anew, *best[_MOST_ANEW:])]
 
 
 def _tried(problem: Problem, present: Solution, solution: Solution) -> Tried:
