@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST, ROLLING
+from wingwatch.estimators.fourier.hermitian import condition_on_last, invert_2, invert_3, join_last
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST
 from wingwatch.estimators.kernels.hot import lean
 
 __all__ = [
@@ -25,7 +26,6 @@ __all__ = [
     "air_of",
     "between_samples_variance",
     "channel_variance",
-    "doubt_of",
     "noise_variances",
     "noise_workspace",
     "weigh",
@@ -274,121 +274,6 @@ def _residual_covariance(noise, power, work):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _invert_2(weights):  # type: ignore[no-untyped-def]
-    """Inverse of Hermitian 2 x 2 matrices in place from their upper triangles."""
-    for f in range(weights.shape[3]):
-        a, d = weights[0, 0, 0, f], weights[1, 1, 0, f]
-        x, y = weights[0, 1, 0, f], weights[0, 1, 1, f]
-        over = 1.0 / (a * d - (x * x + y * y))
-        weights[0, 0, 0, f] = d * over
-        weights[1, 1, 0, f] = a * over
-        weights[0, 1, 0, f] = weights[1, 0, 0, f] = -x * over
-        weights[0, 1, 1, f] = -y * over
-        weights[1, 0, 1, f] = y * over
-
-
-@lean
-def _invert_3(weights):  # type: ignore[no-untyped-def]
-    """The same for 3 x 3, by cofactors."""
-    for f in range(weights.shape[3]):
-        a, b, c = weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f]
-        xr, xi = weights[0, 1, 0, f], weights[0, 1, 1, f]
-        yr, yi = weights[0, 2, 0, f], weights[0, 2, 1, f]
-        zr, zi = weights[1, 2, 0, f], weights[1, 2, 1, f]
-        aa = b * c - (zr * zr + zi * zi)
-        bb = a * c - (yr * yr + yi * yi)
-        cc = a * b - (xr * xr + xi * xi)
-        pr, pi = yr * zr + yi * zi - xr * c, yi * zr - yr * zi - xi * c
-        qr, qi = xr * zr - xi * zi - yr * b, xr * zi + xi * zr - yi * b
-        ur, ui = yr * xr + yi * xi - a * zr, yi * xr - yr * xi - a * zi
-        over = 1.0 / (a * aa + xr * pr + xi * pi + yr * qr + yi * qi)
-        weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f] = aa * over, bb * over, cc * over
-        weights[0, 1, 0, f] = weights[1, 0, 0, f] = pr * over
-        weights[0, 2, 0, f] = weights[2, 0, 0, f] = qr * over
-        weights[1, 2, 0, f] = weights[2, 1, 0, f] = ur * over
-        weights[0, 1, 1, f], weights[1, 0, 1, f] = pi * over, -pi * over
-        weights[0, 2, 1, f], weights[2, 0, 1, f] = qi * over, -qi * over
-        weights[1, 2, 1, f], weights[2, 1, 1, f] = ui * over, -ui * over
-
-
-@lean
-def _condition_on_last(weights):  # type: ignore[no-untyped-def]
-    """Covariance of all rows but the last given the last, in place; the last column becomes the regression on it."""
-    last = weights.shape[0] - 1
-    for k in range(last):
-        for m in range(k, last):
-            for f in range(weights.shape[3]):
-                over = 1.0 / weights[last, last, 0, f]
-                a, b = weights[k, last, 0, f], weights[k, last, 1, f]
-                c, d = weights[m, last, 0, f], weights[m, last, 1, f]
-                weights[k, m, 0, f] -= (a * c + b * d) * over
-                weights[k, m, 1, f] -= (b * c - a * d) * over
-    for k in range(last):
-        for f in range(weights.shape[3]):
-            over = 1.0 / weights[last, last, 0, f]
-            weights[k, last, 0, f] *= over
-            weights[k, last, 1, f] *= over
-
-
-@lean
-def _join_last(weights):  # type: ignore[no-untyped-def]
-    """W of all rows from that of the others given the last, and the regression on it (block inverse), in place."""
-    last = weights.shape[0] - 1
-    for f in range(weights.shape[3]):
-        own = 1.0 / weights[last, last, 0, f]
-        for k in range(last):
-            # W_kl = -sum_m W_km g_m, g the regression; W_ll = 1 / S_ll + g' W g.
-            real = imaginary = 0.0
-            for m in range(last):
-                a, b = weights[k, m, 0, f], weights[k, m, 1, f]
-                c, d = weights[m, last, 0, f], weights[m, last, 1, f]
-                real += a * c - b * d
-                imaginary += a * d + b * c
-            weights[last, k, 0, f], weights[last, k, 1, f] = -real, imaginary
-            own += weights[k, last, 0, f] * real + weights[k, last, 1, f] * imaginary
-        for k in range(last):
-            weights[k, last, 0, f], weights[k, last, 1, f] = weights[last, k, 0, f], -weights[last, k, 1, f]
-        weights[last, last, 0, f], weights[last, last, 1, f] = own, 0.0
-
-
-@lean
-def _beside_size(covariance, scale, plant, k, m):  # type: ignore[no-untyped-def]
-    """Covariance of two derivatives by roll rate beside an error that all of them share, (docs (10b))."""
-    nd = plant.derivatives.shape[1]
-    a, b, roll = k * nd + 1, m * nd + 1, nd + 1
-    by_a = plant.roll_column[k] / plant.roll_column[1] * scale[roll]
-    by_b = plant.roll_column[m] / plant.roll_column[1] * scale[roll]
-    own = scale[a] * scale[b] * covariance[a, b]
-    own -= by_b * scale[a] * covariance[a, roll] + by_a * scale[b] * covariance[b, roll]
-    return own + by_a * by_b * covariance[roll, roll]
-
-
-@lean
-def doubt_of(covariance, scale, plant, noise, doubt):  # type: ignore[no-untyped-def]
-    """What noise and air leave in the residuals because the derivatives are not known, (docs (10a), (10b)).
-
-    Args:
-        covariance: (k, k) of the derivatives, referred; scale: (k,) from these to present ones.
-        plant: ``Plant`` at which they are linearised.
-        noise: all variances.
-        doubt: (DOUBTED, states, states), filled.
-    """
-    ns = doubt.shape[1]
-    nd = scale.size // ns
-    for k in range(ns):
-        for m in range(ns):
-            doubt[0, k, m] = 0.0
-            for j in range(nd):
-                a, b = k * nd + j, m * nd + j
-                doubted = scale[a] * scale[b] * covariance[a, b]
-                doubt[0, k, m] += channel_variance(noise, j if j < ns else j + 1, ns) * doubted
-                if j == ns - 1:
-                    doubt[1, k, m] = noise[GUST] * doubted
-            rolls = ns == 3 and plant.roll_column[1] != 0.0
-            doubt[2, k, m] = noise[ROLLING] * _beside_size(covariance, scale, plant, k, m) if rolls else 0.0
-
-
-@lean
 def weigh(omega, plant, air, noise, power, work):  # type: ignore[no-untyped-def]
     """Transfer of noise and air, and the weight of every bin, W = (L D L' + B D B' + Q)^-1 / power.
 
@@ -415,13 +300,13 @@ def weigh_with_doubt(noise, power, work):  # type: ignore[no-untyped-def]
         gust = power * noise[GUST]
         for f in range(work.believed.size):
             work.believed[f] = gust / weights[ns, ns, 0, f]
-        _condition_on_last(weights)
+        condition_on_last(weights)
     if ns == 2:
-        _invert_2(weights)
+        invert_2(weights)
     else:
-        _invert_3(weights)
+        invert_3(weights)
     if weights.shape[0] > ns:
-        _join_last(weights)
+        join_last(weights)
     for k in range(ns):
         for m in range(ns):
             total = 0.0

@@ -20,6 +20,7 @@ from wingwatch.estimators.fourier.directions import (
     noise_edge,
     reduce_information,
 )
+from wingwatch.estimators.fourier.doubt import doubt_of
 from wingwatch.estimators.fourier.driven_motion import driven_motions, roll_shared_at_ends
 from wingwatch.estimators.fourier.equations import (
     EquationSides,
@@ -33,7 +34,6 @@ from wingwatch.estimators.fourier.noise import (
     Plant,
     air_of,
     between_samples_variance,
-    doubt_of,
     noise_variances,
     noise_workspace,
     weigh,

@@ -8,6 +8,7 @@ import pytest
 from kernels import PITCH_MODEL
 from numpy.typing import NDArray
 
+from wingwatch.estimators.fourier.doubt import doubt_of
 from wingwatch.estimators.fourier.driven_motion import driven_motions, roll_shared_at_ends
 from wingwatch.estimators.fourier.noise import (
     Air,
@@ -15,7 +16,6 @@ from wingwatch.estimators.fourier.noise import (
     Plant,
     air_of,
     between_samples_variance,
-    doubt_of,
     noise_variances,
     noise_workspace,
     weigh,

@@ -1,0 +1,86 @@
+"""Inverses of small Hermitian matrices, bins side by side; compiled.
+
+Real and imaginary parts lie apart, (rows, rows, 2, bins).
+"""
+
+from wingwatch.estimators.kernels.hot import lean
+
+__all__ = ["condition_on_last", "invert_2", "invert_3", "join_last"]
+
+
+@lean
+def invert_2(weights):  # type: ignore[no-untyped-def]
+    """Inverse of Hermitian 2 x 2 matrices in place from their upper triangles."""
+    for f in range(weights.shape[3]):
+        a, d = weights[0, 0, 0, f], weights[1, 1, 0, f]
+        x, y = weights[0, 1, 0, f], weights[0, 1, 1, f]
+        over = 1.0 / (a * d - (x * x + y * y))
+        weights[0, 0, 0, f] = d * over
+        weights[1, 1, 0, f] = a * over
+        weights[0, 1, 0, f] = weights[1, 0, 0, f] = -x * over
+        weights[0, 1, 1, f] = -y * over
+        weights[1, 0, 1, f] = y * over
+
+
+@lean
+def invert_3(weights):  # type: ignore[no-untyped-def]
+    """The same for 3 x 3, by cofactors."""
+    for f in range(weights.shape[3]):
+        a, b, c = weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f]
+        xr, xi = weights[0, 1, 0, f], weights[0, 1, 1, f]
+        yr, yi = weights[0, 2, 0, f], weights[0, 2, 1, f]
+        zr, zi = weights[1, 2, 0, f], weights[1, 2, 1, f]
+        aa = b * c - (zr * zr + zi * zi)
+        bb = a * c - (yr * yr + yi * yi)
+        cc = a * b - (xr * xr + xi * xi)
+        pr, pi = yr * zr + yi * zi - xr * c, yi * zr - yr * zi - xi * c
+        qr, qi = xr * zr - xi * zi - yr * b, xr * zi + xi * zr - yi * b
+        ur, ui = yr * xr + yi * xi - a * zr, yi * xr - yr * xi - a * zi
+        over = 1.0 / (a * aa + xr * pr + xi * pi + yr * qr + yi * qi)
+        weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f] = aa * over, bb * over, cc * over
+        weights[0, 1, 0, f] = weights[1, 0, 0, f] = pr * over
+        weights[0, 2, 0, f] = weights[2, 0, 0, f] = qr * over
+        weights[1, 2, 0, f] = weights[2, 1, 0, f] = ur * over
+        weights[0, 1, 1, f], weights[1, 0, 1, f] = pi * over, -pi * over
+        weights[0, 2, 1, f], weights[2, 0, 1, f] = qi * over, -qi * over
+        weights[1, 2, 1, f], weights[2, 1, 1, f] = ui * over, -ui * over
+
+
+@lean
+def condition_on_last(weights):  # type: ignore[no-untyped-def]
+    """Covariance of all rows but the last given the last, in place; the last column becomes the regression on it."""
+    last = weights.shape[0] - 1
+    for k in range(last):
+        for m in range(k, last):
+            for f in range(weights.shape[3]):
+                over = 1.0 / weights[last, last, 0, f]
+                a, b = weights[k, last, 0, f], weights[k, last, 1, f]
+                c, d = weights[m, last, 0, f], weights[m, last, 1, f]
+                weights[k, m, 0, f] -= (a * c + b * d) * over
+                weights[k, m, 1, f] -= (b * c - a * d) * over
+    for k in range(last):
+        for f in range(weights.shape[3]):
+            over = 1.0 / weights[last, last, 0, f]
+            weights[k, last, 0, f] *= over
+            weights[k, last, 1, f] *= over
+
+
+@lean
+def join_last(weights):  # type: ignore[no-untyped-def]
+    """W of all rows from that of the others given the last, and the regression on it (block inverse), in place."""
+    last = weights.shape[0] - 1
+    for f in range(weights.shape[3]):
+        own = 1.0 / weights[last, last, 0, f]
+        for k in range(last):
+            # W_kl = -sum_m W_km g_m, g the regression; W_ll = 1 / S_ll + g' W g.
+            real = imaginary = 0.0
+            for m in range(last):
+                a, b = weights[k, m, 0, f], weights[k, m, 1, f]
+                c, d = weights[m, last, 0, f], weights[m, last, 1, f]
+                real += a * c - b * d
+                imaginary += a * d + b * c
+            weights[last, k, 0, f], weights[last, k, 1, f] = -real, imaginary
+            own += weights[k, last, 0, f] * real + weights[k, last, 1, f] * imaginary
+        for k in range(last):
+            weights[k, last, 0, f], weights[k, last, 1, f] = weights[last, k, 0, f], -weights[last, k, 1, f]
+        weights[last, last, 0, f], weights[last, last, 1, f] = own, 0.0
