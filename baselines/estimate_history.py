@@ -4,9 +4,9 @@ import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
-from sqlalchemy import delete, func, insert, select, tuple_, update
+from sqlalchemy import Table, bindparam, delete, func, insert, select, tuple_, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
@@ -69,12 +69,23 @@ def append(
     dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
     # The table itself: through the mapped class every row costs twice as much.
     session.execute(dialect.insert(HistoryEntry.__table__).on_conflict_do_nothing(), entries)
-    for flight in flights.values():
-        values = {"last_at_s": flight.last_at_s, "last_time_s": flight.last_time_s}
-        session.execute(update(FlightRow).where(FlightRow.id == flight.id).values(values))
-    for flight_id, more in counts.items():
-        session.execute(update(FlightRow).where(FlightRow.id == flight_id).values(rows=FlightRow.rows + more))
+    _count(session, list(flights.values()), counts)
     return flights
+
+
+def _count(session: Session, flights: Sequence[OpenFlight], counts: dict[int, int]) -> None:
+    """What has come of each flight: one statement for all, and one for those that others have gone on from."""
+    table = cast(Table, FlightRow.__table__)
+    here = table.c.id == bindparam("flight")
+    went_on: dict[str, Any] = {"last_at_s": bindparam("at_s"), "last_time_s": bindparam("time_s")}
+    session.connection().execute(
+        update(table).where(here).values(went_on),
+        [{"flight": f.id, "at_s": f.last_at_s, "time_s": f.last_time_s} for f in flights],
+    )
+    session.connection().execute(
+        update(table).where(here).values(rows=table.c.rows + bindparam("more")),
+        [{"flight": flight_id, "more": more} for flight_id, more in counts.items()],
+    )
 
 
 def page(session: Session, fleet: str, vehicle: str, wanted: HistoryWanted) -> tuple[HistoryRow, ...]:
