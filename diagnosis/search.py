@@ -428,12 +428,19 @@ def _matters(problem: Problem, solution: Solution) -> bool:
             square, measured = (off[0] - off[1]) ** 2, one.measured[w][:, k]
             changed += float(np.nansum(square))
             moved += float(np.nansum((measured - np.nanmean(measured)) ** 2))
-            there = square[np.isfinite(measured)]
-            count = min(max(1, round(_SHOWN_S / inputs.dt)), len(there))
-            most = max(most, float(np.convolve(there, np.full(count, 1.0 / count), "valid").max(initial=0.0)))
+            most = max(most, _most(square[np.isfinite(measured)], max(1, round(_SHOWN_S / inputs.dt))))
         if not (changed < MATTERS**2 * moved or most < point.noise.sensors[k] ** 2):
             return True
     return False
+
+
+def _most(square: Array, count: int) -> float:
+    """Largest mean of so many consecutive squares, or of all; infinite where the simulation runs away."""
+    if not np.isfinite(square).all():
+        return math.inf
+    total = np.concatenate([[0.0], np.cumsum(square)])
+    count = min(count, len(square))
+    return float((total[count:] - total[: len(total) - count]).max()) / max(count, 1)
 
 
 def _own_best(problem: Problem, point: Point) -> float:

@@ -189,6 +189,20 @@ def test_a_change_below_the_noise_of_its_sensor_does_not_matter() -> None:
         assert search._matters(problem, replace(solution, point=delayed)) is matters
 
 
+@pytest.mark.parametrize(
+    ("squares", "most"),
+    [
+        ([], 0.0),
+        ([4.0], 4.0),
+        ([1.0, 5.0, 3.0, 0.0], 4.0),
+        ([0.0, math.nan, 0.0], math.inf),
+        ([math.inf], math.inf),
+    ],
+)
+def test_where_an_output_changes_most(squares: list[float], most: float) -> None:
+    assert search._most(np.array(squares), 2) == most
+
+
 def test_fits_that_may_be_best_are_settled_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     subject, problem, point = problem_of(flown())
     causes = [
