@@ -74,7 +74,7 @@ def append(
 
 
 def _count(session: Session, flights: Sequence[OpenFlight], counts: dict[int, int]) -> None:
-    """What has come of each flight: one statement for all, and one for those that others have gone on from."""
+    """Where each flight stands, and how many rows have come of it: a statement each for all flights together."""
     table = cast(Table, FlightRow.__table__)
     here = table.c.id == bindparam("flight")
     went_on: dict[str, Any] = {"last_at_s": bindparam("at_s"), "last_time_s": bindparam("time_s")}

@@ -428,13 +428,15 @@ def _matters(problem: Problem, solution: Solution) -> bool:
             square, measured = (off[0] - off[1]) ** 2, one.measured[w][:, k]
             changed += float(np.nansum(square))
             moved += float(np.nansum((measured - np.nanmean(measured)) ** 2))
-            most = max(most, _most(square[np.isfinite(measured)], max(1, round(_SHOWN_S / inputs.dt))))
+            most = max(
+                most, _largest_mean(square[np.isfinite(measured)], max(1, round(_SHOWN_S / inputs.dt)))
+            )
         if not (changed < MATTERS**2 * moved or most < point.noise.sensors[k] ** 2):
             return True
     return False
 
 
-def _most(square: Array, count: int) -> float:
+def _largest_mean(square: Array, count: int) -> float:
     """Largest mean of so many consecutive squares, or of all; infinite where the simulation runs away."""
     if not np.isfinite(square).all():
         return math.inf

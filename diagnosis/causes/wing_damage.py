@@ -50,14 +50,17 @@ class _Loss:
         """In place."""
         lost = float(v[0])
         first, second = 1.0 - (1.0 - lost) ** 2, 1.0 - (1.0 - lost) ** 3
-        drag, slope = self._drag(model)
-        moments = (("Cl_zero", "CL_zero"), ("Cl_alpha", "CL_alpha"))
-        whole = {name: float(model.row[INDEX[of_wing]]) for name, of_wing in moments}
-        for name, of_wing in (whole | {"Cn_zero": -drag, "Cn_alpha": -slope}).items():
-            model.row[INDEX[name]] += self.sign * of_wing * first / 8.0
-        level = model.row[INDEX["CD_min"]] * _OF_LEAST_DRAG
-        model.row[INDEX["CD_min"]] -= 0.5 * lost * level
-        model.row[INDEX["Cn_r"]] += (drag + slope * self._angle(model)) / 6.0 * second
+        row, (drag, zero, slope) = model.row, self._drag(model)
+        whole = {
+            "Cl_zero": row[INDEX["CL_zero"]],
+            "Cl_alpha": row[INDEX["CL_alpha"]],
+            "Cn_zero": -zero,
+            "Cn_alpha": -slope,
+        }
+        for name, of_wing in whole.items():
+            row[INDEX[name]] += self.sign * of_wing * first / 8.0
+        row[INDEX["CD_min"]] *= 1.0 - 0.5 * lost * _OF_LEAST_DRAG
+        row[INDEX["Cn_r"]] += drag / 6.0 * second
         scale(model, {"CL_zero": -0.5, "CL_alpha": -0.5, "CD_CL_at_min": -0.5}, lost)
         scale(model, {"CD_oswald": -1.0}, lost - 0.25 * lost**2)
         scale(model, {"Cl_beta": -0.5}, first)
@@ -68,21 +71,16 @@ class _Loss:
         scale(model, {"CY_aileron": -0.5, "Cl_aileron": -0.5, "Cn_aileron": -0.5}, moment)
         self._lose_mass(model, lost)
 
-    def _angle(self, model: Model) -> float:
-        """Of attack, where the lift carries the weight."""
-        return float((self.lift - model.row[INDEX["CL_zero"]]) / model.row[INDEX["CL_alpha"]])
-
-    def _drag(self, model: Model) -> tuple[float, float]:
-        """Of the whole wing, at no angle of attack on the line about the flight's, and by angle of attack; nothing
-        where the file states none."""
+    def _drag(self, model: Model) -> tuple[float, float, float]:
+        """Drag coefficient of the whole wing: in the flight; at no angle of attack, on the line about the flight's; and
+        its slope by the angle of attack."""
         row = model.row
-        if not row[INDEX["CD_min"]] > 0.0:
-            return 0.0, 0.0
         induced = row[INDEX["area_m2"]] / (math.pi * row[INDEX["CD_oswald"]] * row[INDEX["span_m"]] ** 2)
         lift = self.lift - row[INDEX["CD_CL_at_min"]]
-        slope = 2.0 * induced * lift * row[INDEX["CL_alpha"]]
         drag = _OF_LEAST_DRAG * row[INDEX["CD_min"]] + induced * lift**2
-        return float(drag - slope * self._angle(model)), float(slope)
+        by_lift = 2.0 * induced * lift
+        zero = drag - by_lift * (self.lift - row[INDEX["CL_zero"]])
+        return float(drag), float(zero), float(by_lift * row[INDEX["CL_alpha"]])
 
     def _lose_mass(self, model: Model, lost: float) -> None:
         """A rod along y, from (1 - f) b/2 to b/2, abeam the reference point."""

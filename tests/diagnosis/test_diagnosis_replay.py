@@ -200,7 +200,7 @@ def test_a_change_below_the_noise_of_its_sensor_does_not_matter() -> None:
     ],
 )
 def test_where_an_output_changes_most(squares: list[float], most: float) -> None:
-    assert search._most(np.array(squares), 2) == most
+    assert search._largest_mean(np.array(squares), 2) == most
 
 
 def test_fits_that_may_be_best_are_settled_anew(monkeypatch: pytest.MonkeyPatch) -> None:
