@@ -8,7 +8,7 @@ derivative's natural size off. The situations are those of the trials that chose
 those of ``reference_plant``.
 
     .venv/bin/python benchmarks/situations.py [--seeds 8] [--seconds 60] [--cases "quiet;moderate, autopilot"]
-        [--plants short_period,dutch_roll] [--estimators fourier,ekf,filter,filter-error] [--conditions] [--json]
+        [--plants short_period,dutch_roll] [--estimators fourier,ekf,filter-error] [--conditions] [--json]
 
 A claim is a derivative called ``converged``. Per situation and estimator: share of derivatives claimed; truth in the
 stated 95 % interval of the claims and of all; median over all of the stated error over the natural size; rms and
@@ -34,9 +34,7 @@ from wingwatch.estimators import (
     EkfConfig,
     EkfEstimator,
     Estimate,
-    FilterConfig,
     FilterErrorConfig,
-    FilterEstimator,
     FourierConfig,
     FourierEstimator,
     Manoeuvre,
@@ -101,23 +99,6 @@ def ekf(flight: Flight) -> Estimate:
     return _watched(EkfEstimator(config), at_centre(flight))
 
 
-def filter_online(flight: Flight) -> Estimate:
-    """The filter that needs no word from the Fourier estimator."""
-    k = flight.known
-    config = FilterConfig(
-        k.plant.structure,
-        k.start,
-        k.natural,
-        k.reference,
-        held=(k.held,),
-        use_accelerometer=k.accelerometer,
-        input_noise_std=(k.surface_noise_rad,),
-        span_m=k.span_m,
-        vane_ahead_m=k.vane_ahead_m,
-    )
-    return _watched(FilterEstimator(config), flight)
-
-
 def whole_manoeuvres(flight: Flight) -> tuple[Manoeuvre, ...]:
     """A flight as estimators of whole flights are given it. A surface whose reading has noise is a position to them."""
     k = flight.known
@@ -138,12 +119,11 @@ def whole_filter_error(flight: Flight) -> Estimate:
 ESTIMATORS: dict[str, Callable[[Flight], Estimate]] = {
     "fourier": fourier,
     "ekf": ekf,
-    "filter": filter_online,
     "filter-error": whole_filter_error,
 }
 
 
-def _watched(estimator: FourierEstimator | EkfEstimator | FilterEstimator, flight: Flight) -> Estimate:
+def _watched(estimator: FourierEstimator | EkfEstimator, flight: Flight) -> Estimate:
     """What an online estimator says at the end of a flight."""
     state: Any = estimator.init(1)
     for piece in _pieces(flight):

@@ -41,13 +41,7 @@ from wingwatch.estimators.confounding import told_apart_text
 from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfSnapshot, EkfState
 from wingwatch.estimators.ekf.state import arrays_of, one_vehicle
 from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
-from wingwatch.estimators.filter_error import (
-    FilterConfig,
-    FilterErrorConfig,
-    FilterEstimator,
-    FilterState,
-    filter_error,
-)
+from wingwatch.estimators.filter_error import FilterErrorConfig, filter_error
 from wingwatch.estimators.fourier.estimator import (
     FourierConfig,
     FourierEstimator,
@@ -102,9 +96,6 @@ __all__ = [
     "frequency_equation_error",
     "OutputErrorConfig",
     "output_error",
-    "FilterConfig",
-    "FilterEstimator",
-    "FilterState",
     "FilterErrorConfig",
     "filter_error",
     "Fit",

@@ -1,6 +1,5 @@
 """Kalman filters whose parameters are found from the full likelihood of their innovations."""
 
-from wingwatch.estimators.filter_error.online import FilterConfig, FilterEstimator, FilterState
 from wingwatch.estimators.filter_error.whole_flight import FilterErrorConfig, filter_error
 
-__all__ = ["FilterErrorConfig", "filter_error", "FilterConfig", "FilterEstimator", "FilterState"]
+__all__ = ["FilterErrorConfig", "filter_error"]

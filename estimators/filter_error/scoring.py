@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
-from wingwatch.estimators.filter_error.input_noise import signal_information
 from wingwatch.estimators.filter_error.likelihood import Evaluation, Problem, evaluate, sensitivities
 
 __all__ = ["Solution", "climb", "solve"]
@@ -28,6 +28,9 @@ _NO_GUST = -100.0
 
 _TRIALS = 10
 """Most dampings that are tried for one step."""
+
+_LEAST_SIGNAL = 0.2
+"""Least part of a direction's information that is taken to be signal where surfaces are measured with noise."""
 
 _GATE = 8.0
 """Log-likelihood that a gust must gain over none at all (docs/methods/filter_error.md, section 5)."""
@@ -184,8 +187,17 @@ def _slope(problem: Problem, point: Evaluation) -> _Slope:
         information += s.information()
         echo += s.echo_information
         scatter += s.echo_scatter
-    signal = signal_information(information, echo, np.diag(prior.std**-2))
+    signal = _signal_information(information, echo, np.diag(prior.std**-2))
     return _Slope(score, signal, information + scatter)
+
+
+def _signal_information(information: Array, echo: Array, prior: Array) -> Array:
+    """Information without that of the surfaces' noise; a direction that is mostly noise keeps a fifth."""
+    if not echo.any():
+        return information
+    values, vectors = eigh(echo, information + prior)
+    back = (information + prior) @ vectors
+    return np.asarray(information - (back * np.minimum(values, 1.0 - _LEAST_SIGNAL)) @ back.T)
 
 
 def _step(

@@ -7,7 +7,7 @@ docs/methods/filter_error.md.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,11 @@ from wingwatch.estimators.batch.regression import (
     sensor_noise,
     shared_config,
 )
-from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.estimate import Estimate, Outcome
 from wingwatch.estimators.filter_error.guards import guarded
 from wingwatch.estimators.filter_error.likelihood import Prior, Problem
 from wingwatch.estimators.filter_error.model import FilterModel, Layout
 from wingwatch.estimators.filter_error.scoring import Solution, solve
-from wingwatch.estimators.filter_error.verdict import unsettled
 from wingwatch.estimators.filter_error.window import Window, window
 
 __all__ = ["FilterErrorConfig", "filter_error", "problem_of"]
@@ -56,8 +55,6 @@ class FilterErrorConfig:
 
 
 NAME = "filter-error"
-
-_unsettled = unsettled
 
 _GUST_SCALE_M = 100.0
 """Expected scale length of gusts; estimated, known to a factor of e."""
@@ -245,3 +242,14 @@ def _roughness(windows: Sequence[Window]) -> Array:
         # a normal variable's squares have a median of 0.455 of their mean; second differences six times the variance
         rough[c] = np.median(every) / (0.455 * 6.0) if every.size else 1.0
     return np.asarray(np.maximum(rough, np.maximum(floor, 1e-12)))
+
+
+def _unsettled(estimate: Estimate, reason: str, first: int = 0) -> Estimate:
+    """The same, but none of the derivatives from ``first`` on converged; ``reason`` says why."""
+    outcomes = tuple(
+        Outcome.SETTLING if o is Outcome.CONVERGED and k >= first else o
+        for k, o in enumerate(estimate.outcomes)
+    )
+    outcome = Outcome.SETTLING if estimate.outcome is Outcome.CONVERGED else estimate.outcome
+    reasons = f"{reason}; {estimate.reason}" if estimate.reason else reason
+    return replace(estimate, outcomes=outcomes, outcome=outcome, reason=reasons)

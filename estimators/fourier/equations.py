@@ -81,10 +81,10 @@ def _product_sums(real, imaginary, weight):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _normal_matrix(bank, weights, columns, ns, nd, product, m_full):  # type: ignore[no-untyped-def]
+def _normal_matrix(bank, weights, columns, ns, nd, product, normal):  # type: ignore[no-untyped-def]
     """M, the wanted columns of every equation first, then the nuisance ones of every row: the products of the first
-    so many columns with all."""
-    rows, nc = weights.shape[0], nd + NUISANCE
+    so many columns with all that there are."""
+    rows, nc, m_full, variances = weights.shape[0], nd + NUISANCE, normal.matrix, normal.variances
     real, imaginary = product[0], product[1]
     for c in range(columns):
         x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
@@ -95,15 +95,24 @@ def _normal_matrix(bank, weights, columns, ns, nd, product, m_full):  # type: ig
                 imaginary[f] = x[f] * v[f] - y[f] * u[f]
             for k in range(rows):
                 for m in range(k, rows):
-                    if m >= ns and d < nd:
+                    first = _has(variances, k, c, ns, nd) and _has(variances, m, d, ns, nd)
+                    second = _has(variances, k, d, ns, nd) and _has(variances, m, c, ns, nd)
+                    if not (first or second):
                         continue
                     even, odd = _product_sums(real, imaginary, weights[k, m])
-                    if k < ns or c >= nd:
+                    if first:
                         kc, md = _column(k, c, ns, nd), _column(m, d, ns, nd)
                         m_full[kc, md] = m_full[md, kc] = even - odd
-                    if m < ns or c >= nd:
+                    if second:
                         kd, mc = _column(k, d, ns, nd), _column(m, c, ns, nd)
                         m_full[kd, mc] = m_full[mc, kd] = even + odd
+
+
+@lean
+def _has(variances, row, c, ns, nd):  # type: ignore[no-untyped-def]
+    """Whether a row has column c: derivatives are in the equations, of nuisance columns there are those that may be
+    more than nothing."""
+    return row < ns if c < nd else variances[row, c - nd] > 0.0
 
 
 @lean
@@ -113,14 +122,15 @@ def _column(row, c, ns, nd):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _right_side(bank, weights, response, ns, nd, product, b_full):  # type: ignore[no-untyped-def]
+def _right_side(bank, weights, response, ns, nd, product, normal):  # type: ignore[no-untyped-def]
     """b = sum Re(R' W y), ordered as ``_normal_matrix``."""
+    b_full, variances = normal.vector, normal.variances
     for k in range(weights.shape[0]):
         product[:, :] = 0.0
         _add_weighted(weights[k], response, product)
         real, imaginary = product[0], product[1]
         for c in range(nd + NUISANCE):
-            if k >= ns and c < nd:
+            if not _has(variances, k, c, ns, nd):
                 continue
             x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
             total = 0.0
@@ -148,18 +158,19 @@ def normal_equations(sides, plant, fraction, weights, normal):  # type: ignore[n
         sides: ``EquationSides``.
         fraction: of a whole block.
         weights: of ``noise.weigh``.
-        normal: ``NormalWorkspace``; its matrix and vector become sum Re(R' W R), the nuisance columns' prior in it, and
-            sum Re(R' W y).
+        normal: ``NormalWorkspace`` with variances; its matrix and vector become sum Re(R' W R), the nuisance columns'
+            prior in it, and sum Re(R' W y), of the columns that there are.
     """
     ns, nd = plant.derivatives.shape
     rows = weights.shape[0]
     bank, product = sides.regressors, sides.product
-    _normal_matrix(bank, weights, nd + NUISANCE, ns, nd, product, normal.matrix)
-    _right_side(bank, weights, sides.response, ns, nd, product, normal.vector)
+    _normal_matrix(bank, weights, nd + NUISANCE, ns, nd, product, normal)
+    _right_side(bank, weights, sides.response, ns, nd, product, normal)
     for k in range(rows):
-        first = ns * nd + NUISANCE * k
         for c in range(NUISANCE):
-            normal.matrix[first + c, first + c] += prior_of(normal.variances[k, c], fraction)
+            if normal.variances[k, c] > 0.0:
+                place = _column(k, nd + c, ns, nd)
+                normal.matrix[place, place] += prior_of(normal.variances[k, c], fraction)
 
 
 @lean
@@ -178,14 +189,15 @@ def with_other_regressors(sides, plant, weights, whole, normal):  # type: ignore
     """
     ns, nd = plant.derivatives.shape
     copy_matrix(whole.matrix, normal.matrix)
-    _normal_matrix(sides.regressors, weights, nd, ns, nd, sides.product, normal.matrix)
-    _right_side(sides.regressors, weights, sides.response, ns, nd, sides.product, normal.vector)
+    _normal_matrix(sides.regressors, weights, nd, ns, nd, sides.product, normal)
+    _right_side(sides.regressors, weights, sides.response, ns, nd, sides.product, normal)
     normal.vector[ns * nd :] = 0.0
 
 
 @lean
 def residual_of(bank, response, whitened, plant, nuisance, weights):  # type: ignore[no-untyped-def]
-    """The residual in the place of the response, and W times it as ``whitened``; nuisance columns' values (q, 1)."""
+    """The residual in the place of the response, and W times it as ``whitened``; nuisance columns' values (rows,
+    NUISANCE)."""
     ns, nd = plant.derivatives.shape
     nf = bank.shape[2]
     nc = nd + NUISANCE
@@ -194,7 +206,9 @@ def residual_of(bank, response, whitened, plant, nuisance, weights):  # type: ig
         for c in range(nc):
             if c < nd and k >= ns:
                 continue
-            factor = plant.derivatives[k, c] if c < nd else nuisance[NUISANCE * k + c - nd, 0]
+            factor = plant.derivatives[k, c] if c < nd else nuisance[k, c - nd]
+            if factor == 0.0:
+                continue
             x, y = bank[c if c < ns else c + 1, 0], bank[c if c < ns else c + 1, 1]
             for f in range(nf):
                 real[f] -= factor * x[f]

@@ -104,6 +104,7 @@ class NoiseWorkspace(NamedTuple):
         answers: (bins, states, 2 states + DRIVING), complex, of ``driven_motion.driven_motions``.
         shared: (states + inputs, rows, 2, bins) covariance of the regressors' errors with the residual.
         common: (2, bins) workspace.
+        caused: (states,), complex, weighted residual by a unit of one motion of the air in one bin.
         at_ends: (states,) of ``driven_motion.roll_shared_at_ends``; begun: (states, states + 1), complex, workspace.
     """
 
@@ -124,6 +125,7 @@ class NoiseWorkspace(NamedTuple):
     answers: NDArray[np.complex128]
     shared: NDArray[np.float64]
     common: NDArray[np.float64]
+    caused: NDArray[np.complex128]
     at_ends: NDArray[np.float64]
     begun: NDArray[np.complex128]
 
@@ -148,6 +150,7 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.zeros((bins, states, 2 * states + DRIVING), dtype=np.complex128),
         np.zeros((states + inputs, rows, 2, bins)),
         np.zeros((2, bins)),
+        np.zeros(states, dtype=np.complex128),
         np.zeros(states),
         np.zeros((states, states + 1), dtype=np.complex128),
     )

@@ -29,7 +29,6 @@ from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import backward, cholesky, forward
 
 __all__ = [
-    "NO_COLUMN",
     "NormalWorkspace",
     "bins_left",
     "degrees_of_freedom",
@@ -43,9 +42,6 @@ __all__ = [
     "prior_of",
     "reduce_weights",
 ]
-
-NO_COLUMN = 1e20
-"""What is known beforehand of a column that an equation does not have: it is zero."""
 
 RIDGE = 1e-10
 """Added to the nuisance columns' power, each of unit power, before they are eliminated."""
@@ -63,36 +59,47 @@ class NormalWorkspace(NamedTuple):
 
     Attributes:
         matrix, vector: (p + q, p + q), (p + q,) sum Re(R' W R) with the nuisance columns' prior, sum Re(R' W y).
-        variances: (rows, NUISANCE) what is known beforehand of the nuisance columns.
-        size: (q,) roots of the nuisance columns' power; infinite where a column is none.
-        root, inverse: (q, q) Cholesky root of their power, each of unit power, and the inverse of that power.
+        variances: (rows, NUISANCE) what is known beforehand of the nuisance columns; 0 where a row has no such column.
+        number, places: (1,), (q,) how many nuisance columns there are, and which; what follows is of these, the first
+            ones of each array.
+        size: (q,) roots of their power.
+        root, inverse: (q, q) Cholesky root of their power, each of unit power, and the inverse of that power; half:
+            workspace.
         crossed, rest: (q, p), (q, 1) root^-1 of their products with the derivatives' columns, and with the left side.
-        values: (q, 1) what they come out as.
+        solved: (q, 1) what they come out as, in units of their size.
+        values: (rows, NUISANCE) what all come out as, 0 where there is no such column.
     """
 
     matrix: NDArray[np.float64]
     vector: NDArray[np.float64]
     variances: NDArray[np.float64]
+    number: NDArray[np.int64]
+    places: NDArray[np.int64]
     size: NDArray[np.float64]
     root: NDArray[np.float64]
     inverse: NDArray[np.float64]
+    half: NDArray[np.float64]
     crossed: NDArray[np.float64]
     rest: NDArray[np.float64]
+    solved: NDArray[np.float64]
     values: NDArray[np.float64]
 
 
 def normal_workspace(derivatives: int, rows: int) -> NormalWorkspace:
     """Memory for one structure."""
     p, q = derivatives, NUISANCE * rows
-    shapes = ((p + q, p + q), p + q, (rows, NUISANCE), q, (q, q), (q, q), (q, p), (q, 1), (q, 1))
-    return NormalWorkspace(*(np.empty(shape) for shape in shapes))
+    return NormalWorkspace(
+        np.empty((p + q, p + q)), np.empty(p + q), np.empty((rows, NUISANCE)),
+        np.empty(1, dtype=np.int64), np.empty(q, dtype=np.int64), np.empty(q),
+        np.empty((q, q)), np.empty((q, q)), np.empty((q, q)),
+        np.empty((q, p)), np.empty((q, 1)), np.empty((q, 1)), np.empty((rows, NUISANCE)),
+    )  # fmt: skip
 
 
 def of_the_same_nuisance(normal: NormalWorkspace) -> NormalWorkspace:
     """Memory for the same block with other columns of derivatives; what is of nuisance columns alone is shared."""
-    own = (normal.matrix, normal.vector, normal.crossed, normal.rest, normal.values)
-    matrix, vector, crossed, rest, values = (np.empty_like(array) for array in own)
-    return normal._replace(matrix=matrix, vector=vector, crossed=crossed, rest=rest, values=values)
+    own = ("matrix", "vector", "crossed", "rest", "solved", "values")
+    return normal._replace(**{name: np.empty_like(getattr(normal, name)) for name in own})
 
 
 @lean
@@ -128,33 +135,44 @@ def nuisance_variances(plant, air, noise, dt, variances):  # type: ignore[no-unt
 @lean
 def prior_of(variance, fraction):  # type: ignore[no-untyped-def]
     """What is known beforehand of a nuisance column, in sums over bins; ``fraction`` is of a whole block."""
-    return 0.5 / (fraction * variance) if variance > 0.0 else NO_COLUMN
+    return 0.5 / (fraction * variance)
 
 
 @lean
 def factorise(normal, derivatives, span):  # type: ignore[no-untyped-def]
-    """Root and inverse of the nuisance columns' power, for ``eliminate``.
+    """Which nuisance columns there are, root and inverse of their power, for ``eliminate``.
 
     Over a whole number of periods a constant has no transform: what rounding leaves of it is no column.
 
     Args:
-        normal: with a matrix; its size, root and inverse are made.
+        normal: with variances and matrix; its number, places, size, root and inverse are made.
         derivatives: how many columns before the nuisance ones.
         span: length of the block, s.
     """
-    p, q = derivatives, normal.size.size
-    matrix, size, root = normal.matrix, normal.size, normal.root
-    for a in range(q):
-        column = a % NUISANCE
-        ramp = matrix[p + a - column + RAMP, p + a - column + RAMP] / (span * span)
-        own = matrix[p + a, p + a]
-        size[a] = np.sqrt(own) if column > PRESSURE or own > NOTHING * ramp else np.inf
-    for a in range(q):
+    p = derivatives
+    matrix, variances, places, size, root = (
+        normal.matrix,
+        normal.variances,
+        normal.places,
+        normal.size,
+        normal.root,
+    )
+    n = 0
+    for k in range(variances.shape[0]):
+        first = p + NUISANCE * k
+        ramp = matrix[first + RAMP, first + RAMP] / (span * span)
+        for column in range(NUISANCE):
+            own = matrix[first + column, first + column]
+            if variances[k, column] > 0.0 and (column > PRESSURE or own > NOTHING * ramp):
+                places[n], size[n] = NUISANCE * k + column, np.sqrt(own)
+                n += 1
+    normal.number[0] = n
+    for a in range(n):
         for b in range(a + 1):
-            root[a, b] = matrix[p + a, p + b] / size[a] / size[b]
+            root[a, b] = matrix[p + places[a], p + places[b]] / size[a] / size[b]
         root[a, a] += RIDGE
-    cholesky(root, 1e-3 * RIDGE, root)
-    _inverse_of_root(root, normal.inverse)
+    cholesky(root[:n], 1e-3 * RIDGE, root[:n])
+    _inverse_of_root(root[:n], normal.half[:n], normal.inverse[:n])
 
 
 @lean
@@ -166,14 +184,14 @@ def eliminate(normal, theta, scale, m, score):  # type: ignore[no-untyped-def]
         theta, scale: referred derivatives that the block is linearised at, and what makes them present ones, (p,).
         m (p, p), score (p,): become M and b - M theta, in referred derivatives.
     """
-    p, q = theta.size, normal.size.size
-    matrix, crossed, rest = normal.matrix, normal.crossed, normal.rest
-    for a in range(q):
-        unit = 1.0 / normal.size[a]
-        total = normal.vector[p + a]
+    p, n = theta.size, normal.number[0]
+    matrix, crossed, rest = normal.matrix, normal.crossed[:n], normal.rest[:n]
+    for a in range(n):
+        unit, place = 1.0 / normal.size[a], p + normal.places[a]
+        total = normal.vector[place]
         for b in range(p):
-            total -= matrix[p + a, b] * theta[b] * scale[b]
-            crossed[a, b] = matrix[p + a, b] * unit
+            total -= matrix[place, b] * theta[b] * scale[b]
+            crossed[a, b] = matrix[place, b] * unit
         rest[a, 0] = total * unit
     forward(normal.root, crossed)
     forward(normal.root, rest)
@@ -182,7 +200,7 @@ def eliminate(normal, theta, scale, m, score):  # type: ignore[no-untyped-def]
         for b in range(p):
             total -= matrix[a, b] * theta[b] * scale[b]
             m[a, b] = matrix[a, b]
-        for b in range(q):
+        for b in range(n):
             total -= crossed[b, a] * rest[b, 0]
             factor = crossed[b, a]
             for c in range(p):
@@ -195,51 +213,52 @@ def eliminate(normal, theta, scale, m, score):  # type: ignore[no-untyped-def]
 @lean
 def nuisance_of(normal, change, scale):  # type: ignore[no-untyped-def]
     """Values that belong to derivatives that differ by ``change`` (p,) from those of ``eliminate``."""
-    size, values = normal.size, normal.values
-    for a in range(size.size):
+    n, solved, values = normal.number[0], normal.solved, normal.values
+    for a in range(n):
         total = normal.rest[a, 0]
         for b in range(change.size):
             total -= normal.crossed[a, b] * scale[b] * change[b]
-        values[a, 0] = total
-    backward(normal.root, values)
-    for a in range(size.size):
-        values[a, 0] /= size[a]
+        solved[a, 0] = total
+    backward(normal.root, solved[:n])
+    values[:, :] = 0.0
+    for a in range(n):
+        place = normal.places[a]
+        values[place // NUISANCE, place % NUISANCE] = solved[a, 0] / normal.size[a]
 
 
 @lean
-def _inverse_of_root(root, out):  # type: ignore[no-untyped-def]
-    """(L L')^-1 of a lower triangular ``root`` L (n, n) into ``out``."""
+def _inverse_of_root(root, half, out):  # type: ignore[no-untyped-def]
+    """(L L')^-1 of a lower triangular ``root`` L into ``out``, L^-1 into the lower triangle of ``half``; all (n, n or
+    more)."""
     n = root.shape[0]
     for a in range(n):
-        for b in range(a):
-            out[a, b] = 0.0
-        out[a, a] = 1.0 / root[a, a]
-        for b in range(a + 1, n):
-            total = 0.0
-            for c in range(a, b):
-                total -= root[b, c] * out[a, c]
-            out[a, b] = total / root[b, b]
-    # Rows of ``out`` are columns of L^-1; the product needs from each pair only what lies behind both.
-    for a in range(n):
-        for b in range(a, n):
-            total = 0.0
-            for c in range(b, n):
-                total += out[a, c] * out[b, c]
-            out[a, b] = total
+        own = 1.0 / root[a, a]
+        for b in range(n):
+            half[a, b] = out[a, b] = 0.0
+        for c in range(a):
+            factor = -root[a, c] * own
+            for b in range(c + 1):
+                half[a, b] += factor * half[c, b]
+        half[a, a] = own
+    for c in range(n):
+        for a in range(c + 1):
+            factor = half[c, a]
+            for b in range(a + 1):
+                out[a, b] += factor * half[c, b]
     for a in range(n):
         for b in range(a):
-            out[a, b] = out[b, a]
+            out[b, a] = out[a, b]
 
 
 @lean
 def degrees_of_freedom(normal, fraction):  # type: ignore[no-untyped-def]
     """How many real numbers the nuisance columns fit, tr(data (data + prior)^-1); ``fraction`` is of a whole block."""
     taken = 0.0
-    for a in range(normal.size.size):
-        size = normal.size[a]
-        if math.isinf(size):
-            continue
-        prior = prior_of(normal.variances[a // NUISANCE, a % NUISANCE], fraction) / (size * size) + RIDGE
+    for a in range(normal.number[0]):
+        size, place = normal.size[a], normal.places[a]
+        prior = (
+            prior_of(normal.variances[place // NUISANCE, place % NUISANCE], fraction) / (size * size) + RIDGE
+        )
         taken += max(0.0, 1.0 - prior * normal.inverse[a, a])
     return taken
 
@@ -253,27 +272,40 @@ def fitted_columns(bank, first, normal, work):  # type: ignore[no-untyped-def]
         normal: of ``eliminate``.
         work: ``NoiseWorkspace``.
     """
-    fitted = work.fitted
+    fitted, count, places, size, inverse = (
+        work.fitted,
+        normal.number[0],
+        normal.places,
+        normal.size,
+        normal.inverse,
+    )
+    real, imaginary = work.common[0], work.common[1]
     rows, bins = fitted.shape[0], fitted.shape[3]
     fitted[:, :, :, :] = 0.0
-    for c in range(NUISANCE):
-        x, y = bank[first + c, 0], bank[first + c, 1]
-        for d in range(NUISANCE):
-            u, v = bank[first + d, 0], bank[first + d, 1]
+    for a in range(count):
+        k, x, y = (
+            places[a] // NUISANCE,
+            bank[first + places[a] % NUISANCE, 0],
+            bank[first + places[a] % NUISANCE, 1],
+        )
+        b = 0
+        for m in range(k + 1):
+            work.common[:, :] = 0.0
+            while b < count and places[b] // NUISANCE == m:
+                factor, column = inverse[a, b] / (size[a] * size[b]), first + places[b] % NUISANCE
+                u, v = bank[column, 0], bank[column, 1]
+                for f in range(bins):
+                    real[f] += factor * u[f]
+                    imaginary[f] += factor * v[f]
+                b += 1
+            to_real, to_imaginary = fitted[k, m, 0], fitted[k, m, 1]
             for f in range(bins):
-                work.spread[f] = x[f] * u[f] + y[f] * v[f]
-                work.weighted[0, 0, f] = y[f] * u[f] - x[f] * v[f]
-            for k in range(rows):
-                a = NUISANCE * k + c
-                for m in range(rows):
-                    b = NUISANCE * m + d
-                    factor = normal.inverse[a, b] / (normal.size[a] * normal.size[b])
-                    if factor == 0.0:
-                        continue
-                    real, imaginary = fitted[k, m, 0], fitted[k, m, 1]
-                    for f in range(bins):
-                        real[f] += factor * work.spread[f]
-                        imaginary[f] += factor * work.weighted[0, 0, f]
+                to_real[f] += x[f] * real[f] + y[f] * imaginary[f]
+                to_imaginary[f] += y[f] * real[f] - x[f] * imaginary[f]
+    for k in range(rows):
+        for m in range(k):
+            for f in range(bins):
+                fitted[m, k, 0, f], fitted[m, k, 1, f] = fitted[k, m, 0, f], -fitted[k, m, 1, f]
 
 
 @lean

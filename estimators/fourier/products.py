@@ -44,7 +44,8 @@ def expected_products(omega, plant, air, noise, power, span, work, equation):  #
 
     Args:
         span: length of the block, s.
-        work: ``NoiseWorkspace``, after ``driven_motions`` and ``roll_shared_at_ends``; ``driven`` is filled.
+        work: ``NoiseWorkspace``, after ``driven_motions`` and ``roll_shared_at_ends``; ``driven`` and
+            ``caused`` are filled.
         equation: ``Equation``; ``expected`` becomes what of R' W r is due to the air, and ``bias`` what of it is due to
             what moment equations leave out.
     """
@@ -53,7 +54,7 @@ def expected_products(omega, plant, air, noise, power, span, work, equation):  #
     g[:] = 0.0
     bias[:] = 0.0
     work.driven[:, :, :] = 0.0
-    weights, transfer, driven = work.weights, work.transfer, work.driven
+    weights, transfer, driven, caused = work.weights, work.transfer, work.driven, work.caused
     rows = weights.shape[0]
     rolling = power * noise[ROLLING]
     work.rolled[0] = 0.0
@@ -64,6 +65,11 @@ def expected_products(omega, plant, air, noise, power, span, work, equation):  #
             variance = power * noise[GUST + e]
             if variance == 0.0:
                 continue
+            for k in range(ns):
+                caused[k] = 0.0j
+                for m in range(rows):
+                    w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
+                    caused[k] += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
             for j in range(ns):
                 motion = 0.0j if e == 1 else answers[j, ns + e]
                 if e == 0 and j == ns - 1:
@@ -72,11 +78,7 @@ def expected_products(omega, plant, air, noise, power, span, work, equation):  #
                     at_ends = (work.at_ends[i] if e == 1 else 0.0) - answers[i, ns + e]
                     motion += answers[j, ns + DRIVING + i] * at_ends / span
                 for k in range(ns):
-                    cause = 0.0j
-                    for m in range(rows):
-                        w = complex(weights[k, m, 0, f], weights[k, m, 1, f])
-                        cause += w * complex(transfer[nd + 1 + e, m, 0, f], transfer[nd + 1 + e, m, 1, f])
-                    shared = variance * cause * motion.conjugate()
+                    shared = variance * caused[k] * motion.conjugate()
                     g[k * nd + j] += shared.real
                     driven[k, 0, f] += plant.derivatives[k, j] * shared.real
                     driven[k, 1, f] += plant.derivatives[k, j] * shared.imag

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from wingwatch.estimators.fourier.bank import NUISANCE
 from wingwatch.estimators.fourier.noise import Air, Plant, noise_workspace
 from wingwatch.estimators.fourier.nuisance import (
-    NO_COLUMN,
     NormalWorkspace,
     bins_left,
     degrees_of_freedom,
@@ -48,15 +47,18 @@ def weights(seed: int) -> NDArray[np.complex128]:
 def power_of(w: NDArray[np.complex128], c: NDArray[np.complex128], variances: Array) -> tuple[Array, Array]:
     """Re sum C' W C with the prior, of unit diagonal, and the sizes."""
     full = np.einsum("cf,fkm,df->kcmd", c.conj(), w, c).real.reshape(ROWS * NUISANCE, -1)
-    full += np.diag([prior_of(v, 1.0) for v in variances.ravel()])
+    present = np.flatnonzero(variances)
+    full = full[np.ix_(present, present)] + np.diag([prior_of(v, 1.0) for v in variances.ravel()[present]])
     size = np.sqrt(np.diag(full))
     return full / np.outer(size, size), size
 
 
 def eliminated(unit: Array, size: Array, variances: Array) -> NormalWorkspace:
     """As ``eliminate`` leaves the workspace, of these nuisance columns and no derivatives."""
-    found = normal_workspace(0, ROWS)
-    found.variances[...], found.inverse[...], found.size[...] = variances, np.linalg.inv(unit), size
+    found, present = normal_workspace(0, ROWS), np.flatnonzero(variances)
+    n = found.number[0] = len(present)
+    found.variances[...], found.places[:n], found.size[:n] = variances, present, size
+    found.inverse[:n, :n] = np.linalg.inv(unit)
     return found
 
 
@@ -68,20 +70,26 @@ def test_elimination_leaves_the_inverse_and_what_the_derivatives_columns_keep() 
     z = rng.standard_normal((p + q, 3 * (p + q)))
     normal = normal_workspace(p, rows)
     normal.matrix[...], normal.vector[...] = z @ z.T, rng.standard_normal(p + q)
-    full, right, theta, scale = normal.matrix.copy(), normal.vector.copy(), rng.standard_normal(p), np.ones(p)
+    normal.variances[...] = 1.0
+    normal.variances[1, 3:5] = 0.0
+    there = np.r_[: p + q][np.r_[np.ones(p, dtype=bool), normal.variances.ravel() > 0.0]]
+    full, right = normal.matrix[np.ix_(there, there)], normal.vector[there]
+    theta, scale, n = rng.standard_normal(p), np.ones(p), len(there) - p
     m, score = np.empty((p, p)), np.empty(p)
     factorise(normal, p, 10.0)
     eliminate(normal, theta, scale, m, score)
+    assert normal.number[0] == n == q - 2
     cross, power = full[:p, p:], full[p:, p:]
-    unit = power / np.outer(normal.size, normal.size)
-    np.testing.assert_allclose(normal.inverse, np.linalg.inv(unit), rtol=1e-6, atol=1e-8)
+    unit = power / np.outer(normal.size[:n], normal.size[:n])
+    np.testing.assert_allclose(normal.inverse[:n, :n], np.linalg.inv(unit), rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(m, full[:p, :p] - cross @ np.linalg.solve(power, cross.T), rtol=1e-6)
     left = right - full[:, :p] @ theta
     np.testing.assert_allclose(score, left[:p] - cross @ np.linalg.solve(power, left[p:]), rtol=1e-6)
     change = np.array([0.1, -0.2, 0.3])
     nuisance_of(normal, change, scale)
     want = np.linalg.solve(power, left[p:] - cross.T @ change)
-    np.testing.assert_allclose(normal.values[:, 0], want, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(normal.values[normal.variances > 0.0], want, rtol=1e-6, atol=1e-9)
+    assert (normal.values[1, 3:5] == 0.0).all()
 
 
 def test_columns_take_as_many_real_numbers_as_are_free() -> None:
@@ -89,14 +97,12 @@ def test_columns_take_as_many_real_numbers_as_are_free() -> None:
     _, c, variances = columns(2)
     unit, size = power_of(weights(2), c, variances)
     taken = degrees_of_freedom(eliminated(unit, size, variances), 1.0)
-    data = unit * np.outer(size, size) - np.diag([prior_of(v, 1.0) for v in variances.ravel()])
-    present = variances.ravel() > 0.0
-    both = np.diag([prior_of(v, 1.0) for v in variances.ravel()[present]]) + data[np.ix_(present, present)]
-    want = np.trace(data[np.ix_(present, present)] @ np.linalg.inv(both))
+    prior = np.diag([prior_of(v, 1.0) for v in variances[variances > 0.0]])
+    both = unit * np.outer(size, size)
+    want = np.trace((both - prior) @ np.linalg.inv(both))
     assert taken == pytest.approx(want, abs=1e-6)
-    assert 2 * ROWS < taken < present.sum()
+    assert 2 * ROWS < taken < len(size)
     assert prior_of(math.inf, 0.5) == 0.0
-    assert prior_of(0.0, 0.5) == NO_COLUMN
 
 
 def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() -> None:
@@ -118,8 +124,9 @@ def test_weights_are_reduced_to_what_residuals_keep_once_columns_are_fitted() ->
     ) / math.sqrt(2.0)
     r = np.einsum("fkm,nfm->nfk", np.linalg.cholesky(np.linalg.inv(w)), z)
     whitened = np.einsum("fkm,nfm->nfk", w, r)
-    right = np.einsum("cf,nfk->nkc", c.conj(), whitened).real.reshape(draws, -1) / size
-    fitted = (right @ np.linalg.inv(unit) / size).reshape(draws, ROWS, NUISANCE)
+    right = np.einsum("cf,nfk->nkc", c.conj(), whitened).real[:, variances > 0.0] / size
+    fitted = np.zeros((draws, ROWS, NUISANCE))
+    fitted[:, variances > 0.0] = right @ np.linalg.inv(unit) / size
     left = whitened - np.einsum("fkm,nmc,cf->nfk", w, fitted, c)
     # the regressor of row 0 is that row's residual
     got = np.real(np.conj(r[:, :, 0]) * left[:, :, 0]).sum(axis=1)

@@ -60,7 +60,7 @@ BREACHES = (
     ),
     (
         "estimators/ekf",
-        "import wingwatch.estimators.filter_error.lanes",
+        "import wingwatch.estimators.filter_error.model",
         "one estimator does not import another",
     ),
     (
