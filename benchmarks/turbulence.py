@@ -1,6 +1,7 @@
 """How far turbulence pulls the estimates: mean error of each derivative over simulated flights, still and rough air.
 
-    .venv/bin/python benchmarks/turbulence.py [--flights 6] [--seconds 200]
+    .venv/bin/python benchmarks/turbulence.py [--flights 6] [--seconds 200] [--rate 50] [--aircraft aerosonde]
+        [--seed 7000] [--model dryden] [--drawn-doublets] [--air none,light,moderate]
 
 Seeds are fixed. Flights are as `wingwatch simulate` flies them (how finely the air has to be drawn: ``air_steps``).
 Truth is the linearisation at the condition that the estimate is reported at.
@@ -9,6 +10,8 @@ Truth is the linearisation at the condition that the estimate is reported at.
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 from simulated_flights import (
@@ -21,9 +24,16 @@ from simulated_flights import (
     truth_of,
 )
 
-from wingwatch.aircraft import load_aircraft
+from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.estimators import Estimate, Outcome
-from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, doublet_schedule
+from wingwatch.simulation import (
+    DoubletSchedule,
+    FleetSimulation,
+    Scenario,
+    Turbulence,
+    TurbulenceModel,
+    doublet_schedule,
+)
 from wingwatch.telemetry import SampleBlock, complete
 
 AIRCRAFT = load_aircraft("aerosonde")
@@ -31,18 +41,23 @@ FIRST_SEED = 7000
 LEVELS: tuple[Turbulence, ...] = ("none", "light", "moderate")
 
 
-def finals(turbulence: Turbulence, flights: int, seconds: float) -> list[Estimate]:
-    """Both estimators' last estimates of short period and lateral structure, over all flights."""
-    doublets = doublet_schedule(AIRCRAFT, cruise_of(AIRCRAFT), AMPLITUDE_RAD)
-    fleet = FleetSimulation(
-        [
-            Scenario(AIRCRAFT, manoeuvres=(doublets,), turbulence=turbulence, seed=FIRST_SEED + i)
-            for i in range(flights)
-        ],
-        rate_hz=RATE_HZ,
+def drawn(doublets: DoubletSchedule, seed: int) -> DoubletSchedule:
+    """The same with other times and lengths, which are no multiples of a sample."""
+    rng = np.random.default_rng(seed)
+    return replace(
+        doublets,
+        start_s=5.0 + rng.uniform(0.0, 1.0),
+        spacing_s=4.0 + rng.uniform(0.0, 1.0),
+        period_s=20.0 + rng.uniform(0.0, 2.0),
+        pulses_s=tuple(pulse * rng.uniform(0.8, 1.3) for pulse in doublets.pulses_s),
     )
-    blocks = [complete(SampleBlock(values)) for values in fleet.step(round(RATE_HZ * seconds))]
-    return [estimate for block in blocks for estimate in last_estimates(AIRCRAFT, block)]
+
+
+def finals(scenarios: Sequence[Scenario], rate_hz: float, seconds: float) -> list[Estimate]:
+    """Both estimators' last estimates of short period and lateral structure, over all flights."""
+    flown = FleetSimulation(scenarios, rate_hz=rate_hz).step(round(rate_hz * seconds))
+    blocks = [complete(SampleBlock(values)) for values in flown]
+    return [e for s, b in zip(scenarios, blocks, strict=True) for e in last_estimates(s.aircraft, b)]
 
 
 def main() -> int:
@@ -51,7 +66,19 @@ def main() -> int:
     )
     parser.add_argument("--flights", type=int, default=6)
     parser.add_argument("--seconds", type=float, default=200.0)
+    parser.add_argument("--rate", type=float, default=RATE_HZ, help="samples a second")
+    parser.add_argument("--aircraft", default=AIRCRAFT.name, help="name in the library")
+    parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first flight of each air")
+    parser.add_argument("--air", default=",".join(LEVELS), help="which, of " + ",".join(LEVELS))
+    parser.add_argument(
+        "--drawn-doublets",
+        action="store_true",
+        help="times and lengths of the doublets differ from flight to flight",
+    )
+    parser.add_argument("--model", choices=get_args(TurbulenceModel), default="dryden", help="of the air")
     chosen = parser.parse_args()
+    aircraft = load_aircraft(chosen.aircraft)
+    doublets = doublet_schedule(aircraft, cruise_of(aircraft), AMPLITUDE_RAD)
     print(
         f"{chosen.flights} flights of {chosen.seconds:g} s, doublets every 20 s, autopilot closed; mean error in % of"
     )
@@ -62,17 +89,29 @@ def main() -> int:
         "last, truth inside the stated 95 % interval over all derivatives: those that claim standing, and all"
     )
     for level in LEVELS:
-        estimates = finals(level, chosen.flights, chosen.seconds)
+        if level not in chosen.air.split(","):
+            continue
+        scenarios = [
+            Scenario(
+                aircraft,
+                manoeuvres=(drawn(doublets, chosen.seed + i) if chosen.drawn_doublets else doublets,),
+                turbulence=level,
+                turbulence_model=chosen.model,
+                seed=chosen.seed + i,
+            )
+            for i in range(chosen.flights)
+        ]
+        estimates = finals(scenarios, chosen.rate, chosen.seconds)
         for structure in STRUCTURES:
             for name in ("fourier", "ekf"):
                 mine = [e for e in estimates if e.structure == structure and e.estimator == name]
-                print(f"{level:9}{structure.name:13}{name:8}{row(mine)}")
+                print(f"{level:9}{structure.name:13}{name:8}{row(mine, aircraft)}", flush=True)
     return 0
 
 
-def row(mine: Sequence[Estimate]) -> str:
+def row(mine: Sequence[Estimate], aircraft: Aircraft = AIRCRAFT) -> str:
     """Mean error in percent and rms error over stated error by derivative, then the shares inside the interval."""
-    truth = np.array([truth_of(AIRCRAFT, e) for e in mine])
+    truth = np.array([truth_of(aircraft, e) for e in mine])
     error = np.array([e.value for e in mine]) - truth
     scores = error / np.array([e.standard_error for e in mine])
     stands = np.array([[o in (Outcome.CONVERGED, Outcome.SETTLING) for o in e.outcomes] for e in mine])

@@ -29,7 +29,6 @@ from wingwatch.estimators.ekf.scatter import (
 from wingwatch.estimators.ekf.solve import solve_all
 from wingwatch.estimators.ekf.state import (
     ACCELERATION,
-    GUST_STATES,
     NEWEST,
     PRESSURE_RATIO,
     TIME,
@@ -43,6 +42,7 @@ from wingwatch.estimators.ekf.state import (
     Noise,
     Solved,
     Window,
+    gust_states,
     put_vehicle,
     sizes_of,
 )
@@ -410,7 +410,7 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
         if roll:
             lever[1] = z
     # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
-    gust_length_m = np.zeros(GUST_STATES if config.span_m > 0.0 else 0)
+    gust_length_m = np.zeros(gust_states(ns) if config.span_m > 0.0 else 0)
     if gust_length_m.size > 0:
         gust_length_m[ACCELERATION] = 4.0 * config.span_m / np.pi
         gust_length_m[TURN] = (4.0 if longitudinal else 3.0) * config.span_m / np.pi

@@ -54,8 +54,7 @@ def gust_variance(model, z, noise, condition, places, out):  # type: ignore[no-u
         jacobian = transition(model, z[i], step).jacobian
         caused[:] = process_noise(model, noise, i, jacobian, step)
         advance[:] = jacobian[:, :nx]
-        if decay.size > 0:
-            advance[:ns, ns + PATH] = 0.0  # an error of the path is no motion
+        advance[:ns, ns + PATH :] = 0.0  # an error of the path is no motion
         for _ in range(DOUBLINGS):
             _times(advance, caused, half)
             _times_transposed(half, advance, product)

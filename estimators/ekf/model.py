@@ -13,9 +13,9 @@ The gust states are first-order processes with the time that the span takes to p
   product of two unknowns, l_p and p_g, it would bias both;
 - the gust-induced pitch or yaw rate that belongs to the gust seen by the vane, q_g = -w_g'/V or r_g = v_g'/V.
 
-The aerodynamics know only the rate relative to it. How strongly the aircraft feels it is a gust state too, 1 + PATH
-with a standard deviation of 1: taken as exact, it would carry information about the moment's derivatives that nobody
-has.
+The aerodynamics know only the rate relative to it. What it does beside
+what the derivatives by the rate say is a gust state of every equation too (from PATH on), with a standard deviation of
+the derivative's natural size: taken as exact, it would carry information about these derivatives that nobody has.
 """
 
 import numpy as np
@@ -55,18 +55,31 @@ def gust_turn(model):  # type: ignore[no-untyped-def]
 def gust_decay(model, dt_s, airspeed_m_s, out):  # type: ignore[no-untyped-def]
     """Of the gust states over a step, into ``out`` (ng,)."""
     for g in range(model.sizes.gusts):
-        if g != PATH:
+        if g < PATH:
             out[g] = np.exp(-dt_s * airspeed_m_s / model.gust_length_m[g])
-    out[PATH] = np.exp(-dt_s / model.memory_s)
+        else:
+            out[g] = np.exp(-dt_s / model.memory_s)
 
 
 @hot
 def _mean_gust(model, z, lasting):  # type: ignore[no-untyped-def]
-    """Mean over a step of the air's rate, as the aircraft feels it."""
-    ns = model.sizes.states
+    """Mean over a step of the air's rate."""
     if model.sizes.gusts == 0:
         return 0.0
-    return lasting[TURN] * z[ns + TURN] * (1.0 + z[ns + PATH])
+    return lasting[TURN] * z[model.sizes.states + TURN]
+
+
+@hot
+def _path_size(model, scale, k):  # type: ignore[no-untyped-def]
+    """Natural size of equation k's derivative by the last rate, the unit of its path."""
+    last = (k + 1) * model.sizes.states + k * model.sizes.inputs - 1
+    return model.prior_std[last] * scale[last]
+
+
+@hot
+def _path(model, z, scale, k):  # type: ignore[no-untyped-def]
+    """What equation k makes of the air's rate beside what its derivative says."""
+    return _path_size(model, scale, k) * z[model.sizes.states + PATH + k] if model.sizes.gusts > 0 else 0.0
 
 
 @hot
@@ -80,7 +93,7 @@ def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
         total = z[nx + ns * nd + k] * step.pressure_ratio
         for j in range(ns):
             a[k, j] = z[nx + k * nd + j] * scale[k * nd + j]
-        total -= a[k, ns - 1] * gust_rate
+        total -= (a[k, ns - 1] + _path(model, z, scale, k)) * gust_rate
         for j in range(nu):
             control = z[nx + k * nd + ns + j] * scale[k * nd + ns + j]
             total += control * step.inputs[j]
@@ -102,13 +115,34 @@ def _multiply(a, b, n, out):  # type: ignore[no-untyped-def]
 
 @hot
 def _series(a, ns, a2, a3, out):  # type: ignore[no-untyped-def]
-    """I + A/2 + A^2/6 + A^3/24 into ``out``; A^2 and A^3 into theirs."""
+    """phi = (e^A - 1)/A by I + A/2 + A^2/6 + A^3/24 into ``out``; a2 and a3 are workspace.
+
+    Beyond one the series does not converge in four terms. It is that of a part G of A then, and phi(2 G) is phi(G)
+    (2 + G phi(G)) / 2.
+    """
+    largest = 0.0
+    for k in range(ns):
+        largest = max(largest, abs(a[k, k]))
+    part = 1.0
+    while largest * part > 1.0:
+        part *= 0.5
     _multiply(a, a, ns, a2)
     _multiply(a2, a, ns, a3)
     for k in range(ns):
         for j in range(ns):
-            out[k, j] = a[k, j] / 2.0 + a2[k, j] / 6.0 + a3[k, j] / 24.0
+            out[k, j] = part * (a[k, j] / 2.0 + part * (a2[k, j] / 6.0 + part * a3[k, j] / 24.0))
         out[k, k] += 1.0
+    while part < 1.0:
+        _multiply(a, out, ns, a2)
+        for k in range(ns):
+            for j in range(ns):
+                a2[k, j] *= 0.5 * part
+            a2[k, k] += 1.0
+        _multiply(out, a2, ns, a3)
+        for k in range(ns):
+            for j in range(ns):
+                out[k, j] = a3[k, j]
+        part *= 2.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -180,15 +214,18 @@ def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def
             jacobian[row, j] = work.squared[row, j]
         jacobian[row, row] += 1.0
     if gusts > 0:
-        path, gust_rate = 1.0 + z[ns + PATH], _mean_gust(model, z, lasting)
+        gust_rate = _mean_gust(model, z, lasting)
         for row in range(ns):
             strength = answer = 0.0
             for k in range(ns):
                 strength += series[row, k] * model.gust_direction[k]
-                answer += series[row, k] * work.aerodynamic[k, ns - 1]
+                answer += series[row, k] * (
+                    work.aerodynamic[k, ns - 1] + step.dt_s * _path(model, z, step.scale, k)
+                )
+                path = step.dt_s * _path_size(model, step.scale, k) * gust_rate
+                jacobian[row, ns + PATH + k] = -series[row, k] * path
             jacobian[row, ns + ACCELERATION] = strength * step.dt_s * lasting[ACCELERATION]
-            jacobian[row, ns + TURN] = -answer * lasting[TURN] * path
-            jacobian[row, ns + PATH] = -answer * gust_rate / path
+            jacobian[row, ns + TURN] = -answer * lasting[TURN]
     for g in range(gusts):
         jacobian[ns + g, ns + g] = step.decay[g]
 
@@ -219,8 +256,7 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
     """
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
     nd, scale, direction = ns + nu, step.scale, model.gust_direction
-    path = 1.0 + z[ns + PATH] if gusts > 0 else 0.0
-    gust_rate = z[ns + TURN] * path if gusts > 0 else 0.0
+    gust_rate = z[ns + TURN] if gusts > 0 else 0.0
     row[:] = 0.0
     predicted = 0.0
     for k in range(ns):
@@ -234,8 +270,10 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             row[j] += value
             row[nx + k * nd + j] = weight * scale[k * nd + j] * relative
             if gusts > 0 and j == ns - 1:
-                row[ns + TURN] -= value * path
-                row[ns + PATH] -= value * z[ns + TURN]
+                path = weight * _path(model, z, scale, k)
+                predicted -= path * gust_rate
+                row[ns + TURN] -= value + path
+                row[ns + PATH + k] -= weight * _path_size(model, scale, k) * gust_rate
         for j in range(nu):
             factor = weight * scale[k * nd + ns + j] * step.inputs_end[j]
             predicted += factor * z[nx + k * nd + ns + j]

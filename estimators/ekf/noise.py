@@ -178,8 +178,8 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
             u, w = power * work[0, a] / 12.0, power * work[1, a]
             for b in range(nx):
                 q[a, b] += w * work[1, b] + u * work[0, b]
-    if gusts > 0:
-        q[ns + PATH, ns + PATH] += (1.0 - step.decay[PATH] ** 2) * PATH_STD * PATH_STD
+    for g in range(PATH, gusts):
+        q[ns + g, ns + g] += (1.0 - step.decay[g] ** 2) * PATH_STD * PATH_STD
 
 
 @njit(cache=True, error_model="numpy")

@@ -138,9 +138,12 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
     for j in range(nu):
         c = 2 + ns + j
         step.inputs_end[j] = new[c]
-        mean, early = course(sample.dt_s, model.servo_s[j], old[c] == sample.older[c])
-        step.inputs[j] = old[c] + mean * (new[c] - old[c])
-        step.early[j], step.newest_fraction[j] = early * (new[c] - old[c]), mean
+        change, before = new[c] - old[c], old[c] - sample.older[c]
+        mean, mean_before, early, early_before = course(sample.dt_s, model.servo_s[j], before == 0.0)
+        if not abs(old[TIME] - sample.older[TIME] - sample.dt_s) < 0.5 * sample.dt_s:
+            before = 0.0
+        step.inputs[j] = old[c] + mean * change + mean_before * before
+        step.early[j], step.newest_fraction[j] = early * change + early_before * before, mean
     speed = new[kinematic + AIRSPEED]
     pressure = (
         new[kinematic + DENSITY] * speed / (model.reference_airspeed_m_s * model.reference_density_kg_m3)
@@ -176,8 +179,8 @@ def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
             cov[c, k] = 0.0
     for k in range(ns):
         cov[k, k] = variance[k]
-    if model.sizes.gusts > 0:
-        cov[ns + PATH, ns + PATH] = PATH_STD * PATH_STD
+    for g in range(PATH, model.sizes.gusts):
+        cov[ns + g, ns + g] = PATH_STD * PATH_STD
 
 
 @hot

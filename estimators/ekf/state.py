@@ -24,7 +24,7 @@ __all__ = [
     "DENSITY",
     "EARLIER",
     "FIRST_READING",
-    "GUST_STATES",
+    "gust_states",
     "NEWEST",
     "PATH",
     "PRESSURE_RATIO",
@@ -66,9 +66,10 @@ PRESSURE_RATIO, AIRSPEED, DENSITY, ALPHA, VANE = 1, 2, 3, 5, 6
 """Columns of a signal row after its kinematic column: dynamic pressure ratio, airspeed, density, angle of attack, and
 whether a vane measured the first state."""
 
-ACCELERATION, TURN, PATH, GUST_STATES = 0, 1, 2, 3
+ACCELERATION, TURN, PATH = 0, 1, 2
 """Gust states, after the states of the mode: angular acceleration by air that no vane sees; rate of the air that the
-slope of a gust makes; how much more than that rate the aircraft feels, as a fraction of it."""
+slope of a gust makes; and from PATH on, one for each equation, what that rate does beside what the derivative says, in
+natural sizes of this."""
 
 NEWEST, EARLIER = 0, 1
 """The last signal row and the one before, in ``EkfState.rows``."""
@@ -92,6 +93,11 @@ class Sizes(NamedTuple):
     """nz: the whole augmented state."""
     kinematic: int
     """Column of the kinematic term in a signal row."""
+
+
+def gust_states(states: int) -> int:
+    """How many there are beside so many states of a mode."""
+    return PATH + states
 
 
 def sizes_of(states: int, inputs: int, gusts: int) -> Sizes:

@@ -9,7 +9,7 @@ import math
 from wingwatch.estimators.fourier.bank import NUISANCE, TURN_SIZE
 from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.estimators.kernels.hot import lean
-from wingwatch.estimators.kernels.intersample import course
+from wingwatch.estimators.kernels.intersample import frames_of
 
 __all__ = ["between_samples", "rate_of", "turned_between_samples"]
 
@@ -33,12 +33,28 @@ def _add(factor, source, target):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _add_turned(omega, factor, source, target):  # type: ignore[no-untyped-def]
-    """target += factor s source, (2, bins)."""
-    real, imaginary, x, y = target[0], target[1], source[0], source[1]
+def _add_servo(omega, dt, servo_s, rate, target):  # type: ignore[no-untyped-def]
+    """target += what lines miss of a surface behind its servo, from the transform of its rate (2, bins), (docs (24)).
+
+    Each of several commands in a step answers in the samples (``sampled``) and in between (``whole``). Commands that go
+    with nothing make of the samples' transform the best estimate of the surface's, sum of whole sampled* over sum of
+    |sampled|^2.
+    """
+    frames, stays = frames_of(dt), math.exp(-dt / servo_s)
     for f in range(omega.size):
-        real[f] -= factor * omega[f] * y[f]
-        imaginary[f] += factor * omega[f] * x[f]
+        s = 1j * omega[f]
+        z = complex(math.cos(omega[f] * dt), math.sin(omega[f] * dt))
+        together, power = 0.0j, 0.0
+        for i in range(frames):
+            late = i * dt / frames
+            sampled = dt * (1.0 / (z - 1.0) - math.exp(late / servo_s) * stays / (z - stays))
+            turned = complex(math.cos(omega[f] * late), -math.sin(omega[f] * late))
+            together += turned * sampled.conjugate()
+            power += sampled.real * sampled.real + sampled.imag * sampled.imag
+        of_line = 2.0 * (1.0 - z.real) / (omega[f] * dt) ** 2
+        missing = (together / (s * (1.0 + s * servo_s)) / (power * of_line) - 1.0) / s
+        target[0, f] += missing.real * rate[0, f] - missing.imag * rate[1, f]
+        target[1, f] += missing.real * rate[1, f] + missing.imag * rate[0, f]
 
 
 @lean
@@ -99,9 +115,7 @@ def between_samples(model, rows, dt, theta, scale, forward, transforms):  # type
             _add_half_step(omega, dt, jumps, missed[own])
             _add(-1.0, jumps, rate[own])
         else:
-            mean, moment = course(dt, servo_s[j], False)
-            _add(dt * (mean - 0.5), rate[own], missed[own])
-            _add_turned(omega, dt * dt * (moment + 1.0 / 12.0), rate[own], missed[own])
+            _add_servo(omega, dt, servo_s[j], rate[own], missed[own])
             _add(1.0, missed[own], out[own + 1])
     for k in range(ns):
         for j in range(nd):

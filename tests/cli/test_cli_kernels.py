@@ -22,7 +22,7 @@ from wingwatch.cli import kernel_worker, kernels
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO, EVERY, LIVE, STEPS, KernelStep
 from wingwatch.cli.kernels import KernelCompiler, KernelError, only_load
 from wingwatch.estimators.ekf import recursion, window
-from wingwatch.estimators.ekf.state import GUST_STATES
+from wingwatch.estimators.ekf.state import gust_states
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import REQUIRED_CHANNELS
 
@@ -295,7 +295,7 @@ def test_neither_a_first_sample_nor_a_first_change_has_the_filter_compiled_under
             monitor = VehicleMonitor(aircraft, "f", "v", present, {}, new_id=lambda: "1")
             sizes = [pair.ekf.model.sizes for pair in monitor.chain.supervisor.pairs.values()]
             needed |= {(one.states, one.inputs, one.gusts) for one in sizes}
-    assert {(2, 1, 0), (2, 1, GUST_STATES)} < needed
+    assert {(2, 1, 0), (2, 1, gust_states(2))} < needed
     assert needed <= there
 
 

@@ -1,5 +1,6 @@
 """Inputs between their readings, and the errors of these readings, in the Kalman filter."""
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -22,28 +23,65 @@ def test_course_of_a_servo_whose_command_is_held(servo_s: float) -> None:
     def risen(s: float) -> float:
         return float((1.0 - np.exp(-s * DT / servo_s)) / (1.0 - np.exp(-DT / servo_s)))
 
-    mean, early = course(DT, servo_s, False)
+    mean, mean_before, early, early_before = course(DT, servo_s, False)
     assert mean == pytest.approx(quad(risen, 0.0, 1.0)[0], rel=1e-9)
     assert early == pytest.approx(quad(lambda s: (0.5 - s) * risen(s), 0.0, 1.0)[0], rel=1e-6)
+    assert mean_before == early_before == 0.0, "where the command is held, its own change says all"
+
+
+@pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (10.0, 5)])
+def test_course_of_a_servo_between_samples_that_hold_several_commands(rate_hz: float, frames: int) -> None:
+    """Beside a regression of what a servo did on its readings, commands a random walk with a step a frame."""
+    servo_s, steps = 0.02, 100_000
+    step_s = 1.0 / rate_hz
+    lag, keep = servo_s / step_s, np.exp(-step_s / (frames * servo_s))
+    command = np.cumsum(np.random.default_rng(1).standard_normal(frames * steps))
+    at, mean, early = np.zeros(frames * steps + 1), np.zeros(steps), np.zeros(steps)
+    for i, told in enumerate(command):
+        at[i + 1] = told + keep * (at[i] - told)
+    start = at[::frames][:-1]
+    for i in range(frames):
+        told, behind = command[i::frames] - start, (at[:-1] - command)[i::frames]
+        first, last = i / frames, (i + 1) / frames
+
+        def of_frame(weight: Callable[[float], float], first: float = first, last: float = last) -> Array:
+            """Means over the frame, its part of the step: of the weight, and of the weight times what is left."""
+            left = quad(lambda t: weight(t) * np.exp(-(t - first) / lag), first, last)[0]
+            return np.array([quad(weight, first, last)[0], left])
+
+        whole, left = of_frame(lambda t: 1.0)
+        mean += whole * told + left * behind
+        whole, left = of_frame(lambda t: 0.5 - t)
+        early += whole * told + left * behind
+    change = np.diff(at[::frames])
+    regressors = np.column_stack([change[1:], change[:-1]])
+    want = np.linalg.lstsq(regressors, np.column_stack([mean[1:], early[1:]]), rcond=None)[0].T.ravel()
+    np.testing.assert_allclose(course(step_s, servo_s, False), want, atol=2e-3)
 
 
 def test_course_where_no_servo_is_known() -> None:
-    assert course(DT, np.inf, False) == (0.5, -1.0 / 12.0)
-    assert course(DT, np.inf, True) == (0.0, 0.0), "a surface that was at rest is held to the step's end"
-    assert course(DT, 0.0, False) == (0.0, 0.0)
+    assert course(DT, np.inf, False) == (0.5, 0.0, -1.0 / 12.0, 0.0)
+    assert course(DT, np.inf, True) == (0.0,) * 4, "a surface that was at rest is held to the step's end"
+    assert course(DT, 0.0, False) == (0.0,) * 4
 
 
-def test_a_step_under_an_input_that_moves_evenly_is_exact() -> None:
-    """Beside the exponential of the system extended by the input and its rate; the series leaves (A dt)^5 / 120."""
-    a = PITCH.aerodynamic.reshape(2, 3)
+@pytest.mark.parametrize(("damping", "input_now"), [(0.0, 0.06), (-400.0, 0.01)])
+def test_a_step_under_an_input_that_moves_evenly_is_exact(damping: float, input_now: float) -> None:
+    """Beside the exponential of the system extended by the input and its rate; the series leaves (A dt)^5 / 120.
+
+    With eight times its damping over a step there, which no series of four terms has, under an input that stays.
+    """
+    derivatives = PITCH.aerodynamic.copy()
+    derivatives[4] += damping
+    a = derivatives.reshape(2, 3)
     whole = np.zeros((4, 4))
     whole[:2, :3] = a
     whole[0, 1] += 25.0
     whole[2, 3] = 1.0
-    start, old, new = np.array([0.4, -0.2]), 0.01, 0.06
+    start, old, new = np.array([0.4, -0.2]), 0.01, input_now
     exact = (expm(DT * whole) @ np.concatenate([start, [old, (new - old) / DT]]))[:2]
-    z = np.concatenate([start, PITCH.aerodynamic, [0.0, 0.0]])
-    mean, early = course(DT, np.inf, False)
+    z = np.concatenate([start, derivatives, [0.0, 0.0]])
+    mean, _, early, _ = course(DT, np.inf, False)
     step = Step(
         dt_s=DT,
         pressure_ratio=1.0,

@@ -55,7 +55,7 @@ def transform(time: Array, value: Array) -> NDArray[np.complex128]:
 
 
 def banked(
-    rows: Array, servo_s: float, lever_m: float
+    rows: Array, servo_s: float, lever_m: float, step_s: float = STEP_S, theta: Array = THETA
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Transforms of sampled rows: of lines, and of what is believed to go on between samples."""
     bank = np.zeros((bank_channels(2, 1) + air_channels(2, 1), 2, OMEGA.size))
@@ -64,9 +64,9 @@ def banked(
         advance_bank(OMEGA, servo, filters, bank, rows_before(rows, k), rows[k], 2)
     lines, phase = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     model = PITCH_MODEL._replace(
-        omega=OMEGA, lever=np.array([0.0, lever_m]), servo_s=servo, prior=Prior(THETA, np.ones(6))
+        omega=OMEGA, lever=np.array([0.0, lever_m]), servo_s=servo, prior=Prior(theta, np.ones(6))
     )
-    curves = curves_of(model, lines, phase, rows, STEP_S, FORWARD)
+    curves = curves_of(model, lines, phase, rows, step_s, FORWARD)
     return as_complex(lines), as_complex(curves)
 
 
@@ -104,3 +104,23 @@ def test_curves_between_samples_are_those_of_the_motion(case: str, lever_m: floa
         # what is left is of fourth order in dt: (11 rad/s x 0.02 s)^4, against second order / 12
         assert of_curves <= 0.1 * of_lines
         assert of_curves < 1e-3
+
+
+def test_a_surface_that_got_several_commands_in_a_sample_is_the_best_estimate_from_its_samples() -> None:
+    """50 Hz commands at random, read at 25 Hz: what is missed goes with nothing of what was read; of lines it does."""
+    rng, servo_s, samples = np.random.default_rng(2), 0.02, 250
+    of_lines, of_curves, power = (np.zeros(OMEGA.size, dtype=np.complex128) for _ in range(3))
+    for _ in range(200):
+        time, _, surface = flight(0.01 * np.cumsum(rng.standard_normal(2 * samples + 1)), servo_s)
+        rows = np.zeros((samples + 1, 14))
+        rows[:, 0], rows[:, 4], rows[:, 6] = time[:: 2 * FINE], surface[:: 2 * FINE], 1.0
+        lines, curves = banked(rows, servo_s, 0.0, 2.0 * STEP_S, np.zeros(6))
+        # A ramp between the ends has been taken out, so that a block is as one of many.
+        ends = transform(time, surface[0] + (surface[-1] - surface[0]) * time / time[-1])
+        truth = transform(time, surface) - ends
+        of_lines += (truth - lines[:, 3] + ends) * (lines[:, 3] - ends).conj()
+        of_curves += (truth - curves[:, 3] + ends) * (lines[:, 3] - ends).conj()
+        power += np.abs(lines[:, 3] - ends) ** 2
+    fast = 2.0 * np.pi < OMEGA
+    assert (np.abs(of_lines / power)[fast] > 0.01).all()
+    assert (np.abs(of_curves) < 0.3 * np.abs(of_lines))[fast].all()
