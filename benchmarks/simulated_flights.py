@@ -5,7 +5,7 @@ form in which estimators of whole flights are given a flight, and the linearisat
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,9 +83,14 @@ def last_solution(file: Aircraft, block: SampleBlock) -> Solution:
     return list(chain.advance(chain.init(), block))[-1]
 
 
-def last_estimates(aircraft: Aircraft, block: SampleBlock) -> list[Estimate]:
-    """Both online estimators' last estimates of short period and lateral structure, as the service shows them."""
-    monitor = VehicleMonitor(aircraft, "default", "uav", block.present, {}, new_id=lambda: "alert")
+def last_estimates(
+    aircraft: Aircraft, block: SampleBlock, kinds: Mapping[str, str] | None = None
+) -> list[Estimate]:
+    """Both online estimators' last estimates of short period and lateral structure, as the service shows them.
+
+    ``kinds``: of the surfaces' channels, where they are commands.
+    """
+    monitor = VehicleMonitor(aircraft, "default", "uav", block.present, kinds or {}, new_id=lambda: "alert")
     modes = list(monitor.feed(block).solutions)[-1].modes
     return [e for s in STRUCTURES for e in (modes[s.name].fourier, modes[s.name].ekf)]
 

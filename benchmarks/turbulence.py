@@ -1,7 +1,7 @@
 """How far turbulence pulls the estimates: mean error of each derivative over simulated flights, still and rough air.
 
     .venv/bin/python benchmarks/turbulence.py [--flights 6] [--seconds 200] [--rate 50] [--aircraft aerosonde]
-        [--seed 7000] [--model dryden] [--drawn-doublets] [--air none,light,moderate]
+        [--seed 7000] [--model dryden] [--drawn-doublets] [--commands] [--air none,light,moderate]
 
 Seeds are fixed. Flights are as `wingwatch simulate` flies them (how finely the air has to be drawn: ``air_steps``).
 Truth is the linearisation at the condition that the estimate is reported at.
@@ -34,7 +34,7 @@ from wingwatch.simulation import (
     TurbulenceModel,
     doublet_schedule,
 )
-from wingwatch.telemetry import SampleBlock, complete
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete
 
 AIRCRAFT = load_aircraft("aerosonde")
 FIRST_SEED = 7000
@@ -53,11 +53,15 @@ def drawn(doublets: DoubletSchedule, seed: int) -> DoubletSchedule:
     )
 
 
-def finals(scenarios: Sequence[Scenario], rate_hz: float, seconds: float) -> list[Estimate]:
-    """Both estimators' last estimates of short period and lateral structure, over all flights."""
-    flown = FleetSimulation(scenarios, rate_hz=rate_hz).step(round(rate_hz * seconds))
+def finals(scenarios: Sequence[Scenario], rate_hz: float, seconds: float, commands: bool) -> list[Estimate]:
+    """Both estimators' last estimates of short period and lateral structure, over all flights; of surfaces known by
+    command alone, if ``commands``."""
+    flown, kinds = FleetSimulation(scenarios, rate_hz=rate_hz).step(round(rate_hz * seconds)), {}
+    for surface in ("elevator", "aileron", "rudder") if commands else ():
+        flown[:, :, CHANNEL_INDEX[f"{surface}_rad"]] = flown[:, :, CHANNEL_INDEX[f"{surface}_command_rad"]]
+        kinds[f"{surface}_rad"] = "command"
     blocks = [complete(SampleBlock(values)) for values in flown]
-    return [e for s, b in zip(scenarios, blocks, strict=True) for e in last_estimates(s.aircraft, b)]
+    return [e for s, b in zip(scenarios, blocks, strict=True) for e in last_estimates(s.aircraft, b, kinds)]
 
 
 def main() -> int:
@@ -75,6 +79,7 @@ def main() -> int:
         action="store_true",
         help="times and lengths of the doublets differ from flight to flight",
     )
+    parser.add_argument("--commands", action="store_true", help="surfaces are known by command alone")
     parser.add_argument("--model", choices=get_args(TurbulenceModel), default="dryden", help="of the air")
     chosen = parser.parse_args()
     aircraft = load_aircraft(chosen.aircraft)
@@ -101,7 +106,7 @@ def main() -> int:
             )
             for i in range(chosen.flights)
         ]
-        estimates = finals(scenarios, chosen.rate, chosen.seconds)
+        estimates = finals(scenarios, chosen.rate, chosen.seconds, chosen.commands)
         for structure in STRUCTURES:
             for name in ("fourier", "ekf"):
                 mine = [e for e in estimates if e.structure == structure and e.estimator == name]

@@ -15,6 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.estimators.kernels.intersample import course, frames_of
+
 __all__ = ["ahead", "lead_steps", "moved", "moves_as_told"]
 
 Array = NDArray[np.float64]
@@ -30,9 +32,12 @@ _FEWEST = 50
 
 
 def lead_steps(bandwidth_rad_s: float, dt: float) -> float:
-    """s - 1/2: how far the servo's mean is ahead of the line's, in steps; between 0 (slow servo) and 1/2 (at once)."""
-    h = bandwidth_rad_s * dt
-    return h / 12.0 if h < 1e-3 else -1.0 / math.expm1(-h) - 1.0 / h - 0.5
+    """s - 1/2: how far the servo's mean is ahead of the line's, in steps; between 0 (slow servo) and 1/2 (at once).
+
+    Of a step that holds several commands (``intersample``), for a surface that goes on as it did.
+    """
+    mean, mean_before, _, _ = course(dt, 1.0 / bandwidth_rad_s, False)
+    return float(mean + mean_before) - 0.5
 
 
 def moves_as_told(position: Array, command: Array, time_s: Array, bandwidth_rad_s: float) -> bool:
@@ -67,6 +72,8 @@ def moves_as_told(position: Array, command: Array, time_s: Array, bandwidth_rad_
 def moved(command: Array, time_s: Array, bandwidth_rad_s: float, max_gap_s: float) -> Array:
     """Where a servo has a surface that is known by its command alone, each command held until the next.
 
+    Between samples that hold several commands they go evenly from one that is known to the next.
+
     After a missing command or a step longer than ``max_gap_s`` the surface is where it is told to be.
 
     Args:
@@ -74,15 +81,15 @@ def moved(command: Array, time_s: Array, bandwidth_rad_s: float, max_gap_s: floa
         time_s: (n,), increasing.
         bandwidth_rad_s: of the servo.
     """
-    step_s = np.diff(time_s)
-    stays = np.where(
-        (step_s > 0.0) & (step_s <= max_gap_s), np.exp(-bandwidth_rad_s * np.abs(step_s)), np.nan
-    )
     position = command.copy()
-    for k, share in enumerate(stays):
-        goes_on = command[k] + share * (position[k] - command[k])
-        if np.isfinite(goes_on) and np.isfinite(command[k + 1]):
-            position[k + 1] = goes_on
+    for k, step_s in enumerate(np.diff(time_s)):
+        if not 0.0 < step_s <= max_gap_s or not np.isfinite(command[k : k + 2]).all():
+            continue
+        frames = frames_of(step_s)
+        stays, at = math.exp(-bandwidth_rad_s * step_s / frames), position[k]
+        for told in command[k] + np.arange(frames) / frames * (command[k + 1] - command[k]):
+            at = told + stays * (at - told)
+        position[k + 1] = at
     return position
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.intersample import frames_of
 from wingwatch.estimators.kernels.levels import advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
 
@@ -247,13 +248,20 @@ def _along_path(row):  # type: ignore[no-untyped-def]
 def _surface(command, dt, servo_s, servo):  # type: ignore[no-untyped-def]
     """Where a servo has its surface: it went on to the command before, x = c + (x0 - c) exp(-dt / servo_s).
 
-    After a gap the surface is where it is commanded to be. NaN without a command, though the servo goes on.
+    A long step holds several commands, which nobody recorded: they are taken to go evenly from one to the next that is
+    known, as a random walk is expected to. After a gap the surface is where it is commanded to be. NaN without a
+    command, though the servo goes on.
 
     Args:
         servo: (2,), last command and the surface, in place.
     """
     if 0.0 < dt <= MAX_GAP_S:
-        servo[1] = servo[0] + (servo[1] - servo[0]) * np.exp(-dt / servo_s)
+        frames = frames_of(dt)
+        change = (command - servo[0]) / frames if np.isfinite(command) else 0.0
+        stays = np.exp(-dt / (frames * servo_s))
+        for i in range(frames):
+            told = servo[0] + i * change
+            servo[1] = told + (servo[1] - told) * stays
     else:
         servo[1] = np.nan
     if not np.isfinite(command):

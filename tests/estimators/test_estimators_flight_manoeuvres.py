@@ -295,4 +295,18 @@ def test_the_lead_lies_between_a_line_and_a_step() -> None:
     assert lead_steps(1e-6, 0.02) == pytest.approx(0.0, abs=1e-6)
     assert lead_steps(1e6, 0.02) == pytest.approx(0.5, abs=1e-4)
     assert lead_steps(SERVO_RAD_S, 0.02) == pytest.approx(0.0824, abs=1e-4)
-    assert lead_steps(0.0499, 0.02) == pytest.approx(lead_steps(0.0501, 0.02), rel=0.01)
+    assert lead_steps(0.0499, 0.02) == pytest.approx(lead_steps(0.0501, 0.02), abs=1e-4)
+
+
+def test_commands_between_samples_are_expected_to_go_evenly() -> None:
+    """A servo told at random at 50 Hz, read at 25 Hz: where it is on average, not late by half a sample."""
+    rng, told = np.random.default_rng(3), np.zeros(4001)
+    told[1:] = np.cumsum(rng.standard_normal(4000))
+    truth, stays = np.zeros(4001), np.exp(-SERVO_RAD_S * 0.02)
+    for k in range(4000):
+        truth[k + 1] = told[k] + stays * (truth[k] - told[k])
+    time_s = 0.04 * np.arange(2001)
+    off = moved(told[::2], time_s, SERVO_RAD_S, 0.5) - truth[::2]
+    rate = np.gradient(truth[::2], time_s)
+    late_s = -(off @ rate) / (rate @ rate)
+    assert abs(late_s) < 1e-3, "each command held until the next that is known would be late by 16 ms"
