@@ -42,6 +42,8 @@ def _add_servo(omega, dt, servo_s, rate, target):  # type: ignore[no-untyped-def
     """
     frames, stays = frames_of(dt), math.exp(-dt / servo_s)
     for f in range(omega.size):
+        if not omega[f] * dt < math.pi:
+            continue  # samples say nothing of what is faster than half their rate
         s = 1j * omega[f]
         z = complex(math.cos(omega[f] * dt), math.sin(omega[f] * dt))
         together, power = 0.0j, 0.0
