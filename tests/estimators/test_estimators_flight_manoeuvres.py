@@ -305,7 +305,7 @@ def test_commands_between_samples_are_expected_to_go_evenly() -> None:
     truth, stays = np.zeros(4001), np.exp(-SERVO_RAD_S * 0.02)
     for k in range(4000):
         truth[k + 1] = told[k] + stays * (truth[k] - told[k])
-    time_s = 0.04 * np.arange(2001)
+    time_s = 0.04 * np.arange(2001, dtype=np.float64)
     off = moved(told[::2], time_s, SERVO_RAD_S, 0.5) - truth[::2]
     rate = np.gradient(truth[::2], time_s)
     late_s = -(off @ rate) / (rate @ rate)
