@@ -13,9 +13,9 @@ The gust states are first-order processes with the time that the span takes to p
   product of two unknowns, l_p and p_g, it would bias both;
 - the gust-induced pitch or yaw rate that belongs to the gust seen by the vane, q_g = -w_g'/V or r_g = v_g'/V.
 
-The aerodynamics know only the rate relative to it. What it does beside
-what the derivatives by the rate say is a gust state of every equation too (from PATH on), with a standard deviation of
-the derivative's natural size: taken as exact, it would carry information about these derivatives that nobody has.
+The aerodynamics know only the rate relative to it. What it does beside what the derivatives by the rate say is a gust
+state of every equation too (from PATH on), with a standard deviation of the derivative's natural size: taken as exact,
+it would carry information about these derivatives that nobody has.
 """
 
 import numpy as np
@@ -30,6 +30,10 @@ __all__ = ["accelerometer", "gust_decay", "gust_turn", "measure", "transition", 
 
 NOTHING_LEFT = 1e-12
 """Of what decays within a step: it has passed at once."""
+
+
+LEAST_PART = 1e-9
+"""Of a step that the exponential's series is taken of: a derivative that is no number ends the halving, too."""
 
 
 @hot
@@ -124,7 +128,7 @@ def _series(a, ns, a2, a3, out):  # type: ignore[no-untyped-def]
     for k in range(ns):
         largest = max(largest, abs(a[k, k]))
     part = 1.0
-    while largest * part > 1.0:
+    while largest * part > 1.0 and part > LEAST_PART:
         part *= 0.5
     _multiply(a, a, ns, a2)
     _multiply(a2, a, ns, a3)

@@ -36,9 +36,9 @@ def _add(factor, source, target):  # type: ignore[no-untyped-def]
 def _add_servo(omega, dt, servo_s, rate, target):  # type: ignore[no-untyped-def]
     """target += what lines miss of a surface behind its servo, from the transform of its rate (2, bins), (docs (24)).
 
-    Each of several commands in a step answers in the samples (``sampled``) and in between (``whole``). Commands that go
-    with nothing make of the samples' transform the best estimate of the surface's, sum of whole sampled* over sum of
-    |sampled|^2.
+    Each of the commands in a step (``frames``) has a transform in the samples, h, and one in the surface itself, g. For
+    commands that go with nothing, sum of g h* over sum of |h|^2 makes of the samples' transform the best estimate of
+    the surface's.
     """
     frames, stays = frames_of(dt), math.exp(-dt / servo_s)
     for f in range(omega.size):

@@ -31,7 +31,7 @@ def course(dt, servo_s, at_rest):  # type: ignore[no-untyped-def]
     if servo_s == 0.0:
         return 0.0, 0.0, 0.0, 0.0
     if dt < 1e-3 * servo_s:
-        return (0.0, 0.0, 0.0, 0.0) if at_rest else (0.5, 0.0, -1.0 / 12.0, 0.0)
+        return (0.0, 0.0, 0.0, 0.0) if at_rest else (0.5 + dt / (12.0 * servo_s), 0.0, -1.0 / 12.0, 0.0)
     frames, lag = frames_of(dt), servo_s / dt
     whole, mean, early = _step_response(1.0, lag)
     if frames == 1:

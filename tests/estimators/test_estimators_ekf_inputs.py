@@ -100,6 +100,17 @@ def test_a_step_under_an_input_that_moves_evenly_is_exact(damping: float, input_
     np.testing.assert_allclose(after[:2], exact, rtol=0.0, atol=2e-6)
 
 
+@pytest.mark.parametrize("damping", [-1e300, -np.inf, np.nan])
+def test_a_step_with_a_derivative_that_is_no_number_comes_to_its_end(damping: float) -> None:
+    """A filter that is lost is started anew at its next solution; until then its steps must not hold up others."""
+    z = np.concatenate([[0.4, -0.2], PITCH.aerodynamic, [0.0, 0.0]])
+    z[6] = damping
+    nothing = np.zeros(1)
+    step = Step(DT, 1.0, 25.0, False, nothing, nothing, nothing, nothing, np.ones(6), np.array([0.0, 25.0]),
+                np.zeros(2), np.zeros(0))  # fmt: skip
+    assert not np.isfinite(transition(filter_of(0.0).model, z, step).after[:2]).all()
+
+
 def filter_of(stated_std: float, engine: Literal["compiled", "filterpy"] = "compiled") -> EkfEstimator:
     """A filter that starts 20 % off, with a stated error of the surface's readings."""
     value = PITCH.aerodynamic

@@ -295,7 +295,7 @@ def test_the_lead_lies_between_a_line_and_a_step() -> None:
     assert lead_steps(1e-6, 0.02) == pytest.approx(0.0, abs=1e-6)
     assert lead_steps(1e6, 0.02) == pytest.approx(0.5, abs=1e-4)
     assert lead_steps(SERVO_RAD_S, 0.02) == pytest.approx(0.0824, abs=1e-4)
-    assert lead_steps(0.0499, 0.02) == pytest.approx(lead_steps(0.0501, 0.02), abs=1e-4)
+    assert lead_steps(0.0499, 0.02) == pytest.approx(lead_steps(0.0501, 0.02), rel=0.01)
 
 
 def test_commands_between_samples_are_expected_to_go_evenly() -> None:

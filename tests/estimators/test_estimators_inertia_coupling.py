@@ -138,7 +138,7 @@ def test_the_filters_pitch_damping_is_right_too(flight: SampleBlock) -> None:
             kalman.solve(state)
         errors[inertia] = pitch_damping_error(kalman.estimate(state))
     assert abs(errors[INERTIA]) < 0.02
-    assert abs(errors[None]) > 0.04
+    assert abs(errors[None]) > 0.10
 
 
 def test_both_engines_take_the_known_moment_alike() -> None:
