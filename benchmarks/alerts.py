@@ -1,22 +1,24 @@
 """Does the monitor see what happens, say the right cause and size, and keep quiet otherwise? Seeded flights.
 
-Aerosondes of the six-degree-of-freedom simulation at 25 m/s and 1000 m, 300 s each, doublets on all surfaces every
-20 s; what befalls them does so at 100 s. Each flight is watched by ``VehicleMonitor`` as live, without earlier flights.
+An aircraft of the library in the six-degree-of-freedom simulation, the Aerosonde at 25 m/s and 1000 m or another one at
+its cruise, 300 s each, doublets on all surfaces every 20 s; what befalls it does so at 100 s. Each flight is watched by
+``VehicleMonitor`` as live, without earlier flights.
 
-Run: python benchmarks/alerts.py [--flights N] [--turbulence LEVEL] [--seconds S] [--seed N]
+Run: python benchmarks/alerts.py [--flights N] [--turbulence LEVEL] [--seconds S] [--seed N] [--aircraft NAME]
+    [--rate HZ] [--commands]
 """
 
 import argparse
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.monitor import AlertView, VehicleMonitor
+from wingwatch.monitor import AlertView, VehicleMonitor, surface_kinds
 from wingwatch.simulation import (
     AileronEffectiveness,
     Effect,
@@ -28,10 +30,10 @@ from wingwatch.simulation import (
     Turbulence,
     doublet_schedule,
 )
-from wingwatch.telemetry import SampleBlock
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete
 
 RATE_HZ, DURATION_S, ONSET_S = 50.0, 300.0, 100.0
-PIECE = 25
+PIECE_S = 0.5
 FIRST_DOUBLET_S, PERIOD_S = 5.0, 20.0
 
 
@@ -48,6 +50,21 @@ class Case:
     effect: Effect | None
     turbulence: Turbulence
     doublets: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """What flies, and what of it is measured.
+
+    Attributes:
+        aircraft, condition: of all flights; rate_hz: of the samples.
+        hidden: channels that nobody sends.
+    """
+
+    aircraft: Aircraft
+    condition: FlightCondition
+    rate_hz: float = RATE_HZ
+    hidden: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,16 +103,18 @@ def cases(turbulence: Turbulence) -> tuple[Case, ...]:
     return healthy + icing + losses
 
 
-def fly(case: Case, aircraft: Aircraft, flights: int, seconds: float, first_seed: int) -> list[Flight]:
+def fly(case: Case, flown: Flown, flights: int, seconds: float, first_seed: int) -> list[Flight]:
     """Flights of a case, each with its own noise, air and moment of the first doublet."""
-    scenarios = [_scenario(case, aircraft, first_seed + i) for i in range(flights)]
+    scenarios = [scenario_of(case, flown, first_seed + i) for i in range(flights)]
     monitors: list[VehicleMonitor] = []
     raised: list[dict[str, AlertView]] = [{} for _ in scenarios]
     last: list[dict[str, AlertView]] = [{} for _ in scenarios]
-    for values in _pieces(scenarios, seconds):
-        blocks = [SampleBlock(v) for v in values]
+    for values in pieces(scenarios, flown, seconds):
+        given = [SampleBlock(v) for v in values]
+        blocks = [complete(b) for b in given]
         if not monitors:
-            monitors = [_monitor(aircraft, b.present) for b in blocks]
+            kinds = surface_kinds(given[0].present)
+            monitors = [monitor_of(flown.aircraft, b.present, kinds) for b in blocks]
         for i, block in enumerate(blocks):
             for alert in monitors[i].feed(block).alerts:
                 raised[i].setdefault(alert.id, alert)
@@ -107,17 +126,24 @@ def fly(case: Case, aircraft: Aircraft, flights: int, seconds: float, first_seed
     ]
 
 
-def _pieces(scenarios: Sequence[Scenario], seconds: float) -> Iterator[NDArray[np.float64]]:
-    simulation = FleetSimulation(scenarios, RATE_HZ)
-    for _ in range(round(seconds * RATE_HZ) // PIECE):
-        yield simulation.step(PIECE)
+def pieces(scenarios: Sequence[Scenario], flown: Flown, seconds: float) -> Iterator[NDArray[np.float64]]:
+    """The samples of all flights, half a second at a time, what nobody sends left out."""
+    simulation = FleetSimulation(scenarios, flown.rate_hz)
+    for _ in range(round(seconds / PIECE_S)):
+        values = simulation.step(round(PIECE_S * flown.rate_hz))
+        for name in flown.hidden:
+            values[..., CHANNEL_INDEX[name]] = np.nan
+        yield values
 
 
-def _scenario(case: Case, aircraft: Aircraft, seed: int) -> Scenario:
+def scenario_of(case: Case, flown: Flown, seed: int) -> Scenario:
+    """A flight of a case."""
     start_s = FIRST_DOUBLET_S + np.random.default_rng(seed).uniform(0.0, PERIOD_S)
-    schedule = doublet_schedule(aircraft, FlightCondition(25.0, 1000.0), period_s=PERIOD_S, start_s=start_s)
+    schedule = doublet_schedule(flown.aircraft, flown.condition, period_s=PERIOD_S, start_s=start_s)
     return Scenario(
-        aircraft,
+        flown.aircraft,
+        flown.condition.airspeed_true_m_s,
+        flown.condition.altitude_m,
         manoeuvres=(schedule,) if case.doublets else (),
         effects=() if case.effect is None else (case.effect,),
         turbulence=case.turbulence,
@@ -125,9 +151,20 @@ def _scenario(case: Case, aircraft: Aircraft, seed: int) -> Scenario:
     )
 
 
-def _monitor(aircraft: Aircraft, present: Sequence[str]) -> VehicleMonitor:
+def monitor_of(aircraft: Aircraft, present: Sequence[str], kinds: Mapping[str, str]) -> VehicleMonitor:
+    """A monitor that knows nothing of earlier flights."""
     numbers = itertools.count(1)
-    return VehicleMonitor(aircraft, "benchmark", "one", present, {}, new_id=lambda: str(next(numbers)))
+    return VehicleMonitor(aircraft, "benchmark", "one", present, kinds, new_id=lambda: str(next(numbers)))
+
+
+def flown_of(given: argparse.Namespace) -> Flown:
+    """What the arguments ask for."""
+    aircraft = load_aircraft(given.aircraft)
+    condition = FlightCondition(25.0, 1000.0)
+    if given.aircraft != "aerosonde" and aircraft.envelope is not None:
+        condition = aircraft.envelope.cruise
+    hidden = ("elevator_rad", "aileron_rad", "rudder_rad") if given.commands else ()
+    return Flown(aircraft, condition, given.rate, hidden)
 
 
 def _effect_row(case: Case, effect: Effect, flights: Sequence[Flight]) -> str:
@@ -170,16 +207,20 @@ def main() -> None:
         "--seed", type=int, default=0, help="of the first flight: other flights of the same kind"
     )
     parser.add_argument("--seconds", type=float, default=DURATION_S, help="length of a flight, above 100")
+    parser.add_argument("--aircraft", default="aerosonde", help="name in the library, with [coefficients]")
+    parser.add_argument("--rate", type=float, default=RATE_HZ, help="samples a second, 10 to 400")
+    parser.add_argument("--commands", action="store_true", help="surfaces are known by command alone")
     given = parser.parse_args()
-    if given.flights < 1 or not given.seconds > ONSET_S:
-        parser.error(f"give --flights of at least 1 and --seconds above {ONSET_S:g}")
-    aircraft = load_aircraft("aerosonde")
+    if given.flights < 1 or not given.seconds > ONSET_S or not 10.0 <= given.rate <= 400.0:
+        parser.error(f"give --flights of at least 1, --seconds above {ONSET_S:g} and --rate of 10 to 400")
+    flown = flown_of(given)
     done: dict[str, tuple[Case, list[Flight]]] = {}
     for number, case in enumerate(cases(given.turbulence)):
         done[case.name] = (
             case,
-            fly(case, aircraft, given.flights, given.seconds, given.seed + 1000 * number),
+            fly(case, flown, given.flights, given.seconds, given.seed + 1000 * number),
         )
+    print(f"{flown.aircraft.name} at {flown.rate_hz:g} Hz; not sent: {', '.join(flown.hidden) or 'nothing'}")
     print(
         f"{given.flights} flights of {given.seconds:g} s each; effects from {ONSET_S:g} s on; air of flights"
     )

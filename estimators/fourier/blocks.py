@@ -19,6 +19,7 @@ from wingwatch.estimators.fourier.change import (
     change_workspace,
     changed_derivatives,
     inflate_covariance,
+    spread_of_change,
 )
 from wingwatch.estimators.fourier.checkpoints import (
     CHECKPOINTS,
@@ -99,7 +100,8 @@ class Workspace(NamedTuple):
             remembered; natural size of each.
         covariance, own_covariance: (k, k) of what is remembered, and of ``own``.
         noise: variances at which a block is linearised, as ``Posterior.noise``.
-        changed, trial: (k,) which derivatives have changed, at the best checkpoint so far and at one of them.
+        trial: (k,) which derivatives have changed since a checkpoint.
+        spread: (k,) what each has changed by since the best one, in natural sizes.
     """
 
     solving: SolutionWorkspace
@@ -116,8 +118,8 @@ class Workspace(NamedTuple):
     covariance: NDArray[np.float64]
     own_covariance: NDArray[np.float64]
     noise: NDArray[np.float64]
-    changed: NDArray[np.bool_]
     trial: NDArray[np.bool_]
+    spread: NDArray[np.float64]
 
 
 def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Workspace:
@@ -140,7 +142,7 @@ def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Wor
         np.empty((k, k)),
         np.empty(2 * ns + 1 + nu + AIR_VARIANCES),
         np.zeros(k, dtype=np.bool_),
-        np.zeros(k, dtype=np.bool_),
+        np.zeros(k),
     )
 
 
@@ -254,14 +256,14 @@ def _cut_out(model, vehicle, work, m):  # type: ignore[no-untyped-def]
 
 @part
 def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
-    """Whether a derivative has changed, and since when: a checkpoint, ``WHOLE`` or ``NO_CHANGE``; which ones, into
-    ``work``.
+    """Whether a derivative has changed, and since when: a checkpoint, ``WHOLE`` or ``NO_CHANGE``; by how much each may
+    have, into ``work.spread``.
 
     A solution compares the running block with the closed ones anyway; only where it speaks for a change at all are the
     windows since the checkpoints compared with all that was before them.
     """
     rows, solving, evidence, testing = vehicle.block.rows, work.solving, work.found.evidence, work.testing
-    mean, covariance, size, changed, trial = work.mean, work.covariance, work.size, work.changed, work.trial
+    mean, covariance, size, trial = work.mean, work.covariance, work.size, work.trial
     trace = 0.0
     for a in range(mean.size):
         size[a] = model.prior.std[a] / 3.0
@@ -276,7 +278,7 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
     best, cut = CHANGE_LOG_THRESHOLD, NO_CHANGE
     if trial.any():
         best, cut = whole, WHOLE
-        copy_vector(trial, changed)
+        spread_of_change(size, trial, testing, work.spread)
     at = Linearisation(mean, covariance, work.noise, vehicle.posterior.noise_known)
     around = Prior(mean, size)
     for m in range(CHECKPOINTS):
@@ -288,7 +290,7 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
         value = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
         if trial.any() and value > best:
             best, cut = value, m
-            copy_vector(trial, changed)
+            spread_of_change(size, trial, testing, work.spread)
     return cut
 
 
@@ -304,6 +306,8 @@ def _cut_before(model, vehicle, work, m):  # type: ignore[no-untyped-def]
     copy_vector(checkpoints.rows[m], block.rows[LAST])
     copy_vector(checkpoints.sums[m], block.sums)
     copy_vector(checkpoints.roughness[m], block.roughness)
+    known = vehicle.posterior  # what was solved last is of the change, too
+    remembered(vehicle.memory, model.prior, work.solving.posterior, known.theta, known.covariance)
     return True
 
 
@@ -320,14 +324,12 @@ def _cut_after(vehicle, window):  # type: ignore[no-untyped-def]
 
 @part
 def _let_change(model, vehicle, work):  # type: ignore[no-untyped-def]
-    """Inflate the covariance of what has changed. All that is left is as good as new: nothing waits to be replaced."""
-    posterior, size = vehicle.posterior, work.size
+    """Inflate the covariance by what has changed. All that is left is as good as new: nothing waits to be replaced."""
+    posterior, size, spread = vehicle.posterior, work.size, work.spread
     for a in range(size.size):
-        size[a] = model.prior.std[a] / 3.0
-    inflate_covariance(vehicle.memory, size, work.changed, work.testing)
-    for a in range(size.size):
-        if work.changed[a]:
-            posterior.changed_s[a] = vehicle.block.rows[LAST, TIME]
+        size[a] = spread[a] * model.prior.std[a] / 3.0
+        posterior.changed[a] = spread[a]
+    inflate_covariance(vehicle.memory, size, work.testing)
     vehicle.discounted.sensitivity[:, :] = 0.0
     vehicle.discounted.information[:, :] = 0.0
     vehicle.discounted.vector[:] = 0.0
@@ -350,7 +352,7 @@ def _vehicle_of(state, i):  # type: ignore[no-untyped-def]
         Block(block.bank[i], block.rows[i], block.sums[i], block.roughness[i]),
         Posterior(
             posterior.theta[i], posterior.covariance[i], posterior.noise[i], posterior.noise_known[i],
-            posterior.informed_s[i], posterior.changed_s[i],
+            posterior.informed_s[i], posterior.changed[i],
         ),
         Progress(
             progress.counts[i], progress.condition[i], progress.span[i], progress.scatter[i], progress.coherence[i],
@@ -415,6 +417,7 @@ def advance(model, state, follows, signals, lanes, ends, solves, work):  # type:
             _restart(model, block, signals[m, k], what == GAP, vehicle.checkpoints.rows)
         if not solves or not (rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s - 1e-9):
             continue
+        vehicle.posterior.changed[:] = 0.0
         for attempt in range(2):
             _solve(model, vehicle, work)
             cut = NO_CHANGE

@@ -43,8 +43,12 @@ from wingwatch.estimators.kernels.dispersion import (
 )
 from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.reading_noise import reading_variance
+from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["believe_inputs", "close", "mean_condition", "noise_of_block", "note_signal"]
+
+CHANCE = 4.0
+"""Standard deviations beyond which a difference is no chance: once in 30,000 blocks."""
 
 ROLLED = 0.1
 """Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: what its
@@ -98,13 +102,38 @@ def _outweighs(block, memory):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _contradicts(own, own_covariance, mean, covariance, dispersion, work):  # type: ignore[no-untyped-def]
+    """Whether a block leads further from what is known than chance and the scatter of blocks lead one.
+
+    Args:
+        own, own_covariance: of the block, (k,) and (k, k); mean, covariance: of what is known.
+        dispersion: of the blocks so far, by equation, (ns,).
+        work: ``PosteriorWorkspace``.
+    """
+    total, inverse, k = work.total, work.inverse, own.size
+    columns = k // dispersion.size
+    for a in range(k):
+        for b in range(k):
+            wider = math.sqrt(dispersion[a // columns] * dispersion[b // columns])
+            total[a, b] = wider * own_covariance[a, b] + covariance[a, b]
+    invert(total, inverse)
+    distance = 0.0
+    for a in range(k):
+        for b in range(k):
+            distance += (own[a] - mean[a]) * inverse[a, b] * (own[b] - mean[b])
+    part = 2.0 / (9.0 * k)
+    return distance > k * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
+
+
+@lean
 def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
-    A block that says more of a derivative than all before it is linearised where it leads itself, unless rolling air
-    drives it. Any other is linearised at what is known, and the variances of noise and air are fitted there. Where next
-    to nothing is known that is what is expected beforehand, to a natural size, and no more is doubted: a mean within a
-    wide interval may lie anywhere, at a damping that is none, too.
+    A block that contradicts what is known is linearised where it leads itself: the aircraft has changed. So is one that
+    says more of a derivative than all before it, unless rolling air drives it. Any other is linearised at what is
+    known, and the variances of noise and air are fitted there. Where next to nothing is known that is what is expected
+    beforehand, to a natural size, and no more is doubted: a mean within a wide interval may lie anywhere, at a damping
+    that is none, too. The way to where a block leads begins at its last solution, which is near.
     """
     block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
     solving, found, prior = work.solving, work.found, model.prior
@@ -113,21 +142,24 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     if progress.counts[SOLUTIONS] == 0:
         start_noise(model, block.roughness, known.noise)
     nothing = solving.posterior.nothing
+    copy_vector(known.theta, work.own)
+    copy_matrix(known.covariance, work.own_covariance)
     remembered(memory, prior, solving.posterior, known.theta, known.covariance)
     unbiased = Memory(memory.sensitivity, memory.information, memory.vector, nothing.bias)
     remembered(unbiased, prior, solving.posterior, known.theta, work.covariance)
     for a in range(k):
         work.size[a] = prior.std[a] / 3.0
-    remembered(memory, Prior(prior.value, work.size), solving.posterior, work.anchor, work.own_covariance)
-    copy_vector(work.anchor, work.own)
+    remembered(memory, Prior(prior.value, work.size), solving.posterior, work.anchor, known.covariance)
     noise_of_block(model, vehicle, work.noise)
     around = Prior(work.anchor, work.size)
-    copy_matrix(work.own_covariance, known.covariance)
     own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
     at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
     solve_block(model, block, own, nothing, around, MOVE, solving, found)
     rolled = solving.noise.rolled[0] / solving.equation.power[p_in_p, p_in_p]
-    if rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity):
+    says_more = rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity)
+    if says_more or _contradicts(
+        work.own, work.own_covariance, work.anchor, work.covariance, progress.dispersion, solving.posterior
+    ):
         for a in range(k):
             work.anchor[a] = work.own[a]
         copy_matrix(work.own_covariance, known.covariance)

@@ -136,7 +136,7 @@ class FourierState:
     Attributes:
         coefficients, step, readings: ``Filters``.
         bank, rows, sums, roughness: the running ``Block``.
-        theta, covariance, noise, noise_known, informed_s, changed_s: ``Posterior``.
+        theta, covariance, noise, noise_known, informed_s, changed: ``Posterior``.
         counts, condition, evidence_span, scatter, coherence, dispersion: ``Progress``.
         sensitivity, information, vector, bias: the ``Memory`` of closed blocks; ``discounted_``: the part of it that is
             discounted and not replaced yet.
@@ -157,7 +157,7 @@ class FourierState:
     noise: Array
     noise_known: Array
     informed_s: Array
-    changed_s: Array
+    changed: Array
     counts: NDArray[np.int64]
     condition: Array
     evidence_span: Array
@@ -241,7 +241,7 @@ class FourierEstimator:
             noise=noise,
             noise_known=np.zeros((n, noise.shape[1] + 1)),
             informed_s=np.full((n, k), -np.inf),
-            changed_s=np.full((n, k), -np.inf),
+            changed=np.zeros((n, k)),
             counts=np.zeros((n, 2), dtype=np.int64),
             condition=np.full((n, 4), np.nan),
             evidence_span=np.full((n, 6), np.nan),
@@ -337,10 +337,10 @@ class FourierEstimator:
         """When the running block began."""
         return float(state.rows[vehicle, START, TIME])
 
-    def changed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which derivatives of some vehicles the last solution found to have changed and inflated the covariance of,
-        shape (m, k)."""
-        return np.asarray(state.changed_s[places] == state.rows[places, LAST, TIME][:, None])
+    def changed(self, state: FourierState, places: NDArray[np.int64]) -> Array:
+        """By which standard deviation the last solution found each derivative of some vehicles to have changed, and
+        inflated its covariance, in natural sizes, (m, k); 0 where it found no change."""
+        return np.asarray(state.changed[places])
 
     def sees(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """What the running blocks of some vehicles carried at the last solution: 1 signal of any regressor, 0 noise, -1
@@ -431,7 +431,7 @@ def _grouped(s: FourierState) -> State:
     return State(
         Filters(s.coefficients, s.step, s.readings),
         Block(s.bank, s.rows, s.sums, s.roughness),
-        Posterior(s.theta, s.covariance, s.noise, s.noise_known, s.informed_s, s.changed_s),
+        Posterior(s.theta, s.covariance, s.noise, s.noise_known, s.informed_s, s.changed),
         Progress(s.counts, s.condition, s.evidence_span, s.scatter, s.coherence, s.dispersion),
         Memory(s.sensitivity, s.information, s.vector, s.bias),
         Memory(s.discounted_sensitivity, s.discounted_information, s.discounted_vector, s.discounted_bias),

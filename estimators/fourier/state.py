@@ -195,7 +195,8 @@ class Posterior(NamedTuple):
             air.
         noise_known: the same of closed blocks, and last their weight, in blocks.
         informed_s: (k,) last time each derivative's regressor carried signal, s.
-        changed_s: (k,) last time each derivative's covariance was inflated because the data contradicted it, s.
+        changed: (k,) by which standard deviation each derivative's covariance was inflated at the last solution because
+            the data contradicted it, in natural sizes; 0 where it was not.
     """
 
     theta: Array
@@ -203,7 +204,7 @@ class Posterior(NamedTuple):
     noise: Array
     noise_known: Array
     informed_s: Array
-    changed_s: Array
+    changed: Array
 
 
 class Progress(NamedTuple):

@@ -1,9 +1,9 @@
 """A small version of ``benchmarks/alerts.py``: what is lost in rough air is noticed."""
 
 import pytest
-from alerts import ONSET_S, cases, fly
+from alerts import ONSET_S, Flown, cases, fly
 
-from wingwatch.aircraft import load_aircraft
+from wingwatch.aircraft import FlightCondition, load_aircraft
 
 SECONDS, FLIGHTS, FIRST_SEED = 160.0, 2, 510_000
 
@@ -12,7 +12,8 @@ SECONDS, FLIGHTS, FIRST_SEED = 160.0, 2, 510_000
 def test_half_a_surface_lost_in_moderate_air_is_noticed_within_a_minute(name: str) -> None:
     case = next(c for c in cases("moderate") if c.name == name)
     assert case.effect is not None
-    for flight in fly(case, load_aircraft("aerosonde"), FLIGHTS, SECONDS, FIRST_SEED):
+    flown = Flown(load_aircraft("aerosonde"), FlightCondition(25.0, 1000.0))
+    for flight in fly(case, flown, FLIGHTS, SECONDS, FIRST_SEED):
         assert flight.false == 0
         assert flight.hit is not None
         assert flight.hit.cause == case.effect.name

@@ -14,7 +14,7 @@ import pytest
 from refusals import refusal
 from scipy.stats import binom
 
-from wingwatch.aircraft import STRUCTURES, load_aircraft
+from wingwatch.aircraft import STRUCTURES, FlightCondition, load_aircraft
 from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.monitor import Checkpoint, FleetMonitor, SavedVehicle, decode_checkpoint, encode_checkpoint
 from wingwatch.simulation import FleetSimulation, demo_fleet
@@ -114,12 +114,12 @@ def test_filterpys_bare_loop_and_engine_are_both_timed() -> None:
 
 def test_a_healthy_flight_and_an_iced_one_through_the_monitor() -> None:
     alerts = load("alerts")
-    aircraft = load_aircraft("aerosonde")
+    flown = alerts.Flown(load_aircraft("aerosonde"), FlightCondition(25.0, 1000.0))
     healthy, *_ = alerts.cases("none")
     iced = next(c for c in alerts.cases("none") if c.name == "icing 0.3")
-    (quiet,) = alerts.fly(healthy, aircraft, 1, 40.0, 0)
+    (quiet,) = alerts.fly(healthy, flown, 1, 40.0, 0)
     assert (quiet.false, quiet.hit) == (0, None)
-    (flight,) = alerts.fly(iced, aircraft, 1, 150.0, 0)
+    (flight,) = alerts.fly(iced, flown, 1, 150.0, 0)
     assert flight.false == 0
     assert flight.hit is not None
     assert flight.hit.cause == "icing"
@@ -127,9 +127,9 @@ def test_a_healthy_flight_and_an_iced_one_through_the_monitor() -> None:
 
 def test_flights_repeat_by_their_seed() -> None:
     alerts = load("alerts")
-    aircraft = load_aircraft("aerosonde")
+    flown = alerts.Flown(load_aircraft("aerosonde"), FlightCondition(25.0, 1000.0))
     iced = next(c for c in alerts.cases("none") if c.name == "icing 0.3")
-    first, again = (alerts.fly(iced, aircraft, 1, 120.0, 7) for _ in range(2))
+    first, again = (alerts.fly(iced, flown, 1, 120.0, 7) for _ in range(2))
     assert first == again
 
 

@@ -96,9 +96,16 @@ def changed_derivatives(
     return float(change.changed_derivatives(size, threshold, work, changed))
 
 
-def inflate_covariance(memory: Memory, size: Real, changed: NDArray[np.bool_]) -> None:
+def inflate_covariance(memory: Memory, size: Real) -> None:
     """``change.inflate_covariance``."""
-    change.inflate_covariance(memory, size, changed, change.change_workspace(len(size)))
+    change.inflate_covariance(memory, size, change.change_workspace(len(size)))
+
+
+def spread_of_change(information: Array, vector: Array, size: Real, changed: NDArray[np.bool_]) -> Array:
+    """``change.spread_of_change``, (k,); ``information`` and ``vector`` are overwritten."""
+    work, spread = change.change_workspace(len(size)), np.empty(len(size))
+    change.spread_of_change(size, changed, work._replace(information=information, vector=vector), spread)
+    return spread
 
 
 def since_checkpoint(omega: Real, block: Block, checkpoint: Block) -> Block:

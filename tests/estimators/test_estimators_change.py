@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from convergence import Course
 from estimator_plants import PITCH, Array, doublets, fourier, make_signals
-from kernels import change_of, changed_derivatives, inflate_covariance, since_checkpoint
+from kernels import change_of, changed_derivatives, inflate_covariance, since_checkpoint, spread_of_change
 from reference_plant import PLANTS
 from tracking import CHANGED, follow_step, stepped_truth
 
 from wingwatch.estimators import FourierState
-from wingwatch.estimators.fourier.change import CHANGE_LOG_THRESHOLD
+from wingwatch.estimators.fourier.change import CHANGE_LOG_THRESHOLD, WITH_ANOTHER
 from wingwatch.estimators.fourier.state import Block, Memory
 
 SIZE = np.array([4.0, 25.0, 2.0, 4.0, 6.0, 32.0])
@@ -39,6 +39,37 @@ def test_the_change_and_no_other_is_found() -> None:
         assert changed.tolist() == [j == k for j in range(6)]
 
 
+@pytest.mark.parametrize("alone", [True, False])
+def test_others_are_doubted_as_far_as_the_window_says_that_they_have_changed_too(alone: bool) -> None:
+    """One derivative loses 40 %; the others stay, or change by 5 % each: the probability of even odds, as computed
+    from the joint densities."""
+    rng = np.random.default_rng(7)
+    memory, window = some_information(rng, 300.0), some_information(rng, 30.0)
+    mean = np.linalg.cholesky(np.linalg.inv(memory)) @ rng.standard_normal(6)
+    moved = SIZE * np.where(np.arange(6) == 2, 0.4, 0.0 if alone else 0.05)
+    matrix, vector = change_of(window, window_of(moved, window, rng), mean, np.linalg.inv(memory))
+    changed = np.zeros(6, dtype=np.bool_)
+    changed_derivatives(matrix, vector, SIZE, CHANGE_LOG_THRESHOLD, changed)  # takes them out of both
+    spread = spread_of_change(matrix.copy(), vector.copy(), SIZE, changed)
+    evidence = []
+    for others in (0.0, WITH_ANOTHER):
+        variance = np.diag((SIZE * np.where(changed, 0.0, others)) ** 2)
+        grown = np.eye(6) + matrix @ variance
+        evidence.append(
+            -0.5 * np.linalg.slogdet(grown)[1] + 0.5 * vector @ variance @ np.linalg.solve(grown, vector)
+        )
+    expected = WITH_ANOTHER * np.sqrt(1.0 / (1.0 + np.exp(evidence[0] - evidence[1])))
+    assert changed[2]
+    assert not changed.all()
+    assert (spread[changed] == 1.0).all()
+    np.testing.assert_allclose(spread[~changed], expected, rtol=1e-6)
+    assert (
+        (spread[~changed] < 0.5 * WITH_ANOTHER).all()
+        if alone
+        else (spread[~changed] > 0.9 * WITH_ANOTHER).all()
+    )
+
+
 def test_chance_passes_a_threshold_no_more_often_than_its_inverse() -> None:
     """Markov's inequality on the mean Bayes factor, at a threshold of twenty and 4000 windows without a change."""
     rng, passed = np.random.default_rng(2), 0
@@ -65,7 +96,7 @@ def test_inflated_memory_has_the_covariance_of_one_that_may_have_changed() -> No
     inverse = np.linalg.inv(sensitivity)
     before, mean = inverse @ information @ inverse, inverse @ vector
     changed = np.array([False, True, False, False, False, True])
-    inflate_covariance(Memory(sensitivity, information, vector, bias), SIZE, changed)
+    inflate_covariance(Memory(sensitivity, information, vector, bias), SIZE * changed)
     after = np.linalg.inv(sensitivity)
     np.testing.assert_allclose(
         after @ information @ after, before + np.diag(SIZE**2 * changed), rtol=1e-8, atol=1e-9
