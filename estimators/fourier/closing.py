@@ -133,7 +133,10 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     says more of a derivative than all before it, unless rolling air drives it. Any other is linearised at what is
     known, and the variances of noise and air are fitted there. Where next to nothing is known that is what is expected
     beforehand, to a natural size, and no more is doubted: a mean within a wide interval may lie anywhere, at a damping
-    that is none, too. The way to where a block leads begins at its last solution, which is near.
+    that is none, too.
+
+    The way to where a block leads begins at what is known. Where it ends far from that it is gone again from the block's
+    last solution: noise and air are found too strong beside a model that is far off, and five steps may end anywhere.
     """
     block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
     solving, found, prior = work.solving, work.found, model.prior
@@ -142,24 +145,34 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     if progress.counts[SOLUTIONS] == 0:
         start_noise(model, block.roughness, known.noise)
     nothing = solving.posterior.nothing
-    copy_vector(known.theta, work.own)
-    copy_matrix(known.covariance, work.own_covariance)
+    copy_vector(known.theta, work.mean)
     remembered(memory, prior, solving.posterior, known.theta, known.covariance)
     unbiased = Memory(memory.sensitivity, memory.information, memory.vector, nothing.bias)
     remembered(unbiased, prior, solving.posterior, known.theta, work.covariance)
     for a in range(k):
         work.size[a] = prior.std[a] / 3.0
     remembered(memory, Prior(prior.value, work.size), solving.posterior, work.anchor, known.covariance)
-    noise_of_block(model, vehicle, work.noise)
     around = Prior(work.anchor, work.size)
     own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
     at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
-    solve_block(model, block, own, nothing, around, MOVE, solving, found)
+    contradicts = False
+    for start in (work.anchor, work.mean):
+        copy_vector(start, work.own)
+        copy_matrix(known.covariance, work.own_covariance)
+        noise_of_block(model, vehicle, work.noise)
+        solve_block(model, block, own, nothing, around, MOVE, solving, found)
+        contradicts = _contradicts(
+            work.own,
+            work.own_covariance,
+            work.anchor,
+            work.covariance,
+            progress.dispersion,
+            solving.posterior,
+        )
+        if not contradicts:
+            break
     rolled = solving.noise.rolled[0] / solving.equation.power[p_in_p, p_in_p]
-    says_more = rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity)
-    if says_more or _contradicts(
-        work.own, work.own_covariance, work.anchor, work.covariance, progress.dispersion, solving.posterior
-    ):
+    if contradicts or (rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity)):
         for a in range(k):
             work.anchor[a] = work.own[a]
         copy_matrix(work.own_covariance, known.covariance)
