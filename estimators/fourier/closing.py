@@ -135,8 +135,8 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     beforehand, to a natural size, and no more is doubted: a mean within a wide interval may lie anywhere, at a damping
     that is none, too.
 
-    The way to where a block leads begins at what is known. Where it ends far from that it is gone again from the block's
-    last solution: noise and air are found too strong beside a model that is far off, and five steps may end anywhere.
+    The way to where a block leads begins at what is known. Where it ends far from that, it begins once more at the last
+    solution: noise and air are found too strong beside a model that is far off, and five steps may end anywhere.
     """
     block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
     solving, found, prior = work.solving, work.found, model.prior
