@@ -12,7 +12,7 @@ SEED = 520_000
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.05, 0.15])
+@pytest.mark.parametrize("size", [0.15])
 def test_what_is_claimed_in_the_first_minute_after_ice_holds(size: float) -> None:
     """Most of it: a change of a few percent is seen late, and one doublet does not excite everything."""
     case = next(c for c in cases("none") if c.name == f"icing {size:g}")
