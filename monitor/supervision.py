@@ -6,7 +6,7 @@ Fourier form and filter read the same signals and know nothing of each other. Ea
   what it learned from signal and goes back on what noise taught it (``EkfEstimator.solve``), and what the Fourier form
   calls not observable for want of signal is not observable for the filter either.
 - change: the Fourier form finds that a derivative has changed. The filter cannot tell that from the noise of its
-  surfaces, so its covariance is inflated there (``EkfEstimator.release``).
+  surfaces, so its covariance is reset there (``EkfEstimator.release``).
 - rough air: the filter carries the gust and says how much of the motion it causes. A transform of the block knows no
   before and after: of a rate's variance the fraction that the air causes is, to first order, the fraction by which the
   Fourier form's moment derivatives come out too small. Changes are then not looked for.
@@ -337,9 +337,8 @@ class Supervisor:
         for m in np.flatnonzero(changed.any(axis=1)):
             i = int(places[m])
             not_yet_s = pair.fourier.block_start_s(state.fourier, i)  # a change begins the running block
-            seen = np.where(changed[m] >= 1.0, 1.0, 0.0)
             try:  # whatever the filter says of the air: it takes a change for a gust
-                pair.ekf.release(state.ekf, seen, i, not_yet_s)
+                pair.ekf.release(state.ekf, changed[m], i, not_yet_s)
             except Exception as error:  # the others are not to suffer by it
                 faults[i] = error
         return solutions

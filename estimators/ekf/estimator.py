@@ -286,15 +286,17 @@ class EkfEstimator:
         if not sound.all():
             put_vehicle(state, places[~sound], self.init(int((~sound).sum())))
 
-    def release(self, state: EkfState, changed: Array, vehicle: int = 0, since_s: float = np.inf) -> None:
-        """Inflate the covariance of derivatives that have changed: P becomes P + s^2 e e'.
+    def release(
+        self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0, since_s: float = np.inf
+    ) -> None:
+        """Inflate the covariance of derivatives that have changed: P becomes P + s^2 e e', s the natural size.
 
         Where ``since_s`` lies within the window of recent rows, it is done as of then and what came since is run again.
         What is lost so is no information gained: the account of ``take_gained`` does not see it.
 
         Args:
             state: in place.
-            changed: standard deviation of what each derivative has changed by, in natural sizes, shape (k,).
+            changed: which derivatives, shape (k,).
             vehicle: row of the state.
             since_s: when they had not changed yet, on the rows' clock; infinite where that is not known.
         """
@@ -303,8 +305,8 @@ class EkfEstimator:
         first, parameters = self.model.sizes.dynamic, self._parameters
         at_its_time = release_since(self.model, state, vehicle, changed, since_s)
         if not at_its_time:
-            rows = first + np.arange(changed.size)
-            state.cov[vehicle, rows, rows] += (changed * self.config.prior_std) ** 2
+            rows = first + np.flatnonzero(changed)
+            state.cov[vehicle, rows, rows] += self.config.prior_std[changed] ** 2
         covariance = state.cov[vehicle, parameters, parameters]
         state.information[vehicle] = np.linalg.inv(covariance)
         state.vector[vehicle] = state.information[vehicle] @ state.z[vehicle, parameters]

@@ -2,8 +2,8 @@
 
 A change is reported a few seconds late. What the filter has taken in meanwhile it has divided between what it knew of
 the old aircraft and what the new one showed, and it would keep that. The window of recent signal rows reaches back
-further: it is cut at the last solution before the change, the covariance of what has changed is inflated there, P +
-s^2 e e' for each derivative, and the rest is run again about what it says itself (``relinearise``).
+further: it is cut at the last solution before the change, the covariance of the changed derivatives is inflated there,
+P + s^2 e e', and the rest is run again about what it says itself (``relinearise``).
 """
 
 import numpy as np
@@ -22,15 +22,13 @@ _FAR = 5.0
 """Natural sizes beyond which the steps have run off; then nothing is run again."""
 
 
-def release_since(
-    model: Model, state: EkfState, i: int, changed: NDArray[np.float64], since_s: float
-) -> bool:
+def release_since(model: Model, state: EkfState, i: int, changed: NDArray[np.bool_], since_s: float) -> bool:
     """Resets derivatives as of a time within the window, if that has solutions on both sides of it.
 
     Args:
         model: of the filter.
         state: in place, right after a solution; i: the vehicle.
-        changed: standard deviation of what each derivative has changed by, in natural sizes, (k,).
+        changed: which derivatives, (k,).
         since_s: when they had not changed yet, on the rows' clock.
 
     Returns:
@@ -51,10 +49,10 @@ def release_since(
     there.window.filled[0], there.window.middle[0], there.window.solutions[0] = cut, 0, before
     if not run_window_again(model, there, 0, 0):
         return False
-    parameters, inflated = slice(first, first + k), first + np.arange(k)
+    parameters, inflated = slice(first, first + k), first + np.flatnonzero(changed)
     prior_std = model.prior_std[:k]
     for one in (there, work):
-        one.cov[0, inflated, inflated] += (changed * prior_std) ** 2
+        one.cov[0, inflated, inflated] += prior_std[changed] ** 2
     cut_at(work, before - 1)
     there.rows[0] = np.concatenate([rows[max(cut - 2, 0) : cut][::-1], beginning])[:2]
     there.information[0] = np.linalg.inv(there.cov[0, parameters, parameters])

@@ -337,10 +337,10 @@ class FourierEstimator:
         """When the running block began."""
         return float(state.rows[vehicle, START, TIME])
 
-    def changed(self, state: FourierState, places: NDArray[np.int64]) -> Array:
-        """By which standard deviation the last solution found each derivative of some vehicles to have changed, and
-        inflated its covariance, in natural sizes, (m, k); 0 where it found no change."""
-        return np.asarray(state.changed[places])
+    def changed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which derivatives of some vehicles the last solution saw to have changed, shape (m, k); the covariance of the
+        others it may have inflated, too, by less."""
+        return np.asarray(state.changed[places] >= 1.0)
 
     def sees(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """What the running blocks of some vehicles carried at the last solution: 1 signal of any regressor, 0 noise, -1

@@ -12,13 +12,24 @@ SEED = 520_000
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [0.15])
-def test_what_is_claimed_in_the_first_minute_after_ice_holds(size: float) -> None:
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+@pytest.mark.parametrize(
+    "size",
+    [
+        pytest.param(
+            0.05,
+            marks=pytest.mark.xfail(
+                strict=True, reason="changes of a few percent are followed by forgetting alone (decision 63)"
+            ),
+        ),
+        0.15,
+    ],
+)
+def test_what_is_claimed_in_the_first_minute_after_ice_holds(size: float, estimator: str) -> None:
     """Most of it: a change of a few percent is seen late, and one doublet does not excite everything."""
     case = next(c for c in cases("none") if c.name == f"icing {size:g}")
-    flights = [s for s in said(case, FLOWN, 2, SEED) if 25.0 <= s.since_s <= 75.0]
-    for estimator in ESTIMATORS:
-        mine = [s for s in flights if s.estimator == estimator]
-        claimed, score = (np.concatenate([getattr(s, name) for s in mine]) for name in ("claimed", "score"))
-        assert claimed.mean() > 0.8
-        assert (np.abs(score[claimed]) <= 2.0).mean() > 0.85, estimator
+    flights = said(case, FLOWN, 2, SEED)
+    mine = [s for s in flights if s.estimator == estimator and 25.0 <= s.since_s <= 75.0]
+    claimed, score = (np.concatenate([getattr(s, name) for s in mine]) for name in ("claimed", "score"))
+    assert claimed.mean() > 0.8
+    assert (np.abs(score[claimed]) <= 2.0).mean() > 0.85

@@ -35,19 +35,30 @@ def flown(
     return report.solutions, report.alerts
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_both_estimators_find_what_ice_has_left_of_the_side_force(seed: int) -> None:
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        "fourier",
+        pytest.param(
+            "ekf",
+            marks=pytest.mark.xfail(
+                strict=True, reason="the filter takes a part of the change for gusts and trims (decision 63)"
+            ),
+        ),
+    ],
+)
+def test_what_ice_has_left_of_the_side_force_is_found(estimator: str) -> None:
     """A tenth of y_v. A block after it, linearised at the aircraft as it was, once said +0.9, not -0.06; the filter
-    took the new aircraft for gusts on the old one. It still takes a part of it so (decision 63)."""
+    took the new aircraft for gusts on the old one."""
     aircraft = load_aircraft("aerosonde")
-    solutions, _ = flown(aircraft, CRUISE, "none", seed)
     before, after = (
         linearise(aircraft, CRUISE, LATERAL, effects, 1.0)["y_v"] for effects in ((), (Icing(SEVERITY, 0.0),))
     )
-    late = [s.modes["lateral"] for s in solutions if s.time_s >= ONSET_S + 25.0]
-    for name, most in (("fourier", 0.1), ("ekf", 0.5)):
-        found = np.array([getattr(mode, name).value[SIDE_FORCE] for mode in late])
-        assert (np.abs(found - after) < most * abs(before - after)).all(), found
+    for seed in (1, 2):
+        solutions, _ = flown(aircraft, CRUISE, "none", seed)
+        late = [s.modes["lateral"] for s in solutions if s.time_s >= ONSET_S + 25.0]
+        found = np.array([getattr(mode, estimator).value[SIDE_FORCE] for mode in late])
+        assert (np.abs(found - after) < 0.25 * abs(before - after)).all(), found
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
