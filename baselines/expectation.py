@@ -138,7 +138,7 @@ def american(
         AircraftDataError: the aircraft's file lacks what the conversion needs.
     """
     scale, offset = affine(structure, aircraft, condition, Convention.AMERICAN)
-    return (value - offset) / scale, covariance / np.outer(scale, scale)
+    return (value - offset) / scale, covariance / (scale[:, None] * scale)
 
 
 def concise(
@@ -150,7 +150,7 @@ def concise(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Inverse of ``american``."""
     scale, offset = affine(structure, aircraft, condition, Convention.AMERICAN)
-    return scale * value + offset, covariance * np.outer(scale, scale)
+    return scale * value + offset, covariance * (scale[:, None] * scale)
 
 
 def empirical(expectation: Expectation, reference: Reference, aircraft: Aircraft) -> Expectation:

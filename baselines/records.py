@@ -6,8 +6,10 @@ vehicle's own clock.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wingwatch.aircraft import STRUCTURES, FlightCondition, Provenance
 from wingwatch.baselines.expectation import Expectation
@@ -218,14 +220,20 @@ class EstimateRecord:
             time_s=float(estimate.time_s),
             structure=estimate.structure.name,
             estimator=estimate.estimator,
-            value=tuple(map(float, estimate.value)),
-            standard_error=tuple(map(float, estimate.standard_error)),
+            value=tuple(estimate.value.tolist()),
+            standard_error=tuple(estimate.standard_error.tolist()),
             outcome=str(estimate.outcome),
             condition=(airspeed, altitude, density, alpha),
             aircraft=aircraft,
             configuration=configuration,
-            covariance=tuple(estimate.covariance[np.tril_indices(len(estimate.value), -1)].tolist()),
+            covariance=tuple(estimate.covariance[_below_diagonal(len(estimate.value))].tolist()),
         )
+
+
+@cache
+def _below_diagonal(k: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Places below the diagonal of a matrix (k, k), row by row."""
+    return np.tril_indices(k, -1)
 
 
 @dataclass(frozen=True, slots=True)

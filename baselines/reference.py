@@ -107,11 +107,13 @@ class Reference:
         Raises:
             ValueError: wrong shape, not finite, not symmetric, not positive semidefinite.
         """
-        covariance, value = _checked(prior_covariance, prior_value)
+        covariance, value = _symmetric(prior_covariance, prior_value)
         if value.shape != self.vector.shape:
             raise ValueError(
                 f"a prior of {value.size} derivatives cannot meet a reference of {self.vector.size}"
             )
+        if not self.information.any():
+            return value, covariance
         root = _square_root(covariance)
         w, u = np.linalg.eigh(root.T @ self.information @ root)
         shrunk = (root @ u) / np.sqrt(1.0 + np.maximum(w, 0.0))
@@ -160,6 +162,15 @@ class Reference:
 
 
 def _checked(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Both as read-only arrays, the matrix exactly symmetric and semidefinite but for rounding."""
+    symmetric, v = _symmetric(matrix, vector)
+    unit, _ = _unit_diagonal(symmetric)
+    if unit.size:
+        _demand_semidefinite(np.linalg.eigvalsh(unit))
+    return symmetric, v
+
+
+def _symmetric(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Both as read-only arrays, the matrix exactly symmetric."""
     m = np.array(matrix, dtype=np.float64)
     v = np.array(vector, dtype=np.float64)
@@ -167,29 +178,44 @@ def _checked(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64],
         raise ValueError(f"a matrix (k, k) and a vector (k,) are needed, got {m.shape} and {v.shape}")
     if not (np.isfinite(m).all() and np.isfinite(v).all()):
         raise ValueError("matrix and vector must be finite; leave out a block that holds NaN or infinity")
-    _require_semidefinite(m)
-    symmetric = m if np.array_equal(m, m.T) else 0.5 * (m + m.T)
+    if np.array_equal(m, m.T):
+        symmetric = m
+    else:
+        unit, _ = _unit_diagonal(m)
+        if float(np.abs(unit - unit.T).max()) > _ROUNDING:
+            raise ValueError("the matrix must be symmetric")
+        symmetric = 0.5 * (m + m.T)
     symmetric.setflags(write=False)
     v.setflags(write=False)
     return symmetric, v
 
 
-def _require_semidefinite(m: NDArray[np.float64]) -> None:
-    """Symmetric and semidefinite but for rounding, judged on the matrix scaled to unit diagonal."""
+def _unit_diagonal(m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The matrix (k, k) scaled to unit diagonal, and the roots of its diagonal, (k,), 1 where there is next to nothing.
+
+    Raises:
+        ValueError: an entry of the diagonal is negative.
+    """
     diagonal = np.diagonal(m)
-    if np.any(diagonal < -_NOTHING):
+    if (diagonal < -_NOTHING).any():
         raise ValueError(f"the matrix has a negative diagonal entry, {diagonal.min():.6g}")
     scale = np.sqrt(np.where(diagonal > _NOTHING, diagonal, 1.0))
-    unit = m / np.outer(scale, scale)
-    if unit.size and float(np.abs(unit - unit.T).max()) > _ROUNDING:
-        raise ValueError("the matrix must be symmetric")
-    if unit.size and float(np.linalg.eigvalsh(unit)[0]) < -_ROUNDING * unit.shape[0]:
+    return m / (scale[:, None] * scale), scale
+
+
+def _demand_semidefinite(eigenvalues: NDArray[np.float64]) -> None:
+    """Those of a matrix of unit diagonal, rising."""
+    if float(eigenvalues[0]) < -_ROUNDING * eigenvalues.size:
         raise ValueError("the matrix must be positive semidefinite")
 
 
 def _square_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """L with L L' = covariance, shape (k, k); the covariance may be singular."""
-    diagonal = np.diagonal(covariance)
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    w, u = np.linalg.eigh(covariance / np.outer(scale, scale))
+    """L with L L' = covariance, shape (k, k); the covariance may be singular.
+
+    Raises:
+        ValueError: it is not positive semidefinite.
+    """
+    unit, scale = _unit_diagonal(covariance)
+    w, u = np.linalg.eigh(unit)
+    _demand_semidefinite(w)
     return np.asarray(scale[:, None] * u * np.sqrt(np.maximum(w, 0.0)))

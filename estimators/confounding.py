@@ -12,6 +12,8 @@ What it cannot be distinguished from are those of its equation whose error goes 
 derivative that nothing moved has J_aa near zero: it is not observable, but not confounded.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +21,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.kernels.hot import whole
 from wingwatch.estimators.kernels.symmetric import eigen
 
-__all__ = ["confounded_sets", "told_apart_text"]
+__all__ = ["confounded_sets", "find_confounded", "sets_of", "told_apart_text"]
 
 Array = NDArray[np.float64]
 
@@ -49,34 +51,71 @@ def confounded_sets(
     Returns:
         Whether each derivative is confounded, (k,); sets of derivatives of which only combinations are known.
     """
-    symbols = structure.derivatives
-    hidden = np.zeros(len(symbols), dtype=np.bool_)
-    error = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    if not np.isfinite(covariance).all() or not (natural > 0.0).all() or (error <= 0.25 * natural).all():
-        return hidden, ()
-    alone, unknown = np.zeros(len(symbols)), np.zeros(covariance.shape)
+    k = len(structure.derivatives)
+    hidden, number = np.zeros(k, dtype=np.bool_), np.zeros(k, dtype=np.int64)
+    find_confounded(
+        np.ascontiguousarray(covariance), natural, prior_ratio, len(structure.regressors), hidden, number
+    )
+    return hidden, sets_of(structure, number)
+
+
+def sets_of(structure: ModeStructure, number: NDArray[np.int64]) -> tuple[tuple[str, ...], ...]:
+    """The derivatives of each set by name, from the number of each one's set, (k,); 0 where it is in none."""
+    if not number.any():
+        return ()
+    named = list(zip(number.tolist(), structure.derivatives, strict=True))
+    return tuple(tuple(s for m, s in named if m == n) for n in range(1, int(number.max()) + 1))
+
+
+@whole
+def find_confounded(covariance, natural, prior_ratio, columns, hidden, number):  # type: ignore[no-untyped-def]
+    """Compiled ``confounded_sets``.
+
+    Args:
+        covariance, natural, prior_ratio: as there; the covariance contiguous.
+        columns: regressors of an equation.
+        hidden: (k,), gets whether each derivative is confounded; false before.
+        number: (k,), gets the number of each one's set, from 1; 0 before, and where it is in none.
+    """
+    k = natural.size
+    settled = True
+    for a in range(k):
+        if not natural[a] > 0.0:
+            return
+        settled &= covariance[a, a] <= 0.0625 * natural[a] * natural[a]
+        for b in range(k):
+            if not np.isfinite(covariance[a, b]):
+                return
+    if settled:
+        return
+    alone, unknown = np.zeros(k), np.zeros((k, k))
     _by_data_alone(covariance, natural, prior_ratio, alone, unknown)
-    size = np.sqrt(np.diagonal(unknown))
-    hidden = (np.square(size) > UNKNOWN_VARIANCE) & (alone * np.square(size) >= LOST_TO_OTHERS)
-    if not hidden.any():
-        return hidden, ()
-    linked = np.abs(unknown) > SHARED_CORRELATION * np.outer(size, size)
-    row = np.arange(len(symbols)) // len(structure.regressors)
-    linked &= (hidden[:, None] | hidden[None, :]) & (row[:, None] == row[None, :])
-    sets, seen = [], np.zeros(len(symbols), dtype=np.bool_)
-    for a in np.flatnonzero(hidden):
-        if seen[a]:
+    found = False
+    for a in range(k):
+        size = unknown[a, a]
+        hidden[a] = size > UNKNOWN_VARIANCE and alone[a] * size >= LOST_TO_OTHERS
+        found |= hidden[a]
+    if not found:
+        return
+    member, sets = np.empty(k, dtype=np.int64), 0
+    for a in range(k):
+        if not hidden[a] or number[a] > 0:
             continue
-        members = np.zeros(len(symbols), dtype=np.bool_)
-        members[a] = True
-        while (grown := members | linked[members].any(axis=0)).sum() > members.sum():
-            members = grown
-        seen |= members
-        if members.sum() > 1:
-            sets.append(tuple(symbols[b] for b in np.flatnonzero(members)))
-        else:
-            hidden[a] = False
-    return hidden, tuple(sets)
+        sets += 1
+        member[0], reached, at = a, 1, 0
+        number[a] = sets
+        while at < reached:
+            c = member[at]
+            at += 1
+            for b in range(k):
+                if number[b] == 0 and b // columns == a // columns and (hidden[b] or hidden[c]):
+                    shared = SHARED_CORRELATION * math.sqrt(unknown[b, b] * unknown[c, c])
+                    if abs(unknown[b, c]) > shared:
+                        number[b], member[reached] = sets, b
+                        reached += 1
+        if reached == 1:  # nothing goes with it
+            hidden[a], number[a] = False, 0
+            sets -= 1
 
 
 @whole

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
-from wingwatch.estimators.confounding import confounded_sets, told_apart_text
+from wingwatch.estimators.confounding import find_confounded, sets_of, told_apart_text
 from wingwatch.estimators.estimate import Estimate, Outcome
+from wingwatch.estimators.kernels.hot import whole
 
 __all__ = ["ConcisePosterior", "Says", "offsets", "referred_scale", "says_something", "standing"]
 
@@ -102,29 +103,53 @@ def standing(
     nothing but noise for ``stale_s``, or the data have said less than its natural size, or it cannot be told from
     others (``confounding``).
     """
-    value, covariance, prior_std, prior_ratio = posterior
-    error = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    natural = prior_std / 3.0
-    confounded, sets = confounded_sets(structure, covariance, natural, prior_ratio)
-    outcomes = []
-    columns = (part.tolist() for part in (value, error, natural, informed_s, confounded))
-    for x, spread, size, informed, hidden in zip(*columns, strict=True):
-        if not math.isfinite(x) or not math.isfinite(spread):
-            outcomes.append(Outcome.REJECTED if solved else Outcome.NOT_OBSERVABLE)
-        elif not solved or time_s - informed > stale_s or spread > size or hidden:
-            outcomes.append(Outcome.NOT_OBSERVABLE)
-        elif spread <= 0.25 * max(abs(x), size):
-            outcomes.append(Outcome.CONVERGED)
-        else:
-            outcomes.append(Outcome.SETTLING)
+    covariance = np.ascontiguousarray(posterior.covariance)
+    k, number = covariance.shape[0], np.zeros(covariance.shape[0], dtype=np.int64)
+    code, stale = np.empty(k, dtype=np.int64), time_s - informed_s > stale_s
+    _judge(
+        (posterior.value, posterior.prior_std / 3.0), covariance, posterior.prior_ratio, len(structure.regressors),
+        (stale, solved), code, number,
+    )  # fmt: skip
+    sets = sets_of(structure, number)
+    outcomes = tuple(_OUTCOMES[c] for c in code.tolist())
     outcome, reason = _together(structure, outcomes, informed_s, solved)
     if sets and outcome is not Outcome.REJECTED:
         reason = "; ".join(part for part in (told_apart_text(structure, sets), reason) if part)
     return Estimate(
-        estimator, structure, time_s, value, covariance, tuple(outcomes), outcome, reason,
+        estimator, structure, time_s, posterior.value, covariance, outcomes, outcome, reason,
         (float(condition[0]), float(condition[1]), float(condition[2]), float(condition[3])),
         sets,
     )  # fmt: skip
+
+
+_OUTCOMES = (Outcome.NOT_OBSERVABLE, Outcome.REJECTED, Outcome.SETTLING, Outcome.CONVERGED)
+_HIDDEN, _REJECTED, _SETTLING, _CONVERGED = range(4)
+
+
+@whole
+def _judge(sizes, covariance, prior_ratio, columns, known, code, number):  # type: ignore[no-untyped-def]
+    """The standing of each derivative.
+
+    Args:
+        sizes: values and natural sizes, (k,) each.
+        covariance, prior_ratio, columns, number: of ``find_confounded``.
+        known: whether each regressor has carried nothing but noise for long, (k,), and whether there is a solution.
+        code: (k,), gets the place of each one's outcome in ``_OUTCOMES``.
+    """
+    (value, natural), (stale, solved) = sizes, known
+    k = value.size
+    confounded = np.zeros(k, dtype=np.bool_)
+    find_confounded(covariance, natural, prior_ratio, columns, confounded, number)
+    for a in range(k):
+        error = math.sqrt(max(covariance[a, a], 0.0)) if not math.isnan(covariance[a, a]) else math.nan
+        if not (math.isfinite(value[a]) and math.isfinite(error)):
+            code[a] = _REJECTED if solved else _HIDDEN
+        elif not solved or stale[a] or error > natural[a] or confounded[a]:
+            code[a] = _HIDDEN
+        elif error <= 0.25 * max(abs(value[a]), natural[a]):
+            code[a] = _CONVERGED
+        else:
+            code[a] = _SETTLING
 
 
 class Says(Enum):
@@ -158,7 +183,7 @@ def says_something(value: Array, ratio: Array, stale: NDArray[np.bool_]) -> Says
 
 
 def _together(
-    structure: ModeStructure, outcomes: list[Outcome], informed_s: Array, solved: bool
+    structure: ModeStructure, outcomes: tuple[Outcome, ...], informed_s: Array, solved: bool
 ) -> tuple[Outcome, str]:
     """The mode's own outcome: that of most of its derivatives, worst named."""
     if not solved:

@@ -34,6 +34,7 @@ from wingwatch.estimators import (
     padded,
 )
 from wingwatch.monitor.air_watch import AirState, AirWatch
+from wingwatch.monitor.solution_times import find_due
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, PairState, Supervisor
 from wingwatch.telemetry import INPUT_CHANNELS, SampleBlock, missing_for
@@ -55,19 +56,9 @@ Array = NDArray[np.float64]
 STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, LATERAL, DUTCH_ROLL)
 """The Dutch roll stands in for the lateral structure, which holds it, where that cannot be estimated."""
 
-SOLUTION_INTERVAL_S = 0.5
-"""Thesis 9.2: least squares at 2 Hz."""
-
-LEAST_ROWS = 5
-"""Samples since the last solution, none of them half a second from the one before, without which there is none: half a
-second at 10 Hz. A solution costs a thousand times what a sample does, so a message's cost goes with its samples."""
-
 NO_CONDITION = (
     "airspeed, altitude and accelerometers contradict each other, so the last block is compared with nothing"
 )
-
-_SAME_TIME_S = 1e-6
-"""Stamps this close count as one: samplers round."""
 
 _VANE = {"w": "angle_of_attack_rad", "v": "sideslip_rad"}
 _FORCE_COLUMN = {"w": "specific_force_z_m_s2", "v": "specific_force_y_m_s2"}
@@ -246,7 +237,7 @@ class Chain:
         Yields:
             by number, the solutions of all vehicles that have come to their next one.
         """
-        dues = [self._due(state, block.time_s) for state, block in zip(states, blocks, strict=True)]
+        dues = [_due(state, block.time_s) for state, block in zip(states, blocks, strict=True)]
         starts = [0] * len(states)
         going = list(range(len(states)))
         while going:
@@ -298,31 +289,6 @@ class Chain:
         solved = zip(due, at_s, modes, strict=True)
         return {n: Solution(last_s, found) for n, last_s, found in solved if n not in faults}
 
-    def _due(self, state: ChainState, time_s: Array) -> Iterator[int]:
-        """Rows after which there is a solution, in order; the state's clock stands at each when it is given."""
-        last_s = np.append(state.last_s, time_s[:-1])
-        steps = time_s - last_s[: time_s.size]
-        torn = np.flatnonzero(~((steps > 0.0) & (steps < SOLUTION_INTERVAL_S - _SAME_TIME_S)))
-        at = 0  # first row that is not counted yet
-        for tear in (*torn.tolist(), time_s.size):
-            while (k := self._next_due(state, time_s[:tear], at)) < tear:
-                state.last_s = float(time_s[k])
-                yield k
-                state.next_solution_s = _next_solution_s(state.next_solution_s, state.last_s)
-                state.rows, at = 0, k + 1
-            state.rows += tear - at
-            if tear < time_s.size:  # too long a step for a solution, or one back: counting begins anew
-                if not 0.0 < steps[tear] < 10.0 * SOLUTION_INTERVAL_S:
-                    state.next_solution_s = float(time_s[tear]) + SOLUTION_INTERVAL_S
-                state.rows, at = 1, tear + 1
-        if time_s.size:
-            state.last_s = float(time_s[-1])
-
-    def _next_due(self, state: ChainState, time_s: Array, at: int) -> int:
-        """The first of evenly rising stamps from ``at`` on at which a solution is due, their number where none is."""
-        late = at + int(np.searchsorted(time_s[at:], state.next_solution_s - _SAME_TIME_S))
-        return max(late, at + LEAST_ROWS - 1 - state.rows)
-
     def current(self, state: ChainState) -> Solution:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
         return Solution(state.last_s, self.supervisor.read(state.lane, state.last_s))
@@ -336,10 +302,18 @@ class Chain:
         self.supervisor.resume(state.lane, structure, information, vector)
 
 
-def _next_solution_s(due_s: float, time_s: float) -> float:
-    """The first instant of the grid on which ``due_s`` lies that is later than ``time_s``."""
-    passed = np.floor((time_s + _SAME_TIME_S - due_s) / SOLUTION_INTERVAL_S)
-    return due_s + SOLUTION_INTERVAL_S * (1.0 + max(0.0, float(passed)))
+def _due(state: ChainState, time_s: Array) -> Iterator[int]:
+    """Rows after which there is a solution, in order; the state's clock stands at each when it is given."""
+    if not time_s.size:
+        return
+    memory = np.array([state.last_s, state.next_solution_s, state.rows])
+    found = np.empty(time_s.size, dtype=np.int64)
+    number = find_due(np.ascontiguousarray(time_s), memory, found)
+    state.next_solution_s, state.rows = float(memory[1]), int(memory[2])
+    for k in found[:number].tolist():
+        state.last_s = float(time_s[k])
+        yield k
+    state.last_s = float(time_s[-1])
 
 
 def _pair(

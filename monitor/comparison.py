@@ -53,7 +53,7 @@ class Coordinates:
     ) -> tuple[Array, Array]:
         """A value (k,) and its covariance (k, k) in these coordinates."""
         scale, offset = self.to_concise(condition)
-        return (value - offset) / scale, covariance / np.outer(scale, scale)
+        return (value - offset) / scale, covariance / (scale[:, None] * scale)
 
     def slope(self, condition: FlightCondition) -> Array:
         """d(referred)/d(coordinate), shape (k,)."""
@@ -71,7 +71,7 @@ class Coordinates:
         referred = referred_scale(self.structure, speed, density, self.reference)
         kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
         slope, shift = scale / referred, (offset - kinematic) / referred
-        return information * np.outer(slope, slope), slope * (vector - information @ shift)
+        return information * (slope[:, None] * slope), slope * (vector - information @ shift)
 
     def to_evidence(
         self, information: Array, vector: Array, condition: FlightCondition
@@ -82,7 +82,7 @@ class Coordinates:
         referred = referred_scale(self.structure, speed, density, self.reference)
         kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
         slope, shift = scale / referred, (offset - kinematic) / referred
-        known = information / np.outer(slope, slope)
+        known = information / (slope[:, None] * slope)
         return known, vector / slope + known @ shift
 
 

@@ -77,14 +77,14 @@ class FleetArrivals:
     ) -> tuple[str, Sequence[Outgoing]]:
         """What became of the message, and the question what aircraft it is, if that is asked."""
         arrivals, owned = known.arrivals, known.owner.holds(at_s, self._context.settings.stale_s)
-        restarts = arrivals.counts["publisher_restarts"]
-        if not arrivals.observe(message.sequence, message.stream, *message.span_s, owned):
+        restarts, (first_s, last_s) = arrivals.counts["publisher_restarts"], message.span_s
+        if not arrivals.observe(message.sequence, message.stream, first_s, last_s, owned):
             known.refused_s = self._context.clock()
             if arrivals.refusal == SECOND_PUBLISHER:
                 self._context.note_second_publisher(*key, known)
             return arrivals.refusal, _NOTHING
         known.received_s, known.owner.heard_s = self._context.clock(), at_s
-        known.pace.note(message.span_s[1], at_s)
+        known.pace.note(last_s, at_s)
         news = _NOTHING
         if known.message is not None and arrivals.counts["publisher_restarts"] > restarts:
             claim = known.owner.claimed(arrivals.stream)

@@ -8,10 +8,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.telemetry import MAX_GAP_S, SampleBlock
+from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S, SampleBlock
 
 __all__ = ["FlightRegime", "RegimeState"]
 
@@ -20,6 +21,10 @@ LEAST_AIRSPEED_M_S = 1.0
 
 MOST_INCIDENCE_RAD = math.radians(45.0)
 """Beyond this angle of attack or sideslip no wing and no fin has attached flow, whatever the aircraft."""
+
+_TIME, _AIRSPEED, _ALPHA, _BETA = (
+    CHANNEL_INDEX[name] for name in ("time_s", "airspeed_true_m_s", "angle_of_attack_rad", "sideslip_rad")
+)
 
 
 @dataclass(slots=True)
@@ -59,6 +64,9 @@ class FlightRegime:
         """
         if not len(block):
             return block
+        if _is_attached(np.ascontiguousarray(block.values), self.stall_rad, state.stalled_s):
+            state.waits = ""
+            return block
         flying = block.column("airspeed_true_m_s") >= LEAST_AIRSPEED_M_S
         detached = self._detached(state, block) & flying
         state.too_slow += int(np.count_nonzero(~flying))
@@ -85,3 +93,14 @@ class FlightRegime:
         # stamps before that of the stall are those of another clock
         state.stalled_s = float(time_s[-1] - since_s[-1]) if since_s[-1] >= 0.0 else -math.inf
         return np.asarray((since_s >= 0.0) & (since_s <= MAX_GAP_S))
+
+
+@njit(cache=True)
+def _is_attached(values, stall_rad, stalled_s):  # type: ignore[no-untyped-def]
+    """Whether all rows (samples, channels) are of attached flight, the last stall longer ago than ``MAX_GAP_S``."""
+    for row in values:
+        if not (row[_AIRSPEED] >= LEAST_AIRSPEED_M_S and row[_TIME] - stalled_s > MAX_GAP_S):
+            return False
+        if abs(row[_ALPHA]) > stall_rad or abs(row[_BETA]) > MOST_INCIDENCE_RAD:
+            return False
+    return True

@@ -22,7 +22,6 @@ from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.cell_memory import CellBook
 from wingwatch.monitor.chain import (
     NO_CONDITION,
-    SOLUTION_INTERVAL_S,
     Chain,
     Solution,
     condition_of,
@@ -34,6 +33,7 @@ from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
@@ -126,6 +126,7 @@ class VehicleMonitor:
         self._judge_state = self.judge.init(memory.references, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
         self._memory = WatchMemory()
+        self._worst: tuple[Solution, WorstDerivative | None] | None = None
 
     @property
     def counts(self) -> dict[str, int]:
@@ -187,6 +188,7 @@ class VehicleMonitor:
         founded = self._founded_by_file
         self.judge.adopt(self._judge_state, memory.references, founded)
         self.cells.adopt(memory.cells)
+        self._worst = None
 
     def saved(self) -> MonitorState:
         """A copy of all that this monitor remembers; what it is made of is not in it."""
@@ -395,14 +397,14 @@ class VehicleMonitor:
         found = self.chain.envelopes[structure.name].lookup(condition)
         if isinstance(found, OutOfEnvelope) or structure.name not in self.judge.coordinates:
             return found
-        c = self.judge.coordinates[structure.name]
-        prior, spread = c.from_concise(found.value, found.covariance, condition)
-        value, covariance = self.judge.expected(self._judge_state, structure.name, prior, spread)
-        scale, offset = c.to_concise(condition)
+        scale, offset = self.judge.coordinates[structure.name].to_concise(condition)
+        both = scale[:, None] * scale
+        value, covariance = self.judge.expected(
+            self._judge_state, structure.name, (found.value - offset) / scale, found.covariance / both
+        )
         return Expectation(
-            structure, scale * value + offset, covariance * np.outer(scale, scale), found.provenance, condition,
-            found.source,
-        )  # fmt: skip
+            structure, scale * value + offset, covariance * both, found.provenance, condition, found.source
+        )
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
         """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""
@@ -437,11 +439,18 @@ class VehicleMonitor:
     def worst(self) -> WorstDerivative | None:
         """The derivative furthest from its expectation, among those that are observable.
 
-        Both estimators must say so: of two that stand, the one nearer to the expectation speaks for the pair.
+        Both estimators must say so: of two that stand, the one nearer to the expectation speaks for the pair. It is
+        worked out once a solution, whoever asks.
         """
-        solution, worst = self._memory.latest, None
+        solution = self._memory.latest
         if solution is None:
             return None
+        if self._worst is None or self._worst[0] is not solution:
+            self._worst = solution, self._furthest(solution)
+        return self._worst[1]
+
+    def _furthest(self, solution: Solution) -> WorstDerivative | None:
+        worst: WorstDerivative | None = None
         for s in self._compared:
             mode = solution.modes[s.name]
             for voices in zip(*(self._distances(e) for e in (mode.fourier, mode.ekf)), strict=True):

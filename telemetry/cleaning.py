@@ -201,13 +201,14 @@ class Cleaner:
         self, values: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], dict[str, int], dict[str, int]]:
         """Rows whose own values are possible; the others counted by reason and by channel."""
+        inside = (values >= _LOW) & (values <= _HIGH)
+        if inside.take(self._required, axis=1).all() and (inside | np.isnan(values)).all():
+            return values, {}, {}
         missing = ~np.isfinite(values[:, self._required])
         outside = (values < _LOW) | (values > _HIGH)
         outside |= np.isinf(values)
         outside[:, self._required] &= ~missing
         without, beyond = np.logical_or.reduce(missing, axis=1), np.logical_or.reduce(outside, axis=1)
-        if not (without.any() or beyond.any()):
-            return values, {}, {}
         faults = outside & ~without[:, None]
         faults[:, self._required] |= missing
         per_channel = faults.sum(axis=0)

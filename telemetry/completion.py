@@ -63,9 +63,12 @@ def complete(block: SampleBlock, given: Collection[str] | None = None) -> Sample
             one flight must be completed with one answer to this, or a piece without a value differs.
 
     Returns:
-        A new block of the same rows; a row that lacks a source has NaN in what would follow from it.
+        The same rows, in a new block where a channel follows; a row that lacks a source has NaN in what would follow
+        from it.
     """
     made = derivations(block.present if given is None else given)
+    if not made:
+        return block
     values = block.values.copy()
     with np.errstate(all="ignore"):  # a row without its source gives NaN, which cleaning counts
         for name, sources in made.items():

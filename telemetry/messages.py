@@ -6,6 +6,8 @@ a machine can count and a sentence a person can read. Schema: ``proto/wingwatch/
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import chain
 from typing import Annotated, Any
 
 import numpy as np
@@ -135,20 +137,26 @@ def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None =
         sequence, stream, columns = _sensors_from_protobuf(payload)
     if "time_s" not in columns:
         raise MessageError("missing_time", "the sensors message has no time_s")
-    lengths = {name: len(column) for name, column in columns.items()}
-    samples = lengths["time_s"]
-    for name, length in lengths.items():
-        if length != samples:
-            text = f"column {name} has {length} values and time_s {samples}: all columns must be equally long"
+    table, samples = list(columns.values()), len(columns["time_s"])
+    for name, column in columns.items():
+        if len(column) != samples:
+            text = f"column {name} has {len(column)} values and time_s {samples}: all columns must be equally long"
             raise MessageError("unequal_lengths", text)
     if samples > limits.max_samples:
         text = f"the message has {samples} samples, more than the {limits.max_samples} allowed: send fewer"
         raise MessageError("too_many_samples", text)
+    places, given = _layout(tuple(columns))
     values = np.full((samples, len(CHANNEL_NAMES)), np.nan)
-    values[:, [CHANNEL_INDEX[name] for name in columns]] = np.array(list(columns.values()), np.float64).T
+    values[:, places] = np.array(table, np.float64).T
     _demand_a_clock(values[:, CHANNEL_INDEX["time_s"]])
-    given = tuple(name for name in CHANNEL_NAMES if name in columns)
     return SensorsMessage(sequence, complete(SampleBlock(values), given), given, stream)
+
+
+@lru_cache(maxsize=256)
+def _layout(names: tuple[str, ...]) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """Where a message's columns stand in a block, and their names in the order of the channels."""
+    places = np.array([CHANNEL_INDEX[name] for name in names])
+    return places, tuple(name for name in CHANNEL_NAMES if name in names)
 
 
 def encode_sensors(
@@ -251,8 +259,8 @@ def _demand_protobuf(encoding: str) -> None:
 
 def _demand_a_clock(time_s: NDArray[np.float64]) -> None:
     """Stamps that no clock shows make a message worthless; every other value is judged sample by sample (cleaning)."""
-    beyond = time_s[np.isfinite(time_s) & (np.abs(time_s) > MAX_TIME_S)]
-    if beyond.size:
+    large = np.abs(time_s) > MAX_TIME_S
+    if large.any() and (beyond := time_s[large & np.isfinite(time_s)]).size:
         text = f"time_s holds {beyond[0]:.6g}, which no clock shows in seconds: stamps lie within {MAX_TIME_S:.0f}"
         raise MessageError("bad_value", text)
 
@@ -290,8 +298,9 @@ def _sensors_from_json(payload: bytes) -> tuple[int, int | float | None, dict[st
             raise MessageError("unknown_column", text)
         if not isinstance(column, list):
             raise MessageError("wrong_type", f"column {name} must be a list of numbers, not {_shown(column)}")
-    numbers = {name: _numbers(name, column) for name, column in columns.items()}
-    return _sequence(fields.get("sequence", 0)), _stream(fields.get("stream")), numbers
+    if not set(map(type, chain.from_iterable(columns.values()))) <= _NUMBER_TYPES:
+        columns = {name: _numbers(name, column) for name, column in columns.items()}
+    return _sequence(fields.get("sequence", 0)), _stream(fields.get("stream")), columns
 
 
 def _sequence(value: Any) -> int:
@@ -317,9 +326,7 @@ def _whole_number(value: Any) -> Any:
 
 
 def _numbers(name: str, column: list[Any]) -> list[Any]:
-    """The column if it holds numbers and nulls only."""
-    if set(map(type, column)) <= _NUMBER_TYPES:
-        return column
+    """The column with numbers in place of the words for some; MessageError where it holds anything else."""
     column = [_NUMBER_WORDS.get(value, value) if isinstance(value, str) else value for value in column]
     for value in column:
         if type(value) not in _NUMBER_TYPES:

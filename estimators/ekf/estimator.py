@@ -352,7 +352,7 @@ class EkfEstimator:
         return standing(
             self.name, c.structure, float(seen.row[TIME]),
             ConcisePosterior(
-                value, covariance * np.outer(scale, scale), 3.0 * c.prior_std * scale, prior_ratio=1.0
+                value, covariance * scale[:, None] * scale, 3.0 * c.prior_std * scale, prior_ratio=1.0
             ),
             seen.informed_s, c.stale_s, seen.started, np.array([airspeed, altitude, density, alpha]),
         )  # fmt: skip

@@ -21,6 +21,7 @@ from wingwatch.estimators.kernels.dispersion import (
     dispersion_workspace,
     gather_scatter,
 )
+from wingwatch.estimators.kernels.hot import whole
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = [
@@ -118,14 +119,31 @@ def wider_covariance(covariance: Array, prior_std: Array, dispersion: Array) -> 
         prior_std: (k,).
         dispersion: (ns,).
     """
-    if not dispersion.max() > 1.0:
-        return covariance
-    wider, columns = covariance.copy(), prior_std.size // len(dispersion)
-    for e, by in enumerate(dispersion):
-        own = slice(e * columns, (e + 1) * columns)
-        prior = np.diag(prior_std[own] ** -2.0)
-        wider[own, own] = np.linalg.inv(prior + (np.linalg.inv(covariance[own, own]) - prior) / by)
+    wider = covariance.copy()
+    if dispersion.max() > 1.0:
+        _widen(wider, prior_std, dispersion)
     return wider
+
+
+@whole
+def _widen(covariance, prior_std, dispersion):  # type: ignore[no-untyped-def]
+    """In place, each equation's own part."""
+    n = prior_std.size // dispersion.size
+    known, own = np.empty((n, n)), np.empty((n, n))
+    for e in range(dispersion.size):
+        first, by = e * n, 1.0 / dispersion[e]
+        for a in range(n):
+            for b in range(n):
+                own[a, b] = covariance[first + a, first + b]
+        invert(own, known)
+        for a in range(n):
+            for b in range(n):
+                own[a, b] = known[a, b] * by
+            own[a, a] += (1.0 - by) / (prior_std[first + a] * prior_std[first + a])
+        invert(own, known)
+        for a in range(n):
+            for b in range(n):
+                covariance[first + a, first + b] = known[a, b]
 
 
 def dispersion_before(scatter: Scatter, i: int) -> Array:

@@ -372,8 +372,8 @@ class FourierEstimator:
         scale = referred_scale(c.structure, airspeed_m_s, density_kg_m3, c.reference)
         value = seen.theta * scale + offsets(c.structure, airspeed_m_s, alpha)
         value += self._by_airspeed(value, airspeed_m_s, alpha)
-        wider = np.repeat(np.sqrt(seen.dispersion), self.layout.states + self.layout.inputs)
-        covariance = seen.covariance * np.outer(scale * wider, scale * wider)
+        wider = scale * np.repeat(np.sqrt(seen.dispersion), self.layout.states + self.layout.inputs)
+        covariance = seen.covariance * wider[:, None] * wider
         return standing(
             self.name, c.structure, seen.time_s, ConcisePosterior(value, covariance, c.prior_std * scale),
             seen.informed_s, c.stale_s, seen.solved, seen.condition,

@@ -11,7 +11,7 @@ from wingwatch.aircraft import load_aircraft
 from wingwatch.api import vehicle_document
 from wingwatch.api.encoding import json_answer
 from wingwatch.monitor import FleetSettings, VehicleMonitor, VehicleState
-from wingwatch.monitor.chain import LEAST_ROWS
+from wingwatch.monitor.solution_times import LEAST_ROWS
 from wingwatch.simulation import ElevatorEffectiveness
 from wingwatch.telemetry import CHANNELS, SampleBlock
 
