@@ -312,10 +312,10 @@ class Envelope:
 
     def _carried(self, placement: Placement, condition: FlightCondition) -> Expectation:
         """Interpolated in non-dimensional form, then made concise at the condition."""
-        covariance = np.einsum("i,ijk->jk", placement.weights, self._covariances)
+        covariance = np.tensordot(placement.weights, self._covariances, 1)
         value = placement.weights @ self._values
         carried = self._carry_share * np.abs(value) * _lift_change(condition, placement.nearest)
-        covariance += np.diag(placement.curvature_bound**2 + carried**2)
+        np.fill_diagonal(covariance, np.diagonal(covariance) + placement.curvature_bound**2 + carried**2)
         value, covariance = concise(value, covariance, self.structure, self.aircraft, condition)
         used = [p for p, w in zip(self.points, placement.weights, strict=True) if w > 0.0]
         return Expectation(

@@ -151,9 +151,9 @@ class _Scattered:
 def _locate(nodes: NDArray[np.float64], x: float) -> tuple[int, float, float]:
     """Cell, share of its upper node, and x moved to the nearest place within the nodes."""
     inside = min(max(x, float(nodes[0])), float(nodes[-1]))
-    cell = max(min(int(np.searchsorted(nodes, inside, side="right")) - 1, nodes.size - 2), 0)
     if nodes.size == 1:
         return 0, 0.0, inside
+    cell = max(min(int(nodes.searchsorted(inside, side="right")) - 1, nodes.size - 2), 0)
     return cell, float((inside - nodes[cell]) / (nodes[cell + 1] - nodes[cell])), inside
 
 

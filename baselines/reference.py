@@ -203,7 +203,7 @@ def _unit_diagonal(m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray
     return m / (scale[:, None] * scale), scale
 
 
-def _demand_semidefinite(eigenvalues: NDArray[np.float64]) -> None:
+def _demand_semidefinite(eigenvalues: NDArray[Any]) -> None:
     """Those of a matrix of unit diagonal, rising."""
     if float(eigenvalues[0]) < -_ROUNDING * eigenvalues.size:
         raise ValueError("the matrix must be positive semidefinite")

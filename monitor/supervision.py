@@ -222,6 +222,8 @@ class Supervisor:
         self._size = 0
         self._free: list[int] = []
         self._states: dict[str, PairState] = {}
+        self._first: dict[str, PairState] = {}
+        """Of one vehicle before its first sample."""
 
     def join(self) -> Lane:
         """A place for one more vehicle, its states as before the first sample."""
@@ -229,8 +231,8 @@ class Supervisor:
             self._grow(self._size + (max(self._size // 4, _LEAST_LANES) if self._size else 1))
         lane = Lane(self._free.pop())
         place = np.array([lane.place])
-        for name, p in self.pairs.items():
-            self._states[name].put(place, _init(p, 1))
+        for name in self.pairs:
+            self._states[name].put(place, self._first[name])
         finalize(lane, self._free.append, lane.place).atexit = False
         return lane
 
@@ -239,6 +241,8 @@ class Supervisor:
             grown = _init(p, size)
             if self._size:
                 grown.put(slice(self._size), self._states[name])
+            else:
+                self._first[name] = _init(p, 1)
             self._states[name] = grown
         self._free += range(size - 1, self._size - 1, -1)
         self._size = size
