@@ -55,6 +55,7 @@ from wingwatch.estimators.fourier.state import (
     ALPHA,
     ALTITUDE,
     BEFORE,
+    CHANGED,
     CLOSED,
     CONDITION,
     DENSITY,
@@ -75,7 +76,12 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
-from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, dispersion_workspace
+from wingwatch.estimators.kernels.dispersion import (
+    DISPERSION,
+    DispersionWorkspace,
+    disperse,
+    dispersion_workspace,
+)
 from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
 from wingwatch.telemetry import MAX_GAP_S
@@ -99,6 +105,7 @@ class Workspace(NamedTuple):
         anchor, own, mean, size: (k,) derivatives at which a block is linearised, to which it leads itself, that are
             remembered; natural size of each.
         covariance, own_covariance: (k, k) of what is remembered, and of ``own``.
+        likeliest, likeliest_covariance, likeliest_noise: where the likeliest way leads that a block goes.
         noise: variances at which a block is linearised, as ``Posterior.noise``.
         trial: (k,) which derivatives have changed since a checkpoint.
         spread: (k,) what each has changed by since the best one, in natural sizes.
@@ -117,6 +124,9 @@ class Workspace(NamedTuple):
     size: NDArray[np.float64]
     covariance: NDArray[np.float64]
     own_covariance: NDArray[np.float64]
+    likeliest: NDArray[np.float64]
+    likeliest_covariance: NDArray[np.float64]
+    likeliest_noise: NDArray[np.float64]
     noise: NDArray[np.float64]
     trial: NDArray[np.bool_]
     spread: NDArray[np.float64]
@@ -140,6 +150,9 @@ def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Wor
         np.empty(k),
         np.empty((k, k)),
         np.empty((k, k)),
+        np.empty(k),
+        np.empty((k, k)),
+        np.empty(2 * ns + 1 + nu + AIR_VARIANCES),
         np.empty(2 * ns + 1 + nu + AIR_VARIANCES),
         np.zeros(k, dtype=np.bool_),
         np.zeros(k),
@@ -255,6 +268,17 @@ def _cut_out(model, vehicle, work, m):  # type: ignore[no-untyped-def]
 
 
 @part
+def _test_for_change(vehicle, work):  # type: ignore[no-untyped-def]
+    """Log of the mean Bayes factor of a change between what is remembered, ``work.mean`` and ``work.covariance``, and
+    what a window alone says, ``work.found.evidence``, whose errors are as wide as blocks scatter."""
+    evidence, scatter = work.found.evidence, vehicle.progress.scatter
+    copy_vector(vehicle.progress.dispersion, scatter[:, DISPERSION])
+    disperse(evidence.information, evidence.vector, evidence.bias, scatter, work.dispersing)
+    change_of(evidence.information, evidence.vector, work.mean, work.covariance, work.testing)
+    return changed_derivatives(work.size, CHANGE_LOG_THRESHOLD, work.testing, work.trial)
+
+
+@part
 def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Whether a derivative has changed, and since when: a checkpoint, ``WHOLE`` or ``NO_CHANGE``; by how much each may
     have, into ``work.spread``.
@@ -271,8 +295,7 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
     if trace == 0.0:
         return NO_CHANGE
     remembered(vehicle.memory, model.prior, solving.posterior, mean, covariance)
-    change_of(evidence.information, evidence.vector, mean, covariance, testing)
-    whole = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
+    whole = _test_for_change(vehicle, work)
     if not whole > 0.0:
         return NO_CHANGE
     best, cut = CHANGE_LOG_THRESHOLD, NO_CHANGE
@@ -286,8 +309,7 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
             continue
         _before(model, vehicle, work, m)
         solve_block(model, work.window, at, solving.posterior.nothing, around, ALONE, solving, work.found)
-        change_of(evidence.information, evidence.vector, mean, covariance, testing)
-        value = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
+        value = _test_for_change(vehicle, work)
         if trial.any() and value > best:
             best, cut = value, m
             spread_of_change(size, trial, testing, work.spread)
@@ -430,5 +452,6 @@ def advance(model, state, follows, signals, lanes, ends, solves, work):  # type:
                     close(model, vehicle, work)
                 _cut_after(vehicle, work.window)
             _let_change(model, vehicle, work)
+            progress.counts[CHANGED] = 1
         mean_condition(block.sums, progress.condition)
         progress.counts[SOLUTIONS] += 1

@@ -23,6 +23,7 @@ from wingwatch.estimators.fourier.state import (
     AIRSPEED,
     ALPHA,
     ALTITUDE,
+    CHANGED,
     CLOSED,
     DENSITY,
     LAST,
@@ -121,27 +122,99 @@ def _contradicts(own, own_covariance, mean, covariance, dispersion, work):  # ty
     for a in range(k):
         for b in range(k):
             distance += (own[a] - mean[a]) * inverse[a, b] * (own[b] - mean[b])
-    part = 2.0 / (9.0 * k)
-    return distance > k * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
+    return distance > beyond_chance(k)
+
+
+@lean
+def beyond_chance(freedom):  # type: ignore[no-untyped-def]
+    """What chi-square of so many degrees of freedom does not exceed by chance (Wilson and Hilferty 1931)."""
+    part = 2.0 / (9.0 * freedom)
+    return freedom * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
+
+
+@lean
+def _lead_from(model, vehicle, start, around, begins, work):  # type: ignore[no-untyped-def]
+    """Where the block leads by itself, into ``work.own`` and ``work.own_covariance``; its likelihood there, and whether
+    rolling air drives it.
+
+    Args:
+        start: (k,) derivatives at which the way begins.
+        around: ``Prior`` of the way.
+        begins: whether noise and air are found as if nothing were known of them.
+    """
+    known, solving, found = vehicle.posterior, work.solving, work.found
+    copy_vector(start, work.own)
+    copy_matrix(known.covariance, work.own_covariance)
+    noise_of_block(model, vehicle, work.noise)
+    if begins:
+        start_noise(model, vehicle.block.roughness, work.noise)
+        believe_inputs(model, vehicle.filters, work.noise)
+    own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
+    solve_block(model, vehicle.block, own, solving.posterior.nothing, around, MOVE, solving, found)
+    p_in_p = model.exponents.size + 1  # roll rate's column of the roll equation
+    return found.likelihood[0], not (
+        solving.noise.rolled[0] < ROLLED * solving.equation.power[p_in_p, p_in_p]
+    )
+
+
+@lean
+def _lead(model, vehicle, work):  # type: ignore[no-untyped-def]
+    """Where the block leads by itself, with its noise and air: of several ways the likeliest, into the workspace.
+
+    Returns:
+        whether the block is to be linearised there.
+    """
+    prior, dispersion, changed = (
+        model.prior,
+        vehicle.progress.dispersion,
+        vehicle.progress.counts[CHANGED] > 0,
+    )
+    around, beforehand = Prior(work.anchor, work.size), Prior(prior.value, work.size)
+    most, contradicts, leads = -math.inf, False, False
+    for way in range(3):
+        if way == 0:
+            likelihood, rolls = _lead_from(model, vehicle, work.anchor, around, False, work)
+        elif way == 1:
+            likelihood, rolls = _lead_from(model, vehicle, work.mean, around, False, work)
+        else:
+            likelihood, rolls = _lead_from(model, vehicle, prior.value, beforehand, True, work)
+        if likelihood > most:
+            most = likelihood
+            contradicts = changed or _contradicts(
+                work.own,
+                work.own_covariance,
+                work.anchor,
+                work.covariance,
+                dispersion,
+                work.solving.posterior,
+            )
+            outweighs = _outweighs(work.found.gained.sensitivity, vehicle.memory.sensitivity)
+            leads = contradicts or (outweighs and not rolls)
+            copy_vector(work.own, work.likeliest)
+            copy_matrix(work.own_covariance, work.likeliest_covariance)
+            copy_vector(work.noise, work.likeliest_noise)
+        if not contradicts:
+            break
+    return leads
 
 
 @lean
 def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
-    A block that contradicts what is known is linearised where it leads itself: the aircraft has changed. So is one that
-    says more of a derivative than all before it, unless rolling air drives it. Any other is linearised at what is
-    known, and the variances of noise and air are fitted there. Where next to nothing is known that is what is expected
-    beforehand, to a natural size, and no more is doubted: a mean within a wide interval may lie anywhere, at a damping
-    that is none, too.
+    A block that contradicts what is known is linearised where it leads itself: the aircraft has changed. So is one in
+    which a change was found, and one that says more of a derivative than all before it, unless rolling air drives it.
+    Any other is linearised at what is known, and the variances of noise and air are fitted there. Where next to nothing
+    is known that is what is expected beforehand, to a natural size, and no more is doubted: a mean within a wide
+    interval may lie anywhere, at a damping that is none, too.
 
-    The way to where a block leads begins at what is known. Where it ends far from that, it begins once more at the last
-    solution: noise and air are found too strong beside a model that is far off, and five steps may end anywhere.
+    The way to where a block leads begins at what is known. Where it contradicts that, it is gone from the last solution
+    and from what is expected beforehand, too, and the likeliest end counts: noise and air are found too strong beside a
+    model that is far off, and five steps may end anywhere.
     """
     block, known, memory, progress = vehicle.block, vehicle.posterior, vehicle.memory, vehicle.progress
     solving, found, prior = work.solving, work.found, model.prior
     k = known.theta.size
-    p_in_p = model.exponents.size + 1  # roll rate's column of the roll equation
     if progress.counts[SOLUTIONS] == 0:
         start_noise(model, block.roughness, known.noise)
     nothing = solving.posterior.nothing
@@ -152,30 +225,12 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     for a in range(k):
         work.size[a] = prior.std[a] / 3.0
     remembered(memory, Prior(prior.value, work.size), solving.posterior, work.anchor, known.covariance)
-    around = Prior(work.anchor, work.size)
-    own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
     at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
-    contradicts = False
-    for start in (work.anchor, work.mean):
-        copy_vector(start, work.own)
-        copy_matrix(known.covariance, work.own_covariance)
-        noise_of_block(model, vehicle, work.noise)
-        solve_block(model, block, own, nothing, around, MOVE, solving, found)
-        contradicts = _contradicts(
-            work.own,
-            work.own_covariance,
-            work.anchor,
-            work.covariance,
-            progress.dispersion,
-            solving.posterior,
-        )
-        if not contradicts:
-            break
-    rolled = solving.noise.rolled[0] / solving.equation.power[p_in_p, p_in_p]
-    if contradicts or (rolled < ROLLED and _outweighs(found.gained.sensitivity, memory.sensitivity)):
-        for a in range(k):
-            work.anchor[a] = work.own[a]
-        copy_matrix(work.own_covariance, known.covariance)
+    around = Prior(work.anchor, work.size)
+    if _lead(model, vehicle, work):
+        copy_vector(work.likeliest, work.anchor)
+        copy_matrix(work.likeliest_covariance, known.covariance)
+        copy_vector(work.likeliest_noise, work.noise)
     else:
         noise_of_block(model, vehicle, work.noise)
         for _ in range(2):
@@ -188,6 +243,7 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     _disperse_more(progress, model.exponents.size)
     progress.counts[SOLUTIONS] += 1
     progress.counts[CLOSED] += 1
+    progress.counts[CHANGED] = 0
 
 
 @lean

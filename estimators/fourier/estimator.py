@@ -242,7 +242,7 @@ class FourierEstimator:
             noise_known=np.zeros((n, noise.shape[1] + 1)),
             informed_s=np.full((n, k), -np.inf),
             changed=np.zeros((n, k)),
-            counts=np.zeros((n, 2), dtype=np.int64),
+            counts=np.zeros((n, 3), dtype=np.int64),
             condition=np.full((n, 4), np.nan),
             evidence_span=np.full((n, 6), np.nan),
             scatter=np.zeros((n, ns, 3)),

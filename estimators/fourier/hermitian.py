@@ -9,12 +9,14 @@ __all__ = ["condition_on_last", "invert_2", "invert_3", "join_last"]
 
 
 @lean
-def invert_2(weights):  # type: ignore[no-untyped-def]
-    """Inverse of Hermitian 2 x 2 matrices in place from their upper triangles."""
+def invert_2(weights, determinant):  # type: ignore[no-untyped-def]
+    """Inverse of Hermitian 2 x 2 matrices in place from their upper triangles; ``determinant`` (bins,) is multiplied by
+    that of each inverse."""
     for f in range(weights.shape[3]):
         a, d = weights[0, 0, 0, f], weights[1, 1, 0, f]
         x, y = weights[0, 1, 0, f], weights[0, 1, 1, f]
         over = 1.0 / (a * d - (x * x + y * y))
+        determinant[f] *= over
         weights[0, 0, 0, f] = d * over
         weights[1, 1, 0, f] = a * over
         weights[0, 1, 0, f] = weights[1, 0, 0, f] = -x * over
@@ -23,7 +25,7 @@ def invert_2(weights):  # type: ignore[no-untyped-def]
 
 
 @lean
-def invert_3(weights):  # type: ignore[no-untyped-def]
+def invert_3(weights, determinant):  # type: ignore[no-untyped-def]
     """The same for 3 x 3, by cofactors."""
     for f in range(weights.shape[3]):
         a, b, c = weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f]
@@ -37,6 +39,7 @@ def invert_3(weights):  # type: ignore[no-untyped-def]
         qr, qi = xr * zr - xi * zi - yr * b, xr * zi + xi * zr - yi * b
         ur, ui = yr * xr + yi * xi - a * zr, yi * xr - yr * xi - a * zi
         over = 1.0 / (a * aa + xr * pr + xi * pi + yr * qr + yi * qi)
+        determinant[f] *= over
         weights[0, 0, 0, f], weights[1, 1, 0, f], weights[2, 2, 0, f] = aa * over, bb * over, cc * over
         weights[0, 1, 0, f] = weights[1, 0, 0, f] = pr * over
         weights[0, 2, 0, f] = weights[2, 0, 0, f] = qr * over

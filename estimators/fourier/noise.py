@@ -99,6 +99,7 @@ class NoiseWorkspace(NamedTuple):
         shaped: (DOUBTED, bins) power of these in a bin: white, and what the span leaves of the air's.
         believed: (bins,) part of the kinematic row that is the gust's rate, H of (8); zeros where there is no such row.
         sums: (states, states) sum over bins of Re W.
+        determinant: (bins,) of W.
         driven: (states, 2, bins) products of explained motion and weighted residual that are due to the air.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
         answers: (bins, states, 2 states + DRIVING), complex, of ``driven_motion.driven_motions``.
@@ -120,6 +121,7 @@ class NoiseWorkspace(NamedTuple):
     shaped: NDArray[np.float64]
     believed: NDArray[np.float64]
     sums: NDArray[np.float64]
+    determinant: NDArray[np.float64]
     driven: NDArray[np.float64]
     rolled: NDArray[np.float64]
     answers: NDArray[np.complex128]
@@ -145,6 +147,7 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.ones((DOUBTED, bins)),
         np.zeros(bins),
         np.zeros((states, states)),
+        np.ones(bins),
         np.zeros((states, 2, bins)),
         np.zeros(1),
         np.zeros((bins, states, 2 * states + DRIVING), dtype=np.complex128),
@@ -299,15 +302,18 @@ def weigh_with_doubt(noise, power, work):  # type: ignore[no-untyped-def]
     """The weight of every bin with another ``doubt`` than in the call of ``weigh`` before, all else as there."""
     weights, ns = work.weights, work.doubt.shape[1]
     _residual_covariance(noise, power, work)
+    for f in range(work.determinant.size):
+        work.determinant[f] = 1.0
     if weights.shape[0] > ns:
         gust = power * noise[GUST]
         for f in range(work.believed.size):
             work.believed[f] = gust / weights[ns, ns, 0, f]
+            work.determinant[f] = 1.0 / weights[ns, ns, 0, f]
         condition_on_last(weights)
     if ns == 2:
-        invert_2(weights)
+        invert_2(weights, work.determinant)
     else:
-        invert_3(weights)
+        invert_3(weights, work.determinant)
     if weights.shape[0] > ns:
         join_last(weights)
     for k in range(ns):

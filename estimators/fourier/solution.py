@@ -178,7 +178,7 @@ def block_solution(ns: int, nu: int) -> BlockSolution:
     """Memory for what a block says."""
     k = ns * (ns + nu)
     evidence = Evidence(np.empty((k, k)), np.empty(k), np.empty(k))
-    return BlockSolution(zero_memory(k), evidence, np.empty(2 * ns + 1 + nu + AIR_VARIANCES))
+    return BlockSolution(zero_memory(k), evidence, np.empty(2 * ns + 1 + nu + AIR_VARIANCES), np.zeros(1))
 
 
 @part
@@ -347,6 +347,18 @@ def _covariance(memory, gained, std, work, out):  # type: ignore[no-untyped-def]
             out[a, b] += line[a] * line[b]
 
 
+@part
+def _log_likelihood(residual, whitened, determinant):  # type: ignore[no-untyped-def]
+    """Of a complex Gaussian residual (rows, 2, bins) with the weight W, (docs (15a)): sum of log det W - r' W r."""
+    total = 0.0
+    for f in range(determinant.size):
+        total += math.log(determinant[f])
+    for k in range(residual.shape[0]):
+        for f in range(determinant.size):
+            total -= residual[k, 0, f] * whitened[k, 0, f] + residual[k, 1, f] * whitened[k, 1, f]
+    return total
+
+
 @lean
 def solve_block(model, block, at, memory, prior, asked, work, found):  # type: ignore[no-untyped-def]
     """Solve with a block.
@@ -398,6 +410,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
             weighing.weights,
         )
         whitened = transforms.whitened
+        found.likelihood[0] = fraction * _log_likelihood(transforms.response, whitened, weighing.determinant)
         taken = degrees_of_freedom(normal, fraction) + fitted
         left = 1.0 - taken / (2.0 * omega.size * fraction * whitened.shape[0])
         noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, weighing, found.noise)

@@ -67,7 +67,7 @@ the gust does between samples beside a line, (m/s)^2, which follows from the fir
 WEIGHT = -1
 """Place in ``Posterior.noise_known``."""
 
-SOLUTIONS, CLOSED = range(2)
+SOLUTIONS, CLOSED, CHANGED = range(3)
 """Places in ``Progress.counts``."""
 
 
@@ -211,7 +211,7 @@ class Progress(NamedTuple):
     """Which blocks have been closed, and where.
 
     Attributes:
-        counts: (2,) solutions and closed blocks.
+        counts: (3,) solutions and closed blocks, and whether a change was found in the running one.
         condition: (4,) airspeed (m/s), altitude (m), density (kg/m3), angle of attack (rad) of the last solution.
         span: (6,) start and end of the last closed block (s), then its condition.
         scatter: (equations, 3) discounted chi-square of closed blocks, its degrees of freedom, and the dispersion
@@ -330,8 +330,10 @@ class BlockSolution(NamedTuple):
         gained: what it adds to the memory.
         evidence: what it says alone.
         noise: variances that its residual shows, as ``Posterior.noise``.
+        likelihood: (1,) logarithm of the block's likelihood at the derivatives and variances of its last step.
     """
 
     gained: Memory
     evidence: Evidence
     noise: Array
+    likelihood: Array
