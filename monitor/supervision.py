@@ -69,8 +69,8 @@ ROUGH_FRACTION = 0.1
 """Fraction of a rate's variance from which on the air is rough: the Fourier form's moment derivatives are off by it."""
 
 SCATTER_BLOCKS = 4
-"""Closed blocks, as many as the Fourier estimator's memory of 40 s holds, before which changes are not looked for in rough
-air: what its blocks scatter by, which a change has to exceed, is not known before."""
+"""Closed blocks, as many as the Fourier estimator's memory of 40 s holds, before which changes are not looked for in
+rough air: what its blocks scatter by, which a change has to exceed, is not known before."""
 
 MOTION_S = 10.0
 """Time over which the motion is measured that the air's part is compared with: a block."""

@@ -349,7 +349,7 @@ def _covariance(memory, gained, std, work, out):  # type: ignore[no-untyped-def]
 
 @part
 def _log_likelihood(residual, whitened, determinant):  # type: ignore[no-untyped-def]
-    """Of a complex Gaussian residual (rows, 2, bins) with the weight W, (docs (15a)): sum of log det W - r' W r."""
+    """Of a complex Gaussian residual (rows, 2, bins) with the weight W, (docs (27b)): sum of log det W - r' W r."""
     total = 0.0
     for f in range(determinant.size):
         total += math.log(determinant[f])

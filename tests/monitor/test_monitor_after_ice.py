@@ -35,18 +35,7 @@ def flown(
     return report.solutions, report.alerts
 
 
-@pytest.mark.parametrize(
-    "estimator",
-    [
-        "fourier",
-        pytest.param(
-            "ekf",
-            marks=pytest.mark.xfail(
-                strict=True, reason="the filter takes a part of the change for gusts and trims (decision 63)"
-            ),
-        ),
-    ],
-)
+@pytest.mark.parametrize("estimator", ["fourier", "ekf"])
 def test_what_ice_has_left_of_the_side_force_is_found(estimator: str) -> None:
     """A tenth of y_v. A block after it, linearised at the aircraft as it was, once said +0.9, not -0.06; the filter
     took the new aircraft for gusts on the old one."""
