@@ -9,8 +9,8 @@ Fourier form and filter read the same signals and know nothing of each other. Ea
   surfaces, so its covariance is reset there (``EkfEstimator.release``).
 - rough air: the filter carries the gust and says how much of the motion it causes. A transform of the block knows no
   before and after: of a rate's variance the fraction that the air causes is, to first order, the fraction by which the
-  Fourier form's moment derivatives come out too small. Changes are then looked for only once it is known how much its
-  blocks scatter.
+  Fourier form's moment derivatives come out too small. Changes are then looked for only once it is known how the
+  aircraft damps its rolling: rolling air and an aircraft without damping look alike.
 - no vane: a reconstructed velocity sees no gust. Whether the air is rough the filter says together with the
   accelerometer alone: a fault moves the filter's gust, too, but is not rough from sample to sample. A gust reaches the
   accelerometer through z_w (or y_v) at once, and within a sample's time it moves as a random walk: of variance Q a
@@ -68,9 +68,9 @@ NO_VANE = "reconstructed, no vane"
 ROUGH_FRACTION = 0.1
 """Fraction of a rate's variance from which on the air is rough: the Fourier form's moment derivatives are off by it."""
 
-SCATTER_BLOCKS = 4
+BLOCKS_IN_ROUGH_AIR = 4
 """Closed blocks, as many as the Fourier estimator's memory of 40 s holds, before which changes are not looked for in
-rough air: what its blocks scatter by, which a change has to exceed, is not known before."""
+rough air: the damping of rolling, without which the air's rolling passes for the aircraft's, is not known before."""
 
 MOTION_S = 10.0
 """Time over which the motion is measured that the air's part is compared with: a block."""
@@ -339,8 +339,8 @@ class Supervisor:
             _read(pair, state, i, at_s, is_rough, new)
             for i, at_s, is_rough, new in zip(*map(_listed, (places, time_s, rough, news)), strict=True)
         ]
-        # Without a vane all may contradict what is remembered; with one, rough air before its scatter is known.
-        trusted = ~rough | (closed >= SCATTER_BLOCKS) if pair.vane else np.zeros_like(rough)
+        # Without a vane all may contradict what is remembered; with one, rough air at first.
+        trusted = ~rough | (closed >= BLOCKS_IN_ROUGH_AIR) if pair.vane else np.zeros_like(rough)
         pair.fourier.follow_changes(state.fourier, trusted, places)
         changed = pair.fourier.changed(state.fourier, places)
         for m in np.flatnonzero(changed.any(axis=1)):

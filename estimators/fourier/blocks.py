@@ -76,12 +76,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
-from wingwatch.estimators.kernels.dispersion import (
-    DISPERSION,
-    DispersionWorkspace,
-    disperse,
-    dispersion_workspace,
-)
+from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, dispersion_workspace
 from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
 from wingwatch.telemetry import MAX_GAP_S
@@ -268,17 +263,6 @@ def _cut_out(model, vehicle, work, m):  # type: ignore[no-untyped-def]
 
 
 @part
-def _test_for_change(vehicle, work):  # type: ignore[no-untyped-def]
-    """Log of the mean Bayes factor of a change between what is remembered, ``work.mean`` and ``work.covariance``, and
-    what a window alone says, ``work.found.evidence``, whose errors are as wide as blocks scatter."""
-    evidence, scatter = work.found.evidence, vehicle.progress.scatter
-    copy_vector(vehicle.progress.dispersion, scatter[:, DISPERSION])
-    disperse(evidence.information, evidence.vector, evidence.bias, scatter, work.dispersing)
-    change_of(evidence.information, evidence.vector, work.mean, work.covariance, work.testing)
-    return changed_derivatives(work.size, CHANGE_LOG_THRESHOLD, work.testing, work.trial)
-
-
-@part
 def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Whether a derivative has changed, and since when: a checkpoint, ``WHOLE`` or ``NO_CHANGE``; by how much each may
     have, into ``work.spread``.
@@ -295,7 +279,8 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
     if trace == 0.0:
         return NO_CHANGE
     remembered(vehicle.memory, model.prior, solving.posterior, mean, covariance)
-    whole = _test_for_change(vehicle, work)
+    change_of(evidence.information, evidence.vector, mean, covariance, testing)
+    whole = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
     if not whole > 0.0:
         return NO_CHANGE
     best, cut = CHANGE_LOG_THRESHOLD, NO_CHANGE
@@ -309,7 +294,8 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
             continue
         _before(model, vehicle, work, m)
         solve_block(model, work.window, at, solving.posterior.nothing, around, ALONE, solving, work.found)
-        value = _test_for_change(vehicle, work)
+        change_of(evidence.information, evidence.vector, mean, covariance, testing)
+        value = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
         if trial.any() and value > best:
             best, cut = value, m
             spread_of_change(size, trial, testing, work.spread)

@@ -122,14 +122,8 @@ def _contradicts(own, own_covariance, mean, covariance, dispersion, work):  # ty
     for a in range(k):
         for b in range(k):
             distance += (own[a] - mean[a]) * inverse[a, b] * (own[b] - mean[b])
-    return distance > beyond_chance(k)
-
-
-@lean
-def beyond_chance(freedom):  # type: ignore[no-untyped-def]
-    """What chi-square of so many degrees of freedom does not exceed by chance (Wilson and Hilferty 1931)."""
-    part = 2.0 / (9.0 * freedom)
-    return freedom * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
+    part = 2.0 / (9.0 * k)
+    return distance > k * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
 
 
 @lean
