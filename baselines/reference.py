@@ -112,9 +112,9 @@ class Reference:
             raise ValueError(
                 f"a prior of {value.size} derivatives cannot meet a reference of {self.vector.size}"
             )
+        root = _square_root(covariance)
         if not self.information.any():
             return value, covariance
-        root = _square_root(covariance)
         w, u = np.linalg.eigh(root.T @ self.information @ root)
         shrunk = (root @ u) / np.sqrt(1.0 + np.maximum(w, 0.0))
         shift = shrunk @ (shrunk.T @ (self.vector - self.information @ value))

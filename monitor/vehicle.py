@@ -16,7 +16,7 @@ from wingwatch.aircraft import (
     mode_quantities,
 )
 from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
-from wingwatch.estimators import BlockEvidence, Estimate, Outcome
+from wingwatch.estimators import BlockEvidence, Estimate
 from wingwatch.monitor.alerts import AlertBook, BookState
 from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.cell_memory import CellBook
@@ -29,6 +29,7 @@ from wingwatch.monitor.chain import (
 )
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.flight_regime import FlightRegime
+from wingwatch.monitor.furthest import furthest
 from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
@@ -439,41 +440,14 @@ class VehicleMonitor:
     def worst(self) -> WorstDerivative | None:
         """The derivative furthest from its expectation, among those that are observable.
 
-        Both estimators must say so: of two that stand, the one nearer to the expectation speaks for the pair. It is
-        worked out once a solution, whoever asks.
+        It is worked out once a solution, whoever asks (``furthest``).
         """
         solution = self._memory.latest
         if solution is None:
             return None
         if self._worst is None or self._worst[0] is not solution:
-            self._worst = solution, self._furthest(solution)
+            self._worst = solution, furthest(solution, self._compared, self._expected_now)
         return self._worst[1]
-
-    def _furthest(self, solution: Solution) -> WorstDerivative | None:
-        worst: WorstDerivative | None = None
-        for s in self._compared:
-            mode = solution.modes[s.name]
-            for voices in zip(*(self._distances(e) for e in (mode.fourier, mode.ekf)), strict=True):
-                standing = [v for v in voices if v is not None]
-                if standing:
-                    mildest = min(standing, key=lambda v: abs(v.z))
-                    if worst is None or abs(mildest.z) > abs(worst.z):
-                        worst = mildest
-        return worst
-
-    def _distances(self, estimate: Estimate) -> list[WorstDerivative | None]:
-        """Each derivative's distance from its expectation; None where either is missing."""
-        expected, symbols = self._expected_now(estimate), estimate.structure.derivatives
-        if expected is None:
-            return [None] * len(symbols)
-        z = (estimate.value - expected.value) / np.hypot(estimate.standard_error, expected.standard_error)
-        stands = [o in (Outcome.CONVERGED, Outcome.SETTLING) for o in estimate.outcomes]
-        return [
-            WorstDerivative(estimate.estimator, estimate.structure.name, symbol, float(z[k]))
-            if stands[k]
-            else None
-            for k, symbol in enumerate(symbols)
-        ]
 
     @property
     def reason(self) -> str:

@@ -195,6 +195,18 @@ def test_a_block_of_no_duration_is_refused(seconds: float) -> None:
         Reference.empty(1).add([[1.0]], [1.0], seconds)
 
 
+@pytest.mark.parametrize("blocks", [0, 1])
+def test_a_prior_that_is_no_covariance_is_refused_before_the_first_flight_and_after_it(blocks: int) -> None:
+    reference = Reference(np.eye(2) * blocks, np.zeros(2), blocks)
+    for matrix, what in (
+        ([[1.0, 2.0], [2.0, 1.0]], "semidefinite"),
+        ([[1.0, 0.5], [0.0, 1.0]], "symmetric"),
+        ([[-1.0, 0.0], [0.0, 1.0]], "negative diagonal"),
+    ):
+        with pytest.raises(ValueError, match=what):
+            reference.posterior(np.zeros(2), matrix)
+
+
 def test_a_prior_of_another_structure_is_refused() -> None:
     with pytest.raises(ValueError, match="prior of 3 derivatives cannot meet a reference of 2"):
         Reference.empty(2).posterior(np.zeros(3), np.eye(3))
