@@ -37,6 +37,7 @@ from wingwatch.estimators.fourier.closing import (
     note_signal,
 )
 from wingwatch.estimators.fourier.memory import MemoryWorkspace, memory_workspace, replace
+from wingwatch.estimators.fourier.misfit import misfit_dispersions
 from wingwatch.estimators.fourier.noise_levels import start_noise
 from wingwatch.estimators.fourier.solution import (
     ALONE,
@@ -76,7 +77,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
-from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, dispersion_workspace
+from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, disperse, dispersion_workspace
 from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
 from wingwatch.telemetry import MAX_GAP_S
@@ -104,6 +105,7 @@ class Workspace(NamedTuple):
         noise: variances at which a block is linearised, as ``Posterior.noise``.
         trial: (k,) which derivatives have changed since a checkpoint.
         spread: (k,) what each has changed by since the best one, in natural sizes.
+        misfit: (states, 3) dispersions of what a window says.
     """
 
     solving: SolutionWorkspace
@@ -125,6 +127,7 @@ class Workspace(NamedTuple):
     noise: NDArray[np.float64]
     trial: NDArray[np.bool_]
     spread: NDArray[np.float64]
+    misfit: NDArray[np.float64]
 
 
 def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Workspace:
@@ -151,6 +154,7 @@ def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Wor
         np.empty(2 * ns + 1 + nu + AIR_VARIANCES),
         np.zeros(k, dtype=np.bool_),
         np.zeros(k),
+        np.zeros((ns, 3)),
     )
 
 
@@ -263,6 +267,33 @@ def _cut_out(model, vehicle, work, m):  # type: ignore[no-untyped-def]
 
 
 @part
+def _changed(scatter, work):  # type: ignore[no-untyped-def]
+    """Which derivatives have changed in a block that was just solved, into ``work.trial``; returns log of the mean
+    Bayes factor.
+
+    Whether anything has changed is asked with the misfit of the equations in the block's errors. Where something has,
+    others are likely to have, too: which, the block says as it is.
+    """
+    evidence, testing, trial = work.found.evidence, work.testing, work.trial
+    mean, covariance, size = work.mean, work.covariance, work.size
+    change_of(evidence.information, evidence.vector, mean, covariance, testing)
+    value = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
+    if not trial.any():
+        return value
+    plain = work.earlier
+    copy_matrix(evidence.information, plain.information)
+    copy_vector(evidence.vector, plain.vector)
+    misfit_dispersions(mean, scatter, work.solving, work.misfit)
+    disperse(evidence.information, evidence.vector, evidence.bias, work.misfit, work.dispersing)
+    change_of(evidence.information, evidence.vector, mean, covariance, testing)
+    sure = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
+    if trial.any():
+        change_of(plain.information, plain.vector, mean, covariance, testing)
+        changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
+    return sure
+
+
+@part
 def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Whether a derivative has changed, and since when: a checkpoint, ``WHOLE`` or ``NO_CHANGE``; by how much each may
     have, into ``work.spread``.
@@ -279,8 +310,7 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
     if trace == 0.0:
         return NO_CHANGE
     remembered(vehicle.memory, model.prior, solving.posterior, mean, covariance)
-    change_of(evidence.information, evidence.vector, mean, covariance, testing)
-    whole = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
+    whole = _changed(vehicle.progress.scatter, work)
     if not whole > 0.0:
         return NO_CHANGE
     best, cut = CHANGE_LOG_THRESHOLD, NO_CHANGE
@@ -294,8 +324,7 @@ def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
             continue
         _before(model, vehicle, work, m)
         solve_block(model, work.window, at, solving.posterior.nothing, around, ALONE, solving, work.found)
-        change_of(evidence.information, evidence.vector, mean, covariance, testing)
-        value = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
+        value = _changed(vehicle.progress.scatter, work)
         if trial.any() and value > best:
             best, cut = value, m
             spread_of_change(size, trial, testing, work.spread)

@@ -1,11 +1,13 @@
 """Signals of linear plants whose truth is known, and one way to run every estimator over them."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from wingwatch.aircraft import DUTCH_ROLL, GRAVITY_M_S2, SHORT_PERIOD, FlightCondition, ModeStructure
 from wingwatch.estimators import (
@@ -120,6 +122,32 @@ def quiet_batch(plant: Plant, seconds: float, vehicles: int = 1, seed: int = 0) 
     std = make_signals(plant, doublets(plant, 20.0))[:, 1:4].std(axis=0) / SIGNAL_TO_NOISE
     still = make_signals(plant, np.zeros(round(seconds * RATE_HZ)))
     return np.stack([add_noise(plant, still, std, np.random.default_rng(seed + i)) for i in range(vehicles)])
+
+
+def curved_signals(inputs: Array, bent: float, lift: float = 0.0, lost_s: float = math.inf) -> Array:
+    """Signal rows, without noise, of a short period whose pitching moment has so much of |w| w, per m/s, beside m_w w,
+    and whose normal force so much (``lift``) of w w beside z_w w.
+
+    Its elevator loses 40 % of its moment at ``lost_s``.
+    """
+    z, m = PITCH.truth.reshape(2, 3)
+
+    def rates(time: float, x: Array) -> list[float]:
+        w, q = x
+        eta = inputs[min(int(time * RATE_HZ + 1e-9), inputs.size - 1)]
+        moment = m[0] * (w + bent * abs(w) * w) + m[1] * q + m[2] * eta * (1.0 if time < lost_s else 0.6)
+        return [z[0] * (w + lift * w * w) + z[1] * q + z[2] * eta, moment]
+
+    time = np.arange(inputs.size) / RATE_HZ
+    moved = solve_ivp(rates, (0.0, time[-1]), [0.0, 0.0], t_eval=time, max_step=0.5 / RATE_HZ, rtol=1e-8).y.T
+    rows = make_signals(PITCH, inputs)
+    rows[:, 1:3] = moved
+    w, q = moved.T
+    rows[:, 3] = (
+        z[0] * (w + lift * w * w) + (z[1] - LEVEL.airspeed_true_m_s) * q + z[2] * inputs - GRAVITY_M_S2
+    )
+    rows[:, 5] = LEVEL.airspeed_true_m_s * moved[:, 1] + GRAVITY_M_S2
+    return rows
 
 
 class Runner:

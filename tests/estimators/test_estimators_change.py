@@ -3,12 +3,21 @@
 import numpy as np
 import pytest
 from convergence import Course
-from estimator_plants import PITCH, Array, doublets, fourier, make_signals
+from estimator_plants import (
+    PITCH,
+    RATE_HZ,
+    SOLVE_EVERY,
+    Array,
+    curved_signals,
+    doublets,
+    fourier,
+    make_signals,
+)
 from kernels import change_of, changed_derivatives, inflate_covariance, since_checkpoint, spread_of_change
 from reference_plant import PLANTS
 from tracking import CHANGED, follow_step, stepped_truth
 
-from wingwatch.estimators import FourierState
+from wingwatch.estimators import FourierEstimator, FourierState
 from wingwatch.estimators.fourier.change import CHANGE_LOG_THRESHOLD, WITH_ANOTHER
 from wingwatch.estimators.fourier.state import Block, Memory
 
@@ -164,3 +173,29 @@ def test_a_change_is_found_the_same_however_the_record_is_cut() -> None:
     whole, pieces = runner.run(rows[None]), runner.run(rows[None], chunks=(7, 1, 3))
     np.testing.assert_array_equal(runner.estimate(whole).value, runner.estimate(pieces).value)
     assert abs(runner.estimate(whole).value[5] / (0.6 * PITCH.truth[5]) - 1.0) < 0.05
+
+
+def changes_found(rows: Array) -> list[tuple[float, list[int]]]:
+    """When a record's last solution found a change, and of which derivatives."""
+    runner, found = fourier(PITCH), []
+    estimator, state = runner.estimator, runner.init(1)
+    assert isinstance(estimator, FourierEstimator)
+    assert isinstance(state, FourierState)
+    for start in range(0, len(rows), SOLVE_EVERY):
+        part = rows[start : start + SOLVE_EVERY]
+        runner.run(part[None], state)
+        changed = np.flatnonzero(estimator.changed(state, np.arange(1))[0]).tolist()
+        if changed:
+            found.append((float(part[-1, 0]), changed))
+    return found
+
+
+@pytest.mark.parametrize("bent", [0.02, 0.05, 0.1])
+def test_what_no_linear_model_describes_is_no_change_but_a_lost_elevator_is(bent: float) -> None:
+    """Without noise, doublets of different size and side: to the linear model each is of another aircraft."""
+    size = np.repeat([1.0, -2.0, 3.0, -1.0, 2.0, -3.0, 2.0, 1.0, -2.0, 3.0, 1.0, -2.0], 5 * int(RATE_HZ))
+    inputs = size * doublets(PITCH, 60.0)
+    assert changes_found(curved_signals(inputs, bent, bent)) == []
+    found = changes_found(curved_signals(inputs, bent, bent, lost_s=40.5))
+    assert 40.5 < found[0][0] <= 43.5
+    assert 5 in found[0][1]

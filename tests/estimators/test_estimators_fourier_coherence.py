@@ -3,10 +3,8 @@ every block, and what is stated grows by as much."""
 
 import numpy as np
 import pytest
-from estimator_plants import LEVEL, PITCH, RATE_HZ, Array, add_noise, doublets, fourier, make_signals
-from scipy.integrate import solve_ivp
+from estimator_plants import PITCH, Array, add_noise, curved_signals, doublets, fourier
 
-from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.estimators import FourierState
 from wingwatch.estimators.fourier.coherence import coherent_dispersion, gather_coherence
 from wingwatch.estimators.fourier.noise import Plant, noise_workspace
@@ -65,21 +63,8 @@ def test_nothing_flown_widens_nothing() -> None:
 
 
 def flown(bent: float, noise_share: float, seeds: int) -> FourierState:
-    """A minute of doublets by a short period whose pitching moment has so much of |w| w, per m/s, beside m_w w."""
-    inputs = doublets(PITCH, 60.0)
-    z, m = PITCH.truth.reshape(2, 3)
-
-    def rates(time: float, x: Array) -> list[float]:
-        w, q = x
-        eta = inputs[min(int(time * RATE_HZ + 1e-9), inputs.size - 1)]
-        return [z[0] * w + z[1] * q + z[2] * eta, m[0] * (w + bent * abs(w) * w) + m[1] * q + m[2] * eta]
-
-    time = np.arange(inputs.size) / RATE_HZ
-    moved = solve_ivp(rates, (0.0, time[-1]), [0.0, 0.0], t_eval=time, max_step=0.5 / RATE_HZ, rtol=1e-8).y.T
-    clean = make_signals(PITCH, inputs)
-    clean[:, 1:3] = moved
-    clean[:, 3] = moved @ (z[:2] - [0.0, LEVEL.airspeed_true_m_s]) + inputs * z[2] - GRAVITY_M_S2
-    clean[:, 5] = LEVEL.airspeed_true_m_s * moved[:, 1] + GRAVITY_M_S2
+    """A minute of doublets by a short period with a curved pitching moment."""
+    clean = curved_signals(doublets(PITCH, 60.0), bent)
     std = noise_share * clean[:, 1:4].std(axis=0)
     batch = np.stack([add_noise(PITCH, clean, std, np.random.default_rng(seed)) for seed in range(seeds)])
     state = fourier(PITCH).run(batch)
