@@ -2,12 +2,14 @@
 
     .venv/bin/python benchmarks/turbulence.py [--flights 6] [--seconds 200] [--rate 50] [--aircraft aerosonde]
         [--seed 7000] [--model dryden] [--drawn-doublets] [--commands] [--air none,light,moderate]
+        [--misstated] [--noise 1]
 
 Seeds are fixed. Flights are as `wingwatch simulate` flies them (how finely the air has to be drawn: ``air_steps``).
 Truth is the linearisation at the condition that the estimate is reported at.
 """
 
 import argparse
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,6 +23,7 @@ from simulated_flights import (
     Z_95,
     cruise_of,
     last_estimates,
+    misstated,
     truth_of,
 )
 
@@ -53,15 +56,28 @@ def drawn(doublets: DoubletSchedule, seed: int) -> DoubletSchedule:
     )
 
 
-def finals(scenarios: Sequence[Scenario], rate_hz: float, seconds: float, commands: bool) -> list[Estimate]:
-    """Both estimators' last estimates of short period and lateral structure, over all flights; of surfaces known by
-    command alone, if ``commands``."""
+def finals(
+    scenarios: Sequence[Scenario], files: Sequence[Aircraft], rate_hz: float, seconds: float, commands: bool
+) -> list[Estimate]:
+    """Both estimators' last estimates of short period and lateral structure, over all flights.
+
+    Args:
+        files: what the estimators may know of each flight's aircraft.
+        commands: whether surfaces are known by command alone.
+    """
     flown, kinds = FleetSimulation(scenarios, rate_hz=rate_hz).step(round(rate_hz * seconds)), {}
     for surface in ("elevator", "aileron", "rudder") if commands else ():
         flown[:, :, CHANNEL_INDEX[f"{surface}_rad"]] = flown[:, :, CHANNEL_INDEX[f"{surface}_command_rad"]]
         kinds[f"{surface}_rad"] = "command"
     blocks = [complete(SampleBlock(values)) for values in flown]
-    return [e for s, b in zip(scenarios, blocks, strict=True) for e in last_estimates(s.aircraft, b, kinds)]
+    return [e for file, b in zip(files, blocks, strict=True) for e in last_estimates(file, b, kinds)]
+
+
+def with_noise(aircraft: Aircraft, factor: float) -> Aircraft:
+    """The same with another sensor noise, which its file states."""
+    noise = {name: factor * std for name, std in aircraft.sensors.noise_std.items()} if factor else {}
+    sensors = aircraft.sensors.model_copy(update={"noise_std": noise})
+    return aircraft.model_copy(update={"sensors": sensors})
 
 
 def main() -> int:
@@ -81,9 +97,16 @@ def main() -> int:
     )
     parser.add_argument("--commands", action="store_true", help="surfaces are known by command alone")
     parser.add_argument("--model", choices=get_args(TurbulenceModel), default="dryden", help="of the air")
+    parser.add_argument(
+        "--misstated", action="store_true", help="files have every coefficient 30 %% off, by chance"
+    )
+    parser.add_argument("--noise", type=float, default=1.0, help="of the sensors, times what the file states")
     chosen = parser.parse_args()
-    aircraft = load_aircraft(chosen.aircraft)
-    doublets = doublet_schedule(aircraft, cruise_of(aircraft), AMPLITUDE_RAD)
+    if not 0.0 <= chosen.noise < math.inf:
+        parser.error(f"--noise is {chosen.noise:g}; give 0 or more")
+    aircraft = with_noise(load_aircraft(chosen.aircraft), chosen.noise)
+    at = cruise_of(aircraft)
+    doublets = doublet_schedule(aircraft, at, AMPLITUDE_RAD)
     print(
         f"{chosen.flights} flights of {chosen.seconds:g} s, doublets every 20 s, autopilot closed; mean error in % of"
     )
@@ -91,7 +114,8 @@ def main() -> int:
         "truth (toward smaller magnitude is negative), and in brackets the rms error over the stated standard error;"
     )
     print(
-        "last, truth inside the stated 95 % interval over all derivatives: those that claim standing, and all"
+        "last, truth inside the stated 95 % interval over all derivatives: those that claim standing, and all; the"
+        "\nlargest error over stated error of those that claim standing"
     )
     for level in LEVELS:
         if level not in chosen.air.split(","):
@@ -99,6 +123,8 @@ def main() -> int:
         scenarios = [
             Scenario(
                 aircraft,
+                at.airspeed_true_m_s,
+                at.altitude_m,
                 manoeuvres=(drawn(doublets, chosen.seed + i) if chosen.drawn_doublets else doublets,),
                 turbulence=level,
                 turbulence_model=chosen.model,
@@ -106,7 +132,8 @@ def main() -> int:
             )
             for i in range(chosen.flights)
         ]
-        estimates = finals(scenarios, chosen.rate, chosen.seconds, chosen.commands)
+        files = [misstated(aircraft, s.seed) if chosen.misstated else aircraft for s in scenarios]
+        estimates = finals(scenarios, files, chosen.rate, chosen.seconds, chosen.commands)
         for structure in STRUCTURES:
             for name in ("fourier", "ekf"):
                 mine = [e for e in estimates if e.structure == structure and e.estimator == name]
@@ -125,7 +152,8 @@ def row(mine: Sequence[Estimate], aircraft: Aircraft = AIRCRAFT) -> str:
     symbols = mine[0].structure.derivatives
     cells = [f"{d} {m:+.0f} ({r:.1f})" for d, m, r in zip(symbols, mean, rms, strict=True)]
     standing = f"{100.0 * inside[stands].mean():.0f}" if stands.any() else "-"
-    covered = f"  | {standing} % of {stands.sum()}, {100.0 * inside.mean():.0f} % of {inside.size}"
+    largest = f"{np.abs(scores[stands]).max():.1f}" if stands.any() else "-"
+    covered = f"  | {standing} % of {stands.sum()}, {100.0 * inside.mean():.0f} % of {inside.size}; {largest}"
     return "  ".join(cells) + covered
 
 

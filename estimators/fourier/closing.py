@@ -51,6 +51,10 @@ __all__ = ["believe_inputs", "close", "mean_condition", "noise_of_block", "note_
 CHANCE = 4.0
 """Standard deviations beyond which a difference is no chance: once in 30,000 blocks."""
 
+MOST_ROLL = 1.25
+"""Power of the roll that surfaces and gusts should cause, over that which is there, beyond which the derivatives by
+roll rate cannot be right: in still air it is one, and rolling air adds to what is there."""
+
 ROLLED = 0.1
 """Part of the roll rate's power that rolling air may drive where a block is linearised at its own solution: what its
 own fit has left of the residual shows too little rolling air."""
@@ -127,6 +131,14 @@ def _contradicts(own, own_covariance, mean, covariance, dispersion, work):  # ty
 
 
 @lean
+def _rolls_too_much(model, work):  # type: ignore[no-untyped-def]
+    """Whether surfaces and gusts should cause more roll than there is: rolling air, which would have to take it away,
+    goes with neither."""
+    roll = work.solving.roll
+    return model.roll and roll[1] > MOST_ROLL * roll[0]
+
+
+@lean
 def _lead_from(model, vehicle, start, around, begins, work):  # type: ignore[no-untyped-def]
     """Where the block leads by itself, into ``work.own`` and ``work.own_covariance``; its likelihood there, and whether
     rolling air drives it.
@@ -172,7 +184,7 @@ def _lead(model, vehicle, work):  # type: ignore[no-untyped-def]
             likelihood, rolls = _lead_from(model, vehicle, work.mean, around, False, work)
         else:
             likelihood, rolls = _lead_from(model, vehicle, prior.value, beforehand, True, work)
-        if likelihood > most:
+        if likelihood > most and not _rolls_too_much(model, work):
             most = likelihood
             contradicts = changed or _contradicts(
                 work.own,
@@ -193,6 +205,16 @@ def _lead(model, vehicle, work):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _fit_noise(model, vehicle, around, work):  # type: ignore[no-untyped-def]
+    """Fit the variances of noise and air where the block is linearised."""
+    known, solving = vehicle.posterior, work.solving
+    noise_of_block(model, vehicle, work.noise)
+    at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
+    for _ in range(2):
+        solve_block(model, vehicle.block, at, solving.posterior.nothing, around, STAY, solving, work.found)
+
+
+@lean
 def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     """End the block: solved on its own, from what is known, its information joins what is known.
 
@@ -200,7 +222,8 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     which a change was found, and one that says more of a derivative than all before it, unless rolling air drives it.
     Any other is linearised at what is known, and the variances of noise and air are fitted there. Where next to nothing
     is known that is what is expected beforehand, to a natural size, and no more is doubted: a mean within a wide
-    interval may lie anywhere, at a damping that is none, too.
+    interval may lie anywhere, at a damping that is none, too. Nothing is linearised where surfaces and gusts would roll
+    the aircraft more than it rolls: what is expected beforehand of the derivatives by roll rate stands in for them.
 
     The way to where a block leads begins at what is known. Where it contradicts that, it is gone from the last solution
     and from what is expected beforehand, too, and the likeliest end counts: noise and air are found too strong beside a
@@ -226,9 +249,11 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
         copy_matrix(work.likeliest_covariance, known.covariance)
         copy_vector(work.likeliest_noise, work.noise)
     else:
-        noise_of_block(model, vehicle, work.noise)
-        for _ in range(2):
-            solve_block(model, block, at, nothing, around, STAY, solving, found)
+        _fit_noise(model, vehicle, around, work)
+        if _rolls_too_much(model, work):
+            for a in range(1, k, model.exponents.size):
+                work.anchor[a] = prior.value[a]
+            _fit_noise(model, vehicle, around, work)
     solve_block(model, block, at, nothing, around, ALONE, solving, found)
     _remember(model, vehicle, work)
     remembered(memory, prior, solving.posterior, known.theta, known.covariance)

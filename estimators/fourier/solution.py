@@ -132,6 +132,7 @@ class SolutionWorkspace(NamedTuple):
         derivatives, forward_speed, roll_column: arrays of ``Plant``.
         scale: (k,) what makes referred derivatives present ones.
         moved, change: (k,) derivatives with the block, and how far they have moved.
+        roll: (2,) power of the roll rate by the roll equation's weight: as measured, and without the air's part of it.
     """
 
     transforms: Transforms
@@ -147,6 +148,7 @@ class SolutionWorkspace(NamedTuple):
     scale: NDArray[np.float64]
     moved: NDArray[np.float64]
     change: NDArray[np.float64]
+    roll: NDArray[np.float64]
 
 
 def zero_memory(k: int) -> Memory:
@@ -170,7 +172,10 @@ def solution_workspace(ns: int, nu: int, bins: int, rows: int) -> SolutionWorksp
         np.empty((ns, ns + nu)),
         np.empty(ns),
         np.empty(ns),
-        *(np.empty(k) for _ in range(3)),
+        np.empty(k),
+        np.empty(k),
+        np.empty(k),
+        np.zeros(2),
     )
 
 
@@ -256,8 +261,11 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     normal_equations(sides, plant, fraction, weighing.weights, normal)
     factorise(normal, theta.size, span)
     eliminate(normal, theta, scale, m, score)
+    by_roll = nd + 1
+    work.roll[0] = m[by_roll, by_roll]
     motion_by_moments(omega, plant, noise, power, weighing, n_noise)
     _leave_out_errors(omega, plant, air, power, noise, work)
+    work.roll[1] = m[by_roll, by_roll]
     reduce_weights(weighing.weights, weighing)
     bins = bins_left(weighing)
     roll_shared_at_ends(plant, air, weighing)
