@@ -147,10 +147,14 @@ def row(mine: Sequence[Estimate], aircraft: Aircraft = AIRCRAFT) -> str:
     error = np.array([e.value for e in mine]) - truth
     scores = error / np.array([e.standard_error for e in mine])
     stands = np.array([[o in (Outcome.CONVERGED, Outcome.SETTLING) for o in e.outcomes] for e in mine])
-    mean, rms = np.mean(100.0 * error / truth, axis=0), np.sqrt(np.mean(np.square(scores), axis=0))
+    of_truth = np.where(truth == 0.0, np.nan, truth)  # some aircraft have derivatives that are nothing
+    mean, rms = np.mean(100.0 * error / of_truth, axis=0), np.sqrt(np.mean(np.square(scores), axis=0))
     inside = np.abs(scores) <= Z_95
     symbols = mine[0].structure.derivatives
-    cells = [f"{d} {m:+.0f} ({r:.1f})" for d, m, r in zip(symbols, mean, rms, strict=True)]
+    cells = [
+        f"{d} {'-' if math.isnan(m) else f'{m:+.0f}'} ({r:.1f})"
+        for d, m, r in zip(symbols, mean, rms, strict=True)
+    ]
     standing = f"{100.0 * inside[stands].mean():.0f}" if stands.any() else "-"
     largest = f"{np.abs(scores[stands]).max():.1f}" if stands.any() else "-"
     covered = f"  | {standing} % of {stands.sum()}, {100.0 * inside.mean():.0f} % of {inside.size}; {largest}"
