@@ -12,6 +12,8 @@ from wingwatch.estimators.fourier.memory import discount, replace
 from wingwatch.estimators.fourier.noise_levels import AIR_MEMORY, INPUT_RESOLUTION, start_noise
 from wingwatch.estimators.fourier.solution import (
     ALONE,
+    CAUSED,
+    MEASURED,
     MOVE,
     STAY,
     coherence_of_block,
@@ -135,7 +137,7 @@ def _rolls_too_much(model, work):  # type: ignore[no-untyped-def]
     """Whether surfaces and gusts should cause more roll than there is: rolling air, which would have to take it away,
     goes with neither."""
     roll = work.solving.roll
-    return model.roll and roll[1] > MOST_ROLL * roll[0]
+    return model.roll and roll[CAUSED] > MOST_ROLL * roll[MEASURED]
 
 
 @lean

@@ -82,6 +82,8 @@ from wingwatch.estimators.kernels.symmetric import congruence, invert
 __all__ = [
     "ALONE",
     "BEGIN",
+    "CAUSED",
+    "MEASURED",
     "MOVE",
     "STAY",
     "SolutionWorkspace",
@@ -102,6 +104,9 @@ Not Python's integers: for each of them a kernel would be compiled anew."""
 
 BEGIN_STEPS, MOST_STEPS = 3, 5
 """Gauss-Newton steps of the first solution at least, of any at most."""
+
+MEASURED, CAUSED = range(2)
+"""Places in ``SolutionWorkspace.roll``."""
 
 LEAST_FREEDOM = 0.25
 """Fraction of a block's degrees of freedom that its columns are believed to leave at least."""
@@ -132,7 +137,8 @@ class SolutionWorkspace(NamedTuple):
         derivatives, forward_speed, roll_column: arrays of ``Plant``.
         scale: (k,) what makes referred derivatives present ones.
         moved, change: (k,) derivatives with the block, and how far they have moved.
-        roll: (2,) power of the roll rate by the roll equation's weight: as measured, and without the air's part of it.
+        roll: (2,) power of the roll rate by the roll equation's weight: as measured, and what surfaces and gusts cause
+            of it. Without meaning where the structure has no roll.
     """
 
     transforms: Transforms
@@ -262,10 +268,10 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     factorise(normal, theta.size, span)
     eliminate(normal, theta, scale, m, score)
     by_roll = nd + 1
-    work.roll[0] = m[by_roll, by_roll]
+    work.roll[MEASURED] = m[by_roll, by_roll]
     motion_by_moments(omega, plant, noise, power, weighing, n_noise)
     _leave_out_errors(omega, plant, air, power, noise, work)
-    work.roll[1] = m[by_roll, by_roll]
+    work.roll[CAUSED] = m[by_roll, by_roll]
     reduce_weights(weighing.weights, weighing)
     bins = bins_left(weighing)
     roll_shared_at_ends(plant, air, weighing)
