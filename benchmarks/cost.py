@@ -213,7 +213,8 @@ def _bare_loop(m: Mode, rows: Array) -> float:
     start = time.process_time()
     for k in range(2, len(rows)):
         dt = rows[k, 0] - rows[k - 1, 0]
-        step = step_of(model, Sample(rows[k], rows[k - 1], rows[k - 2], dt, True, 0.0))
+        sample = Sample(rows[k], rows[k - 1], rows[k - 2], dt, True, 0.0)
+        step = step_of(model, sample, False, model.gust_direction)
         moved = transition(model, kalman.x, step)
         kalman.x, kalman.F[:ns] = moved.after, moved.jacobian
         kalman.predict()

@@ -16,7 +16,7 @@ from wingwatch.estimators.ekf.coherence import forget_coherence, no_coherence
 from wingwatch.estimators.ekf.gust_variance import gust_variance
 from wingwatch.estimators.ekf.noise import LEAST
 from wingwatch.estimators.ekf.recursion import WARM_UP, update_all
-from wingwatch.estimators.ekf.release import release_since
+from wingwatch.estimators.ekf.release import keep_ratios, release_since
 from wingwatch.estimators.ekf.relinearise import relinearise_all
 from wingwatch.estimators.ekf.scatter import (
     dispersed,
@@ -29,6 +29,7 @@ from wingwatch.estimators.ekf.scatter import (
 from wingwatch.estimators.ekf.solve import solve_all
 from wingwatch.estimators.ekf.state import (
     ACCELERATION,
+    EXPECTED,
     NEWEST,
     PRESSURE_RATIO,
     TIME,
@@ -147,7 +148,9 @@ class EkfEstimator:
         """
         out = np.zeros((places.size, self.model.sizes.states))
         if self.model.sizes.gusts > 0:
-            gust_variance(self.model, state.z, state.noise, state.condition, places, out)
+            gust_variance(
+                self.model, state.z, state.noise, state.condition, state.ratios, state.direction, places, out
+            )
         return out
 
     def init(self, vehicles: int) -> EkfState:
@@ -182,6 +185,8 @@ class EkfEstimator:
             rows=np.full((n, 2, columns), np.nan),
             condition=np.full((n, 5), np.nan),
             samples=none.copy(),
+            ratios=np.full(n, EXPECTED, dtype=np.int8),
+            direction=np.tile(self.model.gust_direction, (n, 1)),
             settling=np.ones(n, dtype=np.bool_),
             solutions=none.copy(),
             solved_s=np.full(n, np.nan),
@@ -305,6 +310,7 @@ class EkfEstimator:
         first, parameters = self.model.sizes.dynamic, self._parameters
         at_its_time = release_since(self.model, state, vehicle, changed, since_s)
         if not at_its_time:
+            keep_ratios(self.model, state, vehicle)
             rows = first + np.flatnonzero(changed)
             state.cov[vehicle, rows, rows] += self.config.prior_std[changed] ** 2
         covariance = state.cov[vehicle, parameters, parameters]

@@ -34,6 +34,7 @@ from wingwatch.estimators.ekf.sample import Gains, Posterior, Readings, Sample
 from wingwatch.estimators.ekf.state import (
     ALPHA,
     EARLIER,
+    ESTIMATED,
     NEWEST,
     TIME,
     VANE,
@@ -86,7 +87,7 @@ def _take(model: Model, state: EkfState, i: int, new: Array) -> None:
 def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     """``recursion._step`` by filterpy."""
     ns, nx, noise, new = model.sizes.states, model.sizes.dynamic, state.noise, sample.new
-    step = step_of(model, sample)
+    step = step_of(model, sample, bool(state.ratios[i] == ESTIMATED), state.direction[i])
     moved = transition(model, state.z[i], step)
     after, jacobian = moved.after, moved.jacobian
     rate = max(sample.dt_s / model.adapt_s, 1.0 / (float(state.samples[i]) + 1.0))

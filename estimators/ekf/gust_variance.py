@@ -5,7 +5,7 @@ import numpy as np
 from wingwatch.estimators.ekf.model import gust_decay, transition
 from wingwatch.estimators.ekf.noise import process_noise
 from wingwatch.estimators.ekf.sample import Step
-from wingwatch.estimators.ekf.state import PATH
+from wingwatch.estimators.ekf.state import ESTIMATED, PATH
 from wingwatch.estimators.kernels.hot import whole
 
 __all__ = ["gust_variance"]
@@ -16,11 +16,11 @@ DOUBLINGS = 9
 
 
 @whole
-def gust_variance(model, z, noise, condition, places, out):  # type: ignore[no-untyped-def]
+def gust_variance(model, z, noise, condition, ratios, direction, places, out):  # type: ignore[no-untyped-def]
     """Variance of the states that gusts alone cause within ten seconds, vehicles ``places`` (m,), into ``out`` (m, ns).
 
-    The covariance of x' = F x + noise after 2^n steps, by doubling: P = P + F P F', F = F F. ``z, noise, condition`` of
-    ``EkfState``; NaN where there is no condition yet.
+    The covariance of x' = F x + noise after 2^n steps, by doubling: P = P + F P F', F = F F. ``z, noise, condition,
+    ratios, direction`` of ``EkfState``; NaN where there is no condition yet.
     """
     ns, nu, nx = model.sizes.states, model.sizes.inputs, model.sizes.dynamic
     still, forward, scale, rest = np.zeros(nu), np.zeros(ns), np.empty(ns * (ns + nu)), np.zeros(ns)
@@ -50,7 +50,22 @@ def gust_variance(model, z, noise, condition, places, out):  # type: ignore[no-u
         decay = np.empty(model.sizes.gusts)
         if decay.size > 0:
             gust_decay(model, STEP_S, speed, decay)
-        step = Step(STEP_S, 0.0, speed, False, still, still, still, still, scale, forward, rest, decay)
+        step = Step(
+            STEP_S,
+            0.0,
+            speed,
+            False,
+            ratios[i] == ESTIMATED,
+            direction[i],
+            still,
+            still,
+            still,
+            still,
+            scale,
+            forward,
+            rest,
+            decay,
+        )
         jacobian = transition(model, z[i], step).jacobian
         caused[:] = process_noise(model, noise, i, jacobian, step)
         advance[:] = jacobian[:, :nx]

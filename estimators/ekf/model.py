@@ -8,9 +8,10 @@ sensitivity to a derivative is taken at the middle of the step. Both engines run
 
 The gust states are first-order processes with the time that the span takes to pass (MIL-F-8785C 3.7.5):
 
-- an angular acceleration of the first rate by gusts that no vane sees, and of the others in a fixed ratio to it. Where
-  roll is a state it is what the roll rate of the air does, -l_p p_g and -n_p p_g, and the ratio is n_p / l_p; as a
-  product of two unknowns, l_p and p_g, it would bias both;
+- an angular acceleration of the first rate by gusts that no vane sees. Where roll is a state it is what the roll rate
+  of the air does, -l_p p_g, and the other equations answer to it as n_p / l_p. That ratio is as the derivatives are
+  expected beforehand until l_p is known (``relinearise``), then as they are. As a product of two unknowns, l_p and p_g,
+  the acceleration would bias both;
 - the gust-induced pitch or yaw rate that belongs to the gust seen by the vane, q_g = -w_g'/V or r_g = v_g'/V.
 
 The aerodynamics know only the rate relative to it. What it does beside what the derivatives by the rate say is a gust
@@ -25,11 +26,23 @@ from wingwatch.estimators.ekf.sample import Transition
 from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN
 from wingwatch.estimators.kernels.hot import hot
 
-__all__ = ["accelerometer", "gust_decay", "gust_turn", "measure", "transition", "transition_into"]
+__all__ = [
+    "LEAST_DAMPING",
+    "accelerometer",
+    "gust_decay",
+    "gust_turn",
+    "measure",
+    "transition",
+    "transition_into",
+]
 
 
 NOTHING_LEFT = 1e-12
 """Of what decays within a step: it has passed at once."""
+
+
+LEAST_DAMPING = 0.25
+"""Damping of rolling, over what is expected, that is divided by: less is no number yet."""
 
 
 LEAST_PART = 1e-9
@@ -87,6 +100,35 @@ def _path(model, z, scale, k):  # type: ignore[no-untyped-def]
 
 
 @hot
+def _damping(model, z, step):  # type: ignore[no-untyped-def]
+    """Derivative of roll acceleration by roll rate, 1/s, where it may be divided by; else 0."""
+    c = model.sizes.states + model.sizes.inputs + 1
+    value = z[model.sizes.dynamic + c]
+    return value * step.scale[c] if step.rolling and value < LEAST_DAMPING * model.prior_value[c] else 0.0
+
+
+@hot
+def _direction(model, z, step, k):  # type: ignore[no-untyped-def]
+    """What equation k makes of the angular acceleration by air, over what the first rate's does."""
+    damping = _damping(model, z, step) if model.roll and k != 1 else 0.0
+    if damping == 0.0:
+        return step.direction[k]
+    c = k * (model.sizes.states + model.sizes.inputs) + 1
+    return z[model.sizes.dynamic + c] * step.scale[c] / damping
+
+
+@hot
+def _add_direction(model, z, step, k, acceleration, row):  # type: ignore[no-untyped-def]
+    """Adds to ``row`` (nz,) the sensitivity of ``_direction`` to the derivatives, times ``acceleration``."""
+    damping = _damping(model, z, step) if model.roll and k != 1 else 0.0
+    if damping == 0.0:
+        return
+    nd, first, scale = model.sizes.states + model.sizes.inputs, model.sizes.dynamic, step.scale
+    row[first + k * nd + 1] += acceleration / damping * scale[k * nd + 1]
+    row[first + nd + 1] -= acceleration / damping * _direction(model, z, step, k) * scale[nd + 1]
+
+
+@hot
 def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
     """A and the part of dx/dt that does not depend on x."""
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
@@ -103,7 +145,7 @@ def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
             total += control * step.inputs[j]
             work.early_rate[k] += control * step.early[j]
         if gusts > 0:
-            total += model.gust_direction[k] * z[ns + ACCELERATION] * lasting[ACCELERATION]
+            total += _direction(model, z, step, k) * z[ns + ACCELERATION] * lasting[ACCELERATION]
         work.rate[k] = total + step.rest[k]
 
 
@@ -205,6 +247,11 @@ def transition_into(model, z, step, work):  # type: ignore[no-untyped-def]
                 jacobian[row, nx + k * nd + j] = series[row, k] * factor + work.squared[row, k] * early
         for row in range(ns):
             jacobian[row, nx + ns * nd + k] = dt * series[row, k] * step.pressure_ratio
+    if gusts > 0:
+        moment = lasting[ACCELERATION] * z[ns + ACCELERATION]
+        for row in range(ns):
+            for k in range(ns):
+                _add_direction(model, z, step, k, dt * series[row, k] * moment, jacobian[row])
 
 
 @hot
@@ -222,7 +269,7 @@ def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def
         for row in range(ns):
             strength = answer = 0.0
             for k in range(ns):
-                strength += series[row, k] * model.gust_direction[k]
+                strength += series[row, k] * _direction(model, z, step, k)
                 answer += series[row, k] * (
                     work.aerodynamic[k, ns - 1] + step.dt_s * _path(model, z, step.scale, k)
                 )
@@ -259,7 +306,7 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
     and 7.3).
     """
     ns, nu, gusts, nx = model.sizes.states, model.sizes.inputs, model.sizes.gusts, model.sizes.dynamic
-    nd, scale, direction = ns + nu, step.scale, model.gust_direction
+    nd, scale = ns + nu, step.scale
     gust_rate = z[ns + TURN] if gusts > 0 else 0.0
     row[:] = 0.0
     predicted = 0.0
@@ -272,7 +319,7 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             relative = z[j] - (gust_rate if j == ns - 1 else 0.0)
             predicted += value * relative
             row[j] += value
-            row[nx + k * nd + j] = weight * scale[k * nd + j] * relative
+            row[nx + k * nd + j] += weight * scale[k * nd + j] * relative
             if gusts > 0 and j == ns - 1:
                 path = weight * _path(model, z, scale, k)
                 predicted -= path * gust_rate
@@ -283,8 +330,10 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             predicted += factor * z[nx + k * nd + ns + j]
             row[nx + k * nd + ns + j] = factor
         if gusts > 0:
-            predicted += weight * direction[k] * z[ns + ACCELERATION]
-            row[ns + ACCELERATION] += weight * direction[k]
+            direction = weight * _direction(model, z, step, k)
+            predicted += direction * z[ns + ACCELERATION]
+            row[ns + ACCELERATION] += direction
+            _add_direction(model, z, step, k, weight * z[ns + ACCELERATION], row)
         predicted += weight * z[nx + ns * nd + k] * step.pressure_ratio
         row[nx + ns * nd + k] = weight * step.pressure_ratio
     return predicted

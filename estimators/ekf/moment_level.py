@@ -17,7 +17,16 @@ from wingwatch.estimators.ekf.noise import UNMODELLED
 from wingwatch.estimators.ekf.state import ACCELERATION
 from wingwatch.estimators.kernels.hot import hot
 
-__all__ = ["follow_moment_level", "follow_moment_level_inline", "forget_moment_level"]
+__all__ = [
+    "correct_slope",
+    "follow_moment_level",
+    "follow_moment_level_inline",
+    "forget_moment_level",
+    "predict_slope",
+]
+
+MOST_INFORMATION = 0.5
+"""What one sample tells of the logarithm of a variance, were its noise itself seen."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -31,7 +40,9 @@ def follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, 
     """One sample of vehicle i: the variance of e goes a step of Fisher's scoring up the likelihood.
 
     The information is a mean over all samples, from ``adapt_s`` on over the last of them; to it comes that of one
-    nat, for a sample alone says nothing. The logarithm rises by one, at most, while the span passes.
+    nat, for a sample alone says nothing. The logarithm rises by one, at most, while the span passes. At a level far too
+    low innovations are many times their stated size and seem to tell as much more; a sample counts as one that tells
+    ``MOST_INFORMATION`` then, in score and information alike.
 
     Args:
         model: of the filter.
@@ -45,11 +56,13 @@ def follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, 
         return
     ns, noise, level = model.sizes.states, state.noise, state.moment_level
     variance = noise.angular_gust[i]
-    _predict(level, i, jacobian, variance, ns, work)
-    score, information = _correct(level, i, measured, ns, work)
+    predict_slope(level, i, jacobian, variance, ns, work)
+    score, information = correct_slope(level, i, measured, ns, work)
     level.samples[i] += 1.0
     rate = max(rate, 1.0 / level.samples[i])
-    level.information[i] += rate * (information - level.information[i])
+    weight = min(1.0, MOST_INFORMATION / max(information, 1e-30))
+    score *= weight
+    level.information[i] += rate * (weight * information - level.information[i])
     passing = 1.0 - step.decay[ACCELERATION]
     change = min(rate * score / (level.information[i] + rate), passing)
     per_step = passing / step.dt_s
@@ -66,7 +79,7 @@ def forget_moment_level(level, i):  # type: ignore[no-untyped-def]
 
 
 @hot
-def _predict(level, i, jacobian, variance, ns, work):  # type: ignore[no-untyped-def]
+def predict_slope(level, i, jacobian, variance, ns, work):  # type: ignore[no-untyped-def]
     """x' and P' over a step in which e is driven with ``variance``, at any time within it ((5) of the docs)."""
     mean, cov = level.mean[i], level.covariance[i]
     for a in range(ns + 1):
@@ -93,7 +106,7 @@ def _predict(level, i, jacobian, variance, ns, work):  # type: ignore[no-untyped
 
 
 @hot
-def _correct(level, i, measured, ns, work):  # type: ignore[no-untyped-def]
+def correct_slope(level, i, measured, ns, work):  # type: ignore[no-untyped-def]
     """x' and P' by the readings of an instant, one after the other; returns their score and information."""
     readings, gains = measured
     mean, cov, crossed, row = level.mean[i], level.covariance[i], work[0], readings.row

@@ -58,8 +58,9 @@ def learn_reading_noise(variance, differences, stated, sample, z, after, rate, n
     covariances one and two samples apart -R and R. What moves an aircraft adds to the variance, but its increments
     do not go together over so few samples. Where the vane's velocity is known to have moved (``Sample.motion``), gust
     and noise are left, and the filter's own residuals adapt the variance (``adapt_reading``) within what the covariance
-    allows by its own standard error; of the others what the filter predicts is taken out. Within the same bounds a
-    stated variance is believed, else the variance alone, which is the sharper figure in calm air.
+    allows by its own standard error; of the others what the filter predicts is taken out. A stated variance is believed
+    where the covariance is less than two standard errors below it or one above, for what is taken for too little noise
+    is claimed; else the variance alone, which is the sharper figure in calm air.
 
     The variance is taken from the mean root of the differences' magnitudes: the few large ones at a doublet's edges
     are no noise. A difference of exactly nothing is that of a reading that was repeated, and is passed over.
@@ -94,12 +95,12 @@ def learn_reading_noise(variance, differences, stated, sample, z, after, rate, n
         rough = difference_variance(differences[j, ROOT_MEAN]) / white
         # standard error of the covariance of N white samples: spread white R / sqrt(N), N = 2 / rate
         error = spread * white * rough * np.sqrt(0.5 * rate)
-        highest = min(rough, max(differences[j, COVARIANCE], 0.0) + error)
-        level = highest
+        covariance = differences[j, COVARIANCE]
+        level = highest = min(rough, max(covariance, 0.0) + error)
         if j == 0 and sample.inertial:
-            level = min(max(variance[j], differences[j, COVARIANCE] - error), highest)
+            level = min(max(variance[j], covariance - error), highest)
         elif stated[j] > 0.0:
-            level = min(max(stated[j], differences[j, COVARIANCE] - error), highest)
+            level = min(max(stated[j], covariance - error), rough, max(covariance, 0.0) + 2.0 * error)
         variance[j] = max(level, LEAST if j == 0 else LEAST_RATE)
 
 

@@ -41,11 +41,13 @@ from wingwatch.estimators.ekf.sample import (
     Workspace,
 )
 from wingwatch.estimators.ekf.state import (
+    ACCELERATION,
     AIRSPEED,
     ALPHA,
     CONDITION_ALPHA,
     DENSITY,
     EARLIER,
+    ESTIMATED,
     NEWEST,
     PATH,
     PRESSURE_RATIO,
@@ -112,20 +114,20 @@ def _drive(ns, nu, gusts):  # type: ignore[no-untyped-def]
 
 
 @part
-def _step_on(drive, sample, kinematic):  # type: ignore[no-untyped-def]
+def _step_on(drive, sample, rolling, direction, kinematic):  # type: ignore[no-untyped-def]
     """The step of a sample on the arrays of ``drive``, which ``_fill_step`` fills."""
     return Step(
         sample.dt_s, sample.new[kinematic + PRESSURE_RATIO], max(sample.new[kinematic + AIRSPEED], 1.0),
-        sample.inertial, drive.inputs, drive.early, drive.newest_fraction, drive.inputs_end, drive.scale, drive.forward,
-        drive.rest, drive.decay,
+        sample.inertial, rolling, direction, drive.inputs, drive.early, drive.newest_fraction, drive.inputs_end,
+        drive.scale, drive.forward, drive.rest, drive.decay,
     )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
-def step_of(model, sample):  # type: ignore[no-untyped-def]
-    """What drives the model over the step of a ``Sample``."""
+def step_of(model, sample, rolling, direction):  # type: ignore[no-untyped-def]
+    """What drives the model over the step of a ``Sample``; the rest as in ``Step``."""
     drive = _drive(model.sizes.states, model.sizes.inputs, model.sizes.gusts)
-    step = _step_on(drive, sample, model.sizes.kinematic)
+    step = _step_on(drive, sample, rolling, direction, model.sizes.kinematic)
     _fill_step(model, sample, step)
     return step
 
@@ -169,8 +171,11 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
 
 
 @hot
-def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
-    """States as measured, with ``variance``, and calm air; the derivatives keep what is known of them."""
+def _restart(model, posterior, noise, i, new, dt):  # type: ignore[no-untyped-def]
+    """States as measured; the derivatives keep what is known of them.
+
+    The air is calm but for its angular acceleration, which is what it is at any time, given steps of ``dt``.
+    """
     ns, z, cov = model.sizes.states, posterior.z, posterior.cov
     for k in range(model.sizes.dynamic):
         z[k] = new[1 + k] if k < ns else 0.0
@@ -178,7 +183,10 @@ def _restart(model, posterior, variance, new):  # type: ignore[no-untyped-def]
             cov[k, c] = 0.0
             cov[c, k] = 0.0
     for k in range(ns):
-        cov[k, k] = variance[k]
+        cov[k, k] = noise.reading[i, k]
+    if model.sizes.gusts > 0 and 0.0 < dt <= MAX_GAP_S:
+        passing = max(new[model.sizes.kinematic + AIRSPEED], 1.0) / model.gust_length_m[ACCELERATION]
+        cov[ns + ACCELERATION, ns + ACCELERATION] = noise.angular_gust[i] / -np.expm1(-2.0 * dt * passing)
     for g in range(PATH, model.sizes.gusts):
         cov[ns + g, ns + g] = PATH_STD * PATH_STD
 
@@ -224,7 +232,8 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
     """
     noise, z, cov, transition = state.noise, state.z[i], state.cov[i], space.transition
     after, jacobian, readings = transition.after, transition.jacobian, space.readings
-    step = _step_on(space.drive, sample, model.sizes.kinematic)
+    rolling = state.ratios[i] == ESTIMATED
+    step = _step_on(space.drive, sample, rolling, state.direction[i], model.sizes.kinematic)
     _fill_step(model, sample, step)
     transition_into(model, z, step, transition)
     rate = sample.dt_s / model.adapt_s
@@ -266,7 +275,7 @@ def _warm_up(model, state, i, sample, settled):  # type: ignore[no-untyped-def]
         second = sample.new[1 + ns] - 2.0 * sample.old[1 + ns] + sample.older[1 + ns]
         state.memory.roughness[i] += second * second
         first_noise(model, state.noise, state.memory, i, sample, samples)
-    _restart(model, Posterior(z, state.cov[i]), state.noise.reading[i], sample.new)
+    _restart(model, Posterior(z, state.cov[i]), state.noise, i, sample.new, sample.dt_s)
 
 
 @part
@@ -275,7 +284,7 @@ def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-d
     kinematic, old, older = model.sizes.kinematic, state.rows[i, NEWEST], state.rows[i, EARLIER]
     dt = new[TIME] - old[TIME]
     if not (0.0 < dt <= MAX_GAP_S):
-        _restart(model, Posterior(state.z[i], state.cov[i]), state.noise.reading[i], new)
+        _restart(model, Posterior(state.z[i], state.cov[i]), state.noise, i, new, old[TIME] - older[TIME])
         start_level(state.memory.levels[i], new[1])
         forget_moment_level(state.moment_level, i)
         forget_motion(state.coherence, i)

@@ -4,22 +4,47 @@ A change is reported a few seconds late. What the filter has taken in meanwhile 
 the old aircraft and what the new one showed, and it would keep that. The window of recent signal rows reaches back
 further: it is cut at the last solution before the change, the covariance of the changed derivatives is inflated there,
 P + s^2 e e', and the rest is run again about what it says itself (``relinearise``).
+
+What rolling air does in side force and yaw stays what it was. Where some derivatives are still those of the old
+aircraft and some those of the new one, their ratios would move both.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.estimators.ekf.model import LEAST_DAMPING
 from wingwatch.estimators.ekf.relinearise import run_window_again
-from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, one_vehicle, put_vehicle
+from wingwatch.estimators.ekf.state import (
+    ESTIMATED,
+    KEPT,
+    NEWEST,
+    TIME,
+    EkfState,
+    Model,
+    one_vehicle,
+    put_vehicle,
+)
 from wingwatch.estimators.ekf.window import cut_at, recalled, set_checkpoint
 
-__all__ = ["release_since"]
+__all__ = ["keep_ratios", "release_since"]
 
 _STEPS = 3
 """Steps of Gauss and Newton: the first is taken from the old aircraft's values."""
 
 _FAR = 5.0
 """Natural sizes beyond which the steps have run off; then nothing is run again."""
+
+
+def keep_ratios(model: Model, state: EkfState, i: int) -> None:
+    """Rolling air goes on to act on vehicle i as its derivatives by roll rate are now."""
+    if not model.roll:
+        return
+    if state.ratios[i] == ESTIMATED:
+        ns, nd, first = model.sizes.states, model.sizes.states + model.sizes.inputs, model.sizes.dynamic
+        by_roll_rate = state.z[i, first + 1 : first + ns * nd : nd]
+        if by_roll_rate[1] < LEAST_DAMPING * model.prior_value[nd + 1]:
+            state.direction[i] = by_roll_rate / by_roll_rate[1]
+    state.ratios[i] = KEPT
 
 
 def release_since(model: Model, state: EkfState, i: int, changed: NDArray[np.bool_], since_s: float) -> bool:
@@ -53,6 +78,8 @@ def release_since(model: Model, state: EkfState, i: int, changed: NDArray[np.boo
     prior_std = model.prior_std[:k]
     for one in (there, work):
         one.cov[0, inflated, inflated] += prior_std[changed] ** 2
+    keep_ratios(model, there, 0)
+    work.ratios[0], work.direction[0] = there.ratios[0], there.direction[0]
     cut_at(work, before - 1)
     there.rows[0] = np.concatenate([rows[max(cut - 2, 0) : cut][::-1], beginning])[:2]
     there.information[0] = np.linalg.inv(there.cov[0, parameters, parameters])

@@ -28,6 +28,10 @@ are not what matters, the run begins there.
 
 Rows that set levels of noise alone are run as soon as these are known, if anything moved in them.
 
+What rolling air does in side force and yaw goes as n_p / l_p. The ratio of two numbers that are not known yet is none,
+and the window would end at an aircraft that hardly damps its rolling. So it is that of the expectation until l_p is
+known to a quarter of itself; then the window is run again in two steps with the ratio of the estimates.
+
 A step of Gauss and Newton is a guide only where the response is straight within what is not known yet: tr J P / (2 r)
 at most a quarter. Quiet flight, where J comes of noise, and a derivative just reset are left alone so.
 """
@@ -42,7 +46,18 @@ from wingwatch.estimators.ekf.covariance import leave_out, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import run_again
 from wingwatch.estimators.ekf.solve import INFORMED, of_derivatives
-from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState, Model, Running, Solved, one_vehicle
+from wingwatch.estimators.ekf.state import (
+    ESTIMATED,
+    EXPECTED,
+    KEPT,
+    NEWEST,
+    TIME,
+    EkfState,
+    Model,
+    Running,
+    Solved,
+    one_vehicle,
+)
 from wingwatch.estimators.ekf.window import (
     WINDOW_ROWS,
     advance_checkpoints,
@@ -65,6 +80,12 @@ _NARROW = 1e-4
 
 _SPARE_ROWS, _SPARE = 4 * WINDOW_ROWS, 0.2
 """Rows that may be run again: a few windows, for when much is learned in a short time, and a fifth of all."""
+
+_STEPS = 2
+"""Steps of Gauss and Newton once the damping of rolling is known."""
+
+_KNOWN, _STILL_KNOWN = 4.0, 2.0
+"""Standard errors of the damping of rolling in itself, from which on it is known, and below which no longer."""
 
 _MATTERS = 0.1
 """Standard errors that linearisation may be off by: a tenth makes an rms error 0.5 % larger."""
@@ -286,6 +307,8 @@ def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
         condition=state.condition[one].copy(),
         samples=state.samples[one].copy(),
         settling=state.settling[one].copy(),
+        ratios=state.ratios[one].copy(),
+        direction=state.direction[one].copy(),
     )
 
 
@@ -387,30 +410,59 @@ def _advance_all(state, places, fresh):  # type: ignore[no-untyped-def]
 def relinearise_all(
     model: Model, state: EkfState, places: NDArray[np.int64], solved: Solved
 ) -> dict[int, Exception]:
-    """After a solution: the window is run again where linearisation has left out what matters, and the checkpoints
-    advance.
+    """After a solution: the window is run again where linearisation has left out what matters or the damping of rolling
+    has become known, and the checkpoints advance.
 
     Returns the vehicles whose run failed, and how.
 
     Few windows are, so what is done with one is put together here from kernels: compiled as a whole for each number
     of states it would take longer than all the filter.
     """
-    parameters = slice(model.sizes.dynamic, model.sizes.dynamic + state.vector.shape[1])
     fresh, matters = np.empty((2, len(places)), dtype=np.int64)
     _assess(model, state, places, solved, fresh, matters)
     faults: dict[int, Exception] = {}
     for m in np.flatnonzero(matters >= 0):
+        try:
+            _run_again(model, state, int(places[m]), int(matters[m]))
+        except Exception as error:  # the others are not to suffer by it
+            faults[int(places[m])], fresh[m] = error, -1
+    for m in np.flatnonzero(_damping_found(model, state, places)):
         i = int(places[m])
         try:
-            if run_window_again(model, state, i, int(matters[m])):
-                covariance = state.cov[i, parameters, parameters]
-                state.information[i] = np.linalg.inv(covariance)
-                state.vector[i] = state.information[i] @ state.z[i, parameters]
-                informed = np.diag(covariance) < INFORMED * state.variance[i]
-                moved_s = float(np.max(state.moved_s[i, : model.sizes.states]))
-                state.informed_s[i, informed] = np.maximum(state.informed_s[i, informed], moved_s)
-                state.variance[i] = np.diag(covariance)
-        except Exception as error:  # the others are not to suffer by it
+            for _ in range(_STEPS):
+                if fresh[m] >= 0 and _run_again(model, state, i, 0):
+                    state.window.rerun[i] += state.window.filled[i]
+        except Exception as error:
             faults[i], fresh[m] = error, -1
     _advance_all(state, places, fresh)
     return faults
+
+
+def _run_again(model: Model, state: EkfState, i: int, start: int) -> bool:
+    """``run_window_again``, and what follows from the derivatives' new covariance; returns whether it did."""
+    if not run_window_again(model, state, i, start):
+        return False
+    parameters = slice(model.sizes.dynamic, model.sizes.dynamic + state.vector.shape[1])
+    covariance = state.cov[i, parameters, parameters]
+    state.information[i] = np.linalg.inv(covariance)
+    state.vector[i] = state.information[i] @ state.z[i, parameters]
+    informed = np.diag(covariance) < INFORMED * state.variance[i]
+    moved_s = float(np.max(state.moved_s[i, : model.sizes.states]))
+    state.informed_s[i, informed] = np.maximum(state.informed_s[i, informed], moved_s)
+    state.variance[i] = np.diag(covariance)
+    return True
+
+
+def _damping_found(model: Model, state: EkfState, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Of which vehicles the damping of rolling is known now and was not before; notes of which it is."""
+    if not model.roll or model.sizes.gusts == 0:
+        return np.zeros(len(places), dtype=np.bool_)
+    before = state.ratios[places]
+    damping = model.sizes.dynamic + model.sizes.states + model.sizes.inputs + 1
+    errors = np.where(before == ESTIMATED, _STILL_KNOWN, _KNOWN) * np.sqrt(
+        state.cov[places, damping, damping]
+    )
+    known = np.abs(state.z[places, damping]) > errors
+    found: NDArray[np.bool_] = known & (before == EXPECTED)
+    state.ratios[places] = np.where(before == KEPT, KEPT, np.where(known, ESTIMATED, EXPECTED))
+    return found

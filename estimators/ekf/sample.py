@@ -44,6 +44,10 @@ class Step(NamedTuple):
     airspeed_m_s: float
     inertial: bool
     """Whether vane and accelerometer are there at both ends: gusts are known from their difference."""
+    rolling: bool
+    """Whether equations answer to rolling air as their derivatives by roll rate are, else as ``direction`` says."""
+    direction: Array
+    """(ns,): over the answer of the first rate."""
     inputs: Array
     """(nu,): mean over the step."""
     early: Array

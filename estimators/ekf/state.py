@@ -23,7 +23,10 @@ __all__ = [
     "CONDITION_ALPHA",
     "DENSITY",
     "EARLIER",
+    "ESTIMATED",
+    "EXPECTED",
     "FIRST_READING",
+    "KEPT",
     "gust_states",
     "NEWEST",
     "PATH",
@@ -76,6 +79,10 @@ NEWEST, EARLIER = 0, 1
 
 CONDITION_ALPHA = 4
 """The angle of attack in ``EkfState.condition``."""
+
+EXPECTED, ESTIMATED, KEPT = 0, 1, 2
+"""Ratios of the derivatives by roll rate: expected beforehand, while the damping is not known; of the estimates as they
+are; of those before the last change."""
 
 READINGS, SUM, SQUARES, FIRST_READING = 0, 1, 2, 3
 """Of ``EkfState.moments``."""
@@ -135,7 +142,8 @@ class Model(NamedTuple):
     gust_length_m: Array
     """(ng,): over which the span smooths roll or pitch, and yaw, of the air; nothing for the path."""
     gust_direction: Array
-    """(ns,): how each equation answers to the gusts' angular acceleration, over how the first rate's does."""
+    """(ns,): how each equation answers to the gusts' angular acceleration, over how the first rate's does; as expected
+    beforehand."""
     prior_value: Array
     """(k + ns,): derivatives and trim constants."""
     prior_std: Array
@@ -326,6 +334,10 @@ class EkfState(NamedTuple):
     """(n,): taken so far."""
     settling: Flags
     """(n,): whether the last sample set levels of noise alone."""
+    ratios: NDArray[np.int8]
+    """(n,): where the ratios come from in which equations answer to rolling air, EXPECTED, ESTIMATED or KEPT."""
+    direction: Array
+    """(n, ns): these ratios where they are not ESTIMATED."""
     solutions: Counts
     """(n,): so far."""
     solved_s: Array
@@ -364,13 +376,15 @@ class Running(NamedTuple):
     condition: Array
     samples: Counts
     settling: Flags
+    ratios: NDArray[np.int8]
+    direction: Array
 
 
 def running(state: EkfState) -> Running:
     """The same arrays."""
     return Running(
         state.z, state.cov, state.noise, state.memory, state.input_errors, state.moment_level, state.coherence,
-        state.moments, state.rows, state.condition, state.samples, state.settling,
+        state.moments, state.rows, state.condition, state.samples, state.settling, state.ratios, state.direction,
     )  # fmt: skip
 
 

@@ -87,6 +87,8 @@ def test_a_step_under_an_input_that_moves_evenly_is_exact(damping: float, input_
         pressure_ratio=1.0,
         airspeed_m_s=25.0,
         inertial=False,
+        rolling=False,
+        direction=np.array([0.0, 1.0]),
         inputs=np.array([old + mean * (new - old)]),
         early=np.array([early * (new - old)]),
         newest_fraction=np.array([mean]),
@@ -106,8 +108,8 @@ def test_a_step_with_a_derivative_that_is_no_number_comes_to_its_end(damping: fl
     z = np.concatenate([[0.4, -0.2], PITCH.aerodynamic, [0.0, 0.0]])
     z[6] = damping
     nothing = np.zeros(1)
-    step = Step(DT, 1.0, 25.0, False, nothing, nothing, nothing, nothing, np.ones(6), np.array([0.0, 25.0]),
-                np.zeros(2), np.zeros(0))  # fmt: skip
+    step = Step(DT, 1.0, 25.0, False, False, np.array([0.0, 1.0]), nothing, nothing, nothing, nothing, np.ones(6),
+                np.array([0.0, 25.0]), np.zeros(2), np.zeros(0))  # fmt: skip
     assert not np.isfinite(transition(filter_of(0.0).model, z, step).after[:2]).all()
 
 

@@ -85,7 +85,7 @@ def test_a_gust_turns_the_air_by_its_slope_over_the_span() -> None:
     span_m = 2.9
     estimator, state = watched(flights(8.0, 0.1, (0.01, 0.003, 0.03), 1), span_m)
     model, (older, new) = estimator.model, state.rows[0, ::-1]
-    step = step_of(model, Sample(new, older, older, DT, True, 0.0))
+    step = step_of(model, Sample(new, older, older, DT, True, 0.0), False, estimator.model.gust_direction)
     still = np.eye(model.sizes.dynamic, model.sizes.augmented)
     turn = model.sizes.states + TURN
     still[turn, turn] = step.decay[TURN]

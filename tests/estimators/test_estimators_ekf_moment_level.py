@@ -12,7 +12,12 @@ from situation_cases import SITUATIONS
 from situation_plants import RandomMoment, Situation, fly_situation, pulse_doublets
 
 from wingwatch.estimators import EkfConfig, EkfEstimator
-from wingwatch.estimators.ekf.moment_level import follow_moment_level
+from wingwatch.estimators.ekf.moment_level import (
+    MOST_INFORMATION,
+    correct_slope,
+    follow_moment_level,
+    predict_slope,
+)
 from wingwatch.estimators.ekf.sample import Gains, Readings
 from wingwatch.estimators.ekf.state import EkfState, MomentLevel
 
@@ -23,6 +28,13 @@ FOLLOW = njit(error_model="numpy")(follow_moment_level.py_func)
 """Compiled for the types of this file, which the kept kernels must not have in them: another process that does not know
 them could read none of these."""
 DECAY = math.exp(-0.02 / 0.15)
+
+
+@njit(error_model="numpy")
+def slope_of(level, jacobian, variance, measured, work):  # type: ignore[no-untyped-def]
+    """Score and information of one sample."""
+    predict_slope(level, 0, jacobian, variance, NS, work)
+    return correct_slope(level, 0, measured, NS, work)
 
 
 class Sizes(NamedTuple):
@@ -70,7 +82,6 @@ def filtered(log_variance: float, readings: Array, follow: bool) -> tuple[float,
     )
     x, p, likelihood, score, information = np.zeros(3), np.diag([1e-2, 1e-5, 0.0]), 0.0, 0.0, 0.0
     level = MomentLevel(np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros(1), np.full(1, 1e12))
-    state = State(Noise(np.full(1, math.exp(log_variance)), np.zeros((1, 3))), level)
     for z in readings:
         x, p = f @ x, f @ p @ f.T + process(log_variance)
         gains = Gains(np.zeros((4, 3)), np.zeros(4), np.zeros(4))
@@ -82,15 +93,9 @@ def filtered(log_variance: float, readings: Array, follow: bool) -> tuple[float,
             x, p = x + gain * nu, p - np.outer(gain, row @ p)
             likelihood -= 0.5 * (nu * nu / s + math.log(s))
         if follow:
-            # of so little weight and so much information that the step is a thousandth of the score
-            state.noise.angular_gust[0], level.information[0] = math.exp(log_variance), 1.0
             measured = Readings(np.array(variance), np.zeros(3), rows[2], np.ones(3, dtype=bool)), gains
-            FOLLOW(
-                Model(Sizes(NS, 3)), state, 0, Step(np.zeros(3), 0.02), f, measured, RATE, np.empty((3, 3))
-            )
-            information += (level.information[0] - 1.0) / RATE + 1.0
-            step = math.log(state.noise.angular_gust[0]) - log_variance
-            score += step * (level.information[0] + RATE) / RATE
+            by = slope_of(level, f, math.exp(log_variance), measured, np.empty((3, 3)))
+            score, information = score + by[0], information + by[1]
     return likelihood, score, information
 
 
@@ -120,6 +125,20 @@ def test_the_information_is_the_variance_of_the_score() -> None:
     information = found[:, 1].mean()
     assert abs(mean) < 3.5 * math.sqrt(information / 60.0)
     assert variance / information == pytest.approx(1.0, abs=3.5 * math.sqrt(2.0 / 59.0))
+
+
+def test_large_innovations_count_as_seen_noise_at_most() -> None:
+    """At a level far too low they seem to tell a thousand times more, and the level would stand still afterwards."""
+    row = np.array([-4.0, 0.3, 0.5])
+    level = MomentLevel(np.full((1, 3), 50.0), np.full((1, 3, 3), 1e-4), np.zeros(1), np.full(1, 1e12))
+    state = State(Noise(np.full(1, 0.02), np.zeros((1, 3))), level)
+    gains = Gains(np.zeros((4, 3)), np.full(4, 30.0), np.full(4, 10.0))
+    measured = Readings(np.ones(3), np.zeros(3), row, np.ones(3, dtype=bool)), gains
+    step = Step(np.zeros(3), 0.02)
+    for _ in range(1000):
+        level.mean[:] = 50.0
+        FOLLOW(Model(Sizes(NS, 3)), state, 0, step, transition(), measured, RATE, np.empty((3, 3)))
+    assert 0.0 < level.information[0] <= MOST_INFORMATION
 
 
 def flown(plant: Plant, situation: Situation, seed: int, seconds: float) -> EkfState:
