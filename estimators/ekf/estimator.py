@@ -185,7 +185,7 @@ class EkfEstimator:
             rows=np.full((n, 2, columns), np.nan),
             condition=np.full((n, 5), np.nan),
             samples=none.copy(),
-            ratios=np.full(n, EXPECTED, dtype=np.int8),
+            ratios=np.full(n, EXPECTED),
             direction=np.tile(self.model.gust_direction, (n, 1)),
             settling=np.ones(n, dtype=np.bool_),
             solutions=none.copy(),

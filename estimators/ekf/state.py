@@ -334,7 +334,7 @@ class EkfState(NamedTuple):
     """(n,): taken so far."""
     settling: Flags
     """(n,): whether the last sample set levels of noise alone."""
-    ratios: NDArray[np.int8]
+    ratios: Counts
     """(n,): where the ratios come from in which equations answer to rolling air, EXPECTED, ESTIMATED or KEPT."""
     direction: Array
     """(n, ns): these ratios where they are not ESTIMATED."""
@@ -376,7 +376,7 @@ class Running(NamedTuple):
     condition: Array
     samples: Counts
     settling: Flags
-    ratios: NDArray[np.int8]
+    ratios: Counts
     direction: Array
 
 
