@@ -40,9 +40,9 @@ def follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, 
     """One sample of vehicle i: the variance of e goes a step of Fisher's scoring up the likelihood.
 
     The information is a mean over all samples, from ``adapt_s`` on over the last of them; to it comes that of one
-    nat, for a sample alone says nothing. The logarithm rises by one, at most, while the span passes. At a level far too
-    low innovations are many times their stated size and seem to tell as much more; a sample counts as one that tells
-    ``MOST_INFORMATION`` then, in score and information alike.
+    nat, for a sample alone says nothing. The logarithm rises by one, at most, while the span passes. A level that
+    starts far too low meets innovations many times their stated size, which seem to tell as much more; until the means
+    are over ``adapt_s`` such a sample counts as one that tells ``MOST_INFORMATION``, in score and information alike.
 
     Args:
         model: of the filter.
@@ -59,8 +59,9 @@ def follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, 
     predict_slope(level, i, jacobian, variance, ns, work)
     score, information = correct_slope(level, i, measured, ns, work)
     level.samples[i] += 1.0
-    rate = max(rate, 1.0 / level.samples[i])
-    weight = min(1.0, MOST_INFORMATION / max(information, 1e-30))
+    weight = 1.0
+    if 1.0 / level.samples[i] > rate:
+        rate, weight = 1.0 / level.samples[i], min(1.0, MOST_INFORMATION / max(information, 1e-30))
     score *= weight
     level.information[i] += rate * (weight * information - level.information[i])
     passing = 1.0 - step.decay[ACCELERATION]
