@@ -20,6 +20,7 @@ from wingwatch.aircraft import LATERAL, load_aircraft
 from wingwatch.estimators import EkfConfig, EkfEstimator, Outcome
 from wingwatch.estimators.ekf.model import measure, transition
 from wingwatch.estimators.ekf.sample import Step
+from wingwatch.estimators.ekf.state import ESTIMATED, KEPT
 from wingwatch.simulation import Turbulence, doublet_schedule
 
 Array = NDArray[np.float64]
@@ -105,6 +106,16 @@ def test_the_ratio_is_that_of_the_expectation_until_the_damping_is_known() -> No
     lasting = (1.0 - 0.9) / -np.log(0.9)
     difference = (after[True] - after[False])[2] / (2.0 * STEP_S * lasting)
     assert difference == pytest.approx(own - expected, rel=0.05)
+
+
+def test_after_a_change_the_ratios_of_before_it_are_kept() -> None:
+    e = estimator()
+    state, first = e.init(1), e.model.sizes.dynamic
+    state.z[0, first : first + 15] = DERIVATIVES.ravel()
+    state.ratios[0] = ESTIMATED
+    e.release(state, np.arange(15) == 6)
+    assert state.ratios[0] == KEPT
+    np.testing.assert_allclose(state.direction[0], DERIVATIVES[:, 1] / DERIVATIVES[1, 1], rtol=1e-12)
 
 
 def claims(level: Turbulence, seeds: range) -> tuple[Array, Array]:
