@@ -80,7 +80,7 @@ def _filter(span_m: float = 1.0) -> None:
             estimator.solve(state)
         estimator.gust_variance(state, np.array([0]))
         for since_s in (0.8 * samples / _RATE_HZ, np.inf):  # what a change leads to, at its time or later
-            estimator.release(state, np.arange(k) == 0, 0, since_s)
+            estimator.release(state, np.eye(k)[0], 0, since_s)
 
 
 def _level_flight(layout: SignalLayout, moving: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -342,12 +342,12 @@ class Supervisor:
         # Without a vane all may contradict what is remembered; with one, rough air at first.
         trusted = ~rough | (closed >= BLOCKS_IN_ROUGH_AIR) if pair.vane else np.zeros_like(rough)
         pair.fourier.follow_changes(state.fourier, trusted, places)
-        changed = pair.fourier.changed(state.fourier, places)
-        for m in np.flatnonzero(changed.any(axis=1)):
+        spread = pair.fourier.changed(state.fourier, places)
+        for m in np.flatnonzero(spread.any(axis=1)):
             i = int(places[m])
             not_yet_s = pair.fourier.block_start_s(state.fourier, i)  # a change begins the running block
             try:  # whatever the filter says of the air: it takes a change for a gust
-                pair.ekf.release(state.ekf, changed[m], i, not_yet_s)
+                pair.ekf.release(state.ekf, spread[m], i, not_yet_s)
             except Exception as error:  # the others are not to suffer by it
                 faults[i] = error
         return solutions

@@ -135,7 +135,7 @@ def adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, 
 
 @hot
 def first_noise(model, noise, memory, i, sample, samples):  # type: ignore[no-untyped-def]
-    """Noise that the filter starts from: the gusts are as strong as the first rate's second differences say.
+    """Noise that the filter starts from: unmeasured moments are as strong as their rates' second differences say.
 
     The variance of the accelerometer's equation is at most all of its roughness, at least its sensor's own: it starts
     in the middle of their logarithms.
@@ -146,5 +146,6 @@ def first_noise(model, noise, memory, i, sample, samples):  # type: ignore[no-un
     reading[ns] = np.sqrt(most * stated) if 0.0 < stated < most else most
     if not sample.inertial:
         noise.gust[i] = 1e-4 * reading[0]
-    rough = difference_variance(memory.differences[i, 1, ROOT_MEAN]) - 6.0 * reading[1]
-    noise.angular_gust[i] = max(rough, 0.01 * reading[1]) / (sample.dt_s * sample.dt_s)
+    for r in range(ns - 1):
+        rough = difference_variance(memory.differences[i, 1 + r, ROOT_MEAN]) - 6.0 * reading[1 + r]
+        noise.angular_gust[i, r] = max(rough, 0.01 * reading[1 + r]) / (sample.dt_s * sample.dt_s)

@@ -34,6 +34,7 @@ from wingwatch.estimators.ekf.state import (
     PRESSURE_RATIO,
     TIME,
     TURN,
+    YAWING,
     Checkpoints,
     EkfState,
     InputErrors,
@@ -176,7 +177,10 @@ class EkfEstimator:
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()
             ),
             moment_level=MomentLevel(
-                np.zeros((n, ns + 1)), np.zeros((n, ns + 1, ns + 1)), np.zeros(n), np.zeros(n)
+                np.zeros((n, ns - 1, ns + 1)),
+                np.zeros((n, ns - 1, ns + 1, ns + 1)),
+                np.zeros((n, ns - 1)),
+                np.zeros((n, ns - 1)),
             ),
             coherence=no_coherence(n, ns),
             moments=np.zeros((n, ns + nu, 4)),
@@ -291,28 +295,27 @@ class EkfEstimator:
         if not sound.all():
             put_vehicle(state, places[~sound], self.init(int((~sound).sum())))
 
-    def release(
-        self, state: EkfState, changed: NDArray[np.bool_], vehicle: int = 0, since_s: float = np.inf
-    ) -> None:
-        """Inflate the covariance of derivatives that have changed: P becomes P + s^2 e e', s the natural size.
+    def release(self, state: EkfState, spread: Array, vehicle: int = 0, since_s: float = np.inf) -> None:
+        """Inflate the covariance of derivatives that have changed: P becomes P + s^2 e e' for each.
 
         Where ``since_s`` lies within the window of recent rows, it is done as of then and what came since is run again.
         What is lost so is no information gained: the account of ``take_gained`` does not see it.
 
         Args:
             state: in place.
-            changed: which derivatives, shape (k,).
+            spread: standard deviation s of what each has changed by, in natural sizes, shape (k,); 0 of one that has
+                not.
             vehicle: row of the state.
             since_s: when they had not changed yet, on the rows' clock; infinite where that is not known.
         """
-        if not changed.any():
+        if not spread.any():
             return
         first, parameters = self.model.sizes.dynamic, self._parameters
-        at_its_time = release_since(self.model, state, vehicle, changed, since_s)
+        at_its_time = release_since(self.model, state, vehicle, spread, since_s)
         if not at_its_time:
             keep_ratios(self.model, state, vehicle)
-            rows = first + np.flatnonzero(changed)
-            state.cov[vehicle, rows, rows] += self.config.prior_std[changed] ** 2
+            rows = np.arange(first, first + spread.size)
+            state.cov[vehicle, rows, rows] += (spread * self.config.prior_std) ** 2
         covariance = state.cov[vehicle, parameters, parameters]
         state.information[vehicle] = np.linalg.inv(covariance)
         state.vector[vehicle] = state.information[vehicle] @ state.z[vehicle, parameters]
@@ -396,7 +399,7 @@ def _no_noise(model: Model, n: int) -> Noise:
     return Noise(
         reading=np.full((n, ns + 1), LEAST),
         gust=np.full(n, LEAST),
-        angular_gust=np.full(n, LEAST),
+        angular_gust=np.full((n, ns - 1), LEAST),
         gain=np.full(n, LEAST),
         fisher=np.full((n, 2), LEAST),
         corrections=np.zeros(n),
@@ -419,6 +422,7 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
     gust_length_m = np.zeros(gust_states(ns) if config.span_m > 0.0 else 0)
     if gust_length_m.size > 0:
         gust_length_m[ACCELERATION] = 4.0 * config.span_m / np.pi
+        gust_length_m[YAWING:] = 4.0 * config.span_m / np.pi
         gust_length_m[TURN] = (4.0 if longitudinal else 3.0) * config.span_m / np.pi
     direction = np.zeros(ns)
     direction[1] = 1.0

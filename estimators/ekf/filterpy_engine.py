@@ -22,7 +22,7 @@ from wingwatch.estimators.ekf.inputs import (
     track_readings,
 )
 from wingwatch.estimators.ekf.model import measure, transition
-from wingwatch.estimators.ekf.moment_level import follow_moment_level
+from wingwatch.estimators.ekf.moment_level import follow_moment_levels
 from wingwatch.estimators.ekf.noise import process_noise, trim_drift
 from wingwatch.estimators.ekf.recursion import (
     SETTLE_S,
@@ -120,7 +120,7 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     residuals = Residuals(residual, explained, force, added, float(new[1] - posterior.z[0]))
     adapt_noise(model, noise, i, posterior, prediction, step, residuals, rate)
     square = np.empty((ns + 1, ns + 1))
-    follow_moment_level(model, running(state), i, step, jacobian, (readings, gains), rate, square)
+    follow_moment_levels(model, running(state), i, step, jacobian, (readings, gains), rate, square)
     follow_coherence(model, state.coherence, i, state.z[i], step, gains)
 
 

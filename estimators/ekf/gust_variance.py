@@ -51,25 +51,13 @@ def gust_variance(model, z, noise, condition, ratios, direction, places, out):  
         if decay.size > 0:
             gust_decay(model, STEP_S, speed, decay)
         step = Step(
-            STEP_S,
-            0.0,
-            speed,
-            False,
-            ratios[i] == ESTIMATED,
-            direction[i],
-            still,
-            still,
-            still,
-            still,
-            scale,
-            forward,
-            rest,
-            decay,
-        )
+            STEP_S, 0.0, speed, False, ratios[i] == ESTIMATED, direction[i], still, still, still, still,
+            scale, forward, rest, decay,
+        )  # fmt: skip
         jacobian = transition(model, z[i], step).jacobian
         caused[:] = process_noise(model, noise, i, jacobian, step)
         advance[:] = jacobian[:, :nx]
-        advance[:ns, ns + PATH :] = 0.0  # an error of the path is no motion
+        advance[:ns, ns + PATH : ns + PATH + ns] = 0.0  # an error of the path is no motion
         for _ in range(DOUBLINGS):
             _times(advance, caused, half)
             _times_transposed(half, advance, product)

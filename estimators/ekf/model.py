@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit
 
 from wingwatch.estimators.ekf.sample import Transition
-from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN
+from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN, YAWING
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
@@ -43,6 +43,10 @@ NOTHING_LEFT = 1e-12
 
 LEAST_DAMPING = 0.25
 """Damping of rolling, over what is expected, that is divided by: less is no number yet."""
+
+
+YAW_RATE = 2
+"""Place among the states where roll is one of them."""
 
 
 LEAST_PART = 1e-9
@@ -72,7 +76,7 @@ def gust_turn(model):  # type: ignore[no-untyped-def]
 def gust_decay(model, dt_s, airspeed_m_s, out):  # type: ignore[no-untyped-def]
     """Of the gust states over a step, into ``out`` (ng,)."""
     for g in range(model.sizes.gusts):
-        if g < PATH:
+        if model.gust_length_m[g] > 0.0:
             out[g] = np.exp(-dt_s * airspeed_m_s / model.gust_length_m[g])
         else:
             out[g] = np.exp(-dt_s / model.memory_s)
@@ -146,6 +150,8 @@ def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
             work.early_rate[k] += control * step.early[j]
         if gusts > 0:
             total += _direction(model, z, step, k) * z[ns + ACCELERATION] * lasting[ACCELERATION]
+            if model.roll and k == YAW_RATE:
+                total += z[ns + YAWING] * lasting[YAWING]
         work.rate[k] = total + step.rest[k]
 
 
@@ -277,6 +283,8 @@ def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def
                 jacobian[row, ns + PATH + k] = -series[row, k] * path
             jacobian[row, ns + ACCELERATION] = strength * step.dt_s * lasting[ACCELERATION]
             jacobian[row, ns + TURN] = -answer * lasting[TURN]
+            if model.roll:
+                jacobian[row, ns + YAWING] = series[row, YAW_RATE] * step.dt_s * lasting[YAWING]
     for g in range(gusts):
         jacobian[ns + g, ns + g] = step.decay[g]
 
@@ -334,6 +342,9 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             predicted += direction * z[ns + ACCELERATION]
             row[ns + ACCELERATION] += direction
             _add_direction(model, z, step, k, weight * z[ns + ACCELERATION], row)
+            if model.roll and k == YAW_RATE:
+                predicted += weight * z[ns + YAWING]
+                row[ns + YAWING] += weight
         predicted += weight * z[nx + ns * nd + k] * step.pressure_ratio
         row[nx + ns * nd + k] = weight * step.pressure_ratio
     return predicted

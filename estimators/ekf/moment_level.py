@@ -1,4 +1,4 @@
-"""How strong the unmeasured moment e is: its process variance as a parameter of the likelihood of the innovations.
+"""How strong unmeasured moments e are: their process variances are parameters of the likelihood of the innovations.
 
 With lambda the logarithm of the variance, x' and P' the derivatives by lambda of the mean and covariance of states and
 e, (I - K H) what a reading leaves of an error, nu its innovation and S the variance of that, a step and a reading do
@@ -10,34 +10,53 @@ and the reading adds to score and information what ``docs/methods/kalman_filter.
 derivatives; S is that of the filter, so that an innovation which unknown derivatives may have caused counts little.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.noise import UNMODELLED
+from wingwatch.estimators.ekf.noise import UNMODELLED, moment_state
 from wingwatch.estimators.ekf.state import ACCELERATION
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
+    "Slope",
     "correct_slope",
-    "follow_moment_level",
-    "follow_moment_level_inline",
-    "forget_moment_level",
+    "follow_moment_levels",
+    "follow_moment_levels_inline",
+    "forget_moment_levels",
     "predict_slope",
 ]
+
+Array = NDArray[np.float64]
 
 MOST_INFORMATION = 0.5
 """What one sample tells of the logarithm of a variance, were its noise itself seen."""
 
 
+class Slope(NamedTuple):
+    """Of one vehicle and one moment; all but the sizes advanced in place."""
+
+    mean: Array
+    """(ns + 1,): x'."""
+    covariance: Array
+    """(ns + 1, ns + 1): P'."""
+    states: int
+    """ns."""
+    moment: int
+    """Place of e in the augmented state."""
+
+
 @njit(cache=True, error_model="numpy")
-def follow_moment_level(model, state, i, step, jacobian, measured, rate, work):  # type: ignore[no-untyped-def]
-    """``follow_moment_level_inline`` for the engine "filterpy"."""
-    follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, work)
+def follow_moment_levels(model, state, i, step, jacobian, measured, rate, work):  # type: ignore[no-untyped-def]
+    """``follow_moment_levels_inline`` for the engine "filterpy"."""
+    follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate, work)
 
 
 @hot
-def follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, work):  # type: ignore[no-untyped-def]
-    """One sample of vehicle i: the variance of e goes a step of Fisher's scoring up the likelihood.
+def follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate, work):  # type: ignore[no-untyped-def]
+    """One sample of vehicle i: the variance of each e goes a step of Fisher's scoring up the likelihood.
 
     The information is a mean over all samples, from ``adapt_s`` on over the last of them; to it comes that of one
     nat, for a sample alone says nothing. The logarithm rises by one, at most, while the span passes. A level that
@@ -55,62 +74,68 @@ def follow_moment_level_inline(model, state, i, step, jacobian, measured, rate, 
     if model.sizes.gusts == 0:
         return
     ns, noise, level = model.sizes.states, state.noise, state.moment_level
-    variance = noise.angular_gust[i]
-    predict_slope(level, i, jacobian, variance, ns, work)
-    score, information = correct_slope(level, i, measured, ns, work)
-    level.samples[i] += 1.0
-    weight = 1.0
-    if 1.0 / level.samples[i] > rate:
-        rate, weight = 1.0 / level.samples[i], min(1.0, MOST_INFORMATION / max(information, 1e-30))
-    score *= weight
-    level.information[i] += rate * (weight * information - level.information[i])
     passing = 1.0 - step.decay[ACCELERATION]
-    change = min(rate * score / (level.information[i] + rate), passing)
     per_step = passing / step.dt_s
-    # what turns the aircraft less than the model is wrong in the calmest air cannot be told from that
-    least = UNMODELLED * noise.reading[i, 1] * per_step * per_step
-    noise.angular_gust[i] = max(variance * np.exp(change), least)
+    for r in range(ns - 1):
+        slope = Slope(level.mean[i, r], level.covariance[i, r], ns, moment_state(ns, r))
+        variance, weight, to_means = noise.angular_gust[i, r], 1.0, rate
+        predict_slope(slope, jacobian, variance, work)
+        score, information = correct_slope(slope, measured, work)
+        level.samples[i, r] += 1.0
+        if 1.0 / level.samples[i, r] > rate:
+            to_means, weight = 1.0 / level.samples[i, r], min(1.0, MOST_INFORMATION / max(information, 1e-30))
+        level.information[i, r] += to_means * (weight * information - level.information[i, r])
+        change = min(to_means * weight * score / (level.information[i, r] + to_means), passing)
+        # what turns the aircraft less than the model is wrong in the calmest air cannot be told from that
+        least = UNMODELLED * noise.reading[i, 1 + r] * per_step * per_step
+        noise.angular_gust[i, r] = max(variance * np.exp(change), least)
 
 
 @hot
-def forget_moment_level(level, i):  # type: ignore[no-untyped-def]
+def forget_moment_levels(level, i):  # type: ignore[no-untyped-def]
     """The states of vehicle i begin anew."""
     level.mean[i] = 0.0
     level.covariance[i] = 0.0
 
 
 @hot
-def predict_slope(level, i, jacobian, variance, ns, work):  # type: ignore[no-untyped-def]
+def _place(slope, a):  # type: ignore[no-untyped-def]
+    """In the augmented state, of state a or, the last, of e."""
+    return a if a < slope.states else slope.moment
+
+
+@hot
+def predict_slope(slope, jacobian, variance, work):  # type: ignore[no-untyped-def]
     """x' and P' over a step in which e is driven with ``variance``, at any time within it ((5) of the docs)."""
-    mean, cov = level.mean[i], level.covariance[i]
+    ns, mean, cov = slope.states, slope.mean, slope.covariance
     for a in range(ns + 1):
         work[0, a] = 0.0
         for b in range(ns + 1):
-            work[0, a] += jacobian[a, b] * mean[b]
+            work[0, a] += jacobian[_place(slope, a), _place(slope, b)] * mean[b]
     for a in range(ns + 1):
         mean[a] = work[0, a]
     for a in range(ns + 1):
         for b in range(ns + 1):
             work[a, b] = 0.0
             for c in range(ns + 1):
-                work[a, b] += jacobian[a, c] * cov[c, b]
+                work[a, b] += jacobian[_place(slope, a), _place(slope, c)] * cov[c, b]
     for a in range(ns + 1):
         at_a = 1.0 if a == ns else 0.0
-        later_a = jacobian[a, ns] - at_a
+        later_a = jacobian[_place(slope, a), slope.moment] - at_a
         for b in range(a + 1):
             at_b = 1.0 if b == ns else 0.0
-            later_b = jacobian[b, ns] - at_b
+            later_b = jacobian[_place(slope, b), slope.moment] - at_b
             total = variance * ((at_a + 0.5 * later_a) * (at_b + 0.5 * later_b) + later_a * later_b / 12.0)
             for c in range(ns + 1):
-                total += work[a, c] * jacobian[b, c]
+                total += work[a, c] * jacobian[_place(slope, b), _place(slope, c)]
             cov[a, b] = cov[b, a] = total
 
 
 @hot
-def correct_slope(level, i, measured, ns, work):  # type: ignore[no-untyped-def]
+def correct_slope(slope, measured, work):  # type: ignore[no-untyped-def]
     """x' and P' by the readings of an instant, one after the other; returns their score and information."""
     readings, gains = measured
-    mean, cov, crossed, row = level.mean[i], level.covariance[i], work[0], readings.row
+    ns, mean, cov, crossed, row = slope.states, slope.mean, slope.covariance, work[0], readings.row
     score = information = 0.0
     for j in range(ns + 1):
         root = gains.inverse_std[j]
@@ -121,24 +146,26 @@ def correct_slope(level, i, measured, ns, work):  # type: ignore[no-untyped-def]
         for a in range(ns + 1):
             crossed[a] = 0.0
             for b in range(ns + 1):
-                crossed[a] += cov[a, b] * _seen(row, j, b, ns)
+                crossed[a] += cov[a, b] * _seen(slope, row, j, b)
         for a in range(ns + 1):
-            moved -= _seen(row, j, a, ns) * mean[a] * root
-            spread += _seen(row, j, a, ns) * crossed[a] * root * root
+            moved -= _seen(slope, row, j, a) * mean[a] * root
+            spread += _seen(slope, row, j, a) * crossed[a] * root * root
         score += 0.5 * (innovation * innovation - 1.0) * spread - innovation * moved
         information += moved * moved + 0.5 * spread * spread
         for a in range(ns + 1):
-            mean[a] += (crossed[a] * root - gain[a] * spread) * innovation + gain[a] * moved
+            by = gain[_place(slope, a)]
+            mean[a] += (crossed[a] * root - by * spread) * innovation + by * moved
             for b in range(a + 1):
-                left = gain[a] * gain[b] * spread - (gain[a] * crossed[b] + gain[b] * crossed[a]) * root
+                other = gain[_place(slope, b)]
+                left = by * other * spread - (by * crossed[b] + other * crossed[a]) * root
                 cov[a, b] += left
                 cov[b, a] = cov[a, b]
     return score, information
 
 
 @hot
-def _seen(row, j, a, ns):  # type: ignore[no-untyped-def]
+def _seen(slope, row, j, a):  # type: ignore[no-untyped-def]
     """What measurement j sees of state a: its own state, or as the accelerometer's ``row`` says."""
-    if j < ns:
+    if j < slope.states:
         return 1.0 if a == j else 0.0
-    return row[a]
+    return row[_place(slope, a)]

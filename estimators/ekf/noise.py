@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from wingwatch.estimators.ekf.model import gust_turn
-from wingwatch.estimators.ekf.state import PATH, TURN
+from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN, YAWING
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "adapt_reading",
     "difference_variance",
     "learn_reading_noise",
+    "moment_state",
     "process_noise",
     "process_noise_into",
     "trim_drift",
@@ -42,6 +43,12 @@ GAIN_ERROR_MAX = 0.1
 
 FASTEST = 10.0
 """A variance grows at most by this factor within one time constant of its adaptation."""
+
+
+@hot
+def moment_state(ns, r):  # type: ignore[no-untyped-def]
+    """Place in the augmented state of the unmeasured angular acceleration of rate r."""
+    return ns + (ACCELERATION if r == 0 else YAWING)
 
 
 @hot
@@ -163,14 +170,16 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
     """``process_noise`` into ``q``: with w = v + u / 2 the sum above is w w' + u u' / 12; ``work`` is (2, nx)."""
     ns, gusts, nx = model.sizes.states, model.sizes.gusts, model.sizes.dynamic
     q[:] = 0.0
-    for source in range(ns + (1 if gusts > 0 else 0)):
-        turn = gust_turn(model) if source == 0 else 0.0
-        if source == 0:
+    for s in range(2 * ns - 1 if gusts > 0 else ns):
+        turn = gust_turn(model) if s == 0 else 0.0
+        source = s
+        if s == 0:
             power = noise.gust[i]
-        elif source < ns:
-            power = UNMODELLED * noise.reading[i, source]
+        elif s < ns:
+            power = UNMODELLED * noise.reading[i, s]
         else:
-            power = noise.angular_gust[i]
+            power = noise.angular_gust[i, s - ns]
+            source = moment_state(ns, s - ns)
         for a in range(nx):
             v = (1.0 if a == source else 0.0) + (turn if a == ns + TURN else 0.0)
             u = jacobian[a, source] + jacobian[a, ns + TURN] * turn - v
@@ -179,7 +188,7 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
             u, w = power * work[0, a] / 12.0, power * work[1, a]
             for b in range(nx):
                 q[a, b] += w * work[1, b] + u * work[0, b]
-    for g in range(PATH, gusts):
+    for g in range(PATH, PATH + ns if gusts > 0 else PATH):
         q[ns + g, ns + g] += (1.0 - step.decay[g] ** 2) * PATH_STD * PATH_STD
 
 

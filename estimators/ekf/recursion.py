@@ -28,8 +28,8 @@ from wingwatch.estimators.ekf.inputs import (
     track_readings,
 )
 from wingwatch.estimators.ekf.model import accelerometer, gust_decay, transition_into
-from wingwatch.estimators.ekf.moment_level import follow_moment_level_inline, forget_moment_level
-from wingwatch.estimators.ekf.noise import PATH_STD, process_noise_into, trim_drift_into
+from wingwatch.estimators.ekf.moment_level import follow_moment_levels_inline, forget_moment_levels
+from wingwatch.estimators.ekf.noise import PATH_STD, moment_state, process_noise_into, trim_drift_into
 from wingwatch.estimators.ekf.sample import (
     Drive,
     Gains,
@@ -174,7 +174,7 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
 def _restart(model, posterior, noise, i, new, dt):  # type: ignore[no-untyped-def]
     """States as measured; the derivatives keep what is known of them.
 
-    The air is calm but for its angular acceleration, which is what it is at any time, given steps of ``dt``.
+    The air is calm but for angular accelerations, which are what they are at any time, given steps of ``dt``.
     """
     ns, z, cov = model.sizes.states, posterior.z, posterior.cov
     for k in range(model.sizes.dynamic):
@@ -186,8 +186,10 @@ def _restart(model, posterior, noise, i, new, dt):  # type: ignore[no-untyped-de
         cov[k, k] = noise.reading[i, k]
     if model.sizes.gusts > 0 and 0.0 < dt <= MAX_GAP_S:
         passing = max(new[model.sizes.kinematic + AIRSPEED], 1.0) / model.gust_length_m[ACCELERATION]
-        cov[ns + ACCELERATION, ns + ACCELERATION] = noise.angular_gust[i] / -np.expm1(-2.0 * dt * passing)
-    for g in range(PATH, model.sizes.gusts):
+        for r in range(ns - 1):
+            c = moment_state(ns, r)
+            cov[c, c] = noise.angular_gust[i, r] / -np.expm1(-2.0 * dt * passing)
+    for g in range(PATH, PATH + ns if model.sizes.gusts > 0 else PATH):
         cov[ns + g, ns + g] = PATH_STD * PATH_STD
 
 
@@ -256,7 +258,7 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
     residuals = Residuals(residual, explained, predicted, added, sample.new[1] - z[0])
     prediction = Prediction(after, space.variance)
     adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, rate)
-    follow_moment_level_inline(model, state, i, step, jacobian, (readings, space.gains), rate, space.square)
+    follow_moment_levels_inline(model, state, i, step, jacobian, (readings, space.gains), rate, space.square)
     if first_time:
         follow_coherence_inline(model, state.coherence, i, z, step, space.gains)
 
@@ -286,7 +288,7 @@ def _take(model, state, i, new, first_time, space):  # type: ignore[no-untyped-d
     if not (0.0 < dt <= MAX_GAP_S):
         _restart(model, Posterior(state.z[i], state.cov[i]), state.noise, i, new, old[TIME] - older[TIME])
         start_level(state.memory.levels[i], new[1])
-        forget_moment_level(state.moment_level, i)
+        forget_moment_levels(state.moment_level, i)
         forget_motion(state.coherence, i)
         for j in range(state.memory.readings.shape[1]):
             forget_readings(state.memory.readings[i, j])

@@ -47,19 +47,19 @@ def keep_ratios(model: Model, state: EkfState, i: int) -> None:
     state.ratios[i] = KEPT
 
 
-def release_since(model: Model, state: EkfState, i: int, changed: NDArray[np.bool_], since_s: float) -> bool:
+def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.float64], since_s: float) -> bool:
     """Resets derivatives as of a time within the window, if that has solutions on both sides of it.
 
     Args:
         model: of the filter.
         state: in place, right after a solution; i: the vehicle.
-        changed: which derivatives, (k,).
+        spread: standard deviation of what each has changed by, in natural sizes, (k,).
         since_s: when they had not changed yet, on the rows' clock.
 
     Returns:
         whether it was done; else the state is as it was.
     """
-    window, k, first = state.window, changed.size, model.sizes.dynamic
+    window, k, first = state.window, spread.size, model.sizes.dynamic
     count, solutions = int(window.filled[i]), int(window.solutions[i])
     if not 0 < count <= window.rows.shape[1] or solutions < 2 or window.ends[i, solutions - 1] != count:
         return False
@@ -74,10 +74,10 @@ def release_since(model: Model, state: EkfState, i: int, changed: NDArray[np.boo
     there.window.filled[0], there.window.middle[0], there.window.solutions[0] = cut, 0, before
     if not run_window_again(model, there, 0, 0):
         return False
-    parameters, inflated = slice(first, first + k), first + np.flatnonzero(changed)
+    parameters, diagonal = slice(first, first + k), np.arange(first, first + k)
     prior_std = model.prior_std[:k]
     for one in (there, work):
-        one.cov[0, inflated, inflated] += prior_std[changed] ** 2
+        one.cov[0, diagonal, diagonal] += (spread * prior_std) ** 2
     keep_ratios(model, there, 0)
     work.ratios[0], work.direction[0] = there.ratios[0], there.direction[0]
     cut_at(work, before - 1)

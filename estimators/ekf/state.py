@@ -1,13 +1,13 @@
 """The Kalman filter's model and state: named arrays, which compiled code takes as they are.
 
-Axes: n vehicles, the first axis of everything in ``EkfState``; ns states and nu inputs of the mode; ng gust states, 4
-or 0; nx = ns + ng; k = ns (ns + nu) derivatives, equation by equation, states before inputs; nz = nx + k + ns elements
+Axes: n vehicles, the first axis of everything in ``EkfState``; ns states and nu inputs of the mode; ng gust states, or
+0; nx = ns + ng; k = ns (ns + nu) derivatives, equation by equation, states before inputs; nz = nx + k + ns elements
 of the augmented state: states, gust states, referred derivatives, one trim constant an equation. A signal row has the
 columns of ``SignalLayout``.
 
 Units: the first state is a velocity, m/s, the others rates (and the roll angle's), rad/s; an equation has its state's
 unit over a second, a derivative that of its equation over that of its state or input, a variance the square. The gust
-states are an angular acceleration, rad/s2, a rate, rad/s, a number and a velocity, m/s.
+states are angular accelerations, rad/s2, a rate, rad/s, and numbers.
 """
 
 from collections.abc import Callable, Iterator
@@ -37,6 +37,7 @@ __all__ = [
     "TIME",
     "TURN",
     "VANE",
+    "YAWING",
     "Accepted",
     "Checkpoints",
     "Coherence",
@@ -69,10 +70,10 @@ PRESSURE_RATIO, AIRSPEED, DENSITY, ALPHA, VANE = 1, 2, 3, 5, 6
 """Columns of a signal row after its kinematic column: dynamic pressure ratio, airspeed, density, angle of attack, and
 whether a vane measured the first state."""
 
-ACCELERATION, TURN, PATH = 0, 1, 2
+ACCELERATION, TURN, PATH, YAWING = 0, 1, 2, 5
 """Gust states, after the states of the mode: angular acceleration by air that no vane sees; rate of the air that the
-slope of a gust makes; and from PATH on, one for each equation, what that rate does beside what the derivative says, in
-natural sizes of this."""
+slope of a gust makes; from PATH on, one for each equation, what that rate does beside what the derivative says, in
+natural sizes of this; and where roll is a state, yaw acceleration that comes of nothing else in the model."""
 
 NEWEST, EARLIER = 0, 1
 """The last signal row and the one before, in ``EkfState.rows``."""
@@ -104,7 +105,7 @@ class Sizes(NamedTuple):
 
 def gust_states(states: int) -> int:
     """How many there are beside so many states of a mode."""
-    return PATH + states
+    return PATH + states + (1 if states == YAWING - PATH else 0)
 
 
 def sizes_of(states: int, inputs: int, gusts: int) -> Sizes:
@@ -140,7 +141,8 @@ class Model(NamedTuple):
     lever_m: Array
     """(ns,): the accelerometer reads less this times each angular acceleration."""
     gust_length_m: Array
-    """(ng,): over which the span smooths roll or pitch, and yaw, of the air; nothing for the path."""
+    """(ng,): over which the span smooths roll or pitch, and yaw, of the air, and unmeasured accelerations last; nothing
+    for the path."""
     gust_direction: Array
     """(ns,): how each equation answers to the gusts' angular acceleration, over how the first rate's does; as expected
     beforehand."""
@@ -158,7 +160,7 @@ class Noise(NamedTuple):
     gust: Array
     """(n,): process variance a step that gusts give the first state, m2/s2."""
     angular_gust: Array
-    """(n,): process variance a step of the gusts' angular acceleration, rad2/s4."""
+    """(n, ns - 1): process variance a step of the unmeasured angular acceleration of each rate, rad2/s4."""
     gain: Array
     """(n,): square of the relative error of the predicted specific force."""
     fisher: Array
@@ -172,16 +174,16 @@ class Noise(NamedTuple):
 
 
 class MomentLevel(NamedTuple):
-    """What the filter would be at another variance of the unmeasured moment (``moment_level``)."""
+    """What the filter would be at another variance of the unmeasured moment of a rate, axis r (``moment_level``)."""
 
     mean: Array
-    """(n, ns + 1): derivative of the mean of states and moment by the logarithm of the variance."""
+    """(n, r, ns + 1): derivative of the mean of states and moment by the logarithm of the variance."""
     covariance: Array
-    """(n, ns + 1, ns + 1): of their covariance."""
+    """(n, r, ns + 1, ns + 1): of their covariance."""
     information: Array
-    """(n,): running mean of what a sample tells of that logarithm."""
+    """(n, r): running mean of what a sample tells of that logarithm."""
     samples: Array
-    """(n,): number of samples that it comes of."""
+    """(n, r): number of samples that it comes of."""
 
 
 class Coherence(NamedTuple):

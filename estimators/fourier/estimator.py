@@ -337,10 +337,10 @@ class FourierEstimator:
         """When the running block began."""
         return float(state.rows[vehicle, START, TIME])
 
-    def changed(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which derivatives of some vehicles the last solution saw to have changed, shape (m, k); the covariance of the
-        others it may have inflated, too, by less."""
-        return np.asarray(state.changed[places] >= 1.0)
+    def changed(self, state: FourierState, places: NDArray[np.int64]) -> Array:
+        """Standard deviation, in natural sizes, of what the last solution saw each derivative of some vehicles to have
+        changed by, shape (m, k): 1 of one that was seen to, less of the others, 0 of all where nothing has changed."""
+        return np.asarray(state.changed[places])
 
     def sees(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """What the running blocks of some vehicles carried at the last solution: 1 signal of any regressor, 0 noise, -1

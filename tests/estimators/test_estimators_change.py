@@ -184,7 +184,7 @@ def changes_found(rows: Array) -> list[tuple[float, list[int]]]:
     for start in range(0, len(rows), SOLVE_EVERY):
         part = rows[start : start + SOLVE_EVERY]
         runner.run(part[None], state)
-        changed = np.flatnonzero(estimator.changed(state, np.arange(1))[0]).tolist()
+        changed = np.flatnonzero(estimator.changed(state, np.arange(1))[0] >= 1.0).tolist()
         if changed:
             found.append((float(part[-1, 0]), changed))
     return found

@@ -47,9 +47,7 @@ def test_what_is_said_at_a_change_is_weighed_by_what_was_before() -> None:
 def test_a_derivative_that_changed_takes_the_blame_with_it() -> None:
     state, runner = flown(LATE, 0.05, 1), ekf(PITCH)
     assert (stated_dispersion(state, 0) > 2.0).any()
-    changed = np.zeros(PITCH.truth.size, dtype=bool)
-    changed[5] = True
-    runner.estimator.release(state, changed)  # type: ignore[union-attr]
+    runner.estimator.release(state, np.eye(PITCH.truth.size)[5])  # type: ignore[union-attr]
     assert (state.coherence.sums == 0.0).all()
     assert (state.scatter.coherent == 1.0).all()
 

@@ -14,8 +14,9 @@ from situation_plants import RandomMoment, Situation, fly_situation, pulse_doubl
 from wingwatch.estimators import EkfConfig, EkfEstimator
 from wingwatch.estimators.ekf.moment_level import (
     MOST_INFORMATION,
+    Slope,
     correct_slope,
-    follow_moment_level,
+    follow_moment_levels,
     predict_slope,
 )
 from wingwatch.estimators.ekf.sample import Gains, Readings
@@ -24,7 +25,7 @@ from wingwatch.estimators.ekf.state import EkfState, MomentLevel
 Array = NDArray[np.float64]
 
 NS, SAMPLES, RATE = 2, 400, 1e-3
-FOLLOW = njit(error_model="numpy")(follow_moment_level.py_func)
+FOLLOW = njit(error_model="numpy")(follow_moment_levels.py_func)
 """Compiled for the types of this file, which the kept kernels must not have in them: another process that does not know
 them could read none of these."""
 DECAY = math.exp(-0.02 / 0.15)
@@ -33,8 +34,9 @@ DECAY = math.exp(-0.02 / 0.15)
 @njit(error_model="numpy")
 def slope_of(level, jacobian, variance, measured, work):  # type: ignore[no-untyped-def]
     """Score and information of one sample."""
-    predict_slope(level, 0, jacobian, variance, NS, work)
-    return correct_slope(level, 0, measured, NS, work)
+    slope = Slope(level.mean[0, 0], level.covariance[0, 0], NS, NS)
+    predict_slope(slope, jacobian, variance, work)
+    return correct_slope(slope, measured, work)
 
 
 class Sizes(NamedTuple):
@@ -81,7 +83,7 @@ def filtered(log_variance: float, readings: Array, follow: bool) -> tuple[float,
         [1e-2, 1e-5, 1e-2],
     )
     x, p, likelihood, score, information = np.zeros(3), np.diag([1e-2, 1e-5, 0.0]), 0.0, 0.0, 0.0
-    level = MomentLevel(np.zeros((1, 3)), np.zeros((1, 3, 3)), np.zeros(1), np.full(1, 1e12))
+    level = MomentLevel(np.zeros((1, 1, 3)), np.zeros((1, 1, 3, 3)), np.zeros((1, 1)), np.full((1, 1), 1e12))
     for z in readings:
         x, p = f @ x, f @ p @ f.T + process(log_variance)
         gains = Gains(np.zeros((4, 3)), np.zeros(4), np.zeros(4))
@@ -130,15 +132,17 @@ def test_the_information_is_the_variance_of_the_score() -> None:
 def test_large_innovations_count_as_seen_noise_at_most() -> None:
     """At a level far too low they seem to tell a thousand times more, and the level would stand still afterwards."""
     row = np.array([-4.0, 0.3, 0.5])
-    level = MomentLevel(np.full((1, 3), 50.0), np.full((1, 3, 3), 1e-4), np.zeros(1), np.zeros(1))
-    state = State(Noise(np.full(1, 0.02), np.zeros((1, 3))), level)
+    level = MomentLevel(
+        np.full((1, 1, 3), 50.0), np.full((1, 1, 3, 3), 1e-4), np.zeros((1, 1)), np.zeros((1, 1))
+    )
+    state = State(Noise(np.full((1, 1), 0.02), np.zeros((1, 3))), level)
     gains = Gains(np.zeros((4, 3)), np.full(4, 30.0), np.full(4, 10.0))
     measured = Readings(np.ones(3), np.zeros(3), row, np.ones(3, dtype=bool)), gains
     step = Step(np.zeros(3), 0.02)
     for _ in range(900):
         level.mean[:] = 50.0
         FOLLOW(Model(Sizes(NS, 3)), state, 0, step, transition(), measured, RATE, np.empty((3, 3)))
-    assert 0.0 < level.information[0] <= MOST_INFORMATION
+    assert 0.0 < level.information[0, 0] <= MOST_INFORMATION
 
 
 def flown(plant: Plant, situation: Situation, seed: int, seconds: float) -> EkfState:
@@ -160,7 +164,7 @@ def flown(plant: Plant, situation: Situation, seed: int, seconds: float) -> EkfS
 def strength(state: EkfState, span_m: float = 2.9, speed_m_s: float = 25.0) -> float:
     """Standard deviation of the moment that the filter has found, rad/s2."""
     decay = math.exp(-0.02 * speed_m_s * math.pi / (4.0 * span_m))
-    return math.sqrt(state.noise.angular_gust[0] / (1.0 - decay**2))
+    return math.sqrt(state.noise.angular_gust[0, 0] / (1.0 - decay**2))
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=[p.structure.name for p in PLANTS])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from convergence import doublets
 from convergence import estimators as live_estimators
+from numpy.typing import NDArray
 from reference_plant import PLANTS, SOLVE_EVERY, noise_std, signals
 from tracking import CHANGED, EVERY_S, step_states, stepped_truth
 
@@ -14,6 +15,9 @@ from wingwatch.estimators.ekf.state import arrays_of
 
 FROM, STEP, UNTIL = 1500, 2500, 2650
 """Rows that are flown: 20 s before m_eta loses a fifth, 3 s after it."""
+
+SPREAD = np.eye(6)[CHANGED]
+"""It alone has changed, by its natural size."""
 
 
 @pytest.fixture(scope="module")
@@ -40,10 +44,12 @@ def errors_of(ekf: EkfEstimator, state: EkfState) -> tuple[np.ndarray, np.ndarra
     return error / truth, error / np.array([e.standard_error for e in found])
 
 
-def released(flown: tuple[EkfEstimator, EkfState], since_s: float) -> EkfState:
+def released(
+    flown: tuple[EkfEstimator, EkfState], since_s: float, spread: NDArray[np.float64] = SPREAD
+) -> EkfState:
     ekf, state = flown[0], deepcopy(flown[1])
     for i in range(4):
-        ekf.release(state, np.arange(6) == CHANGED, i, since_s)
+        ekf.release(state, spread, i, since_s)
     return state
 
 
@@ -67,15 +73,30 @@ def test_a_time_that_is_not_kept_resets_the_derivative_now(
     assert wide > 0.9 * abs(PLANTS[0].truth[CHANGED])
 
 
+def test_others_that_may_have_changed_by_less_are_less_well_known(
+    flown: tuple[EkfEstimator, EkfState],
+) -> None:
+    at_s = (STEP - 1) / 50.0
+    alone, together = released(flown, at_s), released(flown, at_s, np.where(SPREAD == 1.0, 1.0, 0.1))
+    others = np.arange(6) != CHANGED
+    for i in range(4):
+        ekf, known = flown[0], flown[0].estimate(alone, i).standard_error
+        found = ekf.estimate(together, i).standard_error
+        assert (found[others] > known[others]).all()
+        assert (found[others] < 0.3 * ekf.config.prior_std[others]).all(), "far from knowing nothing"
+    _, scores = errors_of(ekf, together)
+    assert (np.abs(scores) < 4.0).all(), scores
+
+
 def test_where_nothing_changed_nothing_is_done(flown: tuple[EkfEstimator, EkfState]) -> None:
     state = deepcopy(flown[1])
-    flown[0].release(state, np.zeros(6, dtype=np.bool_), 0, STEP / 50.0)
+    flown[0].release(state, np.zeros(6), 0, STEP / 50.0)
     for (_, array), (name, before) in zip(arrays_of(state), arrays_of(flown[1]), strict=True):
         np.testing.assert_array_equal(array, before, err_msg=name)
 
 
 def test_the_others_are_as_they_were(flown: tuple[EkfEstimator, EkfState]) -> None:
     state = deepcopy(flown[1])
-    flown[0].release(state, np.arange(6) == CHANGED, 0, (STEP - 1) / 50.0)
+    flown[0].release(state, SPREAD, 0, (STEP - 1) / 50.0)
     for (_, array), (name, before) in zip(arrays_of(state), arrays_of(flown[1]), strict=True):
         np.testing.assert_array_equal(array[1:], before[1:], err_msg=name)

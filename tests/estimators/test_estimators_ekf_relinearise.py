@@ -135,8 +135,7 @@ def test_what_is_kept_of_the_rows_is_what_sensors_resolve() -> None:
 def test_a_reset_derivative_is_not_taught_by_what_came_before() -> None:
     runner = ekf(PITCH)
     state = state_of(runner.run(noisy_batch(PITCH, 10.0, 1)))
-    changed = np.arange(6) == 5
-    filter_of(runner).release(state, changed)
+    filter_of(runner).release(state, np.eye(6)[5])
     wide = runner.estimate(state).standard_error[5]
     runner.solve(state)
     assert state.window.filled[0] == 0

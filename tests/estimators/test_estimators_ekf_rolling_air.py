@@ -113,7 +113,7 @@ def test_after_a_change_the_ratios_of_before_it_are_kept() -> None:
     state, first = e.init(1), e.model.sizes.dynamic
     state.z[0, first : first + 15] = DERIVATIVES.ravel()
     state.ratios[0] = ESTIMATED
-    e.release(state, np.arange(15) == 6)
+    e.release(state, np.eye(15)[6])
     assert state.ratios[0] == KEPT
     np.testing.assert_allclose(state.direction[0], DERIVATIVES[:, 1] / DERIVATIVES[1, 1], rtol=1e-12)
 
