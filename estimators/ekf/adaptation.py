@@ -135,7 +135,7 @@ def adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, 
 
 @hot
 def first_noise(model, noise, memory, i, sample, samples):  # type: ignore[no-untyped-def]
-    """Noise that the filter starts from: unmeasured moments are as strong as their rates' second differences say.
+    """Noise that the filter starts from: unmeasured accelerations are as strong as second differences say.
 
     The variance of the accelerometer's equation is at most all of its roughness, at least its sensor's own: it starts
     in the middle of their logarithms.
@@ -146,6 +146,7 @@ def first_noise(model, noise, memory, i, sample, samples):  # type: ignore[no-un
     reading[ns] = np.sqrt(most * stated) if 0.0 < stated < most else most
     if not sample.inertial:
         noise.gust[i] = 1e-4 * reading[0]
-    for r in range(ns - 1):
-        rough = difference_variance(memory.differences[i, 1 + r, ROOT_MEAN]) - 6.0 * reading[1 + r]
-        noise.angular_gust[i, r] = max(rough, 0.01 * reading[1 + r]) / (sample.dt_s * sample.dt_s)
+    noise.unmeasured[i, 0] = max(most - reading[ns], 0.01 * reading[ns]) if model.use_accelerometer else 0.0
+    for k in range(1, ns):
+        rough = difference_variance(memory.differences[i, k, ROOT_MEAN]) - 6.0 * reading[k]
+        noise.unmeasured[i, k] = max(rough, 0.01 * reading[k]) / (sample.dt_s * sample.dt_s)

@@ -31,10 +31,10 @@ from wingwatch.estimators.ekf.state import (
     ACCELERATION,
     EXPECTED,
     NEWEST,
+    PATH,
     PRESSURE_RATIO,
     TIME,
     TURN,
-    YAWING,
     Checkpoints,
     EkfState,
     InputErrors,
@@ -177,10 +177,10 @@ class EkfEstimator:
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()
             ),
             moment_level=MomentLevel(
-                np.zeros((n, ns - 1, ns + 1)),
-                np.zeros((n, ns - 1, ns + 1, ns + 1)),
-                np.zeros((n, ns - 1)),
-                np.zeros((n, ns - 1)),
+                np.zeros((n, ns, ns + 1)),
+                np.zeros((n, ns, ns + 1, ns + 1)),
+                np.zeros((n, ns)),
+                np.zeros((n, ns)),
             ),
             coherence=no_coherence(n, ns),
             moments=np.zeros((n, ns + nu, 4)),
@@ -399,7 +399,7 @@ def _no_noise(model: Model, n: int) -> Noise:
     return Noise(
         reading=np.full((n, ns + 1), LEAST),
         gust=np.full(n, LEAST),
-        angular_gust=np.full((n, ns - 1), LEAST),
+        unmeasured=np.full((n, ns), LEAST),
         gain=np.full(n, LEAST),
         fisher=np.full((n, 2), LEAST),
         corrections=np.zeros(n),
@@ -422,7 +422,7 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
     gust_length_m = np.zeros(gust_states(ns) if config.span_m > 0.0 else 0)
     if gust_length_m.size > 0:
         gust_length_m[ACCELERATION] = 4.0 * config.span_m / np.pi
-        gust_length_m[YAWING:] = 4.0 * config.span_m / np.pi
+        gust_length_m[PATH + ns :] = 4.0 * config.span_m / np.pi
         gust_length_m[TURN] = (4.0 if longitudinal else 3.0) * config.span_m / np.pi
     direction = np.zeros(ns)
     direction[1] = 1.0

@@ -23,11 +23,12 @@ import numpy as np
 from numba import njit
 
 from wingwatch.estimators.ekf.sample import Transition
-from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN, YAWING
+from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
     "LEAST_DAMPING",
+    "acceleration_state",
     "accelerometer",
     "gust_decay",
     "gust_turn",
@@ -45,12 +46,16 @@ LEAST_DAMPING = 0.25
 """Damping of rolling, over what is expected, that is divided by: less is no number yet."""
 
 
-YAW_RATE = 2
-"""Place among the states where roll is one of them."""
-
-
 LEAST_PART = 1e-9
 """Of a step that the exponential's series is taken of: a derivative that is no number ends the halving, too."""
+
+
+@hot
+def acceleration_state(ns, k):  # type: ignore[no-untyped-def]
+    """Place in the augmented state of the unmeasured acceleration of equation k."""
+    if k == 1:
+        return ns + ACCELERATION
+    return ns + PATH + ns + (0 if k == 0 else k - 1)
 
 
 @hot
@@ -150,8 +155,8 @@ def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
             work.early_rate[k] += control * step.early[j]
         if gusts > 0:
             total += _direction(model, z, step, k) * z[ns + ACCELERATION] * lasting[ACCELERATION]
-            if model.roll and k == YAW_RATE:
-                total += z[ns + YAWING] * lasting[YAWING]
+            if k != 1:
+                total += z[acceleration_state(ns, k)] * lasting[ACCELERATION]
         work.rate[k] = total + step.rest[k]
 
 
@@ -283,8 +288,10 @@ def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def
                 jacobian[row, ns + PATH + k] = -series[row, k] * path
             jacobian[row, ns + ACCELERATION] = strength * step.dt_s * lasting[ACCELERATION]
             jacobian[row, ns + TURN] = -answer * lasting[TURN]
-            if model.roll:
-                jacobian[row, ns + YAWING] = series[row, YAW_RATE] * step.dt_s * lasting[YAWING]
+            for k in range(ns):
+                if k != 1:
+                    direct = series[row, k] * step.dt_s * lasting[ACCELERATION]
+                    jacobian[row, acceleration_state(ns, k)] = direct
     for g in range(gusts):
         jacobian[ns + g, ns + g] = step.decay[g]
 
@@ -342,9 +349,9 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             predicted += direction * z[ns + ACCELERATION]
             row[ns + ACCELERATION] += direction
             _add_direction(model, z, step, k, weight * z[ns + ACCELERATION], row)
-            if model.roll and k == YAW_RATE:
-                predicted += weight * z[ns + YAWING]
-                row[ns + YAWING] += weight
+            if k != 1:
+                predicted += weight * z[acceleration_state(ns, k)]
+                row[acceleration_state(ns, k)] += weight
         predicted += weight * z[nx + ns * nd + k] * step.pressure_ratio
         row[nx + ns * nd + k] = weight * step.pressure_ratio
     return predicted

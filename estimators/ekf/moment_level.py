@@ -1,4 +1,4 @@
-"""How strong unmeasured moments e are: their process variances are parameters of the likelihood of the innovations.
+"""How strong unmeasured accelerations e are: process variances as parameters of the likelihood of the innovations.
 
 With lambda the logarithm of the variance, x' and P' the derivatives by lambda of the mean and covariance of states and
 e, (I - K H) what a reading leaves of an error, nu its innovation and S the variance of that, a step and a reading do
@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.noise import UNMODELLED, moment_state
+from wingwatch.estimators.ekf.model import acceleration_state
+from wingwatch.estimators.ekf.noise import UNMODELLED
 from wingwatch.estimators.ekf.state import ACCELERATION
 from wingwatch.estimators.kernels.hot import hot
 
@@ -76,19 +77,21 @@ def follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate,
     ns, noise, level = model.sizes.states, state.noise, state.moment_level
     passing = 1.0 - step.decay[ACCELERATION]
     per_step = passing / step.dt_s
-    for r in range(ns - 1):
-        slope = Slope(level.mean[i, r], level.covariance[i, r], ns, moment_state(ns, r))
-        variance, weight, to_means = noise.angular_gust[i, r], 1.0, rate
+    for k in range(0 if model.use_accelerometer else 1, ns):
+        slope = Slope(level.mean[i, k], level.covariance[i, k], ns, acceleration_state(ns, k))
+        variance, weight, to_means = noise.unmeasured[i, k], 1.0, rate
         predict_slope(slope, jacobian, variance, work)
         score, information = correct_slope(slope, measured, work)
-        level.samples[i, r] += 1.0
-        if 1.0 / level.samples[i, r] > rate:
-            to_means, weight = 1.0 / level.samples[i, r], min(1.0, MOST_INFORMATION / max(information, 1e-30))
-        level.information[i, r] += to_means * (weight * information - level.information[i, r])
-        change = min(to_means * weight * score / (level.information[i, r] + to_means), passing)
-        # what turns the aircraft less than the model is wrong in the calmest air cannot be told from that
-        least = UNMODELLED * noise.reading[i, 1 + r] * per_step * per_step
-        noise.angular_gust[i, r] = max(variance * np.exp(change), least)
+        level.samples[i, k] += 1.0
+        if 1.0 / level.samples[i, k] > rate:
+            to_means, weight = 1.0 / level.samples[i, k], min(1.0, MOST_INFORMATION / max(information, 1e-30))
+        level.information[i, k] += to_means * (weight * information - level.information[i, k])
+        change = min(to_means * weight * score / (level.information[i, k] + to_means), passing)
+        # what moves the aircraft less than the model is wrong in the calmest air cannot be told from that
+        least = UNMODELLED * passing * noise.reading[i, ns]
+        if k > 0:
+            least = UNMODELLED * noise.reading[i, k] * per_step * per_step
+        noise.unmeasured[i, k] = max(variance * np.exp(change), least)
 
 
 @hot

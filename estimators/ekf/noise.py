@@ -3,8 +3,8 @@
 import numpy as np
 from numba import njit
 
-from wingwatch.estimators.ekf.model import gust_turn
-from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN, YAWING
+from wingwatch.estimators.ekf.model import acceleration_state, gust_turn
+from wingwatch.estimators.ekf.state import PATH, TURN
 from wingwatch.estimators.kernels.hot import hot
 
 __all__ = [
@@ -14,7 +14,6 @@ __all__ = [
     "adapt_reading",
     "difference_variance",
     "learn_reading_noise",
-    "moment_state",
     "process_noise",
     "process_noise_into",
     "trim_drift",
@@ -43,12 +42,6 @@ GAIN_ERROR_MAX = 0.1
 
 FASTEST = 10.0
 """A variance grows at most by this factor within one time constant of its adaptation."""
-
-
-@hot
-def moment_state(ns, r):  # type: ignore[no-untyped-def]
-    """Place in the augmented state of the unmeasured angular acceleration of rate r."""
-    return ns + (ACCELERATION if r == 0 else YAWING)
 
 
 @hot
@@ -170,7 +163,7 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
     """``process_noise`` into ``q``: with w = v + u / 2 the sum above is w w' + u u' / 12; ``work`` is (2, nx)."""
     ns, gusts, nx = model.sizes.states, model.sizes.gusts, model.sizes.dynamic
     q[:] = 0.0
-    for s in range(2 * ns - 1 if gusts > 0 else ns):
+    for s in range(2 * ns if gusts > 0 else ns):
         turn = gust_turn(model) if s == 0 else 0.0
         source = s
         if s == 0:
@@ -178,8 +171,8 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
         elif s < ns:
             power = UNMODELLED * noise.reading[i, s]
         else:
-            power = noise.angular_gust[i, s - ns]
-            source = moment_state(ns, s - ns)
+            power = noise.unmeasured[i, s - ns]
+            source = acceleration_state(ns, s - ns)
         for a in range(nx):
             v = (1.0 if a == source else 0.0) + (turn if a == ns + TURN else 0.0)
             u = jacobian[a, source] + jacobian[a, ns + TURN] * turn - v

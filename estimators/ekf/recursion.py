@@ -27,9 +27,9 @@ from wingwatch.estimators.ekf.inputs import (
     predict_input_errors,
     track_readings,
 )
-from wingwatch.estimators.ekf.model import accelerometer, gust_decay, transition_into
+from wingwatch.estimators.ekf.model import acceleration_state, accelerometer, gust_decay, transition_into
 from wingwatch.estimators.ekf.moment_level import follow_moment_levels_inline, forget_moment_levels
-from wingwatch.estimators.ekf.noise import PATH_STD, moment_state, process_noise_into, trim_drift_into
+from wingwatch.estimators.ekf.noise import PATH_STD, process_noise_into, trim_drift_into
 from wingwatch.estimators.ekf.sample import (
     Drive,
     Gains,
@@ -174,7 +174,7 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
 def _restart(model, posterior, noise, i, new, dt):  # type: ignore[no-untyped-def]
     """States as measured; the derivatives keep what is known of them.
 
-    The air is calm but for angular accelerations, which are what they are at any time, given steps of ``dt``.
+    The air is calm but for unmeasured accelerations, which are what they are at any time, given steps of ``dt``.
     """
     ns, z, cov = model.sizes.states, posterior.z, posterior.cov
     for k in range(model.sizes.dynamic):
@@ -186,9 +186,9 @@ def _restart(model, posterior, noise, i, new, dt):  # type: ignore[no-untyped-de
         cov[k, k] = noise.reading[i, k]
     if model.sizes.gusts > 0 and 0.0 < dt <= MAX_GAP_S:
         passing = max(new[model.sizes.kinematic + AIRSPEED], 1.0) / model.gust_length_m[ACCELERATION]
-        for r in range(ns - 1):
-            c = moment_state(ns, r)
-            cov[c, c] = noise.angular_gust[i, r] / -np.expm1(-2.0 * dt * passing)
+        for k in range(ns):
+            c = acceleration_state(ns, k)
+            cov[c, c] = noise.unmeasured[i, k] / -np.expm1(-2.0 * dt * passing)
     for g in range(PATH, PATH + ns if model.sizes.gusts > 0 else PATH):
         cov[ns + g, ns + g] = PATH_STD * PATH_STD
 

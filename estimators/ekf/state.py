@@ -37,7 +37,6 @@ __all__ = [
     "TIME",
     "TURN",
     "VANE",
-    "YAWING",
     "Accepted",
     "Checkpoints",
     "Coherence",
@@ -70,10 +69,11 @@ PRESSURE_RATIO, AIRSPEED, DENSITY, ALPHA, VANE = 1, 2, 3, 5, 6
 """Columns of a signal row after its kinematic column: dynamic pressure ratio, airspeed, density, angle of attack, and
 whether a vane measured the first state."""
 
-ACCELERATION, TURN, PATH, YAWING = 0, 1, 2, 5
-"""Gust states, after the states of the mode: angular acceleration by air that no vane sees; rate of the air that the
-slope of a gust makes; from PATH on, one for each equation, what that rate does beside what the derivative says, in
-natural sizes of this; and where roll is a state, yaw acceleration that comes of nothing else in the model."""
+ACCELERATION, TURN, PATH = 0, 1, 2
+"""Gust states, after the states of the mode: angular acceleration of the first rate that nothing measures, above all by
+air that no vane sees; rate of the air that the slope of a gust makes; from PATH on, one for each equation, what that
+rate does beside what the derivative says, in natural sizes of this; then the unmeasured acceleration of each other
+equation."""
 
 NEWEST, EARLIER = 0, 1
 """The last signal row and the one before, in ``EkfState.rows``."""
@@ -105,7 +105,7 @@ class Sizes(NamedTuple):
 
 def gust_states(states: int) -> int:
     """How many there are beside so many states of a mode."""
-    return PATH + states + (1 if states == YAWING - PATH else 0)
+    return PATH + states + states - 1
 
 
 def sizes_of(states: int, inputs: int, gusts: int) -> Sizes:
@@ -159,8 +159,8 @@ class Noise(NamedTuple):
     """(n, ns + 1): of the measured states and of the accelerometer, m2/s4."""
     gust: Array
     """(n,): process variance a step that gusts give the first state, m2/s2."""
-    angular_gust: Array
-    """(n, ns - 1): process variance a step of the unmeasured angular acceleration of each rate, rad2/s4."""
+    unmeasured: Array
+    """(n, ns): process variance a step of the unmeasured acceleration of each equation, m2/s4 and rad2/s4."""
     gain: Array
     """(n,): square of the relative error of the predicted specific force."""
     fisher: Array
@@ -174,16 +174,17 @@ class Noise(NamedTuple):
 
 
 class MomentLevel(NamedTuple):
-    """What the filter would be at another variance of the unmeasured moment of a rate, axis r (``moment_level``)."""
+    """What the filter would be at another variance of the unmeasured acceleration of an equation, axis e
+    (``moment_level``)."""
 
     mean: Array
-    """(n, r, ns + 1): derivative of the mean of states and moment by the logarithm of the variance."""
+    """(n, e, ns + 1): derivative of the mean of states and acceleration by the logarithm of the variance."""
     covariance: Array
-    """(n, r, ns + 1, ns + 1): of their covariance."""
+    """(n, e, ns + 1, ns + 1): of their covariance."""
     information: Array
-    """(n, r): running mean of what a sample tells of that logarithm."""
+    """(n, e): running mean of what a sample tells of that logarithm."""
     samples: Array
-    """(n, r): number of samples that it comes of."""
+    """(n, e): number of samples that it comes of."""
 
 
 class Coherence(NamedTuple):

@@ -49,7 +49,7 @@ class Model(NamedTuple):
 
 
 class Noise(NamedTuple):
-    angular_gust: Array
+    unmeasured: Array
     reading: Array
 
 
@@ -164,7 +164,7 @@ def flown(plant: Plant, situation: Situation, seed: int, seconds: float) -> EkfS
 def strength(state: EkfState, span_m: float = 2.9, speed_m_s: float = 25.0) -> float:
     """Standard deviation of the moment that the filter has found, rad/s2."""
     decay = math.exp(-0.02 * speed_m_s * math.pi / (4.0 * span_m))
-    return math.sqrt(state.noise.angular_gust[0, 0] / (1.0 - decay**2))
+    return math.sqrt(state.noise.unmeasured[0, 0] / (1.0 - decay**2))
 
 
 @pytest.mark.parametrize("plant", PLANTS, ids=[p.structure.name for p in PLANTS])
