@@ -35,6 +35,7 @@ from wingwatch.estimators.ekf.state import (
     PRESSURE_RATIO,
     TIME,
     TURN,
+    WITH_ROLL,
     Checkpoints,
     EkfState,
     InputErrors,
@@ -410,7 +411,7 @@ def _no_noise(model: Model, n: int) -> Noise:
 
 def _model(config: EkfConfig, ns: int, nu: int) -> Model:
     """What does not change in a filter so configured."""
-    longitudinal, roll, lever = config.structure.equations[0] == "z", ns == 3, np.zeros(ns)
+    longitudinal, roll, lever = config.structure.equations[0] == "z", ns == WITH_ROLL, np.zeros(ns)
     x, _, z = config.imu_position_m
     if longitudinal:
         lever[1] = x

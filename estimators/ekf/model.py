@@ -52,7 +52,7 @@ LEAST_PART = 1e-9
 
 @hot
 def acceleration_state(ns, k):  # type: ignore[no-untyped-def]
-    """Place in the augmented state of the unmeasured acceleration of equation k."""
+    """Place in the augmented state of the unmeasured acceleration of equation k, where that has one."""
     if k == 1:
         return ns + ACCELERATION
     return ns + PATH + ns + (0 if k == 0 else k - 1)
@@ -155,7 +155,7 @@ def _rates(model, z, step, work):  # type: ignore[no-untyped-def]
             work.early_rate[k] += control * step.early[j]
         if gusts > 0:
             total += _direction(model, z, step, k) * z[ns + ACCELERATION] * lasting[ACCELERATION]
-            if k != 1:
+            if model.roll and k != 1:
                 total += z[acceleration_state(ns, k)] * lasting[ACCELERATION]
         work.rate[k] = total + step.rest[k]
 
@@ -289,7 +289,7 @@ def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def
             jacobian[row, ns + ACCELERATION] = strength * step.dt_s * lasting[ACCELERATION]
             jacobian[row, ns + TURN] = -answer * lasting[TURN]
             for k in range(ns):
-                if k != 1:
+                if model.roll and k != 1:
                     direct = series[row, k] * step.dt_s * lasting[ACCELERATION]
                     jacobian[row, acceleration_state(ns, k)] = direct
     for g in range(gusts):
@@ -349,7 +349,7 @@ def accelerometer(model, z, step, row):  # type: ignore[no-untyped-def]
             predicted += direction * z[ns + ACCELERATION]
             row[ns + ACCELERATION] += direction
             _add_direction(model, z, step, k, weight * z[ns + ACCELERATION], row)
-            if k != 1:
+            if model.roll and k != 1:
                 predicted += weight * z[acceleration_state(ns, k)]
                 row[acceleration_state(ns, k)] += weight
         predicted += weight * z[nx + ns * nd + k] * step.pressure_ratio

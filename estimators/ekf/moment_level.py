@@ -77,7 +77,7 @@ def follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate,
     ns, noise, level = model.sizes.states, state.noise, state.moment_level
     passing = 1.0 - step.decay[ACCELERATION]
     per_step = passing / step.dt_s
-    for k in range(0 if model.use_accelerometer else 1, ns):
+    for k in range(0 if model.roll and model.use_accelerometer else 1, ns):
         slope = Slope(level.mean[i, k], level.covariance[i, k], ns, acceleration_state(ns, k))
         variance, weight, to_means = noise.unmeasured[i, k], 1.0, rate
         predict_slope(slope, jacobian, variance, work)

@@ -170,9 +170,10 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
             power = noise.gust[i]
         elif s < ns:
             power = UNMODELLED * noise.reading[i, s]
+        elif model.roll or s == ns + 1:
+            power, source = noise.unmeasured[i, s - ns], acceleration_state(ns, s - ns)
         else:
-            power = noise.unmeasured[i, s - ns]
-            source = acceleration_state(ns, s - ns)
+            continue
         for a in range(nx):
             v = (1.0 if a == source else 0.0) + (turn if a == ns + TURN else 0.0)
             u = jacobian[a, source] + jacobian[a, ns + TURN] * turn - v

@@ -187,6 +187,8 @@ def _restart(model, posterior, noise, i, new, dt):  # type: ignore[no-untyped-de
     if model.sizes.gusts > 0 and 0.0 < dt <= MAX_GAP_S:
         passing = max(new[model.sizes.kinematic + AIRSPEED], 1.0) / model.gust_length_m[ACCELERATION]
         for k in range(ns):
+            if not (model.roll or k == 1):
+                continue
             c = acceleration_state(ns, k)
             cov[c, c] = noise.unmeasured[i, k] / -np.expm1(-2.0 * dt * passing)
     for g in range(PATH, PATH + ns if model.sizes.gusts > 0 else PATH):

@@ -37,6 +37,7 @@ __all__ = [
     "TIME",
     "TURN",
     "VANE",
+    "WITH_ROLL",
     "Accepted",
     "Checkpoints",
     "Coherence",
@@ -72,8 +73,11 @@ whether a vane measured the first state."""
 ACCELERATION, TURN, PATH = 0, 1, 2
 """Gust states, after the states of the mode: angular acceleration of the first rate that nothing measures, above all by
 air that no vane sees; rate of the air that the slope of a gust makes; from PATH on, one for each equation, what that
-rate does beside what the derivative says, in natural sizes of this; then the unmeasured acceleration of each other
-equation."""
+rate does beside what the derivative says, in natural sizes of this; then, where roll is a state, the unmeasured
+acceleration of each other equation."""
+
+WITH_ROLL = 3
+"""States of a mode with roll."""
 
 NEWEST, EARLIER = 0, 1
 """The last signal row and the one before, in ``EkfState.rows``."""
@@ -105,7 +109,7 @@ class Sizes(NamedTuple):
 
 def gust_states(states: int) -> int:
     """How many there are beside so many states of a mode."""
-    return PATH + states + states - 1
+    return PATH + states + (states - 1 if states == WITH_ROLL else 0)
 
 
 def sizes_of(states: int, inputs: int, gusts: int) -> Sizes:
@@ -160,7 +164,8 @@ class Noise(NamedTuple):
     gust: Array
     """(n,): process variance a step that gusts give the first state, m2/s2."""
     unmeasured: Array
-    """(n, ns): process variance a step of the unmeasured acceleration of each equation, m2/s4 and rad2/s4."""
+    """(n, ns): process variance a step of the unmeasured acceleration of each equation that has one, m2/s4 and
+    rad2/s4."""
     gain: Array
     """(n,): square of the relative error of the predicted specific force."""
     fisher: Array
