@@ -27,6 +27,7 @@ __all__ = [
     "Residuals",
     "adapt_noise",
     "adapt_noise_inline",
+    "adapt_vane",
     "first_noise",
     "inertial_motion",
     "learn_noise",
@@ -100,13 +101,27 @@ def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignor
 
 @njit(cache=True, error_model="numpy")
 def adapt_noise(model, noise, i, posterior, prediction, step, residuals, rate):  # type: ignore[no-untyped-def]
-    """``adapt_noise_inline`` for the engine "filterpy"."""
+    """Both for the engine "filterpy"."""
+    adapt_vane(noise, i, posterior, step, residuals, rate)
     adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, rate)
 
 
 @hot
+def adapt_vane(noise, i, posterior, step, residuals, rate):  # type: ignore[no-untyped-def]
+    """Noise of the vane that the filter's own corrections show, arguments as below.
+
+    Only the first time that a sample is run. About derivatives that are wrong the vane contradicts the model, and run
+    again and again it would pass for noise: nothing would contradict the model any more.
+    """
+    if step.inertial:
+        noise.reading[i, 0] = adapt_reading(
+            noise.reading[i, 0], residuals.velocity, posterior.cov[0, 0], rate
+        )
+
+
+@hot
 def adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, rate):  # type: ignore[no-untyped-def]
-    """Noise that the filter's own corrections show: of vane and accelerometer, and of the gusts.
+    """Noise that the filter's own corrections show: of the accelerometer, and of the gusts that it does not see.
 
     Args:
         model: of the filter.
@@ -119,9 +134,7 @@ def adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, 
     if model.use_accelerometer:
         squared = residuals.force * residuals.force + residuals.explained
         adapt_accelerometer(noise, i, squared, residuals, rate, ns)
-    if step.inertial:
-        noise.reading[i, 0] = adapt_reading(noise.reading[i, 0], residuals.velocity, cov[0, 0], rate)
-    else:
+    if not step.inertial:
         noise.gust[i], noise.corrections[i] = adapt_process(
             noise.gust[i],
             noise.corrections[i],

@@ -14,6 +14,7 @@ from wingwatch.estimators.ekf.adaptation import (
     Prediction,
     Residuals,
     adapt_noise_inline,
+    adapt_vane,
     first_noise,
     inertial_motion,
     learn_noise,
@@ -259,6 +260,8 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
     correct_input_errors(model, state.input_errors, i, readings, space.gains, space.sources[0])
     residuals = Residuals(residual, explained, predicted, added, sample.new[1] - z[0])
     prediction = Prediction(after, space.variance)
+    if first_time:
+        adapt_vane(noise, i, posterior, step, residuals, rate)
     adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, rate)
     follow_moment_levels_inline(model, state, i, step, jacobian, (readings, space.gains), rate, space.square)
     if first_time:

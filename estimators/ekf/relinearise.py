@@ -26,7 +26,10 @@ estimate by the root of the fraction of all information that such a half second 
 A window that has taught too little for all of it to matter begins anew, and where the rows before the second checkpoint
 are not what matters, the run begins there.
 
-Rows that set levels of noise alone are run as soon as these are known, if anything moved in them.
+Rows that set levels of noise alone are run as soon as these are known, if anything moved in them: in two steps, the
+first about what was known before the window. What half a second of filtered rows says is no place to linearise about:
+where a vane's noise alone has moved the velocity, it passes for motion that the force does not answer to. From a z_w of
+the wrong sign steps lead on and on, for a force that tells of no velocity contradicts no vane.
 
 What rolling air does in side force and yaw goes as n_p / l_p. The ratio of two numbers that are not known yet is none,
 and the window would end at an aircraft that hardly damps its rolling. So it is that of the expectation until l_p is
@@ -312,9 +315,9 @@ def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
     )
 
 
-def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
-    """A vehicle's window from checkpoint ``start`` on again about the present estimate: its state and checkpoints
-    become what that leaves.
+def run_window_again(model: Model, state: EkfState, i: int, start: int, about: Belief | None = None) -> bool:
+    """A vehicle's window from checkpoint ``start`` on again about the present estimate, or ``about`` another: its state
+    and checkpoints become what that leaves.
 
     Returns whether it did: a run that leaves no sound covariance is left out.
     """
@@ -323,7 +326,8 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
     middle_row, count = int(window.middle[i]), int(window.filled[i])
     begin = middle_row if start == 1 else 0
     parameters = slice(first, first + k)
-    fixed = Belief(state.z[i, parameters].copy(), _NARROW * state.cov[i, parameters, parameters])
+    value, covariance = about or Belief(state.z[i, parameters].copy(), state.cov[i, parameters, parameters])
+    fixed = Belief(value, _NARROW * covariance)
     run = _from_checkpoint(state, i, start)
     run.moment_level.mean[:] = run.moment_level.covariance[:] = 0.0
     information = points.information[i, start].copy()
@@ -354,14 +358,16 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int) -> bool:
 
 
 @whole
-def _assess(model, state, places, solved, fresh, matters):  # type: ignore[no-untyped-def]
-    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the window begins anew) and from
-    which checkpoint on it ``matters`` to run the window again (-1: from none)."""
+def _assess(model, state, places, solved, fresh, matters, never):  # type: ignore[no-untyped-def]
+    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the window begins anew), from which
+    checkpoint on it ``matters`` to run the window again (-1: from none), and whether some of its rows have ``never``
+    been filtered."""
     first, k, window, kept = model.sizes.dynamic, state.vector.shape[1], state.window, np.ones(2)
     prior_information, ns = 1.0 / (model.prior_std[:k] * model.prior_std[:k]), model.sizes.states
     for m in range(places.size):
         i = places[m]
         fresh[m] = matters[m] = -1
+        never[m] = False
         count, solutions = window.filled[i], window.solutions[i]
         if np.isnan(solved.keep[m]) or count == 0:
             continue
@@ -390,7 +396,7 @@ def _assess(model, state, places, solved, fresh, matters):  # type: ignore[no-un
         elif window.skipped[i] > 0 and not rested:
             window.skipped[i] = 0
             window.rerun[i] += count
-            matters[m] = 0
+            matters[m], never[m] = 0, True
         elif left_out > max(_MATTERS, np.sqrt(solved.gained[m])) and spare >= 0.0:
             window.rerun[i] += again
             matters[m] = start
@@ -419,11 +425,15 @@ def relinearise_all(
     of states it would take longer than all the filter.
     """
     fresh, matters = np.empty((2, len(places)), dtype=np.int64)
-    _assess(model, state, places, solved, fresh, matters)
+    never = np.empty(len(places), dtype=np.bool_)
+    _assess(model, state, places, solved, fresh, matters, never)
     faults: dict[int, Exception] = {}
     for m in np.flatnonzero(matters >= 0):
         try:
-            _run_again(model, state, int(places[m]), int(matters[m]))
+            i = int(places[m])
+            _run_again(model, state, i, int(matters[m]), _before(state, i) if never[m] else None)
+            if never[m]:
+                _run_again(model, state, i, 0)
         except Exception as error:  # the others are not to suffer by it
             faults[int(places[m])], fresh[m] = error, -1
     for m in np.flatnonzero(_damping_found(model, state, places)):
@@ -438,9 +448,15 @@ def relinearise_all(
     return faults
 
 
-def _run_again(model: Model, state: EkfState, i: int, start: int) -> bool:
+def _before(state: EkfState, i: int) -> Belief:
+    """What was known of a vehicle's derivatives before its window."""
+    points = state.window.checkpoints
+    return Belief(points.value[i, 0].copy(), points.covariance[i, 0].copy())
+
+
+def _run_again(model: Model, state: EkfState, i: int, start: int, about: Belief | None = None) -> bool:
     """``run_window_again``, and what follows from the derivatives' new covariance; returns whether it did."""
-    if not run_window_again(model, state, i, start):
+    if not run_window_again(model, state, i, start, about):
         return False
     parameters = slice(model.sizes.dynamic, model.sizes.dynamic + state.vector.shape[1])
     covariance = state.cov[i, parameters, parameters]
