@@ -17,21 +17,30 @@ __all__ = ["correct", "forget", "inverse_of", "leave_out", "predict", "reseat"]
 def predict(model, cov, process, jacobian, drift, product):  # type: ignore[no-untyped-def]
     """F P F' + Q for the Jacobian's rows ``jacobian`` (nx, nz), identity below; the trim constants drift.
 
+    A gust state depends on itself alone.
+
     ``process`` (nx, nx), ``drift`` (ns,); ``product`` (nx, nz) is workspace.
     """
     ns, nx, nz = model.sizes.states, model.sizes.dynamic, model.sizes.augmented
-    product[:] = 0.0
     for k in range(nx):
-        for m in range(nz):
+        for c in range(nz):
+            product[k, c] = 0.0
+        for m in range(nz if k < ns else 0):
             factor = jacobian[k, m]
             if factor != 0.0:
                 for c in range(nz):
                     product[k, c] += factor * cov[m, c]
+        if k >= ns:
+            for c in range(nz):
+                product[k, c] = jacobian[k, k] * cov[k, c]
     for k in range(nx):
         for m in range(k + 1):
             total = 0.0
-            for c in range(nz):
-                total += product[k, c] * jacobian[m, c]
+            if m < ns:
+                for c in range(nz):
+                    total += product[k, c] * jacobian[m, c]
+            else:
+                total = product[k, m] * jacobian[m, m]
             total += 0.5 * (process[k, m] + process[m, k])
             cov[k, m] = total
             cov[m, k] = total

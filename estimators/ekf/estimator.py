@@ -51,6 +51,7 @@ from wingwatch.estimators.ekf.state import (
 )
 from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
+from wingwatch.estimators.kernels.apart import apart
 from wingwatch.estimators.kernels.dispersion import dispersion_workspace
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
@@ -164,7 +165,7 @@ class EkfEstimator:
         cov[nx:, nx:] = np.diag(self.model.prior_std**2)
         known, information = cov[nx : nx + k, nx : nx + k], np.diag(c.prior_std**-2.0)
         none = np.zeros(n, dtype=np.int64)
-        return EkfState(
+        state = EkfState(
             z=np.tile(z, (n, 1)),
             cov=np.tile(cov, (n, 1, 1)),
             noise=_no_noise(self.model, n),
@@ -225,6 +226,7 @@ class EkfEstimator:
             ),
             accepted=prior_accepted(c.prior_value, c.prior_std, no_coherence(n, ns)),
         )
+        return apart(state)
 
     def update(self, state: EkfState, signals: Array, lanes: Lanes | None = None) -> None:
         """Take in samples: shape (vehicles, samples, columns) from ``Signals``; incomplete rows are passed over.

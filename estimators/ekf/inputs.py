@@ -65,13 +65,13 @@ def input_noise_into(model, jacobian, z, variance, effect, q):  # type: ignore[n
 
     An error is in the means of two steps, its fractions adding up to one: over more than a step it acts as one whole.
     """
-    nx = model.sizes.dynamic
+    ns = model.sizes.states
     for j in range(model.sizes.inputs):
         if variance[j] > 0.0:
-            for a in range(nx):
+            for a in range(ns):
                 effect[a] = input_error_effect(model, jacobian[a], z, j, variance)
-            for a in range(nx):
-                for b in range(nx):
+            for a in range(ns):
+                for b in range(ns):
                     q[a, b] += effect[a] * effect[b]
 
 
@@ -108,13 +108,15 @@ def predict_input_errors(model, errors, i, jacobian, newest_fraction, work):  # 
                     response[a, r] = 0.0
                 for a in range(ns):
                     energy[a, r] = 0.0
-            for a in range(nx):
+            for a in range(ns):
                 total = fraction * jacobian[a, nz - ns + r]
                 for b in range(nx):
                     total += jacobian[a, b] * response[b, r]
                 work[a] = total
-            for a in range(nx):
+            for a in range(ns):
                 response[a, r] = work[a]
+            for a in range(ns, nx):
+                response[a, r] *= jacobian[a, a]
 
 
 @hot

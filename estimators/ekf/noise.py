@@ -161,7 +161,8 @@ def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-d
 @hot
 def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignore[no-untyped-def]
     """``process_noise`` into ``q``: with w = v + u / 2 the sum above is w w' + u u' / 12; ``work`` is (2, nx)."""
-    ns, gusts, nx = model.sizes.states, model.sizes.gusts, model.sizes.dynamic
+    ns, gusts = model.sizes.states, model.sizes.gusts
+    driven = ns + (1 if gusts > 0 else 0)
     q[:] = 0.0
     for s in range(2 * ns if gusts > 0 else ns):
         turn = gust_turn(model) if s == 0 else 0.0
@@ -174,14 +175,19 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
             power, source = noise.unmeasured[i, s - ns], acceleration_state(ns, s - ns)
         else:
             continue
-        for a in range(nx):
+        own = (
+            source if s >= ns else ns + TURN
+        )  # the one gust state that the source drives, or the gust with it
+        for m in range(driven):
+            a = m if m < ns else own
             v = (1.0 if a == source else 0.0) + (turn if a == ns + TURN else 0.0)
-            u = jacobian[a, source] + jacobian[a, ns + TURN] * turn - v
-            work[0, a], work[1, a] = u, v + 0.5 * u
-        for a in range(nx):
-            u, w = power * work[0, a] / 12.0, power * work[1, a]
-            for b in range(nx):
-                q[a, b] += w * work[1, b] + u * work[0, b]
+            u = jacobian[a, source] + (jacobian[a, ns + TURN] * turn if turn != 0.0 else 0.0) - v
+            work[0, m], work[1, m] = u, v + 0.5 * u
+        for m in range(driven):
+            a = m if m < ns else own
+            u, w = power * work[0, m] / 12.0, power * work[1, m]
+            for k in range(driven):
+                q[a, k if k < ns else own] += w * work[1, k] + u * work[0, k]
     for g in range(PATH, PATH + ns if gusts > 0 else PATH):
         q[ns + g, ns + g] += (1.0 - step.decay[g] ** 2) * PATH_STD * PATH_STD
 

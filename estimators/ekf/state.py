@@ -16,6 +16,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.estimators.kernels.apart import room_around
+
 __all__ = [
     "ACCELERATION",
     "AIRSPEED",
@@ -424,7 +426,7 @@ def arrays_of(state: tuple[Any, ...], prefix: str = "") -> Iterator[tuple[str, N
 
 def one_vehicle(state: Named, i: int) -> Named:
     """A copy of one vehicle's state, a batch of one."""
-    return _each(lambda array: array[i : i + 1].copy(), state)
+    return _each(lambda array: room_around(array[i : i + 1]), state)
 
 
 def put_vehicle(state: EkfState, which: Any, other: EkfState) -> None:

@@ -77,6 +77,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
+from wingwatch.estimators.kernels.apart import apart
 from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, disperse, dispersion_workspace
 from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
@@ -134,7 +135,7 @@ def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Wor
     """Workspace for ns states, nu inputs, signal rows of so many columns, and ns or ns + 1 rows of a block."""
     k, channels = ns * (ns + nu), bank_channels(ns, nu) + air_channels(ns, nu)
     window = ((channels, 2, bins), (3, columns), SAMPLES + 1, ns + 2)
-    return Workspace(
+    workspace = Workspace(
         solution_workspace(ns, nu, bins, rows),
         block_solution(ns, nu),
         memory_workspace(k),
@@ -156,6 +157,7 @@ def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Wor
         np.zeros(k),
         np.zeros((ns, 3)),
     )
+    return apart(workspace)
 
 
 @lean

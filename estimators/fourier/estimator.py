@@ -9,7 +9,7 @@ A block is the rectangular window of ``block_s``; when it ends, its information 
 is forgotten with ``memory_s`` where new data replace it.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -41,6 +41,7 @@ from wingwatch.estimators.fourier.state import (
     Progress,
     State,
 )
+from wingwatch.estimators.kernels.apart import room_around
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import (
@@ -228,7 +229,7 @@ class FourierEstimator:
         sensors, sums = 2 * ns + 1, SAMPLES + 1
         noise = np.ones((n, sensors + nu + AIR_VARIANCES))
         noise[:, sensors:] = 0.0
-        return FourierState(
+        state = FourierState(
             coefficients=np.zeros((n, 8, nf)),
             step=np.full((n, 1), -1.0),
             readings=np.zeros((n, nu, READING_MEMORY)),
@@ -269,6 +270,7 @@ class FourierEstimator:
             checkpoint_bias=np.zeros((n, CHECKPOINTS, k)),
             follows=np.ones(n, dtype=np.bool_),
         )
+        return FourierState(**{f.name: room_around(getattr(state, f.name)) for f in fields(state)})
 
     def update(self, state: FourierState, signals: Array, lanes: Lanes | None = None) -> None:
         """Take in samples; blocks that become full are closed.
