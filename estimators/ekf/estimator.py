@@ -161,8 +161,7 @@ class EkfEstimator:
         n, c, sizes, columns = vehicles, self.config, self.model.sizes, self.layout.columns
         ns, nu, nx, k = sizes.states, sizes.inputs, sizes.dynamic, c.prior_value.size
         z = np.concatenate([np.zeros(nx), self.model.prior_value])
-        cov = np.zeros((z.size, z.size))
-        cov[nx:, nx:] = np.diag(self.model.prior_std**2)
+        cov = np.diag(np.concatenate([np.zeros(nx), self.model.prior_std**2]))
         known, information = cov[nx : nx + k, nx : nx + k], np.diag(c.prior_std**-2.0)
         none = np.zeros(n, dtype=np.int64)
         state = EkfState(
