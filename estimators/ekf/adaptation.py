@@ -101,7 +101,7 @@ def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignor
 
 @njit(cache=True, error_model="numpy")
 def adapt_noise(model, noise, i, posterior, prediction, step, residuals, rate):  # type: ignore[no-untyped-def]
-    """Both for the engine "filterpy"."""
+    """``adapt_vane`` and ``adapt_noise_inline`` for the engine "filterpy"."""
     adapt_vane(noise, i, posterior, step, residuals, rate)
     adapt_noise_inline(model, noise, i, posterior, prediction, step, residuals, rate)
 

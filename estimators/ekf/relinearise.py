@@ -68,6 +68,7 @@ from wingwatch.estimators.ekf.window import (
     innovation_log_variance,
     recalled,
 )
+from wingwatch.estimators.kernels.apart import apart, room_around
 from wingwatch.estimators.kernels.hot import part, whole
 from wingwatch.estimators.kernels.symmetric import invert
 
@@ -298,20 +299,20 @@ def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
     """A vehicle's filter at one of its checkpoints, a batch of one."""
     points, one = state.window.checkpoints, slice(i, i + 1)
     return Running(
-        z=points.z[one, c].copy(),
-        cov=points.cov[one, c].copy(),
+        z=room_around(points.z[one, c]),
+        cov=room_around(points.cov[one, c]),
         noise=one_vehicle(state.noise, i),
         memory=one_vehicle(state.memory, i),
         input_errors=one_vehicle(state.input_errors, i),
         moment_level=one_vehicle(state.moment_level, i),
         coherence=one_vehicle(state.coherence, i),
-        moments=state.moments[one].copy(),
-        rows=points.rows[one, c].copy(),
-        condition=state.condition[one].copy(),
-        samples=state.samples[one].copy(),
-        settling=state.settling[one].copy(),
-        ratios=state.ratios[one].copy(),
-        direction=state.direction[one].copy(),
+        moments=room_around(state.moments[one]),
+        rows=room_around(points.rows[one, c]),
+        condition=room_around(state.condition[one]),
+        samples=room_around(state.samples[one]),
+        settling=room_around(state.settling[one]),
+        ratios=room_around(state.ratios[one]),
+        direction=room_around(state.direction[one]),
     )
 
 
@@ -331,8 +332,8 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int, about: B
     run = _from_checkpoint(state, i, start)
     run.moment_level.mean[:] = run.moment_level.covariance[:] = 0.0
     information = points.information[i, start].copy()
-    known = Information(information, information @ run.z[0, parameters])
-    middle = Information(np.zeros((k, k)), np.zeros(k))
+    known = apart(Information(information, information @ run.z[0, parameters]))
+    middle = apart(Information(np.zeros((k, k)), np.zeros(k)))
     reseat(run.z[0], run.cov[0], *fixed, first)
     ends = window.ends[i, : window.solutions[i]]
     chosen = np.flatnonzero(ends > begin)
