@@ -97,6 +97,11 @@ class SignalLayout:
     @property
     def columns(self) -> int:
         """Number of columns."""
+        return self.ahead + self.inputs
+
+    @property
+    def ahead(self) -> int:
+        """First column of how far the command of each input's servo is ahead of its surface, rad; 0 where not known."""
         return self.known_moments + self.states - 1
 
     def checked(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -199,6 +204,9 @@ class Signals:
             lateral=lateral,
             readings=np.array([CHANNEL_INDEX[name] for name in self.sensors]),
             inputs=np.array([CHANNEL_INDEX[INPUT_CHANNELS[u]] for u in structure.inputs]),
+            commands=np.array(
+                [CHANNEL_INDEX[INPUT_CHANNELS[u].replace("_rad", "_command_rad")] for u in structure.inputs]
+            ),
             x_vane_m=config.vane_position_m[0],
             z_vane_m=config.vane_position_m[2],
             airspeed_memory_s=config.airspeed_memory_s,
@@ -238,7 +246,7 @@ class Signals:
         values, lanes = np.ascontiguousarray(values), lanes or all_lanes(*values.shape[:2])
         arrays = SignalArrays(state.memory, state.airspeed, state.servos, state.readings)
         fill_signals(values, lanes, self._form, arrays, out)
-        fill_moments(values, self._coupling, out[..., layout.known_moments :])
+        fill_moments(values, self._coupling, out[..., layout.known_moments : layout.ahead])
         lead_m = self.config.vane_position_m[0]
         if self.config.vane_leads and lead_m > 0.0:
             meet_at_centre(out, lanes, lead_m, layout.accelerometer, layout.kinematic, state.vane)

@@ -261,7 +261,7 @@ def signal_columns(structure: ModeStructure, reference: tuple[float, float], row
             known[:, 0, column] = airspeed * np.sin(angle)
     rest = np.zeros((len(rows), ns))
     rest[:, 0] = rows[:, c] - np.einsum("nj,nj->n", known[:, 0], states)
-    rest[:, 1:] = rows[:, layout.known_moments :]
+    rest[:, 1:] = rows[:, layout.known_moments : layout.ahead]
     accelerometer = np.full((len(rows), len(structure.equations)), np.nan)
     accelerometer[:, 0] = rows[:, layout.accelerometer]
     measured = np.ones((len(rows), ns), dtype=bool)

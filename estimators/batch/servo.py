@@ -36,8 +36,8 @@ def lead_steps(bandwidth_rad_s: float, dt: float) -> float:
 
     Of a step that holds several commands (``intersample``), for a surface that goes on as it did.
     """
-    mean, mean_before, _, _ = course(dt, 1.0 / bandwidth_rad_s, False)
-    return float(mean + mean_before) - 0.5
+    held = course(dt, 1.0 / bandwidth_rad_s, False)
+    return float(held.mean + held.mean_before) - 0.5
 
 
 def moves_as_told(position: Array, command: Array, time_s: Array, bandwidth_rad_s: float) -> bool:

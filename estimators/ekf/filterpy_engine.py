@@ -95,7 +95,8 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     process = np.zeros((after.size, after.size))
     process[:nx, :nx] = process_noise(model, noise, i, jacobian, step)
     predicted, rows = measure(model, after, step)
-    added = float(input_noise(model, jacobian, rows[ns], after, noise.inputs[i], process[:nx, :nx]))
+    course = step.course_variance
+    added = float(input_noise(model, jacobian, rows[ns], after, noise.inputs[i], course, process[:nx, :nx]))
     process[-ns:, -ns:] = np.diag(trim_drift(model, noise, i, step))
     measured = np.ones(ns + 1, dtype=bool)
     measured[0] = new[model.sizes.kinematic + VANE] == 1.0
@@ -103,7 +104,8 @@ def _filter(model: Model, state: EkfState, i: int, sample: Sample) -> None:
     kalman = _Filter(after, state.cov[i], jacobian, process, int(measured.sum()))
     kalman.predict()
     reading = new[1 : 2 + ns].copy()
-    reading[ns] += model.lever_m[1:] @ new[model.sizes.kinematic + CONDITION_COLUMNS :]
+    known = model.sizes.kinematic + CONDITION_COLUMNS
+    reading[ns] += model.lever_m[1:] @ new[known : known + ns - 1]
     prediction = Prediction(after, np.diagonal(kalman.P)[:nx].copy())
     force = float(predicted[ns] - after[-ns] * step.pressure_ratio)
     variance = noise.reading[i].copy()

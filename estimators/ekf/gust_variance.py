@@ -51,7 +51,7 @@ def gust_variance(model, z, noise, condition, ratios, direction, places, out):  
         if decay.size > 0:
             gust_decay(model, STEP_S, speed, decay)
         step = Step(
-            STEP_S, 0.0, speed, False, ratios[i] == ESTIMATED, direction[i], still, still, still, still,
+            STEP_S, 0.0, speed, False, ratios[i] == ESTIMATED, direction[i], still, still, still, still, still,
             scale, forward, rest, decay,
         )  # fmt: skip
         jacobian = transition(model, z[i], step).jacobian

@@ -48,7 +48,7 @@ def track_readings(moments, new, ns, nu):  # type: ignore[no-untyped-def]
 
 @hot
 def input_error_effect(model, row, z, j, variance):  # type: ignore[no-untyped-def]
-    """Effect of one standard error of input ``j``'s reading, as ``row`` (nz,) of the Jacobian answers.
+    """Effect of one standard error of input ``j``, of ``variance``, as ``row`` (nz,) of the Jacobian answers.
 
     Controls, as the trim constants, go with dynamic pressure, so an input acts as its own part of each constant.
     """
@@ -56,32 +56,34 @@ def input_error_effect(model, row, z, j, variance):  # type: ignore[no-untyped-d
     effect = 0.0
     for k in range(ns):
         effect += row[nz - ns + k] * z[nz - ns - ns * nd + k * nd + ns + j]
-    return effect * np.sqrt(variance[j])
+    return effect * np.sqrt(variance)
 
 
 @hot
-def input_noise_into(model, jacobian, z, variance, effect, q):  # type: ignore[no-untyped-def]
-    """What reading errors of ``variance`` (nu,) add to ``q`` of ``process_noise_into``; ``effect`` (nx,) is workspace.
+def input_noise_into(model, jacobian, z, variance, course_variance, effect, q):  # type: ignore[no-untyped-def]
+    """What reading errors of ``variance`` (nu,), and what is not known between the readings, of ``course_variance``
+    (nu,), add to ``q`` of ``process_noise_into``; ``effect`` (nx,) is workspace.
 
     An error is in the means of two steps, its fractions adding up to one: over more than a step it acts as one whole.
     """
     ns = model.sizes.states
     for j in range(model.sizes.inputs):
-        if variance[j] > 0.0:
+        both = variance[j] + course_variance[j]
+        if both > 0.0:
             for a in range(ns):
-                effect[a] = input_error_effect(model, jacobian[a], z, j, variance)
+                effect[a] = input_error_effect(model, jacobian[a], z, j, both)
             for a in range(ns):
                 for b in range(ns):
                     q[a, b] += effect[a] * effect[b]
 
 
 @njit(cache=True, error_model="numpy")
-def input_noise(model, jacobian, row, z, variance, q):  # type: ignore[no-untyped-def]
-    """``input_noise_into``; returns what the same errors add to the variance of the accelerometer's ``row``."""
-    input_noise_into(model, jacobian, z, variance, np.empty(model.sizes.dynamic), q)
+def input_noise(model, jacobian, row, z, variance, course_variance, q):  # type: ignore[no-untyped-def]
+    """``input_noise_into``; returns what the reading errors add to the variance of the accelerometer's ``row``."""
+    input_noise_into(model, jacobian, z, variance, course_variance, np.empty(model.sizes.dynamic), q)
     added = 0.0
     for j in range(model.sizes.inputs):
-        added += input_error_effect(model, row, z, j, variance) ** 2
+        added += input_error_effect(model, row, z, j, variance[j]) ** 2
     return added
 
 

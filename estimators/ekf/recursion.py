@@ -61,7 +61,7 @@ from wingwatch.estimators.ekf.state import (
     sizes_of,
 )
 from wingwatch.estimators.kernels.hot import hot, lean, part, sizes, whole_entry
-from wingwatch.estimators.kernels.intersample import course
+from wingwatch.estimators.kernels.intersample import means_of_rows
 from wingwatch.estimators.kernels.levels import start_level
 from wingwatch.estimators.kernels.reading_noise import forget_readings
 from wingwatch.estimators.lanes import Lanes, all_lanes
@@ -109,7 +109,7 @@ _sizes_of = part(sizes_of)
 @part
 def _drive(ns, nu, gusts):  # type: ignore[no-untyped-def]
     return Drive(
-        np.empty(nu), np.empty(nu), np.empty(nu), np.empty(nu), np.empty(ns * (ns + nu)), np.empty(ns),
+        np.empty(nu), np.empty(nu), np.empty(nu), np.empty(nu), np.empty(nu), np.empty(ns * (ns + nu)), np.empty(ns),
         np.empty(ns), np.empty(gusts),
     )  # fmt: skip
 
@@ -119,8 +119,8 @@ def _step_on(drive, sample, rolling, direction, kinematic):  # type: ignore[no-u
     """The step of a sample on the arrays of ``drive``, which ``_fill_step`` fills."""
     return Step(
         sample.dt_s, sample.new[kinematic + PRESSURE_RATIO], max(sample.new[kinematic + AIRSPEED], 1.0),
-        sample.inertial, rolling, direction, drive.inputs, drive.early, drive.newest_fraction, drive.inputs_end,
-        drive.scale, drive.forward, drive.rest, drive.decay,
+        sample.inertial, rolling, direction, drive.inputs, drive.early, drive.newest_fraction, drive.course_variance,
+        drive.inputs_end, drive.scale, drive.forward, drive.rest, drive.decay,
     )  # fmt: skip
 
 
@@ -140,13 +140,13 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
     new, old = sample.new, sample.old
     for j in range(nu):
         c = 2 + ns + j
-        step.inputs_end[j] = new[c]
-        change, before = new[c] - old[c], old[c] - sample.older[c]
-        mean, mean_before, early, early_before = course(sample.dt_s, model.servo_s[j], before == 0.0)
-        if not abs(old[TIME] - sample.older[TIME] - sample.dt_s) < 0.5 * sample.dt_s:
-            before = 0.0
-        step.inputs[j] = old[c] + mean * change + mean_before * before
-        step.early[j], step.newest_fraction[j] = early * change + early_before * before, mean
+        means = means_of_rows(new, old, sample.older, j, 2 + ns, model.servo_s, model.input_variance)
+        step.inputs_end[j], step.inputs[j] = new[c], old[c] + means.mean
+        step.early[j], step.newest_fraction[j], step.course_variance[j] = (
+            means.early,
+            means.newest,
+            means.variance,
+        )
     speed = new[kinematic + AIRSPEED]
     pressure = (
         new[kinematic + DENSITY] * speed / (model.reference_airspeed_m_s * model.reference_density_kg_m3)
@@ -216,7 +216,7 @@ def _take_readings(model, noise, i, sample, z, step, readings):  # type: ignore[
     force = predicted - z[model.sizes.augmented - ns] * step.pressure_ratio
     added = 0.0
     for j in range(model.sizes.inputs):
-        added += input_error_effect(model, readings.row, z, j, noise.inputs[i]) ** 2
+        added += input_error_effect(model, readings.row, z, j, noise.inputs[i, j]) ** 2
     for j in range(ns + 1):
         readings.innovation[j] = new[1 + j] - (z[j] if j < ns else predicted)
         readings.variance[j] = noise.reading[i, j]
@@ -247,7 +247,7 @@ def _step(model, state, i, sample, first_time, space):  # type: ignore[no-untype
         learn_noise(model, noise, state.memory, i, sample, z, after, rate)
     trim_drift_into(model, noise, i, step, space.drift)
     process_noise_into(model, noise, i, jacobian, step, space.sources, space.process)
-    input_noise_into(model, jacobian, z, noise.inputs[i], space.variance, space.process)
+    input_noise_into(model, jacobian, z, noise.inputs[i], step.course_variance, space.variance, space.process)
     predict_input_errors(model, state.input_errors, i, jacobian, step.newest_fraction, space.variance)
     predict(model, cov, space.process, jacobian, space.drift, space.product)
     for c in range(model.sizes.augmented):

@@ -54,6 +54,8 @@ class Step(NamedTuple):
     """(nu,): how much earlier than evenly the inputs come: the mean of (1/2 - t/dt) u."""
     newest_fraction: Array
     """(nu,): of the newer reading in ``inputs``."""
+    course_variance: Array
+    """(nu,): of ``inputs``, by commands between the readings."""
     inputs_end: Array
     """(nu,): at the end of the step."""
     scale: Array
@@ -73,6 +75,7 @@ class Drive(NamedTuple):
     inputs: Array
     early: Array
     newest_fraction: Array
+    course_variance: Array
     inputs_end: Array
     scale: Array
     forward: Array

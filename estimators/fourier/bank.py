@@ -10,6 +10,7 @@ import numpy as np
 
 from wingwatch.estimators.fourier.state import BEFORE, LAST, TIME
 from wingwatch.estimators.kernels.hot import hot, lean
+from wingwatch.estimators.kernels.intersample import frames_of, means_of_rows
 
 __all__ = [
     "CONSTANT",
@@ -108,17 +109,19 @@ def _jumped(real, imag, c, jump):  # type: ignore[no-untyped-def]
 
 
 @lean
-def advance_bank(omega, servo_s, filters, bank, rows, new, ns):  # type: ignore[no-untyped-def]
+def advance_bank(omega, servo_s, input_variance, filters, bank, rows, new, ns):  # type: ignore[no-untyped-def]
     """Advance the bank of one vehicle by one sample.
 
     An input is held between samples if its channel is a command, or where a position whose servo is unknown repeats
-    exactly (a step of a held signal); else it is linear like the states.
+    exactly (a step of a held signal); else it is linear like the states. What the line misses of a servo that got
+    several commands in the step goes into the channel of jumps, as the line that has the same mean and first moment.
 
     Args:
         servo_s: (inputs,) time constants of the servos, infinite where unknown, 0 for a command.
+        input_variance: (inputs,) of their readings.
         filters: ``Filters``, made anew where the time step has changed.
         bank: (channels, 2, bins), advanced: states, accelerometer, inputs, dynamic pressure, and jumps of inputs that
-            are positions.
+            are positions, or what their lines miss.
         rows: of ``Block``; of the row before the last only the inputs are read.
         new: signal row at the end of the step.
         ns: number of states.
@@ -134,15 +137,20 @@ def advance_bank(omega, servo_s, filters, bank, rows, new, ns):  # type: ignore[
     advance_linear(bank[ns, 0], bank[ns, 1], coefficients, old[1 + ns], new[1 + ns])
     for j in range(nu):
         a, b = old[2 + ns + j], new[2 + ns + j]
-        row, jumps = bank[ns + 1 + j], bank[ns + nu + 2 + j]
+        row, beside = bank[ns + 1 + j], bank[ns + nu + 2 + j]
         if servo_s[j] == 0.0:
             _held(row[0], row[1], coefficients, a)
         elif a == before[2 + ns + j] and servo_s[j] == np.inf:
             _held(row[0], row[1], coefficients, a)
-            _jumped(jumps[0], jumps[1], coefficients, b - a)
+            _jumped(beside[0], beside[1], coefficients, b - a)
         else:
             advance_linear(row[0], row[1], coefficients, a, b)
-            _jumped(jumps[0], jumps[1], coefficients, 0.0)
+            if servo_s[j] == np.inf or frames_of(dt) == 1:
+                _jumped(beside[0], beside[1], coefficients, 0.0)
+            else:
+                means = means_of_rows(new, old, before, j, 2 + ns, servo_s, input_variance)
+                level, slope = means.mean - 0.5 * (b - a), 6.0 * means.early + 0.5 * (b - a)
+                advance_linear(beside[0], beside[1], coefficients, level + slope, level - slope)
     ratio = 2 + ns + nu + 1
     advance_linear(
         bank[ns + 1 + nu, 0], bank[ns + 1 + nu, 1], coefficients, old[ratio] - 1.0, new[ratio] - 1.0

@@ -33,28 +33,25 @@ def _add(factor, source, target):  # type: ignore[no-untyped-def]
 
 
 @lean
-def _add_servo(omega, dt, servo_s, rate, target):  # type: ignore[no-untyped-def]
-    """target += what lines miss of a surface behind its servo, from the transform of its rate (2, bins), (docs (24)).
+def _add_rate(omega, transform, target):  # type: ignore[no-untyped-def]
+    """target += the transform of the rate of what is nothing at both ends."""
+    for f in range(omega.size):
+        target[0, f] -= omega[f] * transform[1, f]
+        target[1, f] += omega[f] * transform[0, f]
 
-    Each of the commands in a step (``frames``) has a transform in the samples, h, and one in the surface itself, g. For
-    commands that go with nothing, sum of g h* over sum of |h|^2 makes of the samples' transform the best estimate of
-    the surface's.
-    """
-    frames, stays = frames_of(dt), math.exp(-dt / servo_s)
+
+@lean
+def _add_servo(omega, dt, servo_s, rate, target):  # type: ignore[no-untyped-def]
+    """target += what lines miss of a surface behind its servo, whose command is held from sample to sample, from the
+    transform of its rate (2, bins), (docs (24))."""
+    stays = math.exp(-dt / servo_s)
     for f in range(omega.size):
         if not omega[f] * dt < math.pi:
             continue  # samples say nothing of what is faster than half their rate
         s = 1j * omega[f]
         z = complex(math.cos(omega[f] * dt), math.sin(omega[f] * dt))
-        together, power = 0.0j, 0.0
-        for i in range(frames):
-            late = i * dt / frames
-            sampled = dt * (1.0 / (z - 1.0) - math.exp(late / servo_s) * stays / (z - stays))
-            turned = complex(math.cos(omega[f] * late), -math.sin(omega[f] * late))
-            together += turned * sampled.conjugate()
-            power += sampled.real * sampled.real + sampled.imag * sampled.imag
-        of_line = 2.0 * (1.0 - z.real) / (omega[f] * dt) ** 2
-        missing = (together / (s * (1.0 + s * servo_s)) / (power * of_line) - 1.0) / s
+        of_line = dt * (1.0 / (z - 1.0) - stays / (z - stays)) * 2.0 * (1.0 - z.real) / (omega[f] * dt) ** 2
+        missing = (1.0 / (s * (1.0 + s * servo_s) * of_line) - 1.0) / s
         target[0, f] += missing.real * rate[0, f] - missing.imag * rate[1, f]
         target[1, f] += missing.real * rate[1, f] + missing.imag * rate[0, f]
 
@@ -117,7 +114,11 @@ def between_samples(model, rows, dt, theta, scale, forward, transforms):  # type
             _add_half_step(omega, dt, jumps, missed[own])
             _add(-1.0, jumps, rate[own])
         else:
-            _add_servo(omega, dt, servo_s[j], rate[own], missed[own])
+            if frames_of(dt) == 1:
+                _add_servo(omega, dt, servo_s[j], rate[own], missed[own])
+            else:
+                _add(1.0, lines[nd + 1 + NUISANCE + j], missed[own])
+                _add_rate(omega, missed[own], rate[own])
             _add(1.0, missed[own], out[own + 1])
     for k in range(ns):
         for j in range(nd):

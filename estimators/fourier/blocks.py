@@ -195,7 +195,7 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
         for j in range(nu):
             forget_readings(filters.readings[j])
         return GAP
-    advance_bank(model.omega, model.servo_s, filters, bank, rows, new, ns)
+    advance_bank(model.omega, model.servo_s, model.input_variance, filters, bank, rows, new, ns)
     advance_air(model.exponents, filters.coefficients, bank, rows, new, ns)
     if math.isfinite(rows[BEFORE, 1]):
         _add_second_differences(block, new, ns)

@@ -1,14 +1,57 @@
 """What an input does between two readings; compiled."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wingwatch.estimators.kernels.hot import hot
 
-__all__ = ["course", "frames_of"]
-
+__all__ = ["Course", "SurfaceMeans", "course", "frames_of", "means_of_rows", "surface_means"]
 
 FRAME_HZ = 50.0
 """Autopilots give their commands at least as often: a longer step holds several, which nobody recorded."""
+
+SERVO_ERROR = 0.1
+"""Of its motion a servo may be elsewhere than its command and time constant say, and still be known by them."""
+
+SURE = 3.0
+"""Standard errors of its reading that a surface may be elsewhere besides."""
+
+
+class Course(NamedTuple):
+    """How an input u goes from one reading to the next, by its change over this step and over the one before.
+
+    Attributes:
+        mean, mean_before: of the mean of u - u_old over the step, its parts by the two changes.
+        early, early_before: the same of the mean of (1/2 - t/dt) (u - u_old).
+        left: variance of the mean that the changes leave, by that of each command between the readings; 0 where there
+            is none.
+        own2, both, before2: inverse of the two changes' covariance, by the same; 0 likewise.
+    """
+
+    mean: float
+    mean_before: float
+    early: float
+    early_before: float
+    left: float
+    own2: float
+    both: float
+    before2: float
+
+
+class SurfaceMeans(NamedTuple):
+    """Where a surface u was over a step.
+
+    Attributes:
+        mean: of u - u_old; early: of (1/2 - t/dt) (u - u_old).
+        newest: of the newer reading in the mean.
+        variance: of the mean, by commands that nobody recorded.
+    """
+
+    mean: float
+    early: float
+    newest: float
+    variance: float
 
 
 @hot
@@ -18,31 +61,112 @@ def frames_of(dt):  # type: ignore[no-untyped-def]
 
 
 @hot
+def means_of_rows(new, old, older, j, first_input, servo_s, reading_variance):  # type: ignore[no-untyped-def]
+    """``SurfaceMeans`` of input j over the step between the last two of three rows of ``Signals``; ``first_input``: the
+    first input's column."""
+    c, ahead, dt = first_input + j, new.size - servo_s.size + j, new[0] - old[0]
+    before = old[c] - older[c]
+    if before != 0.0 and not abs(old[0] - older[0] - dt) < 0.5 * dt:
+        before = np.nan
+    return surface_means(dt, servo_s[j], reading_variance[j], before, new[c] - old[c], old[ahead], new[ahead])
+
+
+@hot
+def surface_means(dt, servo_s, reading_variance, before, change, ahead, ahead_after):  # type: ignore[no-untyped-def]
+    """``SurfaceMeans`` of a step of ``dt``, s.
+
+    Args:
+        servo_s: of ``course``; reading_variance: of u.
+        before, change: of the readings, over the step before (NaN where that was of another length) and this one.
+        ahead, ahead_after: how far the command is ahead of the surface at the step's beginning and end, 0 where it is
+            not known.
+    """
+    frames = frames_of(dt)
+    if frames > 1 and ahead != 0.0 and ahead_after != 0.0 and 0.0 < servo_s < np.inf:
+        followed, means = _commanded_means(
+            frames, servo_s / dt, reading_variance, change, ahead, change + ahead_after - ahead
+        )
+        if followed:
+            return means
+    by = course(dt, servo_s, before == 0.0)
+    last = before if np.isfinite(before) else 0.0
+    squares = by.own2 * change * change + 2.0 * by.both * change * last + by.before2 * last * last
+    return SurfaceMeans(
+        by.mean * change + by.mean_before * last,
+        by.early * change + by.early_before * last,
+        by.mean,
+        0.5 * by.left * squares,
+    )
+
+
+@hot
+def _commanded_means(frames, lag, reading_variance, change, ahead, command_change):  # type: ignore[no-untyped-def]
+    """``SurfaceMeans`` of a servo whose commands at both ends of a step were recorded.
+
+    The first command acts from the beginning. At each later frame, and at the end, it changes by what nobody recorded:
+    together by ``command_change``, and so that the surface ends where it is read. Of all such changes those with the
+    least sum of squares are a random walk's likeliest. Half of that, for two conditions, is an estimate of their
+    variance.
+
+    Returns:
+        whether the surface follows its command: it moves where it is behind, and the changes are no larger than the
+        command's, but for what readings and servo err; the means.
+    """
+    first, first_mean, first_early = _step_response(1.0, lag)
+    own = change - first * ahead
+    rr = r1 = mean_r = mean_1 = mean_2 = early_r = early_1 = 0.0
+    for i in range(1, frames):
+        risen, mean, early = _step_response(1.0 - i / frames, lag)
+        rr += risen * risen
+        r1 += risen
+        mean_r += mean * risen
+        mean_1 += mean
+        mean_2 += mean * mean
+        early_r += early * risen
+        early_1 += early
+    over = 1.0 / (frames * rr - r1 * r1)
+    by_own, by_command = (frames * own - r1 * command_change) * over, (rr * command_change - r1 * own) * over
+    squares = by_own * own + by_command * command_change
+    newest, of_command = (frames * mean_r - r1 * mean_1) * over, (rr * mean_1 - r1 * mean_r) * over
+    left = max(0.0, mean_2 - newest * mean_r - of_command * mean_1)
+    error = SERVO_ERROR * max(abs(ahead), abs(change))
+    noise = SURE * SURE * frames * over * reading_variance * (1.0 + (1.0 - first) ** 2)
+    likely = squares <= command_change * command_change + error * error + noise
+    return (
+        likely and abs(change) > SERVO_ERROR * abs(ahead),
+        SurfaceMeans(
+            first_mean * ahead + by_own * mean_r + by_command * mean_1,
+            first_early * ahead + by_own * early_r + by_command * early_1,
+            newest,
+            0.5 * left * squares,
+        ),
+    )
+
+
+@hot
 def course(dt, servo_s, at_rest):  # type: ignore[no-untyped-def]
-    """How an input u goes from one reading to the next, by the readings at both and the one before.
+    """``Course`` of a step of ``dt``, s.
 
     ``servo_s``: time constant of a servo, which follows commands; infinite for one that is not known: u goes evenly,
     but for one that was at rest and has left it; 0 for a command, held to the step's end.
-
-    Returns:
-        of the mean of u - u_old over the step, its parts by the step's own change and by the change of the step before;
-        the same of the mean of (1/2 - t/dt) (u - u_old).
     """
     if servo_s == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
+        return Course(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if dt < 1e-3 * servo_s:
-        return (0.0, 0.0, 0.0, 0.0) if at_rest else (0.5 + dt / (12.0 * servo_s), 0.0, -1.0 / 12.0, 0.0)
+        if at_rest:
+            return Course(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return Course(0.5 + dt / (12.0 * servo_s), 0.0, -1.0 / 12.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     frames, lag = frames_of(dt), servo_s / dt
+    if frames > 1:
+        return _expected_course(frames, lag)
     whole, mean, early = _step_response(1.0, lag)
-    if frames == 1:
-        return mean / whole, 0.0, early / whole, 0.0
-    return _expected_course(frames, lag)
+    return Course(mean / whole, 0.0, early / whole, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @hot
 def _step_response(left, lag):  # type: ignore[no-untyped-def]
     """A servo behind a command that steps by one when a part ``left`` of the step is left, ``lag`` its time constant in
-    steps: where it ends, and the two means of ``course``."""
+    steps: where it ends, and its two means."""
     risen = 1.0 - np.exp(-left / lag)
     area = left - lag * risen
     moment = 0.5 * left * left + lag * left * (1.0 - risen) - lag * lag * risen
@@ -60,21 +184,30 @@ def _expected_course(frames, lag):  # type: ignore[no-untyped-def]
     first, first_mean, first_early = _step_response(1.0, lag)
     keep = np.exp(-2.0 / (frames * lag))
     behind = keep / (1.0 - keep)
-    before2 = both = own2 = mean_before = mean_own = early_before = early_own = 0.0
+    before2 = both = own2 = mean2 = mean_before = mean_own = early_before = early_own = 0.0
     for i in range(frames):
         risen, mean, early = _step_response(1.0 - i / frames, lag)
         variance, rest = 1.0 + (behind if i == 0 else 0.0), 1.0 - risen
         before2 += variance * risen * risen
         both += variance * risen * rest * first
         own2 += variance * rest * rest * first * first + risen * risen
+        mean2 += variance * rest * rest * first_mean * first_mean + mean * mean
         mean_before += variance * risen * rest * first_mean
         mean_own += variance * rest * rest * first * first_mean + risen * mean
         early_before += variance * risen * rest * first_early
         early_own += variance * rest * rest * first * first_early + risen * early
     over = 1.0 / (before2 * own2 - both * both)
-    return (
+    by_own, by_before = (
         (mean_own * before2 - mean_before * both) * over,
         (mean_before * own2 - mean_own * both) * over,
+    )
+    return Course(
+        by_own,
+        by_before,
         (early_own * before2 - early_before * both) * over,
         (early_before * own2 - early_own * both) * over,
+        max(0.0, mean2 - by_own * mean_own - by_before * mean_before),
+        before2 * over,
+        -both * over,
+        own2 * over,
     )

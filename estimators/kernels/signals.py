@@ -46,6 +46,8 @@ class SignalForm(NamedTuple):
     """(states + 1,): channels of the vane, the rates and the accelerometer."""
     inputs: NDArray[np.int64]
     """(inputs,): channels."""
+    commands: NDArray[np.int64]
+    """(inputs,): channels of what the servos are told."""
     x_vane_m: float
     z_vane_m: float
     airspeed_memory_s: float
@@ -118,6 +120,8 @@ def fill_signals(values, lanes, form, state, out):  # type: ignore[no-untyped-de
             _leave_out_stuck(row, form.readings, dt, state.readings[i], o)
             for j in range(nu):
                 o[2 + ns + j] = row[inputs[j]]
+                ahead = row[form.commands[j]] - row[inputs[j]]
+                o[out.shape[2] - nu + j] = ahead if np.isfinite(ahead) else 0.0
                 if form.servo_s[j] > 0.0:
                     o[2 + ns + j] = _surface(row[inputs[j]], dt, form.servo_s[j], servos[i, :, j])
             density = _density(row)

@@ -9,11 +9,13 @@ import other_axis
 import pytest
 import simulated_flights
 import still_flights
+import turbulence
 from refusals import refusal
 from scipy.stats import binom
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, linearised_derivatives, load_aircraft, trimmed
 from wingwatch.estimators import Estimate, Outcome
+from wingwatch.simulation import Scenario
 
 AEROSONDE = load_aircraft("aerosonde")
 
@@ -152,3 +154,32 @@ def test_bad_arguments_get_one_sentence(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert words in refusal(module, arguments, monkeypatch, capsys)
+
+
+# records slower than the autopilot
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_at_twenty_samples_a_second_stated_errors_hold(drawn: bool) -> None:
+    """Doublets whose edges fall on samples, and at any time; both estimators, both structures."""
+    flights = 4
+    at = simulated_flights.cruise_of(AEROSONDE)
+    doublets = turbulence.doublet_schedule(AEROSONDE, at, simulated_flights.AMPLITUDE_RAD)
+    scenarios = [
+        Scenario(
+            AEROSONDE,
+            at.airspeed_true_m_s,
+            at.altitude_m,
+            manoeuvres=(turbulence.drawn(doublets, seed) if drawn else doublets,),
+            seed=seed,
+        )
+        for seed in range(87600, 87600 + flights)
+    ]
+    files = [simulated_flights.misstated(AEROSONDE, s.seed) for s in scenarios]
+    estimates = turbulence.finals(scenarios, files, 20.0, 60.0, commands=False)
+    scores = np.concatenate(
+        [(e.value - simulated_flights.truth_of(AEROSONDE, e)) / e.standard_error for e in estimates]
+    )
+    assert scores.size == flights * 2 * (6 + 15)
+    assert np.mean(np.abs(scores) < 1.96) > 0.9
+    assert np.abs(scores).max() < 6.0

@@ -23,10 +23,11 @@ def test_course_of_a_servo_whose_command_is_held(servo_s: float) -> None:
     def risen(s: float) -> float:
         return float((1.0 - np.exp(-s * DT / servo_s)) / (1.0 - np.exp(-DT / servo_s)))
 
-    mean, mean_before, early, early_before = course(DT, servo_s, False)
+    mean, mean_before, early, early_before, *doubt = course(DT, servo_s, False)
     assert mean == pytest.approx(quad(risen, 0.0, 1.0)[0], rel=1e-9)
     assert early == pytest.approx(quad(lambda s: (0.5 - s) * risen(s), 0.0, 1.0)[0], rel=1e-6)
     assert mean_before == early_before == 0.0, "where the command is held, its own change says all"
+    assert doubt == [0.0] * 4
 
 
 @pytest.mark.parametrize(("rate_hz", "frames"), [(25.0, 2), (10.0, 5)])
@@ -56,13 +57,18 @@ def test_course_of_a_servo_between_samples_that_hold_several_commands(rate_hz: f
     change = np.diff(at[::frames])
     regressors = np.column_stack([change[1:], change[:-1]])
     want = np.linalg.lstsq(regressors, np.column_stack([mean[1:], early[1:]]), rcond=None)[0].T.ravel()
-    np.testing.assert_allclose(course(step_s, servo_s, False), want, atol=2e-3)
+    by = course(step_s, servo_s, False)
+    np.testing.assert_allclose(by[:4], want, atol=2e-3)
+    left = mean[1:] - regressors @ want[:2]
+    assert by.left == pytest.approx(left.var(), rel=0.02)
+    inverse = np.linalg.inv(np.cov(regressors.T))
+    np.testing.assert_allclose((by.own2, by.both, by.before2), inverse[[0, 0, 1], [0, 1, 1]], atol=0.01)
 
 
 def test_course_where_no_servo_is_known() -> None:
-    assert course(DT, np.inf, False) == (0.5, 0.0, -1.0 / 12.0, 0.0)
-    assert course(DT, np.inf, True) == (0.0,) * 4, "a surface that was at rest is held to the step's end"
-    assert course(DT, 0.0, False) == (0.0,) * 4
+    assert course(DT, np.inf, False) == (0.5, 0.0, -1.0 / 12.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert course(DT, np.inf, True) == (0.0,) * 8, "a surface that was at rest is held to the step's end"
+    assert course(DT, 0.0, False) == (0.0,) * 8
 
 
 @pytest.mark.parametrize(("damping", "input_now"), [(0.0, 0.06), (-400.0, 0.01)])
@@ -81,7 +87,7 @@ def test_a_step_under_an_input_that_moves_evenly_is_exact(damping: float, input_
     start, old, new = np.array([0.4, -0.2]), 0.01, input_now
     exact = (expm(DT * whole) @ np.concatenate([start, [old, (new - old) / DT]]))[:2]
     z = np.concatenate([start, derivatives, [0.0, 0.0]])
-    mean, _, early, _ = course(DT, np.inf, False)
+    mean, _, early, *_ = course(DT, np.inf, False)
     step = Step(
         dt_s=DT,
         pressure_ratio=1.0,
@@ -92,6 +98,7 @@ def test_a_step_under_an_input_that_moves_evenly_is_exact(damping: float, input_
         inputs=np.array([old + mean * (new - old)]),
         early=np.array([early * (new - old)]),
         newest_fraction=np.array([mean]),
+        course_variance=np.zeros(1),
         inputs_end=np.array([new]),
         scale=np.ones(6),
         forward=np.array([0.0, 25.0]),
@@ -108,8 +115,8 @@ def test_a_step_with_a_derivative_that_is_no_number_comes_to_its_end(damping: fl
     z = np.concatenate([[0.4, -0.2], PITCH.aerodynamic, [0.0, 0.0]])
     z[6] = damping
     nothing = np.zeros(1)
-    step = Step(DT, 1.0, 25.0, False, False, np.array([0.0, 1.0]), nothing, nothing, nothing, nothing, np.ones(6),
-                np.array([0.0, 25.0]), np.zeros(2), np.zeros(0))  # fmt: skip
+    step = Step(DT, 1.0, 25.0, False, False, np.array([0.0, 1.0]), nothing, nothing, nothing, nothing, nothing,
+                np.ones(6), np.array([0.0, 25.0]), np.zeros(2), np.zeros(0))  # fmt: skip
     assert not np.isfinite(transition(filter_of(0.0).model, z, step).after[:2]).all()
 
 

@@ -51,7 +51,7 @@ def step(rolling: bool, gusts: int) -> Step:
     surfaces, early = np.array([0.02, -0.03]), np.array([0.001, 0.002])
     direction = estimator().model.gust_direction
     return Step(
-        STEP_S, 1.1, AIRSPEED_M_S, True, rolling, direction, surfaces, early, np.full(2, 0.5), surfaces,
+        STEP_S, 1.1, AIRSPEED_M_S, True, rolling, direction, surfaces, early, np.full(2, 0.5), np.zeros(2), surfaces,
         np.full(15, 1.05), forward, np.array([0.1, 0.0, 0.0]), decay,
     )  # fmt: skip
 

@@ -19,7 +19,7 @@ def flown_bank(rows: np.ndarray) -> np.ndarray:
     filters = new_filters(OMEGA.size)
     for k in range(1, len(rows)):
         known = rows_before(rows, k)
-        advance_bank(OMEGA, np.array([np.inf]), filters, bank, known, rows[k], 2)
+        advance_bank(OMEGA, np.array([np.inf]), np.zeros(1), filters, bank, known, rows[k], 2)
         advance_air(EXPONENTS, filters.coefficients, bank, known, rows[k], 2)
     return bank
 

@@ -61,7 +61,7 @@ def banked(
     bank = np.zeros((bank_channels(2, 1) + air_channels(2, 1), 2, OMEGA.size))
     filters, servo = new_filters(OMEGA.size), np.array([servo_s])
     for k in range(1, len(rows)):
-        advance_bank(OMEGA, servo, filters, bank, rows_before(rows, k), rows[k], 2)
+        advance_bank(OMEGA, servo, np.zeros(1), filters, bank, rows_before(rows, k), rows[k], 2)
     lines, phase = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     model = PITCH_MODEL._replace(
         omega=OMEGA, lever=np.array([0.0, lever_m]), servo_s=servo, prior=Prior(theta, np.ones(6))

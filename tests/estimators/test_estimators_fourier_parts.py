@@ -22,7 +22,7 @@ def run_bank(rows: Array, held: bool = False) -> tuple[NDArray[np.complex128], N
     bank = np.zeros((bank_channels(2, 1), 2, OMEGA.size))
     filters, servo_s = new_filters(OMEGA.size), np.array([0.0 if held else np.inf])
     for k in range(1, len(rows)):
-        advance_bank(OMEGA, servo_s, filters, bank, rows_before(rows, k), rows[k], 2)
+        advance_bank(OMEGA, servo_s, np.zeros(1), filters, bank, rows_before(rows, k), rows[k], 2)
     transforms, decay = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     return as_complex(transforms), as_complex(decay)
 

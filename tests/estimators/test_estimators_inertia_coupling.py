@@ -91,7 +91,9 @@ def test_the_moment_column_is_the_simulations_own_coupling(
     places = ["pqr".index(s) for s in structure.states[1:]]
     want = spin_up_of(flight)[:, places]
     assert np.abs(want).max() > 0.03, "the flight has no coupling to speak of"
-    np.testing.assert_allclose(rows[:, signals.config.layout.known_moments :], want, atol=1e-12)
+    np.testing.assert_allclose(
+        rows[:, signals.config.layout.known_moments : signals.config.layout.ahead], want, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(("structure", "row", "axis"), [(LONGITUDINAL, 2, 1), (ROLL, 0, 0), (LATERAL, 2, 2)])
