@@ -34,7 +34,7 @@ def test_short_period_by_hand() -> None:
     row = rows(SHORT_PERIOD, block(), vane_position_m=(0.4, 0.0, -0.1))[0]
     w, v = 25.0 * math.sin(0.05) + 0.1 * 0.4, 25.0 * math.sin(-0.02) + 0.3 * 0.4 - 0.2 * 0.1
     kinematic = 25.0 * math.cos(0.05) * 0.1 - 0.2 * v + G * math.cos(0.1) * math.cos(0.3)
-    want = [0.0, w, 0.1, -9.0, 0.01, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0, 0.0]
+    want = [0.0, w, 0.1, -9.0, 0.01, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0, 0.0, 0.0]
     np.testing.assert_allclose(row, want, rtol=1e-12)
 
 
@@ -43,8 +43,34 @@ def test_lateral_by_hand() -> None:
     w, v = 25.0 * math.sin(0.05) + 0.1 * 0.4, 25.0 * math.sin(-0.02) + 0.3 * 0.4 - 0.2 * 0.1
     kinematic = 25.0 * math.cos(0.05) * 0.3 + 0.2 * w + G * math.cos(0.1) * math.sin(0.3)
     still = [0.0, 0.0]
-    want = [0.0, v, 0.2, -0.3, 0.4, 0.02, 0.03, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0, *still]
+    want = [
+        0.0,
+        v,
+        0.2,
+        -0.3,
+        0.4,
+        0.02,
+        0.03,
+        kinematic,
+        1.1 / 1.225,
+        25.0,
+        1.1,
+        1000.0,
+        0.05,
+        1.0,
+        *still,
+        *still,
+    ]
     np.testing.assert_allclose(row, want, rtol=1e-12)
+
+
+def test_a_row_says_how_far_a_command_is_ahead_of_its_surface() -> None:
+    """Of a measured one; what is known by its command alone has no reading that could say when it moved."""
+    ahead, told = SignalConfig(LATERAL).layout.ahead, {"aileron_command_rad": 0.05}
+    np.testing.assert_allclose(rows(LATERAL, block(**told))[0, ahead:], [0.03, 0.0], rtol=1e-12)
+    np.testing.assert_array_equal(rows(LATERAL, block(aileron_command_rad=math.nan))[0, ahead:], 0.0)
+    alone = rows(LATERAL, block(50, aileron_rad=0.05, **told), servo_s=(0.02, 0.0))
+    np.testing.assert_array_equal(alone[:, ahead:], 0.0)
 
 
 def test_known_moments_are_those_of_the_whole_inertia_tensor() -> None:
@@ -60,7 +86,7 @@ def test_known_moments_are_those_of_the_whole_inertia_tensor() -> None:
         np.testing.assert_allclose(row[layout.known_moments : layout.ahead], expected, rtol=1e-12)
         assert (rows(structure, block())[0, layout.known_moments : layout.ahead] == 0.0).all()
     missing = rows(SHORT_PERIOD, block(yaw_rate_rad_s=math.nan), inertia=inertia)[0]
-    assert missing[-1] == 0.0
+    assert missing[SignalConfig(SHORT_PERIOD).layout.known_moments] == 0.0
 
 
 def test_inertia_is_that_of_the_aircraft_file() -> None:
@@ -147,8 +173,9 @@ def test_known_moments_pass_the_filter_of_a_reconstructed_velocity() -> None:
     )
     state = signals.init(1)
     raw = signals.update(state, samples.values[None])
-    passed = signals.high_passed(state, raw)[0, :, -1]
-    np.testing.assert_allclose(raw[0, 1:, -1], 0.2 * -0.3, rtol=1e-12)
+    moment = signals.config.layout.known_moments
+    passed = signals.high_passed(state, raw)[0, :, moment]
+    np.testing.assert_allclose(raw[0, 1:, moment], 0.2 * -0.3, rtol=1e-12)
     np.testing.assert_allclose(passed[1:], 0.2 * -0.3 * np.exp(-(samples.time_s[1:] - 0.02) / 5.0), rtol=1e-9)
 
 
