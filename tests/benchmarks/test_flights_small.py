@@ -15,7 +15,7 @@ from scipy.stats import binom
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, linearised_derivatives, load_aircraft, trimmed
 from wingwatch.estimators import Estimate, Outcome
-from wingwatch.simulation import Scenario
+from wingwatch.simulation import Scenario, doublet_schedule
 
 AEROSONDE = load_aircraft("aerosonde")
 
@@ -164,7 +164,7 @@ def test_at_twenty_samples_a_second_stated_errors_hold(drawn: bool) -> None:
     """Doublets whose edges fall on samples, and at any time; both estimators, both structures."""
     flights = 4
     at = simulated_flights.cruise_of(AEROSONDE)
-    doublets = turbulence.doublet_schedule(AEROSONDE, at, simulated_flights.AMPLITUDE_RAD)
+    doublets = doublet_schedule(AEROSONDE, at, simulated_flights.AMPLITUDE_RAD)
     scenarios = [
         Scenario(
             AEROSONDE,

@@ -66,10 +66,11 @@ def test_lateral_by_hand() -> None:
 
 def test_a_row_says_how_far_a_command_is_ahead_of_its_surface() -> None:
     """Of a measured one; what is known by its command alone has no reading that could say when it moved."""
-    ahead, told = SignalConfig(LATERAL).layout.ahead, {"aileron_command_rad": 0.05}
-    np.testing.assert_allclose(rows(LATERAL, block(**told))[0, ahead:], [0.03, 0.0], rtol=1e-12)
+    ahead = SignalConfig(LATERAL).layout.ahead
+    told = rows(LATERAL, block(aileron_command_rad=0.05))
+    np.testing.assert_allclose(told[0, ahead:], np.array([0.03, 0.0]), rtol=1e-12)
     np.testing.assert_array_equal(rows(LATERAL, block(aileron_command_rad=math.nan))[0, ahead:], 0.0)
-    alone = rows(LATERAL, block(50, aileron_rad=0.05, **told), servo_s=(0.02, 0.0))
+    alone = rows(LATERAL, block(50, aileron_rad=0.05, aileron_command_rad=0.05), servo_s=(0.02, 0.0))
     np.testing.assert_array_equal(alone[:, ahead:], 0.0)
 
 
