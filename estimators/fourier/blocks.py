@@ -59,6 +59,7 @@ from wingwatch.estimators.fourier.state import (
     CHANGED,
     CLOSED,
     CONDITION,
+    COURSES,
     DENSITY,
     LAST,
     SAMPLES,
@@ -80,6 +81,7 @@ from wingwatch.estimators.fourier.state import (
 from wingwatch.estimators.kernels.apart import apart
 from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, disperse, dispersion_workspace
 from wingwatch.estimators.kernels.hot import entry, lean, part
+from wingwatch.estimators.kernels.intersample import frames_of, means_of_rows
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
 from wingwatch.telemetry import MAX_GAP_S
 
@@ -134,7 +136,7 @@ class Workspace(NamedTuple):
 def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Workspace:
     """Workspace for ns states, nu inputs, signal rows of so many columns, and ns or ns + 1 rows of a block."""
     k, channels = ns * (ns + nu), bank_channels(ns, nu) + air_channels(ns, nu)
-    window = ((channels, 2, bins), (3, columns), SAMPLES + 1, ns + 2)
+    window = ((channels, 2, bins), (3, columns), COURSES + 2 * nu, ns + 2)
     workspace = Workspace(
         solution_workspace(ns, nu, bins, rows),
         block_solution(ns, nu),
@@ -182,6 +184,18 @@ def _add_second_differences(block, new, ns):  # type: ignore[no-untyped-def]
 
 
 @lean
+def _add_course_doubt(model, block, new):  # type: ignore[no-untyped-def]
+    """Add the variance of each input's mean over the step to ``new``, and its square."""
+    rows, first = block.rows, 2 + model.lever.size
+    if frames_of(new[TIME] - rows[LAST, TIME]) == 1:
+        return
+    for j in range(model.servo_s.size):
+        means = means_of_rows(new, rows[LAST], rows[BEFORE], j, first, model.servo_s, model.input_variance)
+        block.sums[COURSES + 2 * j] += means.variance
+        block.sums[COURSES + 2 * j + 1] += means.variance * means.variance
+
+
+@lean
 def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
     """Take in one row of signals; returns what it does to the block."""
     bank, rows = block.bank, block.rows
@@ -201,6 +215,7 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
         _add_second_differences(block, new, ns)
     for j in range(nu):
         follow_reading(filters.readings[j], new[2 + ns + j], dt, model.input_variance[j])
+    _add_course_doubt(model, block, new)
     copy_vector(rows[LAST], rows[BEFORE])
     copy_vector(new, rows[LAST])
     _gather(block.sums, new, condition)

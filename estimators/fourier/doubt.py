@@ -1,13 +1,13 @@
-"""What noise and air leave in a block's residuals because the derivatives are not known; compiled.
+"""What a block's residuals have because derivatives, and courses of surfaces between samples, are not known; compiled.
 
 ``docs/methods/fourier.md``, section 4, (10a) and (10b).
 """
 
 from wingwatch.estimators.fourier.noise import channel_variance
-from wingwatch.estimators.fourier.state import GUST, ROLLING
+from wingwatch.estimators.fourier.state import COURSES, GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["doubt_of"]
+__all__ = ["doubt_of", "doubt_of_courses"]
 
 
 @lean
@@ -45,3 +45,33 @@ def doubt_of(covariance, scale, plant, noise, doubt):  # type: ignore[no-untyped
                     doubt[1, k, m] = noise[GUST] * doubted
             rolls = ns == 3 and plant.roll_column[1] != 0.0
             doubt[2, k, m] = noise[ROLLING] * _beside_size(covariance, scale, plant, k, m) if rolls else 0.0
+
+
+@lean
+def doubt_of_courses(sums, plant, doubt):  # type: ignore[no-untyped-def]
+    """Add what is not known of surfaces between samples, (docs (10c)).
+
+    Args:
+        sums: of ``Block``.
+        plant: ``Plant`` at which the block is linearised.
+        doubt: (states, states) white, in place.
+    """
+    ns, nd = plant.derivatives.shape
+    for j in range(nd - ns):
+        once, twice = sums[COURSES + 2 * j], sums[COURSES + 2 * j + 1]
+        if not (once > 0.0 and twice > 0.0):
+            continue
+        for k in range(ns):
+            for m in range(ns):
+                doubt[k, m] += _by_surface(plant, k, ns + j) * _by_surface(plant, m, ns + j) * twice / once
+
+
+@lean
+def _by_surface(plant, k, c):  # type: ignore[no-untyped-def]
+    """What row k makes of a surface elsewhere between samples: an accelerometer's line misses it as the surface's."""
+    if k > 0 or not plant.by_accelerometer:
+        return plant.derivatives[k, c]
+    turned = 0.0
+    for m in range(1, plant.lever.size):
+        turned += plant.lever[m] * plant.derivatives[m, c]
+    return turned

@@ -25,8 +25,8 @@ from wingwatch.estimators.fourier.checkpoints import CHECKPOINTS
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
     CLOSED,
+    COURSES,
     LAST,
-    SAMPLES,
     SOLUTIONS,
     START,
     TIME,
@@ -226,7 +226,7 @@ class FourierEstimator:
         ns, nu, k = self.layout.states, self.layout.inputs, len(c.structure.derivatives)
         nf, columns = c.omega_rad_s.size, self.layout.columns
         channels = (bank_channels(ns, nu) + air_channels(ns, nu), 2, nf)
-        sensors, sums = 2 * ns + 1, SAMPLES + 1
+        sensors, sums = 2 * ns + 1, COURSES + 2 * self.layout.inputs
         noise = np.ones((n, sensors + nu + AIR_VARIANCES))
         noise[:, sensors:] = 0.0
         state = FourierState(

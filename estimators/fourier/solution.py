@@ -20,7 +20,7 @@ from wingwatch.estimators.fourier.directions import (
     noise_edge,
     reduce_information,
 )
-from wingwatch.estimators.fourier.doubt import doubt_of
+from wingwatch.estimators.fourier.doubt import doubt_of, doubt_of_courses
 from wingwatch.estimators.fourier.driven_motion import driven_motions, roll_shared_at_ends
 from wingwatch.estimators.fourier.equations import (
     EquationSides,
@@ -257,6 +257,7 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     for k in range(weighing.weights.shape[0]):
         copy_bank(weighing.weights[k], weighing.sure[k])
     doubt_of(at.covariance, scale, plant, noise, weighing.doubt)
+    doubt_of_courses(sums, plant, weighing.doubt[0])
     weigh_with_doubt(noise, power, weighing)
     driven_motions(omega, plant, weighing)
     responses(omega, rows, plant, transforms)

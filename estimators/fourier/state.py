@@ -20,6 +20,7 @@ __all__ = [
     "BETWEEN",
     "CLOSED",
     "CONDITION",
+    "COURSES",
     "DENSITY",
     "GUST",
     "LAST",
@@ -52,8 +53,8 @@ TIME = 0
 CONDITION = 2
 """Columns from the kinematic term to the flight condition, which has the order of the next four names."""
 
-AIRSPEED, DENSITY, ALTITUDE, ALPHA, SAMPLES = range(5)
-"""Places in ``Block.sums``."""
+AIRSPEED, DENSITY, ALTITUDE, ALPHA, SAMPLES, COURSES = range(6)
+"""Places in ``Block.sums``; two for each input follow the last."""
 
 START, LAST, BEFORE = range(3)
 """Rows of ``Block.rows``."""
@@ -143,8 +144,8 @@ class Block(NamedTuple):
     Attributes:
         bank: (channels, 2, bins) transforms, real and imaginary part; unit of the signal times s.
         rows: (3, columns) signal rows at the window's start, the last one and the one before.
-        sums: (5,) over the window: airspeed (m/s), density (kg/m3), altitude (m), angle of attack (rad), number of
-            samples.
+        sums: (5 + 2 inputs,) over the window: airspeed (m/s), density (kg/m3), altitude (m), angle of attack (rad),
+            number of samples; then of each input variance of its mean over a step, rad2, and the square of that.
         roughness: (states + 2,) sums of the roots of magnitudes of second differences of states and accelerometer, and
             their number.
     """

@@ -159,8 +159,8 @@ def test_bad_arguments_get_one_sentence(
 # records slower than the autopilot
 
 
-@pytest.mark.parametrize("drawn", [False, True])
-def test_at_twenty_samples_a_second_stated_errors_hold(drawn: bool) -> None:
+@pytest.mark.parametrize(("drawn", "commands"), [(False, False), (True, False), (True, True)])
+def test_at_twenty_samples_a_second_stated_errors_hold(drawn: bool, commands: bool) -> None:
     """Doublets whose edges fall on samples, and at any time; both estimators, both structures."""
     flights = 4
     at = simulated_flights.cruise_of(AEROSONDE)
@@ -176,7 +176,7 @@ def test_at_twenty_samples_a_second_stated_errors_hold(drawn: bool) -> None:
         for seed in range(87600, 87600 + flights)
     ]
     files = [simulated_flights.misstated(AEROSONDE, s.seed) for s in scenarios]
-    estimates = turbulence.finals(scenarios, files, 20.0, 60.0, commands=False)
+    estimates = turbulence.finals(scenarios, files, 20.0, 60.0, commands)
     scores = np.concatenate(
         [(e.value - simulated_flights.truth_of(AEROSONDE, e)) / e.standard_error for e in estimates]
     )

@@ -8,7 +8,7 @@ import pytest
 from kernels import PITCH_MODEL
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.doubt import doubt_of
+from wingwatch.estimators.fourier.doubt import doubt_of, doubt_of_courses
 from wingwatch.estimators.fourier.driven_motion import driven_motions, roll_shared_at_ends
 from wingwatch.estimators.fourier.noise import (
     Air,
@@ -27,7 +27,7 @@ from wingwatch.estimators.fourier.regressor_errors import (
     shared_with_residual,
     without_errors,
 )
-from wingwatch.estimators.fourier.state import AIR_VARIANCES, GUST, ROLLING, Equation
+from wingwatch.estimators.fourier.state import AIR_VARIANCES, COURSES, GUST, ROLLING, Equation
 
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 SPEED, POWER, SPAN = 25.0, 0.2, 10.0
@@ -250,6 +250,28 @@ def test_an_error_of_all_that_roll_does_is_one_of_the_rolling_air_and_ratios_are
     want = np.zeros((3, 3))
     want[2, 2] = 0.04 * c.noise[ROLLING]
     np.testing.assert_allclose(work.doubt[2], want, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["pitch", "lateral"])
+def test_a_surface_that_was_elsewhere_between_samples_is_noise_while_it_moves(name: str) -> None:
+    """Known in one step of ten to a tenth of a degree: as large as there, not as on average.
+
+    Of an accelerometer ahead of the centre of gravity the lever's part is left, the angular accelerations being exact.
+    """
+    c = CASES[name]
+    ns, nd = c.plant.derivatives.shape
+    variance = np.deg2rad(0.1) ** 2
+    sums = np.zeros(COURSES + 2 * (nd - ns))
+    sums[COURSES:] = np.tile([10.0 * variance, 10.0 * variance**2], nd - ns)
+    doubt = np.zeros((ns, ns))
+    doubt_of_courses(sums, c.plant, doubt)
+    by_surface = c.plant.derivatives[:, ns:].copy()
+    if c.plant.by_accelerometer:
+        by_surface[0] = c.plant.lever[1:] @ by_surface[1:]
+    np.testing.assert_allclose(doubt, variance * by_surface @ by_surface.T, rtol=1e-12)
+    still = np.zeros((ns, ns))
+    doubt_of_courses(np.zeros(sums.size), c.plant, still)
+    assert (still == 0.0).all()
 
 
 def drawn(rng: np.random.Generator, draws: int, variance: Array) -> Complex:
