@@ -185,14 +185,17 @@ def _add_second_differences(block, new, ns):  # type: ignore[no-untyped-def]
 
 @lean
 def _add_course_doubt(model, block, new):  # type: ignore[no-untyped-def]
-    """Add the variance of each input's mean over the step to ``new``, and its square."""
-    rows, first = block.rows, 2 + model.lever.size
-    if frames_of(new[TIME] - rows[LAST, TIME]) == 1:
-        return
+    """Add the square of how far each input has moved over the step to ``new``, and that times its mean's variance."""
+    rows, sums, first = block.rows, block.sums, 2 + model.lever.size
+    several = frames_of(new[TIME] - rows[LAST, TIME]) > 1
     for j in range(model.servo_s.size):
-        means = means_of_rows(new, rows[LAST], rows[BEFORE], j, first, model.servo_s, model.input_variance)
-        block.sums[COURSES + 2 * j] += means.variance
-        block.sums[COURSES + 2 * j + 1] += means.variance * means.variance
+        moved = (new[first + j] - rows[LAST, first + j]) ** 2
+        sums[COURSES + 2 * j] += moved
+        if several:
+            means = means_of_rows(
+                new, rows[LAST], rows[BEFORE], j, first, model.servo_s, model.input_variance
+            )
+            sums[COURSES + 2 * j + 1] += moved * means.variance
 
 
 @lean

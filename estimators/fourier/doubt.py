@@ -58,12 +58,12 @@ def doubt_of_courses(sums, plant, doubt):  # type: ignore[no-untyped-def]
     """
     ns, nd = plant.derivatives.shape
     for j in range(nd - ns):
-        once, twice = sums[COURSES + 2 * j], sums[COURSES + 2 * j + 1]
-        if not (once > 0.0 and twice > 0.0):
+        moved, doubted = sums[COURSES + 2 * j], sums[COURSES + 2 * j + 1]
+        if not (moved > 0.0 and doubted > 0.0):
             continue
         for k in range(ns):
             for m in range(ns):
-                doubt[k, m] += _by_surface(plant, k, ns + j) * _by_surface(plant, m, ns + j) * twice / once
+                doubt[k, m] += _by_surface(plant, k, ns + j) * _by_surface(plant, m, ns + j) * doubted / moved
 
 
 @lean

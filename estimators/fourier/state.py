@@ -145,7 +145,8 @@ class Block(NamedTuple):
         bank: (channels, 2, bins) transforms, real and imaginary part; unit of the signal times s.
         rows: (3, columns) signal rows at the window's start, the last one and the one before.
         sums: (5 + 2 inputs,) over the window: airspeed (m/s), density (kg/m3), altitude (m), angle of attack (rad),
-            number of samples; then of each input variance of its mean over a step, rad2, and the square of that.
+            number of samples; then of each input the square of its change over a step, rad2, and that times the
+            variance of its mean over the step.
         roughness: (states + 2,) sums of the roots of magnitudes of second differences of states and accelerometer, and
             their number.
     """

@@ -254,7 +254,7 @@ def test_an_error_of_all_that_roll_does_is_one_of_the_rolling_air_and_ratios_are
 
 @pytest.mark.parametrize("name", ["pitch", "lateral"])
 def test_a_surface_that_was_elsewhere_between_samples_is_noise_while_it_moves(name: str) -> None:
-    """Known in one step of ten to a tenth of a degree: as large as there, not as on average.
+    """Known to a tenth of a degree where it moved, by two degrees in ten steps of a block: as large as there.
 
     Of an accelerometer ahead of the centre of gravity the lever's part is left, the angular accelerations being exact.
     """
@@ -262,7 +262,8 @@ def test_a_surface_that_was_elsewhere_between_samples_is_noise_while_it_moves(na
     ns, nd = c.plant.derivatives.shape
     variance = np.deg2rad(0.1) ** 2
     sums = np.zeros(COURSES + 2 * (nd - ns))
-    sums[COURSES:] = np.tile([10.0 * variance, 10.0 * variance**2], nd - ns)
+    moved = 10.0 * np.deg2rad(2.0) ** 2
+    sums[COURSES:] = np.tile([moved, moved * variance], nd - ns)
     doubt = np.zeros((ns, ns))
     doubt_of_courses(sums, c.plant, doubt)
     by_surface = c.plant.derivatives[:, ns:].copy()
