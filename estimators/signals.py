@@ -12,10 +12,12 @@ aerodynamic derivatives never have the forward speed inside; it is added again w
 
 Column layout of the result (shape (vehicles, samples, columns)): time, states, accelerometer, inputs, then
 kinematic term, dynamic pressure ratio rho V^2 / (rho V^2 at the reference), filtered airspeed, air density,
-altitude, angle of attack, 1 where the velocity was measured by a vane or 0 where it was reconstructed, and for each
-rate of the structure (states after the first) the known angular acceleration, rad/s2.
+altitude, angle of attack, 1 where the velocity was measured by a vane or 0 where it was reconstructed, for each
+rate of the structure (states after the first) the known angular acceleration, rad/s2, and for each input how far the
+recorded command is ahead of the measured surface, rad; 0 where either is missing.
 
-That is inertia coupling (``inertia_coupling``), 0 where the moments of inertia are not stated or a rate that it needs
+The known angular acceleration is inertia coupling (``inertia_coupling``), 0 where the moments of inertia are not
+stated or a rate that it needs
 is missing. It is made of measured rates, so it carries their noise: a product p r with noises n_p, n_r has the error
 p n_r + r n_p + n_p n_r, of variance p^2 R_r + r^2 R_p + R_p R_r; a square p^2 has 2 p n_p + n_p^2, of mean R_p, which
 a trim constant takes. In gentle flight that is far below the noise of a differentiated rate: at 0.5 rad/s and

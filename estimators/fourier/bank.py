@@ -52,7 +52,8 @@ less, with another time constant, and reach the vane earlier or later."""
 
 @lean
 def bank_channels(ns, nu):  # type: ignore[no-untyped-def]
-    """Channels that are filtered: states, accelerometer, inputs, dynamic pressure, jumps of inputs."""
+    """Channels that are filtered: states, accelerometer, inputs, dynamic pressure, and of each input its jumps, or what
+    its line misses."""
     return ns + 2 * nu + 2
 
 

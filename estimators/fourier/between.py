@@ -88,7 +88,7 @@ def between_samples(model, rows, dt, theta, scale, forward, transforms):  # type
         theta, scale: (k,) referred derivatives, and what makes them present ones.
         forward: (states,) what the kinematic term has of each state, m/s.
         transforms: ``Transforms`` with lines and phase; the regressors become the new transforms, the channels of
-            jumps left as they are.
+            jumps, or of what a servo's lines miss in slow records, left as they are.
     """
     omega, servo_s, lever = model.omega, model.servo_s, model.lever
     lines, phase, out = transforms.lines, transforms.phase, transforms.regressors

@@ -1,4 +1,5 @@
-"""What an input does between two readings; compiled."""
+"""What an input does between two readings, angles in rad; compiled. Derivation: ``docs/methods/kalman_filter.md``
+section 5, (12) to (12c)."""
 
 from typing import NamedTuple
 
@@ -62,8 +63,13 @@ def frames_of(dt):  # type: ignore[no-untyped-def]
 
 @hot
 def means_of_rows(new, old, older, j, first_input, servo_s, reading_variance):  # type: ignore[no-untyped-def]
-    """``SurfaceMeans`` of input j over the step between the last two of three rows of ``Signals``; ``first_input``: the
-    first input's column."""
+    """``SurfaceMeans`` of input j over the step between the last two of three rows of ``Signals``.
+
+    Args:
+        new, old, older: (columns,), the newest first.
+        first_input: column of the first input.
+        servo_s, reading_variance: (inputs,), s and rad2.
+    """
     c, ahead, dt = first_input + j, new.size - servo_s.size + j, new[0] - old[0]
     before = old[c] - older[c]
     if before != 0.0 and not abs(old[0] - older[0] - dt) < 0.5 * dt:
@@ -76,7 +82,7 @@ def surface_means(dt, servo_s, reading_variance, before, change, ahead, ahead_af
     """``SurfaceMeans`` of a step of ``dt``, s.
 
     Args:
-        servo_s: of ``course``; reading_variance: of u.
+        servo_s: of ``course``, s; reading_variance: of u, rad2.
         before, change: of the readings, over the step before (NaN where that was of another length) and this one.
         ahead, ahead_after: how far the command is ahead of the surface at the step's beginning and end, 0 where it is
             not known.
