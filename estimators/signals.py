@@ -17,10 +17,11 @@ rate of the structure (states after the first) the known angular acceleration, r
 recorded command is ahead of the measured surface, rad; 0 where either is missing.
 
 The known angular acceleration is inertia coupling (``inertia_coupling``), 0 where the moments of inertia are not
-stated or a rate that it needs is missing. It is made of measured rates, so it carries their noise: a product p r with
-noises n_p, n_r has the error p n_r + r n_p + n_p n_r, of variance p^2 R_r + r^2 R_p + R_p R_r; a square p^2 has 2 p n_p + n_p^2, of mean R_p, which
-a trim constant takes. In gentle flight that is far below the noise of a differentiated rate: at 0.5 rad/s and
-gyro noise of 0.005 rad/s it is 0.0025 rad/s2, that of a central difference at 50 Hz 0.18 rad/s2.
+stated or a rate that it needs is missing. It is made of measured rates, so it carries their noise: a product p r
+with noises n_p, n_r has the error p n_r + r n_p + n_p n_r, of variance p^2 R_r + r^2 R_p + R_p R_r; a square p^2
+has 2 p n_p + n_p^2, of mean R_p, which a trim constant takes. In gentle flight that is far below the noise of a
+differentiated rate: at 0.5 rad/s and gyro noise of 0.005 rad/s it is 0.0025 rad/s2, that of a central difference at
+50 Hz 0.18 rad/s2.
 
 Without a vane (thesis 7.2) the rates above are integrated. Errors of sensors would then grow without bound, so the
 integral leaks: what comes out is not w but w behind a high-pass filter, T s / (T s + 1). ``Signals.high_passed`` lets
