@@ -472,9 +472,11 @@ def advance(model, state, follows, signals, lanes, ends, solves, work):  # type:
             if what == FULL or rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s:
                 close(model, vehicle, work)
             _restart(model, block, signals[m, k], what == GAP, vehicle.checkpoints.rows)
-        if not solves or not (rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s - 1e-9):
+        if not solves:
             continue
         vehicle.posterior.changed[:] = 0.0
+        if not (rows[LAST, TIME] - rows[START, TIME] >= model.first_solution_s - 1e-9):
+            continue
         for attempt in range(2):
             _solve(model, vehicle, work)
             cut = NO_CHANGE
