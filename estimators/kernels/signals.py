@@ -1,5 +1,6 @@
 """Samples into signals of one structure, compiled; ``signals`` has the equations and the layout of a row."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,10 @@ _TEMPERATURE = CHANNEL_INDEX["outside_air_temperature_k"]
 STUCK_S = 2.0
 """A sensor whose reading has not moved for so long, while another of the structure has, is stuck. Sensors that are read
 again more seldom are of no use to a mode's dynamics."""
+MOST_FLOW_ANGLE_RAD = math.radians(60.0)
+"""Of an angle of attack or sideslip in the kinematics: vanes that say more say nothing of them."""
+_MOST_SINE = math.sin(MOST_FLOW_ANGLE_RAD)
+
 LAST, REST_S, ROWS = range(3)
 """Of a reading's history: its last value, how long it has rested while others moved, in how many rows it was stuck."""
 
@@ -89,11 +94,8 @@ def fill_signals(values, lanes, form, state, out):  # type: ignore[no-untyped-de
         for k in range(lanes.counts[m]):
             row = values[m, k]
             dt = row[_TIME] - last
-            velocity_measured, kinematic = _velocity_and_kinematics(
-                row, lateral, form.x_vane_m, form.z_vane_m
-            )
+            velocity_measured, kinematic, along_now = _motion(row, lateral, form.x_vane_m, form.z_vane_m)
             rate_now = row[force] + kinematic
-            along_now = _along_path(row)
             if not (0.0 < dt <= MAX_GAP_S):
                 start_level(smoothers[i], row[_AIRSPEED])
                 speed, velocity = row[_AIRSPEED], 0.0
@@ -214,38 +216,61 @@ def _density(row: NDArray[np.float64]) -> float:
 
 
 @whole
-def _velocity_and_kinematics(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
-    """Air-relative w or v at the c.g. (NaN without vane) and the kinematic term of its rate."""
-    airspeed = row[_AIRSPEED]
-    alpha, beta = row[_ALPHA], row[_BETA]
-    w = airspeed * np.sin(alpha) + row[_Q] * x_vane
-    v = airspeed * np.sin(beta) - row[_R] * x_vane + row[_P] * z_vane
-    forward = airspeed * (np.cos(alpha) if np.isfinite(alpha) else 1.0)
+def _motion(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
+    """Air-relative velocity of the structure at the c.g. (NaN without vane), the kinematic term of its rate, and the rate
+    of the inertial speed along the path: equations of ``estimators.signals``.
+
+    An angle that no vane measures is that of level flight without sideslip; an acceleration that is not measured is that
+    of steady flight.
+    """
+    airspeed, alpha, p, q, r = row[_AIRSPEED], row[_ALPHA], row[_P], row[_Q], row[_R]
+    w = airspeed * np.sin(alpha) + q * x_vane
+    v = airspeed * np.sin(row[_BETA]) - r * x_vane + p * z_vane
+    sin_beta = _sine(v, airspeed)
+    cos_beta = np.sqrt(1.0 - sin_beta * sin_beta)
+    if np.isfinite(alpha):
+        sin_alpha = _sine(w, airspeed)
+        cos_alpha = np.sqrt(1.0 - sin_alpha * sin_alpha)
+    else:
+        sin_alpha = np.sin(_level_alpha(row)) if lateral else 0.0
+        cos_alpha = 1.0
     cos_pitch = np.cos(row[_PITCH])
+    gravity_y, gravity_z = (
+        GRAVITY_M_S2 * cos_pitch * np.sin(row[_ROLL]),
+        GRAVITY_M_S2 * cos_pitch * np.cos(row[_ROLL]),
+    )
+    x = _known(row[_AX] - GRAVITY_M_S2 * np.sin(row[_PITCH]))
+    y, z = _known(row[_AY] + gravity_y), _known(row[_AZ] + gravity_z)
+    along = cos_beta * (x * cos_alpha + z * sin_alpha) + y * sin_beta
     if lateral:
-        across = w if np.isfinite(w) else airspeed * np.sin(_level_alpha(row))
-        kinematic = -forward * row[_R] + row[_P] * across + GRAVITY_M_S2 * cos_pitch * np.sin(row[_ROLL])
-        return v, kinematic
-    side = v if np.isfinite(v) else 0.0
-    kinematic = forward * row[_Q] - row[_P] * side + GRAVITY_M_S2 * cos_pitch * np.cos(row[_ROLL])
-    return w, kinematic
+        beta, across = math.asin(sin_beta), x * cos_alpha + z * sin_alpha
+        kinematic = airspeed * (p * sin_alpha - r * cos_alpha) - sin_beta * across + (cos_beta - 1.0) * y
+        return airspeed * beta if np.isfinite(v) else v, kinematic + gravity_y + along * beta, along
+    turn = q - sin_beta / cos_beta * (p * cos_alpha + r * sin_alpha)
+    by_z = sin_alpha * sin_alpha * cos_beta + cos_alpha * cos_alpha / cos_beta - 1.0
+    by_x = sin_alpha * cos_alpha * (cos_beta - 1.0 / cos_beta)
+    kinematic = airspeed * cos_alpha * turn + gravity_z + by_z * z + by_x * x + sin_alpha * sin_beta * y
+    return w, kinematic, along
+
+
+@whole
+def _sine(velocity, airspeed):  # type: ignore[no-untyped-def]
+    """Sine of a flow angle, of at most ``MOST_FLOW_ANGLE_RAD``; 0 where the velocity is not measured."""
+    sine = velocity / airspeed
+    if not np.isfinite(sine):
+        return 0.0
+    return min(max(sine, -_MOST_SINE), _MOST_SINE)
+
+
+@whole
+def _known(acceleration):  # type: ignore[no-untyped-def]
+    return acceleration if np.isfinite(acceleration) else 0.0
 
 
 @whole
 def _level_alpha(row):  # type: ignore[no-untyped-def]
     """Angle of attack of level flight without sideslip at this attitude; banks beyond 45 degrees count as 45."""
     return np.arctan(np.tan(row[_PITCH]) / max(np.cos(row[_ROLL]), 0.7))
-
-
-@whole
-def _along_path(row):  # type: ignore[no-untyped-def]
-    """Rate of the inertial speed along the path without sideslip: specific force and gravity along it."""
-    alpha = row[_ALPHA] if np.isfinite(row[_ALPHA]) else 0.0
-    cos, sin = np.cos(alpha), np.sin(alpha)
-    cos_pitch = np.cos(row[_PITCH])
-    gravity = GRAVITY_M_S2 * (cos_pitch * np.cos(row[_ROLL]) * sin - np.sin(row[_PITCH]) * cos)
-    rate = row[_AX] * cos + row[_AZ] * sin + gravity
-    return rate if np.isfinite(rate) else 0.0
 
 
 @whole

@@ -134,15 +134,17 @@ def product(left, right, out):  # type: ignore[no-untyped-def]
 
 @lean
 def congruence(left, middle, half, out):  # type: ignore[no-untyped-def]
-    """out = left middle left', all (n, n); ``half`` is room for left middle."""
+    """out = left middle left' of a symmetric ``middle``, all (n, n), symmetric to the last digit; ``half`` is room for
+    left middle."""
     product(left, middle, half)
     n = left.shape[0]
     for a in range(n):
-        for b in range(n):
+        for b in range(a + 1):
             total = 0.0
             for c in range(n):
                 total += half[a, c] * left[b, c]
             out[a, b] = total
+            out[b, a] = total
 
 
 @lean
