@@ -332,7 +332,7 @@ def _pair(
         0.0 if still else aircraft.noise_std(INPUT_CHANNELS[u]) or 0.0
         for u, still in zip(structure.inputs, told, strict=True)
     )
-    servo_s = tuple(_servo_s(aircraft, u) for u in structure.inputs)
+    servo_s, servo_rate_rad_s = zip(*(_servo(aircraft, u) for u in structure.inputs), strict=True)
     # A command whose servo is known becomes the surface that it moves; any other acts as it stands.
     held = tuple(still and not lag_s for still, lag_s in zip(told, servo_s, strict=True))
     force = aircraft.noise_std(_FORCE_COLUMN[structure.states[0]]) or 0.0
@@ -342,6 +342,7 @@ def _pair(
         reference_airspeed_m_s=reference[0],
         reference_density_kg_m3=reference[1],
         servo_s=tuple(lag_s if still else 0.0 for still, lag_s in zip(told, servo_s, strict=True)),
+        servo_rate_rad_s=servo_rate_rad_s,
         vane_leads=True,
         inertia=inertia_coupling(aircraft),
     )
@@ -353,6 +354,7 @@ def _pair(
         reference,
         held=held,
         servo_s=servo_s,
+        servo_rate_rad_s=servo_rate_rad_s,
         imu_position_m=imu,
         input_noise_std=noise,
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
@@ -366,6 +368,7 @@ def _pair(
         reference,
         held=held,
         servo_s=servo_s,
+        servo_rate_rad_s=servo_rate_rad_s,
         imu_position_m=imu,
         noise_std=(0.0, *(aircraft.noise_std(_RATE_COLUMN[s]) or 0.0 for s in structure.states[1:])),
         input_noise_std=noise,
@@ -375,7 +378,9 @@ def _pair(
     return Pair(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)
 
 
-def _servo_s(aircraft: Aircraft, symbol: str) -> float:
-    """Time constant of a surface's servo, 0 where the aircraft file says nothing of it."""
+def _servo(aircraft: Aircraft, symbol: str) -> tuple[float, float]:
+    """Time constant of a surface's servo, s, and its rate limit, rad/s; 0 where the file says nothing of it."""
     servo = getattr(aircraft.actuators, SURFACE_OF_INPUT[symbol])
-    return 1.0 / (2.0 * np.pi * servo.bandwidth_hz) if servo else 0.0
+    if servo is None:
+        return 0.0, 0.0
+    return 1.0 / (2.0 * np.pi * servo.bandwidth_hz), servo.rate_limit_rad_s or 0.0

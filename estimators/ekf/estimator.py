@@ -53,6 +53,7 @@ from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.kernels.apart import apart
 from wingwatch.estimators.kernels.dispersion import dispersion_workspace
+from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
@@ -81,6 +82,7 @@ class EkfConfig:
         held: for each input, whether it is held between samples.
         servo_s: for each input that is not, time constant of the servo that moves it, its command held between
             samples; 0 where that is not known, and it is taken to move evenly.
+        servo_rate_rad_s: what each such servo moves by at most; 0 where that is not known.
         use_accelerometer: whether the accelerometer is a measurement.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
         noise_std: of the measured states as the aircraft file states it, 0 where it says nothing; believed as far as
@@ -101,6 +103,7 @@ class EkfConfig:
     stale_s: float = 30.0
     held: tuple[bool, ...] = ()
     servo_s: tuple[float, ...] = ()
+    servo_rate_rad_s: tuple[float, ...] = ()
     use_accelerometer: bool = True
     imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     noise_std: tuple[float, ...] = ()
@@ -432,7 +435,6 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
         by_roll_rate = config.prior_value.reshape(ns, -1)[:, 1]
         if by_roll_rate[1] != 0.0:
             direction = by_roll_rate / by_roll_rate[1]
-    servo = np.array(config.servo_s or (0.0,) * nu)
     constant = np.full(ns, 10.0)
     constant[0] = 30.0
     return Model(
@@ -448,7 +450,7 @@ def _model(config: EkfConfig, ns: int, nu: int) -> Model:
         reference_density_kg_m3=float(config.reference[1]),
         stated_variance=np.square([*(config.noise_std or (0.0,) * ns), config.accelerometer_noise_std]),
         input_variance=np.square(np.array(config.input_noise_std or (0.0,) * nu, dtype=np.float64)),
-        servo_s=np.where(config.held, 0.0, np.where(servo > 0.0, servo, np.inf)),
+        servos=servos_of(config.servo_s, config.servo_rate_rad_s, config.held),
         lever_m=lever,
         gust_length_m=gust_length_m,
         gust_direction=np.ascontiguousarray(direction),

@@ -140,7 +140,7 @@ def _fill_step(model, sample, step):  # type: ignore[no-untyped-def]
     new, old = sample.new, sample.old
     for j in range(nu):
         c = 2 + ns + j
-        means = means_of_rows(new, old, sample.older, j, 2 + ns, model.servo_s, model.input_variance)
+        means = means_of_rows(new, old, sample.older, j, 2 + ns, model.servos, model.input_variance)
         step.inputs_end[j], step.inputs[j] = new[c], old[c] + means.mean
         step.early[j], step.newest_fraction[j], step.course_variance[j] = (
             means.early,
@@ -344,7 +344,7 @@ def _run(lengths, given, state, given_rows, ends, first_time, notes, space):  # 
         _sizes_of(len(lengths[0]), len(lengths[1]), len(lengths[2])), given.longitudinal, given.roll,
         given.use_accelerometer, given.adapt_s, given.trim_corner_rad_s, given.memory_s, given.stale_s,
         given.reference_airspeed_m_s, given.reference_density_kg_m3, given.stated_variance, given.input_variance,
-        given.servo_s, given.lever_m, given.gust_length_m, given.gust_direction, given.prior_value, given.prior_std,
+        given.servos, given.lever_m, given.gust_length_m, given.gust_direction, given.prior_value, given.prior_std,
     )  # fmt: skip
     signals, lanes = given_rows
     for m in range(lanes.place.size):

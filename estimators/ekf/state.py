@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.estimators.kernels.apart import room_around
+from wingwatch.estimators.kernels.intersample import Servos
 
 __all__ = [
     "ACCELERATION",
@@ -142,8 +143,7 @@ class Model(NamedTuple):
     nothing."""
     input_variance: Array
     """(nu,): of the inputs' readings as it is stated, rad2; 0 of exact ones."""
-    servo_s: Array
-    """(nu,): time constant of the servo; 0 for an input held between samples, infinite where it is not known."""
+    servos: Servos
     lever_m: Array
     """(ns,): the accelerometer reads less this times each angular acceleration."""
     gust_length_m: Array

@@ -10,7 +10,7 @@ import numpy as np
 
 from wingwatch.estimators.fourier.state import BEFORE, LAST, TIME
 from wingwatch.estimators.kernels.hot import hot, lean
-from wingwatch.estimators.kernels.intersample import frames_of, means_of_rows
+from wingwatch.estimators.kernels.intersample import means_of_rows
 
 __all__ = [
     "CONSTANT",
@@ -110,15 +110,15 @@ def _jumped(real, imag, c, jump):  # type: ignore[no-untyped-def]
 
 
 @lean
-def advance_bank(omega, servo_s, input_variance, filters, bank, rows, new, ns):  # type: ignore[no-untyped-def]
+def advance_bank(omega, servos, input_variance, filters, bank, rows, new, ns):  # type: ignore[no-untyped-def]
     """Advance the bank of one vehicle by one sample.
 
     An input is held between samples if its channel is a command, or where a position whose servo is unknown repeats
-    exactly (a step of a held signal); else it is linear like the states. What the line misses of a servo that got
-    several commands in the step goes into the channel of jumps, as the line that has the same mean and first moment.
+    exactly (a step of a held signal); else it is linear like the states. What the line misses of a servo goes into
+    the channel of jumps, as the line that has the same mean and first moment.
 
     Args:
-        servo_s: (inputs,) time constants of the servos, infinite where unknown, 0 for a command.
+        servos: ``Servos``.
         input_variance: (inputs,) of their readings.
         filters: ``Filters``, made anew where the time step has changed.
         bank: (channels, 2, bins), advanced: states, accelerometer, inputs, dynamic pressure, and jumps of inputs that
@@ -127,6 +127,7 @@ def advance_bank(omega, servo_s, input_variance, filters, bank, rows, new, ns): 
         new: signal row at the end of the step.
         ns: number of states.
     """
+    servo_s = servos.time_s
     old, before, nu = rows[LAST], rows[BEFORE], servo_s.size
     coefficients, step = filters.coefficients, filters.step
     dt = new[TIME] - old[TIME]
@@ -146,10 +147,10 @@ def advance_bank(omega, servo_s, input_variance, filters, bank, rows, new, ns): 
             _jumped(beside[0], beside[1], coefficients, b - a)
         else:
             advance_linear(row[0], row[1], coefficients, a, b)
-            if servo_s[j] == np.inf or frames_of(dt) == 1:
+            if servo_s[j] == np.inf:
                 _jumped(beside[0], beside[1], coefficients, 0.0)
             else:
-                means = means_of_rows(new, old, before, j, 2 + ns, servo_s, input_variance)
+                means = means_of_rows(new, old, before, j, 2 + ns, servos, input_variance)
                 level, slope = means.mean - 0.5 * (b - a), 6.0 * means.early + 0.5 * (b - a)
                 advance_linear(beside[0], beside[1], coefficients, level + slope, level - slope)
     ratio = 2 + ns + nu + 1

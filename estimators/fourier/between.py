@@ -9,7 +9,6 @@ import math
 from wingwatch.estimators.fourier.bank import NUISANCE, TURN_SIZE
 from wingwatch.estimators.fourier.state import LAST, START
 from wingwatch.estimators.kernels.hot import lean
-from wingwatch.estimators.kernels.intersample import frames_of
 
 __all__ = ["between_samples", "rate_of", "turned_between_samples"]
 
@@ -38,22 +37,6 @@ def _add_rate(omega, transform, target):  # type: ignore[no-untyped-def]
     for f in range(omega.size):
         target[0, f] -= omega[f] * transform[1, f]
         target[1, f] += omega[f] * transform[0, f]
-
-
-@lean
-def _add_servo(omega, dt, servo_s, rate, target):  # type: ignore[no-untyped-def]
-    """target += what lines miss of a surface behind its servo, whose command is held from sample to sample, from the
-    transform of its rate (2, bins), (docs (24))."""
-    stays = math.exp(-dt / servo_s)
-    for f in range(omega.size):
-        if not omega[f] * dt < math.pi:
-            continue  # samples say nothing of what is faster than half their rate
-        s = 1j * omega[f]
-        z = complex(math.cos(omega[f] * dt), math.sin(omega[f] * dt))
-        of_line = dt * (1.0 / (z - 1.0) - stays / (z - stays)) * 2.0 * (1.0 - z.real) / (omega[f] * dt) ** 2
-        missing = (1.0 / (s * (1.0 + s * servo_s) * of_line) - 1.0) / s
-        target[0, f] += missing.real * rate[0, f] - missing.imag * rate[1, f]
-        target[1, f] += missing.real * rate[1, f] + missing.imag * rate[0, f]
 
 
 @lean
@@ -88,9 +71,9 @@ def between_samples(model, rows, dt, theta, scale, forward, transforms):  # type
         theta, scale: (k,) referred derivatives, and what makes them present ones.
         forward: (states,) what the kinematic term has of each state, m/s.
         transforms: ``Transforms`` with lines and phase; the regressors become the new transforms, the channels of
-            jumps, or of what a servo's lines miss in slow records, left as they are.
+            jumps, or of what a servo's lines miss, left as they are.
     """
-    omega, servo_s, lever = model.omega, model.servo_s, model.lever
+    omega, servo_s, lever = model.omega, model.servos.time_s, model.lever
     lines, phase, out = transforms.lines, transforms.phase, transforms.regressors
     rate, missed = transforms.rates, transforms.missed
     start, end = rows[START], rows[LAST]
@@ -114,11 +97,8 @@ def between_samples(model, rows, dt, theta, scale, forward, transforms):  # type
             _add_half_step(omega, dt, jumps, missed[own])
             _add(-1.0, jumps, rate[own])
         else:
-            if frames_of(dt) == 1:
-                _add_servo(omega, dt, servo_s[j], rate[own], missed[own])
-            else:
-                _add(1.0, lines[nd + 1 + NUISANCE + j], missed[own])
-                _add_rate(omega, missed[own], rate[own])
+            _add(1.0, lines[nd + 1 + NUISANCE + j], missed[own])
+            _add_rate(omega, missed[own], rate[own])
             _add(1.0, missed[own], out[own + 1])
     for k in range(ns):
         for j in range(nd):

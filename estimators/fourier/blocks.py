@@ -188,13 +188,11 @@ def _add_course_doubt(model, block, new):  # type: ignore[no-untyped-def]
     """Add the square of how far each input has moved over the step to ``new``, and that times its mean's variance."""
     rows, sums, first = block.rows, block.sums, 2 + model.lever.size
     several = frames_of(new[TIME] - rows[LAST, TIME]) > 1
-    for j in range(model.servo_s.size):
+    for j in range(model.servos.time_s.size):
         moved = (new[first + j] - rows[LAST, first + j]) ** 2
         sums[COURSES + 2 * j] += moved
         if several:
-            means = means_of_rows(
-                new, rows[LAST], rows[BEFORE], j, first, model.servo_s, model.input_variance
-            )
+            means = means_of_rows(new, rows[LAST], rows[BEFORE], j, first, model.servos, model.input_variance)
             sums[COURSES + 2 * j + 1] += moved * means.variance
 
 
@@ -202,7 +200,7 @@ def _add_course_doubt(model, block, new):  # type: ignore[no-untyped-def]
 def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
     """Take in one row of signals; returns what it does to the block."""
     bank, rows = block.bank, block.rows
-    ns, nu = model.lever.size, model.servo_s.size
+    ns, nu = model.lever.size, model.servos.time_s.size
     condition = 2 + ns + nu + CONDITION
     for j in range(condition + ALPHA):
         if not math.isfinite(new[j]):
@@ -212,7 +210,7 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
         for j in range(nu):
             forget_readings(filters.readings[j])
         return GAP
-    advance_bank(model.omega, model.servo_s, model.input_variance, filters, bank, rows, new, ns)
+    advance_bank(model.omega, model.servos, model.input_variance, filters, bank, rows, new, ns)
     advance_air(model.exponents, filters.coefficients, bank, rows, new, ns)
     if math.isfinite(rows[BEFORE, 1]):
         _add_second_differences(block, new, ns)
@@ -256,7 +254,15 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     solve_block(model, block, at, memory, model.prior, asked, work.solving, found)
     span = rows[LAST, TIME] - rows[START, TIME]
     decay = 1.0 - math.exp(-span / model.memory_s)
-    replace(decay, gained.sensitivity, model.prior.std, memory, vehicle.discounted, work.replacing)
+    replace(
+        decay,
+        gained.sensitivity,
+        known.theta,
+        model.prior.std,
+        memory,
+        vehicle.discounted,
+        work.replacing,
+    )
     power, gain = work.solving.equation.power, 2.0 * min(1.0, span / model.block_s)
     note_signal(known.informed_s, gained.information, power, rows[LAST, TIME], gain)
     place_checkpoint(block, gained, vehicle.checkpoints)

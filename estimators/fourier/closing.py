@@ -66,7 +66,7 @@ own fit has left of the residual shows too little rolling air."""
 def believe_inputs(model, filters, noise):  # type: ignore[no-untyped-def]
     """The inputs' part of the noise variances, as their readings have shown it."""
     first = 2 * model.lever.size + 1
-    for j in range(model.servo_s.size):
+    for j in range(model.servos.time_s.size):
         noise[first + j] = max(
             reading_variance(filters.readings[j], model.input_variance[j]), INPUT_RESOLUTION
         )
@@ -303,7 +303,15 @@ def _remember(model, vehicle, work):  # type: ignore[no-untyped-def]
     for j in range(4):
         progress.span[2 + j] = progress.condition[j]
     discount(0.0 if rows[LAST, TIME] - last > model.stale_s else decay, memory, vehicle.discounted)
-    replace(decay, gained.sensitivity, model.prior.std, memory, vehicle.discounted, work.replacing)
+    replace(
+        decay,
+        gained.sensitivity,
+        known.theta,
+        model.prior.std,
+        memory,
+        vehicle.discounted,
+        work.replacing,
+    )
     for a in range(informed_s.size):
         memory.vector[a] += gained.vector[a]
         memory.bias[a] += gained.bias[a]

@@ -42,6 +42,7 @@ from wingwatch.estimators.fourier.state import (
     State,
 )
 from wingwatch.estimators.kernels.apart import room_around
+from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
 from wingwatch.estimators.reference import (
@@ -77,6 +78,7 @@ class FourierConfig:
         held: for each input, whether it is held between samples (a command) rather than moving (a position).
         servo_s: for each input that is not, time constant of the servo that moves it, its command held between
             samples; 0 where that is not known: it then moves evenly.
+        servo_rate_rad_s: what each such servo moves by at most; 0 where that is not known.
         force_from_accelerometer: force equation from the accelerometer; else from the velocity's rate.
         imu_position_m: (x, y, z) of the accelerometer from the c.g.
         input_noise_std: of each measured input, rad, as the aircraft file states it; what its readings show counts
@@ -101,6 +103,7 @@ class FourierConfig:
     stale_s: float = 30.0
     held: tuple[bool, ...] = ()
     servo_s: tuple[float, ...] = ()
+    servo_rate_rad_s: tuple[float, ...] = ()
     force_from_accelerometer: bool = True
     imu_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     input_noise_std: tuple[float, ...] = ()
@@ -453,7 +456,6 @@ def _model(c: FourierConfig, layout: SignalLayout) -> Model:
         lever[-1] = -x
         if roll:
             lever[1] = z
-    servo_s = np.array(c.servo_s or (0.0,) * layout.inputs)
     # Roll and pitch of the air are smoothed over 4 b / pi, yaw over 3 b / pi (MIL-F-8785C 3.7.5).
     span_m = c.span_m if c.velocity_measured else 0.0
     roll_smoothing_m, turn_smoothing_m = np.array([4.0, 4.0 if longitudinal else 3.0]) * span_m / np.pi
@@ -461,7 +463,7 @@ def _model(c: FourierConfig, layout: SignalLayout) -> Model:
         omega=c.omega_rad_s,
         lever=lever,
         exponents=np.array([1.0] * layout.states + [2.0] * layout.inputs),
-        servo_s=np.where(c.held, 0.0, np.where(servo_s > 0.0, servo_s, np.inf)),
+        servos=servos_of(c.servo_s, c.servo_rate_rad_s, c.held),
         input_variance=np.square(np.array(c.input_noise_std, dtype=np.float64)),
         prior=Prior(np.array(c.prior_value, dtype=np.float64), np.array(c.prior_std, dtype=np.float64)),
         reference_airspeed_m_s=float(c.reference[0]),

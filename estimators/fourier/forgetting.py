@@ -23,14 +23,12 @@ from wingwatch.estimators.kernels.symmetric import (
 
 __all__ = ["ForgettingWorkspace", "forgetting_workspace", "replaced"]
 
-SMALLEST = 1e-14
-"""Least eigenvalue of what is known beside its largest, unit diagonal: less is rounding."""
+LEAST = 1e-8
+"""Least pivot or eigenvalue of what is known, unit diagonal, that it is whitened by: what is less is taken for so much."""
 
-PIVOT = 1e-8
-"""Least pivot, unit diagonal, down to which what is known is whitened by its Cholesky root."""
-
-SLIGHT = 1e-9
-"""Added to what is known of a direction where it is inverted, all that is known being one."""
+SLIGHT = 1e-6
+"""Added to what is known of a direction where it is inverted, all that is known being one. A double's last digit, 15
+derivatives and ``LEAST`` leave 3e-7 of nothing, of either sign."""
 
 EXCITED = 0.1
 """Fraction of the information that would keep the balance with forgetting, from which on a direction counts as
@@ -97,13 +95,12 @@ def _whitener(known, power, off, work, root, inverse):  # type: ignore[no-untype
         for b in range(k):
             root[a, b] = 0.0
             inverse[a, b] = 1.0 if a == b else 0.0
-    if cholesky(known, PIVOT, root):
+    if cholesky(known, LEAST, root):
         forward(root, inverse)
         return
     eigen(known, power, off, work)
-    least = SMALLEST * power[k - 1]
     for v in range(k):
-        length = math.sqrt(max(power[v], least))
+        length = math.sqrt(max(power[v], LEAST))
         for a in range(k):
             # Rows: axes over their lengths whiten; axes times their lengths, as columns, lead back.
             root[a, v] = known[v, a] * length

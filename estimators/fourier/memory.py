@@ -55,8 +55,12 @@ def discount(decay, memory, discounted):  # type: ignore[no-untyped-def]
 
 
 @lean
-def replace(decay, gained, prior_std, memory, discounted, work):  # type: ignore[no-untyped-def]
-    """Of the discounted memory goes what a block that adds the sensitivity ``gained`` (k, k) replaces."""
+def replace(decay, gained, theta, prior_std, memory, discounted, work):  # type: ignore[no-untyped-def]
+    """Of the discounted memory goes what a block that adds the sensitivity ``gained`` (k, k) replaces.
+
+    Scores are carried over about what is known, ``theta`` (k,): from zero they are thousands of standard errors long,
+    and what a direction without information keeps of them in rounding would move the others by many.
+    """
     sensitivity, k = memory.sensitivity, memory.vector.size
     counts, trace = False, 0.0
     for a in range(k):
@@ -76,8 +80,11 @@ def replace(decay, gained, prior_std, memory, discounted, work):  # type: ignore
     vector[:] = 0.0
     bias[:] = 0.0
     for b in range(k):
+        score = discounted.vector[b]
+        for c in range(k):
+            score -= old[b, c] * theta[c]
         for a in range(k):
-            vector[a] += left[a, b] * discounted.vector[b]
+            vector[a] += left[a, b] * score + new[a, b] * theta[b]
             bias[a] += left[a, b] * discounted.bias[b]
             sensitivity[a, b] += new[a, b] - old[a, b]
     for a in range(k):

@@ -388,7 +388,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
     """
     omega, rows, sums, theta, noise = model.omega, block.rows, block.sums, at.theta, at.noise
     transforms, normal, weighing, scale = work.transforms, work.normal, work.noise, work.scale
-    ns, nu = model.lever.size, model.servo_s.size
+    ns, nu = model.lever.size, model.servos.time_s.size
     span = rows[LAST, TIME] - rows[START, TIME]
     power = span * span / max(sums[SAMPLES] - 1.0, 1.0)
     fraction = min(1.0, span / model.block_s)

@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.estimators.kernels.intersample import Servos
+
 __all__ = [
     "AIRSPEED",
     "AIR_VARIANCES",
@@ -90,7 +92,7 @@ class Model(NamedTuple):
         omega: (bins,) rad/s.
         lever: (states,) accelerometer's place from the c.g., by what each state's rate adds to the force, m.
         exponents: (states + inputs,) power of the airspeed in each column's derivatives: 1 states, 2 inputs.
-        servo_s: (inputs,) time constants of the servos; infinite where unknown, 0 for a command.
+        servos: ``Servos``.
         input_variance: (inputs,) noise variance as it is stated, rad^2; 0 of exact ones.
         prior: derivatives before the data.
         reference_airspeed_m_s, reference_density_kg_m3: condition to which derivatives are referred.
@@ -106,7 +108,7 @@ class Model(NamedTuple):
     omega: Array
     lever: Array
     exponents: Array
-    servo_s: Array
+    servos: Servos
     input_variance: Array
     prior: Prior
     reference_airspeed_m_s: float

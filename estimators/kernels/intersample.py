@@ -1,13 +1,25 @@
 """What an input does between two readings, angles in rad; compiled. Derivation: ``docs/methods/kalman_filter.md``
 section 5, (12) to (12c)."""
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.hot import hot, lean
 
-__all__ = ["Course", "SurfaceMeans", "course", "frames_of", "means_of_rows", "surface_means"]
+__all__ = [
+    "Course",
+    "Servos",
+    "SurfaceMeans",
+    "course",
+    "frames_of",
+    "means_of_rows",
+    "servos_of",
+    "surface_means",
+]
 
 FRAME_HZ = 50.0
 """Autopilots give their commands at least as often: a longer step holds several, which nobody recorded."""
@@ -17,6 +29,18 @@ SERVO_ERROR = 0.1
 
 SURE = 3.0
 """Standard errors of its reading that a surface may be elsewhere besides."""
+
+
+class Servos(NamedTuple):
+    """What moves the inputs, each at most by its rate.
+
+    Attributes:
+        time_s: (inputs,) time constants; infinite where unknown, 0 for a command.
+        rate_rad_s: (inputs,) what the surface moves by at most, rad/s; infinite where unknown.
+    """
+
+    time_s: NDArray[np.float64]
+    rate_rad_s: NDArray[np.float64]
 
 
 class Course(NamedTuple):
@@ -55,6 +79,23 @@ class SurfaceMeans(NamedTuple):
     variance: float
 
 
+def servos_of(servo_s: Sequence[float], rate_rad_s: Sequence[float], held: Sequence[bool]) -> Servos:
+    """``Servos`` of a configuration: 0, and nothing, where one is not known.
+
+    Args:
+        servo_s, rate_rad_s: of each input, or empty; s, rad/s.
+        held: whether each is held between samples.
+    """
+    moved = ~np.array(held, dtype=np.bool_)
+    time_s, rate = (
+        np.array(given or (0.0,) * moved.size, dtype=np.float64) for given in (servo_s, rate_rad_s)
+    )
+    known = moved & (time_s > 0.0)
+    return Servos(
+        np.where(known, time_s, np.where(moved, np.inf, 0.0)), np.where(known & (rate > 0.0), rate, np.inf)
+    )
+
+
 @hot
 def frames_of(dt):  # type: ignore[no-untyped-def]
     """How many commands an autopilot gives in a step."""
@@ -62,19 +103,47 @@ def frames_of(dt):  # type: ignore[no-untyped-def]
 
 
 @hot
-def means_of_rows(new, old, older, j, first_input, servo_s, reading_variance):  # type: ignore[no-untyped-def]
+def means_of_rows(new, old, older, j, first_input, servos, reading_variance):  # type: ignore[no-untyped-def]
     """``SurfaceMeans`` of input j over the step between the last two of three rows of ``Signals``.
 
     Args:
         new, old, older: (columns,), the newest first.
         first_input: column of the first input.
-        servo_s, reading_variance: (inputs,), s and rad2.
+        servos: ``Servos``; reading_variance: (inputs,), rad2.
     """
-    c, ahead, dt = first_input + j, new.size - servo_s.size + j, new[0] - old[0]
+    c, ahead, dt = first_input + j, new.size - servos.time_s.size + j, new[0] - old[0]
+    servo_s, rate_rad_s, change = servos.time_s[j], servos.rate_rad_s[j], new[c] - old[c]
+    # Most steps are far from the limit, and need no exponential to know it.
+    near = frames_of(dt) == 1 and abs(change) > 0.5 * rate_rad_s * min(servo_s, dt)
+    if near and abs(change) > rate_rad_s * servo_s * (1.0 - math.exp(-dt / servo_s)):
+        return _limited_means(dt, servo_s, rate_rad_s, change)
     before = old[c] - older[c]
     if before != 0.0 and not abs(old[0] - older[0] - dt) < 0.5 * dt:
         before = np.nan
-    return surface_means(dt, servo_s[j], reading_variance[j], before, new[c] - old[c], old[ahead], new[ahead])
+    return surface_means(dt, servo_s, reading_variance[j], before, change, old[ahead], new[ahead])
+
+
+@lean
+def _limited_means(dt, servo_s, rate_rad_s, change):  # type: ignore[no-untyped-def]
+    """``SurfaceMeans`` of a servo at its rate limit L, its command further ahead at the step's beginning than L T.
+
+    It goes evenly until the command is L T ahead, T its time constant, and the rest x of the step as the servo does:
+    |change| = L (dt - x) + L T (1 - exp(-x/T)), so that x - T (1 - exp(-x/T)) = dt - |change|/L =: m.
+    """
+    left = max(dt - abs(change) / rate_rad_s, 0.0)
+    x = min(math.sqrt(2.0 * servo_s * left) + left, dt)
+    for _ in range(6):
+        risen = 1.0 - math.exp(-x / servo_s)
+        if risen > 0.0:
+            x = max(x - (x - servo_s * risen - left) / risen, 0.0)
+    even = dt - x
+    rest = 1.0 - math.exp(-x / servo_s)
+    # Integrals over the step of u - u_old and of t (u - u_old), over L.
+    area = 0.5 * even * even + even * x + servo_s * left
+    late = 0.5 * x * x - servo_s * (servo_s * rest - x * (1.0 - rest))
+    moment = even**3 / 3.0 + even * (even * x + 0.5 * x * x) + servo_s * (even * left + late)
+    of_limit = math.copysign(rate_rad_s / dt, change)
+    return SurfaceMeans(of_limit * area, of_limit * (0.5 * area - moment / dt), 0.5, 0.0)
 
 
 @hot

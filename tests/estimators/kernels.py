@@ -22,6 +22,7 @@ from wingwatch.estimators.fourier.state import (
     Prior,
     Transforms,
 )
+from wingwatch.estimators.kernels.intersample import Servos
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 
 Array = NDArray[np.float64]
@@ -31,7 +32,7 @@ PITCH_MODEL = Model(
     omega=np.array([1.0]),
     lever=np.zeros(2),
     exponents=np.array([1.0, 1.0, 2.0]),
-    servo_s=np.array([np.inf]),
+    servos=Servos(np.array([np.inf]), np.array([np.inf])),
     input_variance=np.zeros(1),
     prior=Prior(np.zeros(6), np.ones(6)),
     reference_airspeed_m_s=25.0,

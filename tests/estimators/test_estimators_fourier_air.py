@@ -1,7 +1,7 @@
 """What the bank follows beside states and surfaces: products with the growth of what acts, what is known of rates."""
 
 import numpy as np
-from kernels import as_complex, new_filters, rows_before, transforms_of
+from kernels import PITCH_MODEL, as_complex, new_filters, rows_before, transforms_of
 
 from wingwatch.estimators import SignalLayout
 from wingwatch.estimators.fourier.air import advance_air, air_channels, product_channel, rebase_products
@@ -19,7 +19,7 @@ def flown_bank(rows: np.ndarray) -> np.ndarray:
     filters = new_filters(OMEGA.size)
     for k in range(1, len(rows)):
         known = rows_before(rows, k)
-        advance_bank(OMEGA, np.array([np.inf]), np.zeros(1), filters, bank, known, rows[k], 2)
+        advance_bank(OMEGA, PITCH_MODEL.servos, np.zeros(1), filters, bank, known, rows[k], 2)
         advance_air(EXPONENTS, filters.coefficients, bank, known, rows[k], 2)
     return bank
 

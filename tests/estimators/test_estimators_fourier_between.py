@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from wingwatch.estimators.fourier.air import air_channels
 from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 from wingwatch.estimators.fourier.state import Prior
+from wingwatch.estimators.kernels.intersample import Servos
 
 Array = NDArray[np.float64]
 
@@ -59,12 +60,12 @@ def banked(
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Transforms of sampled rows: of lines, and of what is believed to go on between samples."""
     bank = np.zeros((bank_channels(2, 1) + air_channels(2, 1), 2, OMEGA.size))
-    filters, servo = new_filters(OMEGA.size), np.array([servo_s])
+    filters, servo = new_filters(OMEGA.size), Servos(np.array([servo_s]), np.array([np.inf]))
     for k in range(1, len(rows)):
         advance_bank(OMEGA, servo, np.zeros(1), filters, bank, rows_before(rows, k), rows[k], 2)
     lines, phase = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     model = PITCH_MODEL._replace(
-        omega=OMEGA, lever=np.array([0.0, lever_m]), servo_s=servo, prior=Prior(theta, np.ones(6))
+        omega=OMEGA, lever=np.array([0.0, lever_m]), servos=servo, prior=Prior(theta, np.ones(6))
     )
     curves = curves_of(model, lines, phase, rows, step_s, FORWARD)
     return as_complex(lines), as_complex(curves)

@@ -12,6 +12,7 @@ from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
 from wingwatch.estimators.fourier import closing
 from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 from wingwatch.estimators.fourier.directions import noise_edge
+from wingwatch.estimators.kernels.intersample import Servos
 
 LAYOUT = SignalLayout(2, 1)
 OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
@@ -20,9 +21,9 @@ OMEGA = 2.0 * np.pi * np.arange(1, 41) / 10.0
 def run_bank(rows: Array, held: bool = False) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Bank (bins, channels) and decay after all rows, force from the accelerometer."""
     bank = np.zeros((bank_channels(2, 1), 2, OMEGA.size))
-    filters, servo_s = new_filters(OMEGA.size), np.array([0.0 if held else np.inf])
+    filters, servos = new_filters(OMEGA.size), Servos(np.array([0.0 if held else np.inf]), np.array([np.inf]))
     for k in range(1, len(rows)):
-        advance_bank(OMEGA, servo_s, np.zeros(1), filters, bank, rows_before(rows, k), rows[k], 2)
+        advance_bank(OMEGA, servos, np.zeros(1), filters, bank, rows_before(rows, k), rows[k], 2)
     transforms, decay = transforms_of(OMEGA, bank, rows[-1, 0] - rows[0, 0], 2, 1)
     return as_complex(transforms), as_complex(decay)
 
