@@ -24,7 +24,7 @@ from wingwatch.estimators.kernels.symmetric import (
 __all__ = ["ForgettingWorkspace", "forgetting_workspace", "replaced"]
 
 LEAST = 1e-8
-"""Least pivot or eigenvalue of what is known, unit diagonal, that it is whitened by: what is less is taken for so much."""
+"""Least pivot or eigenvalue of what is known, unit diagonal; what is less is taken for so much."""
 
 SLIGHT = 1e-6
 """Added to what is known of a direction where it is inverted, all that is known being one. A double's last digit, 15

@@ -239,14 +239,14 @@ def _motion(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
         GRAVITY_M_S2 * cos_pitch * np.sin(row[_ROLL]),
         GRAVITY_M_S2 * cos_pitch * np.cos(row[_ROLL]),
     )
-    x = _known(row[_AX] - GRAVITY_M_S2 * np.sin(row[_PITCH]))
-    y, z = _known(row[_AY] + gravity_y), _known(row[_AZ] + gravity_z)
-    along = cos_beta * (x * cos_alpha + z * sin_alpha) + y * sin_beta
+    ahead, y = row[_AX] - GRAVITY_M_S2 * np.sin(row[_PITCH]), _known(row[_AY] + gravity_y)
+    along = _known(cos_beta * (ahead * cos_alpha + (row[_AZ] + gravity_z) * sin_alpha) + y * sin_beta)
+    x, z = _known(ahead), _known(row[_AZ] + gravity_z)
     if lateral:
         beta, across = math.asin(sin_beta), x * cos_alpha + z * sin_alpha
         kinematic = airspeed * (p * sin_alpha - r * cos_alpha) - sin_beta * across + (cos_beta - 1.0) * y
         return airspeed * beta if np.isfinite(v) else v, kinematic + gravity_y + along * beta, along
-    turn = q - sin_beta / cos_beta * (p * cos_alpha + r * sin_alpha)
+    turn = q - _known(sin_beta / cos_beta * (p * cos_alpha + r * sin_alpha))
     by_z = sin_alpha * sin_alpha * cos_beta + cos_alpha * cos_alpha / cos_beta - 1.0
     by_x = sin_alpha * cos_alpha * (cos_beta - 1.0 / cos_beta)
     kinematic = airspeed * cos_alpha * turn + gravity_z + by_z * z + by_x * x + sin_alpha * sin_beta * y
@@ -263,8 +263,9 @@ def _sine(velocity, airspeed):  # type: ignore[no-untyped-def]
 
 
 @whole
-def _known(acceleration):  # type: ignore[no-untyped-def]
-    return acceleration if np.isfinite(acceleration) else 0.0
+def _known(rate):  # type: ignore[no-untyped-def]
+    """A rate of motion, or that of steady flight."""
+    return rate if np.isfinite(rate) else 0.0
 
 
 @whole

@@ -30,38 +30,50 @@ def rows(structure: ModeStructure, samples: SampleBlock, **config: object) -> ND
     return out
 
 
+def rate_of_motion(state: str, w: float, v: float) -> float:
+    """Rate of V sin(alpha) or V beta where the air-relative velocity at the c.g. changes by force, gravity and turning.
+
+    By a central difference of the velocity vector: no kinematics of angles is used.
+    """
+    force, turn = np.array([0.3, 0.4, -9.0]), np.array([0.2, 0.1, -0.3])
+    gravity = G * np.array([-math.sin(0.1), math.cos(0.1) * math.sin(0.3), math.cos(0.1) * math.cos(0.3)])
+    sin_alpha, sin_beta = w / 25.0, v / 25.0
+    cos_alpha, cos_beta = math.sqrt(1.0 - sin_alpha**2), math.sqrt(1.0 - sin_beta**2)
+    velocity = 25.0 * np.array([cos_alpha * cos_beta, sin_beta, sin_alpha * cos_beta])
+    rate = force + gravity - np.cross(turn, velocity)
+
+    def seen(air: NDArray[np.float64]) -> float:
+        speed = float(np.linalg.norm(air))
+        return speed * (math.sin(math.atan2(air[2], air[0])) if state == "w" else math.asin(air[1] / speed))
+
+    return (seen(velocity + 1e-4 * rate) - seen(velocity - 1e-4 * rate)) / 2e-4
+
+
 def test_short_period_by_hand() -> None:
-    row = rows(SHORT_PERIOD, block(), vane_position_m=(0.4, 0.0, -0.1))[0]
+    row = rows(SHORT_PERIOD, block(specific_force_x_m_s2=0.3), vane_position_m=(0.4, 0.0, -0.1))[0]
     w, v = 25.0 * math.sin(0.05) + 0.1 * 0.4, 25.0 * math.sin(-0.02) + 0.3 * 0.4 - 0.2 * 0.1
-    kinematic = 25.0 * math.cos(0.05) * 0.1 - 0.2 * v + G * math.cos(0.1) * math.cos(0.3)
+    kinematic = rate_of_motion("w", w, v) + 9.0
     want = [0.0, w, 0.1, -9.0, 0.01, kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0, 0.0, 0.0]
-    np.testing.assert_allclose(row, want, rtol=1e-12)
+    np.testing.assert_allclose(row, want, rtol=1e-9)
 
 
 def test_lateral_by_hand() -> None:
-    row = rows(LATERAL, block(), vane_position_m=(0.4, 0.0, -0.1))[0]
+    row = rows(LATERAL, block(specific_force_x_m_s2=0.3), vane_position_m=(0.4, 0.0, -0.1))[0]
     w, v = 25.0 * math.sin(0.05) + 0.1 * 0.4, 25.0 * math.sin(-0.02) + 0.3 * 0.4 - 0.2 * 0.1
-    kinematic = 25.0 * math.cos(0.05) * 0.3 + 0.2 * w + G * math.cos(0.1) * math.sin(0.3)
-    still = [0.0, 0.0]
-    want = [
-        0.0,
-        v,
-        0.2,
-        -0.3,
-        0.4,
-        0.02,
-        0.03,
-        kinematic,
-        1.1 / 1.225,
-        25.0,
-        1.1,
-        1000.0,
-        0.05,
-        1.0,
-        *still,
-        *still,
-    ]
-    np.testing.assert_allclose(row, want, rtol=1e-12)
+    kinematic, still = rate_of_motion("v", w, v) - 0.4, [0.0, 0.0]
+    states = [25.0 * math.asin(v / 25.0), 0.2, -0.3]
+    condition = [kinematic, 1.1 / 1.225, 25.0, 1.1, 1000.0, 0.05, 1.0]
+    np.testing.assert_allclose(row, [0.0, *states, 0.4, 0.02, 0.03, *condition, *still, *still], rtol=1e-9)
+
+
+@pytest.mark.parametrize("beta", [0.0, -0.2])
+def test_what_is_not_measured_is_that_of_steady_flight(beta: float) -> None:
+    """Without vanes and accelerometers there is no sideslip and nothing that it turns."""
+    unknown = dict.fromkeys(("specific_force_x_m_s2", "specific_force_y_m_s2", "yaw_rate_rad_s"), math.nan)
+    row = rows(SHORT_PERIOD, block(sideslip_rad=beta, **(unknown if beta == 0.0 else {})))[0]
+    plain = 25.0 * math.cos(0.05) * 0.1 + G * math.cos(0.1) * math.cos(0.3)
+    assert np.isfinite(row).all()
+    assert (row[5] == pytest.approx(plain, rel=1e-12)) == (beta == 0.0)
 
 
 def test_a_row_says_how_far_a_command_is_ahead_of_its_surface() -> None:
@@ -207,7 +219,7 @@ def test_a_gap_starts_the_reconstruction_anew() -> None:
 
 def test_airspeed_noise_is_smoothed_away_in_still_air() -> None:
     """After 20 s a fifth of a metre per second is left as less than a tenth of that."""
-    samples = block(1500)
+    samples = block(1500, sideslip_rad=0.0)
     samples.column("airspeed_true_m_s")[:] += 0.2 * np.random.default_rng(6).standard_normal(1500)
     out = rows(SHORT_PERIOD, samples)
     assert np.std(out[1000:, 7]) < 0.02
@@ -218,7 +230,7 @@ def test_airspeed_follows_what_the_accelerometer_says_without_lag() -> None:
     alpha, pitch, bank, az = 0.05, 0.1, 0.3, -9.0
     gravity = G * (math.cos(pitch) * math.cos(bank) * math.sin(alpha) - math.sin(pitch) * math.cos(alpha))
     steady = -(az * math.sin(alpha) + gravity) / math.cos(alpha)
-    samples = block(1500, specific_force_x_m_s2=steady)
+    samples = block(1500, specific_force_x_m_s2=steady, sideslip_rad=0.0)
     time = samples.time_s
     speed = 25.0 + 0.5 * np.clip(time - 10.0, 0.0, None)
     samples.column("airspeed_true_m_s")[:] = speed + 0.2 * np.random.default_rng(7).standard_normal(1500)
