@@ -7,6 +7,8 @@ from kernels import left_by
 
 from wingwatch.estimators import FourierState
 from wingwatch.estimators.fourier.forgetting import EXCITED
+from wingwatch.estimators.fourier.memory import memory_workspace, replace
+from wingwatch.estimators.fourier.state import Memory
 
 DECAY = 0.2
 
@@ -100,3 +102,31 @@ def test_while_all_is_excited_nothing_discounted_is_left() -> None:
     for i in range(2):
         reserve, known = np.diag(state.discounted_sensitivity[i]), np.diag(state.sensitivity[i])
         assert (reserve < 0.05 * known).all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_goes_takes_no_mean_with_it(seed: int) -> None:
+    """A block and a memory that agree, known to 1e-4 of each derivative, in part hardly at all: they still agree."""
+    rng, k = np.random.default_rng(seed), 15
+    spread = np.diag(10.0 ** rng.uniform(-4.0, 4.0, k))
+
+    def known(rank: int, shift: int) -> Array:
+        matrix = spread @ positive(k, rank, seed + shift) @ spread
+        return np.asarray(0.5 * (matrix + matrix.T))
+
+    reserve, kept, gained = known(9, 0), known(12, 100), 1e-2 * known(4, 200)
+    theta = 1e4 * np.linalg.solve(spread, rng.standard_normal(k))
+    matrices = reserve + kept, reserve.copy()
+    memory, discounted = (Memory(a.copy(), a.copy(), a @ theta, np.zeros(k)) for a in matrices)
+    near = theta + 3.0 * np.linalg.solve(spread, rng.standard_normal(k))
+    prior_std = 1e3 / np.diagonal(spread)
+    replace(DECAY, gained, near, prior_std, memory, discounted, memory_workspace(k))
+    for left_over in (memory, discounted):
+        np.testing.assert_array_equal(left_over.sensitivity, left_over.sensitivity.T)
+    size = np.sqrt(np.diagonal(reserve))
+    unit = discounted.sensitivity / (size[:, None] * size)
+    assert np.linalg.eigvalsh(unit)[0] > -1e-6
+    # In standard errors of what is known: how far the memory's score is from nothing at the mean that went in.
+    off = memory.vector - memory.sensitivity @ theta
+    total = memory.sensitivity + gained + np.diag(prior_std**-2)
+    assert np.sqrt(off @ np.linalg.solve(total, off)) < 0.05

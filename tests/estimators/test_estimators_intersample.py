@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.estimators.kernels.intersample import surface_means
+from wingwatch.estimators.kernels.intersample import Servos, means_of_rows, servos_of, surface_means
 
 SERVO_S = 1.0 / (2.0 * np.pi * 8.0)
 FRAME_HZ = 50.0
@@ -100,3 +100,30 @@ def test_noise_of_a_reading_is_no_command() -> None:
     aware = means(noisy, ahead + off, 2, std * std)[:, 0] - mean[1:-1] - off[1:-1]
     assert np.mean(aware**2) < 0.7 * np.mean(blind**2)
     assert np.sqrt(np.mean(aware**2)) < 1.5 * std
+
+
+@pytest.mark.parametrize("step_s", [0.0025, 0.01, 0.02])
+@pytest.mark.parametrize("change", [0.01, 0.03, 0.045, -0.06, 0.2, -1.0])
+def test_a_surface_at_its_rate_limit_goes_evenly_and_then_as_its_servo_does(
+    change: float, step_s: float
+) -> None:
+    """Beside fine steps of dx/dt = (command - x) / T, at most 2.6 rad/s; the command steps with the reading."""
+    rate, fine = 2.6, 40_000
+    moved, t = np.zeros(fine + 1), step_s / fine
+    for k in range(fine):
+        moved[k + 1] = moved[k] + t * np.clip((change - moved[k]) / SERVO_S, -rate, rate)
+    middle, share = 0.5 * (moved[1:] + moved[:-1]), (np.arange(fine) + 0.5) / fine
+    rows = np.zeros((3, 14))
+    rows[:, 0], rows[2, 4] = [-step_s, 0.0, step_s], moved[-1]
+    servos = servos_of((SERVO_S,), (rate,), (False,))
+    found = means_of_rows(rows[2], rows[1], rows[0], 0, 4, servos, np.zeros(1))
+    assert found.mean == pytest.approx(middle.mean(), rel=1e-3)
+    assert found.early == pytest.approx(np.mean((0.5 - share) * middle), rel=1e-3)
+    assert found.variance == 0.0
+
+
+def test_a_rate_limit_belongs_to_a_servo_that_is_known() -> None:
+    found = servos_of((0.02, 0.0, 0.02, 0.02), (2.0, 2.0, 2.0, 0.0), (False, False, True, False))
+    np.testing.assert_array_equal(found.time_s, [0.02, np.inf, 0.0, 0.02])
+    np.testing.assert_array_equal(found.rate_rad_s, [2.0, np.inf, np.inf, np.inf])
+    assert isinstance(servos_of((), (), (False,)), Servos)
