@@ -114,7 +114,8 @@ def test_what_goes_takes_no_mean_with_it(seed: int) -> None:
         matrix = spread @ positive(k, rank, seed + shift) @ spread
         return np.asarray(0.5 * (matrix + matrix.T))
 
-    reserve, kept, gained = known(9, 0), known(12, 100), 1e-2 * known(4, 200)
+    reserve = known(9, 0) + 1e-6 * known(15, 300)
+    kept, gained = known(12, 100), 1e-2 * known(4, 200)
     theta = 1e4 * np.linalg.solve(spread, rng.standard_normal(k))
     matrices = reserve + kept, reserve.copy()
     memory, discounted = (Memory(a.copy(), a.copy(), a @ theta, np.zeros(k)) for a in matrices)
