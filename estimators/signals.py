@@ -1,14 +1,15 @@
 """From samples to what one mode's estimators read: states, accelerometer, inputs and the kinematic term.
 
-Both estimators model the aerodynamic part of the specific force and of the angular acceleration. They see the velocities
-w = V sin(alpha) and v = V beta, with the angles at the centre of gravity: those that the aerodynamics feels. Force, gravity
-and the turning of the axes change them by the equations of ``docs/methods/signals.md``, section 2; near the trim
+Both estimators model the aerodynamic part of the specific force and of the angular acceleration. They see the
+velocities w = V sin(alpha) and v = V beta, with the angles at the centre of gravity: those that the aerodynamics
+feels. Force, gravity and the turning of the axes change them by the equations of ``docs/methods/signals.md``, section
+2; near the trim
 
     dw/dt = a_z + U q - p v + g cos(theta) cos(phi),        dv/dt = a_y - U r + p w + g cos(theta) sin(phi)
 
 (thesis equations 7.1 and 7.3). The part beside the accelerometer's, here called the kinematic term, is known from
-measurements, so the aerodynamic derivatives never have the forward speed inside; it is added again when they are reported
-(z_q has +U, y_r has -U, y_p has +W).
+measurements, so the aerodynamic derivatives never have the forward speed inside; it is added again when they are
+reported (z_q has +U, y_r has -U, y_p has +W).
 
 Column layout of the result (shape (vehicles, samples, columns)): time, states, accelerometer, inputs, then
 kinematic term, dynamic pressure ratio rho V^2 / (rho V^2 at the reference), filtered airspeed, air density,
