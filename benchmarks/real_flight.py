@@ -8,7 +8,9 @@ There is no randomness in it. The flight is not part of this repository; without
 
 import argparse
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,9 @@ from wingwatch.telemetry import SampleBlock, complete, load_flight
 
 Array = NDArray[np.float64]
 
+LIMITS_RAD_S = (1.5, 2.618, 4.0, 5.0, 7.0, float("inf"))
+"""Of the servos; 2.618 rad/s is what the published simulation states."""
+FINE_STEPS = 20
 DELAYS_S = (-0.06, -0.04, -0.02, -0.01, 0.0, 0.01, 0.02, 0.04, 0.06)
 
 PANELS = (("short_period", ("z_w", "m_w", "m_q", "m_eta")), ("lateral", ("l_p", "l_xi", "n_v", "n_r")))
@@ -119,37 +124,65 @@ def answers(flight: Path, channel_map: Path, aircraft: str) -> list[tuple[float,
     """
     known = load_aircraft(aircraft)
     block = complete(load_flight(flight, channel_map).block)
-    column, time_s = block.column, block.time_s
-    airspeed, step_s = column("airspeed_true_m_s"), float(np.median(np.diff(block.time_s)))
-    p, q, r = (column(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
-    w, v = airspeed * np.sin(column("angle_of_attack_rad")), airspeed * np.sin(column("sideslip_rad"))
-    frequency_hz = np.fft.rfftfreq(time_s.size, step_s)
-    band = (frequency_hz > 0.3) & (frequency_hz < 5.0)
-
-    def transform(signal: Array) -> NDArray[np.complex128]:
-        whole = np.fft.rfft((signal - signal.mean()) * np.hanning(signal.size))
-        return np.asarray(whole[band], dtype=np.complex128)
+    half_step_s = 0.5 * float(np.median(np.diff(block.time_s)))
 
     def moved(surface: str, delay_s: float) -> NDArray[np.complex128]:
         servo = getattr(known.actuators, surface)
         lag_s = 1.0 / (2.0 * np.pi * servo.bandwidth_hz) if servo else 0.0
+        frequency_hz, command = _spectrum(block, block.column(f"{surface}_rad"))
         # held to the next sample, so half a step later on average
-        late = np.exp(-2j * np.pi * frequency_hz[band] * (delay_s + 0.5 * step_s))
-        servo_answer = 1.0 / (1.0 + 2j * np.pi * frequency_hz[band] * lag_s)
-        return np.asarray(transform(column(f"{surface}_rad")) * late * servo_answer, dtype=np.complex128)
+        late = np.exp(-2j * np.pi * frequency_hz * (delay_s + half_step_s))
+        return np.asarray(command * late / (1.0 + 2j * np.pi * frequency_hz * lag_s), dtype=np.complex128)
 
-    found = []
-    for delay_s in DELAYS_S:
-        row = []
-        for rate, states, surfaces in ((p, (v, p, r), ("aileron", "rudder")), (q, (w, q), ("elevator",))):
-            columns = [transform(x) for x in states] + [moved(surface, delay_s) for surface in surfaces]
-            regressors = np.column_stack(columns)
-            response = 2j * np.pi * frequency_hz[band] * transform(rate)
-            left, right = np.vstack([regressors.real, regressors.imag]), np.r_[response.real, response.imag]
-            misses = right - left @ np.linalg.lstsq(left, right, rcond=None)[0]
-            row.append(1.0 - float(misses @ misses) / float(right @ right))
-        found.append((delay_s, row[0], row[1]))
-    return found
+    return [(delay_s, *_explained(block, partial(moved, delay_s=delay_s))) for delay_s in DELAYS_S]
+
+
+def limited(flight: Path, channel_map: Path, aircraft: str) -> list[tuple[float, float, float]]:
+    """The same by what the servos move at most: limit in rad/s, R2 of each."""
+    known = load_aircraft(aircraft)
+    block = complete(load_flight(flight, channel_map).block)
+
+    def moved(surface: str, limit_rad_s: float) -> NDArray[np.complex128]:
+        servo = getattr(known.actuators, surface)
+        if servo is None:
+            return _spectrum(block, block.column(f"{surface}_rad"))[1]
+        command, step_s = block.column(f"{surface}_rad"), np.diff(block.time_s) / FINE_STEPS
+        at, toward = command[0], 1.0 - np.exp(-2.0 * np.pi * servo.bandwidth_hz * step_s)
+        place = command.copy()
+        for k in range(step_s.size):
+            place[k] = at
+            for _ in range(FINE_STEPS):
+                most = limit_rad_s * step_s[k]
+                at += min(max(toward[k] * (command[k] - at), -most), most)
+        return _spectrum(block, place)[1]
+
+    return [(limit, *_explained(block, partial(moved, limit_rad_s=limit))) for limit in LIMITS_RAD_S]
+
+
+def _spectrum(block: SampleBlock, signal: Array) -> tuple[Array, NDArray[np.complex128]]:
+    """Frequencies between 0.3 and 5 Hz, and the signal there."""
+    frequency_hz = np.fft.rfftfreq(signal.size, float(np.median(np.diff(block.time_s))))
+    band = (frequency_hz > 0.3) & (frequency_hz < 5.0)
+    whole = np.fft.rfft((signal - signal.mean()) * np.hanning(signal.size))
+    return np.asarray(frequency_hz[band], dtype=np.float64), np.asarray(whole[band], dtype=np.complex128)
+
+
+def _explained(block: SampleBlock, moved: Callable[[str], NDArray[np.complex128]]) -> tuple[float, float]:
+    """R2 of roll and pitch acceleration by states and surfaces, ``moved`` the spectrum of each surface."""
+    airspeed = block.column("airspeed_true_m_s")
+    p, q, r = (block.column(f"{axis}_rate_rad_s") for axis in ("roll", "pitch", "yaw"))
+    w = airspeed * np.sin(block.column("angle_of_attack_rad"))
+    v = airspeed * np.sin(block.column("sideslip_rad"))
+    row = []
+    for rate, states, surfaces in ((p, (v, p, r), ("aileron", "rudder")), (q, (w, q), ("elevator",))):
+        columns = [_spectrum(block, x)[1] for x in states] + [moved(surface) for surface in surfaces]
+        regressors = np.column_stack(columns)
+        frequency_hz, turned = _spectrum(block, rate)
+        response = 2j * np.pi * frequency_hz * turned
+        left, right = np.vstack([regressors.real, regressors.imag]), np.r_[response.real, response.imag]
+        misses = right - left @ np.linalg.lstsq(left, right, rcond=None)[0]
+        row.append(1.0 - float(misses @ misses) / float(right @ right))
+    return row[0], row[1]
 
 
 def draw(monitor: VehicleMonitor, solutions: list[Solution], picture: Path) -> None:
@@ -215,6 +248,9 @@ def main() -> int:
     print("roll and pitch acceleration explained, R2, the surfaces later than the map says by")
     for delay_s, roll, pitch in answers(chosen.flight, chosen.channel_map, chosen.aircraft):
         print(f"{delay_s:+8.2f} s{roll:10.3f}{pitch:10.3f}")
+    print("the same, the servos moving at most by")
+    for limit_rad_s, roll, pitch in limited(chosen.flight, chosen.channel_map, chosen.aircraft):
+        print(f"{limit_rad_s:8.2f} rad/s{roll:6.3f}{pitch:10.3f}")
     if chosen.picture:
         draw(monitor, solutions, chosen.picture)
     return 0

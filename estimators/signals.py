@@ -39,7 +39,6 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, SHORT_PERIOD, ModeStructure
 from wingwatch.estimators.inertia_coupling import InertiaCoupling
-from wingwatch.estimators.kernels.intersample import Servos
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.signals import (
     LAST,
@@ -137,7 +136,6 @@ class SignalConfig:
         reference_density_kg_m3: density likewise.
         servo_s: for each input time constant of the first-order servo that stands between it and the surface, its
             command held to the next; 0 for what is to be taken as it is.
-        servo_rate_rad_s: what each such servo moves by at most; 0 where that is not known.
         vane_leads: whether the velocity is given as a vane at the centre of gravity would read it, which meets the air
             later than one ahead of it (``kernels.vane_lead``).
         inertia: moments of inertia, for the known angular accelerations; None where they are not stated.
@@ -150,7 +148,6 @@ class SignalConfig:
     reference_airspeed_m_s: float = 25.0
     reference_density_kg_m3: float = 1.225
     servo_s: tuple[float, ...] = ()
-    servo_rate_rad_s: tuple[float, ...] = ()
     vane_leads: bool = False
     inertia: InertiaCoupling | None = None
     layout: SignalLayout = field(init=False)
@@ -182,13 +179,6 @@ class SignalState:
     servos: NDArray[np.float64]
     readings: NDArray[np.float64]
     vane: NDArray[np.float64]
-
-
-def _servos(config: SignalConfig) -> Servos:
-    """The servos that stand between commands and surfaces."""
-    none = (0.0,) * config.layout.inputs
-    time_s, rate = np.array(config.servo_s or none), np.array(config.servo_rate_rad_s or none)
-    return Servos(time_s, np.where(rate > 0.0, rate, np.inf))
 
 
 class Signals:
@@ -225,7 +215,7 @@ class Signals:
             airspeed_memory_s=config.airspeed_memory_s,
             reconstruction_s=config.reconstruction_s,
             pressure=config.reference_density_kg_m3 * config.reference_airspeed_m_s**2,
-            servos=_servos(config),
+            servo_s=np.array(config.servo_s or (0.0,) * len(structure.inputs)),
         )
         self._coupling = _coupling(config.inertia, structure.states[1:])
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.estimators.kernels.hot import whole
-from wingwatch.estimators.kernels.intersample import Servos, frames_of
+from wingwatch.estimators.kernels.intersample import frames_of
 from wingwatch.estimators.kernels.levels import advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
 
@@ -59,8 +59,8 @@ class SignalForm(NamedTuple):
     reconstruction_s: float
     pressure: float
     """rho V^2 at the reference, N/m2."""
-    servos: Servos
-    """Of those inputs that are commands; 0 s for all others."""
+    servo_s: NDArray[np.float64]
+    """(inputs,)."""
 
 
 class SignalArrays(NamedTuple):
@@ -124,8 +124,8 @@ def fill_signals(values, lanes, form, state, out):  # type: ignore[no-untyped-de
                 o[2 + ns + j] = row[inputs[j]]
                 ahead = row[form.commands[j]] - row[inputs[j]]
                 o[out.shape[2] - nu + j] = ahead if np.isfinite(ahead) else 0.0
-                if form.servos.time_s[j] > 0.0:
-                    o[2 + ns + j] = _surface(row[inputs[j]], dt, form.servos, j, servos[i, :, j])
+                if form.servo_s[j] > 0.0:
+                    o[2 + ns + j] = _surface(row[inputs[j]], dt, form.servo_s[j], servos[i, :, j])
             density = _density(row)
             c = 2 + ns + nu
             o[c] = kinematic
@@ -275,9 +275,8 @@ def _level_alpha(row):  # type: ignore[no-untyped-def]
 
 
 @whole
-def _surface(command, dt, servos, j, servo):  # type: ignore[no-untyped-def]
-    """Where the servo of input j has its surface: it went on to the command before, x = c + (x0 - c) exp(-t / T), and
-    evenly at its rate limit L while it was more than L T behind.
+def _surface(command, dt, servo_s, servo):  # type: ignore[no-untyped-def]
+    """Where a servo has its surface: it went on to the command before, x = c + (x0 - c) exp(-dt / servo_s).
 
     A long step holds several commands, which nobody recorded: they are taken to go evenly from one to the next that is
     known, as a random walk is expected to. After a gap the surface is where it is commanded to be. NaN without a
@@ -289,13 +288,10 @@ def _surface(command, dt, servos, j, servo):  # type: ignore[no-untyped-def]
     if 0.0 < dt <= MAX_GAP_S:
         frames = frames_of(dt)
         change = (command - servo[0]) / frames if np.isfinite(command) else 0.0
-        servo_s, rate, frame_s = servos.time_s[j], servos.rate_rad_s[j], dt / frames
+        stays = np.exp(-dt / (frames * servo_s))
         for i in range(frames):
-            behind = servo[0] + i * change - servo[1]
-            even_s = min(max(abs(behind) / rate - servo_s, 0.0), frame_s)
-            moved = rate * even_s if even_s > 0.0 else 0.0
-            moved += (abs(behind) - moved) * (1.0 - np.exp((even_s - frame_s) / servo_s))
-            servo[1] += math.copysign(moved, behind)
+            told = servo[0] + i * change
+            servo[1] = told + (servo[1] - told) * stays
     else:
         servo[1] = np.nan
     if not np.isfinite(command):

@@ -118,22 +118,6 @@ def test_density_from_altitude_and_temperature() -> None:
     assert warm[8] == pytest.approx(89874.6 / (287.05287 * 300.0), rel=1e-5)
 
 
-@pytest.mark.parametrize("rate_rad_s", [0.0, 2.0])
-def test_a_commanded_surface_moves_no_faster_than_its_servo_can(rate_rad_s: float) -> None:
-    """Beside fine steps of the servo; a limit of 0 is none."""
-    samples, command = block(30), np.where(np.arange(30) < 5, 0.0, np.where(np.arange(30) < 15, 0.2, -0.2))
-    samples.column("elevator_rad")[:] = command
-    column = SignalConfig(SHORT_PERIOD).layout.first_input
-    found = rows(SHORT_PERIOD, samples, servo_s=(0.02,), servo_rate_rad_s=(rate_rad_s,))[:, column]
-    limit, fine, want = rate_rad_s or math.inf, 2000, [0.0]
-    for told in command[:-1]:
-        at = want[-1]
-        for _ in range(fine):
-            at += 0.02 / fine * float(np.clip((told - at) / 0.02, -limit, limit))
-        want.append(at)
-    np.testing.assert_allclose(found, want, atol=2e-4)
-
-
 def test_a_command_becomes_the_surface_that_its_servo_moves() -> None:
     """From the first command on, towards the one before at any step and over a missing one; after a gap as told."""
     time_s = np.array([0.0, 0.02, 0.05, 0.06, 0.08, 0.08 + 2.0 * MAX_GAP_S])
