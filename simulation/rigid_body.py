@@ -53,13 +53,14 @@ SETTING: tuple[str, ...] = (
     "curve_u", "curve_v", "curve_w", "curve_p", "curve_q", "curve_r",
     "density_altitude", "density", "density_slope", "density_curve",
     "air_u", "air_v", "air_w", "air_p", "air_q", "air_r", "force_x", "force_y", "force_z",
-    "spin_p", "spin_q", "spin_r",
+    "spin_p", "spin_q", "spin_r", "step_s",
 )  # fmt: skip
 """What a step needs beside the state and the working row: throttle; surfaces at its start, middle and end; wind over
 the ground at an altitude and its change per metre of altitude; the air's own motion at the start, body axes, what it
 gains in the step, and how far its middle lies from the straight line (a parabola); density about an altitude
 (``atmosphere.expand_density``). Behind them what ``rates`` leaves: motion of the reference point through the air,
-specific force at the centre of gravity in m/s2 and angular acceleration, all of the step's start."""
+specific force at the centre of gravity in m/s2 and angular acceleration, all of the step's start; and the step's
+length, 0 where none is made and the air's own motion stays as it is."""
 
 (
     THROTTLE,
@@ -72,7 +73,7 @@ specific force at the centre of gravity in m/s2 and angular acceleration, all of
     CURVE, CURVE_V, CURVE_W, CURVE_P, CURVE_Q, CURVE_R,
     DENSITY_ALTITUDE, DENSITY, DENSITY_SLOPE, DENSITY_CURVE,
     AIR, AIR_V, AIR_W, AIR_P, AIR_Q, AIR_R, FORCE, FORCE_Y, FORCE_Z,
-    SPIN, SPIN_Q, SPIN_R,
+    SPIN, SPIN_Q, SPIN_R, STEP,
 ) = range(len(SETTING))  # fmt: skip
 
 SETTING_WIDTH = len(SETTING)
@@ -102,8 +103,9 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
         share: of the step, 0 to 1: how far along the gust's course it is.
         k: the result.
 
-    The lift and moment due to alphadot make the equations implicit; both are linear in it, so it is solved for
-    (alphadot of the inertial velocity: the rate of the gust's own angle of attack is not counted).
+    The lift and moment due to alphadot make the equations implicit; both are linear in it, so it is solved for. It is
+    that of the motion through the air, the rate of the gust's own angle of attack included: the downwash that reaches
+    the tail late is that of the wing's incidence, whatever made it. What shear adds to it is left out.
     """
     u, v, w, p, q, r = x[3], x[4], x[5], x[10], x[11], x[12]
     q0, q1, q2, q3 = x[6], x[7], x[8], x[9]
@@ -112,9 +114,14 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     n, e = s[WIND] + higher * s[SHEAR], s[WIND_EAST] + higher * s[SHEAR_EAST]
     d = s[WIND_DOWN] + higher * s[SHEAR_DOWN]
     arc = 4.0 * share * (1.0 - share)
-    ua = u - (s[GUST] + share * s[RISE] + arc * s[CURVE]) - (r00 * n + r10 * e + r20 * d)
-    va = v - (s[GUST_V] + share * s[RISE_V] + arc * s[CURVE_V]) - (r01 * n + r11 * e + r21 * d)
-    wa = w - (s[GUST_W] + share * s[RISE_W] + arc * s[CURVE_W]) - (r02 * n + r12 * e + r22 * d)
+    uw, vw, ww = (
+        u - (r00 * n + r10 * e + r20 * d),
+        v - (r01 * n + r11 * e + r21 * d),
+        w - (r02 * n + r12 * e + r22 * d),
+    )
+    ua = uw - (s[GUST] + share * s[RISE] + arc * s[CURVE])
+    va = vw - (s[GUST_V] + share * s[RISE_V] + arc * s[CURVE_V])
+    wa = ww - (s[GUST_W] + share * s[RISE_W] + arc * s[CURVE_W])
     pa = p - (s[GUST_P] + share * s[RISE_P] + arc * s[CURVE_P])
     qa = q - (s[GUST_Q] + share * s[RISE_Q] + arc * s[CURVE_Q])
     ra = r - (s[GUST_R] + share * s[RISE_R] + arc * s[CURVE_R])
@@ -141,7 +148,12 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
         forward = max(forward, _LEAST_PLANE)
         per_plane = 1.0 / math.sqrt(forward)
         per_x, per_z = z_rate * wa * per_plane, -z_rate * ua * per_plane
-        still = ua * (fz * per_mass + gz + q * u - p * v) - wa * (fx * per_mass + gx + r * v - q * w)
+        gust_u = gust_w = 0.0
+        if s[STEP] > 0.0:
+            bend = 4.0 * (1.0 - 2.0 * share)
+            gust_u, gust_w = (s[RISE] + bend * s[CURVE]) / s[STEP], (s[RISE_W] + bend * s[CURVE_W]) / s[STEP]
+        still = ua * (fz * per_mass + gz + q * uw - p * vw - gust_w)
+        still -= wa * (fx * per_mass + gx + r * vw - q * ww - gust_u)
         alphadot = still / (forward - (ua * per_z - wa * per_x) * per_mass)
         fx, fz, pitch = fx + per_x * alphadot, fz + per_z * alphadot, pitch + m_rate * alphadot
     if c[OFF_CENTRE] != 0.0:
@@ -196,11 +208,12 @@ def advance(c, s, x, dt, k, middle, total):  # type: ignore[no-untyped-def]
 
     Args:
         c: working row.
-        s: row of ``SETTING``; what ``rates`` leaves there is left as at the start of the step.
+        s: row of ``SETTING``; gets the step's length, and what ``rates`` leaves there is left as at its start.
         x: rigid-body state (13,), advanced.
         dt: s.
         k, middle, total: work space (13,).
     """
+    s[STEP] = dt
     for i in range(13):
         middle[i], total[i] = x[i], 0.0
     for stage in range(4):

@@ -25,6 +25,16 @@ from wingwatch.simulation.flight import _move_centre
 from wingwatch.simulation.icing_increments import icing_increments
 from wingwatch.simulation.layout import AREA, INDEX, STATE, parameter_row
 from wingwatch.simulation.prepared import working_row
+from wingwatch.simulation.rigid_body import (
+    AIR,
+    DENSITY_ALTITUDE,
+    FORCE_Z,
+    GUST,
+    RISE,
+    SETTING_WIDTH,
+    WIND,
+    advance,
+)
 from wingwatch.simulation.timeline import base_row
 
 Array = NDArray[np.float64]
@@ -114,6 +124,36 @@ def test_forces_act_at_the_reference_point_wherever_the_centre_of_gravity_is() -
     out, felt = rates(row, state, surfaces, throttle)
     assert felt == pytest.approx(force / row[INDEX["mass_kg"]], rel=1e-12)
     assert out[10:13] == pytest.approx(wanted, rel=1e-10, abs=1e-10)
+
+
+def test_lift_due_to_alphadot_goes_by_the_motion_through_the_air() -> None:
+    """A gust that rises changes the angle of attack as a motion does; a steady wind does nothing."""
+    lag, step_s = 30.0, 1e-5
+    none, some = changed(CL_alphadot=0.0, Cm_alphadot=0.0), changed(CL_alphadot=lag, Cm_alphadot=0.0)
+
+    def flown(row: Array, rise: tuple[float, float, float], wind: float) -> tuple[float, Array, Array]:
+        """Normal force at the step's start, and the motion through the air at its start and end."""
+        c, s, state = working_row(row), np.zeros(SETTING_WIDTH), flying()
+        state[4] = 0.0
+        s[WIND], s[GUST : GUST + 3] = wind, (0.5, 0.0, -0.8)
+        s[RISE : RISE + 3], s[DENSITY_ALTITUDE] = np.array(rise) * step_s, math.inf
+        s[DENSITY_ALTITUDE], s[DENSITY_ALTITUDE + 1] = 1000.0, DENSITY
+        work = np.empty((3, len(STATE)))
+        advance(c, s, state, step_s, *work)
+        force, before = float(s[FORCE_Z]), s[AIR : AIR + 3].copy()
+        s[GUST : GUST + 3] += s[RISE : RISE + 3]
+        advance(c, s, state, step_s, *work)
+        return force, before, s[AIR : AIR + 3].copy()
+
+    for wind in (0.0, 12.0):
+        for rise in ((0.0, 0.0, 0.0), (3.0, 0.0, 40.0), (-20.0, 0.0, -15.0)):
+            plain, *_ = flown(none, rise, wind)
+            force, before, after = flown(some, rise, wind)
+            alphadot = (math.atan2(after[2], after[0]) - math.atan2(before[2], before[0])) / step_s
+            speed, plane = float(np.linalg.norm(before)), math.hypot(before[0], before[2])
+            lift = 0.25 * DENSITY * speed * CHORD * parameter_row(AEROSONDE)[AREA] * lag * alphadot
+            wanted = -lift * before[0] / plane / parameter_row(AEROSONDE)[INDEX["mass_kg"]]
+            assert force - plain == pytest.approx(wanted, rel=2e-3)
 
 
 def test_a_centre_of_gravity_that_moves_leaves_every_point_of_the_body_where_it_is() -> None:
