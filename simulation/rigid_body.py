@@ -92,6 +92,35 @@ def rotation(q0, q1, q2, q3):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+def _through_the_wind(s, x, axes):  # type: ignore[no-untyped-def]
+    """Velocity of the centre of gravity beside the wind, gusts apart, body axes; ``axes`` of ``rotation``."""
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = axes
+    higher = -x[2] - s[SHEAR_ALTITUDE]
+    n, e = s[WIND] + higher * s[SHEAR], s[WIND_EAST] + higher * s[SHEAR_EAST]
+    d = s[WIND_DOWN] + higher * s[SHEAR_DOWN]
+    return (
+        x[3] - (r00 * n + r10 * e + r20 * d),
+        x[4] - (r01 * n + r11 * e + r21 * d),
+        x[5] - (r02 * n + r12 * e + r22 * d),
+    )
+
+
+@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+def _density(s, above):  # type: ignore[no-untyped-def]
+    """Air density so far ``above`` the altitude of its expansion, kg/m3."""
+    return s[DENSITY] + above * (s[DENSITY_SLOPE] + above * s[DENSITY_CURVE])
+
+
+@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
+def _gust_rates(s, share):  # type: ignore[no-untyped-def]
+    """What the gust gains a second along x and z of the body at a ``share`` of the step, m/s2."""
+    if not s[STEP] > 0.0:
+        return 0.0, 0.0
+    bend = 4.0 * (1.0 - 2.0 * share)
+    return (s[RISE] + bend * s[CURVE]) / s[STEP], (s[RISE_W] + bend * s[CURVE_W]) / s[STEP]
+
+
+@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     """d(state)/dt into ``k`` (13,); at stage 0 ``s`` is left with motion through the air, specific force and spin-up.
 
@@ -109,16 +138,10 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     """
     u, v, w, p, q, r = x[3], x[4], x[5], x[10], x[11], x[12]
     q0, q1, q2, q3 = x[6], x[7], x[8], x[9]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation(q0, q1, q2, q3)
-    higher = -x[2] - s[SHEAR_ALTITUDE]
-    n, e = s[WIND] + higher * s[SHEAR], s[WIND_EAST] + higher * s[SHEAR_EAST]
-    d = s[WIND_DOWN] + higher * s[SHEAR_DOWN]
+    axes = rotation(q0, q1, q2, q3)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = axes
+    uw, vw, ww = _through_the_wind(s, x, axes)
     arc = 4.0 * share * (1.0 - share)
-    uw, vw, ww = (
-        u - (r00 * n + r10 * e + r20 * d),
-        v - (r01 * n + r11 * e + r21 * d),
-        w - (r02 * n + r12 * e + r22 * d),
-    )
     ua = uw - (s[GUST] + share * s[RISE] + arc * s[CURVE])
     va = vw - (s[GUST_V] + share * s[RISE_V] + arc * s[CURVE_V])
     wa = ww - (s[GUST_W] + share * s[RISE_W] + arc * s[CURVE_W])
@@ -128,8 +151,7 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     cg_x, cg_y, cg_z = c[CG_X], c[CG_Y], c[CG_Z]
     if c[OFF_CENTRE] != 0.0:
         ua, va, wa = ua - (qa * cg_z - ra * cg_y), va - (ra * cg_x - pa * cg_z), wa - (pa * cg_y - qa * cg_x)
-    above = -x[2] - s[DENSITY_ALTITUDE]
-    density = s[DENSITY] + above * (s[DENSITY_SLOPE] + above * s[DENSITY_CURVE])
+    density = _density(s, -x[2] - s[DENSITY_ALTITUDE])
     forward = ua * ua + wa * wa
     push = thrust(c, s[THROTTLE], math.sqrt(forward + va * va), density)
     surface = ELEVATOR + 3 * stage
@@ -148,10 +170,7 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
         forward = max(forward, _LEAST_PLANE)
         per_plane = 1.0 / math.sqrt(forward)
         per_x, per_z = z_rate * wa * per_plane, -z_rate * ua * per_plane
-        gust_u = gust_w = 0.0
-        if s[STEP] > 0.0:
-            bend = 4.0 * (1.0 - 2.0 * share)
-            gust_u, gust_w = (s[RISE] + bend * s[CURVE]) / s[STEP], (s[RISE_W] + bend * s[CURVE_W]) / s[STEP]
+        gust_u, gust_w = _gust_rates(s, share)
         still = ua * (fz * per_mass + gz + q * uw - p * vw - gust_w)
         still -= wa * (fx * per_mass + gx + r * vw - q * ww - gust_u)
         alphadot = still / (forward - (ua * per_z - wa * per_x) * per_mass)
@@ -178,13 +197,10 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
 def airspeed(c, s, x):  # type: ignore[no-untyped-def]
     """Airspeed of the reference point, m/s, at the start of a step: the size of what ``rates`` leaves in ``s``."""
     p, q, r = x[10] - s[GUST_P], x[11] - s[GUST_Q], x[12] - s[GUST_R]
-    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rotation(x[6], x[7], x[8], x[9])
-    higher = -x[2] - s[SHEAR_ALTITUDE]
-    n, e = s[WIND] + higher * s[SHEAR], s[WIND_EAST] + higher * s[SHEAR_EAST]
-    d = s[WIND_DOWN] + higher * s[SHEAR_DOWN]
-    u = x[3] - s[GUST] - (r00 * n + r10 * e + r20 * d) - (q * c[CG_Z] - r * c[CG_Y])
-    v = x[4] - s[GUST_V] - (r01 * n + r11 * e + r21 * d) - (r * c[CG_X] - p * c[CG_Z])
-    w = x[5] - s[GUST_W] - (r02 * n + r12 * e + r22 * d) - (p * c[CG_Y] - q * c[CG_X])
+    uw, vw, ww = _through_the_wind(s, x, rotation(x[6], x[7], x[8], x[9]))
+    u = uw - s[GUST] - (q * c[CG_Z] - r * c[CG_Y])
+    v = vw - s[GUST_V] - (r * c[CG_X] - p * c[CG_Z])
+    w = ww - s[GUST_W] - (p * c[CG_Y] - q * c[CG_X])
     return math.sqrt(u * u + v * v + w * w)
 
 
