@@ -72,7 +72,7 @@ SECONDS, PERIOD_S, FIRST_S, SPACING_S = 60.0, 20.0, 4.0, 5.5
 AMPLITUDE_RAD = math.radians(2.0)
 SERVO_HZ = 8.0
 JSBSIM_HZ = 2000.0
-"""At 500 Hz its step alone makes l_p 0.6 % too small, five stated errors of a record without noise."""
+"""At 500 Hz its step alone makes the glider's l_p 0.6 % too small, five stated errors of a record without noise."""
 HOLD_PITCH, HOLD_BANK = 0.15, 0.2
 """Elevator and aileron per radian off the trim's pitch and bank."""
 MEASURED = (

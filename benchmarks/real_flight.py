@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 LIMITS_RAD_S = (1.5, 2.618, 4.0, 5.0, 7.0, float("inf"))
 """Of the servos; 2.618 rad/s is what the published simulation states."""
 FINE_STEPS = 20
+"""Of a servo in a sample."""
 DELAYS_S = (-0.06, -0.04, -0.02, -0.01, 0.0, 0.01, 0.02, 0.04, 0.06)
 
 PANELS = (("short_period", ("z_w", "m_w", "m_q", "m_eta")), ("lateral", ("l_p", "l_xi", "n_v", "n_r")))

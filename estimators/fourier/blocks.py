@@ -243,7 +243,7 @@ def _restart(model, block, row, gap, checkpoint_rows):  # type: ignore[no-untype
 def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Solve with the running block; ``work.found`` becomes what the block alone says."""
     block, known, memory = vehicle.block, vehicle.posterior, vehicle.memory
-    rows, found = block.rows, work.found
+    rows, found, discounted = block.rows, work.found, vehicle.discounted
     gained = found.gained
     asked = MOVE
     if vehicle.progress.counts[SOLUTIONS] == 0:
@@ -254,15 +254,7 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     solve_block(model, block, at, memory, model.prior, asked, work.solving, found)
     span = rows[LAST, TIME] - rows[START, TIME]
     decay = 1.0 - math.exp(-span / model.memory_s)
-    replace(
-        decay,
-        gained.sensitivity,
-        known.theta,
-        model.prior.std,
-        memory,
-        vehicle.discounted,
-        work.replacing,
-    )
+    replace(decay, gained.sensitivity, known.theta, model.prior.std, memory, discounted, work.replacing)
     power, gain = work.solving.equation.power, 2.0 * min(1.0, span / model.block_s)
     note_signal(known.informed_s, gained.information, power, rows[LAST, TIME], gain)
     place_checkpoint(block, gained, vehicle.checkpoints)

@@ -302,16 +302,9 @@ def _remember(model, vehicle, work):  # type: ignore[no-untyped-def]
         last = max(last, informed_s[a])
     for j in range(4):
         progress.span[2 + j] = progress.condition[j]
-    discount(0.0 if rows[LAST, TIME] - last > model.stale_s else decay, memory, vehicle.discounted)
-    replace(
-        decay,
-        gained.sensitivity,
-        known.theta,
-        model.prior.std,
-        memory,
-        vehicle.discounted,
-        work.replacing,
-    )
+    discounted = vehicle.discounted
+    discount(0.0 if rows[LAST, TIME] - last > model.stale_s else decay, memory, discounted)
+    replace(decay, gained.sensitivity, known.theta, model.prior.std, memory, discounted, work.replacing)
     for a in range(informed_s.size):
         memory.vector[a] += gained.vector[a]
         memory.bias[a] += gained.bias[a]

@@ -243,8 +243,8 @@ def _motion(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
     along = _known(cos_beta * (ahead * cos_alpha + (row[_AZ] + gravity_z) * sin_alpha) + y * sin_beta)
     x, z = _known(ahead), _known(row[_AZ] + gravity_z)
     if lateral:
-        beta, across = math.asin(sin_beta), x * cos_alpha + z * sin_alpha
-        kinematic = airspeed * (p * sin_alpha - r * cos_alpha) - sin_beta * across + (cos_beta - 1.0) * y
+        beta, in_plane = math.asin(sin_beta), x * cos_alpha + z * sin_alpha
+        kinematic = airspeed * (p * sin_alpha - r * cos_alpha) - sin_beta * in_plane + (cos_beta - 1.0) * y
         return airspeed * beta if np.isfinite(v) else v, kinematic + gravity_y + along * beta, along
     turn = q - _known(sin_beta / cos_beta * (p * cos_alpha + r * sin_alpha))
     by_z = sin_alpha * sin_alpha * cos_beta + cos_alpha * cos_alpha / cos_beta - 1.0

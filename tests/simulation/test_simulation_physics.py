@@ -136,8 +136,8 @@ def test_lift_due_to_alphadot_goes_by_the_motion_through_the_air() -> None:
         c, s, state = working_row(row), np.zeros(SETTING_WIDTH), flying()
         state[4] = 0.0
         s[WIND], s[GUST : GUST + 3] = wind, (0.5, 0.0, -0.8)
-        s[RISE : RISE + 3], s[DENSITY_ALTITUDE] = np.array(rise) * step_s, math.inf
-        s[DENSITY_ALTITUDE], s[DENSITY_ALTITUDE + 1] = 1000.0, DENSITY
+        s[RISE : RISE + 3] = np.array(rise) * step_s
+        s[DENSITY_ALTITUDE : DENSITY_ALTITUDE + 2] = 1000.0, DENSITY
         work = np.empty((3, len(STATE)))
         advance(c, s, state, step_s, *work)
         force, before = float(s[FORCE_Z]), s[AIR : AIR + 3].copy()
