@@ -38,20 +38,16 @@ from wingwatch.estimators.batch.frequency_equation_error import (
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig, manoeuvres
 from wingwatch.estimators.batch.output_error import OutputErrorConfig, output_error
 from wingwatch.estimators.confounding import told_apart_text
-from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfSnapshot, EkfState
+from wingwatch.estimators.ekf.estimator import EkfConfig, EkfEstimator, EkfState
 from wingwatch.estimators.ekf.state import arrays_of, one_vehicle
 from wingwatch.estimators.estimate import BlockEvidence, Estimate, Outcome
 from wingwatch.estimators.filter_error import FilterErrorConfig, filter_error
-from wingwatch.estimators.fourier.estimator import (
-    FourierConfig,
-    FourierEstimator,
-    FourierSnapshot,
-    FourierState,
-)
+from wingwatch.estimators.fourier.estimator import FourierConfig, FourierEstimator, FourierState
 from wingwatch.estimators.inertia_coupling import InertiaCoupling, inertia_coupling
 from wingwatch.estimators.lanes import Lanes, padded
-from wingwatch.estimators.reference import Says, offsets, referred_scale
+from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalConfig, SignalLayout, Signals, SignalState, meets_at_centre
+from wingwatch.estimators.standing import Standing, Standings
 
 __all__ = [
     "Estimate",
@@ -60,13 +56,12 @@ __all__ = [
     "BlockEvidence",
     "FourierConfig",
     "FourierEstimator",
-    "FourierSnapshot",
     "FourierState",
     "EkfConfig",
     "EkfEstimator",
-    "EkfSnapshot",
     "EkfState",
-    "Says",
+    "Standing",
+    "Standings",
     "Lanes",
     "arrays_of",
     "one_vehicle",

@@ -31,17 +31,15 @@ from wingwatch.aircraft import ModeStructure
 from wingwatch.estimators import (
     BlockEvidence,
     EkfEstimator,
-    EkfSnapshot,
     EkfState,
     Estimate,
     FourierEstimator,
-    FourierSnapshot,
     FourierState,
     Lanes,
     Outcome,
-    Says,
     Signals,
     SignalState,
+    Standing,
     arrays_of,
     one_vehicle,
     told_apart_text,
@@ -167,7 +165,8 @@ class ModeSolution:
     """
 
     pair: Pair
-    seen: tuple[FourierSnapshot, EkfSnapshot]
+    seen: tuple[Standing, Standing]
+    """What the Fourier form and the filter say, each alone."""
     block: BlockEvidence | None
     """What the Fourier form has of the block that was closed, where one was; ``gained``: what the filter learned since
     the one before."""
@@ -199,13 +198,8 @@ class ModeSolution:
 
     @property
     def says_something(self) -> bool:
-        """Whether the Fourier form's estimate is settling or converged."""
-        says = (
-            self.pair.fourier.says(self.seen[0]) if self.pair.vane and self._made is None else Says.UNDECIDED
-        )
-        if says is Says.UNDECIDED:
-            return self.fourier.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
-        return says is Says.SOMETHING
+        """Whether the Fourier form's estimate is settling or converged; without a vane it is neither."""
+        return self.pair.vane and self.seen[0].says_something
 
     def _both(self) -> tuple[Estimate, Estimate]:
         if self._made is None:
@@ -283,10 +277,10 @@ class Supervisor:
 
     def read(self, lane: Lane, time_s: float) -> dict[str, ModeSolution]:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
-        place = np.array([lane.place])
+        place, at_s, old = np.array([lane.place]), np.array([time_s]), np.zeros(1, dtype=np.bool_)
         gusty = self._feels_gusts(place)
         return {
-            name: _read(p, state, lane.place, time_s, bool(_is_rough(p, state, place, gusty)[0]), False)
+            name: _read(p, state, place, at_s, _is_rough(p, state, place, gusty), old)[0]
             for (name, p), state in zip(self.pairs.items(), self._states.values(), strict=True)
         }
 
@@ -335,10 +329,7 @@ class Supervisor:
         closed = pair.fourier.blocks_closed(state.fourier, places)
         news = closed != state.blocks[places]
         state.blocks[places] = closed
-        solutions = [
-            _read(pair, state, i, at_s, is_rough, new)
-            for i, at_s, is_rough, new in zip(*map(_listed, (places, time_s, rough, news)), strict=True)
-        ]
+        solutions = _read(pair, state, places, time_s, rough, news)
         # Without a vane all may contradict what is remembered; with one, rough air at first.
         trusted = ~rough | (closed >= BLOCKS_IN_ROUGH_AIR) if pair.vane else np.zeros_like(rough)
         pair.fourier.follow_changes(state.fourier, trusted, places)
@@ -387,21 +378,26 @@ def _is_rough(pair: Pair, state: PairState, places: Places, gusty: Flags) -> Fla
     return rough if pair.vane else rough & gusty
 
 
-def _read(pair: Pair, state: PairState, i: int, time_s: float, rough: bool, closed: bool) -> ModeSolution:
-    """What is known of a mode of vehicle ``i`` now, and of the block that it has ``closed``, if so."""
+def _read(
+    pair: Pair, state: PairState, places: Places, time_s: Array, rough: Flags, closed: Flags
+) -> list[ModeSolution]:
+    """What is known of a mode of some vehicles now, and of the blocks that they have ``closed``."""
     if not pair.vane:
-        rough = rough or 0.0 <= time_s - float(state.rough_s[i]) < ROUGH_MEMORY_S
-    seen = pair.fourier.snapshot(state.fourier, i), pair.ekf.snapshot(state.ekf, i)
-    block = pair.fourier.evidence(state.fourier, i) if closed else None
-    return ModeSolution(pair, seen, block, pair.ekf.take_gained(state.ekf, i) if closed else None, rough)
+        since_s = time_s - state.rough_s[places]
+        rough = rough | ((since_s >= 0.0) & (since_s < ROUGH_MEMORY_S))
+    fourier, ekf = pair.fourier.standings(state.fourier, places), pair.ekf.standings(state.ekf, places)
+    solutions = []
+    for m, (i, is_rough, new) in enumerate(zip(*map(_listed, (places, rough, closed)), strict=True)):
+        block = pair.fourier.evidence(state.fourier, i) if new else None
+        gained = pair.ekf.take_gained(state.ekf, i) if new else None
+        solutions.append(ModeSolution(pair, (fourier.of(m), ekf.of(m)), block, gained, is_rough))
+    return solutions
 
 
-def _with_standing(
-    pair: Pair, seen: tuple[FourierSnapshot, EkfSnapshot], rough: bool
-) -> tuple[Estimate, Estimate]:
+def _with_standing(pair: Pair, seen: tuple[Standing, Standing], rough: bool) -> tuple[Estimate, Estimate]:
     """Both estimates with the standing that each has beside the other."""
-    fourier = pair.fourier.estimate_of(seen[0])
-    ekf = _beside_fourier(pair.ekf.estimate_of(seen[1]), fourier, pair.fourier.unseen(seen[0]))
+    fourier = seen[0].estimate(pair.fourier.name, pair.structure)
+    ekf = _beside_fourier(seen[1].estimate(pair.ekf.name, pair.structure), fourier, seen[0].stale)
     if pair.vane:
         return fourier, ekf
     return _without_vane(fourier, rough), _without_vane(ekf, rough)

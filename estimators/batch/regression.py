@@ -20,7 +20,8 @@ from wingwatch.estimators.batch.fit import ChannelFit, Fit, confidence_interval,
 from wingwatch.estimators.batch.manoeuvre import Manoeuvre, ManoeuvreConfig
 from wingwatch.estimators.batch.smoothing import white_noise_std
 from wingwatch.estimators.estimate import Estimate, Outcome
-from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
+from wingwatch.estimators.reference import offsets, referred_scale
+from wingwatch.estimators.standing import ConcisePosterior, stand
 
 __all__ = [
     "Equations",
@@ -353,7 +354,7 @@ def finished(
 ) -> tuple[Estimate, Fit]:
     """Estimate and statistics from referred derivatives and their covariances.
 
-    A derivative is converged, settling or not observable as online (``reference.standing``); ``natural`` is its
+    A derivative is converged, settling or not observable as online (``standing``); ``natural`` is its
     natural size (its own value where None), and ``left_over`` what rejects derivatives because the model does not
     hold.
     """
@@ -371,8 +372,11 @@ def finished(
     size = np.abs(value) if natural is None else np.asarray(natural, dtype=np.float64)
     end = float(parts[-1].time_s[-1])
     informed = np.where(hidden, -np.inf, end)
-    posterior = ConcisePosterior(value, covariance, 3.0 * size)
-    estimate = standing(name, structure, end, posterior, informed, np.inf, True, condition)
+    posterior = ConcisePosterior(value[None], covariance[None], 3.0 * size[None])
+    standing = stand(
+        structure, np.array([end]), posterior, informed[None], np.inf, np.array([True]), condition[None]
+    ).of(0)
+    estimate = standing.estimate(name, structure)
     estimate = _named(_rejected(estimate, [found for found in left_over if found is not None]), hidden)
     fit = Fit(
         channels, correlation(estimate.covariance),

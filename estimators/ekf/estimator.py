@@ -5,7 +5,7 @@ prediction and correction to ``filterpy.kalman.ExtendedKalmanFilter`` and serves
 """
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,8 @@ from wingwatch.estimators.ekf.scatter import (
     dispersion_before,
     forget_block,
     no_scatter,
-    stated_dispersion,
-    wider_covariance,
+    stated_dispersions,
+    wider_covariances,
 )
 from wingwatch.estimators.ekf.solve import solve_all
 from wingwatch.estimators.ekf.state import (
@@ -57,10 +57,11 @@ from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.levels import LEVELS
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
-from wingwatch.estimators.reference import ConcisePosterior, offsets, referred_scale, standing
+from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalLayout
+from wingwatch.estimators.standing import ConcisePosterior, Standings, stand
 
-__all__ = ["EkfConfig", "EkfEstimator", "EkfSnapshot", "EkfState"]
+__all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
 
 Array = NDArray[np.float64]
 
@@ -114,26 +115,6 @@ class EkfConfig:
     def __post_init__(self) -> None:
         if not self.held:
             object.__setattr__(self, "held", (False,) * len(self.structure.inputs))
-
-
-class EkfSnapshot(NamedTuple):
-    """What an estimate of one vehicle is made of, copied out of the state.
-
-    Attributes:
-        z, condition, informed_s: of ``EkfState``.
-        covariance: (k, k) of the derivatives, as white residuals would have it.
-        dispersion: (ns,) what its equations' variances are multiplied by.
-        row: the last signal row.
-        started: whether the filter has begun.
-    """
-
-    z: Array
-    covariance: Array
-    dispersion: Array
-    condition: Array
-    informed_s: Array
-    row: Array
-    started: bool
 
 
 class EkfEstimator:
@@ -339,52 +320,43 @@ class EkfEstimator:
 
     def estimate(self, state: EkfState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last sample, at its present flight condition."""
-        return self.estimate_of(self.snapshot(state, vehicle))
+        return self.standings(state, np.array([vehicle])).of(0).estimate(self.name, self.config.structure)
 
-    def snapshot(self, state: EkfState, vehicle: int = 0) -> EkfSnapshot:
-        """What an estimate is made of, for whoever may want it later."""
-        parameters = self._parameters
-        return EkfSnapshot(
-            state.z[vehicle].copy(),
-            state.cov[vehicle, parameters, parameters].copy(),
-            stated_dispersion(state, vehicle),
-            state.condition[vehicle].copy(),
-            state.informed_s[vehicle].copy(),
-            state.rows[vehicle, NEWEST].copy(),
-            bool(state.samples[vehicle] > WARM_UP),
-        )
-
-    def estimate_of(self, seen: EkfSnapshot) -> Estimate:
-        """The estimate as of a snapshot."""
-        c = self.config
-        _, airspeed, density, altitude, alpha = seen.condition
+    def standings(self, state: EkfState, places: NDArray[np.int64]) -> Standings:
+        """The same of some vehicles, (m,), in numbers."""
+        c, parameters, z = self.config, self._parameters, state.z[places]
+        _, airspeed, density, altitude, alpha = state.condition[places].T
         scale = referred_scale(c.structure, airspeed, density, c.reference)
-        value = seen.z[self._parameters] * scale + offsets(c.structure, airspeed, alpha)
+        value = z[:, parameters] * scale + offsets(c.structure, airspeed, alpha)
+        row = state.rows[places, NEWEST]
         if c.structure.states[0] == "w":
-            value += self._by_airspeed(seen, value)
-        covariance = wider_covariance(seen.covariance, c.prior_std, seen.dispersion)
-        return standing(
-            self.name, c.structure, float(seen.row[TIME]),
-            ConcisePosterior(
-                value, covariance * scale[:, None] * scale, 3.0 * c.prior_std * scale, prior_ratio=1.0
-            ),
-            seen.informed_s, c.stale_s, seen.started, np.array([airspeed, altitude, density, alpha]),
+            value += self._by_airspeed(z, row, value, airspeed, alpha)
+        dispersion = stated_dispersions(state, places)
+        covariance = wider_covariances(state.cov[places, parameters, parameters], c.prior_std, dispersion)
+        covariance *= scale[:, :, None] * scale[:, None, :]
+        posterior = ConcisePosterior(value, covariance, 3.0 * c.prior_std * scale, prior_ratio=1.0)
+        condition = np.stack([airspeed, altitude, density, alpha], axis=1)
+        return stand(
+            c.structure, row[:, TIME], posterior, state.informed_s[places], c.stale_s,
+            state.samples[places] > WARM_UP, condition,
         )  # fmt: skip
 
-    def _by_airspeed(self, seen: EkfSnapshot, value: Array) -> Array:
-        """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha).
+    def _by_airspeed(self, z: Array, row: Array, value: Array, airspeed: Array, alpha: Array) -> Array:
+        """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha); (m, k).
 
         The filter's forces go with rho V (states) and rho V^2 (inputs and constants), V measured; a concise derivative
         by w holds their slope by V too, for z_w -2 g sin(alpha) / V and a little more.
         """
         ns, nu = self.layout.states, self.layout.inputs
-        _, airspeed, _, _, alpha = seen.condition
-        row, by_w = seen.row, np.zeros((ns, ns + nu))
-        if np.isfinite(alpha) and airspeed > 1.0:
-            table, kappa = value.reshape(ns, ns + nu), row[self.layout.kinematic + PRESSURE_RATIO]
-            still = seen.z[-ns:] * kappa + table[:, ns:] @ row[self.layout.first_input :][:nu]
-            by_w[:, 0] = np.sin(alpha) * (2.0 * still / airspeed + table[:, 0] * np.sin(alpha))
-        return by_w.ravel()
+        table, first = value.reshape(-1, ns, ns + nu), self.layout.first_input
+        known = np.isfinite(alpha) & (airspeed > 1.0)
+        slope, speed = np.where(known, np.sin(alpha), 0.0)[:, None], np.where(known, airspeed, 1.0)[:, None]
+        forces = z[:, -ns:] * row[:, self.layout.kinematic + PRESSURE_RATIO, None]
+        forces += (table[:, :, ns:] * row[:, None, first : first + nu]).sum(axis=2)
+        by_w = np.zeros(table.shape)
+        by_w[:, :, 0] = slope * (2.0 * forces / speed + table[:, :, 0] * slope)
+        by_w[~known] = 0.0
+        return by_w.reshape(value.shape)
 
     def take_gained(self, state: EkfState, vehicle: int = 0) -> tuple[Array, Array]:
         """Information (k, k) and vector (k,) gained from data since the last call, with the dispersion of the blocks

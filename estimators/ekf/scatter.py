@@ -32,8 +32,8 @@ __all__ = [
     "dispersion_before",
     "forget_block",
     "no_scatter",
-    "stated_dispersion",
-    "wider_covariance",
+    "stated_dispersions",
+    "wider_covariances",
 ]
 
 Array = NDArray[np.float64]
@@ -95,12 +95,21 @@ def forget_block(state: EkfState, i: int) -> None:
     state.scatter.solutions[i] = 0
 
 
-def stated_dispersion(state: EkfState, i: int) -> Array:
-    """What vehicle i's stated variances are multiplied by, by equation, (ns,): what blocks scatter, or what goes with
-    the motion."""
-    coherent = np.ones_like(state.scatter.coherent[i])
-    coherent_dispersion(state.coherence, i, coherent)
-    return np.asarray(np.maximum(_scattered(state.scatter.equations[i]), coherent))
+def stated_dispersions(state: EkfState, places: NDArray[np.int64]) -> Array:
+    """What stated variances of some vehicles (m,) are multiplied by, by equation, (m, ns): what blocks scatter, or
+    what goes with the motion."""
+    out = np.ones((places.size, state.scatter.coherent.shape[1]))
+    stated_into(state.scatter.equations, state.coherence, places, out)
+    return out
+
+
+@whole
+def stated_into(equations, coherence, places, out):  # type: ignore[no-untyped-def]
+    """Compiled ``stated_dispersions``."""
+    for m in range(places.size):
+        coherent_dispersion(coherence, places[m], out[m])
+        for e in range(out.shape[1]):
+            out[m, e] = max(dispersion_of(equations[places[m], e]), out[m, e])
 
 
 def _scattered(equations: Array) -> Array:
@@ -108,20 +117,20 @@ def _scattered(equations: Array) -> Array:
     return np.array([dispersion_of(row) for row in equations])
 
 
-def wider_covariance(covariance: Array, prior_std: Array, dispersion: Array) -> Array:
-    """Covariance (k, k) of the derivatives with the information that data gave S^-1 (P^-1 - P_0^-1) S^-1, S the roots
-    of the dispersions.
+def wider_covariances(covariance: Array, prior_std: Array, dispersion: Array) -> Array:
+    """Covariances (m, k, k) of the derivatives with the information that data gave S^-1 (P^-1 - P_0^-1) S^-1, S the
+    roots of the dispersions.
 
     Stabilised forgetting keeps the prior's information whole, so what is more than that is of data.
 
     Args:
-        covariance: P of the filter, (k, k).
+        covariance: P of the filter, (m, k, k).
         prior_std: (k,).
-        dispersion: (ns,).
+        dispersion: (m, ns).
     """
     wider = covariance.copy()
-    if dispersion.max() > 1.0:
-        _widen(wider, prior_std, dispersion)
+    for m in np.flatnonzero(dispersion.max(axis=1) > 1.0):
+        _widen(wider[m], prior_std, dispersion[m])
     return wider
 
 

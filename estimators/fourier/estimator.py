@@ -10,7 +10,6 @@ is forgotten with ``memory_s`` where new data replace it.
 """
 
 from dataclasses import dataclass, field, fields
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,17 +44,11 @@ from wingwatch.estimators.kernels.apart import room_around
 from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
-from wingwatch.estimators.reference import (
-    ConcisePosterior,
-    Says,
-    offsets,
-    referred_scale,
-    says_something,
-    standing,
-)
+from wingwatch.estimators.reference import offsets, referred_scale
 from wingwatch.estimators.signals import SignalLayout
+from wingwatch.estimators.standing import ConcisePosterior, Standings, stand
 
-__all__ = ["FourierConfig", "FourierEstimator", "FourierSnapshot", "FourierState"]
+__all__ = ["FourierConfig", "FourierEstimator", "FourierState"]
 
 Array = NDArray[np.float64]
 
@@ -188,25 +181,6 @@ class FourierState:
     checkpoint_vector: Array
     checkpoint_bias: Array
     follows: NDArray[np.bool_]
-
-
-class FourierSnapshot(NamedTuple):
-    """What an estimate of one vehicle is made of, copied out of the state.
-
-    Attributes:
-        theta, covariance, informed_s: of ``Posterior``.
-        dispersion, condition: of ``Progress``.
-        time_s: stamp of the last sample.
-        solved: whether there was a solution.
-    """
-
-    theta: Array
-    covariance: Array
-    informed_s: Array
-    dispersion: Array
-    condition: Array
-    time_s: float
-    solved: bool
 
 
 class FourierEstimator:
@@ -354,63 +328,40 @@ class FourierEstimator:
         solved = now - start >= self.config.first_solution_s - 1e-9
         return np.where(solved, np.where(state.informed_s[places].max(axis=1) == now, 1, 0), -1)
 
-    def unseen(self, seen: FourierSnapshot) -> NDArray[np.bool_]:
-        """Which derivatives' regressors have carried nothing but noise for ``stale_s``, shape (k,)."""
-        return np.asarray(seen.time_s - seen.informed_s > self.config.stale_s)
-
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
-        return self.estimate_of(self.snapshot(state, vehicle))
+        return self.standings(state, np.array([vehicle])).of(0).estimate(self.name, self.config.structure)
 
-    def snapshot(self, state: FourierState, vehicle: int = 0) -> FourierSnapshot:
-        """What an estimate is made of, for whoever may want it later."""
-        return FourierSnapshot(
-            state.theta[vehicle].copy(), state.covariance[vehicle].copy(), state.informed_s[vehicle].copy(),
-            state.dispersion[vehicle].copy(), state.condition[vehicle].copy(), float(state.rows[vehicle, LAST, TIME]),
-            bool(state.counts[vehicle, SOLUTIONS]),
-        )  # fmt: skip
-
-    def estimate_of(self, seen: FourierSnapshot) -> Estimate:
-        """The estimate as of a snapshot."""
-        c = self.config
-        airspeed_m_s, _, density_kg_m3, alpha = seen.condition
+    def standings(self, state: FourierState, places: NDArray[np.int64]) -> Standings:
+        """The same of some vehicles, (m,), in numbers."""
+        c, condition = self.config, state.condition[places]
+        airspeed_m_s, _, density_kg_m3, alpha = condition.T
         scale = referred_scale(c.structure, airspeed_m_s, density_kg_m3, c.reference)
-        value = seen.theta * scale + offsets(c.structure, airspeed_m_s, alpha)
-        value += self._by_airspeed(value, airspeed_m_s, alpha)
-        wider = scale * np.repeat(np.sqrt(seen.dispersion), self.layout.states + self.layout.inputs)
-        covariance = seen.covariance * wider[:, None] * wider
-        return standing(
-            self.name, c.structure, seen.time_s, ConcisePosterior(value, covariance, c.prior_std * scale),
-            seen.informed_s, c.stale_s, seen.solved, seen.condition,
+        value = state.theta[places] * scale + offsets(c.structure, airspeed_m_s, alpha)
+        if c.structure.states[0] == "w":
+            value += self._by_airspeed(value, airspeed_m_s, alpha)
+        columns = self.layout.states + self.layout.inputs
+        wider = scale * np.repeat(np.sqrt(state.dispersion[places]), columns, axis=1)
+        covariance = state.covariance[places] * wider[:, :, None] * wider[:, None, :]
+        return stand(
+            c.structure, state.rows[places, LAST, TIME], ConcisePosterior(value, covariance, c.prior_std * scale),
+            state.informed_s[places], c.stale_s, state.counts[places, SOLUTIONS] > 0, condition,
         )  # fmt: skip
 
-    def says(self, seen: FourierSnapshot) -> Says:
-        """Whether the estimate of a snapshot will be settling or converged, where that is plain without making it.
-
-        Errors and natural sizes go with the same scale, so their ratios are those of the referred derivatives.
-        """
-        airspeed_m_s, _, density_kg_m3, _ = seen.condition
-        if not seen.solved:
-            return Says.NOTHING
-        if not 0.0 < airspeed_m_s * density_kg_m3 < np.inf:
-            return Says.UNDECIDED
-        wider = np.repeat(seen.dispersion, self.layout.states + self.layout.inputs)
-        variance = np.maximum(np.diagonal(seen.covariance), 0.0) * wider
-        return says_something(seen.theta, 3.0 * np.sqrt(variance) / self.config.prior_std, self.unseen(seen))
-
-    def _by_airspeed(self, value: Array, airspeed_m_s: float, alpha: float) -> Array:
-        """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha).
+    def _by_airspeed(self, value: Array, airspeed_m_s: Array, alpha: Array) -> Array:
+        """What w changes through the airspeed, the forward speed being constant: dV/dw = sin(alpha); (m, k).
 
         Forces are those at the measured airspeed: constants go with V^2, what acts by w with V. In steady flight they
         are -g cos(alpha) together and the moments nothing, so at constant forward speed the slope by w is
         z_w cos(alpha)^2 - 2 g sin(alpha) cos(alpha) / V, and m_w cos(alpha)^2.
         """
-        c, ns = self.config, self.layout.states
-        more = np.zeros((ns, value.size // ns))
-        if c.structure.states[0] == "w" and np.isfinite(alpha) and airspeed_m_s > 1.0:
-            more[:, 0] = -value.reshape(more.shape)[:, 0] * np.sin(alpha) ** 2
-            more[0, 0] -= GRAVITY_M_S2 * np.sin(2.0 * alpha) / airspeed_m_s
-        return more.ravel()
+        more = np.zeros((len(value), self.layout.states, value.shape[1] // self.layout.states))
+        known = np.isfinite(alpha) & (airspeed_m_s > 1.0)
+        alpha, speed = np.where(known, alpha, 0.0), np.where(known, airspeed_m_s, 1.0)
+        more[:, :, 0] = -value.reshape(more.shape)[:, :, 0] * (np.sin(alpha) ** 2)[:, None]
+        more[:, 0, 0] -= GRAVITY_M_S2 * np.sin(2.0 * alpha) / speed
+        more[~known] = 0.0
+        return more.reshape(value.shape)
 
     def evidence(self, state: FourierState, vehicle: int = 0) -> BlockEvidence:
         """What the last closed block said, for the monitor's sequential test."""

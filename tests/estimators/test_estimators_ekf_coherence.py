@@ -5,7 +5,7 @@ from estimator_plants import PITCH, Array, add_noise, doublets, ekf, make_signal
 
 from wingwatch.estimators import EkfState, SignalLayout
 from wingwatch.estimators.ekf.coherence import coherent_dispersion, no_coherence
-from wingwatch.estimators.ekf.scatter import dispersion_before, stated_dispersion
+from wingwatch.estimators.ekf.scatter import dispersion_before, stated_dispersions
 
 LATE = 3
 """Samples by which the surface acts later than its reading says: 60 ms."""
@@ -26,7 +26,7 @@ def flown(late: int, noise_share: float, seeds: int) -> EkfState:
 
 def dispersions(state: EkfState) -> Array:
     """What stated variances are multiplied by, (vehicles, equations)."""
-    return np.array([stated_dispersion(state, i) for i in range(len(state.z))])
+    return stated_dispersions(state, np.arange(len(state.z)))
 
 
 def test_an_effect_that_comes_late_widens_what_is_stated() -> None:
@@ -40,13 +40,13 @@ def test_what_is_said_at_a_change_is_weighed_by_what_was_before() -> None:
     state = flown(LATE, 0.05, 1)
     before = dispersion_before(state.scatter, 0)
     state.coherence.sums[0] *= 10.0
-    assert (stated_dispersion(state, 0) > 2.0 * before).any()
+    assert (dispersions(state)[0] > 2.0 * before).any()
     np.testing.assert_array_equal(dispersion_before(state.scatter, 0), before)
 
 
 def test_a_derivative_that_changed_takes_the_blame_with_it() -> None:
     state, runner = flown(LATE, 0.05, 1), ekf(PITCH)
-    assert (stated_dispersion(state, 0) > 2.0).any()
+    assert (dispersions(state)[0] > 2.0).any()
     runner.estimator.release(state, np.eye(PITCH.truth.size)[5])  # type: ignore[union-attr]
     assert (state.coherence.sums == 0.0).all()
     assert (state.scatter.coherent == 1.0).all()

@@ -10,10 +10,15 @@ from situation_plants import fly_situation
 from situations import ekf
 
 from wingwatch.estimators import EkfConfig, EkfEstimator, Outcome
-from wingwatch.estimators.ekf.scatter import dispersed, wider_covariance
+from wingwatch.estimators.ekf.scatter import dispersed, wider_covariances
 from wingwatch.estimators.kernels.dispersion import FREEDOM
 
 PRIOR_STD = np.array([2.0, 3.0, 1.0, 4.0, 5.0, 20.0])
+
+
+def wider(covariance: np.ndarray, dispersion: list[float], prior_std: np.ndarray = PRIOR_STD) -> np.ndarray:
+    """``wider_covariances`` of one vehicle."""
+    return np.asarray(wider_covariances(covariance[None], prior_std, np.array([dispersion]))[0])
 
 
 def covariance() -> np.ndarray:
@@ -35,17 +40,17 @@ def claims_inside(plant, case: str, seeds: range) -> list[bool]:  # type: ignore
 
 def test_blocks_that_agree_leave_the_errors() -> None:
     before = covariance()
-    np.testing.assert_array_equal(wider_covariance(before, PRIOR_STD, np.ones(2)), before)
+    np.testing.assert_array_equal(wider(before, [1.0, 1.0]), before)
 
 
 def test_the_equation_that_scatters_has_wider_errors_and_keeps_its_prior() -> None:
     before = covariance()
-    after = wider_covariance(before, PRIOR_STD, np.array([1.0, 9.0]))
+    after = wider(before, [1.0, 9.0])
     prior = np.diag(PRIOR_STD[3:] ** -2.0)
     of_data = np.linalg.inv(before[3:, 3:]) - prior
     np.testing.assert_allclose(np.linalg.inv(after[3:, 3:]) - prior, of_data / 9.0, rtol=1e-4, atol=1e-9)
     np.testing.assert_allclose(after[:3], before[:3], rtol=1e-12)
-    hopeless = wider_covariance(before, PRIOR_STD, np.array([1.0, 1e12]))
+    hopeless = wider(before, [1.0, 1e12])
     np.testing.assert_allclose(hopeless[3:, 3:], np.diag(PRIOR_STD[3:] ** 2), rtol=1e-6, atol=1e-6)
 
 
@@ -54,7 +59,7 @@ def test_an_equation_that_scatters_does_not_sharpen_another_that_errs_with_it() 
     common = np.kron(np.ones((2, 2)), np.eye(3)) * 0.04
     before = common + np.kron(np.eye(2), np.eye(3)) * 4e-6
     for widened in (
-        wider_covariance(before, np.ones(6), np.array([1.0, 1e6])),
+        wider(before, [1.0, 1e6], np.ones(6)),
         np.linalg.inv(np.eye(6) + dispersed(np.linalg.inv(before), np.zeros(6), np.array([1.0, 1e6]))[0]),
     ):
         np.testing.assert_array_less(0.19, np.sqrt(np.diagonal(widened))[:3])
