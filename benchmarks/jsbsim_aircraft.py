@@ -156,6 +156,7 @@ class Subject:
                 span_m=self.peer["metrics/bw-ft"] * FT,
                 mean_chord_m=self.peer["metrics/cbarw-ft"] * FT,
             ),
+            mass=self.peer.mass,
             sensors=Sensors(noise_std=NOISE if noisy else {}),
             actuators=Actuators(elevator=servo, aileron=servo, rudder=servo),
             modes={s.name: Mode(band_hz=self.band_hz(s)) for s in STRUCTURES},
@@ -200,17 +201,23 @@ def fly(subject: Subject) -> tuple[Array, Array]:
     level, toward = position.copy(), 1.0 - math.exp(-2.0 * math.pi * SERVO_HZ / JSBSIM_HZ)
     out, spin = np.full((len(planned), len(CHANNELS)), np.nan), np.empty((len(planned), 3))
     for k, doublet in enumerate(planned):
+        peer.set_controls(position.tolist(), trim.thrust_n)
+        peer.settle()
         _record(peer, position, k / RATE_HZ, out[k])
         spin[k] = peer.accelerations()[3:]
         command = doublet + level
         command[0] += HOLD_PITCH * (peer["attitude/theta-rad"] - alpha)
         command[1] += HOLD_BANK * peer["attitude/phi-rad"]
         out[k, COMMANDS] = command
-        for _ in range(steps):
-            moved = toward * (command - position)
-            peer.set_controls((position + 0.5 * moved).tolist(), trim.thrust_n)
+        # JSBSim integrates the forces of the step before, then evaluates new ones: surfaces are set a step ahead.
+        course = command + (position - command) * (1.0 - toward) ** np.arange(steps + 1)[:, None]
+        means = 0.5 * (course[:-1] + course[1:])
+        peer.set_controls(means[0].tolist(), trim.thrust_n)
+        peer.settle()
+        for surfaces in (*means[1:], course[-1]):
+            peer.set_controls(surfaces.tolist(), trim.thrust_n)
             peer.fdm.run()
-            position = position + moved
+        position = course[-1]
     return out, spin
 
 

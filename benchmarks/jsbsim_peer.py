@@ -153,6 +153,15 @@ class Peer:
     def __setitem__(self, name: str, value: float) -> None:
         self.fdm.set_property_value(name, float(value))
 
+    @property
+    def mass(self) -> Mass:
+        """Mass and moments of inertia as JSBSim has them."""
+        x, y, z, xz = (self[f"inertia/i{axes}-slugs_ft2"] * SLUG * FT**2 for axes in ("xx", "yy", "zz", "xz"))
+        return Mass(
+            mass_kg=self["inertia/mass-slugs"] * SLUG, inertia_x_kg_m2=x, inertia_y_kg_m2=y, inertia_z_kg_m2=z,
+            inertia_xz_kg_m2=-xz,
+        )  # fmt: skip
+
     def set_controls(self, surfaces_rad: Sequence[float], thrust_n: float) -> None:
         """Elevator, aileron and rudder (signs of the flight table) and thrust."""
         elevator, aileron, rudder = surfaces_rad
@@ -179,9 +188,9 @@ class Peer:
         self["ic/h-sl-ft"] = altitude_m / FT
         self.set_controls(surfaces_rad, thrust_n)
         self.fdm.run_ic()
-        self._settle()
+        self.settle()
 
-    def _settle(self) -> None:
+    def settle(self) -> None:
         """Forces of this instant and of these deflections, time standing still."""
         self.fdm.suspend_integration()
         for _ in range(_PASSES):
@@ -266,7 +275,7 @@ class Peer:
                 self["attitude/theta-rad"],
             )
             self.set_controls((elevator + deflection).tolist(), at.thrust_n)
-            self._settle()  # else JSBSim integrates the last step's forces first, and all deflections come a step late
+            self.settle()  # else JSBSim integrates the last step's forces first, and all deflections come a step late
             for _ in range(steps):
                 self.fdm.run()
         return out
