@@ -16,11 +16,12 @@ Roll and yaw are the accelerations themselves, I_xz solved for, as the concise d
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import Aircraft
+from wingwatch.aircraft import Aircraft, Mass
 
 __all__ = ["InertiaCoupling", "inertia_coupling"]
 
@@ -33,6 +34,11 @@ class InertiaCoupling:
     inertia_y_kg_m2: float
     inertia_z_kg_m2: float
     inertia_xz_kg_m2: float = 0.0
+
+    @classmethod
+    def of(cls, mass: Mass) -> Self:
+        """That of an aircraft file's [mass]."""
+        return cls(mass.inertia_x_kg_m2, mass.inertia_y_kg_m2, mass.inertia_z_kg_m2, mass.inertia_xz_kg_m2)
 
     def coefficients(self, rate: str) -> NDArray[np.float64]:
         """What multiplies p q, q r, p r and p^2 - r^2 in the angular acceleration of ``rate`` (``p``, ``q``, ``r``).
@@ -57,9 +63,4 @@ class InertiaCoupling:
 
 def inertia_coupling(aircraft: Aircraft) -> InertiaCoupling | None:
     """Of an aircraft file's [mass]; None where it states none."""
-    mass = aircraft.mass
-    if mass is None:
-        return None
-    return InertiaCoupling(
-        mass.inertia_x_kg_m2, mass.inertia_y_kg_m2, mass.inertia_z_kg_m2, mass.inertia_xz_kg_m2
-    )
+    return None if aircraft.mass is None else InertiaCoupling.of(aircraft.mass)
