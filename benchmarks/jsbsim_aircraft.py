@@ -112,16 +112,22 @@ class Subject:
         self.trim = self.peer.trim(self.condition)
         self.truth_at = cache(self._truth_at)
 
-    def _truth_at(self, airspeed_m_s: float) -> tuple[dict[str, float], float]:
-        """Concise derivatives at an airspeed, and the angle of attack there, rad; not rounded, for y_r is the speed."""
-        at = FlightCondition(airspeed_m_s, self.condition.altitude_m)
+    def _truth_at(
+        self, airspeed_m_s: float, altitude_m: float | None = None
+    ) -> tuple[dict[str, float], float]:
+        """Concise derivatives at an airspeed, and the angle of attack there, rad; not rounded, for y_r is the speed.
+
+        At the altitude of the trim where none is given: ten metres of density are a thousandth of a derivative.
+        """
+        altitude_m = self.condition.altitude_m if altitude_m is None else altitude_m
+        at = FlightCondition(airspeed_m_s, altitude_m)
         trim = self.peer.trim(at)
         return self.peer.concise(at, trim), trim.angle_of_attack_rad
 
     def truth(self, structure: ModeStructure, estimate: Estimate) -> Array:
-        """Concise derivatives at an estimate's airspeed, with the angle of attack that it reports."""
-        airspeed, _, _, alpha = estimate.condition
-        table, trim_alpha = self.truth_at(airspeed)
+        """Concise derivatives at an estimate's airspeed and altitude, with the angle of attack that it reports."""
+        airspeed, altitude, _, alpha = estimate.condition
+        table, trim_alpha = self.truth_at(airspeed, altitude)
         moved = offsets(structure, airspeed, alpha) - offsets(structure, airspeed, trim_alpha)
         return np.array([table[d] for d in structure.derivatives]) + moved
 
