@@ -31,7 +31,7 @@ from service_child import beside
 from wingwatch.aircraft import load_aircraft
 from wingwatch.cli.service import running_service
 from wingwatch.cli.settings import ServeSettings
-from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals
+from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Standing
 from wingwatch.monitor import FleetMonitor, VehicleMonitor
 from wingwatch.monitor import fleet as fleet_module
 from wingwatch.monitor.judge import Judge
@@ -67,11 +67,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "signals": ((Signals, "update"), (Signals, "high_passed")),
     "Fourier estimator": ((FourierEstimator, "update"), (FourierEstimator, "solve")),
     "filter": ((EkfEstimator, "update"), (EkfEstimator, "solve"), (EkfEstimator, "release")),
-    "estimates": (
-        (FourierEstimator, "estimate_of"),
-        (FourierEstimator, "says"),
-        (EkfEstimator, "estimate_of"),
-    ),
+    "estimates": ((FourierEstimator, "standings"), (EkfEstimator, "standings"), (Standing, "estimate")),
     "test for changes": ((Judge, "consider"),),
     "news": ((VehicleMonitor, "derivatives"), (VehicleMonitor, "view")),
     "all else": ((FleetMonitor, "receive_all"), (FleetMonitor, "tick")),
