@@ -267,7 +267,7 @@ class EkfEstimator:
         faults |= relinearise_all(self.model, state, places, solved)
         self._start_lost(state, places)
         for i in quiet:
-            begin_window(state, i)
+            begin_window(self.model, state, i)
         if seen is not None:
             for decided in places[seen != UNDECIDED].tolist():
                 accept(state, decided, first)
@@ -307,7 +307,7 @@ class EkfEstimator:
         state.vector[vehicle] = state.information[vehicle] @ state.z[vehicle, parameters]
         state.variance[vehicle] = np.diagonal(covariance)
         if not at_its_time:
-            begin_window(state, vehicle)
+            begin_window(self.model, state, vehicle)
         forget_coherence(state, vehicle)
         accept(state, vehicle, first)
         forget_block(state, vehicle)

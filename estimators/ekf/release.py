@@ -83,7 +83,7 @@ def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.floa
     cut_at(work, before - 1)
     there.rows[0] = np.concatenate([rows[max(cut - 2, 0) : cut][::-1], beginning])[:2]
     there.information[0] = np.linalg.inv(there.cov[0, parameters, parameters])
-    set_checkpoint(there._replace(noise=work.noise), 0, work.window.checkpoints, 0)
+    set_checkpoint(model, there._replace(noise=work.noise), 0, work.window.checkpoints, 0)
     for _ in range(_STEPS):
         if not run_window_again(model, work, 0, 0):
             return False

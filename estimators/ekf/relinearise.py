@@ -160,7 +160,7 @@ def _bending(now, then, later, gathered, kept, faded, prior_information):  # typ
 
 
 @part
-def _left_out(state, i, first, kept, prior_information):  # type: ignore[no-untyped-def]
+def _left_out(model, state, i, first, kept, prior_information):  # type: ignore[no-untyped-def]
     """What linearisation has left out of the window, in standard errors; the part of it before the second checkpoint;
     and the window's fraction of all that is known; see above.
 
@@ -170,7 +170,7 @@ def _left_out(state, i, first, kept, prior_information):  # type: ignore[no-unty
     count = 2 if state.window.middle[i] > 0 else 1
     now = Belief(state.z[i, first : first + k], state.cov[i, first : first + k, first : first + k])
     weighted = np.empty(points.log_variance.shape[2])
-    innovation_log_variance(state.noise.reading[i], state.noise.gust[i], weighted)
+    innovation_log_variance(model, state, i, weighted)
     moved, strength, fraction, off = np.zeros(2), 0.0, 0.0, np.zeros(2)
     for m in range(count):
         last = m == count - 1
@@ -345,7 +345,7 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int, about: B
         return False
     _reseat((run.z[0], run.cov[0]), known, first)
     for m in range(start, 2):
-        innovation_log_variance(run.noise.reading[0], run.noise.gust[0], points.log_variance[i, m])
+        innovation_log_variance(model, run, 0, points.log_variance[i, m])
         points.value[i, m], points.covariance[i, m] = fixed.value, state.cov[i, parameters, parameters]
     if start == 0 < middle_row:
         at = int(np.flatnonzero(span.ends == middle_row)[0])
@@ -374,7 +374,7 @@ def _assess(model, state, places, solved, fresh, matters, never):  # type: ignor
             continue
         if count > window.rows.shape[1] or not np.isfinite(state.cov[i]).all():
             window.rerun[i] = 0
-            begin_window(state, i)
+            begin_window(model, state, i)
             continue
         fresh[m] = count - (window.ends[i, solutions - 1] if solutions > 0 else 0)
         window.ends[i, solutions], window.keep[i, solutions] = count, solved.keep[m]
@@ -386,8 +386,8 @@ def _assess(model, state, places, solved, fresh, matters, never):  # type: ignor
             kept[1 if 0 < middle < window.ends[i, s] else 0] *= window.keep[i, s]
         if not np.isfinite(window.checkpoints.log_variance[i, 0, 0]):
             first_weights = window.checkpoints.log_variance[i, 0]
-            innovation_log_variance(state.noise.reading[i], state.noise.gust[i], first_weights)
-        left_out, before, fraction = _left_out(state, i, first, kept, prior_information)
+            innovation_log_variance(model, state, i, first_weights)
+        left_out, before, fraction = _left_out(model, state, i, first, kept, prior_information)
         start = 1 if 0 < middle < count and before <= _MATTERS else 0
         again = count - middle if start == 1 else count
         spare = _SPARE_ROWS + _SPARE * state.samples[i] - window.rerun[i] - again
@@ -403,15 +403,15 @@ def _assess(model, state, places, solved, fresh, matters, never):  # type: ignor
             matters[m] = start
         elif fraction < _MATTERS * _MATTERS and (fraction > _TAUGHT or rested):
             fresh[m] = -1
-            begin_window(state, i)
+            begin_window(model, state, i)
 
 
 @whole
-def _advance_all(state, places, fresh):  # type: ignore[no-untyped-def]
+def _advance_all(model, state, places, fresh):  # type: ignore[no-untyped-def]
     """The checkpoints of all vehicles whose window goes on."""
     for m in range(fresh.size):
         if fresh[m] >= 0:
-            advance_checkpoints(state, places[m], fresh[m])
+            advance_checkpoints(model, state, places[m], fresh[m])
 
 
 def relinearise_all(
@@ -445,7 +445,7 @@ def relinearise_all(
                     state.window.rerun[i] += state.window.filled[i]
         except Exception as error:
             faults[i], fresh[m] = error, -1
-    _advance_all(state, places, fresh)
+    _advance_all(model, state, places, fresh)
     return faults
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from wingwatch.estimators.ekf.state import NEWEST, TIME, EkfState
+from wingwatch.estimators.ekf.state import ACCELERATION, NEWEST, TIME, EkfState
 from wingwatch.estimators.kernels.hot import part, whole
 
 __all__ = [
@@ -67,23 +67,29 @@ def recalled(rows: NDArray[np.float32], before_s: float) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def innovation_log_variance(reading, gust, out):  # type: ignore[no-untyped-def]
-    """Logarithms of the innovations' variances, by state and for the accelerometer, (ns + 1,): ``reading, gust`` of
-    ``Noise``, one vehicle's.
+def innovation_log_variance(model, state, i, out):  # type: ignore[no-untyped-def]
+    """Logarithms of the innovations' variances of vehicle i, by state and for the accelerometer, (ns + 1,).
 
-    Of a random walk with Q a step, read with R, the prediction has the variance (Q + sqrt(Q^2 + 4 Q R)) / 2.
+    Of a random walk with Q a step, read with R, the prediction has the variance (Q + sqrt(Q^2 + 4 Q R)) / 2. An
+    unmeasured acceleration that lasts T moves a rate by T times what drives it a step.
     """
+    reading, unmeasured, airspeed = state.noise.reading[i], state.noise.unmeasured[i], state.condition[i, 1]
+    lasts_s = 0.0
+    if model.sizes.gusts > 0 and airspeed > 0.0:
+        lasts_s = model.gust_length_m[ACCELERATION] / airspeed
     for j in range(out.size):
-        walk = gust if j == 0 else 0.0
+        walk = state.noise.gust[i] if j == 0 else 0.0
+        if 0 < j < unmeasured.size:
+            walk = unmeasured[j] * lasts_s * lasts_s
         out[j] = np.log(reading[j] + 0.5 * (walk + np.sqrt(walk * walk + 4.0 * walk * reading[j])))
 
 
 @njit(cache=True, error_model="numpy")
-def set_checkpoint(state, i, checkpoints, m):  # type: ignore[no-untyped-def]
+def set_checkpoint(model, state, i, checkpoints, m):  # type: ignore[no-untyped-def]
     """A vehicle's present state as its checkpoint ``m``; what follows is linearised about it."""
     k = state.vector.shape[1]
     first = state.z.shape[1] - k - state.noise.reading.shape[1] + 1
-    innovation_log_variance(state.noise.reading[i], state.noise.gust[i], checkpoints.log_variance[i, m])
+    innovation_log_variance(model, state, i, checkpoints.log_variance[i, m])
     checkpoints.rows[i, m] = state.rows[i]
     checkpoints.z[i, m] = state.z[i]
     checkpoints.cov[i, m] = state.cov[i]
@@ -99,10 +105,10 @@ def empty_window(window, i):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def begin_window(state, i):  # type: ignore[no-untyped-def]
+def begin_window(model, state, i):  # type: ignore[no-untyped-def]
     """What follows may be run again from here, nothing before it."""
     empty_window(state.window, i)
-    set_checkpoint(state, i, state.window.checkpoints, 0)
+    set_checkpoint(model, state, i, state.window.checkpoints, 0)
 
 
 @part
@@ -127,7 +133,7 @@ def _cut(window, i):  # type: ignore[no-untyped-def]
 
 
 @part
-def advance_checkpoints(state, i, fresh):  # type: ignore[no-untyped-def]
+def advance_checkpoints(model, state, i, fresh):  # type: ignore[no-untyped-def]
     """Sets the second checkpoint at half of the window; cuts it there when it is long or cannot take ``fresh`` more."""
     window = state.window
     count, span, rows = window.filled[i], 0.0, window.rows[i]
@@ -136,13 +142,13 @@ def advance_checkpoints(state, i, fresh):  # type: ignore[no-untyped-def]
     full = count + fresh > rows.shape[0] or window.solutions[i] == window.ends.shape[1]
     if window.middle[i] == 0 and (full or 2 * count >= _LONG_ROWS or 2.0 * span >= _LONG_S):
         window.middle[i] = count
-        set_checkpoint(state, i, window.checkpoints, 1)
+        set_checkpoint(model, state, i, window.checkpoints, 1)
     if not (full or count >= _LONG_ROWS or span >= _LONG_S):
         return
     cut = window.middle[i]
     _cut(window, i)
     if count > cut:
-        set_checkpoint(state, i, window.checkpoints, 1)
+        set_checkpoint(model, state, i, window.checkpoints, 1)
 
 
 def cut_at(state: EkfState, solution: int) -> None:
