@@ -117,15 +117,19 @@ def adapt_reading(variance, residual, explained, rate):  # type: ignore[no-untyp
 def adapt_accelerometer(noise, i, squared, residuals, rate, ns):  # type: ignore[no-untyped-def]
     """Variance of the accelerometer's equation: R + gain force^2, both by steps of Fisher's scoring.
 
+    Information is that of a record with the present R: of one with a smaller R much more would be known, and a level
+    that has come up by mistake would not come down again.
+
     ``residuals`` hold what the filter predicts and what the inputs' reading errors add, which is known; ``squared`` is
     the square of the residual after correction plus its variance due to the state: E[r r'] = R - H P H'.
     """
     reading, fisher = noise.reading[i], noise.fisher[i]
     power = residuals.predicted * residuals.predicted
     total = reading[ns] + noise.gain[i] * power + residuals.input_variance
-    excess = (squared - total) / (total * total)
-    fisher[0] += rate * (1.0 / (total * total) - fisher[0])
-    fisher[1] += rate * (power * power / (total * total) - fisher[1])
+    share = (reading[ns] / total) ** 2
+    fisher[0] += rate * (share - fisher[0])
+    fisher[1] += rate * (share * power * power - fisher[1])
+    excess = share * (squared - total)
     reading[ns] = max(reading[ns] + rate * excess / max(fisher[0], 1e-30), LEAST)
     noise.gain[i] += rate * excess * power / max(fisher[1], 1e-30)
     noise.gain[i] = min(max(noise.gain[i], 0.0), GAIN_ERROR_MAX**2)

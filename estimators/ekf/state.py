@@ -233,6 +233,21 @@ class InputErrors(NamedTuple):
     """(n,): steps that the error has been followed for."""
 
 
+class Levels(NamedTuple):
+    """Levels of noise that misfit of the derivatives raises, at each checkpoint."""
+
+    accelerometer: Array
+    """(n, c): variance of its reading, the last of ``Noise.reading``."""
+    gain: Array
+    """(n, c): of ``Noise``."""
+    fisher: Array
+    """(n, c, 2): of ``Noise``."""
+    unmeasured: Array
+    """(n, c, ns): of ``Noise``."""
+    information: Array
+    """(n, c, ns): of ``MomentLevel``."""
+
+
 class Checkpoints(NamedTuple):
     """The filter at the beginning of the window and within it: axis c, two of them."""
 
@@ -250,6 +265,7 @@ class Checkpoints(NamedTuple):
     """(n, c, k, k): of these."""
     information: Array
     """(n, c, k, k): of the derivatives at the checkpoint."""
+    levels: Levels
 
 
 class Window(NamedTuple):

@@ -96,6 +96,10 @@ def set_checkpoint(model, state, i, checkpoints, m):  # type: ignore[no-untyped-
     checkpoints.value[i, m] = state.z[i, first : first + k]
     checkpoints.covariance[i, m] = state.cov[i, first : first + k, first : first + k]
     checkpoints.information[i, m] = state.information[i]
+    levels, noise = checkpoints.levels, state.noise
+    levels.accelerometer[i, m] = noise.reading[i, noise.reading.shape[1] - 1]
+    levels.gain[i, m], levels.fisher[i, m] = noise.gain[i], noise.fisher[i]
+    levels.unmeasured[i, m], levels.information[i, m] = noise.unmeasured[i], state.moment_level.information[i]
 
 
 @njit(cache=True, error_model="numpy")
@@ -118,6 +122,10 @@ def _cut(window, i):  # type: ignore[no-untyped-def]
     points.z[i, 0], points.cov[i, 0], points.rows[i, 0] = points.z[i, 1], points.cov[i, 1], points.rows[i, 1]
     points.log_variance[i, 0], points.value[i, 0] = points.log_variance[i, 1], points.value[i, 1]
     points.covariance[i, 0], points.information[i, 0] = points.covariance[i, 1], points.information[i, 1]
+    levels = points.levels
+    levels.accelerometer[i, 0], levels.gain[i, 0] = levels.accelerometer[i, 1], levels.gain[i, 1]
+    levels.fisher[i, 0], levels.unmeasured[i, 0] = levels.fisher[i, 1], levels.unmeasured[i, 1]
+    levels.information[i, 0] = levels.information[i, 1]
     for s in range(window.solutions[i]):
         if window.ends[i, s] > cut:
             window.ends[i, kept] = window.ends[i, s] - cut

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from wingwatch.estimators.ekf.noise import learn_reading_noise
+from wingwatch.estimators.ekf.adaptation import Residuals
+from wingwatch.estimators.ekf.noise import adapt_accelerometer, learn_reading_noise
 from wingwatch.estimators.ekf.sample import Sample
+from wingwatch.estimators.ekf.state import Noise
 
 SAMPLES, DT, MEMORY_S = 1500, 0.02, 10.0
 
@@ -57,3 +59,21 @@ def test_a_repeated_reading_is_not_a_silent_sensor() -> None:
     held = np.repeat(rng.standard_normal(SAMPLES // 5), 5)
     allowed = 1.4 * 6.0 * np.sqrt(0.5 * DT / MEMORY_S)
     assert learned(held, np.full(SAMPLES, 1e-3)) == pytest.approx(allowed * 2.0 / 6.0, rel=0.2)
+
+
+def test_an_accelerometer_s_level_that_misfit_has_raised_comes_down_again() -> None:
+    """Two seconds of a thousand times the power, and it is what it was a minute later."""
+    noise = Noise(
+        reading=np.full((1, 3), 1e-2), gust=np.zeros(1), unmeasured=np.zeros((1, 2)), gain=np.zeros(1),
+        fisher=np.zeros((1, 2)), corrections=np.zeros(1), inputs=np.zeros((1, 1)), largest=np.ones((1, 3)),
+    )  # fmt: skip
+    rng, residuals, rate = np.random.default_rng(0), Residuals(0.0, 0.0, 0.1, 0.0, 0.0), DT / MEMORY_S
+    levels = []
+    for k in range(round(112.0 / DT)):
+        std = 1.0 if 50.0 <= k * DT < 52.0 else 0.03
+        adapt_accelerometer(noise, 0, (std * rng.standard_normal()) ** 2, residuals, rate, 2)
+        levels.append(float(noise.reading[0, 2] + noise.gain[0] * 0.01))
+    before, raised, after = (levels[round(s / DT) - 1] for s in (50.0, 52.0, 112.0))
+    assert 0.5 * 9e-4 < before < 1.5 * 9e-4
+    assert raised > 20.0 * before
+    assert after < 2.0 * before

@@ -89,6 +89,22 @@ def test_others_that_may_have_changed_by_less_are_less_well_known(
     assert (np.abs(scores) < 4.0).all(), scores
 
 
+def test_levels_of_noise_that_the_change_has_raised_are_those_of_before(
+    flown: tuple[EkfEstimator, EkfState],
+) -> None:
+    """A checkpoint remembers them; one that is lower by now stays so."""
+    ekf, state = flown[0], deepcopy(flown[1])
+    before = state.noise.unmeasured.copy()
+    state.noise.reading[:, -1] *= 100.0
+    state.noise.unmeasured[:2] *= 100.0
+    state.noise.unmeasured[2:] *= 0.01
+    for i in range(4):
+        ekf.release(state, SPREAD, i, (STEP - 1) / 50.0)
+    np.testing.assert_array_equal(state.noise.reading[:, -1], flown[1].noise.reading[:, -1])
+    np.testing.assert_array_equal(state.noise.unmeasured[:2], before[:2])
+    np.testing.assert_array_equal(state.noise.unmeasured[2:], 0.01 * before[2:])
+
+
 def test_where_nothing_changed_nothing_is_done(flown: tuple[EkfEstimator, EkfState]) -> None:
     state = deepcopy(flown[1])
     flown[0].release(state, np.zeros(6), 0, STEP / 50.0)
