@@ -53,14 +53,13 @@ SETTING: tuple[str, ...] = (
     "curve_u", "curve_v", "curve_w", "curve_p", "curve_q", "curve_r",
     "density_altitude", "density", "density_slope", "density_curve",
     "air_u", "air_v", "air_w", "air_p", "air_q", "air_r", "force_x", "force_y", "force_z",
-    "spin_p", "spin_q", "spin_r", "step_s",
+    "spin_p", "spin_q", "spin_r",
 )  # fmt: skip
 """What a step needs beside the state and the working row: throttle; surfaces at its start, middle and end; wind over
 the ground at an altitude and its change per metre of altitude; the air's own motion at the start, body axes, what it
 gains in the step, and how far its middle lies from the straight line (a parabola); density about an altitude
 (``atmosphere.expand_density``). Behind them what ``rates`` leaves: motion of the reference point through the air,
-specific force at the centre of gravity in m/s2 and angular acceleration, all of the step's start; and the step's
-length, 0 where none is made and the air's own motion stays as it is."""
+specific force at the centre of gravity in m/s2 and angular acceleration, all of the step's start."""
 
 (
     THROTTLE,
@@ -73,7 +72,7 @@ length, 0 where none is made and the air's own motion stays as it is."""
     CURVE, CURVE_V, CURVE_W, CURVE_P, CURVE_Q, CURVE_R,
     DENSITY_ALTITUDE, DENSITY, DENSITY_SLOPE, DENSITY_CURVE,
     AIR, AIR_V, AIR_W, AIR_P, AIR_Q, AIR_R, FORCE, FORCE_Y, FORCE_Z,
-    SPIN, SPIN_Q, SPIN_R, STEP,
+    SPIN, SPIN_Q, SPIN_R,
 ) = range(len(SETTING))  # fmt: skip
 
 SETTING_WIDTH = len(SETTING)
@@ -112,15 +111,6 @@ def _density(s, above):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
-def _gust_rates(s, share):  # type: ignore[no-untyped-def]
-    """What the gust gains a second along x and z of the body at a ``share`` of the step, m/s2."""
-    if not s[STEP] > 0.0:
-        return 0.0, 0.0
-    bend = 4.0 * (1.0 - 2.0 * share)
-    return (s[RISE] + bend * s[CURVE]) / s[STEP], (s[RISE_W] + bend * s[CURVE_W]) / s[STEP]
-
-
-@njit(cache=True, error_model="numpy", fastmath=KEEP_BITS, inline="always")
 def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     """d(state)/dt into ``k`` (13,); at stage 0 ``s`` is left with motion through the air, specific force and spin-up.
 
@@ -133,8 +123,9 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
         k: the result.
 
     The lift and moment due to alphadot make the equations implicit; both are linear in it, so it is solved for. It is
-    that of the motion through the air, the rate of the gust's own angle of attack included: the downwash that reaches
-    the tail late is that of the wing's incidence, whatever made it. What shear adds to it is left out.
+    that of the motion through the air: the downwash that reaches the tail late is that of the wing's incidence,
+    whatever made it. The gust's own part, -w_g'/V, is the air's turning q_g, which the span smooths; the rate of the
+    gust at a point has no limit. What shear adds to it is left out.
     """
     u, v, w, p, q, r = x[3], x[4], x[5], x[10], x[11], x[12]
     q0, q1, q2, q3 = x[6], x[7], x[8], x[9]
@@ -148,7 +139,7 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
     pa = p - (s[GUST_P] + share * s[RISE_P] + arc * s[CURVE_P])
     qa = q - (s[GUST_Q] + share * s[RISE_Q] + arc * s[CURVE_Q])
     ra = r - (s[GUST_R] + share * s[RISE_R] + arc * s[CURVE_R])
-    cg_x, cg_y, cg_z = c[CG_X], c[CG_Y], c[CG_Z]
+    cg_x, cg_y, cg_z, turning = c[CG_X], c[CG_Y], c[CG_Z], q - qa
     if c[OFF_CENTRE] != 0.0:
         ua, va, wa = ua - (qa * cg_z - ra * cg_y), va - (ra * cg_x - pa * cg_z), wa - (pa * cg_y - qa * cg_x)
     density = _density(s, -x[2] - s[DENSITY_ALTITUDE])
@@ -170,9 +161,8 @@ def rates(c, s, x, stage, share, k):  # type: ignore[no-untyped-def]
         forward = max(forward, _LEAST_PLANE)
         per_plane = 1.0 / math.sqrt(forward)
         per_x, per_z = z_rate * wa * per_plane, -z_rate * ua * per_plane
-        gust_u, gust_w = _gust_rates(s, share)
-        still = ua * (fz * per_mass + gz + q * uw - p * vw - gust_w)
-        still -= wa * (fx * per_mass + gx + r * vw - q * ww - gust_u)
+        still = ua * (fz * per_mass + gz + q * uw - p * vw) + forward * turning
+        still -= wa * (fx * per_mass + gx + r * vw - q * ww)
         alphadot = still / (forward - (ua * per_z - wa * per_x) * per_mass)
         fx, fz, pitch = fx + per_x * alphadot, fz + per_z * alphadot, pitch + m_rate * alphadot
     if c[OFF_CENTRE] != 0.0:
@@ -224,12 +214,11 @@ def advance(c, s, x, dt, k, middle, total):  # type: ignore[no-untyped-def]
 
     Args:
         c: working row.
-        s: row of ``SETTING``; gets the step's length, and what ``rates`` leaves there is left as at its start.
+        s: row of ``SETTING``; what ``rates`` leaves there is left as at the step's start.
         x: rigid-body state (13,), advanced.
         dt: s.
         k, middle, total: work space (13,).
     """
-    s[STEP] = dt
     for i in range(13):
         middle[i], total[i] = x[i], 0.0
     for stage in range(4):

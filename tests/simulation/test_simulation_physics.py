@@ -30,6 +30,7 @@ from wingwatch.simulation.rigid_body import (
     DENSITY_ALTITUDE,
     FORCE_Z,
     GUST,
+    GUST_Q,
     RISE,
     SETTING_WIDTH,
     WIND,
@@ -127,33 +128,34 @@ def test_forces_act_at_the_reference_point_wherever_the_centre_of_gravity_is() -
 
 
 def test_lift_due_to_alphadot_goes_by_the_motion_through_the_air() -> None:
-    """A gust that rises changes the angle of attack as a motion does; a steady wind does nothing."""
+    """Air that turns by its slope changes the angle of attack, -w_g'/V = q_g; neither a steady wind nor what the gust
+    gains at the centre of gravity does."""
     lag, step_s = 30.0, 1e-5
     none, some = changed(CL_alphadot=0.0, Cm_alphadot=0.0), changed(CL_alphadot=lag, Cm_alphadot=0.0)
 
-    def flown(row: Array, rise: tuple[float, float, float], wind: float) -> tuple[float, Array, Array]:
-        """Normal force at the step's start, and the motion through the air at its start and end."""
+    def flown(row: Array, turning: float, wind: float, rise: float = 0.0) -> tuple[float, Array, Array]:
+        """Normal force at the step's start, and the motion through steady air at its start and end."""
         c, s, state = working_row(row), np.zeros(SETTING_WIDTH), flying()
         state[4] = 0.0
         s[WIND], s[GUST : GUST + 3] = wind, (0.5, 0.0, -0.8)
-        s[RISE : RISE + 3] = np.array(rise) * step_s
+        s[GUST_Q], s[RISE : RISE + 3] = turning, rise
         s[DENSITY_ALTITUDE : DENSITY_ALTITUDE + 2] = 1000.0, DENSITY
         work = np.empty((3, len(STATE)))
         advance(c, s, state, step_s, *work)
         force, before = float(s[FORCE_Z]), s[AIR : AIR + 3].copy()
-        s[GUST : GUST + 3] += s[RISE : RISE + 3]
         advance(c, s, state, step_s, *work)
         return force, before, s[AIR : AIR + 3].copy()
 
     for wind in (0.0, 12.0):
-        for rise in ((0.0, 0.0, 0.0), (3.0, 0.0, 40.0), (-20.0, 0.0, -15.0)):
-            plain, *_ = flown(none, rise, wind)
-            force, before, after = flown(some, rise, wind)
-            alphadot = (math.atan2(after[2], after[0]) - math.atan2(before[2], before[0])) / step_s
+        for turning in (0.0, 1.7, -0.4):
+            plain, *_ = flown(none, turning, wind)
+            force, before, after = flown(some, turning, wind)
+            alphadot = turning + (math.atan2(after[2], after[0]) - math.atan2(before[2], before[0])) / step_s
             speed, plane = float(np.linalg.norm(before)), math.hypot(before[0], before[2])
             lift = 0.25 * DENSITY * speed * CHORD * parameter_row(AEROSONDE)[AREA] * lag * alphadot
             wanted = -lift * before[0] / plane / parameter_row(AEROSONDE)[INDEX["mass_kg"]]
             assert force - plain == pytest.approx(wanted, rel=2e-3)
+            assert flown(some, turning, wind, 4e-4)[0] == force
 
 
 def test_a_centre_of_gravity_that_moves_leaves_every_point_of_the_body_where_it_is() -> None:
