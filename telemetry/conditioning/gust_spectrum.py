@@ -57,7 +57,7 @@ def fit_gust(power: Array, identity: str, columns: Columns, bins: Bins, gust_tim
     """
     omega, window = bins.omega_rad_s, bins.step_s * float(np.sum(bins.taper**2))
     shapes = np.array([omega**2 * dryden_across(omega, gust_time_s), omega**2, np.ones_like(omega)])
-    inertial = identity_noise(identity, columns, bins)[0] / window
+    inertial = identity_noise(identity, columns, bins) / window
     fit = _Whittle(
         power / window, shapes, inertial, math.sqrt(bins.overlap / (0.1 * bins.samples)), bins.overlap
     )

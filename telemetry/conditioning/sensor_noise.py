@@ -10,6 +10,9 @@ __all__ = ["detrended", "identity_noise"]
 
 Array = NDArray[np.float64]
 
+_ROWS = 300
+"""Rows at which the slope of an identity is taken: it changes as slowly as the aircraft moves."""
+
 
 def detrended(values: Array) -> Array:
     """Values (n,) less the straight line through them."""
@@ -18,18 +21,19 @@ def detrended(values: Array) -> Array:
     return np.asarray(centred - position * (position @ centred) / (position @ position))
 
 
-def identity_noise(identity: str, columns: Columns, bins: Bins) -> tuple[float, float]:
-    """Power of the transform of (measured' - rate) that noise makes: of the rate's channels, and of the measured ones.
+def identity_noise(identity: str, columns: Columns, bins: Bins) -> float:
+    """Power of the transform of an identity's rate that noise of its channels makes; it is flat.
 
-    The first is flat, the second goes with the frequency squared. Each channel's level is that of the top of its own
-    spectrum; how it enters is the identity's slope in it, root mean square over the window.
+    Each channel's level is that of the top of its own spectrum; how it enters is the identity's slope in it, root mean
+    square over rows of the window.
     """
-    measured, rate = IDENTITIES[identity](columns)
-    flat, rising = 0.0, 0.0
+    few = {name: column[:: max(1, bins.samples // _ROWS)] for name, column in columns.items()}
+    _, rate = IDENTITIES[identity](few)
+    power = 0.0
     for name, column in columns.items():
-        floor = noise_floor(bins, detrended(column))
-        nudge = 1e-4 * max(float(np.std(column)), 1e-6)
-        near_measured, near_rate = IDENTITIES[identity]({**columns, name: column + nudge})
-        flat += floor * float(np.mean(((near_rate - rate) / nudge) ** 2))
-        rising += floor * float(np.mean(((near_measured - measured) / nudge) ** 2))
-    return flat, rising
+        nudge = 1e-4 * max(float(np.std(few[name])), 1e-6)
+        _, near = IDENTITIES[identity]({**few, name: few[name] + nudge})
+        slope = float(np.mean(((near - rate) / nudge) ** 2))
+        if slope > 0.0:
+            power += noise_floor(bins, detrended(column)) * slope
+    return power
