@@ -245,7 +245,7 @@ class Envelope:
             carried = [(p.value, p.covariance) for p in self.points]
         self._places = places
         self._values = np.array([value for value, _ in carried])
-        self._covariances = np.array([covariance for _, covariance in carried])
+        self._covariances = np.array([covariance.ravel() for _, covariance in carried])
         self._alphas = np.array([p.condition.angle_of_attack_rad for p in self.points])
         self._carry_share = np.array(
             [1.0 if s in LIFT_PROPORTIONAL else CARRY_SHARE for s in self.structure.derivatives]
@@ -312,10 +312,10 @@ class Envelope:
 
     def _carried(self, placement: Placement, condition: FlightCondition) -> Expectation:
         """Interpolated in non-dimensional form, then made concise at the condition."""
-        covariance = np.tensordot(placement.weights, self._covariances, 1)
         value = placement.weights @ self._values
         carried = self._carry_share * np.abs(value) * _lift_change(condition, placement.nearest)
-        np.fill_diagonal(covariance, np.diagonal(covariance) + placement.curvature_bound**2 + carried**2)
+        covariance = (placement.weights @ self._covariances).reshape(value.size, value.size)
+        covariance.flat[:: value.size + 1] += placement.curvature_bound**2 + carried**2
         value, covariance = concise(value, covariance, self.structure, self.aircraft, condition)
         used = [p for p, w in zip(self.points, placement.weights, strict=True) if w > 0.0]
         return Expectation(
