@@ -162,12 +162,7 @@ class EkfEstimator:
             input_errors=InputErrors(
                 np.zeros((n, nu, nx, ns)), np.zeros((n, nu, ns, ns)), np.zeros((n, nu, ns, ns)), none.copy()
             ),
-            moment_level=MomentLevel(
-                np.zeros((n, ns, ns + 1)),
-                np.zeros((n, ns, ns + 1, ns + 1)),
-                np.zeros((n, ns)),
-                np.zeros((n, ns)),
-            ),
+            moment_level=_no_slopes(n, ns),
             coherence=no_coherence(n, ns),
             moments=np.zeros((n, ns + nu, 4)),
             halves=np.zeros((n, ns + nu, 4, 3)),
@@ -206,13 +201,7 @@ class EkfEstimator:
                     value=np.tile(c.prior_value, (n, 2, 1)),
                     covariance=np.tile(known, (n, 2, 1, 1)),
                     information=np.tile(information, (n, 2, 1, 1)),
-                    levels=Levels(
-                        np.full((n, 2), np.inf),
-                        np.zeros((n, 2)),
-                        np.zeros((n, 2, 2)),
-                        np.full((n, 2, ns), np.inf),
-                        np.zeros((n, 2, ns)),
-                    ),
+                    levels=_no_levels(n, ns),
                 ),
             ),
             accepted=prior_accepted(c.prior_value, c.prior_std, no_coherence(n, ns)),
@@ -390,6 +379,27 @@ def _no_noise(model: Model, n: int) -> Noise:
         corrections=np.zeros(n),
         inputs=np.tile(inputs, (n, 1)),
         largest=np.tile(np.concatenate([np.full(ns, LEAST), inputs]), (n, 1)),
+    )
+
+
+def _no_slopes(n: int, ns: int) -> MomentLevel:
+    """Before the first sample."""
+    return MomentLevel(
+        mean=np.zeros((n, ns, ns + 1)),
+        covariance=np.zeros((n, ns, ns + 1, ns + 1)),
+        information=np.zeros((n, ns)),
+        samples=np.zeros((n, ns)),
+    )
+
+
+def _no_levels(n: int, ns: int) -> Levels:
+    """Of checkpoints that are still to be set: none is lower than a vehicle's own."""
+    return Levels(
+        accelerometer=np.full((n, 2), np.inf),
+        gain=np.zeros((n, 2)),
+        fisher=np.zeros((n, 2, 2)),
+        unmeasured=np.full((n, 2, ns), np.inf),
+        information=np.zeros((n, 2, ns)),
     )
 
 
