@@ -245,7 +245,7 @@ class Envelope:
             carried = [(p.value, p.covariance) for p in self.points]
         self._places = places
         self._values = np.array([value for value, _ in carried])
-        self._covariances = np.array([covariance.ravel() for _, covariance in carried])
+        self._covariances = np.array([covariance.ravel() for _, covariance in carried])  # (points, k k)
         self._alphas = np.array([p.condition.angle_of_attack_rad for p in self.points])
         self._carry_share = np.array(
             [1.0 if s in LIFT_PROPORTIONAL else CARRY_SHARE for s in self.structure.derivatives]

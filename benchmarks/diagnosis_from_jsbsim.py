@@ -25,8 +25,8 @@ from diagnosis_inputs import KINDS, commands
 from diagnosis_jsbsim_flight import STEP_HZ, Holds, jsbsim_motion
 from diagnosis_readings import SENSOR_EFFECTS, Motion, Recorder
 from jsbsim_aircraft import AIRCRAFT, Subject, misfit
-from jsbsim_file import SLUG_FT2, peer_aircraft
-from jsbsim_peer import FT, SLUG, Peer
+from jsbsim_file import peer_aircraft
+from jsbsim_peer import FT, Peer
 
 from wingwatch.aircraft import (
     LATERAL,
@@ -135,22 +135,8 @@ def _change(effects: Sequence[Hidden]) -> Callable[[ET.Element], None]:
     return change
 
 
-def mass_of(peer: Peer) -> Mass:
-    """A loaded aircraft's mass and inertias."""
-    return Mass(
-        mass_kg=peer["inertia/mass-slugs"] * SLUG,
-        inertia_x_kg_m2=peer["inertia/ixx-slugs_ft2"] * SLUG_FT2,
-        inertia_y_kg_m2=peer["inertia/iyy-slugs_ft2"] * SLUG_FT2,
-        inertia_z_kg_m2=peer["inertia/izz-slugs_ft2"] * SLUG_FT2,
-        inertia_xz_kg_m2=-peer["inertia/ixz-slugs_ft2"] * SLUG_FT2,  # JSBSim keeps the tensor's element
-    )
-
-
 def _peer(name: str, effects: Sequence[Hidden], mass: Mass | None) -> Peer:
-    peer = Peer(name, rate_hz=STEP_HZ, without=WITHOUT, mass=mass, change=_change(effects))
-    # Adams and Bashforth's second order; the bundled Euler step makes a roll mode of 10 rad/s 2 % too slow.
-    peer["simulation/integrator/rate/rotational"] = peer["simulation/integrator/position/rotational"] = 3
-    return peer
+    return Peer(name, rate_hz=STEP_HZ, without=WITHOUT, mass=mass, change=_change(effects), second_order=True)
 
 
 def subject_with(name: str, condition: FlightCondition, effects: Sequence[Hidden] = ()) -> Subject:
@@ -162,7 +148,7 @@ def subject_with(name: str, condition: FlightCondition, effects: Sequence[Hidden
     heavier = next((effect.size for effect in effects if effect.name == "mass_inertia"), None)
     mass = None
     if heavier is not None:
-        before = mass_of(Subject(name, condition, _peer(name, (), None)).peer)
+        before = Subject(name, condition, _peer(name, (), None)).peer.mass
         mass = Mass(**{key: value * (1.0 + heavier) for key, value in before.model_dump().items()})
     return Subject(name, condition, _peer(name, effects, mass))
 
@@ -301,7 +287,7 @@ def file_of_derivatives(subject: Subject, servo_hz: float, noise_std: dict[str, 
         mean_chord_m=peer["metrics/cbarw-ft"] * FT,
     )
     bare = Aircraft(
-        format=1, name=subject.name.lower(), geometry=geometry, mass=mass_of(peer), conditions=(here,)
+        format=1, name=subject.name.lower(), geometry=geometry, mass=peer.mass, conditions=(here,)
     )
     return _equipped(bare, subject, servo_hz, noise_std)
 

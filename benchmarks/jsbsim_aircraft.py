@@ -80,8 +80,6 @@ SECONDS, PERIOD_S, FIRST_S, SPACING_S = 60.0, 20.0, 4.0, 5.5
 AMPLITUDE_RAD = math.radians(2.0)
 SERVO_HZ = 8.0
 JSBSIM_HZ = 500.0
-ADAMS_BASHFORTH_2 = 3
-"""JSBSim's number of the integrator. By Euler's, which it uses for rotations, the glider's l_p is 0.5 % too small."""
 HOLD_PITCH, HOLD_BANK = 0.15, 0.2
 """Elevator and aileron per radian off the trim's pitch and bank."""
 MEASURED = (
@@ -108,7 +106,7 @@ class Subject:
 
     def __init__(self, name: str, condition: FlightCondition | None = None, peer: Peer | None = None) -> None:
         self.name, self.condition = name, condition or AIRCRAFT[name]
-        self.peer = peer or Peer(name, rate_hz=JSBSIM_HZ)
+        self.peer = peer or Peer(name, rate_hz=JSBSIM_HZ, second_order=True)
         self.trim = self.peer.trim(self.condition)
         self.truth_at = cache(self._truth_at)
 
@@ -212,8 +210,6 @@ def fly(subject: Subject) -> tuple[Array, Array]:
     motion = [speed * math.cos(alpha), 0.0, speed * math.sin(alpha), 0.0, 0.0, 0.0]
     position = np.array([trim.elevator_rad, 0.0, 0.0])
     peer.start(motion, alpha, subject.condition.altitude_m, position.tolist(), trim.thrust_n)
-    for integrator in ("rate/rotational", "position/rotational"):
-        peer[f"simulation/integrator/{integrator}"] = ADAMS_BASHFORTH_2
     planned, steps = commands(subject), round(JSBSIM_HZ / RATE_HZ)
     level, toward = position.copy(), 1.0 - math.exp(-2.0 * math.pi * SERVO_HZ / JSBSIM_HZ)
     out, spin = np.full((len(planned), len(CHANNELS)), np.nan), np.empty((len(planned), 3))
@@ -226,9 +222,8 @@ def fly(subject: Subject) -> tuple[Array, Array]:
         command[0] += HOLD_PITCH * (peer["attitude/theta-rad"] - alpha)
         command[1] += HOLD_BANK * peer["attitude/phi-rad"]
         out[k, COMMANDS] = command
-        for _ in range(
-            steps
-        ):  # JSBSim integrates what it has evaluated, then evaluates forces of the step's end
+        for _ in range(steps):
+            # JSBSim integrates what it has evaluated, then evaluates the forces of the step's end.
             position = position + toward * (command - position)
             peer.set_controls(position.tolist(), trim.thrust_n)
             peer.fdm.run()

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
 import numpy as np
-from jsbsim_peer import FT, SLUG, Peer, PeerTrim
+from jsbsim_peer import FT, Peer, PeerTrim
 from reference_point import about_centre_of_gravity
 
 from wingwatch.aircraft import (
@@ -16,14 +16,12 @@ from wingwatch.aircraft import (
     DragCoefficients,
     Geometry,
     LiftCoefficients,
-    Mass,
     PitchCoefficients,
 )
 
 __all__ = ["peer_aircraft"]
 
 INCH = 0.0254
-SLUG_FT2 = SLUG * FT * FT
 _SCALES = (
     "aero/qbar-psf",
     "metrics/Sw-sqft",
@@ -150,13 +148,7 @@ def peer_aircraft(peer: Peer, at: PeerTrim) -> Aircraft:
         format=1,
         name=peer.name.lower(),
         geometry=Geometry(wing_area_m2=area, span_m=span, mean_chord_m=chord),
-        mass=Mass(
-            mass_kg=peer["inertia/mass-slugs"] * SLUG,
-            inertia_x_kg_m2=peer["inertia/ixx-slugs_ft2"] * SLUG_FT2,
-            inertia_y_kg_m2=peer["inertia/iyy-slugs_ft2"] * SLUG_FT2,
-            inertia_z_kg_m2=peer["inertia/izz-slugs_ft2"] * SLUG_FT2,
-            inertia_xz_kg_m2=-peer["inertia/ixz-slugs_ft2"] * SLUG_FT2,  # what JSBSim keeps is the tensor's element
-        ),
+        mass=peer.mass,
         coefficients=Coefficients(
             force_axes="wind", CL=lift, CD=drag, CY=directional("SIDE"), Cl=directional("ROLL"), Cm=pitch,
             Cn=directional("YAW"),

@@ -29,6 +29,8 @@ FT, SLUG, LBF = 0.3048, 14.59390293720636, 4.4482216152605
 _FLAT_EARTH_M = 6.371e9
 """Radius of a still earth, 1000 times the real one: no curvature, no fall of gravity with height."""
 _TAKEN_OFF = ("propulsion", "flight_control", "system", "autopilot", "output", "input", "external_reactions")
+_ADAMS_BASHFORTH_2 = 3
+"""JSBSim's number of that integrator."""
 _PASSES = 4
 """Evaluations until alphadot, which JSBSim takes from the pass before, has settled: each leaves a hundredth."""
 
@@ -111,6 +113,8 @@ class Peer:
         mass: in place of the bundled one.
         without: aerodynamic terms to leave out, by JSBSim's name.
         change: alters the description before it is loaded.
+        second_order: integrates rotations by Adams and Bashforth's second order, not by the bundled Euler step, which
+            makes a roll mode of 10 rad/s 2 % too slow at 250 Hz or 0.5 % at 1000 Hz.
     """
 
     def __init__(
@@ -122,6 +126,7 @@ class Peer:
         mass: Mass | None = None,
         without: Sequence[str] = (),
         change: Callable[[ET.Element], None] | None = None,
+        second_order: bool = False,
     ) -> None:
         self.name = name
         self.description = bundled(name, mass, without)
@@ -146,6 +151,9 @@ class Peer:
                     f"JSBSim cannot load its aircraft {name!r}; choose another of its bundled ones"
                 )
         self.fdm.set_dt(1.0 / rate_hz)
+        if second_order:
+            for rotation in ("rate", "position"):
+                self[f"simulation/integrator/{rotation}/rotational"] = _ADAMS_BASHFORTH_2
 
     def __getitem__(self, name: str) -> float:
         return float(self.fdm.get_property_value(name))
@@ -159,7 +167,7 @@ class Peer:
         x, y, z, xz = (self[f"inertia/i{axes}-slugs_ft2"] * SLUG * FT**2 for axes in ("xx", "yy", "zz", "xz"))
         return Mass(
             mass_kg=self["inertia/mass-slugs"] * SLUG, inertia_x_kg_m2=x, inertia_y_kg_m2=y, inertia_z_kg_m2=z,
-            inertia_xz_kg_m2=-xz,
+            inertia_xz_kg_m2=-xz,  # JSBSim keeps the tensor's element
         )  # fmt: skip
 
     def set_controls(self, surfaces_rad: Sequence[float], thrust_n: float) -> None:

@@ -133,7 +133,7 @@ def stand(
     code, number = np.zeros((2, *informed_s.shape), dtype=np.int64)
     stale = time_s[:, None] - informed_s > stale_s
     natural = posterior.prior_std / 3.0
-    judge_all(
+    _judge_all(
         (posterior.value, natural), covariance, posterior.prior_ratio, len(structure.regressors),
         (stale, solved), code, number,
     )  # fmt: skip
@@ -147,7 +147,7 @@ _HIDDEN, _REJECTED, _SETTLING, _CONVERGED = range(4)
 
 
 @whole
-def judge_all(sizes, covariance, prior_ratio, columns, known, code, number):  # type: ignore[no-untyped-def]
+def _judge_all(sizes, covariance, prior_ratio, columns, known, code, number):  # type: ignore[no-untyped-def]
     """``_judge`` for every vehicle: everything has a first axis more."""
     (value, natural), (stale, solved) = sizes, known
     for m in range(value.shape[0]):

@@ -20,7 +20,6 @@ from wingwatch.estimators.ekf.state import (
     NEWEST,
     TIME,
     EkfState,
-    Levels,
     Model,
     one_vehicle,
     put_vehicle,
@@ -48,20 +47,18 @@ def keep_ratios(model: Model, state: EkfState, i: int) -> None:
     state.ratios[i] = KEPT
 
 
-def _lower_levels(one: EkfState, levels: Levels, m: int) -> None:
-    """Levels of noise of a batch of one become those of checkpoint m where these are lower.
+def _lower_levels(one: EkfState) -> None:
+    """Levels of noise of a batch of one become those of the window's beginning where these are lower.
 
     What a changed aircraft did beside the old one's derivatives has passed for noise; a level comes down slowly.
     """
-    noise, told = one.noise, one.moment_level.information
-    if levels.accelerometer[0, m] < noise.reading[0, -1]:
-        noise.reading[0, -1], noise.gain[0] = levels.accelerometer[0, m], levels.gain[0, m]
-        noise.fisher[0] = levels.fisher[0, m]
-    lower = levels.unmeasured[0, m] < noise.unmeasured[0]
-    noise.unmeasured[0, lower], told[0, lower] = (
-        levels.unmeasured[0, m, lower],
-        levels.information[0, m, lower],
-    )
+    noise, level, then = one.noise, one.moment_level, one.window.checkpoints.levels
+    if then.accelerometer[0, 0] < noise.reading[0, -1]:
+        noise.reading[0, -1], noise.gain[0] = then.accelerometer[0, 0], then.gain[0, 0]
+        noise.fisher[0] = then.fisher[0, 0]
+    lower = then.unmeasured[0, 0] < noise.unmeasured[0]
+    noise.unmeasured[0, lower] = then.unmeasured[0, 0, lower]
+    level.information[0, lower] = then.information[0, 0, lower]
 
 
 def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.float64], since_s: float) -> bool:
@@ -89,7 +86,7 @@ def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.floa
     cut = int(ends[before - 1])
     there, work = one_vehicle(state, i), one_vehicle(state, i)
     there.window.filled[0], there.window.middle[0], there.window.solutions[0] = cut, 0, before
-    _lower_levels(there, there.window.checkpoints.levels, 0)
+    _lower_levels(there)
     if not run_window_again(model, there, 0, 0):
         return False
     parameters, diagonal = slice(first, first + k), np.arange(first, first + k)
@@ -103,7 +100,7 @@ def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.floa
     there.information[0] = np.linalg.inv(there.cov[0, parameters, parameters])
     set_checkpoint(model, there, 0, work.window.checkpoints, 0)
     for _ in range(_STEPS):
-        _lower_levels(work, work.window.checkpoints.levels, 0)
+        _lower_levels(work)
         if not run_window_again(model, work, 0, 0):
             return False
         moved = work.z[0, parameters] - state.z[i, parameters]

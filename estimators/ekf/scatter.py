@@ -99,12 +99,12 @@ def stated_dispersions(state: EkfState, places: NDArray[np.int64]) -> Array:
     """What stated variances of some vehicles (m,) are multiplied by, by equation, (m, ns): what blocks scatter, or
     what goes with the motion."""
     out = np.ones((places.size, state.scatter.coherent.shape[1]))
-    stated_into(state.scatter.equations, state.coherence, places, out)
+    _stated_into(state.scatter.equations, state.coherence, places, out)
     return out
 
 
 @whole
-def stated_into(equations, coherence, places, out):  # type: ignore[no-untyped-def]
+def _stated_into(equations, coherence, places, out):  # type: ignore[no-untyped-def]
     """Compiled ``stated_dispersions``."""
     for m in range(places.size):
         coherent_dispersion(coherence, places[m], out[m])

@@ -273,7 +273,7 @@ def test_a_centre_of_gravity_further_aft_takes_stability_away() -> None:
     name, shift_m = "c172r", 0.1
     subject = bundled.subject_with(name, AIRCRAFT[name])
     table = linearised(name)
-    mass = bundled.mass_of(subject.peer)
+    mass = subject.peer.mass
     less = -table["z_w"] * shift_m * mass.mass_kg / mass.inertia_y_kg_m2
     found = ratios(name, Hidden("cg_shift", "", "shift_m", shift_m))["m_w"] * table["m_w"]
     assert found == pytest.approx(table["m_w"] + less, rel=0.05)
