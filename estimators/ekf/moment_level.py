@@ -60,9 +60,11 @@ def follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate,
     """One sample of vehicle i: the variance of each e goes a step of Fisher's scoring up the likelihood.
 
     The information is a mean over all samples, from ``adapt_s`` on over the last of them; to it comes that of one
-    nat, for a sample alone says nothing. The logarithm rises by one, at most, while the span passes. A level that
-    starts far too low meets innovations many times their stated size, which seem to tell as much more; until the means
-    are over ``adapt_s`` such a sample counts as one that tells ``MOST_INFORMATION``, in score and information alike.
+    nat, for a sample alone says nothing. The logarithm rises by one, at most, while the span passes. Innovations many
+    times their stated size, of a level far too low or of derivatives far off, seem to tell as much more: such a sample
+    counts as one that tells ``MOST_INFORMATION``, in score and information alike. What is known of the logarithm is
+    known at the present level, and goes with it: of a reading of which it makes the fraction f of the variance that is
+    f^2 / 2, whose logarithm has the slope 2 (1 - f).
 
     Args:
         model: of the filter.
@@ -79,14 +81,18 @@ def follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate,
     per_step = passing / step.dt_s
     for k in range(0 if model.roll and model.use_accelerometer else 1, ns):
         slope = Slope(level.mean[i, k], level.covariance[i, k], ns, acceleration_state(ns, k))
-        variance, weight, to_means = noise.unmeasured[i, k], 1.0, rate
+        variance = noise.unmeasured[i, k]
         predict_slope(slope, jacobian, variance, work)
         score, information = correct_slope(slope, measured, work)
         level.samples[i, k] += 1.0
-        if 1.0 / level.samples[i, k] > rate:
-            to_means, weight = 1.0 / level.samples[i, k], min(1.0, MOST_INFORMATION / max(information, 1e-30))
+        to_means, weight = (
+            max(rate, 1.0 / level.samples[i, k]),
+            min(1.0, MOST_INFORMATION / max(information, 1e-30)),
+        )
         level.information[i, k] += to_means * (weight * information - level.information[i, k])
         change = min(to_means * weight * score / (level.information[i, k] + to_means), passing)
+        fraction = min(np.sqrt(2.0 * level.information[i, k]), 1.0)
+        level.information[i, k] *= np.exp(2.0 * (1.0 - fraction) * change)
         # what moves the aircraft less than the model is wrong in the calmest air cannot be told from that
         least = UNMODELLED * passing * noise.reading[i, ns]
         if k > 0:

@@ -46,6 +46,19 @@ def test_still_flights_are_covered_and_output_error_is_its_own_measure() -> None
         assert row.estimator in still_flights.line(row)
 
 
+def test_one_flight_in_still_air_is_known_as_well_as_another() -> None:
+    """In two of these the first doublet is met with derivatives so far off that innovations are many times their size;
+    they left the level of the unmeasured moment where it began, and a fifteenth of the knowledge."""
+    aircraft = load_aircraft("twinotter")
+    doublets = doublet_schedule(aircraft, simulated_flights.cruise_of(aircraft), still_flights.AMPLITUDE_RAD)
+    errors = []
+    for seed in (3000, 3003, 3004):
+        block = simulated_flights.fly(aircraft, [doublets], seed, 60.0)
+        solution = simulated_flights.last_solution(simulated_flights.misstated(aircraft, seed), block)
+        errors.append(solution.modes["short_period"].ekf.standard_error[3:])
+    assert (np.max(errors, axis=0) < 3.0 * np.min(errors, axis=0)).all()
+
+
 def test_the_chains_file_is_off_by_thirty_percent_and_the_flown_one_is_not() -> None:
     off = simulated_flights.misstated(AEROSONDE, 4)
     assert AEROSONDE.coefficients is not None
