@@ -41,7 +41,6 @@ from wingwatch.estimators.fourier.misfit import misfit_dispersions
 from wingwatch.estimators.fourier.noise_levels import start_noise
 from wingwatch.estimators.fourier.solution import (
     ALONE,
-    BEGIN,
     MOVE,
     SolutionWorkspace,
     block_solution,
@@ -245,13 +244,11 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     block, known, memory = vehicle.block, vehicle.posterior, vehicle.memory
     rows, found, discounted = block.rows, work.found, vehicle.discounted
     gained = found.gained
-    asked = MOVE
     if vehicle.progress.counts[SOLUTIONS] == 0:
         start_noise(model, block.roughness, known.noise)
-        asked = BEGIN
     believe_inputs(model, vehicle.filters, known.noise)
     at = Linearisation(known.theta, known.covariance, known.noise, known.noise_known)
-    solve_block(model, block, at, memory, model.prior, asked, work.solving, found)
+    solve_block(model, block, at, memory, model.prior, MOVE, work.solving, found)
     span = rows[LAST, TIME] - rows[START, TIME]
     decay = 1.0 - math.exp(-span / model.memory_s)
     replace(decay, gained.sensitivity, known.theta, model.prior.std, memory, discounted, work.replacing)

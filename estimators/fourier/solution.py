@@ -81,7 +81,6 @@ from wingwatch.estimators.kernels.symmetric import congruence, invert
 
 __all__ = [
     "ALONE",
-    "BEGIN",
     "CAUSED",
     "MEASURED",
     "MOVE",
@@ -95,15 +94,14 @@ __all__ = [
     "zero_memory",
 ]
 
-ALONE, MOVE, BEGIN, STAY = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
+ALONE, MOVE, STAY = np.int64(0), np.int64(1), np.int64(2)
 """What is asked of a solution: what the block says alone; derivatives, covariance and noise variances with the block
-too, until the derivatives move no more; all of that a few times at least; noise variances alone, the derivatives
-staying where they are.
+too, until the derivatives move no more; noise variances alone, the derivatives staying where they are.
 
 Not Python's integers: for each of them a kernel would be compiled anew."""
 
-BEGIN_STEPS, MOST_STEPS = 3, 5
-"""Gauss-Newton steps of the first solution at least, of any at most."""
+MOST_STEPS = 5
+"""Gauss-Newton steps of a solution at most."""
 
 MEASURED, CAUSED = range(2)
 """Places in ``SolutionWorkspace.roll``."""
@@ -382,7 +380,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         at: ``Linearisation``; in place, unless ``asked`` is ``ALONE``.
         memory: what is known without the block.
         prior: ``Prior``.
-        asked: ``ALONE``, ``MOVE``, ``BEGIN`` or ``STAY``.
+        asked: ``ALONE``, ``MOVE`` or ``STAY``.
         work: ``SolutionWorkspace``.
         found: ``BlockSolution``; becomes what the block says.
     """
@@ -396,8 +394,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
     block_transforms(omega, block.bank, span, air.turn_s, ns, nu, transforms.lines, transforms.phase)
     _present(model, sums, scale, work.forward_speed)
     noise[BETWEEN] = between_samples_variance(noise[GUST], power / span)
-    fewest = BEGIN_STEPS if asked == BEGIN else 1
-    for step in range(1 if asked == STAY else MOST_STEPS):
+    for _ in range(1 if asked == STAY else MOST_STEPS):
         _form(model, block, at, power, fraction, work, found)
         _gain(theta, 2.0 * fraction, found)
         if asked == ALONE:
@@ -430,7 +427,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         left = 1.0 - taken / (2.0 * omega.size * fraction * whitened.shape[0])
         noise_variances(whitened, 1.0 / max(left, LEAST_FREEDOM), noise, power, weighing, found.noise)
         update_noise(at, found.noise, fraction, power / span, block.roughness, plant, air)
-        if step + 1 >= fewest and _settled(work.change, at.covariance):
+        if _settled(work.change, at.covariance):
             return
 
 
