@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.kernels.hot import lean
 from wingwatch.estimators.kernels.symmetric import (
-    all_above,
     all_below,
     backward,
     cholesky,
     eigen,
-    forward,
-    product,
     whiten,
 )
 
@@ -34,26 +31,23 @@ class DirectionsWorkspace(NamedTuple):
     """Workspace of ``reduce_information``, names as there.
 
     Attributes:
-        lower, turned, other, half: (k, k).
+        lower, turned, other: (k, k).
         size, signal, off, work, ray: (k,).
-        columns: (k, 2).
     """
 
     lower: NDArray[np.float64]
     turned: NDArray[np.float64]
     other: NDArray[np.float64]
-    half: NDArray[np.float64]
     size: NDArray[np.float64]
     signal: NDArray[np.float64]
     off: NDArray[np.float64]
     work: NDArray[np.float64]
     ray: NDArray[np.float64]
-    columns: NDArray[np.float64]
 
 
 def directions_workspace(k: int) -> DirectionsWorkspace:
     """Workspace for k derivatives."""
-    shapes = [(k, k)] * 4 + [(k,)] * 5 + [(k, 2)]
+    shapes = [(k, k)] * 3 + [(k,)] * 5
     return DirectionsWorkspace(*(np.empty(shape) for shape in shapes))
 
 
@@ -82,36 +76,6 @@ def _add_direction(ray, signal, power, drive, gained, evidence):  # type: ignore
             gained.sensitivity[a, b] += signal * outer
             gained.information[a, b] += outer
             evidence.information[a, b] += signal * signal * outer
-
-
-@lean
-def _keep_all(equation, work, gained, evidence):  # type: ignore[no-untyped-def]
-    """The sums of ``reduce_information`` where every direction is kept: no eigenvectors are needed.
-
-    With L the root of M and L (1 - N) L' = M - N in its coordinates, the evidence is H' H, H = (1 - N) L'.
-    """
-    m, n_noise, score, bias = equation.power, equation.noise, equation.vector, equation.bias
-    lower, size, columns, turned, half = work.lower, work.size, work.columns, work.other, work.half
-    p = size.size
-    for a in range(p):
-        for b in range(p):
-            turned[a, b] = lower[b, a] * size[b] if b >= a else 0.0
-        columns[a, 0], columns[a, 1] = score[a] / size[a], bias[a] / size[a]
-    product(work.turned, turned, half)
-    forward(lower, columns)
-    for a in range(p):
-        gained.vector[a], gained.bias[a] = score[a], bias[a]
-        for b in range(p):
-            gained.sensitivity[a, b] = m[a, b] - n_noise[a, b]
-            gained.information[a, b] = m[a, b]
-            evidence.vector[b] += half[a, b] * columns[a, 0]
-            evidence.bias[b] += half[a, b] * columns[a, 1]
-        gained.information[a, a] += RIDGE * m[a, a]
-    for c in range(p):
-        for a in range(p):
-            factor = half[c, a]
-            for b in range(p):
-                evidence.information[a, b] += factor * half[c, b]
 
 
 @lean
@@ -153,13 +117,9 @@ def reduce_information(equation, smallest, work, gained, evidence):  # type: ign
             other[a, b] = m[a, b] / (size[a] * size[b])
             turned[a, b] = (m[a, b] - n_noise[a, b]) / (size[a] * size[b])
         other[a, a] += RIDGE
-    sound = cholesky(other, PIVOT, lower)
+    cholesky(other, PIVOT, lower)
     whiten(lower, turned)
     if all_below(turned, smallest, other):
-        return
-    clear = sound and all_above(turned, smallest, other) and all_below(turned, 1.0 + 1e-6, other)
-    if clear:
-        _keep_all(equation, work, gained, evidence)
         return
     eigen(turned, signal, work.off, work.work)
     for a in range(p):
