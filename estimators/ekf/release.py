@@ -87,7 +87,7 @@ def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.floa
     there, work = one_vehicle(state, i), one_vehicle(state, i)
     there.window.filled[0], there.window.middle[0], there.window.solutions[0] = cut, 0, before
     _lower_levels(there)
-    if not run_window_again(model, there, 0, 0):
+    if not run_window_again(model, there, 0):
         return False
     parameters, diagonal = slice(first, first + k), np.arange(first, first + k)
     prior_std = model.prior_std[:k]
@@ -101,7 +101,7 @@ def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.floa
     set_checkpoint(model, there, 0, work.window.checkpoints, 0)
     for _ in range(_STEPS):
         _lower_levels(work)
-        if not run_window_again(model, work, 0, 0):
+        if not run_window_again(model, work, 0):
             return False
         moved = work.z[0, parameters] - state.z[i, parameters]
         if not (np.isfinite(work.cov).all() and (np.abs(moved) <= _FAR * prior_std).all()):

@@ -23,8 +23,7 @@ window has in all that is known. What the rows said was also weighted by the noi
 misfit of a wrong start makes too large; it matters where the stated errors, which go with the root of the innovations'
 variances, are off by as much, times the window's fraction. While an input acts, the next half second moves the
 estimate by the root of the fraction of all information that such a half second gives: what is less than that can wait.
-A window that has taught too little for all of it to matter begins anew, and where the rows before the second checkpoint
-are not what matters, the run begins there.
+A window that has taught too little for all of it to matter begins anew.
 
 Rows that set levels of noise alone are run as soon as these are known, if anything moved in them: in two steps, the
 first about what was known before the window. What half a second of filtered rows says is no place to linearise about:
@@ -161,8 +160,8 @@ def _bending(now, then, later, gathered, kept, faded, prior_information):  # typ
 
 @part
 def _left_out(model, state, i, first, kept, prior_information):  # type: ignore[no-untyped-def]
-    """What linearisation has left out of the window, in standard errors; the part of it before the second checkpoint;
-    and the window's fraction of all that is known; see above.
+    """What linearisation has left out of the window, in standard errors, and the window's fraction of all that is
+    known; see above.
 
     ``kept``: fraction of information that forgetting has left from each checkpoint to the next, or now, (2,).
     """
@@ -171,22 +170,23 @@ def _left_out(model, state, i, first, kept, prior_information):  # type: ignore[
     now = Belief(state.z[i, first : first + k], state.cov[i, first : first + k, first : first + k])
     weighted = np.empty(points.log_variance.shape[2])
     innovation_log_variance(model, state, i, weighted)
-    moved, strength, fraction, off = np.zeros(2), 0.0, 0.0, np.zeros(2)
+    moved = strength = fraction = off = 0.0
     for m in range(count):
         last = m == count - 1
         later = state.information[i] if last else points.information[i, 1]
         then = Belief(points.value[i, m], points.covariance[i, m])
-        moved[m], power, known = _bending(
+        by, power, known = _bending(
             now, then, later, points.information[i, m], kept[m], 1.0 if last else kept[1], prior_information
         )
+        moved += by
         strength += power
         fraction += known
-        off[m] = 0.5 * known / k * np.max(np.abs(weighted - points.log_variance[i, m]))
+        off += 0.5 * known / k * np.max(np.abs(weighted - points.log_variance[i, m]))
     if not (strength > 0.0 and 0.0 < fraction <= 2.0 * _CURVED * np.sqrt(strength)):
-        return 0.0, 0.0, fraction / k
+        return 0.0, fraction / k
     fraction = min(fraction / k, 1.0)
     moved *= 0.5 * np.sqrt(fraction / (strength * k))
-    return max(off.sum(), moved.sum()), max(off[0], moved[0]), fraction
+    return max(off, moved), fraction
 
 
 @njit(cache=True, error_model="numpy")
@@ -295,19 +295,19 @@ def _reseat(posterior: tuple[Array, Array], known: Information, first: int) -> N
     reseat(*posterior, covariance @ known.vector, covariance, first)
 
 
-def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
-    """A vehicle's filter at one of its checkpoints, a batch of one."""
+def _from_beginning(state: EkfState, i: int) -> Running:
+    """A vehicle's filter at the beginning of its window, a batch of one."""
     points, one = state.window.checkpoints, slice(i, i + 1)
     return Running(
-        z=room_around(points.z[one, c]),
-        cov=room_around(points.cov[one, c]),
+        z=room_around(points.z[one, 0]),
+        cov=room_around(points.cov[one, 0]),
         noise=one_vehicle(state.noise, i),
         memory=one_vehicle(state.memory, i),
         input_errors=one_vehicle(state.input_errors, i),
         moment_level=one_vehicle(state.moment_level, i),
         coherence=one_vehicle(state.coherence, i),
         moments=room_around(state.moments[one]),
-        rows=room_around(points.rows[one, c]),
+        rows=room_around(points.rows[one, 0]),
         condition=room_around(state.condition[one]),
         samples=room_around(state.samples[one]),
         settling=room_around(state.settling[one]),
@@ -316,38 +316,41 @@ def _from_checkpoint(state: EkfState, i: int, c: int) -> Running:
     )
 
 
-def run_window_again(model: Model, state: EkfState, i: int, start: int, about: Belief | None = None) -> bool:
-    """A vehicle's window from checkpoint ``start`` on again about the present estimate, or ``about`` another: its state
-    and checkpoints become what that leaves.
+def run_window_again(model: Model, state: EkfState, i: int, about: Belief | None = None) -> bool:
+    """A vehicle's window again about the present estimate, or ``about`` another: its state and checkpoints become what
+    that leaves.
 
     Returns whether it did: a run that leaves no sound covariance is left out.
     """
     window, points, k = state.window, state.window.checkpoints, state.vector.shape[1]
     first = model.sizes.dynamic
     middle_row, count = int(window.middle[i]), int(window.filled[i])
-    begin = middle_row if start == 1 else 0
     parameters = slice(first, first + k)
     value, covariance = about or Belief(state.z[i, parameters].copy(), state.cov[i, parameters, parameters])
     fixed = Belief(value, _NARROW * covariance)
-    run = _from_checkpoint(state, i, start)
+    run = _from_beginning(state, i)
     run.moment_level.mean[:] = run.moment_level.covariance[:] = 0.0
-    information = points.information[i, start].copy()
+    information = points.information[i, 0].copy()
     known = apart(Information(information, information @ run.z[0, parameters]))
     middle = apart(Information(np.zeros((k, k)), np.zeros(k)))
     reseat(run.z[0], run.cov[0], *fixed, first)
-    ends = window.ends[i, : window.solutions[i]]
-    chosen = np.flatnonzero(ends > begin)
-    resting = window.resting[i, chosen]
-    span = Span(ends[chosen], window.keep[i, chosen], resting, middle_row, state.noise.inputs[i])
-    rows = recalled(window.rows[i, begin:count], float(run.rows[0, NEWEST, TIME]))
-    notes = run_again(model, run, rows, span.ends - begin)
+    solved = slice(int(window.solutions[i]))
+    span = Span(
+        window.ends[i, solved],
+        window.keep[i, solved],
+        window.resting[i, solved],
+        middle_row,
+        state.noise.inputs[i],
+    )
+    rows = recalled(window.rows[i, :count], float(run.rows[0, NEWEST, TIME]))
+    notes = run_again(model, run, rows, span.ends)
     if not _put_together(model, fixed, span, notes, known, middle):
         return False
     _reseat((run.z[0], run.cov[0]), known, first)
-    for m in range(start, 2):
+    for m in range(2):
         innovation_log_variance(model, run, 0, points.log_variance[i, m])
         points.value[i, m], points.covariance[i, m] = fixed.value, state.cov[i, parameters, parameters]
-    if start == 0 < middle_row:
+    if middle_row > 0:
         at = int(np.flatnonzero(span.ends == middle_row)[0])
         points.z[i, 1], points.cov[i, 1], points.information[i, 1] = notes.z[at], notes.cov[at], middle.matrix
         _reseat((points.z[i, 1], points.cov[i, 1]), middle, first)
@@ -359,16 +362,15 @@ def run_window_again(model: Model, state: EkfState, i: int, start: int, about: B
 
 
 @whole
-def _assess(model, state, places, solved, fresh, matters, never):  # type: ignore[no-untyped-def]
-    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the window begins anew), from which
-    checkpoint on it ``matters`` to run the window again (-1: from none), and whether some of its rows have ``never``
-    been filtered."""
+def _assess(model, state, places, solved, fresh, again, never):  # type: ignore[no-untyped-def]
+    """Notes the solution of every vehicle; finds how many rows are ``fresh`` (-1: the window begins anew), whether the
+    window is run ``again``, and whether some of its rows have ``never`` been filtered."""
     first, k, window, kept = model.sizes.dynamic, state.vector.shape[1], state.window, np.ones(2)
     prior_information, ns = 1.0 / (model.prior_std[:k] * model.prior_std[:k]), model.sizes.states
     for m in range(places.size):
         i = places[m]
-        fresh[m] = matters[m] = -1
-        never[m] = False
+        fresh[m] = -1
+        again[m] = never[m] = False
         count, solutions = window.filled[i], window.solutions[i]
         if np.isnan(solved.keep[m]) or count == 0:
             continue
@@ -387,20 +389,18 @@ def _assess(model, state, places, solved, fresh, matters, never):  # type: ignor
         if not np.isfinite(window.checkpoints.log_variance[i, 0, 0]):
             first_weights = window.checkpoints.log_variance[i, 0]
             innovation_log_variance(model, state, i, first_weights)
-        left_out, before, fraction = _left_out(model, state, i, first, kept, prior_information)
-        start = 1 if 0 < middle < count and before <= _MATTERS else 0
-        again = count - middle if start == 1 else count
-        spare = _SPARE_ROWS + _SPARE * state.samples[i] - window.rerun[i] - again
+        left_out, fraction = _left_out(model, state, i, first, kept, prior_information)
+        spare = _SPARE_ROWS + _SPARE * state.samples[i] - window.rerun[i] - count
         rested = window.resting[i, : window.solutions[i], :ns].all()
         if state.settling[i]:
             window.skipped[i] = count
         elif window.skipped[i] > 0 and not rested:
             window.skipped[i] = 0
             window.rerun[i] += count
-            matters[m], never[m] = 0, True
+            again[m] = never[m] = True
         elif left_out > max(_MATTERS, np.sqrt(solved.gained[m])) and spare >= 0.0:
-            window.rerun[i] += again
-            matters[m] = start
+            window.rerun[i] += count
+            again[m] = True
         elif fraction < _MATTERS * _MATTERS and (fraction > _TAUGHT or rested):
             fresh[m] = -1
             begin_window(model, state, i)
@@ -425,23 +425,23 @@ def relinearise_all(
     Few windows are, so what is done with one is put together here from kernels: compiled as a whole for each number
     of states it would take longer than all the filter.
     """
-    fresh, matters = np.empty((2, len(places)), dtype=np.int64)
-    never = np.empty(len(places), dtype=np.bool_)
-    _assess(model, state, places, solved, fresh, matters, never)
+    fresh = np.empty(len(places), dtype=np.int64)
+    again, never = np.empty((2, len(places)), dtype=np.bool_)
+    _assess(model, state, places, solved, fresh, again, never)
     faults: dict[int, Exception] = {}
-    for m in np.flatnonzero(matters >= 0):
+    for m in np.flatnonzero(again):
         try:
             i = int(places[m])
-            _run_again(model, state, i, int(matters[m]), _before(state, i) if never[m] else None)
+            _run_again(model, state, i, _before(state, i) if never[m] else None)
             if never[m]:
-                _run_again(model, state, i, 0)
+                _run_again(model, state, i)
         except Exception as error:  # the others are not to suffer by it
             faults[int(places[m])], fresh[m] = error, -1
     for m in np.flatnonzero(_damping_found(model, state, places)):
         i = int(places[m])
         try:
             for _ in range(_STEPS):
-                if fresh[m] >= 0 and _run_again(model, state, i, 0):
+                if fresh[m] >= 0 and _run_again(model, state, i):
                     state.window.rerun[i] += state.window.filled[i]
         except Exception as error:
             faults[i], fresh[m] = error, -1
@@ -455,9 +455,9 @@ def _before(state: EkfState, i: int) -> Belief:
     return Belief(points.value[i, 0].copy(), points.covariance[i, 0].copy())
 
 
-def _run_again(model: Model, state: EkfState, i: int, start: int, about: Belief | None = None) -> bool:
+def _run_again(model: Model, state: EkfState, i: int, about: Belief | None = None) -> bool:
     """``run_window_again``, and what follows from the derivatives' new covariance; returns whether it did."""
-    if not run_window_again(model, state, i, start, about):
+    if not run_window_again(model, state, i, about):
         return False
     parameters = slice(model.sizes.dynamic, model.sizes.dynamic + state.vector.shape[1])
     covariance = state.cov[i, parameters, parameters]
