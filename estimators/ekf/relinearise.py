@@ -25,14 +25,14 @@ variances, are off by as much, times the window's fraction. While an input acts,
 estimate by the root of the fraction of all information that such a half second gives: what is less than that can wait.
 A window that has taught too little for all of it to matter begins anew.
 
-Rows that set levels of noise alone are run as soon as these are known, if anything moved in them: in two steps, the
-first about what was known before the window. What half a second of filtered rows says is no place to linearise about:
-where a vane's noise alone has moved the velocity, it passes for motion that the force does not answer to. From a z_w of
-the wrong sign steps lead on and on, for a force that tells of no velocity contradicts no vane.
+Rows that set levels of noise alone are run as soon as these are known, if anything moved in them, about what was known
+before the window. What half a second of filtered rows says is no place to linearise about: where a vane's noise alone
+has moved the velocity, it passes for motion that the force does not answer to. From a z_w of the wrong sign steps lead
+on and on, for a force that tells of no velocity contradicts no vane.
 
 What rolling air does in side force and yaw goes as n_p / l_p. The ratio of two numbers that are not known yet is none,
 and the window would end at an aircraft that hardly damps its rolling. So it is that of the expectation until l_p is
-known to a quarter of itself; then the window is run again in two steps with the ratio of the estimates.
+known to a quarter of itself; then the window is run again with the ratio of the estimates.
 
 A step of Gauss and Newton is a guide only where the response is straight within what is not known yet: tr J P / (2 r)
 at most a quarter. Quiet flight, where J comes of noise, and a derivative just reset are left alone so.
@@ -83,9 +83,6 @@ _NARROW = 1e-4
 
 _SPARE_ROWS, _SPARE = 4 * WINDOW_ROWS, 0.2
 """Rows that may be run again: a few windows, for when much is learned in a short time, and a fifth of all."""
-
-_STEPS = 2
-"""Steps of Gauss and Newton once the damping of rolling is known."""
 
 _KNOWN, _STILL_KNOWN = 4.0, 2.0
 """Standard errors of the damping of rolling in itself, from which on it is known, and below which no longer."""
@@ -433,16 +430,13 @@ def relinearise_all(
         try:
             i = int(places[m])
             _run_again(model, state, i, _before(state, i) if never[m] else None)
-            if never[m]:
-                _run_again(model, state, i)
         except Exception as error:  # the others are not to suffer by it
             faults[int(places[m])], fresh[m] = error, -1
     for m in np.flatnonzero(_damping_found(model, state, places)):
         i = int(places[m])
         try:
-            for _ in range(_STEPS):
-                if fresh[m] >= 0 and _run_again(model, state, i):
-                    state.window.rerun[i] += state.window.filled[i]
+            if fresh[m] >= 0 and _run_again(model, state, i):
+                state.window.rerun[i] += state.window.filled[i]
         except Exception as error:
             faults[i], fresh[m] = error, -1
     _advance_all(model, state, places, fresh)
