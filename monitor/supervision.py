@@ -323,7 +323,7 @@ class Supervisor:
     ) -> list[ModeSolution]:
         state = self._states[pair.structure.name]
         pair.fourier.solve(state.fourier, places)
-        faults |= pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier, places), places)
+        faults |= pair.ekf.solve(state.ekf, places)
         rough = _is_rough(pair, state, places, gusty)
         state.rough_s[places[rough]] = time_s[rough]
         closed = pair.fourier.blocks_closed(state.fourier, places)

@@ -8,8 +8,9 @@ import pytest
 from fleet_hall import AEROSONDE, fly_doublets
 from monitor_flights import bits, pieces
 
-from wingwatch.estimators import EkfState
-from wingwatch.estimators.ekf.accepted import go_back
+from wingwatch.estimators.ekf import relinearise
+from wingwatch.estimators.ekf.relinearise import Belief
+from wingwatch.estimators.ekf.state import EkfState, Model
 from wingwatch.monitor import Report, VehicleMonitor
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.monitors import MonitorMaker
@@ -123,12 +124,14 @@ def test_a_fault_of_the_filter_over_one_vehicle_touches_no_other(
     monitors = [made(one, name, flights[i]) for name, i in (("v2", 2), ("v3", 3))]
     place = monitors[0].chain_state.lane.place
 
-    def failing(state: EkfState, i: int, first: int) -> None:
+    run_again = relinearise.run_window_again
+
+    def failing(model: Model, state: EkfState, i: int, about: Belief | None = None) -> bool:
         if i == place:
             raise np.linalg.LinAlgError("singular")
-        go_back(state, i, first)
+        return run_again(model, state, i, about)
 
-    monkeypatch.setattr("wingwatch.estimators.ekf.estimator.go_back", failing)
+    monkeypatch.setattr(relinearise, "run_window_again", failing)
     reports = [
         feed_together(monitors, blocks)
         for blocks in zip(*(list(pieces(flights[i], 25)) for i in (2, 3)), strict=True)
