@@ -2,9 +2,8 @@
 
 Fourier form and filter read the same signals and know nothing of each other. Each sees what the other cannot:
 
-- signal: the Fourier form tells a regressor that moved from one that only carried noise. The filter cannot, so it keeps
-  what it learned from signal and goes back on what noise taught it (``EkfEstimator.solve``), and what the Fourier form
-  calls not observable for want of signal is not observable for the filter either.
+- signal: the Fourier form tells a regressor that moved from one that only carried noise over a whole block, which is
+  the sharper test. What it calls not observable for want of signal is not observable for the filter either.
 - change: the Fourier form finds that a derivative has changed. The filter cannot tell that from the noise of its
   surfaces, so its covariance is reset there (``EkfEstimator.release``).
 - rough air: the filter carries the gust and says how much of the motion it causes. A transform of the block knows no

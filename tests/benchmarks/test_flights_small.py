@@ -50,7 +50,9 @@ def test_one_flight_in_still_air_is_known_as_well_as_another() -> None:
     """In two of these the first doublet is met with derivatives so far off that innovations are many times their size;
     they left the level of the unmeasured moment where it began, and a fifteenth of the knowledge."""
     aircraft = load_aircraft("twinotter")
-    doublets = doublet_schedule(aircraft, simulated_flights.cruise_of(aircraft), still_flights.AMPLITUDE_RAD)
+    doublets = doublet_schedule(
+        aircraft, simulated_flights.cruise_of(aircraft), simulated_flights.AMPLITUDE_RAD
+    )
     errors = []
     for seed in (3000, 3003, 3004):
         block = simulated_flights.fly(aircraft, [doublets], seed, 60.0)
