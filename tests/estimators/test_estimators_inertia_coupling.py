@@ -160,5 +160,6 @@ def test_both_engines_take_the_known_moment_alike() -> None:
             kalman.update(state, rows[:, start : start + 25])
             kalman.solve(state)
         found.append(kalman.estimate(state))
-    np.testing.assert_allclose(found[0].value, found[1].value, rtol=1e-9)
+    # By the stated error: z_eta is a fifth of its own from nothing.
+    assert (np.abs(found[0].value - found[1].value) < 1e-9 * found[1].standard_error).all()
     np.testing.assert_allclose(found[0].standard_error, found[1].standard_error, rtol=1e-9)
