@@ -236,11 +236,14 @@ def main() -> int:
     print(monitor.basis_text)
     print(f"alerts: {alerts}")
     print(f"{'':8}{'Fourier':>20}{'Kalman filter':>20}{'published':>20}")
+    apart = {}
     for structure, symbols in PANELS:
         for symbol in symbols:
             t = trace(monitor, solutions, structure, symbol)
             pairs = ((t.fourier, t.fourier_error), (t.ekf, t.ekf_error), (t.apriori, t.apriori_error))
             print(f"{symbol:8}" + "".join(f"{f'{v[-1]:.3g} ± {e[-1]:.2g}':>20}" for v, e in pairs))
+            apart[symbol] = abs(t.fourier[-1] - t.ekf[-1]) / np.hypot(t.fourier_error[-1], t.ekf_error[-1])
+    print("the estimators apart, joint errors: " + ", ".join(f"{name} {z:.2f}" for name, z in apart.items()))
     both = halves(chosen.flight, chosen.channel_map, chosen.aircraft)
     agree = [abs(a - b) < 1.96 * np.hypot(ea, eb) for _, a, ea, b, eb in both]
     print(f"halves of the flight: {sum(agree)} of {len(agree)} converged Fourier derivatives agree at 95 %")
