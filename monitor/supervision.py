@@ -2,8 +2,9 @@
 
 Fourier form and filter read the same signals and know nothing of each other. Each sees what the other cannot:
 
-- signal: the Fourier form tells a regressor that moved from one that only carried noise over a whole block, which is
-  the sharper test. What it calls not observable for want of signal is not observable for the filter either.
+- signal: the Fourier form tells a regressor that moved from one that only carried noise. The filter cannot, so it keeps
+  what it learned from signal and goes back on what noise taught it (``EkfEstimator.solve``), and what the Fourier form
+  calls not observable for want of signal is not observable for the filter either.
 - change: the Fourier form finds that a derivative has changed. The filter cannot tell that from the noise of its
   surfaces, so its covariance is reset there (``EkfEstimator.release``).
 - rough air: the filter carries the gust and says how much of the motion it causes. A transform of the block knows no
@@ -322,7 +323,7 @@ class Supervisor:
     ) -> list[ModeSolution]:
         state = self._states[pair.structure.name]
         pair.fourier.solve(state.fourier, places)
-        faults |= pair.ekf.solve(state.ekf, places)
+        faults |= pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier, places), places)
         rough = _is_rough(pair, state, places, gusty)
         state.rough_s[places[rough]] = time_s[rough]
         closed = pair.fourier.blocks_closed(state.fourier, places)

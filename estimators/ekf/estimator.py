@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.estimators.ekf.accepted import NOISE, UNDECIDED, accept, go_back, prior_accepted
 from wingwatch.estimators.ekf.coherence import forget_coherence, no_coherence
 from wingwatch.estimators.ekf.gust_variance import gust_variance
 from wingwatch.estimators.ekf.noise import LEAST
@@ -203,6 +204,7 @@ class EkfEstimator:
                     levels=_no_levels(n, ns),
                 ),
             ),
+            accepted=prior_accepted(c.prior_value, c.prior_std, no_coherence(n, ns)),
         )
         return apart(state)
 
@@ -229,27 +231,43 @@ class EkfEstimator:
             update = filterpy_engine.update_all
         update(self.model, state, signals, lanes)
 
-    def solve(self, state: EkfState, places: NDArray[np.int64] | None = None) -> dict[int, Exception]:
+    def solve(
+        self, state: EkfState, seen: NDArray[np.int64] | None = None, places: NDArray[np.int64] | None = None
+    ) -> dict[int, Exception]:
         """Note what was learned, then forget with ``memory_s``, unless all is quiet; where it matters, the last seconds
         are run again, linearised about what is known now. A filter whose numbers are no longer finite, or whose
         variances have become negative by rounding, starts anew.
 
         Args:
             state: in place.
+            seen: of each vehicle, what the data since the last solution carried, as far as that can be told:
+                ``accepted``'s SIGNAL, NOISE or UNDECIDED, shape (vehicles,). All SIGNAL if not given.
             places: the vehicles, each once; all if not given.
 
         Returns:
             vehicles that the program failed on, and how; the others are solved.
         """
         places = np.arange(len(state.z)) if places is None else places
-        n = places.size
+        n, first = places.size, self.model.sizes.dynamic
         self._start_lost(state, places)
+        faults: dict[int, Exception] = {}
+        quiet = [] if seen is None else places[seen == NOISE].tolist()
+        for i in quiet:
+            try:
+                go_back(state, i, first)
+            except Exception as error:  # the others are not to suffer by it
+                faults[i] = error
         solved = Solved(
             np.empty(n), np.empty(n), np.empty((n, self.layout.states + self.layout.inputs), dtype=np.bool_)
         )
         solve_all(self.model, state, places, solved, self._dispersing)
-        faults = relinearise_all(self.model, state, places, solved)
+        faults |= relinearise_all(self.model, state, places, solved)
         self._start_lost(state, places)
+        for i in quiet:
+            begin_window(self.model, state, i)
+        if seen is not None:
+            for decided in places[seen != UNDECIDED].tolist():
+                accept(state, decided, first)
         return faults
 
     def _start_lost(self, state: EkfState, places: NDArray[np.int64]) -> None:
@@ -288,6 +306,7 @@ class EkfEstimator:
         if not at_its_time:
             begin_window(self.model, state, vehicle)
         forget_coherence(state, vehicle)
+        accept(state, vehicle, first)
         forget_block(state, vehicle)
 
     @property
@@ -343,6 +362,8 @@ class EkfEstimator:
         matrix, vector = dispersed(state.gained_matrix[vehicle], state.gained_vector[vehicle], before)
         state.gained_matrix[vehicle] = 0.0
         state.gained_vector[vehicle] = 0.0
+        state.accepted.gained_matrix[vehicle] = 0.0
+        state.accepted.gained_vector[vehicle] = 0.0
         return matrix, vector
 
 

@@ -85,10 +85,8 @@ def follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate,
         predict_slope(slope, jacobian, variance, work)
         score, information = correct_slope(slope, measured, work)
         level.samples[i, k] += 1.0
-        to_means, weight = (
-            max(rate, 1.0 / level.samples[i, k]),
-            min(1.0, MOST_INFORMATION / max(information, 1e-30)),
-        )
+        to_means = max(rate, 1.0 / level.samples[i, k])
+        weight = min(1.0, MOST_INFORMATION / max(information, 1e-30))
         level.information[i, k] += to_means * (weight * information - level.information[i, k])
         change = min(to_means * weight * score / (level.information[i, k] + to_means), passing)
         fraction = min(np.sqrt(2.0 * level.information[i, k]), 1.0)

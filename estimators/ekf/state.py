@@ -41,6 +41,7 @@ __all__ = [
     "TURN",
     "VANE",
     "WITH_ROLL",
+    "Accepted",
     "Checkpoints",
     "Coherence",
     "EkfState",
@@ -291,6 +292,24 @@ class Window(NamedTuple):
     checkpoints: Checkpoints
 
 
+class Accepted(NamedTuple):
+    """The posterior of the derivatives when data last carried signal, and the information gained and what had gone with
+    the motion by then."""
+
+    value: Array
+    """(n, k)."""
+    covariance: Array
+    """(n, k, k)."""
+    gained_matrix: Array
+    """(n, k, k)."""
+    gained_vector: Array
+    """(n, k)."""
+    sums: Array
+    """As in ``Coherence``."""
+    products: Array
+    """As there."""
+
+
 class Scatter(NamedTuple):
     """The running block of solutions, and how much blocks scatter about what was known before each."""
 
@@ -365,6 +384,7 @@ class EkfState(NamedTuple):
     """(n, k): its vector."""
     scatter: Scatter
     window: Window
+    accepted: Accepted
 
 
 class Running(NamedTuple):

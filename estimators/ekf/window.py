@@ -13,6 +13,7 @@ __all__ = [
     "advance_checkpoints",
     "begin_window",
     "cut_at",
+    "empty_window",
     "innovation_log_variance",
     "recalled",
     "remember",
@@ -102,10 +103,15 @@ def set_checkpoint(model, state, i, checkpoints, m):  # type: ignore[no-untyped-
 
 
 @njit(cache=True, error_model="numpy")
+def empty_window(window, i):  # type: ignore[no-untyped-def]
+    """Nothing that came before is run again."""
+    window.filled[i] = window.middle[i] = window.solutions[i] = window.skipped[i] = 0
+
+
+@njit(cache=True, error_model="numpy")
 def begin_window(model, state, i):  # type: ignore[no-untyped-def]
     """What follows may be run again from here, nothing before it."""
-    window = state.window
-    window.filled[i] = window.middle[i] = window.solutions[i] = window.skipped[i] = 0
+    empty_window(state.window, i)
     set_checkpoint(model, state, i, state.window.checkpoints, 0)
 
 

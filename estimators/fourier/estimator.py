@@ -321,6 +321,13 @@ class FourierEstimator:
         changed by, shape (m, k): 1 of one that was seen to, less of the others, 0 of all where nothing has changed."""
         return np.asarray(state.changed[places])
 
+    def sees(self, state: FourierState, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """What the running blocks of some vehicles carried at the last solution: 1 signal of any regressor, 0 noise, -1
+        not known, for they have only begun; shape (m,)."""
+        now, start = state.rows[places, LAST, TIME], state.rows[places, START, TIME]
+        solved = now - start >= self.config.first_solution_s - 1e-9
+        return np.where(solved, np.where(state.informed_s[places].max(axis=1) == now, 1, 0), -1)
+
     def estimate(self, state: FourierState, vehicle: int = 0) -> Estimate:
         """Concise derivatives of one vehicle as of the last solution, at its present flight condition."""
         return self.standings(state, np.array([vehicle])).of(0).estimate(self.name, self.config.structure)

@@ -159,7 +159,7 @@ def test_reading_errors_of_a_surface_are_in_the_standard_errors() -> None:
     wrong; blocks scatter then, so the errors say so.
 
     What is left where it is stated, 1 to 2 % of m_eta, is the errors' part in w and q
-    (docs/methods/kalman_filter.md, section 10).
+    (docs/methods/kalman_filter.md, section 11).
     """
     inputs = doublets(PITCH, 60.0, every_s=2.0)
     noise_std = 0.2 * float(inputs.std())

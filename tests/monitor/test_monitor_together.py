@@ -8,9 +8,8 @@ import pytest
 from fleet_hall import AEROSONDE, fly_doublets
 from monitor_flights import bits, pieces
 
-from wingwatch.estimators.ekf import relinearise
-from wingwatch.estimators.ekf.relinearise import Belief
-from wingwatch.estimators.ekf.state import EkfState, Model
+from wingwatch.estimators import EkfState
+from wingwatch.estimators.ekf.accepted import go_back
 from wingwatch.monitor import Report, VehicleMonitor
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.monitors import MonitorMaker
@@ -124,14 +123,12 @@ def test_a_fault_of_the_filter_over_one_vehicle_touches_no_other(
     monitors = [made(one, name, flights[i]) for name, i in (("v2", 2), ("v3", 3))]
     place = monitors[0].chain_state.lane.place
 
-    run_again = relinearise.run_window_again
-
-    def failing(model: Model, state: EkfState, i: int, about: Belief | None = None) -> bool:
+    def failing(state: EkfState, i: int, first: int) -> None:
         if i == place:
             raise np.linalg.LinAlgError("singular")
-        return run_again(model, state, i, about)
+        go_back(state, i, first)
 
-    monkeypatch.setattr(relinearise, "run_window_again", failing)
+    monkeypatch.setattr("wingwatch.estimators.ekf.estimator.go_back", failing)
     reports = [
         feed_together(monitors, blocks)
         for blocks in zip(*(list(pieces(flights[i], 25)) for i in (2, 3)), strict=True)
