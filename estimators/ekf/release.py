@@ -61,6 +61,30 @@ def _lower_levels(one: EkfState) -> None:
     level.information[0, lower] = then.information[0, 0, lower]
 
 
+def _go_to(model: Model, one: EkfState, since_s: float) -> int | None:
+    """A batch of one goes back to its window's last solution at or before a time, or to the window's beginning.
+
+    Returns how many of the window's solutions are not after that; None where no rows are, or a run is not sound.
+    """
+    window, points = one.window, one.window.checkpoints
+    solutions, beginning = int(window.solutions[0]), points.rows[0, 0].copy()
+    rows = recalled(window.rows[0, : int(window.filled[0])], float(beginning[NEWEST, TIME]))
+    ends = window.ends[0, :solutions]
+    before = int(np.sum(rows[ends - 1, TIME] <= since_s))
+    if before == solutions:
+        return None
+    _lower_levels(one)
+    if before == 0:
+        one.z[0], one.cov[0], one.rows[0] = points.z[0, 0], points.cov[0, 0], beginning
+        return 0
+    cut = int(ends[before - 1])
+    window.filled[0], window.middle[0], window.solutions[0] = cut, 0, before
+    if not run_window_again(model, one, 0):
+        return None
+    one.rows[0] = np.concatenate([rows[max(cut - 2, 0) : cut][::-1], beginning])[:2]
+    return before
+
+
 def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.float64], since_s: float) -> bool:
     """Resets derivatives as of a time within the window, if that has solutions on both sides of it.
 
@@ -75,19 +99,11 @@ def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.floa
     """
     window, k, first = state.window, spread.size, model.sizes.dynamic
     count, solutions = int(window.filled[i]), int(window.solutions[i])
-    if not 0 < count <= window.rows.shape[1] or solutions < 2 or window.ends[i, solutions - 1] != count:
+    if not 0 < count <= window.rows.shape[1] or solutions < 1 or window.ends[i, solutions - 1] != count:
         return False
-    beginning = window.checkpoints.rows[i, 0]
-    rows = recalled(window.rows[i, :count], float(beginning[NEWEST, TIME]))
-    ends = window.ends[i, :solutions]
-    before = int(np.sum(rows[ends - 1, TIME] <= since_s))
-    if not 0 < before < solutions:
-        return False
-    cut = int(ends[before - 1])
     there, work = one_vehicle(state, i), one_vehicle(state, i)
-    there.window.filled[0], there.window.middle[0], there.window.solutions[0] = cut, 0, before
-    _lower_levels(there)
-    if not run_window_again(model, there, 0):
+    before = _go_to(model, there, since_s)
+    if before is None:
         return False
     parameters, diagonal = slice(first, first + k), np.arange(first, first + k)
     prior_std = model.prior_std[:k]
@@ -95,8 +111,7 @@ def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.floa
         one.cov[0, diagonal, diagonal] += (spread * prior_std) ** 2
     keep_ratios(model, there, 0)
     work.ratios[0], work.direction[0] = there.ratios[0], there.direction[0]
-    cut_at(work, before - 1)
-    there.rows[0] = np.concatenate([rows[max(cut - 2, 0) : cut][::-1], beginning])[:2]
+    cut_at(work, before)
     there.information[0] = np.linalg.inv(there.cov[0, parameters, parameters])
     set_checkpoint(model, there, 0, work.window.checkpoints, 0)
     for _ in range(_STEPS):

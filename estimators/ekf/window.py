@@ -159,14 +159,16 @@ def advance_checkpoints(model, state, i, fresh):  # type: ignore[no-untyped-def]
         set_checkpoint(model, state, i, window.checkpoints, 1)
 
 
-def cut_at(state: EkfState, solution: int) -> None:
-    """The window of a batch of one loses all up to one of its solutions; the caller sets its first checkpoint."""
+def cut_at(state: EkfState, before: int) -> None:
+    """The window of a batch of one loses all up to the end of its first ``before`` solutions; the caller sets its first
+    checkpoint."""
     window = state.window
-    count, solutions, cut = int(window.filled[0]), int(window.solutions[0]), int(window.ends[0, solution])
-    left, kept = count - cut, solutions - solution - 1
+    count, solutions = int(window.filled[0]), int(window.solutions[0])
+    cut = int(window.ends[0, before - 1]) if before > 0 else 0
+    left, kept = count - cut, solutions - before
     window.rows[0, :left] = window.rows[0, cut:count].copy()
     for array in (window.ends, window.keep, window.resting):
-        array[0, :kept] = array[0, solution + 1 : solutions].copy()
+        array[0, :kept] = array[0, before:solutions].copy()
     window.ends[0, :kept] -= cut
     window.filled[0], window.middle[0], window.solutions[0] = left, 0, kept
     window.skipped[0] = max(int(window.skipped[0]) - cut, 0)
