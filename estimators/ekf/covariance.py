@@ -10,7 +10,7 @@ from numba import njit
 from wingwatch.estimators.kernels.hot import hot
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["correct", "forget", "inverse_of", "leave_out", "predict", "reseat"]
+__all__ = ["correct", "forget", "inverse_of", "leave_out", "of_derivatives", "predict", "reseat"]
 
 
 @hot
@@ -217,29 +217,79 @@ def forget(z, cov, prior_value, prior_information, keep, noise_information, firs
 
 
 @njit(cache=True, error_model="numpy")
-def leave_out(matrix, vector, before, mean, resting):  # type: ignore[no-untyped-def]
-    """Leaves out what was learned of some derivatives: the others' information is that at the mean that these had.
+def of_derivatives(resting, ns):  # type: ignore[no-untyped-def]
+    """Whether each derivative is by a resting state or input, (k,), of ``resting`` (ns + nu,)."""
+    nd = resting.size
+    chosen = np.empty(ns * nd, dtype=np.bool_)
+    for a in range(ns):
+        for j in range(nd):
+            chosen[a * nd + j] = resting[j]
+    return chosen
+
+
+@njit(cache=True, error_model="numpy")
+def leave_out(matrix, vector, before, mean, resting, ns):  # type: ignore[no-untyped-def]
+    """Leaves out what was learned of the derivatives by resting states and inputs.
+
+    Where the states of the mode rest, all that ties other derivatives to theirs is noise, and the others are as the
+    data say at the mean that these had. An input that rests within its noise while the states move may follow the trim
+    slowly: what the others are known for goes with its derivatives, and is no better known than they are. These keep
+    their distribution; the others have theirs given these.
 
     Args:
         matrix, vector: information about all derivatives now, (k, k) and (k,), changed in place.
         before: (k, k), the matrix before it was learned.
         mean: (k,), the mean then.
-        resting: which derivatives, (k,).
+        resting: which states and inputs, (ns + nu,).
     """
+    chosen = of_derivatives(resting, ns)
+    if resting[:ns].any():
+        _leave_out_alone(matrix, vector, before, mean, chosen)
+    else:
+        _keep_distribution(matrix, vector, before, mean, np.flatnonzero(chosen))
+
+
+@njit(cache=True, error_model="numpy")
+def _leave_out_alone(matrix, vector, before, mean, chosen):  # type: ignore[no-untyped-def]
+    """The information about ``chosen`` derivatives, (k,) of bool, becomes that of ``before``; the others' that at the
+    mean that these had."""
     k = mean.size
     for a in range(k):
-        if resting[a]:
+        if chosen[a]:
             vector[a] = 0.0
             for b in range(k):
                 vector[a] += before[a, b] * mean[b]
         else:
             for b in range(k):
-                if resting[b]:
+                if chosen[b]:
                     vector[a] -= (matrix[a, b] - before[a, b]) * mean[b]
     for a in range(k):
         for b in range(k):
-            if resting[a] or resting[b]:
+            if chosen[a] or chosen[b]:
                 matrix[a, b] = before[a, b]
+
+
+@njit(cache=True, error_model="numpy")
+def _keep_distribution(matrix, vector, before, mean, chosen):  # type: ignore[no-untyped-def]
+    """The ``chosen`` derivatives, indices (m,), get the distribution of ``before``; the others, given these, stay."""
+    k, m = mean.size, chosen.size
+    covariance, earlier, value = np.empty((k, k)), np.empty((k, k)), np.zeros(k)
+    invert(matrix, covariance)
+    invert(before.copy(), earlier)
+    for a in range(k):
+        for b in range(k):
+            value[a] += covariance[a, b] * vector[b]
+    kept, kept_covariance = np.empty(m), np.empty((m, m))
+    for a in range(m):
+        kept[a] = mean[chosen[a]]
+        for b in range(m):
+            kept_covariance[a, b] = earlier[chosen[a], chosen[b]]
+    put_marginal(value, covariance, chosen, inverse_of(covariance, chosen), kept, kept_covariance)
+    invert(covariance, matrix)
+    for a in range(k):
+        vector[a] = 0.0
+        for b in range(k):
+            vector[a] += matrix[a, b] * value[b]
 
 
 @njit(cache=True, error_model="numpy")

@@ -3,7 +3,8 @@
 A change is reported a few seconds late. What the filter has taken in meanwhile it has divided between what it knew of
 the old aircraft and what the new one showed, and it would keep that. The window of recent signal rows reaches back
 further: it is cut at the last solution before the change, the covariance of the changed derivatives is inflated there,
-P + s^2 e e', and the rest is run again about what it says itself (``relinearise``).
+P + s^2 e e', and the rest is run again about what it says itself (``relinearise``). A window that begins later than the
+change, for what came before taught nothing, is run again from its beginning.
 
 What rolling air does in side force and yaw stays what it was. Where some derivatives are still those of the old
 aircraft and some those of the new one, their ratios would move both.
@@ -62,16 +63,17 @@ def _lower_levels(one: EkfState) -> None:
 
 
 def _go_to(model: Model, one: EkfState, since_s: float) -> int | None:
-    """A batch of one goes back to its window's last solution at or before a time, or to the window's beginning.
+    """A batch of one goes back to its window's last solution at or before a time, or to the window's beginning where
+    that is later.
 
-    Returns how many of the window's solutions are not after that; None where no rows are, or a run is not sound.
+    Returns how many of the window's solutions it keeps; None where it cannot go back.
     """
     window, points = one.window, one.window.checkpoints
     solutions, beginning = int(window.solutions[0]), points.rows[0, 0].copy()
     rows = recalled(window.rows[0, : int(window.filled[0])], float(beginning[NEWEST, TIME]))
     ends = window.ends[0, :solutions]
     before = int(np.sum(rows[ends - 1, TIME] <= since_s))
-    if before == solutions:
+    if before == solutions or np.isnan(since_s):
         return None
     _lower_levels(one)
     if before == 0:

@@ -47,7 +47,7 @@ from numpy.typing import NDArray
 from wingwatch.estimators.ekf.covariance import leave_out, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import run_again
-from wingwatch.estimators.ekf.solve import INFORMED, of_derivatives
+from wingwatch.estimators.ekf.solve import INFORMED
 from wingwatch.estimators.ekf.state import (
     ESTIMATED,
     EXPECTED,
@@ -219,13 +219,7 @@ def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-de
         notes.error_information[s], notes.moments[s], span.input_variance, resting, noise_information
     )
     if resting.any():
-        leave_out(
-            known.matrix,
-            known.vector,
-            before.matrix,
-            before.value,
-            of_derivatives(resting, model.sizes.states),
-        )
+        leave_out(known.matrix, known.vector, before.matrix, before.value, resting, model.sizes.states)
     for a in range(k):
         prior = 1.0 / (prior_std[a] * prior_std[a])
         vector[a] *= keep

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from wingwatch.estimators.ekf.coherence import coherent_dispersion
-from wingwatch.estimators.ekf.covariance import forget, inverse_of, leave_out, reseat
+from wingwatch.estimators.ekf.covariance import forget, inverse_of, leave_out, of_derivatives, reseat
 from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.scatter import begin_block, close_block
@@ -12,7 +12,7 @@ from wingwatch.estimators.ekf.state import FIRST_READING, NEWEST, READINGS, SQUA
 from wingwatch.estimators.kernels.hot import part, whole_entry
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["of_derivatives", "solve_all"]
+__all__ = ["solve_all"]
 
 CHANCE = 4.0
 """Standard deviations by which the readings' variance must exceed that of their noise to be motion: once in 30,000 half
@@ -96,17 +96,6 @@ def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def of_derivatives(resting, ns):  # type: ignore[no-untyped-def]
-    """Whether each derivative is by a resting state or input, (k,), of ``resting`` (ns + nu,)."""
-    nd = resting.size
-    chosen = np.empty(ns * nd, dtype=np.bool_)
-    for a in range(ns):
-        for j in range(nd):
-            chosen[a * nd + j] = resting[j]
-    return chosen
-
-
-@njit(cache=True, error_model="numpy")
 def _mean_of(matrix, vector, covariance, mean):  # type: ignore[no-untyped-def]
     """Covariance and mean that an information matrix and vector mean, into ``covariance`` and ``mean``."""
     invert(matrix.copy(), covariance)
@@ -143,7 +132,7 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
         if resting.any():
             _mean_of(information, vector, covariance, before)
             matrix, left = fresh.copy(), gained.copy()
-            leave_out(matrix, left, information, before, of_derivatives(resting, ns))
+            leave_out(matrix, left, information, before, resting, ns)
             _mean_of(matrix, left, covariance, mean)
             reseat(z, cov, mean, covariance, first)
         input_noise_information(
@@ -166,20 +155,22 @@ def _without_noise(model, state, i, noise_information):  # type: ignore[no-untyp
 def _account(state, i, first, noise_information, fresh, resting):  # type: ignore[no-untyped-def]
     """Adds to what was gained; returns the fraction of all that is known which the last half second gave.
 
-    ``fresh``: inverse of the derivatives' covariance. ``resting``: which of them have gained nothing, (k,); a
-    difference of two inverses would leave rounding.
+    ``fresh``: inverse of the derivatives' covariance. ``resting``: which states and inputs do. Where the states do,
+    what ``leave_out`` left as it was has gained nothing; a difference of two inverses would leave rounding.
     """
+    ns = state.noise.unmeasured.shape[1]
+    still, mode = of_derivatives(resting, ns), resting[:ns].any()
     z, cov, information, vector = state.z[i], state.cov[i], state.information[i], state.vector[i]
     gained_matrix, gained_vector = state.gained_matrix[i], state.gained_vector[i]
     block_matrix, block_vector = state.scatter.matrix[i], state.scatter.vector[i]
     k, fraction = vector.size, 0.0
     for a in range(k):
-        if resting[a]:
+        if mode and still[a]:
             continue
         gained = -vector[a]
         for b in range(k):
             gained += fresh[a, b] * z[first + b]
-            if resting[b]:
+            if mode and still[b]:
                 continue
             more = fresh[a, b] - noise_information[a, b] - information[a, b]
             gained_matrix[a, b] += more
@@ -187,7 +178,7 @@ def _account(state, i, first, noise_information, fresh, resting):  # type: ignor
             fraction += more * cov[first + a, first + b]
         gained_vector[a] += gained
         block_vector[a] += gained
-        if cov[first + a, first + a] < INFORMED * state.variance[i, a]:
+        if not still[a] and cov[first + a, first + a] < INFORMED * state.variance[i, a]:
             state.informed_s[i, a] = state.rows[i, NEWEST, TIME]
     return max(fraction / k, 0.0)
 
@@ -211,8 +202,7 @@ def solve_all(model, state, places, solved, dispersing):  # type: ignore[no-unty
             continue
         solved.resting[m] = _without_noise(model, state, i, noise_information)
         fresh = inverse_of(cov, chosen)
-        still = of_derivatives(solved.resting[m], model.sizes.states)
-        solved.gained[m] = _account(state, i, first, noise_information, fresh, still)
+        solved.gained[m] = _account(state, i, first, noise_information, fresh, solved.resting[m])
         close_block(state.scatter, i, now_s, model.memory_s, dispersing)
         elapsed_s = now_s - state.solved_s[i]
         state.solved_s[i] = now_s

@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 from wingwatch.estimators import EkfConfig, EkfEstimator
+from wingwatch.estimators.ekf.covariance import leave_out
 from wingwatch.estimators.ekf.model import transition
 from wingwatch.estimators.ekf.sample import Step
 from wingwatch.estimators.kernels.intersample import course
@@ -180,6 +181,47 @@ def test_a_surface_at_rest_teaches_nothing_of_itself() -> None:
     controls, prior = [2, 5], PITCH.aerodynamic
     np.testing.assert_allclose(value[:, controls], np.tile(0.8 * prior[controls], (4, 1)), rtol=1e-4)
     np.testing.assert_allclose(error[:, controls], np.tile(np.abs(prior[controls]), (4, 1)), rtol=1e-4)
+
+
+def some_information(rng: np.random.Generator, k: int) -> Array:
+    root = rng.standard_normal((k, 2 * k))
+    return np.asarray(root @ root.T)
+
+
+def test_others_are_known_as_far_as_the_input_that_rests_beside_them() -> None:
+    """Two equations of two states and an input: what rests has the distribution of before, the others, given it, that
+    of after."""
+    rng, rests, others = np.random.default_rng(3), [2, 5], [0, 1, 3, 4]
+    before, mean = some_information(rng, 6), rng.standard_normal(6)
+    matrix = before + 10.0 * some_information(rng, 6)
+    vector = matrix @ (mean + 0.1 * rng.standard_normal(6))
+    found, score = matrix.copy(), vector.copy()
+    leave_out(found, score, before, mean, np.array([False, False, True]), 2)
+    covariance = np.linalg.inv(found)
+    np.testing.assert_allclose((covariance @ score)[rests], mean[rests], rtol=1e-9)
+    np.testing.assert_allclose(
+        covariance[np.ix_(rests, rests)], np.linalg.inv(before)[np.ix_(rests, rests)], rtol=1e-9
+    )
+    np.testing.assert_allclose(found[others], matrix[others], rtol=1e-9)
+    np.testing.assert_allclose(score[others], vector[others], rtol=1e-9)
+
+
+def test_where_the_mode_rests_the_others_are_known_at_the_mean_of_what_rests() -> None:
+    rng, rests, others = np.random.default_rng(4), [0, 1, 3, 4], [2, 5]
+    before, mean = some_information(rng, 6), rng.standard_normal(6)
+    matrix = before + 10.0 * some_information(rng, 6)
+    vector = matrix @ (mean + 0.1 * rng.standard_normal(6))
+    found, score = matrix.copy(), vector.copy()
+    leave_out(found, score, before, mean, np.array([True, True, False]), 2)
+    np.testing.assert_array_equal(found[rests], before[rests])
+    np.testing.assert_array_equal(found[np.ix_(others, others)], matrix[np.ix_(others, others)])
+    given = np.linalg.solve(
+        found[np.ix_(others, others)], score[others] - found[np.ix_(others, rests)] @ mean[rests]
+    )
+    was = np.linalg.solve(
+        matrix[np.ix_(others, others)], vector[others] - matrix[np.ix_(others, rests)] @ mean[rests]
+    )
+    np.testing.assert_allclose(given, was, rtol=1e-9)
 
 
 def test_both_engines_treat_reading_errors_alike() -> None:
