@@ -11,9 +11,8 @@ and the mean of all B_k has expectation one while nothing changes (a mixture of 
 inequality it passes a threshold c in at most one test of c, whatever the excitation, and a window in which nothing was
 excited has B_k = 1. Past the threshold the likeliest derivative's change is made part of the model: P becomes
 P + s^2 e e', so this derivative can move, the memory of all others stays exact, and the next derivative is tested.
-What changes one derivative may have changed all of them (ice), or no other (a surface that has lost effect). Of even
-odds, and the size of the first any of ``WITH_ANOTHER``, the window says how likely each is; by the variance that these
-have together the others' P is inflated, too.
+What changes one derivative may have changed all of them a little (ice), or no other (a surface that has lost effect).
+Of even odds, the window says how likely the first is, and by that probability the others' P is inflated, too.
 Derivation: ``docs/methods/fourier.md`` section 10, after the change-point tests of Willsky and Jones 1976.
 """
 
@@ -36,9 +35,9 @@ __all__ = [
     "spread_of_change",
 ]
 
-WITH_ANOTHER = (0.1, 0.3)
-"""Standard deviations, in natural sizes, of what a derivative changes by where one that is seen to change is not alone,
-each as likely as the others: Bragg's icing of severity 0.05 to 0.3 changes most of them by 3 to 100 %."""
+WITH_ANOTHER = 0.1
+"""Standard deviation, in natural sizes, of what a derivative changes by where one that is seen to change is not alone:
+Bragg's icing of severity 0.05 to 0.3 changes most of them by 2 to 20 %."""
 
 TESTS_A_SECOND, FALSE_CHANGE_INTERVAL_H = 2.0, 10.0
 CHANGE_LOG_THRESHOLD = math.log(FALSE_CHANGE_INTERVAL_H * 3600.0 * TESTS_A_SECOND)
@@ -57,8 +56,7 @@ class ChangeWorkspace(NamedTuple):
     Attributes:
         information, vector: (k, k) K and (k,) r of the module.
         inner, both: (k, k), (k, k + 1).
-        line, other, moved: (k,).
-        sizes: one of each of ``WITH_ANOTHER``.
+        line, other: (k,).
     """
 
     information: NDArray[np.float64]
@@ -67,13 +65,11 @@ class ChangeWorkspace(NamedTuple):
     both: NDArray[np.float64]
     line: NDArray[np.float64]
     other: NDArray[np.float64]
-    moved: NDArray[np.float64]
-    sizes: NDArray[np.float64]
 
 
 def change_workspace(k: int) -> ChangeWorkspace:
     """Workspace for k derivatives."""
-    shapes = ((k, k), k, (k, k), (k, k + 1), k, k, k, len(WITH_ANOTHER))
+    shapes = ((k, k), k, (k, k), (k, k + 1), k, k)
     return ChangeWorkspace(*(np.empty(shape) for shape in shapes))
 
 
@@ -159,65 +155,46 @@ def changed_derivatives(size, threshold, work, changed):  # type: ignore[no-unty
         if not value > threshold or changed[best]:
             break
         changed[best] = True
-        _take_out(information, vector, best, size[best] * size[best], line)
+        for a in range(k):
+            line[a] = information[a, best]
+        gain = 1.0 / (1.0 / (size[best] * size[best]) + max(line[best], 0.0))
+        moved = gain * vector[best]
+        for a in range(k):
+            vector[a] -= line[a] * moved
+            for b in range(k):
+                information[a, b] -= gain * line[a] * line[b]
     return first
 
 
 @lean
 def spread_of_change(size, changed, work, spread):  # type: ignore[no-untyped-def]
     """Standard deviation of what each derivative has changed by, in natural sizes, into ``spread`` (k,): 1 of those
-    that were seen to, of all others that of their distribution where one has changed, (37a).
+    that were seen to, of all others as one may where another has, by the probability that they have.
 
     Args:
         size: natural size s of each derivative's change, (k,).
         changed: of ``changed_derivatives``, (k,).
-        work: K and r as that leaves them.
+        work: K and r as that leaves them; overwritten.
     """
-    factors, largest = work.sizes, 0.0
-    for m in range(len(WITH_ANOTHER)):
-        factors[m] = _log_factor_of_all(size, changed, WITH_ANOTHER[m], work)
-        largest = max(largest, factors[m])
-    total, variance = math.exp(-largest), 0.0
-    for m in range(len(WITH_ANOTHER)):
-        likelihood = math.exp(factors[m] - largest) / len(WITH_ANOTHER)
-        total += likelihood
-        variance += likelihood * WITH_ANOTHER[m] ** 2
-    for a in range(size.size):
-        spread[a] = 1.0 if changed[a] else math.sqrt(variance / total)
-
-
-@lean
-def _log_factor_of_all(size, changed, with_another, work):  # type: ignore[no-untyped-def]
-    """Log Bayes factor of "all that are not ``changed`` have as well, by N(0, (with_another s)^2) each"."""
-    information, vector, k, factor = work.inner, work.moved, size.size, 0.0
+    information, vector, line = work.information, work.vector, work.line
+    k, factor = size.size, 0.0
     for a in range(k):
-        vector[a] = work.vector[a]
+        if changed[a]:
+            continue
         for b in range(k):
-            information[a, b] = work.information[a, b]
+            line[b] = information[b, a]
+        variance = (WITH_ANOTHER * size[a]) ** 2
+        grown = 1.0 + variance * max(line[a], 0.0)
+        factor += 0.5 * (variance * vector[a] * vector[a] / grown - math.log(grown))
+        gain = variance / grown
+        moved = gain * vector[a]
+        for b in range(k):
+            vector[b] -= line[b] * moved
+            for c in range(k):
+                information[b, c] -= gain * line[b] * line[c]
+    probability = 1.0 / (1.0 + math.exp(-max(min(factor, 30.0), -30.0)))
     for a in range(k):
-        if not changed[a]:
-            factor += _take_out(information, vector, a, (with_another * size[a]) ** 2, work.line)
-    return factor
-
-
-@lean
-def _take_out(information, vector, a, variance, line):  # type: ignore[no-untyped-def]
-    """Makes a change of derivative a, of a variance, part of the model: K and r become those of what is left.
-
-    Returns the log Bayes factor of it. ``line``: workspace, (k,).
-    """
-    k = vector.size
-    for b in range(k):
-        line[b] = information[b, a]
-    grown = 1.0 + variance * max(line[a], 0.0)
-    gain = variance / grown
-    moved = gain * vector[a]
-    factor = 0.5 * (moved * vector[a] - math.log(grown))
-    for b in range(k):
-        vector[b] -= line[b] * moved
-        for c in range(k):
-            information[b, c] -= gain * line[b] * line[c]
-    return factor
+        spread[a] = 1.0 if changed[a] else WITH_ANOTHER * math.sqrt(probability)
 
 
 @lean
