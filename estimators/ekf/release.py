@@ -88,7 +88,8 @@ def _go_to(model: Model, one: EkfState, since_s: float) -> int | None:
 
 
 def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.float64], since_s: float) -> bool:
-    """Resets derivatives as of a time within the window, if that has solutions on both sides of it.
+    """Resets derivatives as of a time within the window, or as of its beginning where that is later, if solutions have
+    come since.
 
     Args:
         model: of the filter.
