@@ -281,8 +281,8 @@ class EkfEstimator:
     def release(self, state: EkfState, spread: Array, vehicle: int = 0, since_s: float = np.inf) -> None:
         """Inflate the covariance of derivatives that have changed: P becomes P + s^2 e e' for each.
 
-        It is done as of ``since_s``, or of the beginning of the window of recent rows where that is later, and what came
-        since is run again.
+        It is done as of ``since_s``, or of the beginning of the window of recent rows where that is later, and what
+        came since is run again.
         What is lost so is no information gained: the account of ``take_gained`` does not see it.
 
         Args:
