@@ -46,12 +46,11 @@ def expected_products(omega, plant, air, noise, power, span, work, equation):  #
         span: length of the block, s.
         work: ``NoiseWorkspace``, after ``driven_motions`` and ``roll_shared_at_ends``; ``driven`` and
             ``caused`` are filled.
-        equation: ``Equation``; ``expected`` becomes what of R' W r is due to the air, and ``bias`` what of it is due to
-            what moment equations leave out.
+        equation: ``Equation``; to ``expected`` is added what of R' W r is due to the air, and ``bias`` becomes what of
+            it is due to what moment equations leave out.
     """
     ns, nd = work.doubt.shape[1], work.shared.shape[0]
     g, bias = equation.expected, equation.bias
-    g[:] = 0.0
     bias[:] = 0.0
     work.driven[:, :, :] = 0.0
     weights, transfer, driven, caused = work.weights, work.transfer, work.driven, work.caused

@@ -10,7 +10,28 @@ from wingwatch.estimators.fourier.noise import channel_variance
 from wingwatch.estimators.fourier.state import GUST, ROLLING
 from wingwatch.estimators.kernels.hot import lean
 
-__all__ = ["add_unseen_errors", "shared_with_residual", "without_errors"]
+__all__ = ["add_unseen_errors", "shared_with_residual", "shown_by_residual", "without_errors"]
+
+
+@lean
+def shown_by_residual(weights, residual, explained):  # type: ignore[no-untyped-def]
+    """How far a residual shows the errors of the regressors, from 0 to 1, (docs (12a)).
+
+    Far from the truth the residual is more than noise makes, and other derivatives explain it.
+
+    Args:
+        weights, residual: (rows, rows, 2, bins) W and (rows, 2, bins) r.
+        explained: what of its power other derivatives explain.
+    """
+    total = 0.0
+    for k in range(residual.shape[0]):
+        u, v = residual[k, 0], residual[k, 1]
+        for m in range(residual.shape[0]):
+            a, b, x, y = weights[k, m, 0], weights[k, m, 1], residual[m, 0], residual[m, 1]
+            for f in range(u.size):
+                total += u[f] * (a[f] * x[f] - b[f] * y[f]) + v[f] * (a[f] * y[f] + b[f] * x[f])
+    noise = residual.shape[0] * residual.shape[2]
+    return 1.0 if total <= noise else max(noise, total - explained) / total
 
 
 @lean
@@ -41,11 +62,12 @@ def shared_with_residual(omega, plant, air, noise, power, work):  # type: ignore
 
 
 @lean
-def without_errors(whitened, regressors, work, out):  # type: ignore[no-untyped-def]
+def without_errors(whitened, shown, regressors, work, out):  # type: ignore[no-untyped-def]
     """Regressors less what the residual shows of their errors, (docs (12)).
 
     Args:
         whitened: (rows, 2, bins) W r.
+        shown: of ``shown_by_residual``.
         regressors: (channels, 2, bins).
         work: ``NoiseWorkspace``, after ``shared_with_residual``.
         out: (channels, 2, bins), filled.
@@ -57,8 +79,8 @@ def without_errors(whitened, regressors, work, out):  # type: ignore[no-untyped-
         for k in range(whitened.shape[0]):
             a, b, x, y = shared[c, k, 0], shared[c, k, 1], whitened[k, 0], whitened[k, 1]
             for f in range(real.size):
-                real[f] -= a[f] * x[f] - b[f] * y[f]
-                imaginary[f] -= a[f] * y[f] + b[f] * x[f]
+                real[f] -= shown * (a[f] * x[f] - b[f] * y[f])
+                imaginary[f] -= shown * (a[f] * y[f] + b[f] * x[f])
 
 
 @lean
@@ -77,13 +99,17 @@ def _error_products(noise, power, work, i, j, common):  # type: ignore[no-untype
 
 
 @lean
-def add_unseen_errors(noise, power, work, n_noise):  # type: ignore[no-untyped-def]
-    """Add to the noise power of the regressors what of their errors the residual does not show, (docs (13)).
+def add_unseen_errors(noise, power, shown, work, equation):  # type: ignore[no-untyped-def]
+    """Add to the noise power of the regressors what of their errors the residual does not show, (docs (13)), and to the
+    expected score what of them has something in common with it still, (docs (13a)).
 
     Args:
         noise, power, work: of ``shared_with_residual``.
-        n_noise: (p, p), in place.
+        shown: of ``shown_by_residual``.
+        equation: ``Equation``, its ``noise`` and ``expected`` in place.
     """
+    n_noise, expected = equation.noise, equation.expected
+    left = shown * (2.0 - shown)
     nd, rows = work.shared.shape[0], work.shared.shape[1]
     ns = work.doubt.shape[1]
     shared, weights, sure, common, half = work.shared, work.weights, work.sure, work.common, work.weighted
@@ -97,13 +123,16 @@ def add_unseen_errors(noise, power, work, n_noise):  # type: ignore[no-untyped-d
                 for f in range(real.size):
                     real[f] += a[f] * x[f] + b[f] * y[f]
                     imaginary[f] += b[f] * x[f] - a[f] * y[f]
+            if k < ns:
+                for f in range(real.size):
+                    expected[k * nd + j] += (1.0 - shown) * real[f]
         for i in range(j + 1):
             _error_products(noise, power, work, i, j, common)
             for k in range(rows):
                 a, b, x, y = shared[i, k, 0], shared[i, k, 1], half[k, 0], half[k, 1]
                 for f in range(common.shape[1]):
-                    common[0, f] -= a[f] * x[f] - b[f] * y[f]
-                    common[1, f] -= a[f] * y[f] + b[f] * x[f]
+                    common[0, f] -= left * (a[f] * x[f] - b[f] * y[f])
+                    common[1, f] -= left * (a[f] * y[f] + b[f] * x[f])
             for k in range(ns):
                 for m in range(ns):
                     real, imaginary = weights[k, m, 0], weights[k, m, 1]

@@ -57,6 +57,7 @@ from wingwatch.estimators.fourier.products import expected_products, motion_by_m
 from wingwatch.estimators.fourier.regressor_errors import (
     add_unseen_errors,
     shared_with_residual,
+    shown_by_residual,
     without_errors,
 )
 from wingwatch.estimators.fourier.state import (
@@ -220,22 +221,49 @@ def _plant(model, theta, work):  # type: ignore[no-untyped-def]
 
 
 @part
-def _leave_out_errors(omega, plant, air, power, noise, work):  # type: ignore[no-untyped-def]
+def _explained(std, gain, work):  # type: ignore[no-untyped-def]
+    """What of the residual's power another value of the derivatives explains, by the equations as they are.
+
+    ``std``: of the prior, (k,); ``gain``: of information over power.
+    """
+    m, score, total, inverse = (
+        work.equation.power,
+        work.equation.vector,
+        work.posterior.total,
+        work.posterior.inverse,
+    )
+    for a in range(std.size):
+        for b in range(std.size):
+            total[a, b] = m[a, b]
+        total[a, a] += 1.0 / (gain * std[a] * std[a])
+    invert(total, inverse)
+    explained = 0.0
+    for a in range(std.size):
+        for b in range(std.size):
+            explained += score[a] * inverse[a, b] * score[b]
+    return explained
+
+
+@part
+def _leave_out_errors(model, plant, air, power, fraction, noise, work):  # type: ignore[no-untyped-def]
     """Score, power and noise of the regressors without what the residual shows of their errors, (docs (12), (13))."""
     transforms, normal, clear, equation = work.transforms, work.normal, work.without_errors, work.equation
+    omega = model.omega
+    explained = _explained(model.prior.std, 2.0 * fraction, work)
     work.change[:] = 0.0
     nuisance_of(normal, work.change, work.scale)
     residual = transforms.residual
     copy_bank(transforms.response, residual)
     residual_of(transforms.regressors, residual, transforms.whitened, plant, normal.values, work.noise.sure)
+    shown = shown_by_residual(work.noise.weights, residual, explained)
     shared_with_residual(omega, plant, air, noise, power, work.noise)
-    without_errors(transforms.whitened, transforms.regressors, work.noise, transforms.without_errors)
+    without_errors(transforms.whitened, shown, transforms.regressors, work.noise, transforms.without_errors)
     left = EquationSides(transforms.without_errors, residual, transforms.product)
     with_other_regressors(left, plant, work.noise.weights, normal, clear)
     eliminate(clear, work.change, work.scale, equation.power, equation.vector)
     fitted_columns(transforms.regressors, work.derivatives.shape[1] + 1, normal, work.noise)
     reduce_weights(work.noise.sure, work.noise)
-    add_unseen_errors(noise, power, work.noise, equation.noise)
+    add_unseen_errors(noise, power, shown, work.noise, equation)
 
 
 @part
@@ -268,8 +296,9 @@ def _form(model, block, at, power, fraction, work, found):  # type: ignore[no-un
     eliminate(normal, theta, scale, m, score)
     by_roll = nd + 1
     work.roll[MEASURED] = m[by_roll, by_roll]
+    g[:] = 0.0
     motion_by_moments(omega, plant, noise, power, weighing, n_noise)
-    _leave_out_errors(omega, plant, air, power, noise, work)
+    _leave_out_errors(model, plant, air, power, fraction, noise, work)
     work.roll[CAUSED] = m[by_roll, by_roll]
     reduce_weights(weighing.weights, weighing)
     bins = bins_left(weighing)

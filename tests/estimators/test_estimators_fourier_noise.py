@@ -25,6 +25,7 @@ from wingwatch.estimators.fourier.products import expected_products, motion_by_m
 from wingwatch.estimators.fourier.regressor_errors import (
     add_unseen_errors,
     shared_with_residual,
+    shown_by_residual,
     without_errors,
 )
 from wingwatch.estimators.fourier.state import AIR_VARIANCES, COURSES, GUST, ROLLING, Equation
@@ -146,7 +147,7 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     c = CASES[name]
     ns, nd, work = c.states, c.states + 1, weighed(c)
     n_noise, nothing = np.empty((ns * nd, ns * nd)), np.empty((0, 0))
-    g, driven = np.empty(ns * nd), np.empty(ns * nd)
+    g, driven = np.zeros(ns * nd), np.empty(ns * nd)
     motion_by_moments(OMEGA, c.plant, c.noise, POWER, work, n_noise)
     roll_shared_at_ends(c.plant, c.air, work)
     equation = Equation(nothing, nothing, np.empty(0), g, driven)
@@ -188,16 +189,20 @@ def test_products_with_the_regressors_are_those_of_noise_and_of_what_drives_the_
     assert (by_moments[:, ns:] == 0.0).all()
 
 
+@pytest.mark.parametrize("shown", [1.0, 0.4])
 @pytest.mark.parametrize("name", list(CASES))
-def test_what_is_left_of_the_errors_of_regressors_goes_with_no_residual(name: str) -> None:
+def test_what_is_left_of_the_errors_of_regressors_is_known(name: str, shown: float) -> None:
     """Residuals drawn as the model has them, beside the errors in regressors that made them: on average the score has
-    none of these left, and had much; and the power of what is left is as said."""
+    as much of these left as said, nothing where the residual is believed to show all, and had much more; and the power
+    of what is left is as said."""
     c, draws, rng = CASES[name], 2000, np.random.default_rng(8)
     ns, nd, work = c.states, c.states + 1, weighed(c)
     sensors, own = variances(c)
     shared_with_residual(OMEGA, c.plant, c.air, c.noise, POWER, work)
-    n_noise = np.zeros((ns * nd, ns * nd))
-    add_unseen_errors(c.noise, POWER, work, n_noise)
+    n_noise, expected, nothing = np.zeros((ns * nd, ns * nd)), np.zeros(ns * nd), np.empty(0)
+    unseen = Equation(np.empty((0, 0)), n_noise, nothing, expected, nothing)
+    add_unseen_errors(c.noise, POWER, shown, work, unseen)
+    assert expected.any() == (shown < 1.0)
     residual, errors = np.zeros((draws, c.rows, 2, OMEGA.size)), np.zeros((draws, nd + 1, 2, OMEGA.size))
     for f, omega in enumerate(OMEGA):
         left, by_air = transfer_of(c, omega)
@@ -214,16 +219,37 @@ def test_what_is_left_of_the_errors_of_regressors_goes_with_no_residual(name: st
     for i in range(draws):
         white = np.einsum("kmf,mf->kf", w, residual[i, :, 0] + 1j * residual[i, :, 1])
         whitened[i, :, 0], whitened[i, :, 1] = white.real, white.imag
-        without_errors(whitened[i], errors[i], work, rest[i])
+        without_errors(whitened[i], shown, errors[i], work, rest[i])
     kept = [*range(ns), ns + 1]
     before, after = scores(errors[:, kept], work, residual), scores(rest[:, kept], work, residual)
     error = after.std(axis=0) / np.sqrt(draws)
-    assert (np.abs(after.mean(axis=0)) < 4.5 * error + 1e-12).all()
+    assert (np.abs(after.mean(axis=0) - expected) < 4.5 * error + 1e-12).all()
     assert (np.abs(before.mean(axis=0)) > 10.0 * error).any()
     v = rest[:, kept, 0] + 1j * rest[:, kept, 1]
     power = np.einsum("ijf,kmf,inf->ikjmn", v.conj(), w[:ns, :ns], v).real.reshape(draws, ns * nd, ns * nd)
     scatter = power.std(axis=0) / np.sqrt(draws)
     assert (np.abs(power.mean(axis=0) - n_noise) < 4.5 * scatter + 1e-9 * np.abs(n_noise).max()).all()
+
+
+@pytest.mark.parametrize("name", ["pitch", "lateral"])
+def test_a_residual_shows_noise_as_far_as_no_derivative_explains_it(name: str) -> None:
+    """All of one as large as noise makes it, whatever derivatives explain of it; of a larger one what they leave, and no
+    less than noise is."""
+    c, rng = CASES[name], np.random.default_rng(9)
+    work = weighed(c)
+    residual = rng.normal(size=(c.rows, 2, OMEGA.size))
+    w = work.weights[:, :, 0] + 1j * work.weights[:, :, 1]
+    r = residual[:, 0] + 1j * residual[:, 1]
+    residual *= np.sqrt(c.rows * OMEGA.size / np.einsum("kf,kmf,mf->", r.conj(), w, r).real)
+    noise = c.rows * OMEGA.size
+    for size, explained, shown in (
+        (0.9, 0.8, 1.0),
+        (100.0, 0.0, 1.0),
+        (100.0, 0.7, 0.3),
+        (100.0, 0.9999, 0.01),
+    ):
+        found = shown_by_residual(work.weights, np.sqrt(size) * residual, explained * size * noise)
+        assert found == pytest.approx(shown, rel=1e-9)
 
 
 def test_doubt_of_derivatives_widens_the_weights_alone() -> None:
