@@ -9,11 +9,36 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import FlightCondition
 
-__all__ = ["BlockView", "ModeBlock", "StructureSums", "Sums", "sums_of", "which_have_blocks"]
+__all__ = [
+    "EKF",
+    "FOURIER",
+    "BlockView",
+    "Evidence",
+    "ModeBlock",
+    "StructureSums",
+    "sums_of",
+    "which_have_blocks",
+]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Places = NDArray[np.int64]
+
+FOURIER, EKF = range(2)
+"""Places of the estimators in what is known of both."""
+
+
+class Evidence(NamedTuple):
+    """What both estimators found in a block, or in several: axes of these come first.
+
+    Attributes:
+        information, vector: (2, k, k) and (2, k), zero where an estimator says nothing.
+        bias: (2, k), information times the bias that gusts are expected to have caused; the filter knows the gusts.
+    """
+
+    information: Array
+    vector: Array
+    bias: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,23 +46,14 @@ class ModeBlock:
     """One structure's part of a block, in coordinates that do not depend on the flight condition.
 
     Attributes:
-        information, vector: the Fourier estimator's evidence, (k, k) and (k,); bias: information times the bias that
-            gusts are expected to have caused, (k,).
+        evidence: of both estimators.
         expected, expected_covariance: the expectation.
-        ekf: the filter's estimate at the block's end; ekf_stands: whether it has standing.
-        ekf_information, ekf_vector: what the filter learned from this block alone.
         rough: the air biases the evidence, alike before and after a change: it tells changes, not right from wrong.
     """
 
-    information: Array
-    vector: Array
-    bias: Array
+    evidence: Evidence
     expected: Array
     expected_covariance: Array
-    ekf: Array
-    ekf_information: Array
-    ekf_vector: Array
-    ekf_stands: bool
     rough: bool = False
 
 
@@ -52,26 +68,15 @@ class BlockView:
     @property
     def informative(self) -> bool:
         """Whether anything was excited."""
-        return any(np.trace(m.information) > 0.0 for m in self.modes.values())
-
-
-class Sums(NamedTuple):
-    """Information, vector and bias of several blocks, one sum for each block that divides them.
-
-    Attributes:
-        information, vector, bias: (blocks + 1, k, k), (blocks + 1, k) and (blocks + 1, k).
-    """
-
-    information: Array
-    vector: Array
-    bias: Array
+        return any(np.trace(m.evidence.information[FOURIER]) > 0.0 for m in self.modes.values())
 
 
 class StructureSums(NamedTuple):
-    """A structure's blocks: sums over those before each block, and over those from it on; and the latest one."""
+    """A structure's blocks: sums over those before each block, and over those from it on, one for each block that
+    divides them, (blocks + 1, ...); and the latest one."""
 
-    before: Sums
-    since: Sums
+    before: Evidence
+    since: Evidence
     latest: ModeBlock
 
 
@@ -79,10 +84,10 @@ def sums_of(blocks: Sequence[BlockView], name: str) -> StructureSums:
     """Sums over the blocks of a structure that has one."""
     modes = [b.modes.get(name) for b in blocks]
     latest = next(m for m in reversed(modes) if m is not None)
-    nothing = Sums(*map(np.zeros_like, (latest.information, latest.vector, latest.bias)))
-    parts = [nothing if m is None else Sums(m.information, m.vector, m.bias) for m in modes]
-    before = Sums(*(np.cumsum(rows, axis=0) for rows in zip(nothing, *parts, strict=True)))
-    since = Sums(*(np.cumsum(rows, axis=0)[::-1] for rows in zip(nothing, *reversed(parts), strict=True)))
+    nothing = Evidence(*map(np.zeros_like, latest.evidence))
+    parts = [nothing if m is None else m.evidence for m in modes]
+    before = Evidence(*(np.cumsum(rows, axis=0) for rows in zip(nothing, *parts, strict=True)))
+    since = Evidence(*(np.cumsum(rows, axis=0)[::-1] for rows in zip(nothing, *reversed(parts), strict=True)))
     return StructureSums(before, since, latest)
 
 

@@ -106,9 +106,9 @@ class Change:
     covariance: Array
     natural: Array
 
-    def at(self, onset: int) -> "Change":
-        """The change since one of several onsets."""
-        return Change(*(getattr(self, f.name)[onset] for f in fields(Change)))
+    def at(self, place: tuple[int, ...]) -> "Change":
+        """One of several changes, by its place in the axes in front."""
+        return Change(*(getattr(self, f.name)[place] for f in fields(Change)))
 
     def loosened(self, spread: Array) -> "Change":
         """The same change seen through additional uncertainty of each derivative, standard deviations (..., k)."""
@@ -140,6 +140,18 @@ def blurred(information: Array, vector: Array, bias: Array, variance: Array) -> 
     solved = np.linalg.solve(inner, np.column_stack([information, vector, bias]))
     reduced = np.asarray(solved[:, :-2], dtype=np.float64)
     return 0.5 * (reduced + reduced.T), np.asarray(solved[:, -2]), np.asarray(solved[:, -1])
+
+
+def informative_part(information: Array, vector: Array, natural: Array) -> tuple[Array, Array]:
+    """Of a difference of two states of knowledge, (k, k) and (k,), what is known better than a natural size by it.
+
+    What was learned and what was taken back for better reasons are both in such a difference, so some directions have
+    lost, and of what is left of little the value is not to be trusted.
+    """
+    w, u = np.linalg.eigh(information * (natural[:, None] * natural))
+    kept = u[:, w > 1.0] / natural[:, None]
+    shown = (u[:, w > 1.0] * natural[:, None]).T @ vector
+    return (kept * w[w > 1.0]) @ kept.T, kept @ shown
 
 
 def change_since(

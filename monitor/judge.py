@@ -1,10 +1,10 @@
 """The judge: a sequential test over blocks, for every onset and every cause, and what an alert is made of.
 
 For each possible onset among the blocks remembered, the Bayes factor of "changed by this cause since then" against "no
-change" is formed; their sum over onsets is the Shiryaev-Roberts statistic. Without a change a Bayes factor has
-expectation one, so the statistic minus the number of blocks is a martingale and the mean number of blocks to a false
-alert is at least the threshold, whatever the excitation: quiet blocks have a factor of one and neither accuse nor
-acquit. The derivation stands in ``docs/methods/detection.md``.
+change" is formed, by the evidence of each estimator; the mean of both, summed over onsets, is the Shiryaev-Roberts
+statistic. Without a change a Bayes factor has expectation one, so the statistic minus the number of blocks is a
+martingale and the mean number of blocks to a false alert is at least the threshold, whatever the excitation: quiet
+blocks have a factor of one and neither accuse nor acquit. The derivation stands in ``docs/methods/detection.md``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,14 +17,14 @@ from scipy.special import chdtrc, logsumexp
 from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
 from wingwatch.estimators import BlockEvidence, Outcome
-from wingwatch.monitor.blocks import BlockView, ModeBlock, sums_of, which_have_blocks
+from wingwatch.monitor.blocks import EKF, FOURIER, BlockView, Evidence, ModeBlock, sums_of, which_have_blocks
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
-from wingwatch.monitor.chain import condition_of
 from wingwatch.monitor.comparison import (
     Change,
     Coordinates,
     blurred,
     change_since,
+    informative_part,
     log_bayes_any,
     log_bayes_direction,
     natural_size,
@@ -90,7 +90,8 @@ class Verdict:
         onset: index of the first changed block among those remembered; onset_s: end of the block before it.
         size, size_standard_error: of the cause.
         changes: per structure, the change since the onset.
-        confirmed: whether the filter, the second voice, has moved the same way.
+        confirmed: whether the other estimator's evidence moves the same way. Size and changes are of the one whose
+            evidence is stronger.
     """
 
     log_statistic: float
@@ -110,7 +111,9 @@ class JudgeState:
     """What the judge remembers of one vehicle.
 
     Attributes:
-        references: what its own flights taught, by structure, without the blocks still remembered.
+        references: what its own flights taught, by structure, without the blocks still remembered; by the Fourier
+            estimator's evidence, as it is kept from flight to flight.
+        by_filter: the same of this flight alone, by the filter's: what rough air makes of the one is not in the other.
         identified: the expectation rests on flights of the type and may accuse as it stands.
         founded: so it does, or enough flights of its own are in the reference: the first block may be judged.
         contradictions: structures whose a-priori expectation does not fit, with the derivatives at fault.
@@ -118,6 +121,7 @@ class JudgeState:
     """
 
     references: dict[str, Reference]
+    by_filter: dict[str, Reference]
     blocks: list[BlockView] = field(default_factory=list)
     identified: bool = False
     founded: bool = False
@@ -148,7 +152,8 @@ class Judge:
             for name, c in self.coordinates.items()
         }
         own = all(r.blocks >= self.config.founded_blocks for r in learned.values())
-        return JudgeState(learned, identified=founded, founded=founded or (own and bool(learned)))
+        by_filter = {name: Reference.empty(r.vector.size) for name, r in learned.items()}
+        return JudgeState(learned, by_filter, identified=founded, founded=founded or (own and bool(learned)))
 
     def adopt(self, state: JudgeState, references: Mapping[str, Reference], founded: bool) -> None:
         """Take in what earlier flights taught, which could not be read at the start; ``init`` says what is what."""
@@ -166,22 +171,20 @@ class Judge:
         expectation: Expectation,
         condition: FlightCondition,
     ) -> ModeBlock:
-        """A structure's evidence, expectation and filter estimate brought to common coordinates."""
+        """A structure's evidence, of both estimators, and expectation brought to common coordinates."""
         c = self.coordinates[mode.structure.name]
-        information, vector = c.of_evidence(evidence.information, evidence.vector, condition)
-        bias = c.slope(condition) * evidence.bias
         expected, covariance = c.from_concise(expectation.value, expectation.covariance, condition)
-        wander = (self.config.model_error * natural_size(expected, covariance)) ** 2
-        information, vector, bias = blurred(information, vector, bias, wander)
-        ekf = mode.ekf
-        value = expected
-        now = condition_of(ekf.condition, condition.configuration)
-        if now is not None:  # else it has started anew, and knows no more than what is expected
-            value, _ = c.from_concise(ekf.value, ekf.covariance, now)
-        gained = mode.gained or (np.zeros_like(information), np.zeros_like(vector))
-        stands = ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
-        learned = c.of_evidence(*gained, condition)
-        return ModeBlock(information, vector, bias, expected, covariance, value, *learned, stands, mode.rough)
+        natural = natural_size(expected, covariance)
+        wander = (self.config.model_error * natural) ** 2
+        found = c.of_evidence(evidence.information, evidence.vector, condition)
+        bias = c.slope(condition) * evidence.bias
+        by_fourier = blurred(*found, bias, wander)
+        by_filter = (np.zeros_like(found[0]), np.zeros_like(bias), np.zeros_like(bias))
+        if mode.gained is not None and mode.ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING):
+            gained = c.of_evidence(*mode.gained, condition)
+            by_filter = blurred(*informative_part(*gained, natural), by_filter[2], wander)
+        both = Evidence(*(np.stack(parts) for parts in zip(by_fourier, by_filter, strict=True)))
+        return ModeBlock(both, expected, covariance, mode.rough)
 
     def consider(self, state: JudgeState, block: BlockView, alarmed_onset_s: float | None) -> Verdict | None:
         """Take in a block; returns what the test says, or None while there is nothing to compare with.
@@ -208,10 +211,10 @@ class Judge:
         if suspicious and alarmed_onset_s is None and verdict is not None and verdict.onset <= _first(state):
             return  # also where the first block cannot be judged: the change may be older than what is remembered
         for name, mode in oldest.modes.items():
-            if name in state.references and np.trace(mode.information) > 0.0:
-                state.references[name] = state.references[name].add(
-                    mode.information, mode.vector, self.config.block_s
-                )
+            for estimator, learned in ((FOURIER, state.references), (EKF, state.by_filter)):
+                information, vector = mode.evidence.information[estimator], mode.evidence.vector[estimator]
+                if name in learned and np.trace(information) > 0.0:
+                    learned[name] = learned[name].add(information, vector, self.config.block_s)
 
     def _check_expectation(self, state: JudgeState, verdict: Verdict | None) -> None:
         """Flights that contradict an a-priori expectation take its weight away; nothing is called damage."""
@@ -228,7 +231,7 @@ class Judge:
             natural = natural_size(modes[-1].expected, modes[-1].expected_covariance)
             error = self.config.model_error * natural
             bias = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ np.sum(
-                [m.bias for m in modes], axis=0
+                [m.evidence.bias[FOURIER] for m in modes], axis=0
             )
             change = change_since(
                 modes[-1].expected, modes[-1].expected_covariance, information, vector,
@@ -248,13 +251,14 @@ class Judge:
         return state.references[name].posterior(prior, covariance)
 
     def _before(self, state: JudgeState, name: str, onset: int) -> tuple[Array, Array]:
-        """Information and vector of the vehicle's own flight before a block, earlier flights included."""
+        """Information and vector of the vehicle's own flight before a block, earlier flights included, as the Fourier
+        estimator has them."""
         reference = state.references[name]
         information, vector = reference.information.copy(), reference.vector.copy()
         for block in state.blocks[:onset]:
             if name in block.modes:
-                information += block.modes[name].information
-                vector += block.modes[name].vector
+                information += block.modes[name].evidence.information[FOURIER]
+                vector += block.modes[name].evidence.vector[FOURIER]
         return information, vector
 
     def _changes_of_all(
@@ -267,7 +271,8 @@ class Judge:
         return {name: self._changes(state, name, onsets, healthy) for name in names}, present[present[:, 0]]
 
     def _changes(self, state: JudgeState, name: str, onsets: Places, healthy: Places) -> Change:
-        """The change of a structure since each of several onsets, against everything before a block of each.
+        """The change of a structure since each of several onsets, against everything before a block of each, by the
+        evidence of each estimator: axes (m, 2).
 
         Args:
             onsets: index of the first changed block, (m,); those after the structure's last block say nothing.
@@ -275,9 +280,9 @@ class Judge:
         """
         before, since, latest = sums_of(state.blocks, name)
         prior = latest.expected_covariance * (1.0 if state.identified else APRIORI_DISCOUNT)
-        reference = state.references[name]
-        information = reference.information + before.information[healthy]
-        vector = reference.vector + before.vector[healthy]
+        references = state.references[name], state.by_filter[name]
+        information = np.stack([r.information for r in references]) + before.information[healthy]
+        vector = np.stack([r.vector for r in references]) + before.vector[healthy]
         known = np.asarray(np.linalg.inv(prior), dtype=np.float64)
         covariance = np.asarray(np.linalg.inv(known + information), dtype=np.float64)
         covariance = np.asarray(0.5 * (covariance + np.swapaxes(covariance, -1, -2)), dtype=np.float64)
@@ -285,9 +290,9 @@ class Judge:
         window = since.information[onsets]
         inverse = np.asarray(np.linalg.pinv(window, rcond=1e-9, hermitian=True), dtype=np.float64)
         bias = _times(inverse, since.bias[onsets]) - _times(covariance, before.bias[healthy])
-        natural = np.tile(natural_size(latest.expected, latest.expected_covariance), (onsets.size, 1))
+        natural = np.broadcast_to(natural_size(latest.expected, latest.expected_covariance), mean.shape)
         return change_since(
-            mean, covariance, window, since.vector[onsets], bias[:, :, None] * bias[:, None, :], natural
+            mean, covariance, window, since.vector[onsets], bias[..., :, None] * bias[..., None, :], natural
         )
 
     def recent(
@@ -303,10 +308,15 @@ class Judge:
         onset, healthy = np.array([after[-blocks]]), np.array([after[0]])
         changes, present = self._changes_of_all(state, onset, healthy)
         if cause is UNEXPLAINED:
-            size, error = largest_change({name: change.at(0) for name, change in changes.items()})
-            return float(_anything(changes, present)[0]), size, error
-        factor, sizes, errors = self._directed(changes, cause, condition)
-        return float(factor[0]), float(sizes[0]), float(errors[0])
+            factors = _anything(changes, present)[0]
+            leading = int(np.argmax(factors))
+            size, error = largest_change({name: change.at((0, leading)) for name, change in changes.items()})
+        else:
+            found = self._directed(changes, cause, condition)
+            factors = found[0][0]
+            leading = int(np.argmax(factors))
+            size, error = (float(values[0, leading]) for values in found[1:])
+        return float(_of_either(factors)), size, error
 
     def forget_change(self, state: JudgeState, onset_s: float, blocks: int) -> None:
         """A change is over: its blocks leave, so they neither accuse again nor teach the reference.
@@ -324,27 +334,29 @@ class Judge:
         condition = state.blocks[-1].condition
         changes, present = self._changes_of_all(state, onsets, onsets)
         directed = [self._directed(changes, cause, condition) for cause in CAUSES]
-        factors = np.array([*(factor for factor, _, _ in directed), _anything(changes, present)])
+        of_each = np.array([*(factor for factor, _, _ in directed), _anything(changes, present)])
         weights = np.log([h.weight for h in hypotheses])
-        by_cause = logsumexp(factors + weights[:, None], axis=1)
-        total = float(logsumexp(by_cause))
-        best = int(np.argmax(by_cause))
-        column = int(np.argmax(factors[best]))
+        total = float(logsumexp(_of_either(of_each) + weights[:, None]))
+        pooled = weights + logsumexp(of_each, axis=1).mean(axis=-1)
+        probabilities = np.exp(pooled - logsumexp(pooled))
+        best = int(np.argmax(probabilities))
+        column = int(np.argmax(of_each[best].mean(axis=-1)))
+        leading = int(np.argmax(of_each[best, column]))
         onset = int(onsets[column])
         cause = hypotheses[best]
-        known = {
-            n: c.at(column) for (n, c), seen in zip(changes.items(), present, strict=True) if seen[column]
-        }
+        seen = [n for n, has_blocks in zip(changes, present, strict=True) if has_blocks[column]]
+        known, other = ({n: changes[n].at((column, e)) for n in seen} for e in (leading, 1 - leading))
         if cause is UNEXPLAINED:
             size, error = largest_change(known)
         else:
             _, sizes, errors = directed[best]
-            size, error = float(sizes[column]), float(errors[column])
+            size, error = float(sizes[column, leading]), float(errors[column, leading])
         earlier = state.blocks[onset - 1].end_s if onset else state.blocks[0].end_s - self.config.block_s
-        confirmed = self._confirmed(state, known, cause, onset, size, condition)
+        factor = float(of_each[best, column, 1 - leading])
+        confirmed = self._confirmed(other, cause, size, factor, condition)
         return Verdict(
-            total, cause, float(np.exp(by_cause[best] - total)), float(np.exp(by_cause[-1] - total)), onset, earlier,
-            size, error, known, confirmed,
+            total, cause, float(probabilities[best]), float(probabilities[-1]), onset, earlier, size, error, known,
+            confirmed,
         )  # fmt: skip
 
     def direction(self, name: str, cause: Cause, mean: Array, condition: FlightCondition) -> Array:
@@ -359,7 +371,7 @@ class Judge:
     def _directed(
         self, changes: Mapping[str, Change], cause: Cause, condition: FlightCondition
     ) -> tuple[Array, Array, Array]:
-        """Bayes factor, size and its error of a cause since each onset, over all structures together, each (m,).
+        """Bayes factor, size and its error of a cause since each onset, over all structures together, each (m, 2).
 
         No real ice or damage follows its pattern exactly: with even odds a cause either does, or moves every
         derivative of the structures it acts on off the pattern in proportion to its size. The integral over those
@@ -372,11 +384,11 @@ class Judge:
         deviating = np.zeros_like(exact)
         for name, change in changes.items():
             direction = directions[name]
-            stray = size[:, None] * np.hypot(
+            stray = size[..., None] * np.hypot(
                 self.config.stray_pattern * direction,
                 self.config.stray_natural / cause.size_std * change.natural,
             )
-            stray[~direction.any(axis=1)] = 0.0
+            stray[~direction.any(axis=-1)] = 0.0
             deviating += log_bayes_any(change, stray)
             loose[name] = change.loosened(stray)
         strayed, loose_size, loose_error = log_bayes_direction(*_along(loose, directions), cause.size_std)
@@ -388,28 +400,25 @@ class Judge:
         )
 
     def _confirmed(
-        self, state: JudgeState, changes: Mapping[str, Change], cause: Cause, onset: int, size: float,
+        self,
+        other: Mapping[str, Change],
+        cause: Cause,
+        size: float,
+        factor: float,
         condition: FlightCondition,
-    ) -> bool:  # fmt: skip
-        """Whether what the filter learned since the onset moved the same way, by at least half the size.
+    ) -> bool:
+        """Whether the other estimator finds the change, too: along a cause's direction at least half its size, or where
+        it is in no known pattern odds for it, ``factor`` their logarithm; one that has learned nothing abstains."""
+        if cause is UNEXPLAINED:
+            return factor > 0.0 or not any(c.weight.any() for c in other.values())
+        directions = {n: self.direction(n, cause, c.mean, condition) for n, c in other.items()}
+        pull, weight = _along(other, directions)
+        return bool(weight <= 0.0 or pull >= 0.5 * size * weight)
 
-        Measured from the filter's own estimate at the onset; a filter without standing abstains.
-        """
-        pull = weight = 0.0
-        for name, change in changes.items():
-            before = state.blocks[onset - 1].modes.get(name) if onset else None
-            start = before.ekf if before is not None and before.ekf_stands else change.mean
-            if cause is UNEXPLAINED:
-                direction = np.linalg.pinv(change.weight, rcond=1e-6, hermitian=True) @ change.pull
-                size = 1.0
-            else:
-                direction = self.direction(name, cause, change.mean, condition)
-            for block in state.blocks[onset:]:
-                mode = block.modes.get(name)
-                if mode is not None and mode.ekf_stands:
-                    pull += float(direction @ (mode.ekf_vector - mode.ekf_information @ start))
-                    weight += float(direction @ mode.ekf_information @ direction)
-        return weight <= 0.0 or pull / weight >= 0.5 * size
+
+def _of_either(factors: Array) -> Array:
+    """Log of the mean Bayes factor of both estimators, their axis last: each has expectation one without a change."""
+    return np.asarray(logsumexp(factors, axis=-1) - np.log(factors.shape[-1]))
 
 
 def _times(matrix: Array, vector: Array) -> Array:
@@ -418,22 +427,23 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 
 def _along(changes: Mapping[str, Change], directions: Mapping[str, Array]) -> tuple[Array, Array]:
-    """a'y and a'K a over all structures together, each (m,)."""
+    """a'y and a'K a over all structures together."""
     parts = [change.along(directions[name]) for name, change in changes.items()]
     return np.sum([pull for pull, _ in parts], axis=0), np.sum([weight for _, weight in parts], axis=0)
 
 
 def _anything(changes: Mapping[str, Change], present: Flags) -> Array:
-    """Bayes factor of a change in no pattern since each onset, (m,): in one structure, in another, or in all.
+    """Bayes factor of a change in no pattern since each onset, (m, 2): in one structure, in another, or in all.
 
     Args:
         present: which structures have a block since each onset, (structures, m).
     """
     singles = np.array([log_bayes_any(c, UNEXPLAINED.size_std * c.natural) for c in changes.values()])
-    options = np.where(present, singles, -np.inf)
-    several = present.sum(axis=0) > 1
-    together = np.where(several, np.where(present, singles, 0.0).sum(axis=0), -np.inf)
-    return np.asarray(logsumexp([*options, together], axis=0) - np.log(present.sum(axis=0) + several))
+    seen = present[:, :, None]
+    options = np.where(seen, singles, -np.inf)
+    several = seen.sum(axis=0) > 1
+    together = np.where(several, np.where(seen, singles, 0.0).sum(axis=0), -np.inf)
+    return np.asarray(logsumexp([*options, together], axis=0) - np.log(seen.sum(axis=0) + several))
 
 
 def _first(state: JudgeState) -> int:

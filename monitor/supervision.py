@@ -57,6 +57,7 @@ __all__ = ["NO_VANE", "Lane", "ModeSolution", "Pair", "PairState", "Supervisor"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Places = NDArray[np.int64]
+Learned = tuple[Array, Array]
 
 _LEAST_LANES = 8
 """Places are added by eight at least, else by a quarter: memory for a quarter more vehicles than there are."""
@@ -102,6 +103,7 @@ class PairState:
         motion: of ``follow_motion``; roughness: of ``follow_roughness``.
         blocks: blocks closed at the last solution, (n,).
         rough_s: when the air was last found rough without a vane, (n,).
+        again: whether rows were run again after a change since the filter's evidence was taken, (n,).
     """
 
     signals: SignalState
@@ -111,6 +113,7 @@ class PairState:
     roughness: Array
     blocks: Places
     rough_s: Array
+    again: Flags
 
     def put(self, which: Places | slice, other: "PairState") -> None:
         """Some vehicles become those of another state, in place."""
@@ -128,6 +131,7 @@ class PairState:
             self.roughness[row].copy(),
             self.blocks[row].copy(),
             self.rough_s[row].copy(),
+            self.again[row].copy(),
         )
 
     def alike(self, other: "PairState") -> bool:
@@ -141,7 +145,7 @@ class PairState:
         for part in (self.signals, self.fourier):
             yield from (getattr(part, f.name) for f in fields(part))
         yield from (array for _, array in arrays_of(self.ekf))
-        yield from (self.motion, self.roughness, self.blocks, self.rough_s)
+        yield from (self.motion, self.roughness, self.blocks, self.rough_s, self.again)
 
 
 class Lane:
@@ -277,10 +281,10 @@ class Supervisor:
 
     def read(self, lane: Lane, time_s: float) -> dict[str, ModeSolution]:
         """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
-        place, at_s, old = np.array([lane.place]), np.array([time_s]), np.zeros(1, dtype=np.bool_)
+        place, at_s = np.array([lane.place]), np.array([time_s])
         gusty = self._feels_gusts(place)
         return {
-            name: _read(p, state, place, at_s, _is_rough(p, state, place, gusty), old)[0]
+            name: _read(p, state, place, at_s, _is_rough(p, state, place, gusty), {})[0]
             for (name, p), state in zip(self.pairs.items(), self._states.values(), strict=True)
         }
 
@@ -323,22 +327,31 @@ class Supervisor:
     ) -> list[ModeSolution]:
         state = self._states[pair.structure.name]
         pair.fourier.solve(state.fourier, places)
-        faults |= pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier, places), places)
-        rough = _is_rough(pair, state, places, gusty)
-        state.rough_s[places[rough]] = time_s[rough]
         closed = pair.fourier.blocks_closed(state.fourier, places)
         news = closed != state.blocks[places]
         state.blocks[places] = closed
-        solutions = _read(pair, state, places, time_s, rough, news)
+        spread = pair.fourier.changed(state.fourier, places)
+        changed = np.asarray(spread.any(axis=1))
+        gained: dict[int, Learned | None] = {
+            i: pair.ekf.take_gained(state.ekf, i, again=state.again[i]) for i in _listed(places[news])
+        }
+        state.again[places[news]] = False
+        for i in _listed(places[news & changed]):
+            gained[i] = (
+                None  # since the change, with which the block ends, the filter took the new aircraft for the old one
+            )
+        faults |= pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier, places), places)
+        rough = _is_rough(pair, state, places, gusty)
+        state.rough_s[places[rough]] = time_s[rough]
+        solutions = _read(pair, state, places, time_s, rough, gained)
         # Without a vane all may contradict what is remembered; with one, rough air at first.
         trusted = ~rough | (closed >= BLOCKS_IN_ROUGH_AIR) if pair.vane else np.zeros_like(rough)
         pair.fourier.follow_changes(state.fourier, trusted, places)
-        spread = pair.fourier.changed(state.fourier, places)
-        for m in np.flatnonzero(spread.any(axis=1)):
+        for m in np.flatnonzero(changed):
             i = int(places[m])
             not_yet_s = pair.fourier.block_start_s(state.fourier, i)  # a change begins the running block
             try:  # whatever the filter says of the air: it takes a change for a gust
-                pair.ekf.release(state.ekf, spread[m], i, not_yet_s)
+                state.again[i] = pair.ekf.release(state.ekf, spread[m], i, not_yet_s)
             except Exception as error:  # the others are not to suffer by it
                 faults[i] = error
         return solutions
@@ -362,6 +375,7 @@ def _init(pair: Pair, vehicles: int) -> PairState:
         np.zeros((vehicles, ROUGHNESS)),
         np.zeros(vehicles, dtype=np.int64),
         np.full(vehicles, -np.inf),
+        np.zeros(vehicles, dtype=np.bool_),
     )
 
 
@@ -379,18 +393,25 @@ def _is_rough(pair: Pair, state: PairState, places: Places, gusty: Flags) -> Fla
 
 
 def _read(
-    pair: Pair, state: PairState, places: Places, time_s: Array, rough: Flags, closed: Flags
+    pair: Pair,
+    state: PairState,
+    places: Places,
+    time_s: Array,
+    rough: Flags,
+    gained: Mapping[int, Learned | None],
 ) -> list[ModeSolution]:
-    """What is known of a mode of some vehicles now, and of the blocks that they have ``closed``."""
+    """What is known of a mode of some vehicles now, and of the blocks that they have closed.
+
+    ``gained``: by place of those that have, what the filter has learned in the block; None where that is not known.
+    """
     if not pair.vane:
         since_s = time_s - state.rough_s[places]
         rough = rough | ((since_s >= 0.0) & (since_s < ROUGH_MEMORY_S))
     fourier, ekf = pair.fourier.standings(state.fourier, places), pair.ekf.standings(state.ekf, places)
     solutions = []
-    for m, (i, is_rough, new) in enumerate(zip(*map(_listed, (places, rough, closed)), strict=True)):
-        block = pair.fourier.evidence(state.fourier, i) if new else None
-        gained = pair.ekf.take_gained(state.ekf, i) if new else None
-        solutions.append(ModeSolution(pair, (fourier.of(m), ekf.of(m)), block, gained, is_rough))
+    for m, (i, is_rough) in enumerate(zip(*map(_listed, (places, rough)), strict=True)):
+        block = pair.fourier.evidence(state.fourier, i) if i in gained else None
+        solutions.append(ModeSolution(pair, (fourier.of(m), ekf.of(m)), block, gained.get(i), is_rough))
     return solutions
 
 

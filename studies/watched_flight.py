@@ -21,7 +21,7 @@ from wingwatch.monitor import (
     VehicleMonitor,
     surface_kinds,
 )
-from wingwatch.monitor.blocks import BlockView, ModeBlock
+from wingwatch.monitor.blocks import FOURIER, BlockView, ModeBlock
 from wingwatch.monitor.comparison import change_since
 from wingwatch.simulation import (
     EFFECTS,
@@ -194,12 +194,11 @@ class WatchedFlight:
         An exact expectation has no error; a drawn one that which the file states. The bias that gusts are expected to
         have caused counts as error, as it does for the monitor.
         """
-        covariance = mode.expected_covariance if self._drawn else np.zeros_like(mode.information)
-        bias = np.linalg.pinv(mode.information, rcond=_RANK, hermitian=True) @ mode.bias
+        information, vector, bias = (part[FOURIER] for part in mode.evidence)
+        covariance = mode.expected_covariance if self._drawn else np.zeros_like(information)
+        bias = np.linalg.pinv(information, rcond=_RANK, hermitian=True) @ bias
         natural = np.ones(mode.expected.size)
-        change = change_since(
-            mode.expected, covariance, mode.information, mode.vector, np.outer(bias, bias), natural
-        )
+        change = change_since(mode.expected, covariance, information, vector, np.outer(bias, bias), natural)
         scale = np.sqrt(
             np.maximum(np.diagonal(change.weight), 0.0)
         )  # what is next to nothing may be rounded below it

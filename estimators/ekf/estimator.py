@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.ekf.accepted import NOISE, UNDECIDED, accept, go_back, prior_accepted
@@ -16,7 +17,7 @@ from wingwatch.estimators.ekf.coherence import forget_coherence, no_coherence
 from wingwatch.estimators.ekf.gust_variance import gust_variance
 from wingwatch.estimators.ekf.noise import LEAST
 from wingwatch.estimators.ekf.recursion import WARM_UP, update_all
-from wingwatch.estimators.ekf.release import keep_ratios, release_since
+from wingwatch.estimators.ekf.release import gained_in_window, keep_ratios, release_since
 from wingwatch.estimators.ekf.relinearise import relinearise_all
 from wingwatch.estimators.ekf.scatter import (
     dispersed,
@@ -65,6 +66,12 @@ from wingwatch.estimators.standing import ConcisePosterior, Standings, stand
 __all__ = ["EkfConfig", "EkfEstimator", "EkfState"]
 
 Array = NDArray[np.float64]
+
+_KNOWN = 2.0
+"""The prior's standard deviation over that to which a derivative has to be known before an account of it counts."""
+
+_CONTRADICTION = 1e-4
+"""Probability below which an account contradicts what is known: once in a day of blocks by chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,12 +285,12 @@ class EkfEstimator:
         if not sound.all():
             put_vehicle(state, places[~sound], self.init(int((~sound).sum())))
 
-    def release(self, state: EkfState, spread: Array, vehicle: int = 0, since_s: float = np.inf) -> None:
+    def release(self, state: EkfState, spread: Array, vehicle: int = 0, since_s: float = np.inf) -> bool:
         """Inflate the covariance of derivatives that have changed: P becomes P + s^2 e e' for each.
 
         It is done as of ``since_s``, or of the beginning of the window of recent rows where that is later, and what
         came since is run again.
-        What is lost so is no information gained: the account of ``take_gained`` does not see it.
+        The account of ``take_gained`` starts anew with what came since, as it is run again.
 
         Args:
             state: in place.
@@ -291,9 +298,12 @@ class EkfEstimator:
                 not.
             vehicle: row of the state.
             since_s: when they had not changed yet, on the rows' clock; infinite where that is not known.
+
+        Returns:
+            whether anything was run again.
         """
         if not spread.any():
-            return
+            return False
         first, parameters = self.model.sizes.dynamic, self._parameters
         at_its_time = release_since(self.model, state, vehicle, spread, since_s)
         if not at_its_time:
@@ -304,11 +314,16 @@ class EkfEstimator:
         state.information[vehicle] = np.linalg.inv(covariance)
         state.vector[vehicle] = state.information[vehicle] @ state.z[vehicle, parameters]
         state.variance[vehicle] = np.diagonal(covariance)
-        if not at_its_time:
+        state.gained_matrix[vehicle], state.gained_vector[vehicle] = 0.0, 0.0
+        if at_its_time:
+            gained = gained_in_window(self.model, state, vehicle)
+            state.gained_matrix[vehicle], state.gained_vector[vehicle] = gained
+        else:
             begin_window(self.model, state, vehicle)
         forget_coherence(state, vehicle)
         accept(state, vehicle, first)
         forget_block(state, vehicle)
+        return at_its_time
 
     @property
     def _parameters(self) -> slice:
@@ -356,16 +371,44 @@ class EkfEstimator:
         by_w[~known] = 0.0
         return by_w.reshape(value.shape)
 
-    def take_gained(self, state: EkfState, vehicle: int = 0) -> tuple[Array, Array]:
+    def take_gained(self, state: EkfState, vehicle: int = 0, *, again: bool = False) -> tuple[Array, Array]:
         """Information (k, k) and vector (k,) gained from data since the last call, with the dispersion of the blocks
-        before; the account starts anew."""
-        before = dispersion_before(state.scatter, vehicle)
-        matrix, vector = dispersed(state.gained_matrix[vehicle], state.gained_vector[vehicle], before)
-        state.gained_matrix[vehicle] = 0.0
-        state.gained_vector[vehicle] = 0.0
-        state.accepted.gained_matrix[vehicle] = 0.0
-        state.accepted.gained_vector[vehicle] = 0.0
-        return matrix, vector
+        before; the account starts anew.
+
+        Each half second is linearised at what was known before it. So zeros are given where that was next to nothing of
+        some derivative that the account has much of, and where the account contradicts what is known now, after rows
+        were run again. ``again``: ``release`` has begun the account with rows run again about what they say themselves.
+        """
+        matrix, vector = state.gained_matrix[vehicle].copy(), state.gained_vector[vehicle].copy()
+        for account in (state, state.accepted):
+            account.gained_matrix[vehicle], account.gained_vector[vehicle] = 0.0, 0.0
+        value, known, std = (
+            state.z[vehicle, self._parameters],
+            state.information[vehicle],
+            self.config.prior_std,
+        )
+        first = not again and _is_first(matrix, known, std)
+        if first or _contradicts(matrix, vector, value, std):
+            return np.zeros_like(matrix), np.zeros_like(vector)
+        return dispersed(matrix, vector, dispersion_before(state.scatter, vehicle))
+
+
+def _is_first(matrix: Array, known: Array, prior_std: Array) -> bool:
+    """Whether an account (k, k), part of what is ``known``, tells a derivative that is next to unknown without it."""
+    scale, prior = prior_std[:, None] * prior_std, np.eye(prior_std.size)
+    within, without = (
+        np.diagonal(np.linalg.pinv(part, hermitian=True)) * _KNOWN**2
+        for part in (matrix * scale + prior, (known - matrix) * scale)
+    )
+    return bool(((within < 1.0) & ~((without > 0.0) & (without < 1.0))).any())
+
+
+def _contradicts(matrix: Array, vector: Array, value: Array, prior_std: Array) -> bool:
+    """Whether evidence (k, k), (k,) that is part of what is known cannot be of the derivatives' values (k,)."""
+    w, u = np.linalg.eigh(matrix * (prior_std[:, None] * prior_std))
+    score = u.T @ (prior_std * (vector - matrix @ value))
+    seen = w > 1.0
+    return bool(seen.any() and chdtrc(seen.sum(), (score[seen] ** 2 / w[seen]).sum()) < _CONTRADICTION)
 
 
 def _no_noise(model: Model, n: int) -> Noise:

@@ -27,7 +27,9 @@ from wingwatch.estimators.ekf.state import (
 )
 from wingwatch.estimators.ekf.window import cut_at, recalled, set_checkpoint
 
-__all__ = ["keep_ratios", "release_since"]
+__all__ = ["gained_in_window", "keep_ratios", "release_since"]
+
+Array = NDArray[np.float64]
 
 _STEPS = 3
 """Steps of Gauss and Newton: the first is taken from the old aircraft's values."""
@@ -87,7 +89,20 @@ def _go_to(model: Model, one: EkfState, since_s: float) -> int | None:
     return before
 
 
-def release_since(model: Model, state: EkfState, i: int, spread: NDArray[np.float64], since_s: float) -> bool:
+def gained_in_window(model: Model, state: EkfState, i: int) -> tuple[Array, Array]:
+    """Information (k, k) and vector (k,) that a vehicle's window has given since its beginning, less what was forgotten
+    of it meanwhile."""
+    window, points = state.window, state.window.checkpoints
+    k, first = state.vector.shape[1], model.sizes.dynamic
+    information, value = points.information[i, 0], points.z[i, 0, first : first + k]
+    kept = float(np.prod(window.keep[i, : int(window.solutions[i])]))
+    prior = (1.0 - kept) / model.prior_std[:k] ** 2
+    matrix = state.information[i] - kept * information - np.diag(prior)
+    vector = state.vector[i] - kept * information @ value - prior * model.prior_value[:k]
+    return matrix, vector
+
+
+def release_since(model: Model, state: EkfState, i: int, spread: Array, since_s: float) -> bool:
     """Resets derivatives as of a time within the window, or as of its beginning where that is later, if solutions have
     come since.
 

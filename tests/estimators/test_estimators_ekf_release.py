@@ -14,6 +14,8 @@ from wingwatch.estimators import EkfEstimator, EkfState
 from wingwatch.estimators.ekf.state import arrays_of
 from wingwatch.estimators.ekf.window import begin_window
 
+Array = NDArray[np.float64]
+
 FROM, STEP, UNTIL = 1500, 2500, 2650
 """Rows that are flown: 20 s before m_eta loses a fifth, 3 s after it."""
 
@@ -68,6 +70,51 @@ def test_what_was_flown_since_the_change_teaches_the_new_value(flown: tuple[EkfE
     assert (np.abs(scores) < 4.0).all(), scores
 
 
+def test_the_account_has_what_was_flown_since_the_change_and_nothing_from_before(
+    flown: tuple[EkfEstimator, EkfState],
+) -> None:
+    ekf, truth = flown[0], stepped_truth(PLANTS[0])
+    state = released(flown, (STEP - 1) / 50.0)
+    for i in range(4):
+        referred = truth - ekf.estimate(state, i).value + state.z[i, ekf._parameters]
+        information, vector = ekf.take_gained(state, i, again=True)
+        error = 1.0 / np.sqrt(information[CHANGED, CHANGED])
+        assert error < 0.05 * abs(truth[CHANGED]), "nothing was learned"
+        assert abs((vector - information @ referred)[CHANGED] * error) < 4.0
+
+
+def account(flown: tuple[EkfEstimator, EkfState], derivative: int, information: float, off: float) -> Array:
+    """What ``take_gained`` gives of one derivative, where the account has ``information``, in halves of the prior's
+    standard deviation, at a value that is ``off`` by so many of its errors."""
+    ekf, state = flown[0], deepcopy(flown[1])
+    size = ekf.config.prior_std[derivative] / 2.0 / np.sqrt(information)
+    state.gained_matrix[0], state.gained_vector[0] = 0.0, 0.0
+    state.gained_matrix[0, derivative, derivative] = size**-2.0
+    state.gained_vector[0, derivative] = size**-2.0 * (state.z[0, ekf._parameters][derivative] + off * size)
+    matrix, vector = ekf.take_gained(state)
+    assert matrix.any() == vector.any()
+    assert not state.gained_matrix[0].any()
+    return matrix
+
+
+def test_an_account_that_contradicts_what_is_known_is_no_evidence(
+    flown: tuple[EkfEstimator, EkfState],
+) -> None:
+    """Of a derivative that it says is five of its errors off; three are chance."""
+    assert account(flown, CHANGED, 10.0, 3.0).any()
+    assert not account(flown, CHANGED, 10.0, 5.0).any()
+
+
+def test_the_first_account_of_a_derivative_is_no_evidence(flown: tuple[EkfEstimator, EkfState]) -> None:
+    """All that is known of it is in the account; a quarter of that may be."""
+    ekf, state = flown
+    variance = np.linalg.inv(state.information[0])[CHANGED, CHANGED]
+    known = (ekf.config.prior_std[CHANGED] / 2.0) ** 2 / variance
+    assert known > 100.0
+    assert account(flown, CHANGED, 0.25 * known, 0.0).any()
+    assert not account(flown, CHANGED, known - 0.5, 0.0).any()
+
+
 @pytest.mark.parametrize("since_s", [UNTIL / 50.0 + 1.0, np.inf, np.nan])
 def test_a_time_that_is_not_kept_resets_the_derivative_now(
     flown: tuple[EkfEstimator, EkfState], since_s: float
@@ -75,6 +122,8 @@ def test_a_time_that_is_not_kept_resets_the_derivative_now(
     state = released(flown, since_s)
     np.testing.assert_array_equal(state.z, flown[1].z)
     assert (state.window.filled == 0).all()
+    assert not state.gained_matrix.any()
+    assert not state.gained_vector.any()
     wide = flown[0].estimate(state, 0).standard_error[CHANGED]
     assert wide > 0.9 * abs(PLANTS[0].truth[CHANGED])
 

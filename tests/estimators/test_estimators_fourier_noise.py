@@ -233,7 +233,7 @@ def test_what_is_left_of_the_errors_of_regressors_is_known(name: str, shown: flo
 
 @pytest.mark.parametrize("name", ["pitch", "lateral"])
 def test_a_residual_shows_noise_as_far_as_no_derivative_explains_it(name: str) -> None:
-    """All of one as large as noise makes it, whatever derivatives explain of it; of a larger one what they leave, and no
+    """All of one as large as noise makes it, whatever derivatives explain; of a larger one what they leave, and no
     less than noise is."""
     c, rng = CASES[name], np.random.default_rng(9)
     work = weighed(c)

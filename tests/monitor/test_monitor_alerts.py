@@ -10,7 +10,7 @@ from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.baselines import Expectation, apriori_envelope
 from wingwatch.monitor import AlertAction, AlertState, AlertView
 from wingwatch.monitor.alerts import CLEAR_BLOCKS, AlertBook, act
-from wingwatch.monitor.blocks import BlockView, ModeBlock
+from wingwatch.monitor.blocks import BlockView, Evidence, ModeBlock
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.comparison import Change, Coordinates, change_since
 from wingwatch.monitor.judge import Judge, JudgeState, Verdict
@@ -44,11 +44,10 @@ class Life:
         self.time_s += BLOCK_S
         value = self.truth + size * self.judge.direction(NAME, ELEVATOR, self.truth, CONDITION)
         information = 0.0 * self.information if quiet else self.information
-        vector = information @ value
-        mode = ModeBlock(
-            information, vector, 0.0 * value, self.truth, self.spread, value, information, vector, True
+        evidence = Evidence(
+            *(np.stack([part, part]) for part in (information, information @ value, 0.0 * value))
         )
-        return BlockView(self.time_s, CONDITION, {NAME: mode})
+        return BlockView(self.time_s, CONDITION, {NAME: ModeBlock(evidence, self.truth, self.spread)})
 
     def fly(self, size: float = 0.0) -> AlertView | None:
         """One block through judge and book."""
@@ -97,7 +96,7 @@ def test_a_clear_and_confirmed_cause_is_raised_at_once(life: Life) -> None:
     assert life.book.onset_s == 5.0
 
 
-def test_what_the_second_voice_denies_is_not_raised(life: Life) -> None:
+def test_what_the_other_estimator_denies_is_not_raised(life: Life) -> None:
     for _ in range(3 * life.judge.config.patience_blocks):
         assert life.hear(life.verdict(confirmed=False)) is None
     alert = life.hear(life.verdict())

@@ -48,13 +48,13 @@ def test_the_first_doublet_is_no_change() -> None:
     signals, fourier = pair.signals.init(len(seeds)), pair.fourier.init(len(seeds))
     changed = np.zeros((len(seeds), len(LATERAL.derivatives)), dtype=bool)
     for start in range(0, len(blocks[0]), 25):
-        rows, lanes = padded(places, [block.values[start : start + 25] for block in blocks])
+        rows, lanes = padded(range(len(seeds)), [block.values[start : start + 25] for block in blocks])
         pair.fourier.update(fourier, pair.signals.update(signals, rows, lanes), lanes)
         pair.fourier.solve(fourier, places)
         pair.fourier.follow_changes(fourier, np.ones(len(seeds), dtype=bool), places)
         changed |= pair.fourier.changed(fourier, places) > 0.0
     assert not changed.any()
-    estimates = [pair.fourier.estimate(fourier, m) for m in places]
+    estimates = [pair.fourier.estimate(fourier, m) for m in range(len(seeds))]
     table = linearised_derivatives(AIRCRAFT, trimmed(AIRCRAFT, CRUISE), LATERAL)
     truth = np.array([table[d] for d in LATERAL.derivatives])
     scores = np.array([(e.value - truth) / e.standard_error for e in estimates])

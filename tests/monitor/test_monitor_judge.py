@@ -7,9 +7,9 @@ import pytest
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.baselines import Expectation, apriori_envelope
-from wingwatch.monitor.blocks import BlockView, ModeBlock
+from wingwatch.monitor.blocks import EKF, FOURIER, BlockView, Evidence, ModeBlock
 from wingwatch.monitor.causes import CAUSES
-from wingwatch.monitor.comparison import Coordinates
+from wingwatch.monitor.comparison import Coordinates, informative_part
 from wingwatch.monitor.judge import Judge, JudgeState, Verdict, _anything
 
 AIRCRAFT = load_aircraft("aerosonde")
@@ -44,8 +44,14 @@ class Bench:
         return {n: t + size * self.judge.direction(n, found, t, CONDITION) for n, t in self.truth.items()}
 
     def feed(
-        self, truth: dict[str, np.ndarray], *, quiet: bool = False, onset_s: float | None = None
+        self,
+        truth: dict[str, np.ndarray],
+        *,
+        quiet: bool = False,
+        onset_s: float | None = None,
+        bias: float = 0.0,
     ) -> Verdict | None:
+        """A block of both estimators; ``bias``: fraction by which the Fourier estimator finds everything too large."""
         modes = {}
         for name, value in truth.items():
             k = value.size
@@ -53,10 +59,9 @@ class Bench:
             information = np.zeros((k, k)) if quiet else np.diag(sigma**-2.0)
             estimate = value + self.rng.normal(size=k) * sigma
             mean, spread = self.expected[name]
-            vector = information @ estimate
-            modes[name] = ModeBlock(
-                information, vector, np.zeros(k), mean, spread, value, information, vector, True
-            )
+            vectors = information @ ((1.0 + bias) * estimate), information @ estimate
+            evidence = Evidence(np.stack([information, information]), np.stack(vectors), np.zeros((2, k)))
+            modes[name] = ModeBlock(evidence, mean, spread)
         self.time_s += 10.0
         return self.judge.consider(self.state, BlockView(self.time_s, CONDITION, modes), onset_s)
 
@@ -186,20 +191,52 @@ def test_blocks_of_a_suspected_change_do_not_teach_the_reference_either(founded:
     assert verdict.size == pytest.approx(0.5, abs=0.05)  # still beside what was before
 
 
-def test_the_second_voice_must_move_the_same_way() -> None:
+def with_evidence(block: BlockView, estimator: int, values: dict[str, np.ndarray] | None) -> BlockView:
+    """A block in which one estimator has found these values; None: nothing at all."""
+    modes = {}
+    for name, mode in block.modes.items():
+        information, vector = mode.evidence.information.copy(), mode.evidence.vector.copy()
+        information[estimator] = information[estimator] if values else 0.0
+        vector[estimator] = information[estimator] @ values[name] if values else 0.0
+        modes[name] = replace(mode, evidence=Evidence(information, vector, mode.evidence.bias))
+    return BlockView(block.end_s, block.condition, modes)
+
+
+@pytest.mark.parametrize("estimator", [FOURIER, EKF])
+def test_the_other_estimator_must_not_deny_it(estimator: int) -> None:
     bench = Bench(8)
     for _ in range(6):
         bench.feed(bench.truth)
-    changed = bench.change("elevator_effectiveness", 0.6)
-    verdict = bench.feed(changed)
+    verdict = bench.feed(bench.change("elevator_effectiveness", 0.6))
     assert verdict is not None
     assert verdict.confirmed
-    last = bench.state.blocks[-1]
-    still = {n: replace(m, ekf_vector=m.information @ bench.truth[n]) for n, m in last.modes.items()}
-    bench.state.blocks[-1] = BlockView(last.end_s, last.condition, still)
-    again = bench.judge._verdict(bench.state)
-    assert again is not None
-    assert not again.confirmed
+    changed = bench.state.blocks[-1]
+    for values, confirmed in ((bench.truth, False), (None, True)):
+        bench.state.blocks[-1] = with_evidence(changed, estimator, values)
+        again = bench.judge._verdict(bench.state)
+        assert again is not None
+        assert again.confirmed == confirmed
+        assert again.cause is verdict.cause
+        assert again.log_statistic == pytest.approx(verdict.log_statistic - np.log(2.0), abs=0.1)
+
+
+def test_each_estimator_is_compared_with_what_itself_has_found_before() -> None:
+    """One that finds everything a tenth too large, as in rough air, finds no change, nor does the other beside it."""
+    bench = Bench(9)
+    verdicts = [bench.feed(bench.truth, bias=0.1) for _ in range(bench.judge.config.remembered_blocks + 12)]
+    assert max(v.log_statistic for v in verdicts if v is not None) < 0.5 * bench.judge.config.log_threshold
+    assert bench.state.by_filter["lateral"].blocks == bench.state.references["lateral"].blocks > 10
+
+
+def test_a_direction_in_which_more_was_taken_back_than_learned_says_nothing() -> None:
+    natural = np.array([2.0, 0.1, 5.0])
+    axes = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    matrix = (axes * [400.0, 0.5, -30.0]) @ axes.T / np.outer(natural, natural)
+    value = np.array([1.9, 0.11, 4.5])
+    information, vector = informative_part(matrix, matrix @ value, natural)
+    scaled = information * np.outer(natural, natural)
+    np.testing.assert_allclose(scaled, 400.0 * np.outer(axes[:, 0], axes[:, 0]), atol=1e-9)
+    np.testing.assert_allclose(vector, information @ value, rtol=1e-9)
 
 
 def test_onsets_together_say_what_each_says_alone() -> None:
