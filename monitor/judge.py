@@ -215,6 +215,8 @@ class Judge:
                 information, vector = mode.evidence.information[estimator], mode.evidence.vector[estimator]
                 if name in learned and np.trace(information) > 0.0:
                     learned[name] = learned[name].add(information, vector, self.config.block_s)
+        if all(r.blocks >= self.config.founded_blocks for r in state.references.values()):
+            state.founded = True
 
     def _check_expectation(self, state: JudgeState, verdict: Verdict | None) -> None:
         """Flights that contradict an a-priori expectation take its weight away; nothing is called damage."""
@@ -241,8 +243,6 @@ class Judge:
             distance = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
             if freedom and chdtrc(freedom, distance) < self.config.contradiction:
                 state.contradictions[name] = _named(coordinates.structure, change)
-        if all(r.blocks >= self.config.founded_blocks for r in state.references.values()):
-            state.founded = True
 
     def expected(self, state: JudgeState, name: str, prior: Array, covariance: Array) -> tuple[Array, Array]:
         """Expectation after the vehicle's own flights, in the judge's coordinates."""
