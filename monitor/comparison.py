@@ -172,14 +172,15 @@ def change_since(
 
 
 def log_bayes_direction(
-    pull: Array | float, weight: Array | float, size_std: float
+    pull: Array | float, weight: Array | float, size_std: Array | float
 ) -> tuple[Array, Array, Array]:
     """Log Bayes factor of "a change of some positive size along a direction" against "no change".
 
     The size is half-normal with standard deviation ``size_std``; the integral of the likelihood is exact.
 
     Returns:
-        log Bayes factor, size (posterior mode, not below zero) and its standard error, each of the shape of ``pull``.
+        log Bayes factor, size (posterior mode, not below zero) and its standard error, each of the shape that
+        the arguments have together.
     """
     variance = np.asarray(1.0 / (weight + size_std**-2))
     mode = variance * pull

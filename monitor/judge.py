@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, logsumexp
+from scipy.special import chdtrc
 
 from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
@@ -312,10 +312,10 @@ class Judge:
             leading = int(np.argmax(factors))
             size, error = largest_change({name: change.at((0, leading)) for name, change in changes.items()})
         else:
-            found = self._directed(changes, cause, condition)
-            factors = found[0][0]
+            found = [values[0, 0] for values in self._directed(changes, (cause,), condition)]
+            factors = found[0]
             leading = int(np.argmax(factors))
-            size, error = (float(values[0, leading]) for values in found[1:])
+            size, error = (float(values[leading]) for values in found[1:])
         return float(_of_either(factors)), size, error
 
     def forget_change(self, state: JudgeState, onset_s: float, blocks: int) -> None:
@@ -333,12 +333,12 @@ class Judge:
         hypotheses = (*CAUSES, UNEXPLAINED)
         condition = state.blocks[-1].condition
         changes, present = self._changes_of_all(state, onsets, onsets)
-        directed = [self._directed(changes, cause, condition) for cause in CAUSES]
-        of_each = np.array([*(factor for factor, _, _ in directed), _anything(changes, present)])
+        directed, sizes, errors = self._directed(changes, CAUSES, condition)
+        of_each = np.array([*directed, _anything(changes, present)])
         weights = np.log([h.weight for h in hypotheses])
-        total = float(logsumexp(_of_either(of_each) + weights[:, None]))
-        pooled = weights + logsumexp(of_each, axis=1).mean(axis=-1)
-        probabilities = np.exp(pooled - logsumexp(pooled))
+        total = float(np.logaddexp.reduce(_of_either(of_each) + weights[:, None], axis=None))
+        pooled = weights + np.logaddexp.reduce(of_each, axis=1).mean(axis=-1)
+        probabilities = np.exp(pooled - np.logaddexp.reduce(pooled))
         best = int(np.argmax(probabilities))
         column = int(np.argmax(of_each[best].mean(axis=-1)))
         leading = int(np.argmax(of_each[best, column]))
@@ -349,8 +349,7 @@ class Judge:
         if cause is UNEXPLAINED:
             size, error = largest_change(known)
         else:
-            _, sizes, errors = directed[best]
-            size, error = float(sizes[column, leading]), float(errors[column, leading])
+            size, error = float(sizes[best, column, leading]), float(errors[best, column, leading])
         earlier = state.blocks[onset - 1].end_s if onset else state.blocks[0].end_s - self.config.block_s
         factor = float(of_each[best, column, 1 - leading])
         confirmed = self._confirmed(other, cause, size, factor, condition)
@@ -359,39 +358,50 @@ class Judge:
             confirmed,
         )  # fmt: skip
 
-    def direction(self, name: str, cause: Cause, mean: Array, condition: FlightCondition) -> Array:
-        """A cause's direction at a mean, both (..., k) in the judge's coordinates."""
+    def directions(
+        self, name: str, causes: Sequence[Cause], mean: Array, condition: FlightCondition
+    ) -> Array:
+        """Each cause's direction at a mean (..., k) in the judge's coordinates, (causes, ..., k)."""
         c = self.coordinates[name]
         scale, offset = c.to_concise(condition)
-        aerodynamic = scale * mean + offset
-        if cause.name != "icing":
-            aerodynamic = scale * mean
-        return cause.direction(c.structure, aerodynamic, c.aircraft, condition) / scale
+        aerodynamic = scale * mean
+        found = [
+            cause.direction(
+                c.structure,
+                aerodynamic + offset if cause.name == "icing" else aerodynamic,
+                c.aircraft,
+                condition,
+            )
+            for cause in causes
+        ]
+        return np.array(found) / scale
 
     def _directed(
-        self, changes: Mapping[str, Change], cause: Cause, condition: FlightCondition
+        self, changes: Mapping[str, Change], causes: Sequence[Cause], condition: FlightCondition
     ) -> tuple[Array, Array, Array]:
-        """Bayes factor, size and its error of a cause since each onset, over all structures together, each (m, 2).
+        """Bayes factor, size and its error of each cause since each onset, over all structures together, each
+        (causes, m, 2).
 
         No real ice or damage follows its pattern exactly: with even odds a cause either does, or moves every
         derivative of the structures it acts on off the pattern in proportion to its size. The integral over those
         deviations is exact. The size given is that of the likelier case, its error always that of the second: a pattern
         taken from another aircraft is never known to be exact.
         """
-        directions = {name: self.direction(name, cause, c.mean, condition) for name, c in changes.items()}
-        exact, size, _ = log_bayes_direction(*_along(changes, directions), cause.size_std)
+        size_std = np.array([cause.size_std for cause in causes])[:, None, None]
+        directions = {name: self.directions(name, causes, c.mean, condition) for name, c in changes.items()}
+        exact, size, _ = log_bayes_direction(*_along(changes, directions), size_std)
         loose: dict[str, Change] = {}
         deviating = np.zeros_like(exact)
         for name, change in changes.items():
             direction = directions[name]
             stray = size[..., None] * np.hypot(
                 self.config.stray_pattern * direction,
-                self.config.stray_natural / cause.size_std * change.natural,
+                self.config.stray_natural / size_std[..., None] * change.natural,
             )
             stray[~direction.any(axis=-1)] = 0.0
             deviating += log_bayes_any(change, stray)
             loose[name] = change.loosened(stray)
-        strayed, loose_size, loose_error = log_bayes_direction(*_along(loose, directions), cause.size_std)
+        strayed, loose_size, loose_error = log_bayes_direction(*_along(loose, directions), size_std)
         strayed = strayed + deviating
         return (
             np.logaddexp(exact, strayed) - np.log(2.0),
@@ -411,14 +421,14 @@ class Judge:
         it is in no known pattern odds for it, ``factor`` their logarithm; one that has learned nothing abstains."""
         if cause is UNEXPLAINED:
             return factor > 0.0 or not any(c.weight.any() for c in other.values())
-        directions = {n: self.direction(n, cause, c.mean, condition) for n, c in other.items()}
+        directions = {n: self.directions(n, (cause,), c.mean, condition)[0] for n, c in other.items()}
         pull, weight = _along(other, directions)
         return bool(weight <= 0.0 or pull >= 0.5 * size * weight)
 
 
 def _of_either(factors: Array) -> Array:
     """Log of the mean Bayes factor of both estimators, their axis last: each has expectation one without a change."""
-    return np.asarray(logsumexp(factors, axis=-1) - np.log(factors.shape[-1]))
+    return np.asarray(np.logaddexp.reduce(factors, axis=-1) - np.log(factors.shape[-1]))
 
 
 def _times(matrix: Array, vector: Array) -> Array:
@@ -443,7 +453,7 @@ def _anything(changes: Mapping[str, Change], present: Flags) -> Array:
     options = np.where(seen, singles, -np.inf)
     several = seen.sum(axis=0) > 1
     together = np.where(several, np.where(seen, singles, 0.0).sum(axis=0), -np.inf)
-    return np.asarray(logsumexp([*options, together], axis=0) - np.log(seen.sum(axis=0) + several))
+    return np.asarray(np.logaddexp.reduce([*options, together], axis=0) - np.log(seen.sum(axis=0) + several))
 
 
 def _first(state: JudgeState) -> int:

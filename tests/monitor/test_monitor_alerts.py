@@ -42,7 +42,7 @@ class Life:
     def block(self, size: float = 0.0, *, quiet: bool = False) -> BlockView:
         """A block without noise in which the elevator has lost ``size``."""
         self.time_s += BLOCK_S
-        value = self.truth + size * self.judge.direction(NAME, ELEVATOR, self.truth, CONDITION)
+        value = self.truth + size * self.judge.directions(NAME, (ELEVATOR,), self.truth, CONDITION)[0]
         information = 0.0 * self.information if quiet else self.information
         evidence = Evidence(
             *(np.stack([part, part]) for part in (information, information @ value, 0.0 * value))

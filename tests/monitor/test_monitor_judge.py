@@ -41,7 +41,9 @@ class Bench:
 
     def change(self, cause: str, size: float) -> dict[str, np.ndarray]:
         found = next(c for c in CAUSES if c.name == cause)
-        return {n: t + size * self.judge.direction(n, found, t, CONDITION) for n, t in self.truth.items()}
+        return {
+            n: t + size * self.judge.directions(n, (found,), t, CONDITION)[0] for n, t in self.truth.items()
+        }
 
     def feed(
         self,
@@ -249,12 +251,12 @@ def test_onsets_together_say_what_each_says_alone() -> None:
     onsets = np.arange(1, 9)
     together, present = judge._changes_of_all(state, onsets, onsets)
     assert present.tolist() == [[True] * 5 + [False] * 3, [True] * 8]
-    for cause in CAUSES:
-        found = judge._directed(together, cause, CONDITION)
-        for column, onset in enumerate(onsets):
-            alone, seen = judge._changes_of_all(state, np.array([onset]), np.array([onset]))
-            assert set(alone) == ({"short_period", "lateral"} if onset < 6 else {"lateral"})
-            for several, single in zip(found, judge._directed(alone, cause, CONDITION), strict=True):
-                assert several[column] == pytest.approx(single[0], rel=1e-9, abs=1e-9)
-            anything = _anything(together, present)[column]
-            assert anything == pytest.approx(_anything(alone, seen)[0], rel=1e-9, abs=1e-9)
+    found = judge._directed(together, CAUSES, CONDITION)
+    for column, onset in enumerate(onsets):
+        alone, seen = judge._changes_of_all(state, np.array([onset]), np.array([onset]))
+        assert set(alone) == ({"short_period", "lateral"} if onset < 6 else {"lateral"})
+        for k, cause in enumerate(CAUSES):
+            for several, single in zip(found, judge._directed(alone, (cause,), CONDITION), strict=True):
+                assert several[k, column] == pytest.approx(single[0, 0], rel=1e-9, abs=1e-9)
+        anything = _anything(together, present)[column]
+        assert anything == pytest.approx(_anything(alone, seen)[0], rel=1e-9, abs=1e-9)
