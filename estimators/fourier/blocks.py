@@ -31,10 +31,13 @@ from wingwatch.estimators.fourier.checkpoints import (
 )
 from wingwatch.estimators.fourier.closing import (
     believe_inputs,
+    beyond_chance,
     close,
     mean_condition,
     noise_of_block,
     note_signal,
+    rolls_by_air,
+    what_is_known,
 )
 from wingwatch.estimators.fourier.memory import MemoryWorkspace, memory_workspace, replace
 from wingwatch.estimators.fourier.misfit import misfit_dispersions
@@ -42,6 +45,7 @@ from wingwatch.estimators.fourier.noise_levels import start_noise
 from wingwatch.estimators.fourier.solution import (
     ALONE,
     MOVE,
+    STEP,
     SolutionWorkspace,
     block_solution,
     remembered,
@@ -240,7 +244,11 @@ def _restart(model, block, row, gap, checkpoint_rows):  # type: ignore[no-untype
 
 @part
 def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
-    """Solve with the running block; ``work.found`` becomes what the block alone says."""
+    """Solve with the running block; ``work.found`` becomes what the block alone says.
+
+    Where rolling air drives it, it is linearised where it would be closed, at what is known without it: there its own
+    solution shows too little rolling air. After a change that is the aircraft as it was.
+    """
     block, known, memory = vehicle.block, vehicle.posterior, vehicle.memory
     rows, found, discounted = block.rows, work.found, vehicle.discounted
     gained = found.gained
@@ -248,7 +256,17 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
         start_noise(model, block.roughness, known.noise)
     believe_inputs(model, vehicle.filters, known.noise)
     at = Linearisation(known.theta, known.covariance, known.noise, known.noise_known)
+    copy_vector(known.theta, work.mean)
+    copy_vector(known.noise, work.noise)
     solve_block(model, block, at, memory, model.prior, MOVE, work.solving, found)
+    if vehicle.progress.counts[CHANGED] == 0 and rolls_by_air(model, work.solving):
+        likelihood = found.likelihood[0]
+        what_is_known(model, vehicle, known.theta, work)
+        solve_block(model, block, at, memory, model.prior, STEP, work.solving, found)
+        if beyond_chance(2.0 * (likelihood - found.likelihood[0]), known.theta.size):
+            copy_vector(work.mean, known.theta)
+            copy_vector(work.noise, known.noise)
+            solve_block(model, block, at, memory, model.prior, MOVE, work.solving, found)
     span = rows[LAST, TIME] - rows[START, TIME]
     decay = 1.0 - math.exp(-span / model.memory_s)
     replace(decay, gained.sensitivity, known.theta, model.prior.std, memory, discounted, work.replacing)

@@ -48,7 +48,16 @@ from wingwatch.estimators.kernels.hot import lean, part
 from wingwatch.estimators.kernels.reading_noise import reading_variance
 from wingwatch.estimators.kernels.symmetric import invert
 
-__all__ = ["believe_inputs", "close", "mean_condition", "noise_of_block", "note_signal"]
+__all__ = [
+    "believe_inputs",
+    "beyond_chance",
+    "close",
+    "mean_condition",
+    "noise_of_block",
+    "note_signal",
+    "rolls_by_air",
+    "what_is_known",
+]
 
 CHANCE = 4.0
 """Standard deviations beyond which a difference is no chance: once in 30,000 blocks."""
@@ -109,6 +118,13 @@ def _outweighs(block, memory):  # type: ignore[no-untyped-def]
 
 
 @lean
+def beyond_chance(distance, k):  # type: ignore[no-untyped-def]
+    """Whether a sum of k squares of standard normal numbers is so large by no chance (Wilson and Hilferty 1931)."""
+    part = 2.0 / (9.0 * k)
+    return distance > k * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
+
+
+@lean
 def _contradicts(own, own_covariance, mean, covariance, dispersion, work):  # type: ignore[no-untyped-def]
     """Whether a block leads further from what is known than chance and the scatter of blocks lead one.
 
@@ -128,8 +144,28 @@ def _contradicts(own, own_covariance, mean, covariance, dispersion, work):  # ty
     for a in range(k):
         for b in range(k):
             distance += (own[a] - mean[a]) * inverse[a, b] * (own[b] - mean[b])
-    part = 2.0 / (9.0 * k)
-    return distance > k * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
+    return beyond_chance(distance, k)
+
+
+@lean
+def rolls_by_air(model, solving):  # type: ignore[no-untyped-def]
+    """Whether rolling air drives the block that was solved last."""
+    p_in_p = model.exponents.size + 1  # roll rate's column of the roll equation
+    return model.roll and not (solving.noise.rolled[0] < ROLLED * solving.equation.power[p_in_p, p_in_p])
+
+
+@lean
+def what_is_known(model, vehicle, mean, work):  # type: ignore[no-untyped-def]
+    """Derivatives without the running block, into ``mean``, (k,), and the covariance of the posterior; of what is next
+    to unknown, what is expected beforehand, to a natural size.
+
+    A mean within a wide interval may lie anywhere, at a damping that is none, too.
+    """
+    prior = model.prior
+    for a in range(mean.size):
+        work.size[a] = prior.std[a] / 3.0
+    beforehand = Prior(prior.value, work.size)
+    remembered(vehicle.memory, beforehand, work.solving.posterior, mean, vehicle.posterior.covariance)
 
 
 @lean
@@ -159,10 +195,7 @@ def _lead_from(model, vehicle, start, around, begins, work):  # type: ignore[no-
         believe_inputs(model, vehicle.filters, work.noise)
     own = Linearisation(work.own, work.own_covariance, work.noise, known.noise_known)
     solve_block(model, vehicle.block, own, solving.posterior.nothing, around, MOVE, solving, found)
-    p_in_p = model.exponents.size + 1  # roll rate's column of the roll equation
-    return found.likelihood[0], not (
-        solving.noise.rolled[0] < ROLLED * solving.equation.power[p_in_p, p_in_p]
-    )
+    return found.likelihood[0], rolls_by_air(model, solving)
 
 
 @lean
@@ -222,10 +255,9 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
 
     A block that contradicts what is known is linearised where it leads itself: the aircraft has changed. So is one in
     which a change was found, and one that says more of a derivative than all before it, unless rolling air drives it.
-    Any other is linearised at what is known, and the variances of noise and air are fitted there. Where next to nothing
-    is known that is what is expected beforehand, to a natural size, and no more is doubted: a mean within a wide
-    interval may lie anywhere, at a damping that is none, too. Nothing is linearised where surfaces and gusts would roll
-    the aircraft more than it rolls: what is expected beforehand of the derivatives by roll rate stands in for them.
+    Any other is linearised at what is known (``what_is_known``), and the variances of noise and air are fitted there.
+    Nothing is linearised where surfaces and gusts would roll the aircraft more than it rolls: what is expected
+    beforehand of the derivatives by roll rate stands in for them.
 
     The way to where a block leads begins at what is known. Where it contradicts that, it is gone from the last solution
     and from what is expected beforehand, too, and the likeliest end counts: noise and air are found too strong beside a
@@ -241,9 +273,7 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     remembered(memory, prior, solving.posterior, known.theta, known.covariance)
     unbiased = Memory(memory.sensitivity, memory.information, memory.vector, nothing.bias)
     remembered(unbiased, prior, solving.posterior, known.theta, work.covariance)
-    for a in range(k):
-        work.size[a] = prior.std[a] / 3.0
-    remembered(memory, Prior(prior.value, work.size), solving.posterior, work.anchor, known.covariance)
+    what_is_known(model, vehicle, work.anchor, work)
     at = Linearisation(work.anchor, known.covariance, work.noise, known.noise_known)
     around = Prior(work.anchor, work.size)
     if _lead(model, vehicle, work):

@@ -86,6 +86,7 @@ __all__ = [
     "MEASURED",
     "MOVE",
     "STAY",
+    "STEP",
     "SolutionWorkspace",
     "block_solution",
     "coherence_of_block",
@@ -95,9 +96,10 @@ __all__ = [
     "zero_memory",
 ]
 
-ALONE, MOVE, STAY = np.int64(0), np.int64(1), np.int64(2)
+ALONE, MOVE, STEP, STAY = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 """What is asked of a solution: what the block says alone; derivatives, covariance and noise variances with the block
-too, until the derivatives move no more; noise variances alone, the derivatives staying where they are.
+too, until the derivatives move no more, or after one step; noise variances alone, the derivatives staying where they
+are.
 
 Not Python's integers: for each of them a kernel would be compiled anew."""
 
@@ -409,7 +411,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
         at: ``Linearisation``; in place, unless ``asked`` is ``ALONE``.
         memory: what is known without the block.
         prior: ``Prior``.
-        asked: ``ALONE``, ``MOVE`` or ``STAY``.
+        asked: ``ALONE``, ``MOVE``, ``STEP`` or ``STAY``.
         work: ``SolutionWorkspace``.
         found: ``BlockSolution``; becomes what the block says.
     """
@@ -423,7 +425,7 @@ def solve_block(model, block, at, memory, prior, asked, work, found):  # type: i
     block_transforms(omega, block.bank, span, air.turn_s, ns, nu, transforms.lines, transforms.phase)
     _present(model, sums, scale, work.forward_speed)
     noise[BETWEEN] = between_samples_variance(noise[GUST], power / span)
-    for _ in range(1 if asked == STAY else MOST_STEPS):
+    for _ in range(MOST_STEPS if asked == MOVE else 1):
         _form(model, block, at, power, fraction, work, found)
         _gain(theta, 2.0 * fraction, found)
         if asked == ALONE:
