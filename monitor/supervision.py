@@ -337,9 +337,8 @@ class Supervisor:
         }
         state.again[places[news]] = False
         for i in _listed(places[news & changed]):
-            gained[i] = (
-                None  # since the change, with which the block ends, the filter took the new aircraft for the old one
-            )
+            # Since the change, with which the block ends, the filter took the new aircraft for the old one.
+            gained[i] = None
         faults |= pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier, places), places)
         rough = _is_rough(pair, state, places, gusty)
         state.rough_s[places[rough]] = time_s[rough]

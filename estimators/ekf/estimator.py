@@ -382,13 +382,9 @@ class EkfEstimator:
         matrix, vector = state.gained_matrix[vehicle].copy(), state.gained_vector[vehicle].copy()
         for account in (state, state.accepted):
             account.gained_matrix[vehicle], account.gained_vector[vehicle] = 0.0, 0.0
-        value, known, std = (
-            state.z[vehicle, self._parameters],
-            state.information[vehicle],
-            self.config.prior_std,
-        )
-        first = not again and _is_first(matrix, known, std)
-        if first or _contradicts(matrix, vector, value, std):
+        std = self.config.prior_std
+        first = not again and _is_first(matrix, state.information[vehicle], std)
+        if first or _contradicts(matrix, vector, state.z[vehicle, self._parameters], std):
             return np.zeros_like(matrix), np.zeros_like(vector)
         return dispersed(matrix, vector, dispersion_before(state.scatter, vehicle))
 

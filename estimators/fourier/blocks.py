@@ -246,8 +246,9 @@ def _restart(model, block, row, gap, checkpoint_rows):  # type: ignore[no-untype
 def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Solve with the running block; ``work.found`` becomes what the block alone says.
 
-    Where rolling air drives it, it is linearised where it would be closed, at what is known without it: there its own
-    solution shows too little rolling air. After a change that is the aircraft as it was.
+    Where rolling air drives it, it is linearised at what is known without it, as where it is closed: its own solution
+    shows too little rolling air. That fails where the residual is so much less likely there that it is no chance: next
+    to nothing is known. After a change what is known is the aircraft as it was.
     """
     block, known, memory = vehicle.block, vehicle.posterior, vehicle.memory
     rows, found, discounted = block.rows, work.found, vehicle.discounted
