@@ -24,12 +24,12 @@ from typing import Any
 import httpx
 import numpy as np
 import zenoh
+from loopback import free_endpoint, free_port
 from service_process import (
     RATE_HZ,
     SAMPLES,
     Flights,
     RestClient,
-    free_port,
     prepare_kernels,
     resumed_in,
     serving,
@@ -193,7 +193,7 @@ def course(tally: Tally, kills: int, seed: int, speed: float) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for kill in range(kills + 1):
-            port, endpoint = free_port(), f"tcp/127.0.0.1:{free_port()}"
+            port, endpoint = free_port(), free_endpoint()
             client = Operator(port, tally)
             began_s = time.monotonic()
             with serving(folder, port, ("--listen", endpoint)) as process:

@@ -10,7 +10,6 @@ Run: python benchmarks/latency.py [--seconds S]
 
 import argparse
 import multiprocessing
-import socket
 import tempfile
 import threading
 import time
@@ -22,6 +21,7 @@ from unittest import mock
 
 import httpx
 import numpy as np
+from loopback import free_endpoint
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.cli.service import running_service
@@ -141,8 +141,7 @@ def course(samples: int, seconds: float) -> tuple[Course, list[float]]:
         tempfile.TemporaryDirectory() as folder,
         mock.patch.object(FleetMonitor, "receive_all", timed_receive_all(inside)),
     ):
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        endpoint = free_endpoint()
         settings = ServeSettings(port=0, listen=(endpoint,), data=Path(folder))
         with running_service(settings) as service:
             if not service.pump.wait(COMPILE_S):

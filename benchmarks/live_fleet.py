@@ -12,7 +12,6 @@ Run: python benchmarks/live_fleet.py [--vehicles 3 15 50] [--seconds 30] [--samp
 import argparse
 import functools
 import resource
-import socket
 import tempfile
 import threading
 import time
@@ -26,6 +25,7 @@ from unittest import mock
 
 import httpx
 import numpy as np
+from loopback import free_endpoint
 from service_child import beside
 
 from wingwatch.aircraft import load_aircraft
@@ -288,8 +288,7 @@ def course(vehicles: int, seconds: float, samples: int = 10) -> Course:
     """One run with so many vehicles against a service of its own."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        endpoint = free_endpoint()
         service = stack.enter_context(beside(serve, endpoint, folder))
         url = _received(service, COMPILE_S + PATIENCE_S)
         if url is None:

@@ -28,9 +28,10 @@ from pathlib import Path
 
 import numpy as np
 import zenoh
+from loopback import free_endpoint
 from postgres_cluster import PostgresCluster, find_programs
 from service_child import ServiceChild, own_process
-from service_process import RATE_HZ, SAMPLES, Flights, RestClient, free_port, prepare_kernels, wait_until
+from service_process import RATE_HZ, SAMPLES, Flights, RestClient, prepare_kernels, wait_until
 
 from wingwatch.baselines import AlertRecord, open_database
 from wingwatch.cli.settings import ServeSettings
@@ -150,7 +151,7 @@ class Operator(RestClient):
 
 def run(place: Place, seconds: float) -> Course:
     """One case: some flight, the outage, and what is left of it."""
-    course, endpoint = Course(), f"tcp/127.0.0.1:{free_port()}"
+    course, endpoint = Course(), free_endpoint()
     settings = ServeSettings(port=0, listen=(endpoint,), data=place.folder, database=place.database)
     prepared = [f"p{k}" for k in range(round(seconds / EVERY_S) + 1)]
     with (

@@ -17,12 +17,12 @@ from itertools import count
 from pathlib import Path
 
 import numpy as np
+from loopback import free_endpoint, free_port
 from service_process import (
     FLEET,
     RATE_HZ,
     SAMPLES,
     RestClient,
-    free_port,
     prepare_kernels,
     processor_time_s,
     resumed_in,
@@ -91,7 +91,7 @@ def course(vehicles: int, starts: int, flight: SavedVehicle) -> Times:
             port = free_port()
             client = RestClient(port)
             begin_s = time.monotonic()
-            with serving(folder, port, ("--listen", f"tcp/127.0.0.1:{free_port()}")) as process:
+            with serving(folder, port, ("--listen", free_endpoint())) as process:
                 times.shown_s.append(client.wait("/v1/vehicles", process) - begin_s)
                 times.shown_spent_s.append(processor_time_s(process.pid))
                 if len(client.items("/v1/vehicles")) != vehicles:

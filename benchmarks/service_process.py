@@ -2,7 +2,6 @@
 
 import os
 import re
-import socket
 import subprocess
 import sys
 import time
@@ -32,12 +31,6 @@ FLEET = "default"
 PATIENCE_S = 300.0
 """For a service that has to compile its kernels."""
 _RESUMED = re.compile(r"vehicles resumed in (\d+\.\d+) s, of which (\d+\.\d+) s are processor time")
-
-
-def free_port() -> int:
-    """One that nobody listens on now."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
 
 
 def prepare_kernels() -> None:

@@ -25,8 +25,9 @@ from pathlib import Path
 
 import httpx
 import numpy as np
+from loopback import free_endpoint
 from service_child import Insight, ServiceChild, beside, own_process
-from service_process import RATE_HZ, SAMPLES, Flights, RestClient, free_port, prepare_kernels, wait_until
+from service_process import RATE_HZ, SAMPLES, Flights, RestClient, prepare_kernels, wait_until
 
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.simulation import demo_fleet
@@ -253,7 +254,7 @@ class Disturber:
 def course(minutes: float, seed: int) -> Findings:
     """The whole run."""
     findings, rng = Findings(), np.random.default_rng(seed)
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = free_endpoint()
     with (
         tempfile.TemporaryDirectory() as folder,
         Router(endpoint) as router,

@@ -1,17 +1,18 @@
 """Services on free ports that take no samples in: no kernel is needed for what these tests ask."""
 
-import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from loopback import free_endpoint
+
 from wingwatch.api import KernelsView
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import ServeSettings
 
-__all__ = ["free_port", "service_in"]
+__all__ = ["service_in"]
 
 
 class _Waiting:
@@ -31,14 +32,9 @@ class _Waiting:
         self._end.set()
 
 
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
-
-
 @contextmanager
 def service_in(folder: Path, **settings: Any) -> Iterator[Service]:
     """A service whose data are in ``folder``; its samples wait."""
-    given = {"listen": (f"tcp/127.0.0.1:{free_port()}",), **settings}
+    given = {"listen": (free_endpoint(),), **settings}
     with running_service(ServeSettings(port=0, data=folder, **given), preparation=_Waiting()) as service:
         yield service

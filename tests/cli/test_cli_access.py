@@ -8,7 +8,8 @@ import pytest
 import zenoh
 from certificates import Authority, needs_openssl
 from cli_flights import run
-from cli_services import free_port, service_in
+from cli_services import service_in
+from loopback import free_port
 
 from wingwatch.cli.arguments import build_parser
 from wingwatch.cli.link_settings import PASSWORD_VARIABLE, LinkTable, link_security

@@ -12,7 +12,8 @@ from pathlib import Path
 import httpx
 import pytest
 from certificates import Authority, needs_openssl
-from cli_services import free_port, service_in
+from cli_services import service_in
+from loopback import free_port
 
 from wingwatch.cli.refusals import Refusals, noticed_refusals
 from wingwatch.telemetry import LinkSecurity, ZenohSettings, access_rules, open_session, vehicle_key

@@ -1,7 +1,6 @@
 """A running service on free ports, and what the end-to-end tests ask of it."""
 
 import contextlib
-import socket
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 
 import httpx
 import zenoh
+from loopback import free_endpoint
 
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import ServeSettings
@@ -26,11 +26,6 @@ CLIENT = httpx.Client(timeout=10.0, headers={"Connection": "close"})
 """One for all questions: a new one reads the machine's certificates, which costs more than the question."""
 COMPILE_S = 240.0
 """A fresh machine compiles every kernel in the first test that needs one."""
-
-
-def free_endpoint() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
 
 
 @contextlib.contextmanager

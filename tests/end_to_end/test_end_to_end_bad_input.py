@@ -12,7 +12,8 @@ import httpx
 import numpy as np
 import pytest
 import zenoh
-from live import COMPILE_S, fly, free_endpoint, get, known, publish, put, service_in, until, until_last
+from live import COMPILE_S, fly, get, known, publish, put, service_in, until, until_last
+from loopback import free_endpoint
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import KernelPart, KernelState, KernelsView

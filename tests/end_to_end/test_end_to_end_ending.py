@@ -13,7 +13,8 @@ from typing import Any
 
 import httpx
 import pytest
-from live import COMPILE_S, fly, free_endpoint, get, service_in, until, until_last
+from live import COMPILE_S, fly, get, service_in, until, until_last
+from loopback import free_endpoint
 
 from wingwatch.cli.service import Service
 from wingwatch.simulation import demo_fleet, simulate

@@ -10,7 +10,8 @@ from typing import Any
 
 import httpx
 import pytest
-from live import CLIENT, COMPILE_S, free_endpoint, put, until
+from live import CLIENT, COMPILE_S, put, until
+from loopback import free_endpoint, free_port
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
@@ -31,14 +32,15 @@ FAULT_S, KILLED_S, SECONDS, PIECE = 60, 130, 420, 50
 class Served:
     """A service in a process of its own."""
 
-    def __init__(self, port: int, endpoint: str, process: "subprocess.Popen[bytes]") -> None:
+    def __init__(self, port: int, endpoint: str, process: "subprocess.Popen[bytes]", log: Path) -> None:
         self.url, self.endpoint, self.process = f"http://127.0.0.1:{port}", endpoint, process
+        self.log = log
 
     def get(self, path: str) -> Any:
         return CLIENT.get(f"{self.url}{path}").raise_for_status().json()
 
     def answers(self, path: str) -> bool:
-        assert self.process.poll() is None
+        assert self.process.poll() is None, self.log.read_text()
         try:
             return CLIENT.get(f"{self.url}{path}").status_code == 200
         except httpx.HTTPError:
@@ -62,7 +64,7 @@ class Served:
 
 @contextmanager
 def served(folder: Path) -> Iterator[Served]:
-    port, endpoint = int(free_endpoint().rpartition(":")[2]), free_endpoint()
+    port, endpoint = free_port(), free_endpoint()
     command = [
         sys.executable,
         "-m",
@@ -76,7 +78,7 @@ def served(folder: Path) -> Iterator[Served]:
     with (folder / "log").open("ab") as log:
         process = subprocess.Popen([*command, "--listen", endpoint], stdout=log, stderr=log)
     try:
-        yield Served(port, endpoint, process)
+        yield Served(port, endpoint, process, folder / "log")
     finally:
         process.kill()
         process.wait()

@@ -1,6 +1,5 @@
 """Small flights that the telemetry tests share."""
 
-import socket
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -63,10 +62,3 @@ def block_at(times_s: list[float]) -> SampleBlock:
 def same(one: SampleBlock, other: SampleBlock) -> bool:
     """Whether two blocks are equal to the bit, missing values included."""
     return one.values.shape == other.values.shape and one.values.tobytes() == other.values.tobytes()
-
-
-def free_endpoint() -> str:
-    """A loopback endpoint nobody listens on."""
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{listener.getsockname()[1]}"

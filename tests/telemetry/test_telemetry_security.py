@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 import zenoh
 from certificates import Authority, needs_openssl
-from telemetry_flights import flight_block, free_endpoint
+from loopback import free_endpoint
+from telemetry_flights import flight_block
 
 from wingwatch.telemetry import (
     AircraftMessage,

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from telemetry_flights import THOR75, THOR75_MAP, flight_block, free_endpoint, same
+from loopback import free_endpoint
+from telemetry_flights import THOR75, THOR75_MAP, flight_block, same
 
 from wingwatch.telemetry import (
     CHANNEL_NAMES,
