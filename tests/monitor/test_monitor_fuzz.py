@@ -143,13 +143,15 @@ class Never(Executor):
 
 def test_another_loading_is_prepared_elsewhere_while_samples_wait(flight: SampleBlock) -> None:
     """To linearise the aircraft anew took half a second with the lock held, at every announcement of a mass."""
-    hall = Hall()
+    hall, flown = Hall(), threading.Event()
     with ThreadPoolExecutor(1) as executor:
+        executor.submit(flown.wait, 60.0)  # the executor has something else to do meanwhile
         hall.fleet.prepare_with(executor)
         here = threading.get_ident()
         hall.announce(mass_kg=12.0)
         hall.fly(flight, 0, 3)
         assert "accepted" not in hall.view().counts
+        flown.set()
         until_s = time.monotonic() + 60.0
         while hall.fleet.held and time.monotonic() < until_s:
             hall.fleet.tick()
