@@ -26,6 +26,7 @@ from wingwatch.estimators import (
 )
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock
+from wingwatch.telemetry.conditioning import turbulence_intensity
 
 __all__ = ["AT_FIRST_USE", "DEMO", "EVERY", "LIVE", "STEPS", "KernelStep"]
 
@@ -106,6 +107,7 @@ def _watch() -> None:
             monitor.feed(SampleBlock(block.values[start : start + _A_MESSAGE]))
         monitor.derivatives()
         monitor.view()
+    turbulence_intensity(block)  # of half a minute, more than is flown here
 
 
 def _flight() -> SampleBlock:

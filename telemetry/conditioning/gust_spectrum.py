@@ -2,21 +2,31 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-import scipy
+from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.telemetry.conditioning.kinematics import Columns
 from wingwatch.telemetry.conditioning.sensor_noise import identity_noise
 from wingwatch.telemetry.conditioning.spectra import Bins
 
-__all__ = ["Gust", "dryden_across", "fit_gust"]
+__all__ = ["Gust", "Whittle", "dryden_across", "fit_gust"]
 
 Array = NDArray[np.float64]
 
 _SURE = 9.0
 """Twice the log-likelihood ratio from which a gust is believed: three standard errors."""
+
+_ABSENT, _MOST = -40.0, 20.0
+"""Logarithms of levels at least and at most: at the least one a part is as good as absent."""
+
+_FURTHEST, _MOST_STEPS, _SETTLED = 3.0, 200, 1e-9
+"""Most that a logarithm moves in a step, most steps, and the gain in log-likelihood that is none."""
+
+_MOST_DAMPED = 1e9
+"""Damping beyond which no step pays: the place is the most likely to rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +68,7 @@ def fit_gust(power: Array, identity: str, columns: Columns, bins: Bins, gust_tim
     omega, window = bins.omega_rad_s, bins.step_s * float(np.sum(bins.taper**2))
     shapes = np.array([omega**2 * dryden_across(omega, gust_time_s), omega**2, np.ones_like(omega)])
     inertial = identity_noise(identity, columns, bins) / window
-    fit = _Whittle(
+    fit = Whittle(
         power / window, shapes, inertial, math.sqrt(bins.overlap / (0.1 * bins.samples)), bins.overlap
     )
     x, likelihood = fit.best(gusts=True)
@@ -69,7 +79,7 @@ def fit_gust(power: Array, identity: str, columns: Columns, bins: Bins, gust_tim
 
 
 @dataclass(frozen=True, slots=True)
-class _Whittle:
+class Whittle:
     """Likelihood of a periodogram over the logarithms of the levels of gust, vane and inertial channels.
 
     Attributes:
@@ -88,12 +98,16 @@ class _Whittle:
 
     def best(self, gusts: bool) -> tuple[Array, float]:
         """The most likely logarithms (3,), and their log-likelihood; without gusts the first is as good as absent."""
-        start = np.log([max(float(np.median(self.power / s)), 1e-12) for s in self.shapes])
-        start[2] = math.log(max(self.inertial, 1e-12))
-        bounds = [(-40.0, 20.0) if gusts else (-40.0, -40.0), (-40.0, 20.0), (-40.0, 20.0)]
-        start[0] = start[0] if gusts else -40.0
-        found = scipy.optimize.minimize(self._cost, start, jac=True, method="L-BFGS-B", bounds=bounds)
-        return np.asarray(found.x, dtype=np.float64), -float(found.fun)
+        x = np.log([max(float(np.median(self.power / s)), 1e-12) for s in self.shapes])
+        inertial = math.log(max(self.inertial, 1e-12))
+        x[2] = inertial
+        if not gusts:
+            x[0] = _ABSENT
+        sums = _Sums(np.empty(3), np.empty((3, 3)), np.empty(3))
+        least = _descend(
+            self.power, self.shapes, (inertial, self.doubt, self.overlap), 0 if gusts else 1, x, sums
+        )
+        return x, -float(least)
 
     def half_error(self, x: Array) -> float:
         """Standard error of half the first logarithm: relative error of the root mean square."""
@@ -102,12 +116,98 @@ class _Whittle:
         information[2, 2] += self.doubt**-2.0
         return 0.5 * math.sqrt(max(float(np.linalg.pinv(information)[0, 0]), 0.0))
 
-    def _cost(self, x: Array) -> tuple[float, Array]:
-        model = np.exp(x) @ self.shapes
-        slope = np.exp(x) * (self.shapes @ (1.0 / model - self.power / model**2)) / self.overlap
-        off = x[2] - math.log(max(self.inertial, 1e-12))
-        slope[2] += off / self.doubt**2
-        value = (
-            float(np.sum(np.log(model) + self.power / model)) / self.overlap + 0.5 * (off / self.doubt) ** 2
-        )
-        return value, slope
+
+class _Sums(NamedTuple):
+    """Workspace of ``_descend``: the slope (3,), the information (3, 3), and where a step leads (3,)."""
+
+    slope: Array
+    information: Array
+    trial: Array
+
+
+@njit(cache=True, error_model="numpy")
+def _cost(power, shapes, prior, x):  # type: ignore[no-untyped-def]
+    """Minus the log-likelihood of logarithms of levels x (3,); ``prior`` as for ``_descend``."""
+    inertial, doubt, overlap = prior
+    gust, vane, flat, total = math.exp(x[0]), math.exp(x[1]), math.exp(x[2]), 0.0
+    for f in range(power.size):
+        model = gust * shapes[0, f] + vane * shapes[1, f] + flat * shapes[2, f]
+        total += math.log(model) + power[f] / model
+    return total / overlap + 0.5 * ((x[2] - inertial) / doubt) ** 2
+
+
+@njit(cache=True, error_model="numpy")
+def _expand(power, shapes, prior, x, sums):  # type: ignore[no-untyped-def]
+    """Slope of the cost at x and its expected curvature, Fisher's information, into the workspace."""
+    inertial, doubt, overlap = prior
+    slope, information = sums.slope, sums.information
+    slope[:], information[:, :] = 0.0, 0.0
+    levels = np.exp(x)
+    for f in range(power.size):
+        model = levels[0] * shapes[0, f] + levels[1] * shapes[1, f] + levels[2] * shapes[2, f]
+        off = (1.0 - power[f] / model) / overlap
+        for a in range(3):
+            part = levels[a] * shapes[a, f] / model
+            slope[a] += part * off
+            for b in range(a + 1):
+                information[a, b] += part * levels[b] * shapes[b, f] / (model * overlap)
+    for a in range(3):
+        for b in range(a):
+            information[b, a] = information[a, b]
+    slope[2] += (x[2] - inertial) / doubt**2
+    information[2, 2] += doubt**-2.0
+
+
+@njit(cache=True, error_model="numpy")
+def _step(first, damping, x, sums):  # type: ignore[no-untyped-def]
+    """Where a damped step of scoring leads from x, the levels before ``first`` kept, into ``sums.trial``."""
+    matrix, step = sums.information.copy(), -sums.slope
+    for a in range(first, 3):
+        matrix[a, a] = (1.0 + damping) * matrix[a, a] + 1e-12
+    for a in range(first, 3):
+        for b in range(a + 1, 3):
+            ratio = matrix[b, a] / matrix[a, a]
+            step[b] -= ratio * step[a]
+            for c in range(a, 3):
+                matrix[b, c] -= ratio * matrix[a, c]
+    for a in range(2, first - 1, -1):
+        for c in range(a + 1, 3):
+            step[a] -= matrix[a, c] * step[c]
+        step[a] /= matrix[a, a]
+    for a in range(3):
+        moved = min(max(step[a], -_FURTHEST), _FURTHEST) if a >= first else 0.0
+        sums.trial[a] = min(max(x[a] + moved, _ABSENT), _MOST)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _descend(power, shapes, prior, first, x, sums):  # type: ignore[no-untyped-def]
+    """Find the most likely logarithms of levels, by Fisher's scoring, damped where a step does not pay.
+
+    Args:
+        power: periodogram (k,).
+        shapes: (3, k).
+        prior: logarithm of the third level, its standard error, and the bins' overlap.
+        first: the first level that is sought.
+        x: (3,) where it begins, and in place where it ends.
+        sums: ``_Sums``.
+
+    Returns:
+        minus the log-likelihood there.
+    """
+    least, damping = _cost(power, shapes, prior, x), 0.0
+    _expand(power, shapes, prior, x, sums)
+    for _ in range(_MOST_STEPS):
+        _step(first, damping, x, sums)
+        cost = _cost(power, shapes, prior, sums.trial)
+        if cost <= least:
+            gain = least - cost
+            x[:] = sums.trial
+            least, damping = cost, 0.1 * damping
+            if gain <= _SETTLED:
+                break
+            _expand(power, shapes, prior, x, sums)
+        elif damping > _MOST_DAMPED:
+            break
+        else:
+            damping = max(10.0 * damping, 1e-3)
+    return least

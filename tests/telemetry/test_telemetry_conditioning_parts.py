@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from wingwatch.telemetry.conditioning import (
     running_trim,
     without_trim,
 )
+from wingwatch.telemetry.conditioning.gust_spectrum import Whittle, dryden_across
 from wingwatch.telemetry.conditioning.windows import even_window, runs, slopes
 
 Array = NDArray[np.float64]
@@ -224,3 +226,26 @@ def test_a_servo_that_is_not_moved_tells_nothing() -> None:
     assert not estimate_servo_delay(quiet, "rudder")[0].observable
     with pytest.raises(ValueError, match="give elevator, aileron or rudder"):
         estimate_servo_delay(quiet, "flap")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_levels_of_a_periodogram_are_as_likely_as_a_general_optimiser_finds_them(seed: int) -> None:
+    """Exponential powers about w^2 s^2 G + w^2 R + A, with a gust or without; the other is scipy's L-BFGS-B."""
+    rng = np.random.default_rng(seed)
+    omega = 2.0 * math.pi * np.linspace(0.1, 12.0, 350)
+    shapes = np.array([omega**2 * dryden_across(omega, 20.0), omega**2, np.ones_like(omega)])
+    levels = np.array([[0.0, 0.01, 2.0][seed % 3], 1e-4, 1e-3])
+    power = levels @ shapes * rng.exponential(size=omega.size)
+
+    def cost(x: Array) -> float:
+        model = np.exp(x) @ shapes
+        off = (x[2] - math.log(levels[2])) / 0.2
+        return float(np.sum(np.log(model) + power / model) + 0.5 * off**2)
+
+    x, likelihood = Whittle(power, shapes, float(levels[2]), 0.2, 1.0).best(gusts=True)
+    start = np.log(np.maximum(levels, 1e-6))
+    peer = scipy.optimize.minimize(cost, start, method="L-BFGS-B", bounds=[(-40.0, 20.0)] * 3)
+    assert likelihood == pytest.approx(-cost(x), abs=1e-9)
+    assert likelihood > -float(peer.fun) - 1e-3
+    seen = 0 if levels[0] > 1.0 else 1  # the vane's noise does not show beside a strong gust
+    assert x[seen] == pytest.approx(math.log(levels[seen]), abs=0.5)
