@@ -61,7 +61,7 @@ class BlockEvidence:
     """What one block of samples says of the referred aerodynamic derivatives, as a quadratic log-likelihood.
 
     Near its maximum the log-likelihood is -1/2 x' J x + h' x, x the referred derivatives. Blocks add. A quiet block
-    has J near zero: it neither accuses nor acquits.
+    has J near zero: it is evidence neither for a change nor against one.
 
     Attributes:
         blocks: how many blocks have been closed so far; the number grows by one with each.

@@ -107,6 +107,6 @@ class AirWatch:
 
 def _forget(pieces: deque[tuple[Array, NDArray[np.float32]]], before_s: float) -> None:
     """Drop the first pieces that end before that time, or that are more than is kept."""
-    rows = sum(len(stamps) for stamps, _ in pieces)
+    rows = sum(map(len, next(zip(*pieces, strict=True), ())))
     while len(pieces) > 1 and (rows - len(pieces[0][0]) >= _MOST_ROWS or pieces[0][0][-1] < before_s):
         rows -= len(pieces.popleft()[0])

@@ -2,9 +2,9 @@
 
 Coordinates are those in which derivatives hardly depend on the flight condition (American non-dimensional; where the
 aircraft file lacks mass or geometry, referred to the nominal condition), so blocks at different airspeeds add. A
-block's derivatives may wander by Q for reasons the linear model does not know: J becomes (J^-1 + Q)^-1. Blocks
-before the onset and the expectation make the reference N(mu, L); blocks after it, with information J and vector h, a
-change d with
+block's derivatives may differ from the mean by Q for reasons the linear model does not know: J becomes (J^-1 + Q)^-1.
+Blocks before the onset and the expectation make the reference N(mu, L); blocks after it, with information J and vector
+h, a change d with
 
     K = (J^-1 + L + b b')^-1,        K d = (I + J (L + b b'))^-1 (h - J mu)
 
@@ -135,7 +135,8 @@ def natural_size(value: Array, covariance: Array) -> Array:
 
 
 def blurred(information: Array, vector: Array, bias: Array, variance: Array) -> tuple[Array, Array, Array]:
-    """A block's evidence when its derivatives may also wander by ``variance`` (k,): (J^-1 + Q)^-1 and its products."""
+    """A block's evidence, (J^-1 + Q)^-1 and its products, when its derivatives may also differ from the mean by
+    ``variance`` (k,)."""
     inner = np.eye(variance.size) + information * variance
     solved = np.linalg.solve(inner, np.column_stack([information, vector, bias]))
     reduced = np.asarray(solved[:, :-2], dtype=np.float64)

@@ -4,7 +4,8 @@ For each possible onset among the blocks remembered, the Bayes factor of "change
 change" is formed, by the evidence of each estimator; the mean of both, summed over onsets, is the Shiryaev-Roberts
 statistic. Without a change a Bayes factor has expectation one, so the statistic minus the number of blocks is a
 martingale and the mean number of blocks to a false alert is at least the threshold, whatever the excitation: quiet
-blocks have a factor of one and neither accuse nor acquit. The derivation stands in ``docs/methods/detection.md``.
+blocks have a factor of one and are evidence neither for a change nor against one. The derivation stands in
+``docs/methods/detection.md``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,9 +40,9 @@ Places = NDArray[np.int64]
 
 
 APRIORI_DISCOUNT = 100.0
-"""A-priori numbers accuse nobody: in the test their standard errors count ten times as large, so a change is always one
-against flights, the vehicle's own or those that identified the type. That holds also once its own flights have founded
-a reference: directions that they hardly excited would else be judged by the numbers alone."""
+"""A-priori numbers are no evidence of a change: in the test their standard errors count ten times as large, so a change
+is always one against flights, the vehicle's own or those that identified the type. That holds also once its own flights
+have founded a reference: directions that they hardly excited would else be judged by the numbers alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +57,8 @@ class JudgeConfig:
             does not know, as a share of their natural size.
         cause_probability: a cause is named when its probability among the causes reaches this.
         patience_blocks: informative blocks to wait for a cause to become clear before calling it unexplained.
-        stray_pattern: share of its own effect by which a cause's effect on a derivative may differ from the pattern.
-        stray_natural: share of its natural size by which a cause of typical size may move any derivative besides.
+        off_pattern: share of its own effect by which a cause's effect on a derivative may differ from the pattern.
+        off_natural: share of its natural size by which a cause of typical size may move any derivative besides.
         founded_blocks: informative blocks of its own flights after which an aircraft's reference is empirical.
         contradiction: probability below which flights contradict an a-priori expectation.
     """
@@ -68,8 +69,8 @@ class JudgeConfig:
     model_error: float = 0.03
     cause_probability: float = 0.9
     patience_blocks: int = 3
-    stray_pattern: float = 0.15
-    stray_natural: float = 0.05
+    off_pattern: float = 0.15
+    off_natural: float = 0.05
     founded_blocks: int = 6
     contradiction: float = 1e-4
 
@@ -114,7 +115,7 @@ class JudgeState:
         references: what its own flights taught, by structure, without the blocks still remembered; by the Fourier
             estimator's evidence, as it is kept from flight to flight.
         by_filter: the same of this flight alone, by the filter's: what rough air makes of the one is not in the other.
-        identified: the expectation rests on flights of the type and may accuse as it stands.
+        identified: the expectation rests on flights of the type and is compared with as it stands.
         founded: so it does, or enough flights of its own are in the reference: the first block may be judged.
         contradictions: structures whose a-priori expectation does not fit, with the derivatives at fault.
         rough: structures whose evidence has been gathered in rough air, by which no expectation is judged.
@@ -175,14 +176,14 @@ class Judge:
         c = self.coordinates[mode.structure.name]
         expected, covariance = c.from_concise(expectation.value, expectation.covariance, condition)
         natural = natural_size(expected, covariance)
-        wander = (self.config.model_error * natural) ** 2
+        model_variance = (self.config.model_error * natural) ** 2
         found = c.of_evidence(evidence.information, evidence.vector, condition)
         bias = c.slope(condition) * evidence.bias
-        by_fourier = blurred(*found, bias, wander)
+        by_fourier = blurred(*found, bias, model_variance)
         by_filter = (np.zeros_like(found[0]), np.zeros_like(bias), np.zeros_like(bias))
         if mode.gained is not None and mode.ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING):
             gained = c.of_evidence(*mode.gained, condition)
-            by_filter = blurred(*informative_part(*gained, natural), by_filter[2], wander)
+            by_filter = blurred(*informative_part(*gained, natural), by_filter[2], model_variance)
         both = Evidence(*(np.stack(parts) for parts in zip(by_fourier, by_filter, strict=True)))
         return ModeBlock(both, expected, covariance, mode.rough)
 
@@ -319,7 +320,7 @@ class Judge:
         return float(_of_either(factors)), size, error
 
     def forget_change(self, state: JudgeState, onset_s: float, blocks: int) -> None:
-        """A change is over: its blocks leave, so they neither accuse again nor teach the reference.
+        """A change is over: its blocks leave, so they are neither evidence again nor join the reference.
 
         What came before ``onset_s`` stays, and from the latest ``blocks`` informative ones on, which agree with it.
         """
@@ -364,16 +365,8 @@ class Judge:
         """Each cause's direction at a mean (..., k) in the judge's coordinates, (causes, ..., k)."""
         c = self.coordinates[name]
         scale, offset = c.to_concise(condition)
-        aerodynamic = scale * mean
-        found = [
-            cause.direction(
-                c.structure,
-                aerodynamic + offset if cause.name == "icing" else aerodynamic,
-                c.aircraft,
-                condition,
-            )
-            for cause in causes
-        ]
+        concise = scale * mean + offset
+        found = [cause.direction(c.structure, concise, c.aircraft, condition) for cause in causes]
         return np.array(found) / scale
 
     def _directed(
@@ -394,18 +387,18 @@ class Judge:
         deviating = np.zeros_like(exact)
         for name, change in changes.items():
             direction = directions[name]
-            stray = size[..., None] * np.hypot(
-                self.config.stray_pattern * direction,
-                self.config.stray_natural / size_std[..., None] * change.natural,
+            deviation = size[..., None] * np.hypot(
+                self.config.off_pattern * direction,
+                self.config.off_natural / size_std[..., None] * change.natural,
             )
-            stray[~direction.any(axis=-1)] = 0.0
-            deviating += log_bayes_any(change, stray)
-            loose[name] = change.loosened(stray)
-        strayed, loose_size, loose_error = log_bayes_direction(*_along(loose, directions), size_std)
-        strayed = strayed + deviating
+            deviation[~direction.any(axis=-1)] = 0.0
+            deviating += log_bayes_any(change, deviation)
+            loose[name] = change.loosened(deviation)
+        off_it, loose_size, loose_error = log_bayes_direction(*_along(loose, directions), size_std)
+        off_it = off_it + deviating
         return (
-            np.logaddexp(exact, strayed) - np.log(2.0),
-            np.where(strayed > exact, loose_size, size),
+            np.logaddexp(exact, off_it) - np.log(2.0),
+            np.where(off_it > exact, loose_size, size),
             loose_error,
         )
 
