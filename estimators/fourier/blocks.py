@@ -10,62 +10,52 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.estimators.fourier.air import advance_air, air_channels, rebase_products
+from wingwatch.estimators.fourier.air import advance_air, air_channels
 from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 from wingwatch.estimators.fourier.change import (
-    CHANGE_LOG_THRESHOLD,
     ChangeWorkspace,
-    change_of,
     change_workspace,
-    changed_derivatives,
-    inflate_covariance,
-    spread_of_change,
+)
+from wingwatch.estimators.fourier.change_search import (
+    NO_CHANGE,
+    cut_after,
+    cut_before,
+    find_change,
+    let_change,
 )
 from wingwatch.estimators.fourier.checkpoints import (
-    CHECKPOINTS,
-    copy_bank,
-    copy_matrix,
     copy_vector,
     place_checkpoint,
-    since_checkpoint,
 )
 from wingwatch.estimators.fourier.closing import (
     believe_inputs,
     beyond_chance,
     close,
-    mean_condition,
-    noise_of_block,
     note_signal,
     rolls_by_air,
     what_is_known,
 )
+from wingwatch.estimators.fourier.condition import gather_condition, mean_condition
 from wingwatch.estimators.fourier.memory import MemoryWorkspace, memory_workspace, replace
-from wingwatch.estimators.fourier.misfit import misfit_dispersions
 from wingwatch.estimators.fourier.noise_levels import start_noise
 from wingwatch.estimators.fourier.solution import (
-    ALONE,
     MOVE,
     STEP,
     SolutionWorkspace,
     block_solution,
-    remembered,
     solution_workspace,
     solve_block,
     zero_memory,
 )
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
-    AIRSPEED,
     ALPHA,
-    ALTITUDE,
     BEFORE,
     CHANGED,
     CLOSED,
     CONDITION,
     COURSES,
-    DENSITY,
     LAST,
-    SAMPLES,
     SOLUTIONS,
     START,
     TIME,
@@ -77,12 +67,11 @@ from wingwatch.estimators.fourier.state import (
     Linearisation,
     Memory,
     Posterior,
-    Prior,
     Progress,
     State,
 )
 from wingwatch.estimators.kernels.apart import apart
-from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, disperse, dispersion_workspace
+from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, dispersion_workspace
 from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.intersample import frames_of, means_of_rows
 from wingwatch.estimators.kernels.reading_noise import follow_reading, forget_readings
@@ -92,9 +81,6 @@ __all__ = ["Workspace", "advance", "block_workspace", "fill"]
 
 GOES_ON, FULL, GAP = 0, 1, 2
 """What a sample does to the running block: it goes on, is full, or ends because time does not go on."""
-
-NO_CHANGE, WHOLE = -2, -1
-"""Instead of the checkpoint at which something changed: nothing did, or all of the block is new."""
 
 
 class Workspace(NamedTuple):
@@ -166,17 +152,6 @@ def block_workspace(ns: int, nu: int, bins: int, columns: int, rows: int) -> Wor
 
 
 @lean
-def _gather(sums, row, condition):  # type: ignore[no-untyped-def]
-    """Add a row, whose flight condition begins at column ``condition``, to the sums of the flight condition."""
-    alpha = row[condition + ALPHA]
-    sums[AIRSPEED] += row[condition + AIRSPEED]
-    sums[DENSITY] += row[condition + DENSITY]
-    sums[ALTITUDE] += row[condition + ALTITUDE]
-    sums[ALPHA] += alpha if math.isfinite(alpha) else 0.0
-    sums[SAMPLES] += 1.0
-
-
-@lean
 def _add_second_differences(block, new, ns):  # type: ignore[no-untyped-def]
     """Add the roots of the magnitudes of second differences of states and accelerometer."""
     rows, roughness = block.rows, block.roughness
@@ -222,7 +197,7 @@ def _take(model, block, filters, new):  # type: ignore[no-untyped-def]
     _add_course_doubt(model, block, new)
     copy_vector(rows[LAST], rows[BEFORE])
     copy_vector(new, rows[LAST])
-    _gather(block.sums, new, condition)
+    gather_condition(block.sums, new, condition)
     return FULL if new[TIME] - rows[START, TIME] >= model.block_s - 0.5 * dt else GOES_ON
 
 
@@ -234,7 +209,7 @@ def _restart(model, block, row, gap, checkpoint_rows):  # type: ignore[no-untype
     block.sums[:] = 0.0
     block.roughness[:] = 0.0
     copy_vector(row, rows[START])
-    _gather(block.sums, row, 2 + model.exponents.size + CONDITION)
+    gather_condition(block.sums, row, 2 + model.exponents.size + CONDITION)
     if gap:
         copy_vector(row, rows[LAST])
         rows[BEFORE, 0] = row[TIME]
@@ -274,137 +249,6 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     power, gain = work.solving.equation.power, 2.0 * min(1.0, span / model.block_s)
     note_signal(known.informed_s, gained.information, power, rows[LAST, TIME], gain)
     place_checkpoint(block, gained, vehicle.checkpoints)
-
-
-@part
-def _before(model, vehicle, work, m):  # type: ignore[no-untyped-def]
-    """Mean and covariance of all that was known at checkpoint m, and the block since then, into the workspace."""
-    memory, gained, earlier = vehicle.memory, vehicle.checkpoints.gained, work.earlier
-    for a in range(work.mean.size):
-        earlier.vector[a] = memory.vector[a] + gained.vector[m, a]
-        earlier.bias[a] = memory.bias[a] + gained.bias[m, a]
-        for b in range(work.mean.size):
-            earlier.sensitivity[a, b] = memory.sensitivity[a, b] + gained.sensitivity[m, a, b]
-            earlier.information[a, b] = memory.information[a, b] + gained.information[m, a, b]
-    remembered(earlier, model.prior, work.solving.posterior, work.mean, work.covariance)
-    _cut_out(model, vehicle, work, m)
-    noise_of_block(model, vehicle, work.noise)
-
-
-@part
-def _cut_out(model, vehicle, work, m):  # type: ignore[no-untyped-def]
-    """The running block since checkpoint m as a block of its own, the row at the checkpoint in its sums."""
-    block, window = vehicle.block, work.window
-    since_checkpoint(model.omega, block, vehicle.checkpoints, m, window)
-    rebase_products(window.bank, block.rows[START], window.rows[START], model.exponents, model.lever.size)
-    _gather(window.sums, window.rows[START], 2 + model.exponents.size + CONDITION)
-
-
-@part
-def _changed(scatter, work):  # type: ignore[no-untyped-def]
-    """Which derivatives have changed in a block that was just solved, into ``work.trial``; returns log of the mean
-    Bayes factor.
-
-    Whether anything has changed is asked with the misfit of the equations in the block's errors. Where something has,
-    others are likely to have, too: which, the block says as it is.
-    """
-    evidence, testing, trial = work.found.evidence, work.testing, work.trial
-    mean, covariance, size = work.mean, work.covariance, work.size
-    change_of(evidence.information, evidence.vector, mean, covariance, testing)
-    value = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
-    if not trial.any():
-        return value
-    plain = work.earlier
-    copy_matrix(evidence.information, plain.information)
-    copy_vector(evidence.vector, plain.vector)
-    misfit_dispersions(mean, scatter, work.solving, work.misfit)
-    disperse(evidence.information, evidence.vector, evidence.bias, work.misfit, work.dispersing)
-    change_of(evidence.information, evidence.vector, mean, covariance, testing)
-    sure = changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
-    if trial.any():
-        change_of(plain.information, plain.vector, mean, covariance, testing)
-        changed_derivatives(size, CHANGE_LOG_THRESHOLD, testing, trial)
-    return sure
-
-
-@part
-def _find_change(model, vehicle, work):  # type: ignore[no-untyped-def]
-    """Whether a derivative has changed, and since when: a checkpoint, ``WHOLE`` or ``NO_CHANGE``; by how much each may
-    have, into ``work.spread``.
-
-    A solution compares the running block with the closed ones anyway; only where it speaks for a change at all are the
-    windows since the checkpoints compared with all that was before them.
-    """
-    rows, solving, evidence, testing = vehicle.block.rows, work.solving, work.found.evidence, work.testing
-    mean, covariance, size, trial = work.mean, work.covariance, work.size, work.trial
-    trace = 0.0
-    for a in range(mean.size):
-        size[a] = model.prior.std[a] / 3.0
-        trace += evidence.information[a, a]
-    if trace == 0.0:
-        return NO_CHANGE
-    remembered(vehicle.memory, model.prior, solving.posterior, mean, covariance)
-    whole = _changed(vehicle.progress.scatter, work)
-    if not whole > 0.0:
-        return NO_CHANGE
-    best, cut = CHANGE_LOG_THRESHOLD, NO_CHANGE
-    if trial.any():
-        best, cut = whole, WHOLE
-        spread_of_change(size, trial, testing, work.spread)
-    at = Linearisation(mean, covariance, work.noise, vehicle.posterior.noise_known)
-    around = Prior(mean, size)
-    for m in range(CHECKPOINTS):
-        if not (rows[START, TIME] <= vehicle.checkpoints.rows[m, TIME] < rows[LAST, TIME] - 0.5):
-            continue
-        _before(model, vehicle, work, m)
-        solve_block(model, work.window, at, solving.posterior.nothing, around, ALONE, solving, work.found)
-        value = _changed(vehicle.progress.scatter, work)
-        if trial.any() and value > best:
-            best, cut = value, m
-            spread_of_change(size, trial, testing, work.spread)
-    return cut
-
-
-@part
-def _cut_before(model, vehicle, work, m):  # type: ignore[no-untyped-def]
-    """Make the running block end at checkpoint m, what came after it kept as window; returns whether it can be
-    closed."""
-    block, checkpoints = vehicle.block, vehicle.checkpoints
-    _cut_out(model, vehicle, work, m)
-    if not checkpoints.rows[m, TIME] - block.rows[START, TIME] >= model.first_solution_s:
-        return False
-    copy_bank(checkpoints.bank[m], block.bank)
-    copy_vector(checkpoints.rows[m], block.rows[LAST])
-    copy_vector(checkpoints.sums[m], block.sums)
-    copy_vector(checkpoints.roughness[m], block.roughness)
-    known = vehicle.posterior  # what was solved last is of the change, too
-    remembered(vehicle.memory, model.prior, work.solving.posterior, known.theta, known.covariance)
-    return True
-
-
-@part
-def _cut_after(vehicle, window):  # type: ignore[no-untyped-def]
-    """Make what came after a cut the running block."""
-    block = vehicle.block
-    copy_bank(window.bank, block.bank)
-    copy_matrix(window.rows, block.rows)
-    copy_vector(window.sums, block.sums)
-    copy_vector(window.roughness, block.roughness)
-    vehicle.checkpoints.rows[:, :] = np.nan
-
-
-@part
-def _let_change(model, vehicle, work):  # type: ignore[no-untyped-def]
-    """Inflate the covariance by what has changed. All that is left is as good as new: nothing waits to be replaced."""
-    posterior, size, spread = vehicle.posterior, work.size, work.spread
-    for a in range(size.size):
-        size[a] = spread[a] * model.prior.std[a] / 3.0
-        posterior.changed[a] = spread[a]
-    inflate_covariance(vehicle.memory, size, work.testing)
-    vehicle.discounted.sensitivity[:, :] = 0.0
-    vehicle.discounted.information[:, :] = 0.0
-    vehicle.discounted.vector[:] = 0.0
-    vehicle.discounted.bias[:] = 0.0
 
 
 @part
@@ -495,14 +339,14 @@ def advance(model, state, follows, signals, lanes, ends, solves, work):  # type:
             _solve(model, vehicle, work)
             cut = NO_CHANGE
             if attempt == 0 and follows[i] and progress.counts[CLOSED] > 0:
-                cut = _find_change(model, vehicle, work)
+                cut = find_change(model, vehicle, work)
             if cut == NO_CHANGE:
                 break
             if cut >= 0:
-                if _cut_before(model, vehicle, work, cut):
+                if cut_before(model, vehicle, work, cut):
                     close(model, vehicle, work)
-                _cut_after(vehicle, work.window)
-            _let_change(model, vehicle, work)
+                cut_after(vehicle, work.window)
+            let_change(model, vehicle, work)
             progress.counts[CHANGED] = 1
         mean_condition(block.sums, progress.condition)
         progress.counts[SOLUTIONS] += 1

@@ -8,6 +8,7 @@ import math
 
 from wingwatch.estimators.fourier.checkpoints import copy_matrix, copy_vector
 from wingwatch.estimators.fourier.coherence import coherent_dispersion
+from wingwatch.estimators.fourier.condition import mean_condition
 from wingwatch.estimators.fourier.memory import discount, replace
 from wingwatch.estimators.fourier.noise_levels import AIR_MEMORY, INPUT_RESOLUTION, start_noise
 from wingwatch.estimators.fourier.solution import (
@@ -22,14 +23,9 @@ from wingwatch.estimators.fourier.solution import (
 )
 from wingwatch.estimators.fourier.state import (
     AIR_VARIANCES,
-    AIRSPEED,
-    ALPHA,
-    ALTITUDE,
     CHANGED,
     CLOSED,
-    DENSITY,
     LAST,
-    SAMPLES,
     SOLUTIONS,
     START,
     TIME,
@@ -52,7 +48,6 @@ __all__ = [
     "believe_inputs",
     "beyond_chance",
     "close",
-    "mean_condition",
     "noise_of_block",
     "note_signal",
     "rolls_by_air",
@@ -99,13 +94,6 @@ def note_signal(informed_s, kept, power, time_s, gain):  # type: ignore[no-untyp
     for a in range(informed_s.size):
         if power[a, a] > 0.0 and kept[a, a] > 0.5 * gain * power[a, a]:
             informed_s[a] = time_s
-
-
-@lean
-def mean_condition(sums, condition):  # type: ignore[no-untyped-def]
-    """Mean airspeed, altitude, density, angle of attack."""
-    condition[0], condition[1] = sums[AIRSPEED] / sums[SAMPLES], sums[ALTITUDE] / sums[SAMPLES]
-    condition[2], condition[3] = sums[DENSITY] / sums[SAMPLES], sums[ALPHA] / sums[SAMPLES]
 
 
 @lean
