@@ -96,7 +96,7 @@ def note_signal(informed_s, kept, power, time_s, gain):  # type: ignore[no-untyp
             informed_s[a] = time_s
 
 
-@lean
+@part
 def _outweighs(block, memory):  # type: ignore[no-untyped-def]
     """Whether the information of a block exceeds what is remembered of any derivative."""
     more = False
@@ -112,7 +112,7 @@ def beyond_chance(distance, k):  # type: ignore[no-untyped-def]
     return distance > k * (1.0 - part + CHANCE * math.sqrt(part)) ** 3
 
 
-@lean
+@part
 def _contradicts(own, own_covariance, mean, covariance, dispersion, work):  # type: ignore[no-untyped-def]
     """Whether a block leads further from what is known than chance and the scatter of blocks lead one.
 
@@ -142,7 +142,7 @@ def rolls_by_air(model, solving):  # type: ignore[no-untyped-def]
     return model.roll and not (solving.noise.rolled[0] < ROLLED * solving.equation.power[p_in_p, p_in_p])
 
 
-@lean
+@part
 def what_is_known(model, vehicle, mean, work):  # type: ignore[no-untyped-def]
     """Derivatives without the running block, into ``mean``, (k,), and the covariance of the posterior; of what is next
     to unknown, what is expected beforehand, to a natural size.
@@ -156,7 +156,7 @@ def what_is_known(model, vehicle, mean, work):  # type: ignore[no-untyped-def]
     remembered(vehicle.memory, beforehand, work.solving.posterior, mean, vehicle.posterior.covariance)
 
 
-@lean
+@part
 def _rolls_too_much(model, work):  # type: ignore[no-untyped-def]
     """Whether surfaces and gusts should cause more roll than there is: rolling air, which would have to take it away,
     goes with neither."""
@@ -164,18 +164,16 @@ def _rolls_too_much(model, work):  # type: ignore[no-untyped-def]
     return model.roll and roll[CAUSED] > MOST_ROLL * roll[MEASURED]
 
 
-@lean
-def _lead_from(model, vehicle, start, around, begins, work):  # type: ignore[no-untyped-def]
-    """Where the block leads by itself, into ``work.own`` and ``work.own_covariance``; its likelihood there, and whether
-    rolling air drives it.
+@part
+def _lead_from(model, vehicle, around, begins, work):  # type: ignore[no-untyped-def]
+    """Where the block leads by itself from ``work.own``, in place, and in ``work.own_covariance``; its likelihood
+    there, and whether rolling air drives it.
 
     Args:
-        start: (k,) derivatives at which the way begins.
         around: ``Prior`` of the way.
         begins: whether noise and air are found as if nothing were known of them.
     """
     known, solving, found = vehicle.posterior, work.solving, work.found
-    copy_vector(start, work.own)
     copy_matrix(known.covariance, work.own_covariance)
     noise_of_block(model, vehicle, work.noise)
     if begins:
@@ -186,7 +184,7 @@ def _lead_from(model, vehicle, start, around, begins, work):  # type: ignore[no-
     return found.likelihood[0], rolls_by_air(model, solving)
 
 
-@lean
+@part
 def _lead(model, vehicle, work):  # type: ignore[no-untyped-def]
     """Where the block leads by itself, with its noise and air: of several ways the likeliest, into the workspace.
 
@@ -201,12 +199,9 @@ def _lead(model, vehicle, work):  # type: ignore[no-untyped-def]
     around, beforehand = Prior(work.anchor, work.size), Prior(prior.value, work.size)
     most, contradicts, leads = -math.inf, False, False
     for way in range(3):
-        if way == 0:
-            likelihood, rolls = _lead_from(model, vehicle, work.anchor, around, False, work)
-        elif way == 1:
-            likelihood, rolls = _lead_from(model, vehicle, work.mean, around, False, work)
-        else:
-            likelihood, rolls = _lead_from(model, vehicle, prior.value, beforehand, True, work)
+        begins = way == 2
+        copy_vector(work.anchor if way == 0 else work.mean if way == 1 else prior.value, work.own)
+        likelihood, rolls = _lead_from(model, vehicle, beforehand if begins else around, begins, work)
         if likelihood > most and not _rolls_too_much(model, work):
             most = likelihood
             contradicts = changed or _contradicts(
@@ -227,7 +222,7 @@ def _lead(model, vehicle, work):  # type: ignore[no-untyped-def]
     return leads
 
 
-@lean
+@part
 def _fit_noise(model, vehicle, around, work):  # type: ignore[no-untyped-def]
     """Fit the variances of noise and air where the block is linearised."""
     known, solving = vehicle.posterior, work.solving
@@ -269,11 +264,12 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
         copy_matrix(work.likeliest_covariance, known.covariance)
         copy_vector(work.likeliest_noise, work.noise)
     else:
-        _fit_noise(model, vehicle, around, work)
-        if _rolls_too_much(model, work):
+        for attempt in range(2):
+            _fit_noise(model, vehicle, around, work)
+            if attempt == 1 or not _rolls_too_much(model, work):
+                break
             for a in range(1, k, model.exponents.size):
                 work.anchor[a] = prior.value[a]
-            _fit_noise(model, vehicle, around, work)
     solve_block(model, block, at, nothing, around, ALONE, solving, found)
     _remember(model, vehicle, work)
     remembered(memory, prior, solving.posterior, known.theta, known.covariance)
@@ -285,7 +281,7 @@ def close(model, vehicle, work):  # type: ignore[no-untyped-def]
     progress.counts[CHANGED] = 0
 
 
-@lean
+@part
 def _disperse_more(progress, columns):  # type: ignore[no-untyped-def]
     """What stated variances are multiplied by from here on, (docs (31), (32b)): the blocks' scatter does not show what
     errs in all of them alike, and what goes with the motion does not show what differs from block to block."""
