@@ -8,6 +8,7 @@ from wingwatch.estimators.ekf.state import ACCELERATION, NEWEST, TIME, EkfState
 from wingwatch.estimators.kernels.hot import part, whole
 
 __all__ = [
+    "FIRST",
     "SOLUTIONS",
     "WINDOW_ROWS",
     "advance_checkpoints",
@@ -30,6 +31,9 @@ _LONG_ROWS, _LONG_S = 600, 12.0
 
 SOLUTIONS = 64
 """Solutions within a window that are kept at most."""
+
+FIRST, SECOND = np.int64(0), np.int64(1)
+"""The checkpoints of a window. Not Python's integers: for each of them a kernel would be compiled anew."""
 
 
 @whole
@@ -112,7 +116,7 @@ def empty_window(window, i):  # type: ignore[no-untyped-def]
 def begin_window(model, state, i):  # type: ignore[no-untyped-def]
     """What follows may be run again from here, nothing before it."""
     empty_window(state.window, i)
-    set_checkpoint(model, state, i, state.window.checkpoints, 0)
+    set_checkpoint(model, state, i, state.window.checkpoints, FIRST)
 
 
 @part
@@ -150,13 +154,13 @@ def advance_checkpoints(model, state, i, fresh):  # type: ignore[no-untyped-def]
     full = count + fresh > rows.shape[0] or window.solutions[i] == window.ends.shape[1]
     if window.middle[i] == 0 and (full or 2 * count >= _LONG_ROWS or 2.0 * span >= _LONG_S):
         window.middle[i] = count
-        set_checkpoint(model, state, i, window.checkpoints, 1)
+        set_checkpoint(model, state, i, window.checkpoints, SECOND)
     if not (full or count >= _LONG_ROWS or span >= _LONG_S):
         return
     cut = window.middle[i]
     _cut(window, i)
     if count > cut:
-        set_checkpoint(model, state, i, window.checkpoints, 1)
+        set_checkpoint(model, state, i, window.checkpoints, SECOND)
 
 
 def cut_at(state: EkfState, before: int) -> None:
