@@ -14,17 +14,15 @@ __all__ = ["LATE_S", "Overload"]
 LATE_S = 2.0
 """Time that a message of a vehicle in time may wait."""
 
-_CALM_S = 0.5
+_CALM_S = 1.0
 """Where no message waits longer, there is room for a vehicle that was left out."""
 
-_SOON_S = 10.0
+_SOON_S = 20.0
 """Time in which messages that are late are to be in time again; as they wait less and less, they will be."""
 
-_LATE_LOOKS = 4
-"""Looks in a row at which messages are late and will not soon be in time: a pause of the machine is no overload."""
-
-_LOOKS_BETWEEN = 2
-"""Looks between two times that vehicles are left out, for what the first did to show."""
+_LOOKS = 5
+"""Looks in a row, none before the last change, by which it is said whether there is too much to compute: a pause of the
+machine is no overload, nor is what comes once in a while and passes."""
 
 _AT_ONCE = 20
 """One vehicle in so many is left out at once, but at least one, and half of what is too much; taken back is one in so
@@ -46,9 +44,8 @@ class Overload:
 
     def __init__(self) -> None:
         self.left_out: list[VehicleKey] = []
-        self._looks: deque[tuple[float, float]] = deque(maxlen=_LATE_LOOKS + 1)
-        self._late, self._returning = 0, _AT_ONCE
-        self._too_much = 1.0
+        self._looks: deque[tuple[float, float]] = deque(maxlen=_LOOKS)
+        self._returning = _AT_ONCE
         self._changed_s = self._returned_s = self._busy_s = float("-inf")
         self._pause_s = _PAUSE_S
 
@@ -64,12 +61,9 @@ class Overload:
         """
         worst_s = max(lags_s.values(), default=0.0)
         self._looks.append((now_s, worst_s))
-        growth = self._growth()
-        late = worst_s > LATE_S and worst_s - LATE_S > -growth * _SOON_S
-        self._late = self._late + 1 if late else 0
-        self._too_much = min(growth, self._too_much) if self._late > 1 else growth
-        if self._late >= _LATE_LOOKS:
-            return self._leave_out(now_s, order())
+        too_much = self._too_much()
+        if too_much is not None:
+            return self._leave_out(now_s, order(), too_much)
         if worst_s > _CALM_S:
             self._busy_s = now_s
         calm_s = now_s - max(self._busy_s, self._changed_s)
@@ -80,19 +74,22 @@ class Overload:
             return self._take_back(now_s, len(order()))
         return []
 
-    def _growth(self) -> float:
+    def _too_much(self) -> float | None:
         """Seconds that messages wait longer, a second: the part of what comes that is too much, where all is computed
-        in turn."""
-        (first_s, before_s), (last_s, now_s) = self._looks[0], self._looks[-1]
-        return (now_s - before_s) / (last_s - first_s) if last_s > first_s else 0.0
+        in turn. None where they are in time, or will be soon."""
+        waits_s = [wait_s for _, wait_s in self._looks]
+        if len(waits_s) < _LOOKS or min(waits_s[1 - _LOOKS :]) <= LATE_S:
+            return None
+        growth = (waits_s[-1] - waits_s[0]) / (self._looks[-1][0] - self._looks[0][0])
+        return growth if waits_s[-1] - LATE_S > -growth * _SOON_S else None
 
-    def _leave_out(self, now_s: float, order: Sequence[VehicleKey]) -> list[VehicleKey]:
+    def _leave_out(self, now_s: float, order: Sequence[VehicleKey], too_much: float) -> list[VehicleKey]:
         if now_s - self._returned_s < _FORGIVEN_S:
             self._pause_s = min(2.0 * self._pause_s, _LONGEST_PAUSE_S)
             self._returning *= 2
         self._changed_s, self._returned_s = now_s, float("-inf")
-        share = max(0.5 * self._too_much, 1.0 / _AT_ONCE)
-        self._late, self._too_much = _LATE_LOOKS - _LOOKS_BETWEEN, 1.0
+        self._looks.clear()
+        share = max(0.5 * too_much, 1.0 / _AT_ONCE)
         gone = list(order[: max(1, int(share * len(order)))])
         self.left_out += gone
         return gone

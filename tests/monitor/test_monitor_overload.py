@@ -51,7 +51,7 @@ def test_a_machine_that_is_fast_enough_leaves_nobody_out() -> None:
     assert machine.overload.left_out == []
 
 
-@pytest.mark.parametrize(("vehicles", "longest_s"), [(260, 3.0), (300, 4.0), (1000, 10.0)])
+@pytest.mark.parametrize(("vehicles", "longest_s"), [(260, 3.0), (300, 4.0), (1000, 15.0)])
 def test_vehicles_are_left_out_until_the_others_are_in_time(vehicles: int, longest_s: float) -> None:
     machine, waits_s = Machine(vehicles, 250.0), 0.0
     while not machine.overload.left_out or max(machine.lags_s.values()) > LATE_S:
@@ -190,7 +190,7 @@ def test_an_alert_is_the_last_to_go_and_stands_all_the_while(
     assert hall.view("ill").state is VehicleState.DEGRADED
     gone: list[str] = []
     everyone = {key(name): 10.0 for name in ("ill", "well", "new", "replay")}
-    for _ in range(12):
+    for _ in range(24):
         too_much(hall, everyone, 1)
         everyone = {one: lag_s + 0.05 for one, lag_s in everyone.items()}
         gone += [
