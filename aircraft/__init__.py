@@ -61,6 +61,7 @@ from wingwatch.aircraft.coefficients import (
 from wingwatch.aircraft.condition import FlightCondition
 from wingwatch.aircraft.conventions import (
     Convention,
+    AffineForm,
     affine,
     convert,
     convert_standard_errors,
@@ -202,6 +203,7 @@ __all__ = [
     "lift_coefficient",
     "drag_coefficient",
     "Convention",
+    "AffineForm",
     "affine",
     "convert",
     "convert_standard_errors",

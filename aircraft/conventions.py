@@ -28,6 +28,7 @@ import math
 from collections.abc import Mapping
 from enum import StrEnum
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.aircraft.vocabulary import MODEL_DERIVATIVES
 
 __all__ = [
+    "AffineForm",
     "Convention",
     "affine",
     "convert",
@@ -150,25 +152,54 @@ def longitudinal_mass_matrix(aircraft: Aircraft, condition: FlightCondition) -> 
     return matrix
 
 
+class _Powers(NamedTuple):
+    """What goes into the derivatives of a structure, in their order, (k,) each: powers of geometry, the American
+    halves, signs of the offsets' velocities, and places in ``_ROWS`` and in ``_by_condition``."""
+
+    area: NDArray[np.float64]
+    span: NDArray[np.float64]
+    chord: NDArray[np.float64]
+    half: NDArray[np.float64]
+    forward: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    row: NDArray[np.int64]
+    condition: NDArray[np.int64]
+
+
 @cache
-def _exponents(structure: ModeStructure) -> dict[str, NDArray[np.float64]]:
-    """Powers of V, b, c and ½ρS, the American halves and the offsets' places, in the order of the derivatives."""
+def _powers(structure: ModeStructure) -> _Powers:
     parts = [symbol.split("_") for symbol in structure.derivatives]
     attitude = np.array([row in _ATTITUDES for row, _ in parts])
-    speed = np.array([2.0 if x in _PER_PRESSURE else 1.0 for _, x in parts])
+    speed = np.array([2 if x in _PER_PRESSURE else 1 for _, x in parts])
     half = np.array([0.5 if x in _RATES else 1.0 for _, x in parts])
-    return {
-        "pressure": np.where(attitude, 0.0, 1.0),
-        "speed": np.where(attitude, speed - 1.0, speed),
-        "span": np.array(
-            [float(row in "ln") + float(x in ("p", "r")) - float(row == "phi") for row, x in parts]
-        ),
-        "chord": np.array([float(row == "m") + float(x == "q") - float(row == "theta") for row, x in parts]),
-        "half": np.where(attitude, 2.0, half),
-        "row": np.array([_ROWS.index(row) for row, _ in parts]),
-        "forward": np.array([{"z_q": 1.0, "y_r": -1.0}.get("_".join(part), 0.0) for part in parts]),
-        "normal": np.array([{"y_p": 1.0, "x_q": -1.0}.get("_".join(part), 0.0) for part in parts]),
-    }
+    return _Powers(
+        area=np.where(attitude, 0.0, 1.0),
+        span=np.array([float(row in "ln") + float(x in ("p", "r")) - float(row == "phi") for row, x in parts]),
+        chord=np.array([float(row == "m") + float(x == "q") - float(row == "theta") for row, x in parts]),
+        half=np.where(attitude, 2.0, half),
+        forward=np.array([{"z_q": 1.0, "y_r": -1.0}.get("_".join(part), 0.0) for part in parts]),
+        normal=np.array([{"y_p": 1.0, "x_q": -1.0}.get("_".join(part), 0.0) for part in parts]),
+        row=np.array([_ROWS.index(row) for row, _ in parts]),
+        condition=np.where(attitude, speed - 1, 3 + speed),
+    )
+
+
+def _by_condition(condition: FlightCondition) -> NDArray[np.float64]:
+    """1, V, V^2, and density times these."""
+    speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
+    return np.array((1.0, speed, speed * speed, density, density * speed, density * speed * speed))
+
+
+def _by_geometry(structure: ModeStructure, aircraft: Aircraft, convention: Convention) -> NDArray[np.float64]:
+    """The part of ``_multiplier`` that no condition changes, shape (k,)."""
+    geometry = aircraft.need_geometry(_PURPOSE)
+    powers = _powers(structure)
+    multiplier = (
+        (0.5 * geometry.wing_area_m2) ** powers.area
+        * geometry.span_m**powers.span
+        * geometry.mean_chord_m**powers.chord
+    )
+    return multiplier * powers.half if convention is Convention.AMERICAN else multiplier
 
 
 def _multiplier(
@@ -177,15 +208,50 @@ def _multiplier(
     """Dimensional over the convention's derivative, shape (k,) (thesis tables B.3 and B.5)."""
     if convention is Convention.DIMENSIONAL:
         return np.ones(len(structure.derivatives))
-    geometry = aircraft.need_geometry(_PURPOSE)
-    powers = _exponents(structure)
-    multiplier = (
-        (0.5 * condition.air_density_kg_m3 * geometry.wing_area_m2) ** powers["pressure"]
-        * condition.airspeed_true_m_s ** powers["speed"]
-        * geometry.span_m ** powers["span"]
-        * geometry.mean_chord_m ** powers["chord"]
-    )
-    return multiplier * powers["half"] if convention is Convention.AMERICAN else multiplier
+    by_condition = _by_condition(condition)[_powers(structure).condition]
+    return _by_geometry(structure, aircraft, convention) * by_condition
+
+
+class AffineForm:
+    """``affine`` of one structure of one aircraft; what no condition changes is worked out once.
+
+    Args:
+        structure: the mode's structure.
+        aircraft: needs [mass], and [geometry] unless ``target`` is dimensional.
+        target: as in ``affine``, but not concise.
+
+    Raises:
+        AircraftDataError: the file lacks [geometry] or [mass].
+    """
+
+    def __init__(
+        self, structure: ModeStructure, aircraft: Aircraft, target: Convention = Convention.AMERICAN
+    ) -> None:
+        mass, powers = aircraft.need_mass(_PURPOSE), _powers(structure)
+        m = mass.mass_kg
+        inertia = np.array([m, m, mass.inertia_y_kg_m2, m, mass.inertia_x_kg_m2, mass.inertia_z_kg_m2, 1.0, 1.0])
+        dimensional = target is Convention.DIMENSIONAL
+        fixed = 1.0 if dimensional else _by_geometry(structure, aircraft, target)
+        self._aircraft, self._mass_kg, self._powers = aircraft, m, powers
+        self._fixed = fixed / inertia[powers.row]
+        self._place = np.zeros_like(powers.condition) if dimensional else powers.condition
+        self._heaves = powers.row == _ROWS.index("z")
+
+    def kinematic(self, condition: FlightCondition) -> NDArray[np.float64]:
+        """The part of each concise derivative that no force makes, shape (k,): U in z_q, -U in y_r, W in y_p."""
+        powers = self._powers
+        return (
+            powers.forward * condition.forward_velocity_m_s + powers.normal * condition.normal_velocity_m_s
+        )
+
+    def at(self, condition: FlightCondition) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Scale and offset of ``affine``, shape (k,) each."""
+        scale, offset = self._fixed * _by_condition(condition)[self._place], self.kinematic(condition)
+        z_wdot, _ = unsteady_inertia(self._aircraft, condition)
+        if z_wdot == 0.0:
+            return scale, offset
+        ratio = np.where(self._heaves, self._mass_kg / (self._mass_kg - z_wdot), 1.0)
+        return scale * ratio, offset * ratio
 
 
 def affine(
@@ -214,20 +280,10 @@ def affine(
     Raises:
         AircraftDataError: the file lacks [geometry] or [mass].
     """
-    k = len(structure.derivatives)
     if target is Convention.CONCISE:
+        k = len(structure.derivatives)
         return np.ones(k), np.zeros(k)
-    mass = aircraft.need_mass(_PURPOSE)
-    powers = _exponents(structure)
-    apparent = mass.mass_kg - unsteady_inertia(aircraft, condition)[0]
-    inertia = np.array([
-        mass.mass_kg, apparent, mass.inertia_y_kg_m2, mass.mass_kg, mass.inertia_x_kg_m2, mass.inertia_z_kg_m2, 1.0, 1.0
-    ])[powers["row"]]  # fmt: skip
-    scale = _multiplier(structure, aircraft, condition, target) / inertia
-    offset = (
-        powers["forward"] * condition.forward_velocity_m_s + powers["normal"] * condition.normal_velocity_m_s
-    ) * (mass.mass_kg / np.where(powers["row"] == _ROWS.index("z"), apparent, mass.mass_kg))
-    return scale, offset
+    return AffineForm(structure, aircraft, target).at(condition)
 
 
 def _check_names(values: Mapping[str, float], structure: ModeStructure) -> None:

@@ -8,6 +8,7 @@ Severity eta = 0.0675 is -10 % on CZ_alpha with ice everywhere; the files advise
 """
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -94,6 +95,12 @@ def icing_factor(symbol: str, kind: IcingKind = "all") -> float:
     return ICING_FACTORS[kind][display_name(symbol, Convention.AMERICAN).replace("_", "")]
 
 
+@cache
+def _named_factors(structure: ModeStructure, kind: IcingKind) -> tuple[tuple[str, str, str, float], ...]:
+    """Symbol, its equation, its regressor and k' of each derivative."""
+    return tuple((s, *s.split("_"), icing_factor(s, kind)) for s in structure.derivatives)  # type: ignore[misc]
+
+
 def icing_direction(
     structure: ModeStructure,
     concise_values: ArrayLike,
@@ -132,9 +139,8 @@ def icing_direction(
     if mass:
         kinematic["z_q"] *= mass.mass_kg / (mass.mass_kg - z_wdot)
     moved: dict[str, NDArray[np.float64]] = {}
-    for symbol, value in clean.items():
-        row, index = symbol.split("_")
-        factor = icing_factor(symbol, kind)
+    for symbol, row, index, factor in _named_factors(structure, kind):
+        value = clean[symbol]
         if row in "zy":
             moved[symbol] = factor * (value - kinematic.get(symbol, 0.0))
         elif row == "m":

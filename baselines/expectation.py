@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import (
+    AffineForm,
     Aircraft,
     AircraftDataError,
     Convention,
@@ -243,6 +244,8 @@ class Envelope:
             self._why_unscaled = str(error)
             self.neighbourhood = UNSCALED
             carried = [(p.value, p.covariance) for p in self.points]
+        else:
+            self._form = AffineForm(self.structure, self.aircraft)
         self._places = places
         self._values = np.array([value for value, _ in carried])
         self._covariances = np.array([covariance.ravel() for _, covariance in carried])  # (points, k k)
@@ -316,12 +319,12 @@ class Envelope:
         carried = self._carry_share * np.abs(value) * _lift_change(condition, placement.nearest)
         covariance = (placement.weights @ self._covariances).reshape(value.size, value.size)
         covariance.flat[:: value.size + 1] += placement.curvature_bound**2 + carried**2
-        value, covariance = concise(value, covariance, self.structure, self.aircraft, condition)
+        scale, offset = self._form.at(condition)
         used = [p for p, w in zip(self.points, placement.weights, strict=True) if w > 0.0]
         return Expectation(
             self.structure,
-            value,
-            covariance,
+            scale * value + offset,
+            covariance * (scale[:, None] * scale),
             min((p.provenance for p in used), key=_WEAKEST_FIRST.index),
             condition,
             "; ".join(dict.fromkeys(p.source for p in used)),

@@ -68,6 +68,11 @@ class Standing(NamedTuple):
         codes = self.code.tolist()
         return _REJECTED not in codes and 2 * codes.count(_HIDDEN) <= len(codes)
 
+    @property
+    def unseen(self) -> NDArray[np.bool_]:
+        """Which derivatives are not observable for want of signal, or cannot be told apart, (k,)."""
+        return (self.code == _HIDDEN) & (self.stale | (self.number > 0))
+
     def estimate(self, estimator: str, structure: ModeStructure) -> Estimate:
         """The same with names and reasons."""
         sets = sets_of(structure, self.number)

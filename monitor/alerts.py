@@ -185,7 +185,7 @@ def _evidence(judge: Judge, verdict: Verdict, condition: FlightCondition) -> tup
     rows: list[EvidenceView] = []
     for name, change in verdict.changes.items():
         coordinates = judge.coordinates[name]
-        scale, offset = coordinates.to_concise(condition)
+        scale, offset, *_ = coordinates.at(condition)
         spread = np.diagonal(change.weight)
         seen = spread > 0.0
         natural = np.maximum(np.abs(change.mean), np.sqrt(np.diagonal(change.covariance)))

@@ -7,6 +7,7 @@ names is shared with diagnosis and simulation; the mathematics is this module's 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,12 +53,17 @@ def _icing(structure: ModeStructure, concise: Array, aircraft: Aircraft, conditi
     return icing_direction(structure, concise, aircraft, condition)
 
 
+@cache
+def _moved_by(structure: ModeStructure, surface: str) -> NDArray[np.bool_]:
+    """Which derivatives are those of a surface, (k,)."""
+    return np.array([symbol.endswith(f"_{surface}") for symbol in structure.derivatives])
+
+
 def _loss_of(surface: str) -> Direction:
     def direction(
         structure: ModeStructure, concise: Array, aircraft: Aircraft, condition: FlightCondition
     ) -> Array:
-        acts = np.array([symbol.endswith(f"_{surface}") for symbol in structure.derivatives])
-        return np.where(acts, -concise, 0.0)
+        return np.where(_moved_by(structure, surface), -concise, 0.0)
 
     return direction
 

@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 from wingwatch.aircraft import FlightCondition
 from wingwatch.baselines import Cell, CellMemory, Reference, aged, cell_of, joined
 from wingwatch.estimators import BlockEvidence
-from wingwatch.monitor.comparison import Coordinates, change_since
+from wingwatch.monitor.comparison import Coordinates, bias_of, change_since
 
 __all__ = ["CellBook", "CellBookState", "CellPlace"]
 
@@ -145,7 +145,6 @@ class CellBook:
             information (k, k) and vector (k,) of referred derivatives to take the place of the estimator's sums, when a
             cell is resumed or what was resumed is dropped; else None.
         """
-        c = self._coordinates[name]
         present = self.state.visits.get(name)
         try:
             cell = cell_of(
@@ -159,13 +158,15 @@ class CellBook:
         parts = (block.information, block.vector, block.bias)
         if not all(np.isfinite(part).all() for part in parts) or not (natural > 0.0).all():
             return None
-        information, vector = _without_bias(block)
-        fresh = c.of_evidence(information, vector, condition)
         visit, rebuilt = present, False
         if visit is None or cell != visit.cell:
             visit = self._enter(name, cell, block.end_s, natural)
             rebuilt = visit.resumed is not None
-        informs = float(np.trace(information)) > 0.0 and not rough
+        informs = float(np.trace(block.information)) > 0.0 and not rough
+        if not (informs or rebuilt):
+            return None
+        at = self._coordinates[name].at(condition)
+        fresh = at.of_evidence(*_without_bias(block))
         if informs:
             account = self.state.accounts.get((name, cell))
             known = aged(CellMemory(account.reference, 0.0), natural) if account is not None else None
@@ -183,7 +184,7 @@ class CellBook:
         for part in (visit.resumed, visit.carried):
             if part is not None:
                 total, pull = total + part.information, pull + part.vector
-        return c.to_evidence(total, pull, condition)
+        return at.to_evidence(total, pull)
 
     def _enter(self, name: str, cell: Cell, now_s: float, natural: Array) -> _Visit:
         """A new visit. Cells hold different blocks, so what is resumed and what is carried in are independent."""
@@ -226,7 +227,7 @@ def _size(coordinates: Coordinates) -> int:
 def _without_bias(block: BlockEvidence) -> tuple[Array, Array]:
     """The evidence with the bias that gusts may have caused as one more error: (J^-1 + b b')^-1, from J b."""
     pushed = block.bias
-    bias = np.linalg.pinv(block.information, rcond=1e-9, hermitian=True) @ pushed
+    bias = bias_of(block.information, pushed)
     grown = 1.0 + float(bias @ pushed)
     information = block.information - np.outer(pushed, pushed) / grown
     return information, block.vector - pushed * float(bias @ block.vector) / grown

@@ -12,18 +12,66 @@ without inverting J, which is singular where nothing was excited; b is the diffe
 expected to have caused in the window and in the reference.
 """
 
-from dataclasses import dataclass, fields, replace
+import math
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from wingwatch.aircraft import Aircraft, AircraftDataError, FlightCondition, ModeStructure, affine
+from wingwatch.aircraft import AffineForm, Aircraft, AircraftDataError, FlightCondition, ModeStructure
 from wingwatch.estimators import offsets, referred_scale
+from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.symmetric import cholesky, forward
 
-__all__ = ["Change", "Coordinates", "change_since", "log_bayes_any", "log_bayes_direction"]
+__all__ = [
+    "Along",
+    "Change",
+    "Conversion",
+    "Coordinates",
+    "along",
+    "bias_of",
+    "change_since",
+    "log_bayes_any",
+    "log_bayes_direction",
+]
 
 Array = NDArray[np.float64]
+
+_LEAST_PIVOT = 0.5
+"""Of I and a positive semidefinite matrix, whose pivots are one at least but for rounding."""
+
+_RIDGE = 1e-12
+"""Of a derivative's own information: what is below it is rounding."""
+
+
+class Conversion(NamedTuple):
+    """From the coordinates of one structure to others at one flight condition and back, one derivative at a time.
+
+    Attributes:
+        scale, offset: ``concise = scale * coordinate + offset``, (k,) each.
+        slope, shift: ``referred = slope * coordinate + shift``, as the estimators refer derivatives, (k,) each.
+    """
+
+    scale: Array
+    offset: Array
+    slope: Array
+    shift: Array
+
+    def from_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
+        """A value (k,) and its covariance (k, k) in these coordinates."""
+        return (value - self.offset) / self.scale, covariance / (self.scale[:, None] * self.scale)
+
+    def of_evidence(self, information: Array, vector: Array) -> tuple[Array, Array]:
+        """Information (k, k) and vector (k,) about referred derivatives, in these coordinates."""
+        both = self.slope[:, None] * self.slope
+        return information * both, self.slope * (vector - information @ self.shift)
+
+    def to_evidence(self, information: Array, vector: Array) -> tuple[Array, Array]:
+        """Inverse of ``of_evidence``: information (k, k) and vector (k,) about referred derivatives."""
+        known = information / (self.slope[:, None] * self.slope)
+        return known, vector / self.slope + known @ self.shift
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,53 +85,26 @@ class Coordinates:
     structure: ModeStructure
     aircraft: Aircraft
     reference: tuple[float, float]
+    _form: AffineForm | None = field(init=False, repr=False, compare=False, default=None)
 
-    def to_concise(self, condition: FlightCondition) -> tuple[Array, Array]:
-        """(scale, offset) with ``concise = scale * coordinate + offset``, each of shape (k,)."""
+    def __post_init__(self) -> None:
         try:
-            return affine(self.structure, self.aircraft, condition)
+            form = AffineForm(self.structure, self.aircraft)
         except AircraftDataError:
-            scale = referred_scale(
-                self.structure, condition.airspeed_true_m_s, condition.air_density_kg_m3, self.reference
-            )
-            return scale, offsets(self.structure, condition.airspeed_true_m_s, condition.angle_of_attack_rad)
+            return
+        object.__setattr__(self, "_form", form)
 
-    def from_concise(
-        self, value: Array, covariance: Array, condition: FlightCondition
-    ) -> tuple[Array, Array]:
-        """A value (k,) and its covariance (k, k) in these coordinates."""
-        scale, offset = self.to_concise(condition)
-        return (value - offset) / scale, covariance / (scale[:, None] * scale)
-
-    def slope(self, condition: FlightCondition) -> Array:
-        """d(referred)/d(coordinate), shape (k,)."""
-        scale, _ = self.to_concise(condition)
-        return scale / referred_scale(
-            self.structure, condition.airspeed_true_m_s, condition.air_density_kg_m3, self.reference
+    def at(self, condition: FlightCondition) -> Conversion:
+        """What they are at a flight condition."""
+        speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
+        referred = referred_scale(self.structure, speed, density, self.reference)
+        if self._form is None:
+            kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
+            return Conversion(referred, kinematic, np.ones_like(referred), np.zeros_like(referred))
+        scale, offset = self._form.at(condition)
+        return Conversion(
+            scale, offset, scale / referred, (offset - self._form.kinematic(condition)) / referred
         )
-
-    def of_evidence(
-        self, information: Array, vector: Array, condition: FlightCondition
-    ) -> tuple[Array, Array]:
-        """Information (k, k) and vector (k,) about referred derivatives, in these coordinates."""
-        scale, offset = self.to_concise(condition)
-        speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
-        referred = referred_scale(self.structure, speed, density, self.reference)
-        kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
-        slope, shift = scale / referred, (offset - kinematic) / referred
-        return information * (slope[:, None] * slope), slope * (vector - information @ shift)
-
-    def to_evidence(
-        self, information: Array, vector: Array, condition: FlightCondition
-    ) -> tuple[Array, Array]:
-        """Inverse of ``of_evidence``: information (k, k) and vector (k,) about referred derivatives."""
-        scale, offset = self.to_concise(condition)
-        speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
-        referred = referred_scale(self.structure, speed, density, self.reference)
-        kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
-        slope, shift = scale / referred, (offset - kinematic) / referred
-        known = information / (slope[:, None] * slope)
-        return known, vector / slope + known @ shift
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,17 +131,6 @@ class Change:
         """One of several changes, by its place in the axes in front."""
         return Change(*(getattr(self, f.name)[place] for f in fields(Change)))
 
-    def loosened(self, spread: Array) -> "Change":
-        """The same change seen through additional uncertainty of each derivative, standard deviations (..., k)."""
-        inner = np.eye(spread.shape[-1]) + self.weight * spread[..., None, :] ** 2
-        weight, pull = _solved(inner, self.weight, self.pull)
-        return replace(self, weight=weight, pull=pull)
-
-    def along(self, direction: Array) -> tuple[Array, Array]:
-        """(a'K d, a'K a) of a direction a, (..., k)."""
-        across = (self.weight @ direction[..., None])[..., 0]
-        return (direction * self.pull).sum(axis=-1), (direction * across).sum(axis=-1)
-
 
 def _solved(inner: Array, weight: Array, pull: Array) -> tuple[Array, Array]:
     """(I + J Q)^-1 times an information matrix and a vector; the first is symmetric but for rounding."""
@@ -141,6 +151,20 @@ def blurred(information: Array, vector: Array, bias: Array, variance: Array) -> 
     solved = np.linalg.solve(inner, np.column_stack([information, vector, bias]))
     reduced = np.asarray(solved[:, :-2], dtype=np.float64)
     return 0.5 * (reduced + reduced.T), np.asarray(solved[:, -2]), np.asarray(solved[:, -1])
+
+
+def bias_of(information: Array, pushed: Array) -> Array:
+    """A bias b from J b, (..., k), with J (..., k, k): of what J does not see of it the result does not matter.
+
+    Whatever uses b multiplies it by J, so J may be singular, and a ridge of ``_RIDGE`` of each derivative's own
+    information changes nothing but what J does not see.
+    """
+    if not pushed.any():
+        return np.zeros_like(pushed)
+    own = np.diagonal(information, axis1=-2, axis2=-1)
+    solid = information.copy()
+    np.einsum("...ii->...i", solid)[...] += _RIDGE * own + (own == 0.0)
+    return np.asarray(np.linalg.solve(solid, pushed[..., None])[..., 0])
 
 
 def informative_part(information: Array, vector: Array, natural: Array) -> tuple[Array, Array]:
@@ -192,9 +216,69 @@ def log_bayes_direction(
 
 def log_bayes_any(change: Change, spread: Array) -> Array:
     """Log Bayes factor of "every derivative may have changed", each N(0, spread^2), against "no change", (...)."""
-    weight = change.weight * (spread[..., :, None] * spread[..., None, :])
-    pull = change.pull * spread
-    grown = np.eye(pull.shape[-1]) + weight
-    _, log_determinant = np.linalg.slogdet(grown)
-    moved = np.linalg.solve(grown, pull[..., None])[..., 0]
-    return np.asarray(-0.5 * log_determinant + 0.5 * (pull * moved).sum(axis=-1))
+    nothing = np.zeros((1, *spread.shape))
+    return along(change, nothing, spread[None]).log_factor[0]
+
+
+class Along(NamedTuple):
+    """What a change says along directions of whose every derivative it may differ, (n, ...) each.
+
+    Attributes:
+        pull, weight: a'K d and a'K a of each direction a.
+        log_factor: log Bayes factor of the differences against none.
+    """
+
+    pull: Array
+    weight: Array
+    log_factor: Array
+
+
+def along(change: Change, directions: Array, spread: Array) -> Along:
+    """What a change says along directions, each derivative of which may be off by N(0, spread^2).
+
+    With D the diagonal of ``spread`` and B = I + D K D, the change seen through that is K - K D B^-1 D K, and the
+    factor -log det B / 2 + (D K d)' B^-1 (D K d) / 2.
+
+    Args:
+        directions, spread: (n, ..., k); a spread of zero is an exact direction.
+    """
+    k = directions.shape[-1]
+    found = np.empty((3, *directions.shape[:-1]))
+    _all_along(
+        np.ascontiguousarray(change.weight).reshape(-1, k, k),
+        np.ascontiguousarray(change.pull).reshape(-1, k),
+        np.ascontiguousarray(directions).reshape(len(directions), -1, k),
+        np.ascontiguousarray(spread).reshape(len(directions), -1, k),
+        found.reshape(3, len(directions), -1),
+    )
+    return Along(*found)
+
+
+@whole
+def _all_along(weight, pull, directions, spread, found):  # type: ignore[no-untyped-def]
+    """``along``, into ``found`` (3, n, m): K (m, k, k) and K d (m, k) of m changes, directions and spread (n, m, k)."""
+    n, m, k = directions.shape
+    root, rows, across = np.empty((k, k)), np.empty((k, 2)), np.empty(k)
+    for i in range(n):
+        for j in range(m):
+            own, pulled, a, d = weight[j], pull[j], directions[i, j], spread[i, j]
+            total = moved = factor = 0.0
+            for r in range(k):
+                across[r] = 0.0
+                for c in range(k):
+                    across[r] += own[r, c] * a[c]
+                total += a[r] * across[r]
+                moved += a[r] * pulled[r]
+            if d.any():
+                for r in range(k):
+                    for c in range(r + 1):
+                        root[r, c] = d[r] * own[r, c] * d[c]
+                    root[r, r] += 1.0
+                    rows[r, 0], rows[r, 1] = d[r] * across[r], d[r] * pulled[r]
+                cholesky(root, _LEAST_PIVOT, root)
+                forward(root, rows)
+                for r in range(k):
+                    total -= rows[r, 0] * rows[r, 0]
+                    moved -= rows[r, 0] * rows[r, 1]
+                    factor += 0.5 * rows[r, 1] * rows[r, 1] - math.log(root[r, r])
+            found[0, i, j], found[1, i, j], found[2, i, j] = moved, total, factor

@@ -17,12 +17,15 @@ from scipy.special import chdtrc
 
 from wingwatch.aircraft import FlightCondition, ModeStructure
 from wingwatch.baselines import Expectation, Reference
-from wingwatch.estimators import BlockEvidence, Outcome
+from wingwatch.estimators import BlockEvidence
 from wingwatch.monitor.blocks import EKF, FOURIER, BlockView, Evidence, ModeBlock, sums_of, which_have_blocks
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.comparison import (
+    Along,
     Change,
     Coordinates,
+    along,
+    bias_of,
     blurred,
     change_since,
     informative_part,
@@ -173,16 +176,16 @@ class Judge:
         condition: FlightCondition,
     ) -> ModeBlock:
         """A structure's evidence, of both estimators, and expectation brought to common coordinates."""
-        c = self.coordinates[mode.structure.name]
-        expected, covariance = c.from_concise(expectation.value, expectation.covariance, condition)
+        at = self.coordinates[mode.structure.name].at(condition)
+        expected, covariance = at.from_concise(expectation.value, expectation.covariance)
         natural = natural_size(expected, covariance)
         model_variance = (self.config.model_error * natural) ** 2
-        found = c.of_evidence(evidence.information, evidence.vector, condition)
-        bias = c.slope(condition) * evidence.bias
+        found = at.of_evidence(evidence.information, evidence.vector)
+        bias = at.slope * evidence.bias
         by_fourier = blurred(*found, bias, model_variance)
         by_filter = (np.zeros_like(found[0]), np.zeros_like(bias), np.zeros_like(bias))
-        if mode.gained is not None and mode.ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING):
-            gained = c.of_evidence(*mode.gained, condition)
+        if mode.gained is not None and mode.filter_says_something:
+            gained = at.of_evidence(*mode.gained)
             by_filter = blurred(*informative_part(*gained, natural), by_filter[2], model_variance)
         both = Evidence(*(np.stack(parts) for parts in zip(by_fourier, by_filter, strict=True)))
         return ModeBlock(both, expected, covariance, mode.rough)
@@ -233,9 +236,7 @@ class Judge:
                 continue
             natural = natural_size(modes[-1].expected, modes[-1].expected_covariance)
             error = self.config.model_error * natural
-            bias = np.linalg.pinv(information, rcond=1e-9, hermitian=True) @ np.sum(
-                [m.evidence.bias[FOURIER] for m in modes], axis=0
-            )
+            bias = bias_of(information, np.sum([m.evidence.bias[FOURIER] for m in modes], axis=0))
             change = change_since(
                 modes[-1].expected, modes[-1].expected_covariance, information, vector,
                 np.diag(error**2) + np.outer(bias, bias), natural,
@@ -289,8 +290,7 @@ class Judge:
         covariance = np.asarray(0.5 * (covariance + np.swapaxes(covariance, -1, -2)), dtype=np.float64)
         mean = _times(covariance, known @ latest.expected + vector)
         window = since.information[onsets]
-        inverse = np.asarray(np.linalg.pinv(window, rcond=1e-9, hermitian=True), dtype=np.float64)
-        bias = _times(inverse, since.bias[onsets]) - _times(covariance, before.bias[healthy])
+        bias = bias_of(window, since.bias[onsets]) - _times(covariance, before.bias[healthy])
         natural = np.broadcast_to(natural_size(latest.expected, latest.expected_covariance), mean.shape)
         return change_since(
             mean, covariance, window, since.vector[onsets], bias[..., :, None] * bias[..., None, :], natural
@@ -364,10 +364,10 @@ class Judge:
     ) -> Array:
         """Each cause's direction at a mean (..., k) in the judge's coordinates, (causes, ..., k)."""
         c = self.coordinates[name]
-        scale, offset = c.to_concise(condition)
-        concise = scale * mean + offset
+        at = c.at(condition)
+        concise = at.scale * mean + at.offset
         found = [cause.direction(c.structure, concise, c.aircraft, condition) for cause in causes]
-        return np.array(found) / scale
+        return np.array(found) / at.scale
 
     def _directed(
         self, changes: Mapping[str, Change], causes: Sequence[Cause], condition: FlightCondition
@@ -382,20 +382,19 @@ class Judge:
         """
         size_std = np.array([cause.size_std for cause in causes])[:, None, None]
         directions = {name: self.directions(name, causes, c.mean, condition) for name, c in changes.items()}
-        exact, size, _ = log_bayes_direction(*_along(changes, directions), size_std)
-        loose: dict[str, Change] = {}
-        deviating = np.zeros_like(exact)
-        for name, change in changes.items():
-            direction = directions[name]
+        on_it = _along(changes, directions, {name: np.zeros_like(d) for name, d in directions.items()})
+        exact, size, _ = log_bayes_direction(on_it.pull, on_it.weight, size_std)
+        deviations = {}
+        for name, direction in directions.items():
             deviation = size[..., None] * np.hypot(
                 self.config.off_pattern * direction,
-                self.config.off_natural / size_std[..., None] * change.natural,
+                self.config.off_natural / size_std[..., None] * changes[name].natural,
             )
             deviation[~direction.any(axis=-1)] = 0.0
-            deviating += log_bayes_any(change, deviation)
-            loose[name] = change.loosened(deviation)
-        off_it, loose_size, loose_error = log_bayes_direction(*_along(loose, directions), size_std)
-        off_it = off_it + deviating
+            deviations[name] = deviation
+        loose = _along(changes, directions, deviations)
+        off_it, loose_size, loose_error = log_bayes_direction(loose.pull, loose.weight, size_std)
+        off_it = off_it + loose.log_factor
         return (
             np.logaddexp(exact, off_it) - np.log(2.0),
             np.where(off_it > exact, loose_size, size),
@@ -414,9 +413,9 @@ class Judge:
         it is in no known pattern odds for it, ``factor`` their logarithm; one that has learned nothing abstains."""
         if cause is UNEXPLAINED:
             return factor > 0.0 or not any(c.weight.any() for c in other.values())
-        directions = {n: self.directions(n, (cause,), c.mean, condition)[0] for n, c in other.items()}
-        pull, weight = _along(other, directions)
-        return bool(weight <= 0.0 or pull >= 0.5 * size * weight)
+        directions = {n: self.directions(n, (cause,), c.mean, condition) for n, c in other.items()}
+        found = _along(other, directions, {n: np.zeros_like(d) for n, d in directions.items()})
+        return bool(found.weight[0] <= 0.0 or found.pull[0] >= 0.5 * size * found.weight[0])
 
 
 def _of_either(factors: Array) -> Array:
@@ -429,10 +428,12 @@ def _times(matrix: Array, vector: Array) -> Array:
     return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
-def _along(changes: Mapping[str, Change], directions: Mapping[str, Array]) -> tuple[Array, Array]:
-    """a'y and a'K a over all structures together."""
-    parts = [change.along(directions[name]) for name, change in changes.items()]
-    return np.sum([pull for pull, _ in parts], axis=0), np.sum([weight for _, weight in parts], axis=0)
+def _along(
+    changes: Mapping[str, Change], directions: Mapping[str, Array], spreads: Mapping[str, Array]
+) -> Along:
+    """``along`` over all structures together."""
+    parts = [along(change, directions[name], spreads[name]) for name, change in changes.items()]
+    return Along(*(np.sum(values, axis=0) for values in zip(*parts, strict=True)))
 
 
 def _anything(changes: Mapping[str, Change], present: Flags) -> Array:

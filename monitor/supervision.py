@@ -205,6 +205,14 @@ class ModeSolution:
         """Whether the Fourier form's estimate is settling or converged; without a vane it is neither."""
         return self.pair.vane and self.seen[0].says_something
 
+    @property
+    def filter_says_something(self) -> bool:
+        """Whether the filter's estimate is settling or converged, beside the Fourier form's and with a vane or not."""
+        fourier, ekf = self.seen
+        if not ekf.says_something or (self.rough and not self.pair.vane):
+            return False
+        return 2 * np.count_nonzero(fourier.unseen) <= fourier.unseen.size
+
     def _both(self) -> tuple[Estimate, Estimate]:
         if self._made is None:
             self._made = _with_standing(self.pair, self.seen, self.rough)
@@ -417,7 +425,7 @@ def _read(
 def _with_standing(pair: Pair, seen: tuple[Standing, Standing], rough: bool) -> tuple[Estimate, Estimate]:
     """Both estimates with the standing that each has beside the other."""
     fourier = seen[0].estimate(pair.fourier.name, pair.structure)
-    ekf = _beside_fourier(seen[1].estimate(pair.ekf.name, pair.structure), fourier, seen[0].stale)
+    ekf = _beside_fourier(seen[1].estimate(pair.ekf.name, pair.structure), fourier, _listed(seen[0].unseen))
     if pair.vane:
         return fourier, ekf
     return _without_vane(fourier, rough), _without_vane(ekf, rough)
@@ -441,17 +449,15 @@ def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
     return replace(estimate, outcomes=outcomes, outcome=Outcome.REJECTED, reason=f"{NO_VANE}; {why}")
 
 
-def _beside_fourier(ekf: Estimate, fourier: Estimate, unseen: NDArray[np.bool_]) -> Estimate:
+def _beside_fourier(ekf: Estimate, fourier: Estimate, hidden: Sequence[bool]) -> Estimate:
     """The filter's estimate with the standing that the excitation allows.
 
     The filter cannot tell a noisy regressor from a moving one; the Fourier form can (its signal-to-noise), so what it
     calls not observable for want of signal is not observable for the filter either.
+
+    Args:
+        hidden: ``Standing.unseen`` of the Fourier form.
     """
-    apart = {symbol for names in fourier.confounded for symbol in names}
-    hidden = [
-        o is Outcome.NOT_OBSERVABLE and (bool(u) or symbol in apart)
-        for o, u, symbol in zip(fourier.outcomes, unseen, fourier.structure.derivatives, strict=True)
-    ]
     if not any(hidden):
         return ekf
     outcomes = tuple(

@@ -398,13 +398,13 @@ class VehicleMonitor:
         found = self.chain.envelopes[structure.name].lookup(condition)
         if isinstance(found, OutOfEnvelope) or structure.name not in self.judge.coordinates:
             return found
-        scale, offset = self.judge.coordinates[structure.name].to_concise(condition)
-        both = scale[:, None] * scale
+        at = self.judge.coordinates[structure.name].at(condition)
         value, covariance = self.judge.expected(
-            self._judge_state, structure.name, (found.value - offset) / scale, found.covariance / both
+            self._judge_state, structure.name, *at.from_concise(found.value, found.covariance)
         )
+        both = at.scale[:, None] * at.scale
         return Expectation(
-            structure, scale * value + offset, covariance * both, found.provenance, condition, found.source
+            structure, at.scale * value + at.offset, covariance * both, found.provenance, condition, found.source
         )
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:

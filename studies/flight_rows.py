@@ -257,7 +257,7 @@ def _change_under(watch: WatchedFlight, coordinates: Coordinates, effect: Effect
     condition, structure = watch.plan.condition, coordinates.structure
     clean = linearise(watch.aircraft, condition, structure)
     changed = linearise(watch.aircraft, condition, structure, (effect,), effect.onset_s + effect.ramp_s + 1.0)
-    scale, _ = coordinates.to_concise(condition)
+    scale = coordinates.at(condition).scale
     return np.array([changed[d] - clean[d] for d in structure.derivatives]) / scale
 
 

@@ -183,9 +183,8 @@ class WatchedFlight:
             for name, mode_solution in solution.modes.items():
                 found = mode_solution.block
                 if name in block.modes and found is not None:
-                    information, _ = monitor.judge.coordinates[name].of_evidence(
-                        found.information, found.vector, block.condition
-                    )
+                    at = monitor.judge.coordinates[name].at(block.condition)
+                    information, _ = at.of_evidence(found.information, found.vector)
                     heard.information.append((block.end_s, name, information))
 
     def _score(self, mode: ModeBlock) -> tuple[float, float]:

@@ -35,7 +35,7 @@ class Life:
         self.book = AlertBook("default", "uav", lambda: f"a{next(ids)}")
         found = apriori_envelope(AIRCRAFT, SHORT_PERIOD).lookup(CONDITION)
         assert isinstance(found, Expectation)
-        self.truth, self.spread = self.coordinates.from_concise(found.value, found.covariance, CONDITION)
+        self.truth, self.spread = self.coordinates.at(CONDITION).from_concise(found.value, found.covariance)
         self.information = np.diag((RELATIVE_ERROR * np.abs(self.truth)) ** -2.0)
         self.time_s = 0.0
 

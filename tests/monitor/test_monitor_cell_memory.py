@@ -24,7 +24,7 @@ INFORMATION = np.diag(50.0 / TRUTH**2)
 
 
 def natural() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.abs(TRUTH / COORDINATES.slope(SLOW))
+    return np.abs(TRUTH / COORDINATES.at(SLOW).slope)
 
 
 def block(

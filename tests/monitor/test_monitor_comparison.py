@@ -1,5 +1,6 @@
 """The comparison's algebra against direct formulas that invert what may be inverted."""
 
+from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, load_aircraft
 from wingwatch.monitor.comparison import (
     Change,
     Coordinates,
+    along,
     blurred,
     change_since,
     log_bayes_any,
@@ -57,7 +59,8 @@ def test_a_block_that_saw_nothing_says_nothing() -> None:
     assert np.all(found.weight == 0.0)
     assert np.all(found.pull == 0.0)
     assert log_bayes_any(found, np.ones(3)) == 0.0
-    factor, size, _ = log_bayes_direction(*found.along(np.ones(3)), 0.3)
+    exact = along(found, np.ones((1, 3)), np.zeros((1, 3)))
+    factor, size, _ = log_bayes_direction(exact.pull, exact.weight, 0.3)
     assert factor == pytest.approx(0.0, abs=1e-12)
     assert size == 0.0
 
@@ -102,13 +105,21 @@ def test_a_bayes_factor_has_expectation_one_when_nothing_changed() -> None:
 
 
 @given(seed=st.integers(0, 10_000))
-def test_loosening_adds_variance(seed: int) -> None:
+def test_a_spread_of_the_derivatives_adds_variance_to_what_is_seen_along_a_direction(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    change = _change(rng)
-    spread = rng.uniform(0.0, 2.0, size=4)
-    loose = change.loosened(spread)
-    expected = np.linalg.inv(np.linalg.inv(change.weight) + np.diag(spread**2))
-    np.testing.assert_allclose(loose.weight, expected, rtol=1e-6, atol=1e-9)
+    first, second = _change(rng), _change(rng)
+    both = Change(*(np.stack([getattr(c, f.name) for c in (first, second)]) for f in fields(Change)))
+    directions = rng.normal(size=(3, 2, 4))
+    spread = rng.uniform(0.0, 2.0, size=(3, 2, 4))
+    spread[1] = 0.0
+    found = along(both, directions, spread)
+    for m, change in enumerate((first, second)):
+        covariance = np.linalg.inv(change.weight)
+        for n, (a, s) in enumerate(zip(directions[:, m], spread[:, m], strict=True)):
+            weight = np.linalg.inv(covariance + np.diag(s**2))
+            assert found.weight[n, m] == pytest.approx(a @ weight @ a, rel=1e-6)
+            assert found.pull[n, m] == pytest.approx(a @ weight @ covariance @ change.pull, rel=1e-6, abs=1e-8)
+            assert found.log_factor[n, m] == pytest.approx(log_bayes_any(change, s), rel=1e-9, abs=1e-12)
 
 
 @given(seed=st.integers(0, 10_000))
@@ -128,16 +139,17 @@ def test_coordinates_round_trip_and_carry_evidence(name: str) -> None:
     coordinates = Coordinates(SHORT_PERIOD, aircraft, (25.0, 1.1116))
     rng = np.random.default_rng(3)
     value, covariance = rng.normal(size=6) * 10.0, _spd(rng, 6)
-    scale, offset = coordinates.to_concise(CONDITION)
-    inside, spread = coordinates.from_concise(value, covariance, CONDITION)
+    at = coordinates.at(CONDITION)
+    scale, offset = at.scale, at.offset
+    inside, spread = at.from_concise(value, covariance)
     np.testing.assert_allclose(scale * inside + offset, value, rtol=1e-12)
     np.testing.assert_allclose(spread * np.outer(scale, scale), covariance, rtol=1e-12)
     # evidence about referred derivatives gives the same estimate as converting that estimate
     information = _spd(rng, 6)
     referred = rng.normal(size=6)
-    j, h = coordinates.of_evidence(information, information @ referred, CONDITION)
-    slope = coordinates.slope(CONDITION)
+    j, h = at.of_evidence(information, information @ referred)
+    slope = at.slope
     assert np.allclose(j, information * np.outer(slope, slope))
     shifted = np.linalg.solve(j, h)
-    zero = np.linalg.solve(j, coordinates.of_evidence(information, np.zeros(6), CONDITION)[1])
+    zero = np.linalg.solve(j, at.of_evidence(information, np.zeros(6))[1])
     np.testing.assert_allclose(shifted - zero, referred / slope, rtol=1e-8)

@@ -34,7 +34,7 @@ class Bench:
             found = apriori_envelope(AIRCRAFT, structure).lookup(CONDITION)
             assert isinstance(found, Expectation)
             c = self.coordinates[name]
-            self.truth[name], spread = c.from_concise(found.value, found.covariance, CONDITION)
+            self.truth[name], spread = c.at(CONDITION).from_concise(found.value, found.covariance)
             spread = spread / 25.0 if founded else spread  # flights know five times better than a book
             off = 1.0 + wrong_baseline * np.sign(self.rng.normal(size=self.truth[name].size))
             self.expected[name] = (self.truth[name] * off, spread)
