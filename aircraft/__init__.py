@@ -60,8 +60,8 @@ from wingwatch.aircraft.coefficients import (
 )
 from wingwatch.aircraft.condition import FlightCondition
 from wingwatch.aircraft.conventions import (
-    Convention,
     AffineForm,
+    Convention,
     affine,
     convert,
     convert_standard_errors,

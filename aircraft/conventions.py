@@ -174,7 +174,9 @@ def _powers(structure: ModeStructure) -> _Powers:
     half = np.array([0.5 if x in _RATES else 1.0 for _, x in parts])
     return _Powers(
         area=np.where(attitude, 0.0, 1.0),
-        span=np.array([float(row in "ln") + float(x in ("p", "r")) - float(row == "phi") for row, x in parts]),
+        span=np.array(
+            [float(row in "ln") + float(x in ("p", "r")) - float(row == "phi") for row, x in parts]
+        ),
         chord=np.array([float(row == "m") + float(x == "q") - float(row == "theta") for row, x in parts]),
         half=np.where(attitude, 2.0, half),
         forward=np.array([{"z_q": 1.0, "y_r": -1.0}.get("_".join(part), 0.0) for part in parts]),
@@ -229,7 +231,9 @@ class AffineForm:
     ) -> None:
         mass, powers = aircraft.need_mass(_PURPOSE), _powers(structure)
         m = mass.mass_kg
-        inertia = np.array([m, m, mass.inertia_y_kg_m2, m, mass.inertia_x_kg_m2, mass.inertia_z_kg_m2, 1.0, 1.0])
+        inertia = np.array(
+            [m, m, mass.inertia_y_kg_m2, m, mass.inertia_x_kg_m2, mass.inertia_z_kg_m2, 1.0, 1.0]
+        )
         dimensional = target is Convention.DIMENSIONAL
         fixed = 1.0 if dimensional else _by_geometry(structure, aircraft, target)
         self._aircraft, self._mass_kg, self._powers = aircraft, m, powers
@@ -240,9 +244,7 @@ class AffineForm:
     def kinematic(self, condition: FlightCondition) -> NDArray[np.float64]:
         """The part of each concise derivative that no force makes, shape (k,): U in z_q, -U in y_r, W in y_p."""
         powers = self._powers
-        return (
-            powers.forward * condition.forward_velocity_m_s + powers.normal * condition.normal_velocity_m_s
-        )
+        return powers.forward * condition.forward_velocity_m_s + powers.normal * condition.normal_velocity_m_s
 
     def at(self, condition: FlightCondition) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Scale and offset of ``affine``, shape (k,) each."""

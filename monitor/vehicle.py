@@ -404,7 +404,12 @@ class VehicleMonitor:
         )
         both = at.scale[:, None] * at.scale
         return Expectation(
-            structure, at.scale * value + at.offset, covariance * both, found.provenance, condition, found.source
+            structure,
+            at.scale * value + at.offset,
+            covariance * both,
+            found.provenance,
+            condition,
+            found.source,
         )
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:

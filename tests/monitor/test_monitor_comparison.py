@@ -118,7 +118,9 @@ def test_a_spread_of_the_derivatives_adds_variance_to_what_is_seen_along_a_direc
         for n, (a, s) in enumerate(zip(directions[:, m], spread[:, m], strict=True)):
             weight = np.linalg.inv(covariance + np.diag(s**2))
             assert found.weight[n, m] == pytest.approx(a @ weight @ a, rel=1e-6)
-            assert found.pull[n, m] == pytest.approx(a @ weight @ covariance @ change.pull, rel=1e-6, abs=1e-8)
+            assert found.pull[n, m] == pytest.approx(
+                a @ weight @ covariance @ change.pull, rel=1e-6, abs=1e-8
+            )
             assert found.log_factor[n, m] == pytest.approx(log_bayes_any(change, s), rel=1e-9, abs=1e-12)
 
 
