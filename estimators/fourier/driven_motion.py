@@ -1,6 +1,7 @@
 """The motion that air and moments cause, beside that of the surfaces; compiled.
 
-Derivation and equation numbers: ``docs/methods/fourier.md`` sections 2 and 3. Memory is that of ``noise``.
+Derivation and equation numbers: ``docs/methods/fourier.md`` sections 2 and 3. Memory is that of ``noise``; real and
+imaginary parts lie apart and bins side by side.
 """
 
 from wingwatch.estimators.fourier.noise import DRIVING
@@ -17,22 +18,25 @@ def driven_motions(omega, plant, work):  # type: ignore[no-untyped-def]
     has to be that of ``weigh``.
     """
     ns, nd = plant.derivatives.shape
-    transfer = work.transfer
+    transfer, answers = work.transfer, work.answers
     rows = work.weights.shape[0]
-    for f in range(omega.size):
-        answers = work.answers[f]
-        _open_loop(plant, 1j * omega[f], answers)
-        for k in range(ns):
-            for j in range(ns):
-                answers[k, ns + DRIVING + j] = 1.0 if k == j else 0.0
-            for e in range(DRIVING):
-                drive = transfer[nd + 1 + e, k]
-                answers[k, ns + e] = complex(drive[0, f], drive[1, f])
-                if k == 0 and rows > ns:
-                    # The rate of the velocity is the force row and the kinematic row together.
-                    kinematic = transfer[nd + 1 + e, ns]
-                    answers[k, ns + e] += complex(kinematic[0, f], kinematic[1, f])
-        _eliminate_states(answers, ns)
+    _open_loop(plant, 0.0, omega, answers)
+    for k in range(ns):
+        for e in range(DRIVING):
+            drive, out = transfer[nd + 1 + e, k], answers[k, ns + e]
+            for part in range(2):
+                for f in range(omega.size):
+                    out[part, f] = drive[part, f]
+            if k == 0 and rows > ns:
+                # The rate of the velocity is the force row and the kinematic row together.
+                kinematic = transfer[nd + 1 + e, ns]
+                for part in range(2):
+                    for f in range(omega.size):
+                        out[part, f] += kinematic[part, f]
+        for j in range(ns):
+            answers[k, ns + DRIVING + j, 0, :] = 1.0 if k == j else 0.0
+            answers[k, ns + DRIVING + j, 1, :] = 0.0
+    _eliminate_states(answers, ns)
 
 
 @lean
@@ -47,36 +51,48 @@ def roll_shared_at_ends(plant, air, work):  # type: ignore[no-untyped-def]
     work.at_ends[:] = 0.0
     if ns != 3 or air.roll_s == 0.0:
         return
-    _open_loop(plant, 1.0 / air.roll_s + 0.0j, begun)
+    _open_loop(plant, 1.0 / air.roll_s, work.at_rest, begun)
     for k in range(ns):
-        begun[k, ns] = -plant.roll_column[k]
+        begun[k, ns, 0, 0], begun[k, ns, 1, 0] = -plant.roll_column[k], 0.0
     _eliminate_states(begun, ns)
     for k in range(ns):
-        work.at_ends[k] = begun[k, ns].real
+        work.at_ends[k] = begun[k, ns, 0, 0]
 
 
 @lean
-def _open_loop(plant, s, answers):  # type: ignore[no-untyped-def]
-    """s - A into the first columns."""
+def _open_loop(plant, damping, omega, answers):  # type: ignore[no-untyped-def]
+    """s - A into the first columns, s = damping + i omega."""
     ns = plant.lever.size
     for k in range(ns):
         for j in range(ns):
-            answers[k, j] = -plant.derivatives[k, j] - (plant.forward_speed[j] if k == 0 else 0.0)
-        answers[k, k] += s
+            real, imaginary = answers[k, j, 0], answers[k, j, 1]
+            own = damping if j == k else 0.0
+            own -= plant.derivatives[k, j] + (plant.forward_speed[j] if k == 0 else 0.0)
+            for f in range(omega.size):
+                real[f], imaginary[f] = own, omega[f] if j == k else 0.0
 
 
 @lean
 def _eliminate_states(rows, n):  # type: ignore[no-untyped-def]
-    """Solve the complex system in the first n columns of ``rows`` for the others, in place.
+    """Solve the complex systems in the first n columns of ``rows`` (n, columns, 2, bins) for the others, in place.
 
     s - A has a pivot in every row: it is no eigenvalue of a part of A, none of which has no damping.
     """
+    bins = rows.shape[3]
     for a in range(n):
-        over = 1.0 / rows[a, a]
-        for c in range(rows.shape[1]):
-            rows[a, c] *= over
+        for c in range(a + 1, rows.shape[1]):
+            x, y, u, v = rows[a, c, 0], rows[a, c, 1], rows[a, a, 0], rows[a, a, 1]
+            for f in range(bins):
+                size = 1.0 / (u[f] * u[f] + v[f] * v[f])
+                real = (x[f] * u[f] + y[f] * v[f]) * size
+                y[f] = (y[f] * u[f] - x[f] * v[f]) * size
+                x[f] = real
         for b in range(n):
-            if b != a:
-                factor = rows[b, a]
-                for c in range(rows.shape[1]):
-                    rows[b, c] -= factor * rows[a, c]
+            if b == a:
+                continue
+            for c in range(a + 1, rows.shape[1]):
+                p, q, x, y = rows[b, c, 0], rows[b, c, 1], rows[a, c, 0], rows[a, c, 1]
+                u, v = rows[b, a, 0], rows[b, a, 1]
+                for f in range(bins):
+                    p[f] -= u[f] * x[f] - v[f] * y[f]
+                    q[f] -= u[f] * y[f] + v[f] * x[f]

@@ -102,11 +102,12 @@ class NoiseWorkspace(NamedTuple):
         determinant: (bins,) of W.
         driven: (states, 2, bins) products of explained motion and weighted residual that are due to the air.
         rolled: (1,) sum over bins of the power that the rolling air gives the roll rate, by the roll equation's weight.
-        answers: (bins, states, 2 states + DRIVING), complex, of ``driven_motion.driven_motions``.
+        answers: (states, 2 states + DRIVING, 2, bins) of ``driven_motion.driven_motions``.
         shared: (states + inputs, rows, 2, bins) covariance of the regressors' errors with the residual.
         common: (2, bins) workspace.
-        caused: (states,), complex, weighted residual by a unit of one motion of the air in one bin.
-        at_ends: (states,) of ``driven_motion.roll_shared_at_ends``; begun: (states, states + 1), complex, workspace.
+        caused: (states, 2, bins) weighted residual by a unit of one motion of the air.
+        at_ends: (states,) of ``driven_motion.roll_shared_at_ends``; begun: (states, states + 1, 2, 1) workspace.
+        at_rest: (1,) the frequency zero.
     """
 
     transfer: NDArray[np.float64]
@@ -124,12 +125,13 @@ class NoiseWorkspace(NamedTuple):
     determinant: NDArray[np.float64]
     driven: NDArray[np.float64]
     rolled: NDArray[np.float64]
-    answers: NDArray[np.complex128]
+    answers: NDArray[np.float64]
     shared: NDArray[np.float64]
     common: NDArray[np.float64]
-    caused: NDArray[np.complex128]
+    caused: NDArray[np.float64]
     at_ends: NDArray[np.float64]
-    begun: NDArray[np.complex128]
+    begun: NDArray[np.float64]
+    at_rest: NDArray[np.float64]
 
 
 def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWorkspace:
@@ -150,12 +152,13 @@ def noise_workspace(states: int, inputs: int, rows: int, bins: int) -> NoiseWork
         np.ones(bins),
         np.zeros((states, 2, bins)),
         np.zeros(1),
-        np.zeros((bins, states, 2 * states + DRIVING), dtype=np.complex128),
+        np.zeros((states, 2 * states + DRIVING, 2, bins)),
         np.zeros((states + inputs, rows, 2, bins)),
         np.zeros((2, bins)),
-        np.zeros(states, dtype=np.complex128),
+        np.zeros((states, 2, bins)),
         np.zeros(states),
-        np.zeros((states, states + 1), dtype=np.complex128),
+        np.zeros((states, states + 1, 2, 1)),
+        np.zeros(1),
     )
 
 

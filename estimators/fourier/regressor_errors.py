@@ -50,15 +50,23 @@ def shared_with_residual(omega, plant, air, noise, power, work):  # type: ignore
         source = c if c < ns else c + 1
         variance = power * channel_variance(noise, source, ns)
         for k in range(shared.shape[1]):
+            real, imaginary = shared[c, k, 0], shared[c, k, 1]
+            a, b = transfer[source, k, 0], transfer[source, k, 1]
             for f in range(omega.size):
-                own = variance * complex(transfer[source, k, 0, f], -transfer[source, k, 1, f])
-                if c == ns - 1 and air.turn != 0.0:
-                    turn = air.turn / (1.0 + 1j * omega[f] * air.turn_s)
-                    own += gust * turn * complex(transfer[nd + 1, k, 0, f], -transfer[nd + 1, k, 1, f])
-                if c < ns and ns == 3:
-                    moved = rolling * work.answers[f, c, ns + 1]
-                    own += moved * complex(transfer[nd + 2, k, 0, f], -transfer[nd + 2, k, 1, f])
-                shared[c, k, 0, f], shared[c, k, 1, f] = own.real, own.imag
+                real[f], imaginary[f] = variance * a[f], -variance * b[f]
+            if c == ns - 1 and air.turn != 0.0:
+                a, b = transfer[nd + 1, k, 0], transfer[nd + 1, k, 1]
+                for f in range(omega.size):
+                    late = omega[f] * air.turn_s
+                    turn = gust * air.turn / (1.0 + late * late)
+                    real[f] += turn * (a[f] - late * b[f])
+                    imaginary[f] -= turn * (b[f] + late * a[f])
+            if c < ns and ns == 3:
+                a, b = transfer[nd + 2, k, 0], transfer[nd + 2, k, 1]
+                u, v = work.answers[c, ns + 1, 0], work.answers[c, ns + 1, 1]
+                for f in range(omega.size):
+                    real[f] += rolling * (u[f] * a[f] + v[f] * b[f])
+                    imaginary[f] += rolling * (v[f] * a[f] - u[f] * b[f])
 
 
 @lean
@@ -90,12 +98,14 @@ def _error_products(noise, power, work, i, j, common):  # type: ignore[no-untype
     rolling = power * noise[ROLLING]
     own = power * channel_variance(noise, i if i < ns else i + 1, ns) if i == j else 0.0
     turned = power * noise[GUST] if i == j == ns - 1 else 0.0
-    for f in range(common.shape[1]):
-        common[0, f], common[1, f] = own + turned * work.shaped[1, f], 0.0
-        if ns == 3 and i < ns and j < ns:
-            moved = rolling * work.answers[f, i, ns + 1] * work.answers[f, j, ns + 1].conjugate()
-            common[0, f] += moved.real
-            common[1, f] += moved.imag
+    real, imaginary = common[0], common[1]
+    for f in range(real.size):
+        real[f], imaginary[f] = own + turned * work.shaped[1, f], 0.0
+    if ns == 3 and i < ns and j < ns:
+        a, b, u, v = work.answers[i, ns + 1, 0], work.answers[i, ns + 1, 1], work.answers[j, ns + 1, 0], work.answers[j, ns + 1, 1]
+        for f in range(real.size):
+            real[f] += rolling * (a[f] * u[f] + b[f] * v[f])
+            imaginary[f] += rolling * (b[f] * u[f] - a[f] * v[f])
 
 
 @lean
