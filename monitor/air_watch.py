@@ -10,7 +10,7 @@ from wingwatch.aircraft import Aircraft
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 from wingwatch.telemetry.conditioning import GUST_CHANNELS, VANES, AirConfig, AirQuality, turbulence_intensity
 
-__all__ = ["AirWatch", "AirState"]
+__all__ = ["AirState", "AirWatch", "PendingAir"]
 
 Array = NDArray[np.float64]
 
@@ -40,6 +40,34 @@ class AirState:
     """Stamps and rows of the last whole half minute, until somebody asks what its air was like."""
     found: AirQuality | None = None
     """What was found when somebody asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class PendingAir:
+    """A half minute whose air nobody has asked for yet.
+
+    Measuring takes milliseconds and changes nothing, so it needs no lock; ``keep`` does.
+    """
+
+    config: AirConfig
+    state: AirState
+    window: tuple[Array, NDArray[np.float32]]
+
+    def measure(self) -> AirQuality | None:
+        """What the air was like; None where a channel is missing, or the window is torn by gaps."""
+        stamps, rows = self.window
+        if len(stamps) < _LEAST_ROWS:
+            return None
+        there = {"time_s": stamps} | dict(zip(_KEPT, rows.T.astype(np.float64), strict=True))
+        try:
+            return turbulence_intensity(SampleBlock.from_columns(there), self.config)
+        except ValueError:
+            return None
+
+    def keep(self, found: AirQuality | None) -> None:
+        """This is what was found, unless another half minute is over by now."""
+        if self.state.window is self.window:
+            self.state.found, self.state.window = found, None
 
 
 class AirWatch:
@@ -90,19 +118,13 @@ class AirWatch:
 
         None before the first, or where a channel that this needs has no readings.
         """
-        if state.window is not None:
-            state.found = self._found(*state.window)
-            state.window = None
+        if (pending := self.pending(state)) is not None:
+            pending.keep(pending.measure())
         return state.found
 
-    def _found(self, stamps: Array, rows: NDArray[np.float32]) -> AirQuality | None:
-        if len(stamps) < _LEAST_ROWS:
-            return None
-        there = {"time_s": stamps} | dict(zip(_KEPT, rows.T.astype(np.float64), strict=True))
-        try:
-            return turbulence_intensity(SampleBlock.from_columns(there), self._config)
-        except ValueError:  # a channel is missing, or the window is torn by gaps
-            return None
+    def pending(self, state: AirState) -> PendingAir | None:
+        """The last whole half minute, where its air has not been measured yet."""
+        return None if state.window is None else PendingAir(self._config, state, state.window)
 
 
 def _forget(pieces: deque[tuple[Array, NDArray[np.float32]]], before_s: float) -> None:

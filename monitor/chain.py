@@ -33,7 +33,7 @@ from wingwatch.estimators import (
     offsets,
     padded,
 )
-from wingwatch.monitor.air_watch import AirState, AirWatch
+from wingwatch.monitor.air_watch import AirState, AirWatch, PendingAir
 from wingwatch.monitor.solution_times import find_due
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, PairState, Supervisor
@@ -296,6 +296,10 @@ class Chain:
     def air(self, state: ChainState) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
         return self._air.quality(state.air)
+
+    def pending_air(self, state: ChainState) -> PendingAir | None:
+        """The same before it is worked out; None where nothing is to be."""
+        return self._air.pending(state.air)
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
         """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""

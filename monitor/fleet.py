@@ -400,13 +400,35 @@ class FleetMonitor:
     # -- what may be asked (MonitorPort) ---------------------------------------------------------
 
     def _view(self, fleet: str, vehicle: str, known: KnownVehicle) -> VehicleView:
+        return self._views([((fleet, vehicle), known)])[0]
+
+    def _views(self, some: Sequence[tuple[VehicleKey, KnownVehicle]]) -> list[VehicleView]:
+        self._measure_air([known for _, known in some])
         with self._lock:
-            now_s = self._clock()
+            return [self._shown_now(*key, known) for key, known in some]
+
+    def _shown_now(self, fleet: str, vehicle: str, known: KnownVehicle) -> VehicleView:
+        now_s = self._clock()
+        try:
+            return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._context.ledger.ids)
+        except Exception as error:  # one vehicle that cannot be shown must not hide the others
+            self._context.note_fault(fleet, vehicle, known, error)
+            return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
+
+    def _measure_air(self, some: Sequence[KnownVehicle]) -> None:
+        """What the air was like is worked out, milliseconds a vehicle, while samples are taken in."""
+        monitors = [known.monitor for known in some if known.monitor is not None]
+        pending = [found for monitor in monitors if (found := monitor.pending_air) is not None]
+        measured = []
+        for each in pending:
             try:
-                return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._context.ledger.ids)
-            except Exception as error:  # one vehicle that cannot be shown must not hide the others
-                self._context.note_fault(fleet, vehicle, known, error)
-                return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
+                measured.append((each, each.measure()))
+            except Exception:  # it is tried again where the vehicle is shown, and a fault is noted there
+                continue
+        if measured:
+            with self._lock:
+                for each, found in measured:
+                    each.keep(found)
 
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles ever heard of, worst state first; samples are taken in between some and the next."""
@@ -414,9 +436,7 @@ class FleetMonitor:
             everyone = list(self._vehicles.items())
         views: list[VehicleView] = []
         for start in range(0, len(everyone), _SHOWN_AT_ONCE):
-            with self._lock:
-                some = everyone[start : start + _SHOWN_AT_ONCE]
-                views += [self._view(fleet, vehicle, known) for (fleet, vehicle), known in some]
+            views += self._views(everyone[start : start + _SHOWN_AT_ONCE])
         return sorted(views, key=lambda v: (STATE_ORDER.index(v.state), v.fleet, v.vehicle))
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:

@@ -17,6 +17,7 @@ from wingwatch.aircraft import (
 )
 from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import BlockEvidence, Estimate
+from wingwatch.monitor.air_watch import PendingAir
 from wingwatch.monitor.alerts import AlertBook, BookState
 from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.cell_memory import CellBook
@@ -159,6 +160,11 @@ class VehicleMonitor:
     def air(self) -> AirQuality | None:
         """Gusts of the last half minute as of the last solution; None where they are not known."""
         return self.chain.air(self.chain_state)
+
+    @property
+    def pending_air(self) -> PendingAir | None:
+        """What ``air`` would work out; None where it is known already."""
+        return self.chain.pending_air(self.chain_state)
 
     @property
     def last_block(self) -> BlockView | None:
