@@ -6,7 +6,7 @@ process sends, every other vehicle in JSON, and a third asks REST ten times a se
 behind REST is behind what was sent at the end, how long REST took meanwhile, the service's processor time a
 vehicle-sample, and its memory. Times are of a machine that also sends and asks.
 
-Run: python benchmarks/live_fleet.py [--vehicles 3 15 50] [--seconds 30] [--samples-per-message 10]
+Run: python benchmarks/live_fleet.py [--vehicles 3 15 50] [--seconds 30] [--samples-per-message 10] [--over 0]
 """
 
 import argparse
@@ -212,8 +212,15 @@ def payloads(vehicles: int, seconds: float, samples: int) -> list[list[bytes]]:
     return made
 
 
-def send(endpoint: str, vehicles: int, seconds: float, samples: int, moments: Connection) -> None:
-    """All vehicles in real time, evenly within a message's period.
+def waits(vehicles: int, over_s: float, samples: int) -> list[int]:
+    """How many messages' periods each vehicle begins after the first, evenly over some seconds."""
+    return [round(over_s * RATE_HZ / samples * i / vehicles) for i in range(vehicles)]
+
+
+def send(
+    endpoint: str, vehicles: int, seconds: float, samples: int, over_s: float, moments: Connection
+) -> None:
+    """All vehicles in real time, evenly within a message's period, the last one beginning ``over_s`` late.
 
     Says when it is ready, sends from the moment that it is given, says how many messages it sent and how late it ever
     was, and ends when the connection closes.
@@ -235,15 +242,18 @@ def send(endpoint: str, vehicles: int, seconds: float, samples: int, moments: Co
             )
         moments.send(None)
         begin_s = moments.recv()
-        late_s = 0.0
+        late_s, sent, waiting = 0.0, 0, waits(vehicles, over_s, samples)
         for k in range(len(made[0])):
             for i, publisher in enumerate(publishers):
+                if k < waiting[i]:
+                    continue
                 wait_s = begin_s + period_s * (k + (i + 1) / vehicles) - time.monotonic()
                 if wait_s > 0.0:
                     time.sleep(wait_s)
                 late_s = max(late_s, -wait_s)
-                publisher.put(made[i % len(made)][k])
-        moments.send((vehicles * len(made[0]), late_s))
+                publisher.put(made[i % len(made)][k - waiting[i]])
+                sent += 1
+        moments.send((sent, late_s))
         moments.poll(PATIENCE_S)
 
 
@@ -272,9 +282,13 @@ def ask(url: str, vehicles: int, ended: Callable[[], bool]) -> tuple[list[float]
     return one_s, fleet_s
 
 
-def behind(url: str, last_s: float) -> list[float]:
-    """Seconds of each vehicle's flight that are sent and not yet in what REST answers."""
-    return [last_s - (v["last_sample_time_s"] or 0.0) for v in _vehicles(url)]
+def behind(url: str, last_s: Sequence[float]) -> list[float]:
+    """Seconds of each vehicle's flight that are sent and not yet in what REST answers.
+
+    Args:
+        last_s: stamp of the last sample that each vehicle has sent.
+    """
+    return [last_s[int(v["vehicle"][1:])] - (v["last_sample_time_s"] or 0.0) for v in _vehicles(url)]
 
 
 def _vehicles(url: str) -> list[dict[str, Any]]:
@@ -284,7 +298,7 @@ def _vehicles(url: str) -> list[dict[str, Any]]:
     return items
 
 
-def course(vehicles: int, seconds: float, samples: int = 10) -> Course:
+def course(vehicles: int, seconds: float, samples: int = 10, over_s: float = 0.0) -> Course:
     """One run with so many vehicles against a service of its own."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
@@ -293,13 +307,17 @@ def course(vehicles: int, seconds: float, samples: int = 10) -> Course:
         url = _received(service, COMPILE_S + PATIENCE_S)
         if url is None:
             raise TimeoutError(f"the kernels were not compiled within {COMPILE_S:g} s; run it again")
-        sender = stack.enter_context(beside(send, endpoint, vehicles, seconds, samples))
+        sender = stack.enter_context(beside(send, endpoint, vehicles, seconds, samples, over_s))
         _received(sender, COMPILE_S)
         before = _usage(service)
         sender.send(time.monotonic() + 0.5)
         answers_s, fleet_s = ask(url, vehicles, sender.poll)
         sent, late_s = _received(sender, PATIENCE_S)
-        late = behind(url, (round(seconds * RATE_HZ) // samples * samples - 1) / RATE_HZ)
+        messages = round(seconds * RATE_HZ) // samples
+        late = behind(
+            url,
+            [((messages - wait) * samples - 1) / RATE_HZ for wait in waits(vehicles, over_s, samples)],
+        )
         time.sleep(ARRIVE_S)
         after = _usage(service)
         taken = max(sum(v["counts"].get("accepted", 0) for v in _vehicles(url)), 1)
@@ -352,16 +370,23 @@ def main() -> None:
     )
     parser.add_argument("--seconds", type=float, default=30.0, help="of flight, in real time; at least 5")
     parser.add_argument("--samples-per-message", type=int, default=10, help="1 to 100")
+    parser.add_argument(
+        "--over", type=float, default=0.0, help="seconds over which the vehicles begin, one after the other"
+    )
     arguments = parser.parse_args()
     if not 5.0 <= arguments.seconds <= 3600.0:
         parser.error(f"--seconds is {arguments.seconds}; give 5 to 3600")
+    if not 0.0 <= arguments.over <= arguments.seconds - 5.0:
+        parser.error(
+            f"--over is {arguments.over}; give 0 to 5 less than --seconds, {arguments.seconds - 5.0}"
+        )
     if not all(1 <= n <= 5000 for n in arguments.vehicles):
         parser.error(f"--vehicles are {arguments.vehicles}; give 1 to 5000 each")
     if not 1 <= arguments.samples_per_message <= 100:
         parser.error(f"--samples-per-message is {arguments.samples_per_message}; give 1 to 100")
     print(
         f"vehicles at {RATE_HZ:g} Hz for {arguments.seconds:g} s, {arguments.samples_per_message} samples a message, "
-        "every other one in JSON"
+        f"every other one in JSON, beginning over {arguments.over:g} s"
     )
     groups = ("behind, s", "one vehicle, ms", "fleet, ms")
     print(
@@ -375,7 +400,7 @@ def main() -> None:
     )  # fmt: skip
     runs = []
     for n in arguments.vehicles:
-        runs.append(course(n, arguments.seconds, arguments.samples_per_message))
+        runs.append(course(n, arguments.seconds, arguments.samples_per_message, arguments.over))
         report(runs[-1])
     print("\nprocessor time of the service, us a vehicle-sample")
     print(f"{'vehicles':>20}" + "".join(f"{run.vehicles:9d}" for run in runs))

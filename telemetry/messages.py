@@ -94,7 +94,9 @@ class SensorsMessage:
     @property
     def span_s(self) -> tuple[float, float]:
         """Earliest and latest stamp; NaN without any."""
-        stamps = self.block.time_s[np.isfinite(self.block.time_s)]
+        stamps = self.block.time_s
+        if not np.isfinite(stamps).all():
+            stamps = stamps[np.isfinite(stamps)]
         return (float(stamps.min()), float(stamps.max())) if stamps.size else (np.nan, np.nan)
 
 
@@ -138,10 +140,10 @@ def decode_sensors(payload: bytes, encoding: str, limits: MessageLimits | None =
     if "time_s" not in columns:
         raise MessageError("missing_time", "the sensors message has no time_s")
     table, samples = list(columns.values()), len(columns["time_s"])
-    for name, column in columns.items():
-        if len(column) != samples:
-            text = f"column {name} has {len(column)} values and time_s {samples}: all columns must be equally long"
-            raise MessageError("unequal_lengths", text)
+    if set(map(len, table)) != {samples}:
+        name, length = next((name, len(column)) for name, column in columns.items() if len(column) != samples)
+        text = f"column {name} has {length} values and time_s {samples}: all columns must be equally long"
+        raise MessageError("unequal_lengths", text)
     if samples > limits.max_samples:
         text = f"the message has {samples} samples, more than the {limits.max_samples} allowed: send fewer"
         raise MessageError("too_many_samples", text)
@@ -259,8 +261,10 @@ def _demand_protobuf(encoding: str) -> None:
 
 def _demand_a_clock(time_s: NDArray[np.float64]) -> None:
     """Stamps that no clock shows make a message worthless; every other value is judged sample by sample (cleaning)."""
-    large = np.abs(time_s) > MAX_TIME_S
-    if large.any() and (beyond := time_s[large & np.isfinite(time_s)]).size:
+    size = np.abs(time_s)
+    if (size <= MAX_TIME_S).all():
+        return
+    if (beyond := time_s[(size > MAX_TIME_S) & np.isfinite(time_s)]).size:
         text = f"time_s holds {beyond[0]:.6g}, which no clock shows in seconds: stamps lie within {MAX_TIME_S:.0f}"
         raise MessageError("bad_value", text)
 
@@ -292,15 +296,21 @@ def _sensors_from_json(payload: bytes) -> tuple[int, int | float | None, dict[st
     if not isinstance(columns, dict):
         text = f"the sensors message's columns must be an object of lists, not {_shown(columns)}"
         raise MessageError("wrong_type", text)
+    if not columns.keys() <= CHANNEL_INDEX.keys() or set(map(type, columns.values())) != {list}:
+        _demand_columns(columns)
+    if not set(map(type, chain.from_iterable(columns.values()))) <= _NUMBER_TYPES:
+        columns = {name: _numbers(name, column) for name, column in columns.items()}
+    return _sequence(fields.get("sequence", 0)), _stream(fields.get("stream")), columns
+
+
+def _demand_columns(columns: Mapping[str, Any]) -> None:
+    """Every column is a channel's, and a list."""
     for name, column in columns.items():
         if name not in CHANNEL_INDEX:
             text = f"column {_shown(name)} is no channel of the flight table: send its channels only"
             raise MessageError("unknown_column", text)
         if not isinstance(column, list):
             raise MessageError("wrong_type", f"column {name} must be a list of numbers, not {_shown(column)}")
-    if not set(map(type, chain.from_iterable(columns.values()))) <= _NUMBER_TYPES:
-        columns = {name: _numbers(name, column) for name, column in columns.items()}
-    return _sequence(fields.get("sequence", 0)), _stream(fields.get("stream")), columns
 
 
 def _sequence(value: Any) -> int:

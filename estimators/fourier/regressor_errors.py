@@ -102,7 +102,12 @@ def _error_products(noise, power, work, i, j, common):  # type: ignore[no-untype
     for f in range(real.size):
         real[f], imaginary[f] = own + turned * work.shaped[1, f], 0.0
     if ns == 3 and i < ns and j < ns:
-        a, b, u, v = work.answers[i, ns + 1, 0], work.answers[i, ns + 1, 1], work.answers[j, ns + 1, 0], work.answers[j, ns + 1, 1]
+        a, b, u, v = (
+            work.answers[i, ns + 1, 0],
+            work.answers[i, ns + 1, 1],
+            work.answers[j, ns + 1, 0],
+            work.answers[j, ns + 1, 1],
+        )
         for f in range(real.size):
             real[f] += rolling * (a[f] * u[f] + b[f] * v[f])
             imaginary[f] += rolling * (b[f] * u[f] - a[f] * v[f])

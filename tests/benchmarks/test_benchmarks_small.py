@@ -163,12 +163,12 @@ def test_a_stage_that_takes_another_in_is_timed_without_it(monkeypatch: pytest.M
 
 @pytest.mark.slow
 def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
-    arguments = ["--vehicles", "2", "--seconds", "5"]
+    arguments = ["--vehicles", "2", "--seconds", "7", "--over", "2"]
     said = subprocess.run(
         [sys.executable, FOLDER / "live_fleet.py", *arguments], capture_output=True, text=True, check=True
     ).stdout.splitlines()
     row = next(line.split() for line in said if line.split()[:1] == ["2"])
-    assert row[:3] == ["2", "50", "0"]  # vehicles, messages sent, messages lost
+    assert row[:3] == ["2", "65", "0"]  # vehicles, messages sent, messages lost: the second begins a second later
     assert float(row[4]) < 5.0  # seconds behind
     taken_us = {line[:20].strip(): line[20:].split() for line in said}
     for stage in ("decoding", "cleaning", "Fourier estimator", "filter"):
@@ -271,6 +271,7 @@ def test_the_reference_of_a_killed_service_is_not_given_what_the_service_did_not
         ("live_fleet", ["--seconds", "nan"], "give 5 to 3600"),
         ("live_fleet", ["--vehicles", "0"], "give 1 to 5000"),
         ("live_fleet", ["--samples-per-message", "101"], "give 1 to 100"),
+        ("live_fleet", ["--over", "-1"], "give 0 to 5 less"),
         ("cost", ["--vehicles", "1"], "at least 2"),
         ("alerts", ["--flights", "0"], "at least 1"),
         ("alerts", ["--seconds", "50"], "above 100"),

@@ -211,7 +211,9 @@ def test_what_is_left_of_the_errors_of_regressors_is_known(name: str, shown: flo
         x = noise.copy()
         x[:, ns - 1] += air[:, 0] * c.air.turn / (1.0 + 1j * omega * c.air.turn_s)
         if ns == 3:
-            x[:, :ns] += np.outer(air[:, 1], work.answers[:, ns + 1, 0, f] + 1j * work.answers[:, ns + 1, 1, f])
+            x[:, :ns] += np.outer(
+                air[:, 1], work.answers[:, ns + 1, 0, f] + 1j * work.answers[:, ns + 1, 1, f]
+            )
         residual[:, :, 0, f], residual[:, :, 1, f] = r.real, r.imag
         errors[:, :, 0, f], errors[:, :, 1, f] = x.real, x.imag
     rest, whitened = np.empty_like(errors), np.empty_like(residual)
