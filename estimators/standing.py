@@ -71,7 +71,7 @@ class Standing(NamedTuple):
     @property
     def unseen(self) -> NDArray[np.bool_]:
         """Which derivatives are not observable for want of signal, or cannot be told apart, (k,)."""
-        return (self.code == _HIDDEN) & (self.stale | (self.number > 0))
+        return np.asarray((self.code == _HIDDEN) & (self.stale | (self.number > 0)))
 
     def estimate(self, estimator: str, structure: ModeStructure) -> Estimate:
         """The same with names and reasons."""

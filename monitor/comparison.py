@@ -217,15 +217,15 @@ def log_bayes_direction(
 def log_bayes_any(change: Change, spread: Array) -> Array:
     """Log Bayes factor of "every derivative may have changed", each N(0, spread^2), against "no change", (...)."""
     nothing = np.zeros((1, *spread.shape))
-    return along(change, nothing, spread[None]).log_factor[0]
+    return np.asarray(along(change, nothing, spread[None]).log_factor[0])
 
 
 class Along(NamedTuple):
-    """What a change says along directions of whose every derivative it may differ, (n, ...) each.
+    """What a change says along directions that each derivative may be off, (n, ...) each.
 
     Attributes:
         pull, weight: a'K d and a'K a of each direction a.
-        log_factor: log Bayes factor of the differences against none.
+        log_factor: log Bayes factor of derivatives that are off against none that is.
     """
 
     pull: Array

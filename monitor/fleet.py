@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -56,7 +57,7 @@ _MOST_WAITING = 1000  # pieces of one vehicle's messages; beyond, the publisher 
 _ENOUGH = 10  # pieces of one vehicle: two seconds of messages of ten samples at 50 Hz
 _AT_ONCE_S = 0.005  # of samples that wait; REST and new messages wait as long
 _CAUGHT_UP_AT_ONCE = 16  # vehicles
-_SHOWN_AT_ONCE = 16  # vehicles, between which samples are taken in
+_SHOWN_AT_ONCE = 32  # vehicles, between which samples are taken in
 _COUNTED_AT_ONCE = 500  # vehicles, likewise: 2 ms
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
 
@@ -403,7 +404,13 @@ class FleetMonitor:
         return self._views([((fleet, vehicle), known)])[0]
 
     def _views(self, some: Sequence[tuple[VehicleKey, KnownVehicle]]) -> list[VehicleView]:
-        self._measure_air([known for _, known in some])
+        monitors = [known.monitor for _, known in some if known.monitor is not None]
+        self._measure_air(monitors)
+        for monitor in monitors:
+            with suppress(
+                Exception
+            ):  # it is tried again where the vehicle is shown, and a fault is noted there
+                monitor.worst()
         with self._lock:
             return [self._shown_now(*key, known) for key, known in some]
 
@@ -415,20 +422,17 @@ class FleetMonitor:
             self._context.note_fault(fleet, vehicle, known, error)
             return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
 
-    def _measure_air(self, some: Sequence[KnownVehicle]) -> None:
+    def _measure_air(self, monitors: Sequence[VehicleMonitor]) -> None:
         """What the air was like is worked out, milliseconds a vehicle, while samples are taken in."""
-        monitors = [known.monitor for known in some if known.monitor is not None]
         pending = [found for monitor in monitors if (found := monitor.pending_air) is not None]
         measured = []
         for each in pending:
-            try:
+            with suppress(Exception):  # likewise
                 measured.append((each, each.measure()))
-            except Exception:  # it is tried again where the vehicle is shown, and a fault is noted there
-                continue
         if measured:
             with self._lock:
-                for each, found in measured:
-                    each.keep(found)
+                for each, air in measured:
+                    each.keep(air)
 
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles ever heard of, worst state first; samples are taken in between some and the next."""

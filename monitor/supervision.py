@@ -211,7 +211,7 @@ class ModeSolution:
         fourier, ekf = self.seen
         if not ekf.says_something or (self.rough and not self.pair.vane):
             return False
-        return 2 * np.count_nonzero(fourier.unseen) <= fourier.unseen.size
+        return bool(2 * np.count_nonzero(fourier.unseen) <= fourier.unseen.size)
 
     def _both(self) -> tuple[Estimate, Estimate]:
         if self._made is None:

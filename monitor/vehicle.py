@@ -451,14 +451,16 @@ class VehicleMonitor:
     def worst(self) -> WorstDerivative | None:
         """The derivative furthest from its expectation, among those that are observable.
 
-        It is worked out once a solution, whoever asks (``furthest``).
+        It is worked out once a solution, whoever asks (``furthest``), with a lock or without: a solution and what
+        flights taught are replaced, never changed.
         """
         solution = self._memory.latest
         if solution is None:
             return None
-        if self._worst is None or self._worst[0] is not solution:
-            self._worst = solution, furthest(solution, self._compared, self._expected_now)
-        return self._worst[1]
+        known = self._worst
+        if known is None or known[0] is not solution:
+            known = self._worst = solution, furthest(solution, self._compared, self._expected_now)
+        return known[1]
 
     @property
     def reason(self) -> str:

@@ -168,7 +168,11 @@ def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
         [sys.executable, FOLDER / "live_fleet.py", *arguments], capture_output=True, text=True, check=True
     ).stdout.splitlines()
     row = next(line.split() for line in said if line.split()[:1] == ["2"])
-    assert row[:3] == ["2", "65", "0"]  # vehicles, messages sent, messages lost: the second begins a second later
+    assert row[:3] == [
+        "2",
+        "65",
+        "0",
+    ]  # vehicles, messages sent, messages lost: the second begins a second later
     assert float(row[4]) < 5.0  # seconds behind
     taken_us = {line[:20].strip(): line[20:].split() for line in said}
     for stage in ("decoding", "cleaning", "Fourier estimator", "filter"):
