@@ -15,9 +15,7 @@ from wingwatch.telemetry import SensorSubscriber
 __all__ = ["Pump"]
 
 _LOG = logging.getLogger(__name__)
-_GATHERED = (
-    64  # messages at most: the more together, the less each costs, and REST waits while they are taken in
-)
+_GATHERED = 64  # messages; the more together, the less each costs, and REST waits while they are taken in
 _TICK_S = 1.0
 _IDLE_S = 0.2
 _STOP_S = 1.0

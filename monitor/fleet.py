@@ -6,10 +6,8 @@ the service, the demo and the tests.
 
 import logging
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -24,6 +22,7 @@ from wingwatch.monitor.fleet_context import FleetContext, Outgoing
 from wingwatch.monitor.fleet_memory import keep, learned_blocks
 from wingwatch.monitor.fleet_overload import FleetOverload
 from wingwatch.monitor.fleet_settings import FleetSettings
+from wingwatch.monitor.fleet_views import FleetViews
 from wingwatch.monitor.intake import Intake
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
@@ -57,21 +56,10 @@ _MOST_WAITING = 1000  # pieces of one vehicle's messages; beyond, the publisher 
 _ENOUGH = 10  # pieces of one vehicle: two seconds of messages of ten samples at 50 Hz
 _AT_ONCE_S = 0.005  # of samples that wait; REST and new messages wait as long
 _CAUGHT_UP_AT_ONCE = 16  # vehicles
-_SHOWN_AT_ONCE = 32  # vehicles, between which samples are taken in
-_COUNTED_AT_ONCE = 500  # vehicles, likewise: 2 ms
 _START_PATIENCE_S = 5.0  # for the alerts of earlier runs
 
 
 _NOTHING: Sequence[Outgoing] = ()
-
-STATE_ORDER = (
-    VehicleState.DEGRADED,
-    VehicleState.STALE,
-    VehicleState.UNKNOWN,
-    VehicleState.NOT_OBSERVABLE,
-    VehicleState.HEALTHY,
-)
-"""Worst first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +104,7 @@ class FleetMonitor:
         self._lock, self._clock, self._vehicles = context.lock, clock, context.vehicles
         self._saving = FleetCheckpoints(context, ports.checkpoints)
         self._alerts = FleetAlerts(context, self._saving.save_now)
+        self._views = FleetViews(context)
         self._arrivals, self._overload = FleetArrivals(context, find_aircraft), FleetOverload(context)
         self._maker = MonitorMaker(new_id, self._settings.judge)
         self._forgotten = 0
@@ -349,7 +338,7 @@ class FleetMonitor:
         """The state has changed to this one."""
         known.shown = state
         self._context.event("status", {"fleet": fleet, "vehicle": vehicle, "state": str(state)})
-        return "status", partial(self._view, fleet, vehicle, known)
+        return "status", partial(self._views.one, (fleet, vehicle), known)
 
     def _derivatives_of(self, monitor: VehicleMonitor, solution: Solution) -> Mapping[str, Any]:
         with self._lock:
@@ -390,7 +379,7 @@ class FleetMonitor:
                     news.append(self._shown(fleet, vehicle, known, state))
                 elif now - known.published_s >= self._settings.status_interval_s:
                     known.published_s = now
-                    news.append(("status", partial(self._view, fleet, vehicle, known)))
+                    news.append(("status", partial(self._views.one, (fleet, vehicle), known)))
                 due.append((fleet, vehicle, news))
         self._alerts.repeat(earlier)
         for fleet, vehicle, news in due:
@@ -400,54 +389,15 @@ class FleetMonitor:
 
     # -- what may be asked (MonitorPort) ---------------------------------------------------------
 
-    def _view(self, fleet: str, vehicle: str, known: KnownVehicle) -> VehicleView:
-        return self._views([((fleet, vehicle), known)])[0]
-
-    def _views(self, some: Sequence[tuple[VehicleKey, KnownVehicle]]) -> list[VehicleView]:
-        monitors = [known.monitor for _, known in some if known.monitor is not None]
-        self._measure_air(monitors)
-        for monitor in monitors:
-            with suppress(
-                Exception
-            ):  # it is tried again where the vehicle is shown, and a fault is noted there
-                monitor.worst()
-        with self._lock:
-            return [self._shown_now(*key, known) for key, known in some]
-
-    def _shown_now(self, fleet: str, vehicle: str, known: KnownVehicle) -> VehicleView:
-        now_s = self._clock()
-        try:
-            return known.view(fleet, vehicle, now_s, self._settings.stale_s, self._context.ledger.ids)
-        except Exception as error:  # one vehicle that cannot be shown must not hide the others
-            self._context.note_fault(fleet, vehicle, known, error)
-            return known.bare_view(fleet, vehicle, VehicleState.UNKNOWN, known.fault_text)
-
-    def _measure_air(self, monitors: Sequence[VehicleMonitor]) -> None:
-        """What the air was like is worked out, milliseconds a vehicle, while samples are taken in."""
-        pending = [found for monitor in monitors if (found := monitor.pending_air) is not None]
-        measured = []
-        for each in pending:
-            with suppress(Exception):  # likewise
-                measured.append((each, each.measure()))
-        if measured:
-            with self._lock:
-                for each, air in measured:
-                    each.keep(air)
-
     def vehicles(self) -> Sequence[VehicleView]:
         """All vehicles ever heard of, worst state first; samples are taken in between some and the next."""
-        with self._lock:
-            everyone = list(self._vehicles.items())
-        views: list[VehicleView] = []
-        for start in range(0, len(everyone), _SHOWN_AT_ONCE):
-            views += self._views(everyone[start : start + _SHOWN_AT_ONCE])
-        return sorted(views, key=lambda v: (STATE_ORDER.index(v.state), v.fleet, v.vehicle))
+        return self._views.all()
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
         """One vehicle; None for one never heard of."""
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
-        return None if known is None else self._view(fleet, vehicle, known)
+        return None if known is None else self._views.one((fleet, vehicle), known)
 
     def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
         """The ``estimate`` object with ``time_s`` and expectations; None for an unknown vehicle."""
@@ -489,23 +439,4 @@ class FleetMonitor:
 
     def figures(self) -> FleetFigures:
         """The fleet in numbers; samples are taken in between some vehicles and the next."""
-        states: Counter[VehicleState] = Counter()
-        with self._lock:
-            everyone, counts = [known for _, known in self._vehicles.items()], dict(self._vehicles.gone)
-            alerts, solutions = self._context.ledger.all_shown(), self._solutions
-            waiting = self._tally(everyone[:_COUNTED_AT_ONCE], states, counts)
-        for start in range(_COUNTED_AT_ONCE, len(everyone), _COUNTED_AT_ONCE):
-            with self._lock:
-                waiting += self._tally(everyone[start : start + _COUNTED_AT_ONCE], states, counts)
-        of_alerts = Counter((alert.state, alert.level) for alert in alerts)
-        return FleetFigures(states, of_alerts, counts, solutions, waiting, self.left_out)
-
-    def _tally(
-        self, some: Sequence[KnownVehicle], states: Counter[VehicleState], counts: dict[str, int]
-    ) -> int:
-        """Add the states and counts of some vehicles; returns how many of their messages wait."""
-        now_s = self._clock()
-        for known in some:
-            states[known.standing(now_s, self._settings.stale_s)[0]] += 1
-            known.add_counts(counts)
-        return sum(len(known.held) for known in some)
+        return self._views.figures(self._solutions, self.left_out)

@@ -80,6 +80,27 @@ def test_the_cut_of_the_messages_changes_no_bit(rate_hz: int, rest: int) -> None
     assert len({codec.encode(AirState, state) for state in states}) == 1
 
 
+def test_what_was_measured_of_a_half_minute_does_not_pass_for_the_next() -> None:
+    watch, state, block = AirWatch(AIRCRAFT), AirState(), flown("light", 89)
+    half = round(0.5 * RATE_HZ)
+    found = []
+    for start in range(0, len(block) - half, half):
+        rows = block.values[start : start + half]
+        watch.take(state, rows)
+        watch.look(state, float(rows[-1, 0]))
+        pending = watch.pending(state)
+        if pending is not None and (not found or found[-1].window is not pending.window):
+            found.append(pending)
+    first, second = found
+    first.keep(first.measure())
+    assert watch.pending(state) is not None
+    assert state.found is None
+    air = second.measure()
+    second.keep(air)
+    assert watch.pending(state) is None
+    assert watch.quality(state) is air is not None
+
+
 def test_without_vanes_nothing_is_said() -> None:
     values = flown("light", 86).values.copy()
     values[:, [CHANNEL_INDEX[name] for name in VANES]] = np.nan

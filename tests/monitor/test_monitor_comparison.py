@@ -15,6 +15,7 @@ from wingwatch.monitor.comparison import (
     Change,
     Coordinates,
     along,
+    bias_of,
     blurred,
     change_since,
     log_bayes_any,
@@ -122,6 +123,21 @@ def test_a_spread_of_the_derivatives_adds_variance_to_what_is_seen_along_a_direc
                 a @ weight @ covariance @ change.pull, rel=1e-6, abs=1e-8
             )
             assert found.log_factor[n, m] == pytest.approx(log_bayes_any(change, s), rel=1e-9, abs=1e-12)
+
+
+@given(seed=st.integers(0, 10_000), seen=st.integers(1, 5))
+def test_a_bias_is_found_as_far_as_the_information_sees_it(seed: int, seen: int) -> None:
+    """Derivatives of different units; directions that no block saw."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(5, seen)) * 10.0 ** rng.uniform(-3.0, 3.0, size=(5, 1))
+    information = np.stack([root @ root.T, np.zeros((5, 5))])
+    bias = rng.normal(size=5) / np.abs(root).max(axis=1)
+    pushed = np.stack([information[0] @ bias, np.zeros(5)])
+    found = bias_of(information, pushed)
+    scale = np.sqrt(np.diagonal(information[0]))
+    np.testing.assert_allclose(information[0] @ found[0] / scale, pushed[0] / scale, rtol=1e-6, atol=1e-6)
+    assert found[0] @ pushed[0] == pytest.approx(bias @ pushed[0], rel=1e-6, abs=1e-9)
+    assert not found[1].any()
 
 
 @given(seed=st.integers(0, 10_000))

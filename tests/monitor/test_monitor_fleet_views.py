@@ -1,0 +1,93 @@
+"""What is shown of a fleet: what takes long is worked out without its lock, and one vehicle hides no other."""
+
+import threading
+
+import pytest
+from fleet_hall import AEROSONDE, Hall, fly_doublets
+
+from wingwatch.estimators import Outcome
+from wingwatch.monitor import VehicleMonitor, VehicleState
+from wingwatch.monitor.air_watch import PendingAir
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
+from wingwatch.telemetry.conditioning import AirQuality
+
+
+@pytest.fixture(scope="module")
+def flight() -> SampleBlock:
+    return fly_doublets(35.0)
+
+
+@pytest.fixture
+def hall(flight: SampleBlock) -> Hall:
+    hall = Hall()
+    hall.announce()
+    hall.fly(flight, 0, 35)
+    return hall
+
+
+def is_free(hall: Hall) -> bool:
+    """Whether another thread gets the fleet's lock."""
+    got = threading.Event()
+
+    def take() -> None:
+        hall.fleet.events(0)
+        got.set()
+
+    threading.Thread(target=take, daemon=True).start()
+    return got.wait(1.0)
+
+
+def test_the_air_and_the_worst_derivative_are_worked_out_without_the_lock(
+    hall: Hall, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free: dict[str, list[bool]] = {"air": [], "worst": []}
+    measure, worst = PendingAir.measure, VehicleMonitor.worst
+
+    def measured(pending: PendingAir) -> AirQuality | None:
+        free["air"].append(is_free(hall))
+        return measure(pending)
+
+    def found(monitor: VehicleMonitor) -> object:
+        free["worst"].append(is_free(hall))
+        return worst(monitor)
+
+    monkeypatch.setattr(PendingAir, "measure", measured)
+    monkeypatch.setattr(VehicleMonitor, "worst", found)
+    view = hall.view()
+    assert view.air is not None
+    assert view.worst is not None
+    assert free["air"] == [True]  # and not once more with the lock
+    assert free["worst"] == [True, False]  # remembered from the first time
+
+
+def test_a_vehicle_whose_air_cannot_be_measured_is_shown_with_its_fault_beside_the_others(
+    hall: Hall, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hall.announce("other")
+
+    def fails(_: PendingAir) -> AirQuality | None:
+        raise ArithmeticError("no air")
+
+    monkeypatch.setattr(PendingAir, "measure", fails)
+    views = {view.vehicle: view for view in hall.fleet.vehicles()}
+    assert set(views) == {"uav", "other"}
+    assert views["uav"].state is VehicleState.UNKNOWN
+    assert "ArithmeticError" in views["uav"].reason
+    assert hall.fleet.problems["faults"] == 1
+
+
+def test_what_the_filter_says_is_told_without_its_estimate() -> None:
+    """As its estimate has it, from the first half second on, with vanes and without."""
+    said = set()
+    for columns in ([], ["angle_of_attack_rad", "sideslip_rad"]):
+        block = fly_doublets(25.0)
+        present = [name for name in block.present if name not in columns]
+        values = block.values.copy()
+        values[:, [CHANNEL_INDEX[name] for name in columns]] = float("nan")
+        monitor = VehicleMonitor(AEROSONDE, "f", "v", present, {}, new_id=lambda: "1")
+        for solution in monitor.feed(SampleBlock(values)).solutions:
+            for mode in solution.modes.values():
+                expected = mode.ekf.outcome in (Outcome.CONVERGED, Outcome.SETTLING)
+                assert mode.filter_says_something == expected
+                said.add(expected)
+    assert said == {True, False}
