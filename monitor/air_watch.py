@@ -47,6 +47,11 @@ class PendingAir:
     """A half minute whose air nobody has asked for yet.
 
     Measuring takes milliseconds and changes nothing, so it needs no lock; ``keep`` does.
+
+    Attributes:
+        config: what is supposed of the air.
+        state: that the window is of.
+        window: stamps (n,), s, and rows (n, channels) of ``_KEPT``.
     """
 
     config: AirConfig

@@ -45,6 +45,9 @@ _LEAST_PIVOT = 0.5
 _RIDGE = 1e-12
 """Of a derivative's own information: what is below it is rounding."""
 
+_NO_INFORMATION = 1e-280
+"""Smaller numbers lose their digits, and a ridge of them is nothing."""
+
 
 class Conversion(NamedTuple):
     """From the coordinates of one structure to others at one flight condition and back, one derivative at a time.
@@ -163,7 +166,7 @@ def bias_of(information: Array, pushed: Array) -> Array:
         return np.zeros_like(pushed)
     own = np.diagonal(information, axis1=-2, axis2=-1)
     solid = information.copy()
-    np.einsum("...ii->...i", solid)[...] += _RIDGE * own + (own == 0.0)
+    np.einsum("...ii->...i", solid)[...] += np.where(own > _NO_INFORMATION, _RIDGE * own, 1.0)
     return np.asarray(np.linalg.solve(solid, pushed[..., None])[..., 0])
 
 

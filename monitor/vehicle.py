@@ -409,14 +409,8 @@ class VehicleMonitor:
             self._judge_state, structure.name, *at.from_concise(found.value, found.covariance)
         )
         both = at.scale[:, None] * at.scale
-        return Expectation(
-            structure,
-            at.scale * value + at.offset,
-            covariance * both,
-            found.provenance,
-            condition,
-            found.source,
-        )
+        value = at.scale * value + at.offset
+        return Expectation(structure, value, covariance * both, found.provenance, condition, found.source)
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
         """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""

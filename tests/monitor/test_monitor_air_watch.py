@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.monitor.air_watch import AirState, AirWatch
+from wingwatch.monitor.air_watch import AirState, AirWatch, PendingAir
 from wingwatch.monitor.state_codec import Codec
 from wingwatch.simulation import FleetSimulation, Scenario, Turbulence, gust_scales
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
@@ -83,7 +83,7 @@ def test_the_cut_of_the_messages_changes_no_bit(rate_hz: int, rest: int) -> None
 def test_what_was_measured_of_a_half_minute_does_not_pass_for_the_next() -> None:
     watch, state, block = AirWatch(AIRCRAFT), AirState(), flown("light", 89)
     half = round(0.5 * RATE_HZ)
-    found = []
+    found: list[PendingAir] = []
     for start in range(0, len(block) - half, half):
         rows = block.values[start : start + half]
         watch.take(state, rows)

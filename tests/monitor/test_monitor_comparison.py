@@ -138,6 +138,7 @@ def test_a_bias_is_found_as_far_as_the_information_sees_it(seed: int, seen: int)
     np.testing.assert_allclose(information[0] @ found[0] / scale, pushed[0] / scale, rtol=1e-6, atol=1e-6)
     assert found[0] @ pushed[0] == pytest.approx(bias @ pushed[0], rel=1e-6, abs=1e-9)
     assert not found[1].any()
+    assert np.isfinite(bias_of(1e-300 * information, 1e-300 * pushed)).all()
 
 
 @given(seed=st.integers(0, 10_000))
