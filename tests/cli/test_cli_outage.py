@@ -9,11 +9,12 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import httpx
 import pytest
 from cli_services import service_in
-from postgres_server import frozen, own_schema
+from postgres_cluster import PostgresCluster, find_programs
 from test_cli_checkpoints import saved
 
 from wingwatch.aircraft import load_aircraft
@@ -61,8 +62,15 @@ def outage(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Outage]:
         path = tmp_path / "w.db"
         yield Outage(str(path), lambda: locked(path), ("is locked by another program",))
         return
-    with own_schema() as url:
-        yield Outage(url, lambda: frozen(url), ("has not answered", "wait"))
+    if find_programs() is None:
+        pytest.skip("no PostgreSQL server is installed: install the package postgresql")
+    # One of its own, which no other test freezes or waits for; a path short enough for a socket.
+    with (
+        TemporaryDirectory() as folder,
+        TemporaryDirectory() as data,
+        PostgresCluster(Path(folder), Path(data)) as cluster,
+    ):
+        yield Outage(cluster.url, cluster.frozen, ("has not answered", "wait"))
 
 
 def until(condition: Callable[[], bool]) -> None:
