@@ -25,7 +25,7 @@ phugoid and spiral are rates of an attitude: they know no mass, and are made non
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from functools import cache
 from typing import NamedTuple
@@ -186,10 +186,10 @@ def _powers(structure: ModeStructure) -> _Powers:
     )
 
 
-def _by_condition(condition: FlightCondition) -> NDArray[np.float64]:
+def _by_condition(condition: FlightCondition) -> tuple[float, ...]:
     """1, V, V^2, and density times these."""
     speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
-    return np.array((1.0, speed, speed * speed, density, density * speed, density * speed * speed))
+    return 1.0, speed, speed * speed, density, density * speed, density * speed * speed
 
 
 def _by_geometry(structure: ModeStructure, aircraft: Aircraft, convention: Convention) -> NDArray[np.float64]:
@@ -210,8 +210,8 @@ def _multiplier(
     """Dimensional over the convention's derivative, shape (k,) (thesis tables B.3 and B.5)."""
     if convention is Convention.DIMENSIONAL:
         return np.ones(len(structure.derivatives))
-    by_condition = _by_condition(condition)[_powers(structure).condition]
-    return _by_geometry(structure, aircraft, convention) * by_condition
+    by_condition = np.array(_by_condition(condition))[_powers(structure).condition]
+    return np.asarray(_by_geometry(structure, aircraft, convention) * by_condition)
 
 
 class AffineForm:
@@ -241,18 +241,21 @@ class AffineForm:
         self._place = np.zeros_like(powers.condition) if dimensional else powers.condition
         self._heaves = powers.row == _ROWS.index("z")
 
-    def kinematic(self, condition: FlightCondition) -> NDArray[np.float64]:
-        """The part of each concise derivative that no force makes, shape (k,): U in z_q, -U in y_r, W in y_p."""
+    def kinematic(self, conditions: Sequence[FlightCondition]) -> NDArray[np.float64]:
+        """The part of each concise derivative that no force makes, shape (m, k): U in z_q, -U in y_r, W in y_p."""
         powers = self._powers
-        return powers.forward * condition.forward_velocity_m_s + powers.normal * condition.normal_velocity_m_s
+        forward = np.array([[c.forward_velocity_m_s] for c in conditions])
+        normal = np.array([[c.normal_velocity_m_s] for c in conditions])
+        return np.asarray(powers.forward * forward + powers.normal * normal)
 
-    def at(self, condition: FlightCondition) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Scale and offset of ``affine``, shape (k,) each."""
-        scale, offset = self._fixed * _by_condition(condition)[self._place], self.kinematic(condition)
-        z_wdot, _ = unsteady_inertia(self._aircraft, condition)
-        if z_wdot == 0.0:
+    def at(self, conditions: Sequence[FlightCondition]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Scale and offset of ``affine`` at m conditions, shape (m, k) each."""
+        by_condition = np.array([_by_condition(c) for c in conditions])
+        scale, offset = self._fixed * by_condition[:, self._place], self.kinematic(conditions)
+        z_wdot = np.array([unsteady_inertia(self._aircraft, c)[0] for c in conditions])
+        if not z_wdot.any():
             return scale, offset
-        ratio = np.where(self._heaves, self._mass_kg / (self._mass_kg - z_wdot), 1.0)
+        ratio = np.where(self._heaves, self._mass_kg / (self._mass_kg - z_wdot[:, None]), 1.0)
         return scale * ratio, offset * ratio
 
 
@@ -285,7 +288,8 @@ def affine(
     if target is Convention.CONCISE:
         k = len(structure.derivatives)
         return np.ones(k), np.zeros(k)
-    return AffineForm(structure, aircraft, target).at(condition)
+    scale, offset = AffineForm(structure, aircraft, target).at([condition])
+    return scale[0], offset[0]
 
 
 def _check_names(values: Mapping[str, float], structure: ModeStructure) -> None:

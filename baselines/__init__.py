@@ -45,7 +45,7 @@ from wingwatch.baselines.records import (
     ReferenceRecord,
     Retention,
 )
-from wingwatch.baselines.reference import Reference
+from wingwatch.baselines.reference import Reference, posteriors
 
 if TYPE_CHECKING:
     from wingwatch.baselines.database import Database, DatabaseError, RefusedError, open_database
@@ -63,6 +63,7 @@ __all__ = [
     "concise",
     "empirical",
     "Reference",
+    "posteriors",
     "Cell",
     "CellMemory",
     "aged",

@@ -23,7 +23,7 @@ from wingwatch.aircraft import (
     carried,
     isa_density_kg_m3,
 )
-from wingwatch.baselines.interpolation import Placement, interpolator
+from wingwatch.baselines.interpolation import Placements, interpolator
 from wingwatch.baselines.reference import Reference
 
 __all__ = [
@@ -38,6 +38,9 @@ __all__ = [
     "concise",
     "empirical",
 ]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 CARRY_SHARE = 0.03
 """Standard error of an American derivative carried outside the hull, as a share of its value and of the
@@ -61,8 +64,8 @@ class Expectation:
     """
 
     structure: ModeStructure
-    value: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    value: Array
+    covariance: Array
     provenance: Provenance
     condition: FlightCondition
     source: str
@@ -78,7 +81,7 @@ class Expectation:
             raise ValueError(f"an expectation of {self.structure.name} must be finite, got {self.value}")
 
     @property
-    def standard_error(self) -> NDArray[np.float64]:
+    def standard_error(self) -> Array:
         """Square root of the covariance's diagonal, shape (k,)."""
         return np.sqrt(np.diagonal(self.covariance))
 
@@ -106,14 +109,13 @@ class Neighbourhood:
         if not (0.0 <= self.airspeed_fraction < 1.0 and self.altitude_m >= 0.0):
             raise ValueError(f"a neighbourhood is 0 to 1 of the airspeed and 0 m or more, got {self}")
 
-    def holds(self, query: NDArray[np.float64], nearest: NDArray[np.float64]) -> bool:
-        """Whether a query (airspeed, altitude) is near enough to the hull's nearest point."""
-        airspeed_m_s, altitude_m = np.abs(query - nearest)
+    def holds(self, queries: Array, nearest: Array) -> Flags:
+        """Whether queries (airspeed, altitude), (m, 2), are near enough to the hull's nearest points, (m,)."""
+        off = np.abs(queries - nearest)
         slack = 1e-9  # a limit typed as 1.15 V must not fail by its last bit
-        return bool(
-            airspeed_m_s <= self.airspeed_fraction * nearest[0] + slack * nearest[0]
-            and altitude_m <= self.altitude_m + slack * max(1.0, abs(float(nearest[1])))
-        )
+        by_airspeed = off[:, 0] <= (self.airspeed_fraction + slack) * nearest[:, 0]
+        by_altitude = off[:, 1] <= self.altitude_m + slack * np.maximum(1.0, np.abs(nearest[:, 1]))
+        return np.asarray(by_airspeed & by_altitude)
 
 
 MEASURED = Neighbourhood()
@@ -127,12 +129,12 @@ UNSCALED = Neighbourhood(0.05, 500.0)
 
 
 def american(
-    value: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    value: Array,
+    covariance: Array,
     structure: ModeStructure,
     aircraft: Aircraft,
     condition: FlightCondition,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Concise value (k,) and covariance (k, k) in American non-dimensional (effective) coordinates.
 
     Raises:
@@ -143,12 +145,12 @@ def american(
 
 
 def concise(
-    value: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    value: Array,
+    covariance: Array,
     structure: ModeStructure,
     aircraft: Aircraft,
     condition: FlightCondition,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Inverse of ``american``."""
     scale, offset = affine(structure, aircraft, condition, Convention.AMERICAN)
     return scale * value + offset, covariance * (scale[:, None] * scale)
@@ -234,7 +236,7 @@ class Envelope:
         )  # fmt: skip
 
     def _prepare(self) -> None:
-        places = np.array([_place(p.condition) for p in self.points])
+        places = _places([p.condition for p in self.points])
         try:
             carried = [
                 american(p.value, p.covariance, self.structure, self.aircraft, p.condition)
@@ -267,9 +269,10 @@ class Envelope:
 
     def angle_of_attack_rad(self, airspeed_true_m_s: float, altitude_m: float) -> float | None:
         """Steady angle of attack interpolated from the entries, for aircraft without a vane; None outside."""
-        query = np.array([airspeed_true_m_s, altitude_m])
-        placement = self._placement(query)
-        return None if placement is None else float(placement.weights @ self._alphas)
+        if not self.points:
+            return None
+        placements, answered = self._placed(np.array([[airspeed_true_m_s, altitude_m]]))
+        return float(placements.weights[0] @ self._alphas) if answered[0] else None
 
     def lookup(self, condition: FlightCondition) -> Expectation | OutOfEnvelope:
         """The expectation at a flight condition, or why there is none; nothing is ever extrapolated."""
@@ -280,55 +283,79 @@ class Envelope:
                 f"the baseline of {self.structure.name} is for configuration {self.configuration!r}, "
                 f"but the aircraft flies in {condition.configuration!r}; add entries for that configuration"
             )
-        query = np.array(_place(condition))
-        placement = self._placement(query)
-        if placement is None:
+        query = _places([condition])
+        placements, answered = self._placed(query)
+        if not answered[0]:
             return OutOfEnvelope(
-                f"{query[0]:.4g} m/s at {query[1]:.0f} m is outside the baseline of {self.structure.name}, "
+                f"{query[0, 0]:.4g} m/s at {query[0, 1]:.0f} m is outside the baseline of {self.structure.name}, "
                 f"which covers {self.limits}; it is not extrapolated"
             )
+        weights = placements.weights[0]
         if self._why_unscaled:
-            return self._unscaled(int(np.argmax(placement.weights)), condition)
-        return self._carried(placement, condition)
-
-    def _placement(self, query: NDArray[np.float64]) -> Placement | None:
-        """None where no lookup is answered."""
-        if not self.points or not np.isfinite(query).all():
-            return None
-        if self._why_unscaled:
-            return self._nearest_entry(query)
-        placement = self._interpolator.place(query)
-        return placement if self.neighbourhood.holds(query, placement.nearest) else None
-
-    def _nearest_entry(self, query: NDArray[np.float64]) -> Placement | None:
-        """The whole weight on one entry whose neighbourhood holds the query."""
-        n = self.neighbourhood
-        reach = np.column_stack(
-            (n.airspeed_fraction * self._places[:, 0], np.full(len(self.points), n.altitude_m))
-        )
-        nearest = int(np.argmin(np.max(np.abs(query - self._places) / reach, axis=1)))
-        if not n.holds(query, self._places[nearest]):
-            return None
-        weights = np.zeros(len(self.points))
-        weights[nearest] = 1.0
-        return Placement(weights, self._places[nearest], np.zeros(self._values.shape[1]))
-
-    def _carried(self, placement: Placement, condition: FlightCondition) -> Expectation:
-        """Interpolated in non-dimensional form, then made concise at the condition."""
-        value = placement.weights @ self._values
-        carried = self._carry_share * np.abs(value) * _lift_change(condition, placement.nearest)
-        covariance = (placement.weights @ self._covariances).reshape(value.size, value.size)
-        covariance.flat[:: value.size + 1] += placement.curvature_bound**2 + carried**2
-        scale, offset = self._form.at(condition)
-        used = [p for p, w in zip(self.points, placement.weights, strict=True) if w > 0.0]
+            return self._unscaled(int(np.argmax(weights)), condition)
+        value, covariance = self._carried(placements, [condition])
+        used = [p for p, w in zip(self.points, weights, strict=True) if w > 0.0]
         return Expectation(
             self.structure,
-            scale * value + offset,
-            covariance * (scale[:, None] * scale),
+            value[0],
+            covariance[0],
             min((p.provenance for p in used), key=_WEAKEST_FIRST.index),
             condition,
             "; ".join(dict.fromkeys(p.source for p in used)),
         )
+
+    def values_at(self, conditions: Sequence[FlightCondition]) -> tuple[Array, Array]:
+        """What ``lookup`` finds at m conditions: value (m, k) and covariance (m, k, k), NaN where nothing."""
+        k = len(self.structure.derivatives)
+        value, covariance = np.full((len(conditions), k), np.nan), np.full((len(conditions), k, k), np.nan)
+        here = [m for m, c in enumerate(conditions) if c.configuration == self.configuration]
+        if not self.points or not here:
+            return value, covariance
+        there = [conditions[m] for m in here]
+        placements, answered = self._placed(_places(there))
+        if self._why_unscaled:
+            found = [
+                self._unscaled(int(np.argmax(w)), c) for w, c in zip(placements.weights, there, strict=True)
+            ]
+            value[here] = [e.value for e in found]
+            covariance[here] = [e.covariance for e in found]
+        else:
+            value[here], covariance[here] = self._carried(placements, there)
+        beyond = np.array(here)[~answered]
+        value[beyond], covariance[beyond] = np.nan, np.nan
+        return value, covariance
+
+    def _placed(self, queries: Array) -> tuple[Placements, Flags]:
+        """Where queries (m, 2) stand among the entries, and which of them are answered, (m,)."""
+        sound = np.asarray(np.all(np.isfinite(queries), axis=1))
+        queries = np.where(sound[:, None], queries, self._places[0])
+        placements = (
+            self._nearest_entries(queries) if self._why_unscaled else self._interpolator.place(queries)
+        )
+        return placements, sound & self.neighbourhood.holds(queries, placements.nearest)
+
+    def _nearest_entries(self, queries: Array) -> Placements:
+        """For each query the whole weight on one entry, the nearest as neighbourhoods reach."""
+        n = self.neighbourhood
+        reach = np.column_stack(
+            (n.airspeed_fraction * self._places[:, 0], np.full(len(self.points), n.altitude_m))
+        )
+        off = np.abs(queries[:, None] - self._places) / reach
+        nearest = np.argmin(off.max(axis=2), axis=1)
+        weights = np.zeros((len(queries), len(self.points)))
+        weights[np.arange(len(queries)), nearest] = 1.0
+        return Placements(weights, self._places[nearest], np.zeros((len(queries), self._values.shape[1])))
+
+    def _carried(self, placements: Placements, conditions: Sequence[FlightCondition]) -> tuple[Array, Array]:
+        """Interpolated in non-dimensional form, then made concise at the conditions: (m, k) and (m, k, k)."""
+        each = placements.weights[:, None]  # a product for each condition: its rounding is not its company's
+        value, k = (each @ self._values)[:, 0], self._values.shape[1]
+        lift_change = _lift_change(_places(conditions), placements.nearest)
+        carried = self._carry_share * np.abs(value) * lift_change[:, None]
+        covariance = (each @ self._covariances).reshape(-1, k, k)
+        covariance[:, range(k), range(k)] += placements.curvature_bound**2 + carried**2
+        scale, offset = self._form.at(conditions)
+        return scale * value + offset, covariance * (scale[:, :, None] * scale[:, None, :])
 
     def _unscaled(self, entry: int, condition: FlightCondition) -> Expectation:
         """The entry as it stands, with the error of not scaling it as one more standard error.
@@ -349,14 +376,15 @@ class Envelope:
         )
 
 
-def _place(condition: FlightCondition) -> tuple[float, float]:
-    return condition.airspeed_true_m_s, condition.altitude_m
+def _places(conditions: Sequence[FlightCondition]) -> Array:
+    """Airspeeds and altitudes, (m, 2)."""
+    return np.array([(c.airspeed_true_m_s, c.altitude_m) for c in conditions])
 
 
-def _lift_change(condition: FlightCondition, nearest: NDArray[np.float64]) -> float:
-    """Relative change of the lift coefficient of level flight against the hull's nearest point; 0 inside."""
-    airspeed_m_s, altitude_m = (float(x) for x in nearest)
-    if (airspeed_m_s, altitude_m) == _place(condition):
-        return 0.0
-    there, here = isa_density_kg_m3(np.array([altitude_m, condition.altitude_m]))
-    return abs(float(there * airspeed_m_s**2 / (here * condition.airspeed_true_m_s**2)) - 1.0)
+def _lift_change(queries: Array, nearest: Array) -> Array:
+    """Relative change of the lift coefficient of level flight against the hull's nearest point, (m,); 0 inside."""
+    if np.array_equal(queries, nearest):
+        return np.zeros(len(queries))
+    here, there = (isa_density_kg_m3(place[:, 1]) * place[:, 0] ** 2 for place in (queries, nearest))
+    inside = np.all(queries == nearest, axis=1)
+    return np.where(inside, 0.0, np.abs(there / here - 1.0))

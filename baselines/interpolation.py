@@ -1,47 +1,50 @@
 """Weights over the points of an envelope: bilinear on a grid, linear on triangles or along a line else.
 
+Many queries are placed at once; the weights of one do not depend on its company.
+
 Weights are never negative and sum to one, so an interpolated value lies between those of its points and a
 covariance interpolated with the same weights bounds the true one (docs/decisions/0011-baseline-envelope.md).
 Coordinates are (airspeed_true_m_s, altitude_m).
 """
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["Interpolator", "Placement", "interpolator"]
+__all__ = ["Interpolator", "Placements", "interpolator"]
+
+Array = NDArray[np.float64]
+Places = NDArray[np.int64]
 
 _FLAT = 1e-9
 """Singular value of the scaled points, relative to the largest, below which they lie on a line."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Placement:
-    """Where a query stands among the points.
+class Placements(NamedTuple):
+    """Where m queries stand among n points.
 
     Attributes:
-        weights: shape (n,), not negative, sum 1.
-        nearest: the query itself inside the points' hull, else the nearest point of the hull, shape (2,).
-        curvature_bound: shape (k,), what linear interpolation may be off by, from second differences.
+        weights: shape (m, n), not negative, sum 1.
+        nearest: the query itself inside the points' hull, else the nearest point of the hull, shape (m, 2).
+        curvature_bound: shape (m, k), what linear interpolation may be off by, from second differences.
     """
 
-    weights: NDArray[np.float64]
-    nearest: NDArray[np.float64]
-    curvature_bound: NDArray[np.float64]
+    weights: Array
+    nearest: Array
+    curvature_bound: Array
 
 
 class Interpolator(Protocol):
-    """Places a query among n points."""
+    """Places queries among n points."""
 
-    def place(self, query: NDArray[np.float64]) -> Placement:
-        """Weights of a query of shape (2,)."""
+    def place(self, queries: Array) -> Placements:
+        """Weights of queries of shape (m, 2), all of them finite."""
         ...
 
 
-def interpolator(points: NDArray[np.float64], values: NDArray[np.float64]) -> Interpolator:
+def interpolator(points: Array, values: Array) -> Interpolator:
     """The interpolator that the points allow.
 
     Args:
@@ -64,38 +67,39 @@ def interpolator(points: NDArray[np.float64], values: NDArray[np.float64]) -> In
 class _Grid:
     """All combinations of some airspeeds and some altitudes; one of each is the single point."""
 
-    def __init__(
-        self, points: NDArray[np.float64], values: NDArray[np.float64], axes: list[NDArray[np.float64]]
-    ) -> None:
+    def __init__(self, points: Array, values: Array, axes: list[Array]) -> None:
         self._axes = axes
         self._index = np.lexsort((points[:, 1], points[:, 0])).reshape(axes[0].size, axes[1].size)
         table = values[self._index]
         self._curvature = [_cell_curvature(axes[0], table), _cell_curvature(axes[1], table.swapaxes(0, 1))]
 
-    def place(self, query: NDArray[np.float64]) -> Placement:
-        (i, t, x), (j, u, y) = (_locate(axis, float(q)) for axis, q in zip(self._axes, query, strict=True))
-        weights = np.zeros(self._index.size)
-        for row, a in ((i, 1.0 - t), (i + 1, t)):
-            for column, b in ((j, 1.0 - u), (j + 1, u)):
-                if a * b > 0.0:
-                    weights[self._index[row, column]] = a * b
-        bound = self._bound(0, i, x, slice(j, j + 2)) + self._bound(1, j, y, slice(i, i + 2))
-        return Placement(weights, np.array([x, y]), bound)
+    def place(self, queries: Array) -> Placements:
+        (i, t, x), (j, u, y) = (_locate(axis, queries[:, c]) for c, axis in enumerate(self._axes))
+        weights = np.zeros((len(queries), self._index.size))
+        every = np.arange(len(queries))
+        for row, a in ((i.below, 1.0 - t), (i.above, t)):
+            for column, b in ((j.below, 1.0 - u), (j.above, u)):
+                weights[every, self._index[row, column]] += (
+                    a * b
+                )  # below and above are one where there is one node
+        bound = self._bound(0, i, x, j) + self._bound(1, j, y, i)
+        return Placements(weights, np.column_stack((x, y)), bound)
 
-    def _bound(self, axis: int, cell: int, x: float, across: slice) -> NDArray[np.float64]:
+    def _bound(self, axis: int, cell: "_Cells", x: Array, across: "_Cells") -> Array:
         """|f - linear| <= (x - a) (b - x) max|f''| / 2 in a cell [a, b]."""
         curvature = self._curvature[axis]
         if curvature.shape[0] == 0:
-            return np.zeros(curvature.shape[2])
+            return np.zeros((x.size, curvature.shape[2]))
         nodes = self._axes[axis]
-        span = (x - nodes[cell]) * (nodes[min(cell + 1, nodes.size - 1)] - x)
-        return np.asarray(0.5 * span * curvature[cell, across].max(axis=0))
+        span = (x - nodes[cell.below]) * (nodes[cell.above] - x)
+        largest = np.maximum(curvature[cell.below, across.below], curvature[cell.below, across.above])
+        return np.asarray(0.5 * span[:, None] * largest)
 
 
 class _Scattered:
     """Triangles between points in general position, consecutive segments between points on one line."""
 
-    def __init__(self, points: NDArray[np.float64], k: int) -> None:
+    def __init__(self, points: Array, k: int) -> None:
         self._points = points
         self._k = k
         self._scale = np.ptp(points, axis=0)  # neither is zero: such points are a grid
@@ -115,49 +119,57 @@ class _Scattered:
                 ) from error
         self._scaled = scaled
 
-    def place(self, query: NDArray[np.float64]) -> Placement:
-        weights = self._inside(query / self._scale)
-        if weights is not None:
-            return Placement(weights, query, np.zeros(self._k))
-        weights = self._on_edge(query / self._scale)
-        return Placement(weights, weights @ self._points, np.zeros(self._k))
+    def place(self, queries: Array) -> Placements:
+        scaled = queries / self._scale
+        weights, inside = self._inside(scaled)
+        weights[~inside] = self._on_edge(scaled[~inside])
+        nearest = np.where(inside[:, None], queries, (weights[:, None] @ self._points)[:, 0])
+        return Placements(weights, nearest, np.zeros((len(queries), self._k)))
 
-    def _inside(self, query: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Barycentric weights, None outside of every triangle."""
+    def _inside(self, queries: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Barycentric weights of queries in a triangle, and which of them are."""
+        weights = np.zeros((len(queries), len(self._points)))
         if self._triangles is None:
-            return None
-        simplex = int(self._triangles.find_simplex(query[None, :])[0])
-        if simplex < 0:
-            return None
-        transform = self._triangles.transform[simplex]
-        first = transform[:2] @ (query - transform[2])
-        barycentric = np.clip(np.append(first, 1.0 - first.sum()), 0.0, 1.0)
-        weights = np.zeros(len(self._points))
-        weights[self._triangles.simplices[simplex]] = barycentric / barycentric.sum()
-        return weights
+            return weights, np.zeros(len(queries), dtype=np.bool_)
+        simplex = self._triangles.find_simplex(queries)
+        inside = np.asarray(simplex >= 0)
+        transform = self._triangles.transform[simplex[inside]]
+        first = (transform[:, :2] @ (queries[inside] - transform[:, 2])[:, :, None])[:, :, 0]
+        barycentric = np.clip(np.column_stack((first, 1.0 - first.sum(axis=1))), 0.0, 1.0)
+        corners = self._triangles.simplices[simplex[inside]]
+        weights[np.flatnonzero(inside)[:, None], corners] = barycentric / barycentric.sum(axis=1)[:, None]
+        return weights, inside
 
-    def _on_edge(self, query: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Weights of the nearest point on an outer edge."""
+    def _on_edge(self, queries: Array) -> Array:
+        """Weights of the nearest point on an outer edge, for each query."""
         start, end = self._scaled[self._edges[:, 0]], self._scaled[self._edges[:, 1]]
         along = end - start
-        t = np.clip(np.sum((query - start) * along, axis=1) / np.sum(along**2, axis=1), 0.0, 1.0)
-        distance = np.linalg.norm(start + t[:, None] * along - query, axis=1)
-        best = int(np.argmin(distance))
-        weights = np.zeros(len(self._points))
-        weights[self._edges[best]] = (1.0 - t[best], t[best])
+        t = np.sum((queries[:, None] - start) * along, axis=2) / np.sum(along**2, axis=1)
+        t = np.clip(t, 0.0, 1.0)
+        distance = np.linalg.norm(start + t[..., None] * along - queries[:, None], axis=2)
+        every, best = np.arange(len(queries)), np.argmin(distance, axis=1)
+        weights = np.zeros((len(queries), len(self._points)))
+        weights[every[:, None], self._edges[best]] = np.column_stack((1.0 - t[every, best], t[every, best]))
         return weights
 
 
-def _locate(nodes: NDArray[np.float64], x: float) -> tuple[int, float, float]:
-    """Cell, share of its upper node, and x moved to the nearest place within the nodes."""
-    inside = min(max(x, float(nodes[0])), float(nodes[-1]))
-    if nodes.size == 1:
-        return 0, 0.0, inside
-    cell = max(min(int(nodes.searchsorted(inside, side="right")) - 1, nodes.size - 2), 0)
-    return cell, float((inside - nodes[cell]) / (nodes[cell + 1] - nodes[cell])), inside
+class _Cells(NamedTuple):
+    """Nodes on both sides of each query, (m,); one and the same where there is but one."""
+
+    below: Places
+    above: Places
 
 
-def _cell_curvature(nodes: NDArray[np.float64], table: NDArray[np.float64]) -> NDArray[np.float64]:
+def _locate(nodes: Array, x: Array) -> tuple[_Cells, Array, Array]:
+    """Cells, shares of their upper nodes, and queries (m,) moved to the nearest place within the nodes."""
+    inside = np.clip(x, nodes[0], nodes[-1])
+    below = np.clip(np.searchsorted(nodes, inside, side="right") - 1, 0, max(nodes.size - 2, 0))
+    above = np.minimum(below + 1, nodes.size - 1)
+    width = nodes[above] - nodes[below]
+    return _Cells(below, above), (inside - nodes[below]) / np.where(width > 0.0, width, 1.0), inside
+
+
+def _cell_curvature(nodes: Array, table: Array) -> Array:
     """Largest |second derivative| seen next to each cell, (cells, across, k); none below three nodes."""
     if nodes.size < 3:
         return np.zeros((0, *table.shape[1:]))

@@ -11,7 +11,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MAX_CONDITION", "Reference"]
+__all__ = ["MAX_CONDITION", "Reference", "posteriors"]
+
+Array = NDArray[np.float64]
 
 MAX_CONDITION = 1e8
 """Largest condition number (unit diagonal) at which flights alone count as an estimate: half of the sixteen
@@ -36,8 +38,8 @@ class Reference:
         seconds: seconds of observable flight they rest on.
     """
 
-    information: NDArray[np.float64]
-    vector: NDArray[np.float64]
+    information: Array
+    vector: Array
     blocks: int = 0
     seconds: float = 0.0
 
@@ -88,14 +90,10 @@ class Reference:
             self.blocks + other.blocks, self.seconds + other.seconds,
         )  # fmt: skip
 
-    def posterior(
-        self, prior_value: ArrayLike, prior_covariance: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def posterior(self, prior_value: ArrayLike, prior_covariance: ArrayLike) -> tuple[Array, Array]:
         """Expectation after the flights, from the one before: Gaussian prior times Gaussian blocks.
 
-        With P = L L' and the eigenvalues w of L' J L, the posterior covariance is L U diag(1/(1+w)) U' L'.
-        Neither P nor J is ever inverted, so both may be singular: what no flight excited stays at the prior,
-        what the prior holds fixed stays fixed.
+        It is that of ``posteriors`` with its arguments checked.
 
         Args:
             prior_value: shape (k,), American non-dimensional.
@@ -112,15 +110,11 @@ class Reference:
             raise ValueError(
                 f"a prior of {value.size} derivatives cannot meet a reference of {self.vector.size}"
             )
-        root = _square_root(covariance)
-        if not self.information.any():
-            return value, covariance
-        w, u = np.linalg.eigh(root.T @ self.information @ root)
-        shrunk = (root @ u) / np.sqrt(1.0 + np.maximum(w, 0.0))
-        shift = shrunk @ (shrunk.T @ (self.vector - self.information @ value))
-        return value + shift, shrunk @ shrunk.T
+        unit, _ = _unit_diagonal(covariance)
+        _demand_semidefinite(np.linalg.eigvalsh(unit))
+        return posteriors(value, covariance, self.information, self.vector)
 
-    def estimate(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def estimate(self) -> tuple[Array, Array] | None:
         """Value (k,) and covariance (k, k) from the flights alone; None while they do not determine all k.
 
         Determined means: scaled to unit diagonal, the condition number of J is at most ``MAX_CONDITION``.
@@ -161,7 +155,7 @@ class Reference:
             raise ValueError(f"a reference holds numbers only: {error}") from error
 
 
-def _checked(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _checked(matrix: ArrayLike, vector: ArrayLike) -> tuple[Array, Array]:
     """Both as read-only arrays, the matrix exactly symmetric and semidefinite but for rounding."""
     symmetric, v = _symmetric(matrix, vector)
     unit, _ = _unit_diagonal(symmetric)
@@ -170,7 +164,7 @@ def _checked(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64],
     return symmetric, v
 
 
-def _symmetric(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _symmetric(matrix: ArrayLike, vector: ArrayLike) -> tuple[Array, Array]:
     """Both as read-only arrays, the matrix exactly symmetric."""
     m = np.array(matrix, dtype=np.float64)
     v = np.array(vector, dtype=np.float64)
@@ -190,7 +184,7 @@ def _symmetric(matrix: ArrayLike, vector: ArrayLike) -> tuple[NDArray[np.float64
     return symmetric, v
 
 
-def _unit_diagonal(m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _unit_diagonal(m: Array) -> tuple[Array, Array]:
     """The matrix (k, k) scaled to unit diagonal, and the roots of its diagonal, (k,), 1 where there is next to nothing.
 
     Raises:
@@ -209,13 +203,32 @@ def _demand_semidefinite(eigenvalues: NDArray[Any]) -> None:
         raise ValueError("the matrix must be positive semidefinite")
 
 
-def _square_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """L with L L' = covariance, shape (k, k); the covariance may be singular.
+def posteriors(value: Array, covariance: Array, information: Array, vector: Array) -> tuple[Array, Array]:
+    """Gaussian priors times Gaussian blocks, each on its own: axes (...) in front of those below.
 
-    Raises:
-        ValueError: it is not positive semidefinite.
+    With P = L L' and the eigenvalues w of L' J L, the posterior covariance is L U diag(1/(1+w)) U' L'. Neither P nor J
+    is ever inverted, so both may be singular: what no flight excited stays at the prior, what the prior holds fixed
+    stays fixed.
+
+    Args:
+        value: of the prior, (k,).
+        covariance: P, symmetric and positive semidefinite but for rounding, (k, k).
+        information: J likewise.
+        vector: h = J x, (k,).
+
+    Returns:
+        value (..., k), covariance (..., k, k), symmetric and positive semidefinite.
     """
-    unit, scale = _unit_diagonal(covariance)
-    w, u = np.linalg.eigh(unit)
-    _demand_semidefinite(w)
-    return np.asarray(scale[:, None] * u * np.sqrt(np.maximum(w, 0.0)))
+    flown = np.any(information, axis=(-2, -1), keepdims=True)
+    if not flown.any():
+        return value, covariance
+    diagonal = np.diagonal(covariance, axis1=-2, axis2=-1)
+    scale = np.sqrt(np.where(diagonal > _NOTHING, diagonal, 1.0))
+    w, u = np.linalg.eigh(covariance / (scale[..., :, None] * scale[..., None, :]))
+    root = scale[..., None] * u * np.sqrt(np.maximum(w, 0.0))[..., None, :]
+    w, u = np.linalg.eigh(np.swapaxes(root, -1, -2) @ information @ root)
+    shrunk = (root @ u) / np.sqrt(1.0 + np.maximum(w, 0.0))[..., None, :]
+    turned = np.swapaxes(shrunk, -1, -2)
+    residual = vector - np.squeeze(information @ value[..., None], -1)
+    shifted = value + np.squeeze(shrunk @ (turned @ residual[..., None]), -1)
+    return np.where(flown[..., 0], shifted, value), np.where(flown, shrunk @ turned, covariance)

@@ -13,6 +13,7 @@ expected to have caused in the window and in the reference.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
@@ -50,7 +51,8 @@ _NO_INFORMATION = 1e-280
 
 
 class Conversion(NamedTuple):
-    """From the coordinates of one structure to others at one flight condition and back, one derivative at a time.
+    """From the coordinates of one structure to others and back, one derivative at a time, at one flight condition or at
+    each of several: axes in front of those below.
 
     Attributes:
         scale, offset: ``concise = scale * coordinate + offset``, (k,) each.
@@ -64,7 +66,16 @@ class Conversion(NamedTuple):
 
     def from_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
         """A value (k,) and its covariance (k, k) in these coordinates."""
-        return (value - self.offset) / self.scale, covariance / (self.scale[:, None] * self.scale)
+        return (value - self.offset) / self.scale, covariance / self._both
+
+    def to_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
+        """Inverse of ``from_concise``."""
+        return self.scale * value + self.offset, covariance * self._both
+
+    @property
+    def _both(self) -> Array:
+        """Products of scales, (k, k)."""
+        return self.scale[..., :, None] * self.scale[..., None, :]
 
     def of_evidence(self, information: Array, vector: Array) -> tuple[Array, Array]:
         """Information (k, k) and vector (k,) about referred derivatives, in these coordinates."""
@@ -99,15 +110,20 @@ class Coordinates:
 
     def at(self, condition: FlightCondition) -> Conversion:
         """What they are at a flight condition."""
-        speed, density = condition.airspeed_true_m_s, condition.air_density_kg_m3
+        return Conversion(*(part[0] for part in self.at_each([condition])))
+
+    def at_each(self, conditions: Sequence[FlightCondition]) -> Conversion:
+        """What they are at each of m flight conditions."""
+        speed = np.array([c.airspeed_true_m_s for c in conditions])
+        density = np.array([c.air_density_kg_m3 for c in conditions])
         referred = referred_scale(self.structure, speed, density, self.reference)
         if self._form is None:
-            kinematic = offsets(self.structure, speed, condition.angle_of_attack_rad)
+            alpha = np.array([c.angle_of_attack_rad for c in conditions])
+            kinematic = offsets(self.structure, speed, alpha)
             return Conversion(referred, kinematic, np.ones_like(referred), np.zeros_like(referred))
-        scale, offset = self._form.at(condition)
-        return Conversion(
-            scale, offset, scale / referred, (offset - self._form.kinematic(condition)) / referred
-        )
+        scale, offset = self._form.at(conditions)
+        shift = (offset - self._form.kinematic(conditions)) / referred
+        return Conversion(scale, offset, scale / referred, shift)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from wingwatch.monitor.fleet_context import FleetContext
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.roster import VehicleKey
-from wingwatch.monitor.vehicle import VehicleMonitor
+from wingwatch.monitor.vehicle import VehicleMonitor, note_worst
 from wingwatch.monitor.views import FleetFigures, VehicleState, VehicleView
 
 __all__ = ["FleetViews"]
@@ -60,11 +60,16 @@ class FleetViews:
         What fails is tried again where the vehicle is shown, and a fault is noted there.
         """
         measured = []
+        try:
+            note_worst(monitors)
+        except Exception:
+            for monitor in monitors:
+                with suppress(Exception):
+                    monitor.worst()
         for monitor in monitors:
             with suppress(Exception):
                 if (pending := monitor.pending_air) is not None:
                     measured.append((pending, pending.measure()))
-                monitor.worst()
         if measured:
             with self._context.lock:
                 for pending, air in measured:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from wingwatch.aircraft import FlightCondition, ModeStructure
-from wingwatch.baselines import Expectation, Reference
+from wingwatch.baselines import Expectation, Reference, posteriors
 from wingwatch.estimators import BlockEvidence
 from wingwatch.monitor.blocks import EKF, FOURIER, BlockView, Evidence, ModeBlock, sums_of, which_have_blocks
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
@@ -246,11 +246,18 @@ class Judge:
             if freedom and chdtrc(freedom, distance) < self.config.contradiction:
                 state.contradictions[name] = _named(coordinates.structure, change)
 
-    def expected(self, state: JudgeState, name: str, prior: Array, covariance: Array) -> tuple[Array, Array]:
-        """Expectation after the vehicle's own flights, in the judge's coordinates."""
-        if name in state.contradictions:
-            covariance = covariance * APRIORI_DISCOUNT
-        return state.references[name].posterior(prior, covariance)
+    def expected(
+        self, states: Sequence[JudgeState], name: str, prior: Array, covariance: Array
+    ) -> tuple[Array, Array]:
+        """Expectations after the own flights of m vehicles, (m, k) and (m, k, k), in the judge's coordinates."""
+        doubted = np.array([[[name in state.contradictions]] for state in states])
+        references = [state.references[name] for state in states]
+        return posteriors(
+            prior,
+            np.where(doubted, covariance * APRIORI_DISCOUNT, covariance),
+            np.stack([r.information for r in references]),
+            np.stack([r.vector for r in references]),
+        )
 
     def _before(self, state: JudgeState, name: str, onset: int) -> tuple[Array, Array]:
         """Information and vector of the vehicle's own flight before a block, earlier flights included, as the Fourier

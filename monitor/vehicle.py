@@ -30,7 +30,7 @@ from wingwatch.monitor.chain import (
 )
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.flight_regime import FlightRegime
-from wingwatch.monitor.furthest import furthest
+from wingwatch.monitor.furthest import Outlook, furthest
 from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
@@ -42,7 +42,7 @@ from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstD
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 from wingwatch.telemetry.conditioning import AirQuality
 
-__all__ = ["MonitorStart", "Report", "VehicleMonitor", "surface_kinds", "suspected"]
+__all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
 
 
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
@@ -107,8 +107,7 @@ class VehicleMonitor:
     ) -> None:
         start = start or MonitorStart()
         memory, configuration = start.memory, start.configuration
-        self.aircraft, self.fleet, self.vehicle = aircraft, fleet, vehicle
-        self.configuration = configuration
+        self.fleet, self.vehicle, self.configuration = fleet, vehicle, configuration
         self.cleaner = Cleaner()
         self._regime = FlightRegime(aircraft)
         delays = aligned_delays(aircraft.sensors.delay_s, kinds)
@@ -118,6 +117,7 @@ class VehicleMonitor:
             if start.chain
             else Chain(aircraft, present, kinds, configuration, memory.envelopes)
         )
+        self.aircraft = aircraft = self.chain.aircraft  # equal, and one object for all vehicles of its type
         self.chain_state = self.chain.init()
         self._compared = _compared(self.chain.seen)
         nominal = nominal_condition(aircraft)
@@ -404,13 +404,10 @@ class VehicleMonitor:
         found = self.chain.envelopes[structure.name].lookup(condition)
         if isinstance(found, OutOfEnvelope) or structure.name not in self.judge.coordinates:
             return found
-        at = self.judge.coordinates[structure.name].at(condition)
-        value, covariance = self.judge.expected(
-            self._judge_state, structure.name, *at.from_concise(found.value, found.covariance)
-        )
-        both = at.scale[:, None] * at.scale
-        value = at.scale * value + at.offset
-        return Expectation(structure, value, covariance * both, found.provenance, condition, found.source)
+        at = self.judge.coordinates[structure.name].at_each([condition])
+        prior = at.from_concise(found.value[None], found.covariance[None])
+        value, covariance = at.to_concise(*self.judge.expected([self._judge_state], structure.name, *prior))
+        return Expectation(structure, value[0], covariance[0], found.provenance, condition, found.source)
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
         """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""
@@ -427,12 +424,9 @@ class VehicleMonitor:
         }
 
     def _expected_now(self, estimate: Estimate) -> Expectation | None:
-        airspeed, altitude, density, alpha = estimate.condition
-        if not (np.isfinite(airspeed) and airspeed > 0.0 and np.isfinite(density)):
+        condition = condition_of(estimate.condition, self.configuration)
+        if condition is None:
             return None
-        condition = FlightCondition(
-            airspeed, altitude, density, self.configuration, alpha if np.isfinite(alpha) else 0.0
-        )
         found = self.expectation(estimate.structure, condition)
         return None if isinstance(found, OutOfEnvelope) else found
 
@@ -443,18 +437,23 @@ class VehicleMonitor:
         return mode_object(estimate, self._expected_now(estimate), quantities)
 
     def worst(self) -> WorstDerivative | None:
-        """The derivative furthest from its expectation, among those that are observable.
+        """The derivative furthest from its expectation, among those that are observable (``note_worst``)."""
+        note_worst([self])
+        return None if self._worst is None else self._worst[1]
 
-        It is worked out once a solution, whoever asks (``furthest``), with a lock or without: a solution and what
-        flights taught are replaced, never changed.
-        """
+    @property
+    def unseen(self) -> Outlook | None:
+        """The latest solution beside what is expected, where nobody has asked yet which derivative is furthest."""
         solution = self._memory.latest
-        if solution is None:
+        if solution is None or (self._worst is not None and self._worst[0] is solution):
             return None
-        known = self._worst
-        if known is None or known[0] is not solution:
-            known = self._worst = solution, furthest(solution, self._compared, self._expected_now)
-        return known[1]
+        return Outlook(
+            solution, self._compared, self.configuration, self.chain.envelopes, self.judge, self._judge_state
+        )
+
+    def keep_worst(self, outlook: Outlook, found: WorstDerivative | None) -> None:
+        """What was found of ``unseen``."""
+        self._worst = outlook.solution, found
 
     @property
     def reason(self) -> str:
@@ -494,6 +493,19 @@ class VehicleMonitor:
             active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
             air=self.air, rejected_by_channel=self.rejected_by_channel,
         )  # fmt: skip
+
+
+def note_worst(monitors: Sequence[VehicleMonitor]) -> None:
+    """Find out of several vehicles together which derivative is furthest from its expectation (``furthest``).
+
+    It is worked out once a solution, whoever asks, with a lock or without: a solution and what flights taught are
+    replaced, never changed.
+    """
+    due = [(monitor, outlook) for monitor in monitors if (outlook := monitor.unseen) is not None]
+    if not due:
+        return
+    for (monitor, outlook), found in zip(due, furthest([outlook for _, outlook in due]), strict=True):
+        monitor.keep_worst(outlook, found)
 
 
 def suspected(memory: WatchMemory, config: JudgeConfig) -> bool:

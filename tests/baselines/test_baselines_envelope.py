@@ -506,3 +506,41 @@ def test_expectations_need_no_database_library() -> None:
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("kind", ["grid", "triangles", "line", "one", "unscaled", "none"])
+def test_many_conditions_are_looked_up_at_once_each_as_if_alone(kind: str) -> None:
+    """To the bit: what is expected of a vehicle must not depend on who else is looked at."""
+    rng = np.random.default_rng(11)
+    places = {
+        "triangles": [(20.0, 0.0), (30.0, 100.0), (24.0, 2000.0), (33.0, 1900.0)],
+        "line": [(20.0, 0.0), (25.0, 1000.0), (30.0, 2000.0)],
+        "one": [(25.0, 1000.0)],
+        "none": [],
+    }
+    if kind == "grid":
+        envelope = apriori_envelope(AEROSONDE, LATERAL)
+    elif kind == "unscaled":
+        bare = AEROSONDE.model_copy(update={"geometry": None})
+        envelope = Envelope(bare, SHORT_PERIOD, [entry(20.0, 0.0), entry(30.0, 1000.0, seed=1)])
+    else:
+        entries = [entry(v, h, seed=i) for i, (v, h) in enumerate(places[kind])]
+        envelope = Envelope(AEROSONDE, SHORT_PERIOD, entries)
+    conditions = [
+        FlightCondition(v, h, configuration="flaps" if i == 7 else "clean", angle_of_attack_rad=alpha)
+        for i, (v, h, alpha) in enumerate(rng.uniform((15.0, -500.0, -0.1), (40.0, 4000.0, 0.2), (40, 3)))
+    ]
+    conditions += [p.condition for p in envelope.points[:3]]
+    value, spread = envelope.values_at(conditions)
+    answered = 0
+    for k, condition in enumerate(conditions):
+        found = envelope.lookup(condition)
+        if isinstance(found, OutOfEnvelope):
+            assert np.isnan(value[k]).all()
+            assert np.isnan(spread[k]).all()
+        else:
+            assert value[k].tobytes() == found.value.tobytes()
+            assert spread[k].tobytes() == found.covariance.tobytes()
+            answered += 1
+    assert (answered > 0) == (kind != "none")
+    assert answered < len(conditions)

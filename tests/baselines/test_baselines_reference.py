@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from wingwatch.baselines import Reference
+from wingwatch.baselines import Reference, posteriors
 
 Array = NDArray[np.float64]
 
@@ -243,3 +243,24 @@ def test_information_discounted_to_next_to_nothing_is_none_and_no_error() -> Non
     added = Reference.empty(3).add(block, np.zeros(3), 5.0)
     assert added.blocks == 1
     assert np.array_equal(added.information, 0.5 * (block + block.T))
+
+
+@pytest.mark.parametrize("flown", [(False, False, False), (True, False, True), (True, True, True)])
+def test_posteriors_of_many_are_those_of_each(flown: tuple[bool, ...]) -> None:
+    """To the bit, and of who has not flown the prior."""
+    rng = np.random.default_rng(17)
+    references, value, covariance = [], rng.normal(size=(3, 6)), np.stack([spd(rng, 6) for _ in range(3)])
+    covariance[2, :, 1] = covariance[2, 1] = 0.0  # held fixed
+    for has in flown:
+        reference = Reference.empty(6)
+        for j, h in blocks(rng, 6, 2) if has else []:
+            reference = reference.add(j, h, 10.0)
+        references.append(reference)
+    information = np.stack([r.information for r in references])
+    found = posteriors(value, covariance, information, np.stack([r.vector for r in references]))
+    for k, reference in enumerate(references):
+        alone = reference.posterior(value[k], covariance[k])
+        assert found[0][k].tobytes() == alone[0].tobytes()
+        assert found[1][k].tobytes() == alone[1].tobytes()
+        assert (found[0][k] == value[k]).all() != flown[k]
+    assert found[0][2, 1] == pytest.approx(value[2, 1], rel=10 * 6 * 100 * EPS)  # as ``spd`` is conditioned

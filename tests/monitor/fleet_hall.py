@@ -240,10 +240,10 @@ class Hall:
     def raw(self, payload: bytes, encoding: str = JSON, stream: str = "sensors") -> None:
         self.fleet.receive("default", "uav", stream, payload, encoding)
 
-    def fly(self, flight: SampleBlock, from_s: int, to_s: int) -> None:
+    def fly(self, flight: SampleBlock, from_s: int, to_s: int, vehicle: str = "uav") -> None:
         """Whole seconds of a flight, a message each, with running numbers."""
         for k in range(from_s, to_s):
-            self.sample(second(flight, k), next(self.sequence))
+            self.sample(second(flight, k), next(self.sequence), vehicle)
 
     def view(self, vehicle: str = "uav") -> VehicleView:
         return next(v for v in self.fleet.vehicles() if v.vehicle == vehicle)

@@ -1,13 +1,15 @@
 """What is shown of a fleet: what takes long is worked out without its lock, and one vehicle hides no other."""
 
 import threading
+from collections.abc import Sequence
 
 import pytest
 from fleet_hall import AEROSONDE, Hall, fly_doublets
 
 from wingwatch.estimators import Outcome
-from wingwatch.monitor import VehicleMonitor, VehicleState
+from wingwatch.monitor import VehicleMonitor, VehicleState, WorstDerivative, vehicle
 from wingwatch.monitor.air_watch import PendingAir
+from wingwatch.monitor.furthest import Outlook, furthest
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 from wingwatch.telemetry.conditioning import AirQuality
 
@@ -41,23 +43,22 @@ def test_the_air_and_the_worst_derivative_are_worked_out_without_the_lock(
     hall: Hall, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free: dict[str, list[bool]] = {"air": [], "worst": []}
-    measure, worst = PendingAir.measure, VehicleMonitor.worst
+    measure = PendingAir.measure
 
     def measured(pending: PendingAir) -> AirQuality | None:
         free["air"].append(is_free(hall))
         return measure(pending)
 
-    def found(monitor: VehicleMonitor) -> object:
+    def found(outlooks: Sequence[Outlook]) -> list[WorstDerivative | None]:
         free["worst"].append(is_free(hall))
-        return worst(monitor)
+        return furthest(outlooks)
 
     monkeypatch.setattr(PendingAir, "measure", measured)
-    monkeypatch.setattr(VehicleMonitor, "worst", found)
+    monkeypatch.setattr(vehicle, "furthest", found)
     view = hall.view()
     assert view.air is not None
     assert view.worst is not None
-    assert free["air"] == [True]  # and not once more with the lock
-    assert free["worst"] == [True, False]  # remembered from the first time
+    assert free == {"air": [True], "worst": [True]}  # and not once more with the lock
 
 
 def test_a_vehicle_whose_air_cannot_be_measured_is_shown_with_its_fault_beside_the_others(
@@ -74,6 +75,28 @@ def test_a_vehicle_whose_air_cannot_be_measured_is_shown_with_its_fault_beside_t
     assert views["uav"].state is VehicleState.UNKNOWN
     assert "ArithmeticError" in views["uav"].reason
     assert hall.fleet.problems["faults"] == 1
+
+
+def test_a_vehicle_whose_worst_derivative_cannot_be_found_does_not_hide_that_of_others(
+    hall: Hall, flight: SampleBlock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hall.announce("other")
+    hall.fly(flight, 0, 35, "other")
+    known = hall.fleet._context.vehicles.get(("default", "uav"))
+    assert known is not None
+    assert known.monitor is not None
+    broken = known.monitor.unseen
+    assert broken is not None
+
+    def fails(outlooks: Sequence[Outlook]) -> list[WorstDerivative | None]:
+        if any(o.taught is broken.taught for o in outlooks):
+            raise ArithmeticError("no distance")
+        return furthest(outlooks)
+
+    monkeypatch.setattr(vehicle, "furthest", fails)
+    views = {view.vehicle: view for view in hall.fleet.vehicles()}
+    assert views["other"].worst is not None
+    assert "ArithmeticError" in views["uav"].reason
 
 
 def test_what_the_filter_says_is_told_without_its_estimate() -> None:
