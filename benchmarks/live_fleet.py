@@ -4,9 +4,10 @@ The service runs in a process of its own as ``wingwatch serve`` runs it, with a 
 process sends, every other vehicle in JSON, and a third asks REST ten times a second. The vehicles fly in turns at most
 32 simulated flights with doublets in light turbulence. Of each n it is said what was lost on the way, how far the state
 behind REST is behind what was sent at the end, how long REST took meanwhile, the service's processor time a
-vehicle-sample, and its memory. Times are of a machine that also sends and asks.
+vehicle-sample by thread, and its memory. Times are of a machine that also sends and asks. ``--stages`` tells what the
+thread that takes messages in spends its time on; that costs it a twentieth of it.
 
-Run: python benchmarks/live_fleet.py [--vehicles 3 15 50] [--seconds 30] [--samples-per-message 10] [--over 0]
+Run: python benchmarks/live_fleet.py [--vehicles 3 15] [--seconds 30] [--samples-per-message 10] [--over 0] [--stages]
 """
 
 import argparse
@@ -54,12 +55,14 @@ FLIGHTS = 32
 COMPILE_S, PATIENCE_S, ARRIVE_S = 300.0, 30.0, 1.0
 ASK_EVERY_S, FLEET_EVERY_S = 0.1, 2.0
 PUMP = "wingwatch-pump"
-OTHERS = (
+THREADS = (
+    PUMP,
     "wingwatch-subscriber",
     "wingwatch-http",
     "wingwatch-outputs",
     "wingwatch-store",
     "wingwatch-recall",
+    "wingwatch-checkpoints",
 )
 STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "decoding": ((fleet_module, "decode_sensors"),),
@@ -124,8 +127,8 @@ class Course:
         behind_s: of each vehicle, its last sample sent beyond the last one that REST knows, as sending ends.
         answers_s: time of each question about one vehicle; fleet_s: about all.
         late_s: by how much the sending process missed the moment of a message, worst.
-        stages_us, threads_us: processor time a vehicle-sample that was taken in, by stage and by thread; all_us: of the
-            whole service.
+        stages_us, threads_us: processor time a vehicle-sample that was taken in, by stage (where asked for) and
+            by thread; all_us: of the whole service.
         peak_bytes: of the service; vehicle_bytes: growth while it took in the vehicles, each.
         problems: what the service counted as dropped or failed.
     """
@@ -145,12 +148,12 @@ class Course:
     problems: dict[str, int]
 
 
-def serve(endpoint: str, folder: str, asked: Connection) -> None:
+def serve(endpoint: str, folder: str, stages: bool, asked: Connection) -> None:
     """The service, until the connection closes; each thing received is answered with the usage so far."""
     watch = Stopwatch()
     settings = ServeSettings(port=0, listen=(endpoint,), data=Path(folder))
     with ExitStack() as stack:
-        for stage, places in STAGES.items():
+        for stage, places in STAGES.items() if stages else ():
             for owner, name in places:
                 stack.enter_context(mock.patch.object(owner, name, watch.timed(stage, getattr(owner, name))))
         service = stack.enter_context(running_service(settings))
@@ -298,12 +301,14 @@ def _vehicles(url: str) -> list[dict[str, Any]]:
     return items
 
 
-def course(vehicles: int, seconds: float, samples: int = 10, over_s: float = 0.0) -> Course:
-    """One run with so many vehicles against a service of its own."""
+def course(
+    vehicles: int, seconds: float, samples: int = 10, over_s: float = 0.0, stages: bool = False
+) -> Course:
+    """One run with so many vehicles against a service of its own, its stages timed or not."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         endpoint = free_endpoint()
-        service = stack.enter_context(beside(serve, endpoint, folder))
+        service = stack.enter_context(beside(serve, endpoint, folder, stages))
         url = _received(service, COMPILE_S + PATIENCE_S)
         if url is None:
             raise TimeoutError(f"the kernels were not compiled within {COMPILE_S:g} s; run it again")
@@ -373,6 +378,9 @@ def main() -> None:
     parser.add_argument(
         "--over", type=float, default=0.0, help="seconds over which the vehicles begin, one after the other"
     )
+    parser.add_argument(
+        "--stages", action="store_true", help="time by stage as well, which costs a twentieth"
+    )
     arguments = parser.parse_args()
     if not 5.0 <= arguments.seconds <= 3600.0:
         parser.error(f"--seconds is {arguments.seconds}; give 5 to 3600")
@@ -400,19 +408,20 @@ def main() -> None:
     )  # fmt: skip
     runs = []
     for n in arguments.vehicles:
-        runs.append(course(n, arguments.seconds, arguments.samples_per_message, arguments.over))
+        runs.append(
+            course(n, arguments.seconds, arguments.samples_per_message, arguments.over, arguments.stages)
+        )
         report(runs[-1])
     print("\nprocessor time of the service, us a vehicle-sample")
-    print(f"{'vehicles':>20}" + "".join(f"{run.vehicles:9d}" for run in runs))
-    for stage in STAGES:
-        print(f"{stage:>20}" + "".join(f"{run.stages_us[stage]:9.1f}" for run in runs))
-    for thread in OTHERS:
-        print(f"{thread:>20}" + "".join(f"{run.threads_us.get(thread, 0.0):9.1f}" for run in runs))
-    known = [sum(run.stages_us.values()) + sum(run.threads_us.get(t, 0.0) for t in OTHERS) for run in runs]
-    print(
-        f"{'Zenoh and rest':>20}"
-        + "".join(f"{run.all_us - us:9.1f}" for run, us in zip(runs, known, strict=True))
-    )
+    print(f"{'vehicles':>21}" + "".join(f"{run.vehicles:9d}" for run in runs))
+    for thread in THREADS:
+        print(f"{thread:>21}" + "".join(f"{run.threads_us.get(thread, 0.0):9.1f}" for run in runs))
+    rest = [run.all_us - sum(run.threads_us.get(t, 0.0) for t in THREADS) for run in runs]
+    print(f"{'REST, Zenoh and else':>21}" + "".join(f"{us:9.1f}" for us in rest))
+    if arguments.stages:
+        print(f"\nof these {PUMP} by stage")
+        for stage in STAGES:
+            print(f"{stage:>21}" + "".join(f"{run.stages_us[stage]:9.1f}" for run in runs))
     for run in runs:
         if run.problems:
             print(f"{run.vehicles} vehicles: " + ", ".join(f"{k} {n}" for k, n in run.problems.items()))

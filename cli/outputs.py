@@ -37,6 +37,9 @@ _STREAMS: tuple[ServiceStream, ...] = ("derivatives", "status", "alerts")
 _COALESCED: tuple[ServiceStream, ...] = ("derivatives", "status")
 _JOIN_S = 1.0
 _LOOK_S = 0.2
+_ASKED_AGAIN_S = (
+    0.1  # whether anybody subscribes; the question costs as much as all else that announcing does
+)
 _SAID_AGAIN_S = 60.0
 _MOST_FOREIGN, _MOST_KEY = 1000, 300
 
@@ -77,6 +80,8 @@ class ZenohOutputs:
         }
         """Nothing is put through these: they tell whether anybody subscribes the stream of any vehicle. The session's
         end ends them, so whoever still announces is not refused."""
+        self._matching: dict[ServiceStream, tuple[float, bool]] = {}
+        """When it was last asked whether anybody does, and the answer."""
         self._token: Any = None
         self.dropped = {"alerts": 0, "queries": 0, "unsent": 0}
         self.foreign_alerts = 0
@@ -129,7 +134,7 @@ class ZenohOutputs:
 
     def announce(self, fleet: str, vehicle: str, stream: ServiceStream, news: Callable[[], News]) -> None:
         """Publish soon; returns at once."""
-        if stream in _COALESCED and not self._listened[stream].matching_status.matching:
+        if stream in _COALESCED and not self._is_listened(stream):
             return
         with self._lock:
             if stream in _COALESCED:
@@ -146,6 +151,14 @@ class ZenohOutputs:
         """Have the subscriber ask, which also takes the answer."""
         if self._ask is not None:
             self._ask(fleet, vehicle)
+
+    def _is_listened(self, stream: ServiceStream) -> bool:
+        now_s = time.monotonic()
+        asked_s, matching = self._matching.get(stream, (float("-inf"), False))
+        if now_s - asked_s >= _ASKED_AGAIN_S:
+            matching = bool(self._listened[stream].matching_status.matching)
+            self._matching[stream] = now_s, matching
+        return matching
 
     # -- the thread that hands over -------------------------------------------------------------------
 

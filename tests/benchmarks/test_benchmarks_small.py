@@ -163,7 +163,7 @@ def test_a_stage_that_takes_another_in_is_timed_without_it(monkeypatch: pytest.M
 
 @pytest.mark.slow
 def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
-    arguments = ["--vehicles", "2", "--seconds", "7", "--over", "2"]
+    arguments = ["--vehicles", "2", "--seconds", "7", "--over", "2", "--stages"]
     said = subprocess.run(
         [sys.executable, FOLDER / "live_fleet.py", *arguments], capture_output=True, text=True, check=True
     ).stdout.splitlines()
@@ -174,9 +174,11 @@ def test_two_vehicles_are_watched_live_and_nothing_is_lost() -> None:
         "0",
     ]  # vehicles, messages sent, messages lost: the second begins a second later
     assert float(row[4]) < 5.0  # seconds behind
-    taken_us = {line[:20].strip(): line[20:].split() for line in said}
-    for stage in ("decoding", "cleaning", "Fourier estimator", "filter"):
-        assert float(taken_us[stage][0]) > 0.0
+    taken_us = {line[:21].strip(): line[21:].split() for line in said}
+    stages = ("decoding", "cleaning", "Fourier estimator", "filter")
+    for place in ("wingwatch-pump", "REST, Zenoh and else", *stages):
+        assert float(taken_us[place][0]) > 0.0
+    assert sum(float(taken_us[stage][0]) for stage in stages) < float(taken_us["wingwatch-pump"][0])
 
 
 @pytest.mark.slow
