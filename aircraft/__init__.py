@@ -124,6 +124,7 @@ from wingwatch.aircraft.structures import (
 )
 from wingwatch.aircraft.thrust import ThrustSlopes, propulsion_thrust_n, thrust_slopes
 from wingwatch.aircraft.uncertainty import (
+    coefficient_standard_error,
     derivative_standard_errors,
 )
 from wingwatch.aircraft.vocabulary import (
@@ -222,6 +223,7 @@ __all__ = [
     "american_map",
     "derived_from",
     "reduced",
+    "coefficient_standard_error",
     "derivative_standard_errors",
     "ModeQuantity",
     "mode_quantities",

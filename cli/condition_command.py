@@ -71,7 +71,7 @@ def _result(found: Conditioned, out: Path | None) -> dict[str, Any]:
         "hardly_told_apart": [] if path is None else [list(pair) for pair in path.confounded],
         "fit": {} if path is None else dict(path.fit),
         "compatible": None if path is None else path.compatible,
-        "static": None if found.static is None else _static_object(found.static),
+        "static": None if found.static is None else _static_object(found.static, found.margin),
         "centre": [_parameter(p) for p in found.centre],
         "notes": found.notes,
         "out": None if out is None else str(out),
@@ -87,19 +87,20 @@ def _air_object(air: AirQuality) -> dict[str, Any]:
     }
 
 
-def _static_object(static: StaticDerivatives) -> dict[str, Any]:
+def _static_object(static: StaticDerivatives, margin: Parameter | None) -> dict[str, Any]:
     return {
         "segments": static.segments,
         "airspeed_m_s": static.airspeed_m_s,
         "misfit": list(static.misfit),
-        "parameters": [_parameter(p) for p in _static_parameters(static)],
+        "parameters": [_parameter(p) for p in _static_parameters(static, margin)],
     }
 
 
-def _static_parameters(static: StaticDerivatives) -> tuple[Parameter, ...]:
+def _static_parameters(static: StaticDerivatives, margin: Parameter | None) -> tuple[Parameter, ...]:
     return (
         static.elevator_slope, static.elevator_at_zero, static.moment_ratio, static.normal_force_slope,
         static.normal_force_at_zero, static.elevator_against_normal_force,
+        *(() if margin is None else (margin,)),
     )  # fmt: skip
 
 
@@ -123,9 +124,8 @@ def _show(console: Console, found: Conditioned, source: str, aircraft: str, out:
             f"  the readings are {verdict}: what is left is up to {ratio:.2g} times the noise ({worst})"
         )
     if found.static is not None:
-        console.print(
-            _table(f"trimmed flight, {found.static.segments} segments", _static_parameters(found.static))
-        )
+        rows = _static_parameters(found.static, found.margin)
+        console.print(_table(f"trimmed flight, {found.static.segments} segments", rows))
     if found.centre:
         console.print(_table("second accelerometers, centre of gravity", found.centre))
     for note in found.notes:

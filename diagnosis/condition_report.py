@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import SURFACES, Aircraft
-from wingwatch.diagnosis.static_derivatives import StaticDerivatives, static_derivatives
+from wingwatch.aircraft import SURFACES, Aircraft, coefficient_standard_error
+from wingwatch.diagnosis.static_derivatives import StaticDerivatives, static_derivatives, static_margin
 from wingwatch.diagnosis.tracking import Track, untracked
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
 from wingwatch.telemetry.conditioning import (
@@ -63,6 +63,7 @@ class Conditioned:
         air: how rough it was.
         path: sensor errors, from at most ``PATH_S`` of the flight.
         static: from trimmed segments.
+        margin: the static margin from these and the elevator's power by the aircraft file; None where it states none.
         centre: place of the second IMU from the first, and of the centre of gravity from where the file has it.
         corrected: the table with delays beyond the stated ones and sensor errors taken out.
         notes: what could not be had, one sentence each.
@@ -75,6 +76,7 @@ class Conditioned:
     air: AirQuality | None = None
     path: ReconstructedPath | None = None
     static: StaticDerivatives | None = None
+    margin: Parameter | None = None
     centre: tuple[Parameter, ...] = ()
     corrected: SampleBlock | None = None
     notes: list[str] = field(default_factory=list)
@@ -182,7 +184,10 @@ class _Steps:
         mass = self._aircraft.need_mass("static derivatives").mass_kg
         area = self._aircraft.need_geometry("static derivatives").wing_area_m2
         at_rest = at_centre(self._without_errors(self._aligned), self._vane, self._imu)
-        self._result.static = static_derivatives(steady_segments(at_rest), mass, area)
+        self._result.static = found = static_derivatives(steady_segments(at_rest), mass, area)
+        if (coefficients := self._aircraft.coefficients) is not None:
+            error = coefficient_standard_error(coefficients, "Cm_elevator")
+            self._result.margin = static_margin(found, coefficients.Cm.elevator, error)
 
     def centre(self) -> None:
         """Centre of gravity from two triads of accelerometers."""

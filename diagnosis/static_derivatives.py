@@ -7,8 +7,8 @@ At rest, wings level and with thrust along a line through the centre of gravity,
 so elevator against angle of attack over segments of different airspeed gives two ratios, and never the three
 derivatives. Concise: m_w / m_eta = (Cm_alpha / Cm_eta) / V. Normal force against angle of attack gives the slope
 with the elevator that keeps trim, C_N_alpha + C_N_eta d eta / d alpha; apart the two do not come. With the elevator's
-power from dynamic estimates (Cm_eta) the static margin follows, -Cm_alpha over the slope of the trimmed normal force:
-Cm_eta d eta / d C_N; and from flights with several centres of gravity the neutral point, where d eta / d C_N vanishes.
+power (Cm_eta) the static margin follows, -Cm_alpha over the slope of the trimmed normal force: Cm_eta d eta / d C_N. So
+many mean chords behind the centre of gravity lies the neutral point.
 """
 
 import math
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from wingwatch.telemetry.conditioning import Parameter, SteadySegment
 
-__all__ = ["StaticDerivatives", "neutral_point", "static_derivatives", "static_margin", "straight_line"]
+__all__ = ["StaticDerivatives", "static_derivatives", "static_margin", "straight_line"]
 
 Array = NDArray[np.float64]
 
@@ -176,7 +176,7 @@ def static_margin(found: StaticDerivatives, cm_eta_per_rad: float, cm_eta_error_
 
     Args:
         found: of ``static_derivatives``.
-        cm_eta_per_rad: from a dynamic estimate: Cm_eta = m_eta I_y / (q S c).
+        cm_eta_per_rad: as the aircraft file has it, or from a dynamic estimate: Cm_eta = m_eta I_y / (q S c).
         cm_eta_error_per_rad: its standard error.
 
     Returns:
@@ -188,33 +188,3 @@ def static_margin(found: StaticDerivatives, cm_eta_per_rad: float, cm_eta_error_
     value = cm_eta_per_rad * slope.value
     error = math.hypot(cm_eta_error_per_rad * slope.value, cm_eta_per_rad * slope.standard_error)
     return Parameter("static margin", value, error, "chords")
-
-
-def neutral_point(cg_m: Sequence[float], slopes: Sequence[Parameter]) -> Parameter:
-    """Where the centre of gravity would leave d eta / d C_N zero, by a line through flights of several centres.
-
-    Args:
-        cg_m: of each flight, on any axis along the body.
-        slopes: ``elevator_against_normal_force`` of each flight.
-
-    Returns:
-        On the same axis, m; not observable with fewer than three flights or where the slope does not change.
-
-    Raises:
-        ValueError: lengths differ.
-    """
-    if len(cg_m) != len(slopes):
-        raise ValueError(f"{len(cg_m)} centres of gravity and {len(slopes)} slopes: give one slope a flight")
-    usable = [(x, s) for x, s in zip(cg_m, slopes, strict=True) if s.observable]
-    if len(usable) < 3:
-        reason = f"{len(usable)} flights with a slope: at least 3 centres of gravity are needed"
-        return Parameter("neutral point", math.nan, math.inf, "m", False, reason)
-    x, y = np.array([t[0] for t in usable]), np.array([t[1].value for t in usable])
-    line = straight_line(x, y, np.zeros(x.size), np.array([t[1].standard_error for t in usable]))
-    if abs(line.slope) < 3.0 * math.sqrt(line.covariance[1, 1]):
-        return Parameter(
-            "neutral point", math.nan, math.inf, "m", False, "the slope hardly changes with the centre"
-        )
-    place = -line.intercept / line.slope
-    gradient = np.array([-1.0 / line.slope, -place / line.slope])
-    return Parameter("neutral point", place, math.sqrt(float(gradient @ line.covariance @ gradient)), "m")

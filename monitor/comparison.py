@@ -147,8 +147,8 @@ class Change:
     natural: Array
 
     def at(self, place: tuple[int, ...]) -> "Change":
-        """One of several changes, by its place in the axes in front."""
-        return Change(*(getattr(self, f.name)[place] for f in fields(Change)))
+        """One of several changes, by its place in the axes in front; a copy, which does not keep the others."""
+        return Change(*(np.array(getattr(self, f.name)[place]) for f in fields(Change)))
 
 
 def _solved(inner: Array, weight: Array, pull: Array) -> tuple[Array, Array]:

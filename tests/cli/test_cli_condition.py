@@ -10,9 +10,11 @@ from cli_flights import run, without
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.simulation import (
+    Route,
     Scenario,
     SensorDelay,
     SensorErrors,
+    Waypoint,
     doublet_schedule,
     patrol,
     simulate,
@@ -139,3 +141,21 @@ def test_a_second_triad_tells_its_place_and_the_centre(
         middle = centre[f"centre {axis}"]
         assert abs(middle["value"]) < 4.0 * middle["standard_error"] or not middle["observable"]
     assert "separation x" in run(capsys, arguments).out
+
+
+def test_trimmed_flight_at_several_airspeeds_tells_the_static_margin(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Within the error that the handbook gives the elevator's power, 15 %, and the elevator's own lift."""
+    aircraft, source = load_aircraft("aerosonde"), tmp_path / "flight.parquet"
+    legs = tuple(Waypoint(600.0 * (i + 1), 0.0, 1000.0, v) for i, v in enumerate((25.0, 20.5, 29.0, 22.0)))
+    write_flight(simulate(Scenario(aircraft, seed=2, route=Route(legs, loops=False)), 100.0), source)
+    found = run(capsys, ["condition", source, "--aircraft", "aerosonde", "--json"]).json
+    margin = by_name(found["static"]["parameters"])["static margin"]
+    coefficients = aircraft.need_coefficients("this test")
+    truth = -coefficients.Cm.alpha / coefficients.CL.alpha
+    assert margin["observable"]
+    assert margin["unit"] == "chords"
+    assert margin["standard_error"] == pytest.approx(0.15 * margin["value"], rel=0.2)
+    assert abs(margin["value"] - truth) < 2.0 * margin["standard_error"]
+    assert "static margin" in run(capsys, ["condition", source, "--aircraft", "aerosonde"]).out
