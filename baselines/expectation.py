@@ -7,6 +7,8 @@ and derivations: docs/decisions/0011-baseline-envelope.md.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import NDArray
@@ -256,6 +258,17 @@ class Envelope:
             [1.0 if s in LIFT_PROPORTIONAL else CARRY_SHARE for s in self.structure.derivatives]
         )
         self._interpolator = interpolator(places, self._values)
+
+    @cached_property
+    def content(self) -> bytes:
+        """A digest of the entries and of where they are trusted: the same of two envelopes that answer all alike."""
+        digest = blake2b(
+            repr((self.structure.name, self.configuration, self.neighbourhood, self._absent)).encode()
+        )
+        for p in self.points:
+            digest.update(repr((p.condition, str(p.provenance), p.source)).encode())
+            digest.update(p.value.tobytes() + p.covariance.tobytes())
+        return digest.digest()
 
     @property
     def limits(self) -> str:

@@ -8,6 +8,7 @@ vehicle-sample by thread, and its memory. Times are of a machine that also sends
 thread that takes messages in spends its time on; that costs it a twentieth of it.
 
 Run: python benchmarks/live_fleet.py [--vehicles 3 15] [--seconds 30] [--samples-per-message 10] [--over 0] [--stages]
+       [--stored]
 """
 
 import argparse
@@ -18,7 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,8 @@ import numpy as np
 from loopback import free_endpoint
 from service_child import beside
 
-from wingwatch.aircraft import load_aircraft
+from wingwatch.aircraft import LATERAL, SHORT_PERIOD, Provenance, load_aircraft
+from wingwatch.baselines import ExpectationRecord, apriori_envelope, open_database
 from wingwatch.cli.service import running_service
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.estimators import EkfEstimator, FourierEstimator, Signals, Standing
@@ -148,10 +150,12 @@ class Course:
     problems: dict[str, int]
 
 
-def serve(endpoint: str, folder: str, stages: bool, asked: Connection) -> None:
+def serve(endpoint: str, folder: str, stages: bool, stored: bool, asked: Connection) -> None:
     """The service, until the connection closes; each thing received is answered with the usage so far."""
     watch = Stopwatch()
     settings = ServeSettings(port=0, listen=(endpoint,), data=Path(folder))
+    if stored:
+        store_baseline(settings.where)
     with ExitStack() as stack:
         for stage, places in STAGES.items() if stages else ():
             for owner, name in places:
@@ -177,6 +181,16 @@ def serve(endpoint: str, folder: str, stages: bool, asked: Connection) -> None:
                     counters["messages"]["received"], dropped,
                 )
             )  # fmt: skip
+
+
+def store_baseline(where: str) -> None:
+    """What the aircraft's file expects of both compared structures, as entries of the database that flights gave."""
+    aircraft = load_aircraft("aerosonde")
+    with open_database(where) as database:
+        for structure in (SHORT_PERIOD, LATERAL):
+            for point in apriori_envelope(aircraft, structure).points:
+                flown = replace(point, provenance=Provenance.IDENTIFIED, source="identified in flight")
+                database.put_expectation(ExpectationRecord.of(aircraft.name, flown, 0.0))
 
 
 def _threads_s() -> dict[str, float]:
@@ -302,13 +316,19 @@ def _vehicles(url: str) -> list[dict[str, Any]]:
 
 
 def course(
-    vehicles: int, seconds: float, samples: int = 10, over_s: float = 0.0, stages: bool = False
+    vehicles: int,
+    seconds: float,
+    samples: int = 10,
+    over_s: float = 0.0,
+    *,
+    stages: bool = False,
+    stored: bool = False,
 ) -> Course:
-    """One run with so many vehicles against a service of its own, its stages timed or not."""
+    """One run with so many vehicles against a service of its own, its stages timed or not, a baseline stored or not."""
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
         endpoint = free_endpoint()
-        service = stack.enter_context(beside(serve, endpoint, folder, stages))
+        service = stack.enter_context(beside(serve, endpoint, folder, stages, stored))
         url = _received(service, COMPILE_S + PATIENCE_S)
         if url is None:
             raise TimeoutError(f"the kernels were not compiled within {COMPILE_S:g} s; run it again")
@@ -381,6 +401,9 @@ def main() -> None:
     parser.add_argument(
         "--stages", action="store_true", help="time by stage as well, which costs a twentieth"
     )
+    parser.add_argument(
+        "--stored", action="store_true", help="with a baseline of the aircraft in the database"
+    )
     arguments = parser.parse_args()
     if not 5.0 <= arguments.seconds <= 3600.0:
         parser.error(f"--seconds is {arguments.seconds}; give 5 to 3600")
@@ -409,8 +432,11 @@ def main() -> None:
     runs = []
     for n in arguments.vehicles:
         runs.append(
-            course(n, arguments.seconds, arguments.samples_per_message, arguments.over, arguments.stages)
-        )
+            course(
+                n, arguments.seconds, arguments.samples_per_message, arguments.over,
+                stages=arguments.stages, stored=arguments.stored,
+            )
+        )  # fmt: skip
         report(runs[-1])
     print("\nprocessor time of the service, us a vehicle-sample")
     print(f"{'vehicles':>21}" + "".join(f"{run.vehicles:9d}" for run in runs))

@@ -25,6 +25,9 @@ _MOST_PREPARED = 8
 _Type = tuple[str, str, float | None, float]
 """Name, configuration, mass and shift of the centre of gravity."""
 
+_Kind = tuple[_Type, tuple[str, ...], tuple[tuple[str, bytes], ...]]
+"""Type, channels, and the digests of what is stored of its expectations (``Envelope.content``)."""
+
 
 class MonitorMaker:
     """Makes monitors; what vehicles of one type share is worked out once.
@@ -40,7 +43,7 @@ class MonitorMaker:
     def __init__(self, new_id: Callable[[], str], judge: JudgeConfig) -> None:
         self._new_id, self._judge = new_id, judge
         self._apriori: dict[_Type, tuple[Aircraft, Mapping[str, Envelope]]] = {}
-        self._chains: dict[tuple[_Type, tuple[str, ...]], Chain] = {}
+        self._chains: dict[_Kind, Chain] = {}
         self.executor: Executor | None = None
         self._prepared: dict[
             tuple[_Type, tuple[str, ...]], Future[tuple[Aircraft, Mapping[str, Envelope]]]
@@ -105,9 +108,10 @@ class MonitorMaker:
         known_type, apriori = self._apriori.pop(place, (None, {}))  # the longest unused are forgotten first
         if known_type != aircraft:
             apriori = {}
-        kind = (place, tuple(given))
+        stored = tuple(sorted((name, envelope.content) for name, envelope in memory.envelopes.items()))
+        kind = (place, tuple(given), stored)
         shared = self._chains.get(kind)
-        if memory.envelopes or (shared is not None and shared.aircraft != aircraft):
+        if shared is not None and shared.aircraft != aircraft:
             shared = None
         kept = replace(memory, envelopes={**apriori, **memory.envelopes})
         monitor = VehicleMonitor(
@@ -117,10 +121,7 @@ class MonitorMaker:
         stated = {k: v for k, v in monitor.chain.envelopes.items() if k not in memory.envelopes}
         # One type's vehicles share what its file says: linearised once, not once a vehicle.
         self._apriori[place] = aircraft, {**apriori, **stated}
-        if not memory.envelopes:
-            self._chains[kind] = (
-                monitor.chain.of_another()
-            )  # the monitor's own may take in other expectations
+        self._chains[kind] = monitor.chain.of_another()  # the monitor's own may take in other expectations
         _drop_oldest(self._apriori)
         _drop_oldest(self._chains)
         return monitor

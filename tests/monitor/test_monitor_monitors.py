@@ -1,9 +1,10 @@
 """Vehicles of one type share the estimators; what is said of one does not depend on its company, to the bit."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from wingwatch.aircraft import SHORT_PERIOD, load_aircraft
-from wingwatch.baselines import apriori_envelope
+from wingwatch.baselines import Envelope, apriori_envelope
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.monitors import MonitorMaker
@@ -55,7 +56,7 @@ def test_a_vehicle_does_not_depend_on_its_company() -> None:
     assert together == alone
 
 
-def test_estimators_are_shared_by_type_and_channels_and_expectations_are_not() -> None:
+def test_estimators_are_shared_by_type_channels_and_what_is_stored_and_expectations_are_not() -> None:
     one, present = maker(), flights()[0].present
     fewer = [name for name in present if name != "sideslip_rad"]
     other = VehicleMemory(envelopes={"short_period": apriori_envelope(AIRCRAFT, SHORT_PERIOD, "clean")})
@@ -66,3 +67,27 @@ def test_estimators_are_shared_by_type_and_channels_and_expectations_are_not() -
     second.adopt(other)
     assert second.chain.envelopes["short_period"] is other.envelopes["short_period"]
     assert first.chain.envelopes["short_period"] is not other.envelopes["short_period"]
+
+
+def stored(factor: float = 1.0) -> VehicleMemory:
+    """What a database gives of a type each time it is asked: new objects, values times a factor."""
+    found = apriori_envelope(AIRCRAFT, SHORT_PERIOD, "clean")
+    points = [
+        replace(p, value=p.value * factor, covariance=p.covariance.copy(), source="flown")
+        for p in found.points
+    ]
+    return VehicleMemory(envelopes={"short_period": Envelope(AIRCRAFT, SHORT_PERIOD, points)})
+
+
+def test_vehicles_of_which_the_same_is_stored_share_estimators_and_those_of_another_baseline_do_not() -> None:
+    blocks = flights()
+    one, present = maker(), blocks[0].present
+    first, second = (made(one, f"v{i}", present, stored()) for i in range(2))
+    other = made(one, "v2", present, stored(factor=1.1))
+    plain = made(one, "v3", present, VehicleMemory())
+    assert first.chain.supervisor is second.chain.supervisor
+    assert len({id(m.chain.supervisor) for m in (first, other, plain)}) == 3
+    assert first.chain.envelopes["short_period"].points[0].source == "flown"
+    together = told([first, second], blocks)
+    alone = [told([made(maker(), f"v{i}", present, stored())], [b])[0] for i, b in enumerate(blocks)]
+    assert together == alone
