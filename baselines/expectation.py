@@ -261,7 +261,8 @@ class Envelope:
 
     @cached_property
     def content(self) -> bytes:
-        """A digest of the entries and of where they are trusted: the same of two envelopes that answer all alike."""
+        """A digest of the entries and of where they are trusted: envelopes of one aircraft that have the same give the
+        same answers."""
         digest = blake2b(
             repr((self.structure.name, self.configuration, self.neighbourhood, self._absent)).encode()
         )

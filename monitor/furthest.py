@@ -16,14 +16,14 @@ from wingwatch.monitor.chain import Solution, condition_of
 from wingwatch.monitor.judge import Judge, JudgeState
 from wingwatch.monitor.views import WorstDerivative
 
-__all__ = ["Outlook", "furthest"]
+__all__ = ["PendingWorst", "furthest"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
-    """What one vehicle's derivatives are, and what they are expected to be.
+class PendingWorst:
+    """A solution of one vehicle of which nobody has asked yet which derivative is furthest from its expectation.
 
     Attributes:
         structures: those that are compared.
@@ -44,21 +44,21 @@ class Outlook:
         return mode.fourier, mode.ekf
 
 
-def furthest(outlooks: Sequence[Outlook]) -> list[WorstDerivative | None]:
+def furthest(pending: Sequence[PendingWorst]) -> list[WorstDerivative | None]:
     """Of each vehicle the observable derivative furthest from its expectation, in standard errors of both; None where
     none can be told.
 
     Both estimators must say so: of two that stand, the one nearer to the expectation speaks for the pair.
     """
-    worst: list[WorstDerivative | None] = [None] * len(outlooks)
+    worst: list[WorstDerivative | None] = [None] * len(pending)
     alike: dict[tuple[str, int, int], list[int]] = {}
-    for n, o in enumerate(outlooks):
+    for n, o in enumerate(pending):
         for s in o.structures:
             key = s.name, id(o.envelopes[s.name]), id(o.judge.coordinates[s.name].aircraft)
             alike.setdefault(key, []).append(n)
     for (structure, *_), numbers in alike.items():
-        for n, z in zip(numbers, _distances([outlooks[n] for n in numbers], structure), strict=True):
-            found = _speaker(z, outlooks[n].estimates(structure))
+        for n, z in zip(numbers, _distances([pending[n] for n in numbers], structure), strict=True):
+            found = _speaker(z, pending[n].estimates(structure))
             best = worst[n]
             if found is not None and (best is None or abs(found.z) > abs(best.z)):
                 worst[n] = found
@@ -68,11 +68,10 @@ def furthest(outlooks: Sequence[Outlook]) -> list[WorstDerivative | None]:
 def _speaker(z: Array, estimates: tuple[Estimate, Estimate]) -> WorstDerivative | None:
     """The derivative furthest off, as the milder estimator has it; ``z``: (2, k), NaN where one does not stand."""
     size = np.where(np.isnan(z), np.inf, np.abs(z))
-    milder = np.argmin(size, axis=0)
-    size = size.min(axis=0)
-    if not np.isfinite(size).any():
+    milder, mildest = np.argmin(size, axis=0), np.min(size, axis=0)
+    if not np.isfinite(mildest).any():
         return None
-    k = int(np.argmax(np.where(np.isfinite(size), size, -1.0)))
+    k = int(np.argmax(np.where(np.isfinite(mildest), mildest, -1.0)))
     estimate = estimates[milder[k]]
     structure = estimate.structure
     return WorstDerivative(
@@ -80,23 +79,23 @@ def _speaker(z: Array, estimates: tuple[Estimate, Estimate]) -> WorstDerivative 
     )
 
 
-def _distances(outlooks: Sequence[Outlook], structure: str) -> Array:
+def _distances(pending: Sequence[PendingWorst], structure: str) -> Array:
     """Distance of each derivative of vehicles of one envelope from its expectation, by estimator, (m, 2, k).
 
     NaN where a derivative is not observable or nothing is expected.
     """
-    both = [o for o in outlooks for _ in range(2)]
-    estimates = [e for o in outlooks for e in o.estimates(structure)]
+    both = [o for o in pending for _ in range(2)]
+    estimates = [e for o in pending for e in o.estimates(structure)]
     found = [condition_of(e.condition, o.configuration) for e, o in zip(estimates, both, strict=True)]
     known = np.array([i for i, c in enumerate(found) if c is not None], dtype=np.int64)
     conditions = [c for c in found if c is not None]
     z = np.full((len(estimates), len(estimates[0].structure.derivatives)), np.nan)
     if conditions:
-        value, covariance = outlooks[0].envelopes[structure].values_at(conditions)
+        value, covariance = pending[0].envelopes[structure].values_at(conditions)
         inside = np.asarray(np.all(np.isfinite(value), axis=1))
         known, conditions = known[inside], [c for c, i in zip(conditions, inside, strict=True) if i]
     if conditions:
-        judge = outlooks[0].judge
+        judge = pending[0].judge
         at = judge.coordinates[structure].at_each(conditions)
         prior = at.from_concise(value[inside], covariance[inside])
         expected = at.to_concise(*judge.expected([both[i].taught for i in known], structure, *prior))
@@ -107,4 +106,4 @@ def _distances(outlooks: Sequence[Outlook], structure: str) -> Array:
         )
         z[known] = (own[0] - expected[0]) / np.hypot(own[1], error)
     stands = [[o in (Outcome.CONVERGED, Outcome.SETTLING) for o in e.outcomes] for e in estimates]
-    return np.where(stands, z, np.nan).reshape(len(outlooks), 2, -1)
+    return np.where(stands, z, np.nan).reshape(len(pending), 2, -1)

@@ -30,7 +30,7 @@ from wingwatch.monitor.chain import (
 )
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.flight_regime import FlightRegime
-from wingwatch.monitor.furthest import Outlook, furthest
+from wingwatch.monitor.furthest import PendingWorst, furthest
 from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
@@ -442,18 +442,18 @@ class VehicleMonitor:
         return None if self._worst is None else self._worst[1]
 
     @property
-    def unseen(self) -> Outlook | None:
+    def pending_worst(self) -> PendingWorst | None:
         """The latest solution beside what is expected, where nobody has asked yet which derivative is furthest."""
         solution = self._memory.latest
         if solution is None or (self._worst is not None and self._worst[0] is solution):
             return None
-        return Outlook(
+        return PendingWorst(
             solution, self._compared, self.configuration, self.chain.envelopes, self.judge, self._judge_state
         )
 
-    def keep_worst(self, outlook: Outlook, found: WorstDerivative | None) -> None:
-        """What was found of ``unseen``."""
-        self._worst = outlook.solution, found
+    def keep_worst(self, one: PendingWorst, found: WorstDerivative | None) -> None:
+        """What was found of ``pending_worst``."""
+        self._worst = one.solution, found
 
     @property
     def reason(self) -> str:
@@ -501,11 +501,11 @@ def note_worst(monitors: Sequence[VehicleMonitor]) -> None:
     It is worked out once a solution, whoever asks, with a lock or without: a solution and what flights taught are
     replaced, never changed.
     """
-    due = [(monitor, outlook) for monitor in monitors if (outlook := monitor.unseen) is not None]
+    due = [(monitor, one) for monitor in monitors if (one := monitor.pending_worst) is not None]
     if not due:
         return
-    for (monitor, outlook), found in zip(due, furthest([outlook for _, outlook in due]), strict=True):
-        monitor.keep_worst(outlook, found)
+    for (monitor, one), found in zip(due, furthest([one for _, one in due]), strict=True):
+        monitor.keep_worst(one, found)
 
 
 def suspected(memory: WatchMemory, config: JudgeConfig) -> bool:

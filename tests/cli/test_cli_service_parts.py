@@ -252,6 +252,35 @@ def test_what_nobody_listens_to_is_not_made() -> None:
     assert outputs.dropped["unsent"] == 0
 
 
+def test_whether_anybody_listens_is_asked_now_and_then_and_who_comes_later_is_heard() -> None:
+    asked = 0
+
+    class Asked(Session):
+        @property
+        def matching_status(self) -> SimpleNamespace:
+            nonlocal asked
+            asked += 1
+            return SimpleNamespace(matching=self.listened)
+
+        def declare_publisher(self, key: str) -> Any:
+            return self
+
+    session = Asked(listened=False)
+    with ZenohOutputs(cast(zenoh.Session, session)) as outputs:
+        began_s = time.monotonic()
+        for _ in range(1000):
+            outputs.announce("default", "uav1", "status", lambda: VEHICLE)
+        assert asked <= 1 + 10.0 * (time.monotonic() - began_s)  # ten times a second at most
+        assert not session.put_
+        session.listened = True
+
+        def heard() -> bool:
+            outputs.announce("default", "uav1", "status", lambda: VEHICLE)
+            return bool(session.put_)
+
+        until(heard)
+
+
 def test_alerts_that_find_no_room_and_values_that_cannot_be_sent_are_counted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

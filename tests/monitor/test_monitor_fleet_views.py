@@ -9,7 +9,7 @@ from fleet_hall import AEROSONDE, Hall, fly_doublets
 from wingwatch.estimators import Outcome
 from wingwatch.monitor import VehicleMonitor, VehicleState, WorstDerivative, vehicle
 from wingwatch.monitor.air_watch import PendingAir
-from wingwatch.monitor.furthest import Outlook, furthest
+from wingwatch.monitor.furthest import PendingWorst, furthest
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 from wingwatch.telemetry.conditioning import AirQuality
 
@@ -49,9 +49,9 @@ def test_the_air_and_the_worst_derivative_are_worked_out_without_the_lock(
         free["air"].append(is_free(hall))
         return measure(pending)
 
-    def found(outlooks: Sequence[Outlook]) -> list[WorstDerivative | None]:
+    def found(pending: Sequence[PendingWorst]) -> list[WorstDerivative | None]:
         free["worst"].append(is_free(hall))
-        return furthest(outlooks)
+        return furthest(pending)
 
     monkeypatch.setattr(PendingAir, "measure", measured)
     monkeypatch.setattr(vehicle, "furthest", found)
@@ -85,13 +85,13 @@ def test_a_vehicle_whose_worst_derivative_cannot_be_found_does_not_hide_that_of_
     known = hall.fleet._context.vehicles.get(("default", "uav"))
     assert known is not None
     assert known.monitor is not None
-    broken = known.monitor.unseen
+    broken = known.monitor.pending_worst
     assert broken is not None
 
-    def fails(outlooks: Sequence[Outlook]) -> list[WorstDerivative | None]:
-        if any(o.taught is broken.taught for o in outlooks):
+    def fails(pending: Sequence[PendingWorst]) -> list[WorstDerivative | None]:
+        if any(o.taught is broken.taught for o in pending):
             raise ArithmeticError("no distance")
-        return furthest(outlooks)
+        return furthest(pending)
 
     monkeypatch.setattr(vehicle, "furthest", fails)
     views = {view.vehicle: view for view in hall.fleet.vehicles()}

@@ -7,7 +7,7 @@ import pytest
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.monitor import MonitorStart, VehicleMonitor, WorstDerivative
-from wingwatch.monitor.furthest import Outlook, furthest
+from wingwatch.monitor.furthest import PendingWorst, furthest
 from wingwatch.simulation import Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 
@@ -53,10 +53,10 @@ def monitors() -> list[VehicleMonitor]:
     ]
 
 
-def outlooks(monitors: list[VehicleMonitor]) -> list[Outlook]:
+def pending(monitors: list[VehicleMonitor]) -> list[PendingWorst]:
     for monitor in monitors:
         monitor._worst = None
-    found = [monitor.unseen for monitor in monitors]
+    found = [monitor.pending_worst for monitor in monitors]
     assert all(o is not None for o in found)
     return [o for o in found if o is not None]
 
@@ -84,7 +84,7 @@ def by_document(monitor: VehicleMonitor) -> WorstDerivative | None:
 
 
 def test_it_is_the_one_of_the_documents(monitors: list[VehicleMonitor]) -> None:
-    found = furthest(outlooks(monitors))
+    found = furthest(pending(monitors))
     assert [w is None for w in found] == [False, False, False, False, True, True]
     assert any(r.blocks for r in monitors[1].references.values())
     for monitor, worst in zip(monitors, found, strict=True):
@@ -99,9 +99,9 @@ def test_it_is_the_one_of_the_documents(monitors: list[VehicleMonitor]) -> None:
 
 def test_company_changes_nothing(monitors: list[VehicleMonitor]) -> None:
     """To the bit."""
-    together = furthest(outlooks(monitors))
-    assert together == [furthest([o])[0] for o in outlooks(monitors)]
-    assert together == furthest(outlooks(monitors)[::-1])[::-1]
+    together = furthest(pending(monitors))
+    assert together == [furthest([o])[0] for o in pending(monitors)]
+    assert together == furthest(pending(monitors)[::-1])[::-1]
     assert furthest([]) == []
 
 
@@ -110,5 +110,5 @@ def test_it_is_worked_out_once_a_solution(monitors: list[VehicleMonitor]) -> Non
     first._worst = None
     worst = first.worst()
     assert worst is not None
-    assert first.unseen is None
+    assert first.pending_worst is None
     assert first.worst() is worst
