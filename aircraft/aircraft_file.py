@@ -62,6 +62,11 @@ SENSOR_COLUMNS: tuple[str, ...] = (
     "rudder_command_rad",
     "aileron_left_rad",
     "aileron_right_rad",
+    "velocity_north_m_s",
+    "velocity_east_m_s",
+    "velocity_down_m_s",
+    "latitude_deg",
+    "longitude_deg",
 )
 """Flight-table columns that a sensor or actuator signal can have noise or delay in."""
 

@@ -36,6 +36,7 @@ _UNITS: Mapping[str, tuple[str, float]] = {
     "_rad_s2": ("deg/s²", math.degrees(1.0)),
     "_rad_s": ("deg/s", math.degrees(1.0)),
     "_rad": ("deg", math.degrees(1.0)),
+    "_deg": ("deg", 1.0),
     "_m_s2": ("m/s²", 1.0),
     "_m_s": ("m/s", 1.0),
     "_m": ("m", 1.0),

@@ -37,6 +37,7 @@ from wingwatch.simulation.layout import (
     VANE_Z,
 )  # fmt: skip
 from wingwatch.simulation.manoeuvres import excitation
+from wingwatch.simulation.navigation import report_navigation
 from wingwatch.simulation.prepared import WIDTH, prepare
 from wingwatch.simulation.random_numbers import fill_normals
 from wingwatch.simulation.rigid_body import (
@@ -111,6 +112,8 @@ class Fleet(NamedTuple):
     gust_filter: NDArray[np.float64]
     gusts: NDArray[np.float64]
     gust_count: NDArray[np.int64]
+    airspeed_freeze_s: NDArray[np.float64]
+    """(vehicles,): time after which the autopilot reads the last airspeed up to then; infinite for a sound sensor."""
 
 
 class FleetState(NamedTuple):
@@ -128,6 +131,8 @@ class FleetState(NamedTuple):
     streams: NDArray[np.uint64]
     centre: NDArray[np.float64]
     """Where the centre of gravity was when last looked at."""
+    airspeed_read: NDArray[np.float64]
+    """(vehicles,): what the autopilot's sensor read last."""
 
 
 class _Air(NamedTuple):
@@ -251,7 +256,8 @@ def _wind_of_frame(s, wind, altitude, above):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy", inline="always")
 def report(out, i, k, time_s, x, c, s, orders):  # type: ignore[no-untyped-def]
-    """True values of every simulated column at the start ``x`` of the step whose setting ``s`` is."""
+    """True values of every simulated column but those of ``report_navigation``, at the start ``x`` of the step whose
+    setting ``s`` is."""
     p, q, r = x[10], x[11], x[12]
     pd, qd, rd = s[SPIN], s[SPIN + 1], s[SPIN + 2]
     u, v, w, pa, qa, ra = s[AIR], s[AIR_V], s[AIR_W], s[AIR_P], s[AIR_Q], s[AIR_R]
@@ -324,8 +330,9 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
             if index % a_frame == 0:
                 if fleet.sheared[i]:
                     _wind_of_frame(s, wind, -x[2], above)
-                reading = c[AIRSPEED_READING] * airspeed(c, s, x)
-                autopilot(x, reading, gains, route, memory, a_frame * dt, orders)
+                if time_s <= fleet.airspeed_freeze_s[i]:
+                    state.airspeed_read[i] = c[AIRSPEED_READING] * airspeed(c, s, x)
+                autopilot(x, state.airspeed_read[i], gains, route, memory, a_frame * dt, orders)
                 s[THROTTLE] = orders[3]
                 if fleet.excitation_count[i] > 0:
                     excitation(excitations, fleet.excitation_count[i], time_s, command)
@@ -338,6 +345,7 @@ def _fly_one(fleet, state, i, first_sample, rate_hz, c, out):  # type: ignore[no
             advance(c, s, x, dt, k, middle, total)
             if sub == 0:
                 report(out, i, sample, time_s, start, c, s, orders)
+                report_navigation(out, i, sample, start, c)
             for j in range(6):
                 s[GUST + j] += s[RISE + j]
                 s[RISE + j] -= 8.0 * s[CURVE + j]

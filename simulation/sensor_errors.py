@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from wingwatch.aircraft import SENSOR_COLUMNS
 
-__all__ = ["READINGS", "SIMULATED", "SensorErrors"]
+__all__ = ["NAVIGATION", "READINGS", "SIMULATED", "SensorErrors"]
 
 _NOT_SIMULATED = (
     "airspeed_indicated_m_s",
@@ -19,13 +19,24 @@ _NOT_SIMULATED = (
 READINGS: tuple[str, ...] = tuple(column for column in SENSOR_COLUMNS if column not in _NOT_SIMULATED)
 """Simulated columns that a sensor or a signal line stands behind: all but the time and what the autopilot wants."""
 
+NAVIGATION: tuple[str, ...] = (
+    "velocity_north_m_s",
+    "velocity_east_m_s",
+    "velocity_down_m_s",
+    "latitude_deg",
+    "longitude_deg",
+)
+"""Those of the navigation receiver, the last of ``READINGS``. Their noise has a stream of its own: they came later, and
+the other readings of every seed are as they were."""
+
 SIMULATED: tuple[str, ...] = (
     "time_s",
-    *READINGS,
+    *(column for column in READINGS if column not in NAVIGATION),
     "roll_demand_rad",
     "pitch_demand_rad",
     "airspeed_demand_m_s",
     "altitude_demand_m",
+    *NAVIGATION,
 )
 """Columns that a simulated flight has; the others are NaN."""
 

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from wingwatch.simulation.kernel import kernel
 from wingwatch.simulation.random_numbers import fill_normals, uniform
 
-__all__ = ["ENTRY", "FAULT", "LAG_STATES", "MEMORY", "SensorState", "SensorTable", "read_sensors"]
+__all__ = [
+    "ENTRY",
+    "FAULT",
+    "LAG_STATES",
+    "MEMORY",
+    "STREAMS",
+    "SensorState",
+    "SensorTable",
+    "read_sensors",
+]
 
 _BLOCK = 256
 """Samples that pass through one column's stages together; they and their noise stay in the processor's cache."""
@@ -23,26 +32,32 @@ _ON_TIME = 1e-6
 
 ENTRY: tuple[str, ...] = (
     "column", "angle", "lag", "output", "delayed", "delay", "ring_start", "ring_mask", "gain", "bias", "noise_std",
-    "resolution", "rate_hz", "held", "faulty",
+    "stream", "resolution", "rate_hz", "held", "faulty", "freeze_s",
 )  # fmt: skip
 """Numbers of an entry: a column of the flight table that is not simply true.
 
 - ``angle``: 1 for a column that leaps by a turn;
 - ``lag``: row of the lag table, -1 for none; ``output``: which of its states is read;
 - ``delay`` in samples; ``ring_*``: where its piece of the ring is, and its length (a power of two) less 1;
-- ``rate_hz``: 0 for an entry that keeps pace with the table; ``held``: 1 for one that repeats its last reading.
+- ``stream``: number of the one that its noise is drawn from;
+- ``rate_hz``: 0 for an entry that keeps pace with the table; ``held``: 1 for one that repeats its last reading;
+- ``freeze_s``: time after which it repeats its last reading up to then; infinite for one that does not freeze.
 """
 (
     COLUMN, ANGLE, LAG, OUTPUT, DELAYED, DELAY, RING_START, RING_MASK, GAIN, BIAS, NOISE_STD,
-    RESOLUTION, RATE, HELD, FAULTY,
+    STREAM, RESOLUTION, RATE, HELD, FAULTY, FREEZE,
 ) = range(len(ENTRY))  # fmt: skip
 
 FAULT: tuple[str, ...] = ("entry", "bias", "scale", "delay_samples", "size", "onset_s", "ramp_s")
 """Numbers of a fault; entry -1 in padding."""
 
-MEMORY: tuple[str, ...] = ("z", "x", "x_rate", "last", "turns", "reading")
-"""What an entry remembers: its lag's states, its last input and the turns in it, its last reading."""
-LAST, TURNS, READING = 3, 4, 5
+MEMORY: tuple[str, ...] = ("z", "x", "x_rate", "last", "turns", "reading", "frozen")
+"""What an entry remembers: its lag's states, its last input and the turns in it, its last reading, that which a freeze
+repeats."""
+LAST, TURNS, READING, FROZEN = 3, 4, 5, 6
+
+STREAMS = 2
+"""Streams of noise of a vehicle: that of the sensors of its motion, and that of its navigation receiver."""
 
 
 class SensorTable(NamedTuple):
@@ -64,7 +79,7 @@ class SensorState(NamedTuple):
     """What changes."""
 
     noise: NDArray[np.uint64]
-    """(vehicles, 4): stream."""
+    """(vehicles, STREAMS, 4)."""
     chance: NDArray[np.uint64]
     """(vehicles, 4): the dropouts' stream."""
     memory: NDArray[np.float64]
@@ -85,15 +100,17 @@ class _Piece(NamedTuple):
     sample: int
     """Number of the first of them since the start of the flight."""
     rate_hz: float
-    noisy: int
-    """Entries with noise: numbers of ``_Workspace.normals`` a sample."""
 
 
 class _Workspace(NamedTuple):
     """Room for a piece."""
 
     normals: NDArray[np.float64]
-    """(rows * noisy,)."""
+    """(STREAMS, rows * entries): of each stream, one sample's numbers after another's."""
+    noisy: NDArray[np.int64]
+    """(STREAMS,): entries with noise, numbers of each stream a sample."""
+    drawn: NDArray[np.int64]
+    """(STREAMS,): how many of these are used up."""
     x: NDArray[np.float64]
     """(rows,): one column."""
     errors: NDArray[np.float64]
@@ -203,11 +220,33 @@ def _late_and_faulty(piece, table, ring, j, work):  # type: ignore[no-untyped-de
 
 
 @kernel
+def _add_noise(x, n, noise_std, stream, work):  # type: ignore[no-untyped-def]
+    """White noise from the stream's next number of each sample."""
+    place, noisy = work.drawn[stream], work.noisy[stream]
+    work.drawn[stream] += 1
+    for k in range(n):
+        x[k] += noise_std * work.normals[stream, place + k * noisy]
+
+
+@kernel
+def _freeze(x, piece, freeze_s, frozen):  # type: ignore[no-untyped-def]
+    """After a time the last reading up to then, wherever there is a reading; left with what is repeated."""
+    for k in range(piece.rows):
+        if math.isnan(x[k]):
+            continue
+        if (piece.sample + k) / piece.rate_hz <= freeze_s:
+            frozen = x[k]
+        else:
+            x[k] = frozen
+    return frozen
+
+
+@kernel
 def _read_piece(values, piece, table, state, work):  # type: ignore[no-untyped-def]
     """A piece through every stage but dropouts."""
     i, first, n, sample = piece.vehicle, piece.first, piece.rows, piece.sample
     entries, memory, x = table.entries, state.memory, work.x
-    place = 0
+    work.drawn[:] = 0
     for j in range(table.entry_count[i]):
         column = int(entries[i, j, COLUMN])
         for k in range(n):
@@ -221,9 +260,7 @@ def _read_piece(values, piece, table, state, work):  # type: ignore[no-untyped-d
             for k in range(n):
                 x[k] = gain * x[k] + bias
         if noise_std > 0.0:
-            for k in range(n):
-                x[k] += noise_std * work.normals[place + k * piece.noisy]
-            place += 1
+            _add_noise(x, n, noise_std, int(entries[i, j, STREAM]), work)
         if entries[i, j, RESOLUTION] > 0.0:
             resolution = entries[i, j, RESOLUTION]
             for k in range(n):
@@ -241,6 +278,8 @@ def _read_piece(values, piece, table, state, work):  # type: ignore[no-untyped-d
                 entries[i, j, HELD] > 0.0,
                 memory[i, j, READING],
             )
+        if entries[i, j, FREEZE] < math.inf:
+            memory[i, j, FROZEN] = _freeze(x, piece, entries[i, j, FREEZE], memory[i, j, FROZEN])
         for k in range(n):
             values[i, first + k, column] = x[k]
 
@@ -283,16 +322,24 @@ def read_sensors(values, first_sample, rate_hz, table, state):  # type: ignore[n
     """
     entries = table.entries
     length = min(_BLOCK, values.shape[1])
-    work = _Workspace(np.empty(length * entries.shape[1]), np.empty(length), np.empty((3, length)))
+    work = _Workspace(
+        np.empty((STREAMS, length * entries.shape[1])),
+        np.zeros(STREAMS, np.int64),
+        np.zeros(STREAMS, np.int64),
+        np.empty(length),
+        np.empty((3, length)),
+    )
     for i in range(values.shape[0]):
-        noisy, dropping = 0, table.dropout[i, 0, 0] > 0.0
+        dropping = table.dropout[i, 0, 0] > 0.0
+        work.noisy[:] = 0
         for j in range(table.entry_count[i]):
-            noisy += entries[i, j, NOISE_STD] > 0.0
+            work.noisy[int(entries[i, j, STREAM])] += entries[i, j, NOISE_STD] > 0.0
             dropping |= table.dropout[i, 1 + j, 0] > 0.0
         for first in range(0, values.shape[1], _BLOCK):
             n = min(_BLOCK, values.shape[1] - first)
-            piece = _Piece(i, first, n, first_sample + first, rate_hz, noisy)
-            fill_normals(state.noise[i], work.normals[: n * noisy])
+            piece = _Piece(i, first, n, first_sample + first, rate_hz)
+            for stream in range(STREAMS):
+                fill_normals(state.noise[i, stream], work.normals[stream, : n * work.noisy[stream]])
             _read_piece(values, piece, table, state, work)
             if dropping:
                 _drop(values, piece, table, state)

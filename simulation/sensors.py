@@ -2,9 +2,9 @@
 
 The order, for every column: the place (the flown table has specific forces at the IMU's and flow angles at the
 vane's place), first-order lag, second-order lag, delay, gain (scale error, vane upwash, faults), bias, white noise,
-rounding to the resolution, the column's own rate, dropouts. Gain follows lag and delay because that is how a fault is
-defined (``SensorFault``); a constant gain commutes with both. Angles that leap by a turn (roll, heading) are lagged
-and delayed along the shorter way and end in [-pi, pi].
+rounding to the resolution, the column's own rate, freezing, dropouts. Gain follows lag and delay because that is how a
+fault is defined (``SensorFault``); a constant gain commutes with both. Angles that leap by a turn (roll, heading) are
+lagged and delayed along the shorter way and end in [-pi, pi].
 """
 
 import math
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from wingwatch.simulation.effects import Effect
+from wingwatch.simulation.effects import Effect, SensorFault, freeze_s
 from wingwatch.simulation.random_numbers import random_streams
 from wingwatch.simulation.scenario import Scenario
-from wingwatch.simulation.sensor_errors import READINGS
+from wingwatch.simulation.sensor_errors import NAVIGATION, READINGS
 from wingwatch.simulation.sensor_kernels import (
     ENTRY,
     FAULT,
@@ -69,7 +69,8 @@ class Sensors:
     """The sensors of a fleet, from each scenario's aircraft file, ``sensor_errors`` and effects.
 
     A flight's readings depend on its scenario and generator, not on its neighbours nor on how it is cut into steps; its
-    white noise, its turn-on biases and its dropouts are independent of one another.
+    white noise, its turn-on biases and its dropouts are independent of one another. The navigation receiver's noise is
+    drawn from a generator spawned from the vehicle's, which takes no number from that.
 
     Args:
         scenarios: one a vehicle; ``noise`` false leaves out white noise alone.
@@ -84,6 +85,7 @@ class Sensors:
         self, scenarios: Sequence[Scenario], generators: Sequence[np.random.Generator], rate_hz: float
     ) -> None:
         noise, chance = random_streams(generators), random_streams(generators)
+        navigation = random_streams([g.spawn(1)[0] for g in generators])
         self._rate_hz = float(rate_hz)
         self._samples = 0
         columns = [_columns(s) for s in scenarios]
@@ -91,7 +93,7 @@ class Sensors:
         self._table = _table(scenarios, columns, turned_on, self._rate_hz)
         n, width = self._table.entries.shape[:2]
         self._state = SensorState(
-            noise=noise,
+            noise=np.stack([noise, navigation], axis=1),
             chance=chance,
             memory=np.zeros((n, width, len(MEMORY))),
             ring=np.zeros(_ring_length(self._table.entries)),
@@ -110,7 +112,7 @@ class Sensors:
 def _columns(scenario: Scenario) -> list[str]:
     """Columns that are not simply true, in the order of the flight table."""
     stated, errors = scenario.aircraft.sensors, scenario.sensor_errors
-    named: set[str] = {c for c, _, _ in _faults(scenario.effects)}
+    named: set[str] = {fault.column for _, fault in _faults(scenario.effects)}
     named.update(stated.second_order)
     tables: list[Mapping[str, float]] = [
         stated.delay_s, stated.lag_s, stated.resolution, stated.rate_hz, stated.noise_std if scenario.noise else {},
@@ -121,8 +123,8 @@ def _columns(scenario: Scenario) -> list[str]:
     return [c for c in READINGS if c in named]
 
 
-def _faults(effects: Iterable[Effect]) -> list[tuple[str, Effect, tuple[float, float, float]]]:
-    """Column, effect and (bias, scale, delay in s) at severity 1."""
+def _faults(effects: Iterable[Effect]) -> list[tuple[Effect, SensorFault]]:
+    """Every fault with its effect."""
     found = []
     for effect in effects:
         for fault in effect.sensor_faults():
@@ -131,7 +133,7 @@ def _faults(effects: Iterable[Effect]) -> list[tuple[str, Effect, tuple[float, f
                     f"{effect.name} acts on the sensor of {fault.column!r}, which is not simulated; "
                     f"give one of {', '.join(READINGS)}"
                 )
-            found.append((fault.column, effect, (fault.bias, fault.scale, fault.delay_s)))
+            found.append((effect, fault))
     return found
 
 
@@ -196,18 +198,24 @@ def _entry(scenario: Scenario, column: str, rate_hz: float) -> dict[str, float]:
         "gain": (1.0 + errors.scale.get(column, 0.0)) * (1.0 + errors.vane_upwash.get(column, 0.0)),
         "bias": errors.bias.get(column, 0.0),
         "noise_std": stated.noise_std.get(column, 0.0) if scenario.noise else 0.0,
+        "stream": column in NAVIGATION,
         "resolution": stated.resolution.get(column, 0.0),
         "rate_hz": own_hz if own_hz < rate_hz else 0.0,
         "held": errors.slow_columns == "held",
+        "freeze_s": freeze_s(scenario.effects, column),
     }
 
 
 def _fault_rows(scenario: Scenario, columns: list[str], rate_hz: float) -> NDArray[np.float64]:
-    """Shape (faults, FAULT)."""
+    """All but those that freeze, shape (faults, FAULT)."""
     rows = [
-        (columns.index(column), bias, scale, delay_s * rate_hz, effect.size, effect.onset_s, effect.ramp_s)
-        for column, effect, (bias, scale, delay_s) in _faults(scenario.effects)
-    ]
+        (
+            columns.index(f.column), f.bias, f.scale, f.delay_s * rate_hz,
+            effect.size, effect.onset_s, effect.ramp_s,
+        )
+        for effect, f in _faults(scenario.effects)
+        if not f.frozen
+    ]  # fmt: skip
     return np.array(rows, dtype=np.float64).reshape(-1, len(FAULT))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.simulation.autopilot import MEMORY, ORDERS, autopilot_row
+from wingwatch.simulation.effects import freeze_s
 from wingwatch.simulation.flight import Fleet, FleetState, in_body_axes
 from wingwatch.simulation.gusts import GUST_COLUMNS, gust_rows
 from wingwatch.simulation.layout import CG_X, CG_Z, ELEVATOR_OFFSET, GUST_GAIN, RUDDER_OFFSET, SPAN
@@ -150,6 +151,7 @@ def _fleet(
         gust_filter=np.array([nothing if v.air is None else v.air.row for v in vehicles]),
         gusts=_padded(gusts, GUST_COLUMNS),
         gust_count=np.array([len(rows) for rows in gusts], dtype=np.int64),
+        airspeed_freeze_s=np.array([freeze_s(s.effects, "airspeed_true_m_s") for s in scenarios]),
     )
 
 
@@ -187,6 +189,7 @@ def _state(
         gust=np.zeros((n, 6)),
         streams=random_streams(generators),
         centre=rows[:, CG_X : CG_Z + 1].copy(),
+        airspeed_read=np.zeros(n),
     )
     state.setting[:, DENSITY_ALTITUDE] = math.inf
     for i, (s, v, generator) in enumerate(zip(scenarios, vehicles, generators, strict=True)):

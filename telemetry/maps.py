@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from wingwatch.telemetry.expressions import ExpressionError, evaluate, evaluate_filter
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS, MAX_GAP_S
 from wingwatch.telemetry.shown_later import SAME_STAMP_S, shown_later
-from wingwatch.telemetry.units import SERVO_UNITS, UNITS, allowed_units
+from wingwatch.telemetry.units import SERVO_UNITS, allowed_units, units_of
 
 __all__ = ["ChannelEntry", "ChannelMap", "MapError", "RowSelection", "load_map", "parse_map", "undelayed"]
 
@@ -51,9 +51,9 @@ class ChannelEntry(_Part):
 
     Attributes:
         source: column or expression of the table.
-        unit: unit of the source; the channel's SI unit where none is written.
+        unit: unit of the source; the channel's own where none is written.
         scale: factor after conversion; -1 turns the sign.
-        offset: added after scaling, in the channel's SI unit.
+        offset: added after scaling, in the channel's unit.
         delay_s: how much the source lags; the flight table takes the value the source shows that much later.
         kind: whether a surface channel is a measured position or a command.
         quality: whether it was measured or derived by the logging system.
@@ -228,7 +228,7 @@ def _channel(name: str, entry: ChannelEntry, table: Mapping[str, NDArray[np.floa
         full = 1.0 if entry.full_deflection_rad is None else entry.full_deflection_rad
         value = (raw - neutral) * (full / span)
     elif entry.unit is not None:
-        unit = UNITS[entry.unit]
+        unit = units_of(CHANNELS[CHANNEL_INDEX[name]].unit)[entry.unit]
         value = raw * unit.factor + unit.offset
     else:
         value = raw

@@ -1,5 +1,7 @@
 """The sample: one instant of one vehicle, in SI, on one clock; its channels and the block of many.
 
+Latitude and longitude alone are in degrees, as receivers and maps have them.
+
 Channel names, units and order are those of the flight table (contract "flight table"). A block is a
 matrix with one row an instant and one column a channel, NaN where a channel is absent; this matrix is the
 currency between telemetry, simulation and the estimators, so a batch of vehicles is one more leading axis.
@@ -33,7 +35,7 @@ class Channel:
 
     Attributes:
         name: column name with its unit as qualifier.
-        unit: SI unit as printed.
+        unit: SI unit as printed; deg for latitude and longitude.
         low: smallest value a working sensor can report; below it the sample is rejected.
         high: largest value a working sensor can report.
         meaning: one line.
@@ -84,6 +86,11 @@ CHANNELS: tuple[Channel, ...] = (
     Channel("pitch_demand_rad", "rad", -1.6, 1.6, "pitch attitude the autopilot wants"),
     Channel("airspeed_demand_m_s", "m/s", -10.0, 400.0, "airspeed the autopilot wants"),
     Channel("altitude_demand_m", "m", -1000.0, 40000.0, "altitude the autopilot wants"),
+    Channel("velocity_north_m_s", "m/s", -500.0, 500.0, "inertial velocity over the ground, north"),
+    Channel("velocity_east_m_s", "m/s", -500.0, 500.0, "inertial velocity over the ground, east"),
+    Channel("velocity_down_m_s", "m/s", -500.0, 500.0, "inertial velocity, down"),
+    Channel("latitude_deg", "deg", -90.0, 90.0, "latitude, north positive"),
+    Channel("longitude_deg", "deg", -180.0, 180.0, "longitude, east positive"),
 )
 """Every channel of the flight table, in the order of the columns of a block; time comes first."""
 
@@ -98,7 +105,8 @@ INPUT_CHANNELS: Mapping[str, str] = {
 """Channel of each control input of a model structure."""
 
 LEAPING_CHANNELS = ("roll_rad", "heading_rad")
-"""Angles that may leap by a turn from one sample to the next."""
+"""Angles in rad that may leap by 2 pi from one sample to the next. ``longitude_deg``, which leaps by 360, is none of
+them: nobody unwraps it, and a stated delay of it is interpolated the long way round where it leaps."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Units that logs use, and their way to the SI unit of a flight-table channel."""
+"""Units that logs use, and their way to the unit of a flight-table channel: SI, for latitude and longitude degrees."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from math import pi
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 
-__all__ = ["Unit", "SERVO_UNITS", "UNITS", "allowed_units"]
+__all__ = ["Unit", "SERVO_UNITS", "UNITS", "allowed_units", "units_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +14,7 @@ class Unit:
     """``SI value = factor * value + offset``.
 
     Attributes:
-        si: the SI unit it converts to, as ``Channel.unit`` prints it.
+        si: the channel's unit it converts to, as ``Channel.unit`` prints it.
         factor: exact by definition of the unit, or the standard's value.
         offset: in the SI unit; other than 0 only for temperatures.
     """
@@ -66,11 +66,18 @@ UNITS: Mapping[str, Unit] = {
 }
 """Every unit with a fixed way to SI, by the name a channel map writes."""
 
+_OF_DEGREES: Mapping[str, Unit] = {"deg": Unit("deg", 1.0), "rad": Unit("deg", 1.0 / _DEGREE_RAD)}
+"""Units of latitude and longitude, which the flight table has in degrees."""
+
 SERVO_UNITS = ("norm", "pwm")
 """Servo signals: their way to an angle is the aircraft's own (neutral, span, deflection at full travel)."""
 
 
+def units_of(si: str) -> Mapping[str, Unit]:
+    """The units with a fixed way to a channel's unit, by name."""
+    return _OF_DEGREES if si == "deg" else {name: unit for name, unit in UNITS.items() if unit.si == si}
+
+
 def allowed_units(si: str) -> tuple[str, ...]:
-    """Names of the units that convert to an SI unit, servo signals among them for angles and fractions."""
-    plain = tuple(name for name, unit in UNITS.items() if unit.si == si)
-    return plain + (SERVO_UNITS if si in ("rad", "") else ())
+    """Names of the units that convert to a channel's unit, servo signals among them for angles and fractions."""
+    return tuple(units_of(si)) + (SERVO_UNITS if si in ("rad", "") else ())

@@ -8,7 +8,7 @@ from wingwatch.simulation.effects.airspeed_error import AirspeedError
 from wingwatch.simulation.effects.cg_shift import CgShift
 from wingwatch.simulation.effects.derivative import DerivativeChange
 from wingwatch.simulation.effects.downwash_lag import DownwashLag
-from wingwatch.simulation.effects.effect import Effect, Parameters, SensorFault, parameters_under
+from wingwatch.simulation.effects.effect import Effect, Parameters, SensorFault, freeze_s, parameters_under
 from wingwatch.simulation.effects.elevator_effectiveness import ElevatorEffectiveness
 from wingwatch.simulation.effects.icing import Icing
 from wingwatch.simulation.effects.incidence_nonlinearity import IncidenceNonlinearity
@@ -20,6 +20,7 @@ from wingwatch.simulation.effects.roll_yaw_coupling import RollYawCoupling
 from wingwatch.simulation.effects.rudder_effectiveness import RudderEffectiveness
 from wingwatch.simulation.effects.sensor_bias import SensorBias
 from wingwatch.simulation.effects.sensor_delay import SensorDelay
+from wingwatch.simulation.effects.sensor_freeze import SensorFreeze
 from wingwatch.simulation.effects.sensor_position import SensorPosition
 from wingwatch.simulation.effects.sensor_scale import SensorScale
 from wingwatch.simulation.effects.surface_offset import SurfaceOffset
@@ -53,6 +54,7 @@ __all__ = [
     "SensorBias",
     "SensorDelay",
     "SensorFault",
+    "SensorFreeze",
     "SensorPosition",
     "SensorScale",
     "SurfaceOffset",
@@ -63,6 +65,7 @@ __all__ = [
     "VaneUpwash",
     "WingDamage",
     "effect_text",
+    "freeze_s",
     "parameters_under",
     "parse_effect",
 ]

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import Aircraft, AircraftDataError, FlightCondition
 from wingwatch.simulation.layout import INDEX, parameter_row
 
-__all__ = ["Effect", "Parameters", "SensorFault", "parameters_under"]
+__all__ = ["Effect", "Parameters", "SensorFault", "freeze_s", "parameters_under"]
 
 
 class Parameters:
@@ -63,12 +63,14 @@ class SensorFault:
         bias: in the column's unit.
         scale: ratio minus 1.
         delay_s: s.
+        frozen: after the onset the reading stays the last one up to it, whatever else befalls the sensor.
     """
 
     column: str
     bias: float = 0.0
     scale: float = 0.0
     delay_s: float = 0.0
+    frozen: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,10 +115,8 @@ class Effect(ABC):
             )  # one and the same object, so that effects compare as equal
         if not self.size_min <= self.size <= self.size_max and self.word is None:
             words = "".join(f", or {word}" for word in self.size_words)
-            raise ValueError(
-                f"{self.name} has size {self.size}; give {self.size_meaning}, "
-                f"{self.size_min:g} to {self.size_max:g}{words}"
-            )
+            span = f", {self.size_min:g} to {self.size_max:g}" if self.size_min < self.size_max else ""
+            raise ValueError(f"{self.name} has size {self.size}; give {self.size_meaning}{span}{words}")
         for what, value in (("start", self.onset_s), ("ramp", self.ramp_s)):
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{self.name} has {what} {value} s; give a number of seconds from 0")
@@ -183,3 +183,14 @@ def parameters_under(
         if effect.acts(time_s):
             effect.apply(parameters, effect.severity(time_s))
     return parameters.row
+
+
+def freeze_s(effects: Iterable[Effect], column: str) -> float:
+    """Time after which a column's reading is frozen: the first onset of such a fault, infinite without one."""
+    onsets_s = (
+        effect.onset_s
+        for effect in effects
+        for fault in effect.sensor_faults()
+        if fault.frozen and fault.column == column
+    )
+    return min(onsets_s, default=math.inf)

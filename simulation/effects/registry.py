@@ -1,4 +1,5 @@
-"""Every effect by its name, in the order of the vocabulary of causes (all of it but ``unknown``)."""
+"""Every effect by its name, in the order of the vocabulary of causes: all of it but ``unknown``, and beside it
+``sensor_freeze``."""
 
 from collections.abc import Mapping
 
@@ -20,6 +21,7 @@ from wingwatch.simulation.effects.roll_yaw_coupling import RollYawCoupling
 from wingwatch.simulation.effects.rudder_effectiveness import RudderEffectiveness
 from wingwatch.simulation.effects.sensor_bias import SensorBias
 from wingwatch.simulation.effects.sensor_delay import SensorDelay
+from wingwatch.simulation.effects.sensor_freeze import SensorFreeze
 from wingwatch.simulation.effects.sensor_position import SensorPosition
 from wingwatch.simulation.effects.sensor_scale import SensorScale
 from wingwatch.simulation.effects.surface_offset import SurfaceOffset
@@ -38,6 +40,6 @@ EFFECTS: Mapping[str, type[Effect]] = {
         Icing, ElevatorEffectiveness, AileronEffectiveness, RudderEffectiveness, SurfaceStuck, SurfaceOffset,
         WingDamage, CgShift, MassInertia, PitchDamping, IncidenceNonlinearity, DownwashLag, RollYawCoupling,
         ActuatorLag, ActuatorRateLimit, ActuatorBacklash, ThrustEffect, ThrustLoss, SensorDelay, SensorBias,
-        SensorScale, SensorPosition, AirspeedError, VaneUpwash, TurbulenceOnset, DerivativeChange,
+        SensorScale, SensorFreeze, SensorPosition, AirspeedError, VaneUpwash, TurbulenceOnset, DerivativeChange,
     )
 }  # fmt: skip

@@ -17,7 +17,7 @@ class Sensors(_message.Message):
     def __init__(self, sequence: _Optional[int] = ..., columns: _Optional[_Union[SensorColumns, _Mapping]] = ..., stream: _Optional[int] = ...) -> None: ...
 
 class SensorColumns(_message.Message):
-    __slots__ = ("time_s", "airspeed_true_m_s", "airspeed_indicated_m_s", "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2", "roll_rad", "pitch_rad", "heading_rad", "elevator_rad", "aileron_rad", "rudder_rad", "angle_of_attack_rad", "sideslip_rad", "throttle", "altitude_m", "air_density_kg_m3", "outside_air_temperature_k", "elevator_command_rad", "aileron_command_rad", "rudder_command_rad", "aileron_left_rad", "aileron_right_rad", "roll_demand_rad", "pitch_demand_rad", "airspeed_demand_m_s", "altitude_demand_m")
+    __slots__ = ("time_s", "airspeed_true_m_s", "airspeed_indicated_m_s", "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2", "roll_rad", "pitch_rad", "heading_rad", "elevator_rad", "aileron_rad", "rudder_rad", "angle_of_attack_rad", "sideslip_rad", "throttle", "altitude_m", "air_density_kg_m3", "outside_air_temperature_k", "elevator_command_rad", "aileron_command_rad", "rudder_command_rad", "aileron_left_rad", "aileron_right_rad", "roll_demand_rad", "pitch_demand_rad", "airspeed_demand_m_s", "altitude_demand_m", "velocity_north_m_s", "velocity_east_m_s", "velocity_down_m_s", "latitude_deg", "longitude_deg")
     TIME_S_FIELD_NUMBER: _ClassVar[int]
     AIRSPEED_TRUE_M_S_FIELD_NUMBER: _ClassVar[int]
     AIRSPEED_INDICATED_M_S_FIELD_NUMBER: _ClassVar[int]
@@ -48,6 +48,11 @@ class SensorColumns(_message.Message):
     PITCH_DEMAND_RAD_FIELD_NUMBER: _ClassVar[int]
     AIRSPEED_DEMAND_M_S_FIELD_NUMBER: _ClassVar[int]
     ALTITUDE_DEMAND_M_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_NORTH_M_S_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_EAST_M_S_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_DOWN_M_S_FIELD_NUMBER: _ClassVar[int]
+    LATITUDE_DEG_FIELD_NUMBER: _ClassVar[int]
+    LONGITUDE_DEG_FIELD_NUMBER: _ClassVar[int]
     time_s: _containers.RepeatedScalarFieldContainer[float]
     airspeed_true_m_s: _containers.RepeatedScalarFieldContainer[float]
     airspeed_indicated_m_s: _containers.RepeatedScalarFieldContainer[float]
@@ -78,7 +83,12 @@ class SensorColumns(_message.Message):
     pitch_demand_rad: _containers.RepeatedScalarFieldContainer[float]
     airspeed_demand_m_s: _containers.RepeatedScalarFieldContainer[float]
     altitude_demand_m: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, time_s: _Optional[_Iterable[float]] = ..., airspeed_true_m_s: _Optional[_Iterable[float]] = ..., airspeed_indicated_m_s: _Optional[_Iterable[float]] = ..., roll_rate_rad_s: _Optional[_Iterable[float]] = ..., pitch_rate_rad_s: _Optional[_Iterable[float]] = ..., yaw_rate_rad_s: _Optional[_Iterable[float]] = ..., specific_force_x_m_s2: _Optional[_Iterable[float]] = ..., specific_force_y_m_s2: _Optional[_Iterable[float]] = ..., specific_force_z_m_s2: _Optional[_Iterable[float]] = ..., roll_rad: _Optional[_Iterable[float]] = ..., pitch_rad: _Optional[_Iterable[float]] = ..., heading_rad: _Optional[_Iterable[float]] = ..., elevator_rad: _Optional[_Iterable[float]] = ..., aileron_rad: _Optional[_Iterable[float]] = ..., rudder_rad: _Optional[_Iterable[float]] = ..., angle_of_attack_rad: _Optional[_Iterable[float]] = ..., sideslip_rad: _Optional[_Iterable[float]] = ..., throttle: _Optional[_Iterable[float]] = ..., altitude_m: _Optional[_Iterable[float]] = ..., air_density_kg_m3: _Optional[_Iterable[float]] = ..., outside_air_temperature_k: _Optional[_Iterable[float]] = ..., elevator_command_rad: _Optional[_Iterable[float]] = ..., aileron_command_rad: _Optional[_Iterable[float]] = ..., rudder_command_rad: _Optional[_Iterable[float]] = ..., aileron_left_rad: _Optional[_Iterable[float]] = ..., aileron_right_rad: _Optional[_Iterable[float]] = ..., roll_demand_rad: _Optional[_Iterable[float]] = ..., pitch_demand_rad: _Optional[_Iterable[float]] = ..., airspeed_demand_m_s: _Optional[_Iterable[float]] = ..., altitude_demand_m: _Optional[_Iterable[float]] = ...) -> None: ...
+    velocity_north_m_s: _containers.RepeatedScalarFieldContainer[float]
+    velocity_east_m_s: _containers.RepeatedScalarFieldContainer[float]
+    velocity_down_m_s: _containers.RepeatedScalarFieldContainer[float]
+    latitude_deg: _containers.RepeatedScalarFieldContainer[float]
+    longitude_deg: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, time_s: _Optional[_Iterable[float]] = ..., airspeed_true_m_s: _Optional[_Iterable[float]] = ..., airspeed_indicated_m_s: _Optional[_Iterable[float]] = ..., roll_rate_rad_s: _Optional[_Iterable[float]] = ..., pitch_rate_rad_s: _Optional[_Iterable[float]] = ..., yaw_rate_rad_s: _Optional[_Iterable[float]] = ..., specific_force_x_m_s2: _Optional[_Iterable[float]] = ..., specific_force_y_m_s2: _Optional[_Iterable[float]] = ..., specific_force_z_m_s2: _Optional[_Iterable[float]] = ..., roll_rad: _Optional[_Iterable[float]] = ..., pitch_rad: _Optional[_Iterable[float]] = ..., heading_rad: _Optional[_Iterable[float]] = ..., elevator_rad: _Optional[_Iterable[float]] = ..., aileron_rad: _Optional[_Iterable[float]] = ..., rudder_rad: _Optional[_Iterable[float]] = ..., angle_of_attack_rad: _Optional[_Iterable[float]] = ..., sideslip_rad: _Optional[_Iterable[float]] = ..., throttle: _Optional[_Iterable[float]] = ..., altitude_m: _Optional[_Iterable[float]] = ..., air_density_kg_m3: _Optional[_Iterable[float]] = ..., outside_air_temperature_k: _Optional[_Iterable[float]] = ..., elevator_command_rad: _Optional[_Iterable[float]] = ..., aileron_command_rad: _Optional[_Iterable[float]] = ..., rudder_command_rad: _Optional[_Iterable[float]] = ..., aileron_left_rad: _Optional[_Iterable[float]] = ..., aileron_right_rad: _Optional[_Iterable[float]] = ..., roll_demand_rad: _Optional[_Iterable[float]] = ..., pitch_demand_rad: _Optional[_Iterable[float]] = ..., airspeed_demand_m_s: _Optional[_Iterable[float]] = ..., altitude_demand_m: _Optional[_Iterable[float]] = ..., velocity_north_m_s: _Optional[_Iterable[float]] = ..., velocity_east_m_s: _Optional[_Iterable[float]] = ..., velocity_down_m_s: _Optional[_Iterable[float]] = ..., latitude_deg: _Optional[_Iterable[float]] = ..., longitude_deg: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Aircraft(_message.Message):
     __slots__ = ("aircraft", "configuration", "mass_kg", "cg_shift_m", "stream")

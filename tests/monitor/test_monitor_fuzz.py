@@ -86,7 +86,7 @@ def test_one_large_message_does_not_keep_others_waiting(flight: SampleBlock) -> 
     hall = Hall()
     hall.announce()
     hall.fly(flight, 0, 2)
-    slow = stretched(flight, 0.1, 300)
+    slow = stretched(flight, 0.1, 250)
     hall.fleet._clock = time.monotonic
     longest_s, calls, begin_s = 0.0, 0, time.thread_time()
     hall.sample(slow, next(hall.sequence))
@@ -97,7 +97,7 @@ def test_one_large_message_does_not_keep_others_waiting(flight: SampleBlock) -> 
             break
         begin_s = time.thread_time()
         hall.fleet.receive_all(())
-    assert hall.view().counts["accepted"] == 100 + 300
+    assert hall.view().counts["accepted"] == 100 + 250
     assert calls > 3
     assert longest_s < 0.25  # of more than a second in all on a machine that is busy with other tests
 

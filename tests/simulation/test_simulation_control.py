@@ -1,6 +1,7 @@
 """Manoeuvres against their own definitions; the autopilot by what it holds, follows and survives."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
 
@@ -25,6 +26,7 @@ from wingwatch.simulation import (
     Multisine,
     Route,
     Scenario,
+    SensorFreeze,
     SurfaceOffset,
     Sweep,
     ThreeTwoOneOne,
@@ -462,6 +464,47 @@ def test_a_wrong_airspeed_reading_is_flown() -> None:
     (places,) = tracks([scenario], 100.0)
     assert float(np.hypot(*(places[-1] - places[-6]))) == pytest.approx(25.0 / 0.9, rel=0.005)
     assert simulate(scenario, 100.0, 5.0).column("airspeed_true_m_s")[-1] == pytest.approx(25.0, rel=0.005)
+
+
+def test_a_frozen_airspeed_is_flown() -> None:
+    """Frozen below what is demanded, the airspeed is never enough: throttle grows by the integral, airspeed with it."""
+    low, high, climb = (
+        Waypoint(300.0, 0.0, 1000.0, 25.0),
+        Waypoint(1e5, 0.0, 1000.0, 27.0),
+        "velocity_down_m_s",
+    )
+    scenario = Scenario(AEROSONDE, route=Route((low, high), loops=False), noise=False)
+    onset = SensorFreeze(1.0, 15.0, target="airspeed_true_m_s")
+    free, frozen, other = (
+        simulate(s, 60.0)
+        for s in (
+            scenario,
+            replace(scenario, effects=(onset,)),
+            replace(scenario, effects=(replace(onset, target=climb),)),
+        )
+    )
+    speed = frozen.column("airspeed_true_m_s")
+    at = 15 * 50
+    np.testing.assert_array_equal(frozen.values[: at + 1], free.values[: at + 1])
+    np.testing.assert_array_equal(speed[at:], free.column("airspeed_true_m_s")[at])
+    assert speed[-1] < 26.5
+    truth = np.linalg.norm(
+        [frozen.column(f"velocity_{axis}_m_s") for axis in ("north", "east", "down")], axis=0
+    )
+    assert truth[-1] > 29.0
+    assert free.column("airspeed_true_m_s")[-1] == pytest.approx(27.0, abs=0.1)
+    assert frozen.column("throttle")[-1] > free.column("throttle")[-1] + 0.1
+    np.testing.assert_array_equal(other.column("throttle"), free.column("throttle"))
+
+
+def test_the_autopilot_holds_the_airspeed_read_at_the_last_frame_up_to_the_onset() -> None:
+    """Its orders are those of a flight whose airspeed is read as often as it gives them, whatever the sample rate."""
+    for onset_s in (2.0, 2.01, 0.0):
+        effects = (SensorFreeze(1.0, onset_s, target="airspeed_true_m_s"),)
+        scenario = Scenario(AEROSONDE, effects=effects, turbulence="moderate", noise=False, seed=4)
+        fleet = FleetSimulation([scenario])
+        held = fleet.step(300)[0, -1, CHANNEL_INDEX["airspeed_true_m_s"]]
+        assert fleet._state.airspeed_read[0] == pytest.approx(held, rel=1e-13)
 
 
 def test_an_aircraft_that_pulls_to_one_side_is_held_straight() -> None:

@@ -40,6 +40,8 @@ SHOWN: dict[str, str] = {
     "sensor_delay[pitch_rate_rad_s]:0.1@2": "pitch_rate_rad_s",
     "sensor_bias[roll_rate_rad_s]:0.05@2": "roll_rate_rad_s",
     "sensor_scale[yaw_rate_rad_s]:0.2@2": "yaw_rate_rad_s",
+    "sensor_freeze[pitch_rate_rad_s]:1@2": "pitch_rate_rad_s",
+    "sensor_freeze[airspeed_true_m_s]:1@2": "airspeed_true_m_s",
     "sensor_position[imu_x]:0.3@2": "specific_force_z_m_s2",
     "airspeed_error:-0.3@2": "airspeed_true_m_s",
     "vane_upwash[angle_of_attack]:0.3@2": "angle_of_attack_rad",
@@ -48,7 +50,9 @@ SHOWN: dict[str, str] = {
 }
 """An effect, and a column in which it shows."""
 
-SENSORS_ALONE = ("sensor_delay", "sensor_bias", "sensor_scale", "sensor_position", "vane_upwash")
+SENSORS_ALONE = (
+    "sensor_delay", "sensor_bias", "sensor_scale", "sensor_freeze[pitch", "sensor_position", "vane_upwash",
+)  # fmt: skip
 MANOEUVRES = tuple(
     Doublet(surface, 0.04, 0.25, start)
     for start in (0.5, 2.5)
@@ -120,6 +124,9 @@ def test_readings_are_wrong_by_the_size(flights: Flights) -> None:
     pitch = "pitch_rate_rad_s"
     late = column(flights[f"sensor_delay[{pitch}]:0.1@2"], pitch)
     np.testing.assert_allclose(late[120:], column(flights[""], pitch)[115:-5], rtol=1e-12, atol=1e-15)
+    for name in (pitch, "airspeed_true_m_s"):
+        frozen = column(flights[f"sensor_freeze[{name}]:1@2"], name)
+        np.testing.assert_array_equal(frozen[AFTER], column(flights[""], name)[AFTER][0])
 
 
 def test_stuck_surfaces_stay_where_they_should(flights: Flights) -> None:

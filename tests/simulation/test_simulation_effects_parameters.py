@@ -23,6 +23,7 @@ from wingwatch.simulation import (
     SensorBias,
     SensorDelay,
     SensorFault,
+    SensorFreeze,
     SensorPosition,
     SensorScale,
     SurfaceOffset,
@@ -97,6 +98,8 @@ CHANGES: list[tuple[Effect, dict[str, float]]] = [
     (SensorBias(1.0, target="roll_rad"), {}),
     (SensorScale(1.0, target="roll_rad"), {}),
     (SensorDelay(1.0, target="roll_rad"), {}),
+    (SensorFreeze(1.0, target="roll_rad"), {}),
+    (SensorFreeze(1.0, target="airspeed_true_m_s"), {}),
     (VaneUpwash(1.0, target="sideslip"), {}),
 ]
 
@@ -125,6 +128,7 @@ def test_a_surface_stuck_where_it_is_has_no_number() -> None:
         (SensorBias(0.1, target="roll_rad"), (SensorFault("roll_rad", bias=1.0),)),
         (SensorScale(0.1, target="throttle"), (SensorFault("throttle", scale=1.0),)),
         (SensorDelay(0.1, target="altitude_m"), (SensorFault("altitude_m", delay_s=1.0),)),
+        (SensorFreeze(1.0, target="altitude_m"), (SensorFault("altitude_m", frozen=True),)),
         (VaneUpwash(0.1, target="angle_of_attack"), (SensorFault("angle_of_attack_rad", scale=1.0),)),
         (AirspeedError(0.1), (SensorFault("airspeed_true_m_s", scale=1.0),)),
         (CgShift(0.1), ()),

@@ -17,6 +17,7 @@ from wingwatch.simulation import (
     MassInertia,
     RudderEffectiveness,
     SensorBias,
+    SensorFreeze,
     SurfaceStuck,
     effect_text,
     parse_effect,
@@ -26,10 +27,10 @@ VOCABULARY = [
     "icing", "elevator_effectiveness", "aileron_effectiveness", "rudder_effectiveness", "surface_stuck",
     "surface_offset", "wing_damage", "cg_shift", "mass_inertia", "pitch_damping", "incidence_nonlinearity",
     "downwash_lag", "roll_yaw_coupling", "actuator_lag", "actuator_rate_limit", "actuator_backlash",
-    "thrust_effect", "thrust_loss", "sensor_delay", "sensor_bias", "sensor_scale", "sensor_position",
-    "airspeed_error", "vane_upwash", "turbulence", "derivative",
+    "thrust_effect", "thrust_loss", "sensor_delay", "sensor_bias", "sensor_scale", "sensor_freeze",
+    "sensor_position", "airspeed_error", "vane_upwash", "turbulence", "derivative",
 ]  # fmt: skip
-"""The causes of the contract, but for ``unknown``."""
+"""The causes of the contract but for ``unknown``, and ``sensor_freeze``, which nobody diagnoses."""
 
 PAYLOAD = "payload,0.1,-0.5,0.05"
 
@@ -49,6 +50,7 @@ def test_names_are_those_of_the_causes() -> None:
         (" rudder_effectiveness:1@0+0 ", RudderEffectiveness(1.0)),
         ("aileron_effectiveness:0.25@1e1", AileronEffectiveness(0.25, 10.0)),
         ("sensor_bias[pitch_rate_rad_s]:-0.01@60", SensorBias(-0.01, 60.0, 0.0, "pitch_rate_rad_s")),
+        ("sensor_freeze[altitude_m]:1@60", SensorFreeze(1.0, 60.0, 0.0, "altitude_m")),
         ("surface_stuck[elevator]:here@40", SurfaceStuck(math.nan, 40.0, 0.0, "elevator")),
         ("surface_stuck[rudder]:-limit@40", SurfaceStuck(-math.inf, 40.0, 0.0, "rudder")),
         (f"mass_inertia[{PAYLOAD}]:-0.2@5", MassInertia(-0.2, 5.0, 0.0, PAYLOAD)),
@@ -90,6 +92,9 @@ def test_effects_are_read_from_text(text: str, effect: Effect) -> None:
         ),
         ("surface_stuck[elevator]:0@3+2", r"has ramp 2.0 s, but is there at once"),
         ("sensor_bias[mood]:0.1@3", r"of 'mood' cannot be simulated; give one of airspeed_true_m_s"),
+        ("sensor_freeze[altitude_m]:0.5@3", r"size 0.5; give 1, for a reading is frozen or is not$"),
+        ("sensor_freeze[altitude_m]:1@3+2", r"has ramp 2.0 s, but is there at once"),
+        ("sensor_freeze:1@3", r"sensor_freeze of nothing cannot be simulated; give one of airspeed_true_m_s"),
         ("cg_shift[wing]:0.1@3", r"cg_shift of 'wing' cannot be simulated; it takes no target"),
         ("mass_inertia[payload,1,2]:-0.1@3", r"give one of all, payload, payload,X,Y,Z"),
         ("mass_inertia[payload,1,2,inf]:-0.1@3", r"give one of all, payload, payload,X,Y,Z"),

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.simulation import (
@@ -29,8 +30,9 @@ from wingwatch.simulation import (
     set_up,
     simulate,
 )
-from wingwatch.simulation.sensor_errors import SIMULATED
-from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
+from wingwatch.simulation.navigation import M_A_DEGREE_EAST, M_A_DEGREE_NORTH, ORIGIN_DEG
+from wingwatch.simulation.sensor_errors import NAVIGATION, SIMULATED
+from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, SampleBlock
 
 AEROSONDE = load_aircraft("aerosonde")
 SCHEDULE = doublet_schedule(AEROSONDE, FlightCondition(25.0, 1000.0))
@@ -142,7 +144,69 @@ def test_a_steady_wind_carries_the_aircraft_and_is_not_felt() -> None:
     # it; so much airspeed too much changes the forces by less than the fastest motion, 20/s, times that
     spin = max(float(np.abs(calm.column(f"{axis}_rate_rad_s")).max()) for axis in ("roll", "pitch", "yaw"))
     drift = 10.0 * (spin * 0.01) ** 4
-    np.testing.assert_allclose(windy.values, calm.values, rtol=1e-9, atol=20.0 * drift)
+    felt = [CHANNEL_INDEX[name] for name in SIMULATED if name not in NAVIGATION]
+    np.testing.assert_allclose(windy.values[:, felt], calm.values[:, felt], rtol=1e-9, atol=20.0 * drift)
+    for axis, wind in (("north", -6.0), ("east", 8.0), ("down", 0.0)):
+        carried = windy.column(f"velocity_{axis}_m_s") - calm.column(f"velocity_{axis}_m_s")
+        # attitudes differ by as much, and turn 25 m/s
+        np.testing.assert_allclose(carried, wind, rtol=0.0, atol=(1.0 + 25.0) * 20.0 * drift)
+
+
+def velocity(block: SampleBlock) -> NDArray[np.float64]:
+    """Over the ground, shape (samples, 3)."""
+    return np.stack([block.column(f"velocity_{axis}_m_s") for axis in ("north", "east", "down")], axis=1)
+
+
+def test_in_still_air_the_velocity_over_the_ground_is_that_through_the_air() -> None:
+    """Also of an aircraft whose centre of gravity is not the file's: both are the reference point's."""
+    for effects in ((), (CgShift(0.1, 2.0, 1.0), Icing(0.2, 1.0))):
+        block = simulate(Scenario(AEROSONDE, manoeuvres=(SCHEDULE,), effects=effects, noise=False), 12.0)
+        speed, alpha, beta = (
+            block.column(c) for c in ("airspeed_true_m_s", "angle_of_attack_rad", "sideslip_rad")
+        )
+        np.testing.assert_allclose(np.linalg.norm(velocity(block), axis=1), speed, rtol=1e-13)
+        # along the body's axes, by Euler angles
+        body = speed[:, None] * np.stack(
+            [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], axis=1
+        )
+        angles = np.stack([block.column(c) for c in ("heading_rad", "pitch_rad", "roll_rad")], axis=1)
+        to_earth = Rotation.from_euler("ZYX", angles)
+        np.testing.assert_allclose(velocity(block), to_earth.apply(body), atol=1e-12)
+
+
+def test_the_position_is_where_the_velocity_leads() -> None:
+    rate = 200.0
+    effects = (CgShift(0.05, 3.0),)
+    scenario = Scenario(
+        AEROSONDE, manoeuvres=(SCHEDULE,), effects=effects, noise=False, wind_m_s=(3.0, 9.0, 0.0)
+    )
+    block = simulate(scenario, 12.0, rate)
+    place = np.stack(
+        [
+            (block.column("latitude_deg") - ORIGIN_DEG[0]) * M_A_DEGREE_NORTH,
+            (block.column("longitude_deg") - ORIGIN_DEG[1]) * M_A_DEGREE_EAST,
+        ],
+        axis=1,
+    )
+    v = velocity(block)[:, :2]
+    # trapezoids err by (step^2 / 12) times the change of acceleration; degrees resolve a nanometre
+    bend = np.abs(np.diff(v, axis=0)).sum(axis=0).max() * rate
+    led = np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * (v[1:] + v[:-1]), axis=0) / rate])
+    np.testing.assert_allclose(place - place[0], led, rtol=0.0, atol=bend / rate**2 / 12.0)
+    assert np.hypot(*place[0]) < 1e-6
+    assert place[-1] == pytest.approx([28.0 * 12.0, 9.0 * 12.0], rel=0.05)
+    fleet = FleetSimulation([replace(scenario, effects=())])
+    fleet.step(300)
+    flown = fleet.step(1)[0, 0]
+    here = FleetSimulation([replace(scenario, effects=())])
+    here.step(300)
+    north, east, _ = here.positions_m[0]
+    assert flown[CHANNEL_INDEX["latitude_deg"]] == pytest.approx(
+        ORIGIN_DEG[0] + north / M_A_DEGREE_NORTH, rel=1e-15
+    )
+    assert flown[CHANNEL_INDEX["longitude_deg"]] == pytest.approx(
+        ORIGIN_DEG[1] + east / M_A_DEGREE_EAST, rel=1e-15
+    )
 
 
 def test_the_sample_rate_does_not_change_the_flight() -> None:

@@ -18,10 +18,11 @@ from wingwatch.simulation.effects import (
     SensorBias,
     SensorDelay,
     SensorFault,
+    SensorFreeze,
     SensorScale,
     VaneUpwash,
 )
-from wingwatch.simulation.sensor_errors import READINGS, SIMULATED
+from wingwatch.simulation.sensor_errors import NAVIGATION, READINGS, SIMULATED
 from wingwatch.simulation.sensors import Sensors
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, Cleaner, SampleBlock
 
@@ -169,14 +170,43 @@ def test_noise_has_its_standard_deviation_and_nothing_in_common() -> None:
     one = Scenario(AEROSONDE, seed=7)
     seen = read([one], table(n))[0]
     names = [name for name in READINGS if name in stated]
-    assert len(names) == 16
+    assert len(names) == 19
     errors = seen[:, [CHANNEL_INDEX[name] for name in names]] / [stated[name] for name in names]
     np.testing.assert_array_less(np.abs(errors.std(axis=0) - 1.0), DEVIATIONS / math.sqrt(2.0 * n))
     np.testing.assert_array_less(np.abs(errors.mean(axis=0)), DEVIATIONS / math.sqrt(n))
     between = np.corrcoef(np.concatenate([errors[1:], errors[:-1]], axis=1).T)
-    assert np.abs(between[~np.eye(32, dtype=bool)]).max() < (DEVIATIONS + 0.5) / math.sqrt(n)  # of 496
+    assert np.abs(between[~np.eye(38, dtype=bool)]).max() < (DEVIATIONS + 0.5) / math.sqrt(n)  # of 703
     others = [CHANNEL_INDEX[name] for name in SIMULATED if name not in names]
     np.testing.assert_array_equal(seen[:, others], table(n)[0][:, others])
+
+
+def test_the_readings_of_a_seed_are_those_before_there_was_a_navigation_receiver() -> None:
+    errors = SensorErrors(bias_std={"throttle": 1.0}, dropout_fraction=0.1)
+    seen = read([Scenario(AEROSONDE, seed=7, sensor_errors=errors)], table(1000))[0]
+    assert np.count_nonzero(np.isfinite(seen[:, CHANNEL_INDEX[SPEED]])) == 912
+    for name, sample, value in (
+        (SPEED, 0, 0.1369153703621506),
+        (Q, 300, 0.004164860635434451),
+        ("rudder_rad", 999, -0.00038844685006589086),
+        ("throttle", 999, 0.2712643588217015),
+    ):
+        assert seen[sample, CHANNEL_INDEX[name]] == value
+
+
+def test_the_navigation_receiver_and_the_others_do_not_share_their_noise() -> None:
+    stated = AEROSONDE.sensors.noise_std
+    receiver = {name: std for name, std in stated.items() if name in NAVIGATION}
+    others = {name: std for name, std in stated.items() if name not in NAVIGATION}
+    of_receiver = [CHANNEL_INDEX[name] for name in NAVIGATION]
+    of_others = [CHANNEL_INDEX[name] for name in READINGS if name not in NAVIGATION]
+    whole, without, alone = (
+        read([scenario({"noise_std": noise}, seed=5, bias_std=bias)], table(600))[0]
+        for noise, bias in ((stated, {}), (others, {}), (receiver, {Q: 1.0}))
+    )
+    np.testing.assert_array_equal(without[:, of_others], whole[:, of_others])
+    np.testing.assert_array_equal(without[:, of_receiver], 0.0)
+    np.testing.assert_array_equal(alone[:, of_receiver], whole[:, of_receiver])
+    assert np.ptp(whole[:, CHANNEL_INDEX["velocity_down_m_s"]]) > 0.3
 
 
 def test_without_noise_the_other_errors_stay() -> None:
@@ -344,6 +374,44 @@ def test_faults_grow_with_their_severity() -> None:
     )
 
 
+NOISY: dict[str, object] = {"noise_std": {Q: 0.1, HEADING: 0.5}, "resolution": {Q: 1e-3}}
+
+
+@pytest.mark.parametrize(("onset_s", "last"), [(2.0, 100), (2.01, 100), (0.0, 0), (1e6, 599)])
+@pytest.mark.parametrize("name", [Q, HEADING])
+def test_a_frozen_reading_repeats_the_last_one_up_to_the_onset(name: str, onset_s: float, last: int) -> None:
+    truth = turned(np.cumsum(np.random.default_rng(8).standard_normal(600)))
+    sound = reading(scenario(NOISY, seed=2), name, truth)
+    frozen = reading(scenario(NOISY, (SensorFreeze(1.0, onset_s, target=name),), seed=2), name, truth)
+    np.testing.assert_array_equal(frozen[: last + 1], sound[: last + 1])
+    np.testing.assert_array_equal(frozen[last:], sound[last])
+
+
+def test_a_freeze_comes_after_every_other_fault_and_the_first_one_counts() -> None:
+    truth = np.random.default_rng(8).standard_normal(600)
+    before = (SensorBias(0.5, 1.0, target=Q), SensorDelay(0.1, 1.0, target=Q))
+    freezes = (SensorFreeze(1.0, 9.0, target=Q), SensorFreeze(1.0, 4.0, target=Q))
+    after = (SensorScale(0.5, 6.0, target=Q), SensorFreeze(1.0, 3.0, target=ALPHA))
+    sound = reading(scenario(NOISY, before), Q, truth)
+    frozen = reading(scenario(NOISY, (*before, *freezes, *after)), Q, truth)
+    np.testing.assert_array_equal(frozen[:201], sound[:201])
+    np.testing.assert_array_equal(frozen[200:], sound[200])
+
+
+@pytest.mark.parametrize("slow", ["absent", "held"])
+def test_a_slow_column_freezes_at_its_own_instants_and_drops_out_as_ever(slow: str) -> None:
+    stated = {"noise_std": {Q: 0.1}, "rate_hz": {Q: 10.0}}
+    errors: dict[str, Any] = {"slow_columns": slow, "column_dropout_fraction": {Q: 0.2}}
+    truth = np.random.default_rng(8).standard_normal(600)
+    sound = reading(scenario(stated, **errors), Q, truth)
+    whole = reading(scenario(stated, slow_columns="held"), Q, truth)
+    frozen = reading(scenario(stated, (SensorFreeze(1.0, 4.07, target=Q),), **errors), Q, truth)
+    np.testing.assert_array_equal(np.isnan(frozen), np.isnan(sound))
+    np.testing.assert_array_equal(frozen[:204], sound[:204])
+    later = frozen[204:]
+    np.testing.assert_array_equal(later[np.isfinite(later)], whole[203])
+
+
 def test_vane_and_pitot_faults_scale_their_columns() -> None:
     values = table(
         100, {ALPHA: np.full(100, 0.1), SPEED: np.full(100, 25.0), "sideslip_rad": np.full(100, 0.05)}
@@ -373,6 +441,8 @@ def everything(seed: int = 3) -> Scenario:
         SensorBias(0.02, 2.0, 3.0, target=Q),
         SensorDelay(0.2, 1.0, 2.0, target=HEADING),
         AirspeedError(-0.3, 3.0, 4.0),
+        SensorFreeze(1.0, 5.11, target="roll_rad"),
+        SensorFreeze(1.0, 6.0, target="altitude_m"),
     )
     return scenario(
         stated,

@@ -16,6 +16,15 @@ from wingwatch.telemetry import (
     parse_map,
 )
 
+POSITION = {
+    "velocity_north_m_s": -500.0,
+    "velocity_east_m_s": 30.0,
+    "velocity_down_m_s": 500.0,
+    "latitude_deg": 90.0,
+    "longitude_deg": -180.0,
+}
+"""Values at and within the limits."""
+
 
 def cleaned_times(
     times_s: list[float], config: CleanerConfig | None = None
@@ -52,6 +61,27 @@ def test_a_required_value_that_is_not_finite_rejects_its_row_and_names_its_chann
     assert result.report.counts == {"accepted": 19, "non_finite": 1}
     assert result.report.by_channel == {channel: 1}
     assert channel in result.report.text
+
+
+def test_a_receiver_slower_than_the_table_rejects_nothing() -> None:
+    there = np.arange(20) % 5 == 0
+    slow = {name: np.where(there, value, np.nan) for name, value in POSITION.items()}
+    block = flight_block(20, **slow)
+    result = Cleaner().clean(block)
+    assert same(result.block, block)
+    assert result.report.counts == {"accepted": 20}
+
+
+@pytest.mark.parametrize(
+    ("channel", "value"),
+    [("velocity_north_m_s", 500.1), ("latitude_deg", -90.1), ("longitude_deg", 180.1)],
+)
+def test_a_position_that_is_none_rejects_its_row(channel: str, value: float) -> None:
+    columns = {name: np.full(20, at) for name, at in POSITION.items()}
+    columns[channel][7] = value
+    result = Cleaner().clean(flight_block(20, **columns))
+    assert result.report.counts == {"accepted": 19, "out_of_range": 1}
+    assert result.report.by_channel == {channel: 1}
 
 
 def test_an_optional_value_may_be_missing_but_not_impossible() -> None:

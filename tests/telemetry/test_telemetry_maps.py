@@ -118,6 +118,9 @@ def test_a_filter_without_comparison_is_refused() -> None:
         ("outside_air_temperature_k", "degC", 15.0, 288.15),
         ("outside_air_temperature_k", "degF", 59.0, 288.15),
         ("throttle", "%", 70.0, 0.7),
+        ("velocity_down_m_s", "cm/s", -150.0, -1.5),
+        ("latitude_deg", "deg", 47.25, 47.25),
+        ("longitude_deg", "rad", -np.pi / 2, -90.0),
     ],
 )
 def test_units_convert(channel: str, unit: str, value: float, si: float) -> None:
@@ -235,6 +238,10 @@ class TestDelay:
         (
             'format = 1\n[channels]\naltitude_m = { source = "q", unit = "hPa" }',
             "channel altitude_m has unit 'hPa'; allowed: m, km, cm, mm, ft",
+        ),
+        (
+            'format = 1\n[channels]\nlatitude_deg = { source = "q", unit = "norm" }',
+            "channel latitude_deg has unit 'norm'; allowed: deg, rad",
         ),
         (
             'format = 1\n[channels]\nelevator_rad = { source = "q", unit = "norm" }',
