@@ -20,9 +20,12 @@ from wingwatch.api.ports import (
 )
 from wingwatch.api.schemas import (
     AlertDocument,
+    CandidateDocument,
+    CouldSeeDocument,
     VehicleDocument,
     air_document,
     alert_document,
+    could_see_documents,
     vehicle_document,
 )
 from wingwatch.api.server import (
@@ -63,9 +66,12 @@ __all__ = [
     "KernelState",
     "KernelsView",
     "AlertDocument",
+    "CandidateDocument",
+    "CouldSeeDocument",
     "VehicleDocument",
     "air_document",
     "alert_document",
+    "could_see_documents",
     "vehicle_document",
     "encode_json",
     "convert_modes",

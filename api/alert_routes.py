@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Path, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from wingwatch.api.access import Caller, admission_of
 from wingwatch.api.door import Door
@@ -15,6 +15,7 @@ from wingwatch.api.paging import decode_cursor, encode_cursor
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import AlertDocument, AlertList, Name, PersonAction, alert_document
 from wingwatch.monitor.views import AlertAction, AlertState, AlertView, KeyReusedError
+from wingwatch.telemetry import CHANNEL_NAMES
 
 __all__ = ["alert_router"]
 
@@ -33,6 +34,16 @@ RequestKey = Annotated[
 AlertId = Annotated[str, Path(min_length=1, max_length=200)]
 
 
+def _column(name: str) -> str:
+    if name not in CHANNEL_NAMES:
+        raise ValueError("should be a column of the flight table such as 'pitch_rate_rad_s'")
+    return name
+
+
+ColumnName = Annotated[str, AfterValidator(_column), Field(json_schema_extra={"enum": list(CHANNEL_NAMES)})]
+"""A column of the flight table."""
+
+
 class AlertQuery(BaseModel):
     """Which alerts, and which page of them."""
 
@@ -42,6 +53,7 @@ class AlertQuery(BaseModel):
     vehicle: Name | None = None
     fleet: Name | None = Field(default=None, description="only this fleet; all without")
     kind: Literal["icing", "damage", "sensor", "unexplained"] | None = None
+    channel: ColumnName | None = Field(default=None, description="only of this sensor, surface or throttle")
     since: float | None = Field(
         default=None, allow_inf_nan=False, description="raised at or after, s of the vehicle's own clock"
     )
@@ -55,6 +67,7 @@ class AlertQuery(BaseModel):
             and self.vehicle in (None, alert.vehicle)
             and self.fleet in (None, alert.fleet)
             and self.kind in (None, alert.kind)
+            and self.channel in (None, alert.channel)
             and (self.since is None or alert.raised_s >= self.since)
         )
 

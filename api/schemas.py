@@ -11,6 +11,7 @@ from wingwatch.api.ports import KernelState, KernelsView
 from wingwatch.monitor.views import (
     AlertState,
     AlertView,
+    CandidateView,
     EvidenceView,
     VehicleState,
     VehicleView,
@@ -22,6 +23,8 @@ __all__ = [
     "AirDocument",
     "AlertDocument",
     "AlertList",
+    "CandidateDocument",
+    "CouldSeeDocument",
     "DerivativesDocument",
     "FieldProblem",
     "HistoryItem",
@@ -38,6 +41,7 @@ __all__ = [
     "VehicleList",
     "air_document",
     "alert_document",
+    "could_see_documents",
     "status_document",
     "vehicle_document",
 ]
@@ -109,6 +113,20 @@ class AirDocument(_Answer):
     text: str
 
 
+class CouldSeeDocument(_Answer):
+    """What a flight so far could have shown of one cause."""
+
+    cause: str
+    channel: str | None = Field(
+        description="the part, by its column of the flight table; null for a cause of the whole airframe"
+    )
+    smallest_size: float | None = Field(
+        description="a change of this size or more would have been noticed; null where none would have been"
+    )
+    unit: str = Field(description="of the size; empty for a fraction")
+    input: str = Field(description="the input that would show more; empty where none is needed")
+
+
 class VehicleDocument(_Answer):
     """One vehicle as an operator sees it."""
 
@@ -139,6 +157,10 @@ class VehicleDocument(_Answer):
         default=None, description="mass that is expected: the announced one, else the aircraft file's"
     )
     cg_shift_m: float = Field(default=0.0, description="centre of gravity in use, aft of the aircraft file's")
+    could_see: list[CouldSeeDocument] = Field(
+        default_factory=list,
+        description="by cause and part, the smallest change that this flight would have shown",
+    )
 
 
 class VehicleList(_Answer):
@@ -168,6 +190,16 @@ class EvidenceDocument(_Answer):
     meaning: str
 
 
+class CandidateDocument(_Answer):
+    """One cause that is possible for an alert."""
+
+    cause: str
+    channel: str | None = Field(
+        description="the part that it befalls, by its column of the flight table; null for the whole airframe"
+    )
+    probability: float | None
+
+
 class AlertDocument(_Answer):
     """One alert with its evidence."""
 
@@ -188,6 +220,13 @@ class AlertDocument(_Answer):
     notes: list[str] = Field(description="who did what and why, newest last")
     shelved_until_at_s: float | None = Field(
         default=None, description="where it is shelved: it comes back then; seconds since 1970-01-01 UTC"
+    )
+    channel: str | None = Field(
+        default=None,
+        description="sensor, surface or throttle at fault, by its column of the flight table; null for the airframe",
+    )
+    candidates: list[CandidateDocument] = Field(
+        default_factory=list, description="causes that are possible, likeliest first; empty where only one is"
     )
 
 
@@ -346,6 +385,20 @@ class PersonAction(BaseModel):
     )  # fmt: skip
 
 
+def could_see_documents(view: VehicleView) -> list[CouldSeeDocument]:
+    """The vehicle's ``could_see``."""
+    return [
+        CouldSeeDocument(
+            cause=one.cause,
+            channel=one.channel,
+            smallest_size=quantity(one.smallest_size),
+            unit=one.unit,
+            input=one.input,
+        )
+        for one in view.could_see
+    ]
+
+
 def vehicle_document(view: VehicleView) -> VehicleDocument:
     """The object of ``/v1/vehicles/{id}`` and of the Zenoh status key."""
     return VehicleDocument(
@@ -367,6 +420,7 @@ def vehicle_document(view: VehicleView) -> VehicleDocument:
         rejected_by_channel=dict(view.rejected_by_channel),
         mass_kg=view.mass_kg,
         cg_shift_m=view.cg_shift_m,
+        could_see=could_see_documents(view),
     )
 
 
@@ -408,6 +462,8 @@ def alert_document(view: AlertView) -> AlertDocument:
         evidence=[_evidence(e) for e in view.evidence],
         notes=list(view.note),
         shelved_until_at_s=None if view.shelving is None else quantity(view.shelving.until_at_s),
+        channel=view.channel,
+        candidates=[_candidate(one) for one in view.candidates],
     )
 
 
@@ -468,6 +524,10 @@ def _evidence(part: EvidenceView) -> EvidenceDocument:
         unit=unit,
         meaning=meaning,
     )
+
+
+def _candidate(one: CandidateView) -> CandidateDocument:
+    return CandidateDocument(cause=one.cause, channel=one.channel, probability=quantity(one.probability))
 
 
 def _words(symbol: str) -> tuple[str, str]:

@@ -32,6 +32,7 @@ from wingwatch.baselines.records import (
     ActionRecord,
     AlertPage,
     AlertRecord,
+    CandidateRecord,
     EstimateRecord,
     EvidenceRecord,
     ExpectationRecord,
@@ -464,4 +465,5 @@ def _alert(row: AlertRow) -> AlertRecord:
     values = {f.name: getattr(row, f.name) for f in fields(AlertRecord)}
     values["evidence"] = tuple(EvidenceRecord(**e) for e in row.evidence)
     values["note"] = tuple(row.note)
+    values["candidates"] = tuple(CandidateRecord(**c) for c in row.candidates or ())
     return AlertRecord(**values)

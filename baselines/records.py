@@ -20,6 +20,7 @@ __all__ = [
     "ActionRecord",
     "AlertPage",
     "AlertRecord",
+    "CandidateRecord",
     "EstimateRecord",
     "EvidenceRecord",
     "ExpectationRecord",
@@ -134,8 +135,20 @@ class EvidenceRecord:
 
 
 @dataclass(frozen=True, slots=True)
+class CandidateRecord:
+    """A cause that is possible for an alert, the part that it befalls (None: the airframe), and its probability."""
+
+    cause: str
+    channel: str | None
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
 class AlertRecord:
-    """One alert as it is stored; its fields mean what the monitor's alert says."""
+    """One alert as it is stored; its fields mean what the monitor's alert says.
+
+    Of what older versions stored the channel is None, and there are no candidates.
+    """
 
     id: str
     fleet: str
@@ -156,6 +169,8 @@ class AlertRecord:
     updated_at_s: float
     note: Sequence[str] = field(default=())
     shelving: Mapping[str, float | str] | None = None
+    channel: str | None = None
+    candidates: Sequence[CandidateRecord] = field(default=())
 
 
 @dataclass(frozen=True, slots=True)

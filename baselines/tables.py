@@ -217,6 +217,8 @@ class AlertRow(Base):
     created_at_s: Mapped[float] = mapped_column(Double)
     updated_at_s: Mapped[float] = mapped_column(Double)
     shelving: Mapped[dict[str, Any] | None] = mapped_column(Numbers(none_as_null=True))
+    channel: Mapped[str | None] = mapped_column(String(63))
+    candidates: Mapped[list[dict[str, Any]] | None] = mapped_column(Numbers(none_as_null=True))
 
     __table_args__ = (
         Index("ix_alert_fleet_vehicle", "fleet", "vehicle"),

@@ -43,7 +43,7 @@ class FleetLines:
 
     def __init__(self) -> None:
         self._states: dict[tuple[str, str], VehicleState] = {}
-        self._alerts: dict[str, tuple[AlertState, str]] = {}
+        self._alerts: dict[str, tuple[AlertState, str, str | None]] = {}
 
     def changes(self, monitor: MonitorPort) -> Iterator[str]:
         """The lines of this look."""
@@ -53,7 +53,7 @@ class FleetLines:
                 self._states[owner] = view.state
                 yield f"{_at(view.last_sample_time_s)} {view.vehicle}: {_words(view.state)} ({view.reason})"
         for alert in reversed(monitor.alerts()):
-            standing = (alert.state, alert.cause)
+            standing = (alert.state, alert.cause, alert.channel)
             if self._alerts.get(alert.id) != standing:
                 self._alerts[alert.id] = standing
                 when_s = alert.raised_s if alert.cleared_s is None else alert.cleared_s

@@ -1,6 +1,7 @@
 """`wingwatch monitor`: status and alerts of a recorded flight."""
 
 import argparse
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -10,11 +11,19 @@ from rich.markup import escape
 from rich.table import Table
 
 from wingwatch.aircraft import Convention
-from wingwatch.api import AlertDocument, air_document, alert_document
+from wingwatch.api import (
+    AlertDocument,
+    CandidateDocument,
+    CouldSeeDocument,
+    air_document,
+    alert_document,
+    could_see_documents,
+)
 from wingwatch.cli.baseline import Baseline, read_baseline
 from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.flight_watch import Watched, load, watch
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.pages.texts import number, probability_text
 from wingwatch.telemetry import check_name
 
 __all__ = ["run"]
@@ -23,6 +32,7 @@ _Rows = list[dict[str, Any]]
 """Evidence of one alert, a row a derivative."""
 
 _ERRORS = ("standard_error", "expected", "expected_standard_error")
+_SIZELESS = ("surface_stuck", "sensor_freeze")  # there or not
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -38,11 +48,12 @@ def run(arguments: argparse.Namespace) -> int:
         references=baseline.references, envelopes=baseline.envelopes,
     )  # fmt: skip
     alerts = [alert_document(alert) for alert in watched.alerts]
+    could_see = could_see_documents(watched.monitor.view())
     evidence = {alert.id: _evidence(alert, watched, arguments.convention) for alert in alerts}
     if arguments.json:
-        write_json(_result(watched, alerts, evidence) | {"convention": arguments.convention})
+        write_json(_result(watched, alerts, evidence, could_see) | {"convention": arguments.convention})
     else:
-        _show(page(), watched, alerts, evidence)
+        _show(page(), watched, alerts, evidence, could_see)
     return 0
 
 
@@ -71,7 +82,12 @@ def _evidence(alert: AlertDocument, watched: Watched, convention: str) -> _Rows:
     return rows
 
 
-def _result(watched: Watched, alerts: list[AlertDocument], evidence: Mapping[str, _Rows]) -> dict[str, Any]:
+def _result(
+    watched: Watched,
+    alerts: list[AlertDocument],
+    evidence: Mapping[str, _Rows],
+    could_see: list[CouldSeeDocument],
+) -> dict[str, Any]:
     monitor = watched.monitor
     return {
         "duration_s": watched.duration_s,
@@ -81,13 +97,18 @@ def _result(watched: Watched, alerts: list[AlertDocument], evidence: Mapping[str
         "basis": monitor.basis,
         "basis_text": monitor.basis_text,
         "alerts": [alert.model_dump(mode="json") | {"evidence": evidence[alert.id]} for alert in alerts],
+        "could_see": [one.model_dump(mode="json") for one in could_see],
         "air": air_document(monitor.air).model_dump(mode="json") if monitor.air else None,
         "cleaning": watched.cleaning,
     }
 
 
 def _show(
-    console: Console, watched: Watched, alerts: list[AlertDocument], evidence: Mapping[str, _Rows]
+    console: Console,
+    watched: Watched,
+    alerts: list[AlertDocument],
+    evidence: Mapping[str, _Rows],
+    could_see: list[CouldSeeDocument],
 ) -> None:
     monitor = watched.monitor
     console.print(f"[bold]{escape(watched.flight.source)}[/]  aircraft {monitor.aircraft.name}")
@@ -102,11 +123,46 @@ def _show(
     if not alerts:
         console.print("No alert.")
     for alert in alerts:
-        until = "" if alert.cleared_s is None else f", cleared at {alert.cleared_s:.1f} s"
-        console.print(
-            f"[bold]{alert.level} {alert.id}[/] raised at {alert.raised_s:.1f} s{until}: {escape(alert.text)}"
+        _show_alert(console, alert, evidence[alert.id])
+    if could_see:
+        console.print("What this flight could have shown")
+        console.print(_could_see_table(could_see))
+
+
+def _show_alert(console: Console, alert: AlertDocument, evidence: _Rows) -> None:
+    part = "" if alert.channel is None else f" ({escape(alert.channel)})"
+    until = "" if alert.cleared_s is None else f", cleared at {alert.cleared_s:.1f} s"
+    console.print(
+        f"[bold]{alert.level} {alert.id}[/]{part} raised at {alert.raised_s:.1f} s{until}: {escape(alert.text)}"
+    )
+    if alert.candidates:
+        console.print(f"Possible causes: {escape('; '.join(map(_candidate, alert.candidates)))}")
+    if evidence:
+        console.print(_table(evidence))
+
+
+def _candidate(one: CandidateDocument) -> str:
+    where = "" if one.channel is None else f" of {one.channel}"
+    probability = math.nan if one.probability is None else one.probability
+    return f"{_words(one.cause)}{where}, probability {probability_text(probability)}"
+
+
+def _could_see_table(could_see: list[CouldSeeDocument]) -> Table:
+    table = Table()
+    for name in ("cause", "part", "smallest size", "input that would help"):
+        table.add_column(name, justify="right" if name == "smallest size" else "left")
+    for one in could_see:
+        seen = _smallest_size(one)
+        table.add_row(
+            _words(one.cause), escape(one.channel or "airframe"), escape(seen), escape(one.input or "-")
         )
-        console.print(_table(evidence[alert.id]))
+    return table
+
+
+def _smallest_size(one: CouldSeeDocument) -> str:
+    if one.smallest_size is None:
+        return "not seen"
+    return "seen" if one.cause in _SIZELESS else f"{number(one.smallest_size)} {one.unit}".rstrip()
 
 
 def _table(evidence: _Rows) -> Table:
@@ -118,10 +174,14 @@ def _table(evidence: _Rows) -> Table:
             part.get("name", part["derivative"]),
             _number(part["estimate"], part["standard_error"]),
             _number(part["expected"], part["expected_standard_error"]),
-            f"{part['z']:.1f}",
+            "-" if part["z"] is None else f"{part['z']:.1f}",
         )
     return table
 
 
 def _number(value: float | None, error: float | None) -> str:
     return "-" if value is None or error is None else f"{value:.4g} ± {error:.2g}"
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

@@ -17,6 +17,7 @@ from typing import Any, Self
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import (
     AlertRecord,
+    CandidateRecord,
     Cell,
     CellMemory,
     Database,
@@ -36,6 +37,7 @@ from wingwatch.monitor import (
     ActionPlan,
     AlertState,
     AlertView,
+    CandidateView,
     CellPlace,
     EvidenceView,
     Shelving,
@@ -492,6 +494,7 @@ def alert_record(alert: AlertView, created_at_s: float, updated_at_s: float) -> 
     values["evidence"] = tuple(EvidenceRecord(**asdict(part)) for part in alert.evidence)
     values["note"] = tuple(alert.note)
     values["shelving"] = None if alert.shelving is None else asdict(alert.shelving)
+    values["candidates"] = tuple(CandidateRecord(**asdict(one)) for one in alert.candidates)
     return AlertRecord(**values, created_at_s=created_at_s, updated_at_s=updated_at_s)
 
 
@@ -502,4 +505,5 @@ def alert_view(record: AlertRecord) -> AlertView:
     values["evidence"] = tuple(EvidenceView(**asdict(part)) for part in record.evidence)
     values["note"] = tuple(record.note)
     values["shelving"] = None if record.shelving is None else Shelving(**record.shelving)  # type: ignore[arg-type]
+    values["candidates"] = tuple(CandidateView(**asdict(one)) for one in record.candidates)
     return AlertView(**values)

@@ -34,6 +34,7 @@ from wingwatch.estimators import (
     padded,
 )
 from wingwatch.monitor.air_watch import AirState, AirWatch, PendingAir
+from wingwatch.monitor.redundancy import RedundancyWatch
 from wingwatch.monitor.solution_times import find_due
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, PairState, Supervisor
@@ -128,6 +129,9 @@ class Chain:
         kinds: ``position`` or ``command`` for the surfaces; what is not named is a position.
         configuration: of the aircraft.
         envelopes: expectations that take the place of the aircraft file's, by structure.
+
+    Attributes:
+        redundancy: what channels must agree in, for all vehicles of the type.
     """
 
     def __init__(
@@ -161,6 +165,7 @@ class Chain:
             vane = _VANE[structure.states[0]] in present
             pairs.append(_pair(aircraft, structure, prior, kinds, vane))
         self.supervisor = Supervisor(pairs)
+        self.redundancy = RedundancyWatch(aircraft, present, kinds)
 
     @property
     def structures(self) -> tuple[ModeStructure, ...]:

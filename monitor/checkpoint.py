@@ -18,6 +18,7 @@ from wingwatch.estimators import EkfConfig, FourierConfig, SignalConfig
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.monitor_state import MonitorState
+from wingwatch.monitor.redundancy.layout import RELATIONS
 from wingwatch.monitor.state_codec import Codec, Named, StateError
 from wingwatch.monitor.vehicle import VehicleMonitor
 from wingwatch.telemetry import AircraftMessage, SequenceState
@@ -32,7 +33,7 @@ __all__ = [
     "settings_of",
 ]
 
-FORMAT = 1
+FORMAT = 2
 """To be raised when the same layout comes to mean something else."""
 
 MOST_BYTES = 16 * 2**20
@@ -86,7 +87,7 @@ class SavedVehicle:
     @property
     def alarmed(self) -> bool:
         """Whether an alert was in force."""
-        return self.monitor.book.active is not None
+        return self.monitor.book.active is not None or bool(self.monitor.redundancy_book.active)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +136,7 @@ def settings_of(monitor: VehicleMonitor, given: Sequence[str]) -> str:
     found = hashlib.sha256(monitor.aircraft.model_dump_json().encode())
     found.update(CODEC.encode(tuple[str, ...], (monitor.configuration, *given)))
     found.update(CODEC.encode(JudgeConfig, monitor.judge.config))
+    found.update(repr(RELATIONS).encode())
     for name, pair in monitor.chain.supervisor.pairs.items():
         found.update(CODEC.encode(str, name))
         found.update(CODEC.encode(bool, pair.vane))
@@ -150,7 +152,7 @@ def default_settings() -> str:
 
     Two services that show the same one estimate alike from the same aircraft file.
     """
-    found = hashlib.sha256(_layout())
+    found = hashlib.sha256(_layout() + repr(RELATIONS).encode())
     for kind in (SignalConfig, FourierConfig, EkfConfig, JudgeConfig):
         for one in fields(kind):
             if one.default is not MISSING:

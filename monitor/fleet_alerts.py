@@ -28,7 +28,7 @@ class FleetAlerts:
     def __init__(self, context: FleetContext, save_now: Callable[[VehicleKey, KnownVehicle], None]) -> None:
         self._context, self._save_now = context, save_now
         self._read = False
-        self._earlier: dict[VehicleKey, AlertView] = {}
+        self._earlier: dict[VehicleKey, list[AlertView]] = {}
 
     # -- across restarts -----------------------------------------------------------------------
 
@@ -47,7 +47,7 @@ class FleetAlerts:
         self._read = True
         for alert in reversed(found):
             if alert.state is not AlertState.CLEARED:
-                self._earlier[alert.fleet, alert.vehicle] = alert
+                self._earlier.setdefault((alert.fleet, alert.vehicle), []).append(alert)
         for key, known in self._context.vehicles.items():
             if known.monitor is not None:
                 self.follow_earlier(key, known)
@@ -60,21 +60,19 @@ class FleetAlerts:
             self._context.tell((alert.fleet, alert.vehicle), [_of_alert(alert)])
 
     def follow_earlier(self, key: VehicleKey, known: KnownVehicle) -> list[Outgoing]:
-        """The vehicle's monitor follows the alert that was in force before the restart, if there was one."""
-        monitor, standing = known.monitor, self._earlier.pop(key, None)
+        """The vehicle's monitor follows the alerts that were in force before the restart, if there were any."""
+        monitor, earlier = known.monitor, self._earlier.pop(key, [])
         if monitor is None:
             return []
         ledger = self._context.ledger
-        if standing is not None:
-            standing = ledger.newest(standing.id)
-        if standing is not None and standing.state is AlertState.CLEARED:
-            standing = None
-        active = monitor.book.active
-        missing = agreed(monitor, ledger.newest(active.id) if active else None, standing)
-        if missing is None:
-            return []
-        ledger.drop(missing.id)  # what the checkpoint has is newer
-        return self.keep(missing)
+        newest = [ledger.newest(alert.id) for alert in earlier]
+        in_force = [alert for alert in newest if alert is not None and alert.state is not AlertState.CLEARED]
+        kept = {alert.id: ledger.newest(alert.id) for alert in monitor.active_alerts}
+        news: list[Outgoing] = []
+        for missing in agreed(monitor, kept, in_force):
+            ledger.drop(missing.id)  # what the checkpoint has is newer
+            news += self.keep(missing)
+        return news
 
     # -- from the monitors ---------------------------------------------------------------------
 
@@ -122,13 +120,8 @@ class FleetAlerts:
     def _follow_in_book(self, alert: AlertView) -> None:
         """The vehicle's monitor takes over what was done to its alert; one that is cleared it follows no longer."""
         known = self._context.vehicles.get((alert.fleet, alert.vehicle))
-        book = known.monitor.book if known is not None and known.monitor is not None else None
-        if book is None or book.active is None or book.active.id != alert.id:
-            return
-        if alert.state is AlertState.CLEARED:
-            book.dismiss()
-        else:
-            book.take_over(alert)
+        if known is not None and known.monitor is not None:
+            known.monitor.take_over(alert)
 
     # -- by persons ----------------------------------------------------------------------------
 

@@ -326,6 +326,23 @@ class Judge:
             size, error = (float(values[leading]) for values in found[1:])
         return float(_of_either(factors)), size, error
 
+    def smallest_seen(self, state: JudgeState) -> dict[str, float | None]:
+        """By cause the smallest size whose expected Bayes factor alone would have passed the threshold, had it begun at
+        the best of the remembered onsets; None where no size would have."""
+        onsets = np.arange(_first(state), len(state.blocks))
+        if not onsets.size:
+            return dict.fromkeys((cause.name for cause in CAUSES), None)
+        changes, _ = self._changes_of_all(state, onsets, onsets)
+        condition = state.blocks[-1].condition
+        directions = {name: self.directions(name, CAUSES, c.mean, condition) for name, c in changes.items()}
+        along_it = _along(changes, directions, {name: np.zeros_like(d) for name, d in directions.items()})
+        found: dict[str, float | None] = {}
+        for cause, weight in zip(CAUSES, along_it.weight.max(axis=(1, 2)), strict=True):
+            # the mean over both estimators, and that over the pattern and what deviates from it, cost a factor of four
+            needed = 2.0 * (self.config.log_threshold - np.log(cause.weight) + np.log(4.0))
+            found[cause.name] = float(np.sqrt(needed / weight)) if weight > 0.0 else None
+        return found
+
     def forget_change(self, state: JudgeState, onset_s: float, blocks: int) -> None:
         """A change is over: its blocks leave, so they are neither evidence again nor join the reference.
 

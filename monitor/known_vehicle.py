@@ -101,7 +101,7 @@ class KnownVehicle:
     @property
     def alarmed(self) -> bool:
         """Whether an alert is in force."""
-        return self.monitor is not None and self.monitor.book.active is not None
+        return self.monitor is not None and self.monitor.alarmed
 
     @property
     def suspected(self) -> bool:
@@ -130,7 +130,7 @@ class KnownVehicle:
         if self.announced is None or self.announced is self.loading:
             return
         if self.monitor is not None and self.loading is not None:
-            if not self.announced.differs(self.loading) or self.monitor.book.active is not None:
+            if not self.announced.differs(self.loading) or self.monitor.alarmed:
                 return
             self.start_anew()
         self.loading, self.watched_as = self.announced, self.message

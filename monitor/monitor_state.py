@@ -13,6 +13,7 @@ from wingwatch.monitor.cell_memory import CellBookState
 from wingwatch.monitor.chain import Chain, SavedChain, Solution
 from wingwatch.monitor.flight_regime import RegimeState
 from wingwatch.monitor.judge import JudgeState, Verdict
+from wingwatch.monitor.redundancy import RedundancyBookState, RedundancyState
 from wingwatch.monitor.state_codec import NOT_SAVED
 from wingwatch.monitor.supervision import ModeSolution
 from wingwatch.monitor.views import VehicleState
@@ -87,6 +88,7 @@ class MonitorState:
         cleaner, cleaned: stream position and counts of samples; aligner: rows that wait for stated delays.
         chain: the estimators' lanes, the air, the grid of solutions.
         judge: remembered blocks and references; book: the alert in force; cells: memory by cell.
+        redundancy, redundancy_book: relations between channels, and the alerts in force by them.
         memory, latest: the state shown and the latest solution.
     """
 
@@ -96,6 +98,8 @@ class MonitorState:
     chain: SavedChain
     judge: JudgeState
     book: BookState
+    redundancy: RedundancyState
+    redundancy_book: RedundancyBookState
     cells: CellBookState
     memory: WatchMemory
     latest: SavedSolution | None

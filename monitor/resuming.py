@@ -121,25 +121,36 @@ def resumed_vehicle(
     return known
 
 
-def agreed(monitor: VehicleMonitor, kept: AlertView | None, standing: AlertView | None) -> AlertView | None:
-    """Bring a resumed monitor's alert in line with the database; the alert as the database has it not, or None.
+def agreed(
+    monitor: VehicleMonitor, kept: Mapping[str, AlertView | None], standing: Sequence[AlertView]
+) -> list[AlertView]:
+    """Bring a resumed monitor's alerts in line with the database; those that the database has not as they are.
 
     The database may know more, for it may have been written after the checkpoint, or less.
 
     Args:
         monitor: resumed, or new where there was no checkpoint.
-        kept: the alert in force as the database has it; None where it has none of that name.
-        standing: the vehicle's newest alert in the database that is not cleared.
+        kept: by name, the alerts in force as the database has them; None where it has none of that name.
+        standing: the vehicle's alerts in the database that are not cleared, oldest first.
     """
-    active = monitor.book.active
-    missing = active if kept is None else None
-    if active is not None and kept is not None:
-        if kept.state is AlertState.CLEARED:
-            monitor.dismiss(by_person=kept.note != active.note)
-        elif len(kept.note) < len(active.note):  # notes only grow
-            missing = active
+    missing: list[AlertView] = []
+    for active in monitor.active_alerts:
+        known = kept.get(active.id)
+        if known is None:
+            missing.append(active)
+        elif known.state is AlertState.CLEARED:
+            if active.channel is None:
+                monitor.dismiss(by_person=known.note != active.note)
+            else:
+                monitor.take_over(known)
+        elif len(known.note) < len(active.note):  # notes only grow
+            missing.append(active)
         else:
-            monitor.book.take_over(kept)
-    if monitor.book.active is None and standing is not None:
-        monitor.follow_again(standing)
+            monitor.take_over(known)
+    airframe = [alert for alert in standing if alert.channel is None]
+    if monitor.book.active is None and airframe:
+        monitor.follow_again(airframe[-1])
+    for alert in standing:
+        if alert.channel is not None:
+            monitor.follow_again(alert)
     return missing

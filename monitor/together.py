@@ -54,5 +54,5 @@ def _advance(monitors: Sequence[VehicleMonitor], blocks: Sequence[SampleBlock]) 
                 found[n].alerts.append(changed)
     for n, monitor in enumerate(monitors):
         if n not in faults:
-            monitor.note_rest()
+            found[n].alerts.extend(monitor.after_samples())
     return [faults.get(n, report) for n, report in enumerate(found)]

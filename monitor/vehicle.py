@@ -29,22 +29,33 @@ from wingwatch.monitor.chain import (
     nominal_condition,
 )
 from wingwatch.monitor.comparison import Coordinates, natural_size
+from wingwatch.monitor.could_see import could_see
 from wingwatch.monitor.flight_regime import FlightRegime
 from wingwatch.monitor.furthest import PendingWorst, furthest
 from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.redundancy import RedundancyBook
 from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
-from wingwatch.monitor.views import AlertView, VehicleState, VehicleView, WorstDerivative
+from wingwatch.monitor.views import (
+    AlertState,
+    AlertView,
+    CouldSeeView,
+    VehicleState,
+    VehicleView,
+    WorstDerivative,
+)
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
 from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
 
 
+_LEVELS = ("watch", "warning", "critical")
+_COULD_SEE_S = 30.0
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
 
 
@@ -127,6 +138,10 @@ class VehicleMonitor:
         self.cells = CellBook(self.judge.coordinates, memory.cells)
         self._judge_state = self.judge.init(memory.references, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
+        self._redundancy = self.chain.redundancy.init()
+        self.redundancy_book = RedundancyBook(fleet, vehicle, new_id, self.chain.redundancy)
+        self._raised: list[AlertView] = []
+        self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
         self._memory = WatchMemory()
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
 
@@ -207,6 +222,8 @@ class VehicleMonitor:
             chain=self.chain.saved(self.chain_state),
             judge=detached(self._judge_state),
             book=self.book.state,
+            redundancy=detached(self._redundancy),
+            redundancy_book=detached(self.redundancy_book.state),
             cells=detached(self.cells.state),
             memory=detached(self._memory),
             latest=None if latest is None else SavedSolution.of(latest),
@@ -226,6 +243,7 @@ class VehicleMonitor:
         self._aligner.resume(saved.aligner)
         self._judge_state = saved.judge
         self.book.resume(saved.book)
+        self._redundancy, self.redundancy_book.state = saved.redundancy, saved.redundancy_book
         self.cells.resume(saved.cells)
         self._memory = saved.memory
         self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
@@ -239,11 +257,37 @@ class VehicleMonitor:
         known = self._memory.block is not None
         blocks_s = self.judge.config.patience_blocks * self.judge.config.block_s
         onset_s = alert.raised_s - blocks_s if known else float("-inf")
-        self.book.resume(BookState(alert, onset_s, 0, 0))
+        if alert.channel is not None:
+            self.redundancy_book.adopt(self._redundancy, alert)
+        else:
+            self.book.resume(BookState(alert, onset_s, 0, 0))
         self._memory.state = VehicleState.DEGRADED
 
+    @property
+    def active_alerts(self) -> list[AlertView]:
+        """All alerts in force, worst first."""
+        found = [*self.redundancy_book.active, *([self.book.active] if self.book.active else [])]
+        return sorted(found, key=lambda alert: -_LEVELS.index(alert.level))
+
+    @property
+    def alarmed(self) -> bool:
+        """Whether an alert is in force."""
+        return self.book.active is not None or bool(self.redundancy_book.state.active)
+
+    def take_over(self, alert: AlertView) -> None:
+        """What was done to an alert in force counts; one that was cleared is followed no longer."""
+        if self.book.active is not None and self.book.active.id == alert.id:
+            if alert.state is AlertState.CLEARED:
+                self.book.dismiss()
+            else:
+                self.book.take_over(alert)
+        elif alert.state is AlertState.CLEARED:
+            self.redundancy_book.dismiss(self._redundancy, alert.id, self.last_sample_time_s or 0.0)
+        else:
+            self.redundancy_book.take_over(alert)
+
     def dismiss(self, by_person: bool) -> None:
-        """The alert in force was cleared after this state was saved.
+        """The airframe's alert in force was cleared after this state was saved.
 
         Args:
             by_person: what was changed may be so still; else the change was over, and its blocks are forgotten.
@@ -261,23 +305,32 @@ class VehicleMonitor:
             report.solutions.append(solution)
             if (changed := self.follow(solution)) is not None:
                 report.alerts.append(changed)
-        self.note_rest()
+        report.alerts.extend(self.after_samples())
         return report
 
     def follow(self, solution: Solution) -> AlertView | None:
         """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
         changed = self._judge_solution(solution)
+        if changed is not None and changed.state is AlertState.ACTIVE:
+            self._raised += self.redundancy_book.explained(self._redundancy, changed, solution.time_s)
         before, self._memory.latest = self._memory.latest, solution
         self._update_state(solution, before)
         return changed
 
-    def note_rest(self) -> None:
-        """After some samples: who is on the ground or stalled is not observable."""
+    def after_samples(self) -> list[AlertView]:
+        """After some samples: alerts by redundancy that were raised, changed or cleared in them.
+
+        Who is on the ground or stalled is not observable.
+        """
+        raised, self._raised = self._raised, []
+        if raised and self.alarmed and self.state is not VehicleState.DEGRADED:
+            self._memory.state, self._memory.state_since_s = VehicleState.DEGRADED, raised[0].raised_s
         if self._memory.regime.waits and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
             self._memory.state, self._memory.state_since_s = (
                 VehicleState.NOT_OBSERVABLE,
                 self.last_sample_time_s,
             )
+        return raised
 
     def prepared(self, block: SampleBlock) -> SampleBlock:
         """Samples as the chain takes them: cleaned, without the delays that the aircraft file states, and of attached
@@ -286,7 +339,11 @@ class VehicleMonitor:
         They come late by the largest delay: what belongs to an instant has to have been seen.
         """
         aligned = self._aligner.feed(self.cleaner.clean(block).block)
-        return self._regime.select(self._memory.regime, aligned)
+        used = self._regime.select(self._memory.regime, aligned)
+        alarmed = self.book.active is not None
+        for second in self.chain.redundancy.feed(self._redundancy, used):
+            self._raised += self.redundancy_book.follow(self._redundancy, second, alarmed)
+        return used
 
     @property
     def _founded_by_file(self) -> bool:
@@ -304,7 +361,11 @@ class VehicleMonitor:
 
     def _judge_solution(self, solution: Solution) -> AlertView | None:
         """If blocks were closed, compare them and follow up."""
-        closed = [(m, m.block) for s in self._compared if (m := solution.modes[s.name]).block is not None]
+        closed = [
+            (m, m.block)
+            for s in self._compared
+            if (m := solution.modes[s.name]).block is not None and not self.redundancy_book.doubts(s.states)
+        ]  # what a wrong reading makes of derivatives is neither a change nor to be learned
         if not closed:
             return None
         modes = {}
@@ -355,7 +416,7 @@ class VehicleMonitor:
             slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
             m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
         state = VehicleState.HEALTHY if seen and not m.outside else VehicleState.NOT_OBSERVABLE
-        if self.book.active is not None:
+        if self.alarmed:
             state = VehicleState.DEGRADED
         if state is not m.state:
             m.state, m.state_since_s = state, solution.time_s
@@ -458,8 +519,8 @@ class VehicleMonitor:
     @property
     def reason(self) -> str:
         """Why the state is what it is, in one clause."""
-        if self.book.active is not None:
-            return self.book.active.text
+        if active := self.active_alerts:
+            return " ".join(alert.text for alert in active)
         if not self._compared:
             return self.basis_text
         if self._memory.regime.waits:
@@ -473,6 +534,18 @@ class VehicleMonitor:
         if self.state is VehicleState.NOT_OBSERVABLE:
             return "; ".join(self._memory.latest.modes[s.name].fourier.reason for s in self._compared)
         return "no change against what is expected"
+
+    def could_see(self) -> Sequence[CouldSeeView]:
+        """By cause, the smallest size that the remembered minutes would have shown; worked out anew every
+        ``_COULD_SEE_S``."""
+        now_s = self.last_sample_time_s
+        if now_s is None:
+            return ()
+        if self._could_see is None or not 0.0 <= now_s - self._could_see[0] < _COULD_SEE_S:
+            airframe = self.judge.smallest_seen(self._judge_state) if self._compared else {}
+            relations = self.chain.redundancy.could_see(self._redundancy)
+            self._could_see = now_s, could_see(airframe, relations)
+        return self._could_see[1]
 
     def view(self, state: VehicleState | None = None) -> VehicleView:
         """The vehicle as an operator sees it; ``state`` replaces its own (a vehicle that fell silent)."""
@@ -490,8 +563,8 @@ class VehicleMonitor:
             state=state or self.state, state_since_s=self._memory.state_since_s, reason=self.reason,
             last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
             worst=self.worst(), counts=self.counts,
-            active_alerts=(self.book.active.id,) if self.book.active else (), condition=condition,
-            air=self.air, rejected_by_channel=self.rejected_by_channel,
+            active_alerts=tuple(alert.id for alert in self.active_alerts), condition=condition,
+            air=self.air, rejected_by_channel=self.rejected_by_channel, could_see=self.could_see(),
         )  # fmt: skip
 
 

@@ -15,6 +15,8 @@ __all__ = [
     "SHELVED_S",
     "AlertState",
     "AlertView",
+    "CandidateView",
+    "CouldSeeView",
     "Event",
     "EvidenceView",
     "FleetFigures",
@@ -74,6 +76,26 @@ class WorstDerivative:
 
 
 @dataclass(frozen=True, slots=True)
+class CouldSeeView:
+    """What the flight so far could have shown of one cause.
+
+    Attributes:
+        cause: of the shared vocabulary.
+        channel: the part, by its column of the flight table; None for a cause of the whole airframe.
+        smallest_size: from which on a change at the beginning of the remembered minutes would have been noticed; None
+            where no size would have been.
+        unit: of the size; empty for a fraction.
+        input: the input that would show more; empty where none is needed.
+    """
+
+    cause: str
+    channel: str | None
+    smallest_size: float | None
+    unit: str
+    input: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleView:
     """One vehicle as an operator sees it.
 
@@ -88,6 +110,7 @@ class VehicleView:
         rejected_by_channel: readings refused as non-finite, out of range or of a stuck sensor, by channel.
         mass_kg: of the aircraft as it is expected, where it or its file states one.
         cg_shift_m: its centre of gravity aft of the file's.
+        could_see: by cause, the smallest size that this flight would have shown.
     """
 
     fleet: str
@@ -108,6 +131,7 @@ class VehicleView:
     rejected_by_channel: Mapping[str, int] = field(default_factory=dict)
     mass_kg: float | None = None
     cg_shift_m: float = 0.0
+    could_see: Sequence[CouldSeeView] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +161,15 @@ class Shelving:
 
 
 @dataclass(frozen=True, slots=True)
+class CandidateView:
+    """A cause that is possible, the part that it befalls (None: the airframe), and its probability."""
+
+    cause: str
+    channel: str | None
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
 class AlertView:
     """One alert, with its evidence.
 
@@ -151,6 +184,8 @@ class AlertView:
         text: what, how much, what to do; one or two sentences for the operator.
         note: who did what to it and why, newest last.
         shelving: where it is shelved; None else, and for what older versions shelved.
+        channel: the sensor, surface or throttle at fault, by its column of the flight table; None for the airframe.
+        candidates: causes that are possible, likeliest first; empty where only one is.
     """
 
     id: str
@@ -170,6 +205,8 @@ class AlertView:
     evidence: Sequence[EvidenceView]
     note: Sequence[str] = field(default=())
     shelving: Shelving | None = None
+    channel: str | None = None
+    candidates: Sequence[CandidateView] = field(default=())
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,10 +48,9 @@ function number(value, significant = 3) {
 /** A value with its standard error, both to the error's second significant digit. */
 function plusMinus(value, error, unit = "", scale = 1) {
   if (value === null) return "unknown";
-  const tail = unit ? ` ${unit.replace(/([a-z])2/g, "$1²")}` : "";
-  if (error === null || !(error > 0)) return number(value * scale) + tail;
+  if (error === null || !(error > 0)) return number(value * scale) + tail(unit);
   const digits = 1 - Math.floor(Math.log10(error * scale));
-  return `${fixed(value * scale, digits)} ± ${fixed(error * scale, digits)}${tail}`;
+  return `${fixed(value * scale, digits)} ± ${fixed(error * scale, digits)}${tail(unit)}`;
 }
 
 function signed(z) {
@@ -64,6 +63,11 @@ function signed(z) {
 function percent(probability) {
   if (probability > 0.999) return "above 99.9 %";
   return probability < 0.001 ? "below 0.1 %" : `${number(100 * probability)} %`;
+}
+
+/** A unit as it is printed behind a number; nothing for a fraction. */
+function tail(unit) {
+  return unit ? ` ${unit.replace(/([a-z])2/g, "$1²")}` : "";
 }
 
 function symbol(name) {
@@ -83,6 +87,11 @@ function tag(state, text) {
   const node = make("span", "tag", shape(state), text);
   node.dataset.tone = state;
   return node;
+}
+
+/** A part of the aircraft, by its column of the flight table. */
+function channelTag(channel) {
+  return make("code", "part", channel);
 }
 
 /** Where a z lies: the band where flight and expectation agree, and a mark; beyond the range the mark is a wedge. */
@@ -114,6 +123,16 @@ function facts(className, pairs) {
     else list.append(...nodes);
   }
   return list;
+}
+
+/** The head of a table: a title a column. */
+function tableHead(titles) {
+  const cells = titles.map((title) => {
+    const cell = make("th", "", title);
+    cell.scope = "col";
+    return cell;
+  });
+  return make("thead", "", make("tr", "", ...cells));
 }
 
 /** Put a child in an older one's place; what the reader unfolded stays unfolded, and so does the focus. */
@@ -176,6 +195,45 @@ function rejections(counts) {
   return parts.map(([name, count]) => `${count} ${words(name)}`).join(", ");
 }
 
+/** What a cause takes away as a fraction, which is shown in per cent; null for other causes. */
+function lost(cause) {
+  if (cause.endsWith("_effectiveness")) return "Effectiveness lost";
+  return cause === "thrust_loss" ? "Thrust lost" : null;
+}
+
+/** Causes that are there or not, and have no size. */
+const SIZELESS = ["surface_stuck", "sensor_freeze"];
+
+/** The smallest size of a cause that a flight would have shown. */
+function smallestSize({ cause, smallest_size: least, unit }) {
+  if (least === null) return "not seen";
+  if (SIZELESS.includes(cause)) return "seen";
+  return lost(cause) ? `${number(100 * least)} %` : number(least) + tail(unit);
+}
+
+function couldSeeRow(one) {
+  const row = make("tr", "");
+  const name = make("th", "", words(one.cause), " ", one.channel === null ? make("span", "soft", "of the airframe") : channelTag(one.channel));
+  name.scope = "row";
+  const unseen = one.smallest_size === null;
+  const smallest = make("td", unseen ? "soft" : "number", smallestSize(one));
+  const input = make("td", "", one.input || (unseen ? "none known" : "none needed"));
+  if (!one.input) input.className = "soft";
+  smallest.dataset.label = "smallest size";
+  input.dataset.label = "input that would help";
+  row.append(name, smallest, input);
+  return row;
+}
+
+/** What a flight could have shown, folded away. */
+function couldSee(rows) {
+  const title = "What this flight could have shown";
+  const table = make("table", "", make("caption", "hidden", title),
+    tableHead(["Cause and part", "Smallest size", "Input that would help"]),
+    make("tbody", "", ...rows.map(couldSeeRow)));
+  return make("details", "could-see", make("summary", "", title), table);
+}
+
 function vehicleItem(vehicle) {
   const item = make("li", "card");
   const fleet = vehicle.fleet === "default" ? "" : `${vehicle.fleet} / `;
@@ -195,13 +253,15 @@ function vehicleItem(vehicle) {
       ["Rejected", rejections(vehicle.counts)],
       ["Alerts", vehicle.active_alerts.length ? String(vehicle.active_alerts.length) : ""],
     ]));
+  if (vehicle.could_see.length) item.append(couldSee(vehicle.could_see));
   return item;
 }
 
 function size(alert) {
   const { value, standard_error: error } = alert.size;
   if (value === null) return null;
-  if (alert.cause.endsWith("_effectiveness")) return ["Effectiveness lost", plusMinus(value, error, "%", 100)];
+  if (SIZELESS.includes(alert.cause)) return ["Size", ""];
+  if (lost(alert.cause)) return [lost(alert.cause), plusMinus(value, error, "%", 100)];
   return [alert.cause === "icing" ? "Icing severity η" : "Size", plusMinus(value, error)];
 }
 
@@ -219,12 +279,7 @@ function evidenceRow(part) {
 }
 
 function evidenceTable(parts) {
-  const titles = ["Derivative", "Measured", "Expected", "z"].map((title) => {
-    const cell = make("th", "", title);
-    cell.scope = "col";
-    return cell;
-  });
-  return make("table", "", make("caption", "hidden", "Evidence"), make("thead", "", make("tr", "", ...titles)),
+  return make("table", "", make("caption", "hidden", "Evidence"), tableHead(["Derivative", "Measured", "Expected", "z"]),
     make("tbody", "", ...parts.map(evidenceRow)));
 }
 
@@ -266,6 +321,17 @@ function evidence(parts) {
   return nodes;
 }
 
+/** Causes that are possible, likeliest first. */
+function candidates(all) {
+  const items = all.map((one) => {
+    const probability = make("b", "number", one.probability === null ? "unknown" : percent(one.probability));
+    const cause = make("span", "", words(one.cause));
+    if (one.channel !== null) cause.append(" ", channelTag(one.channel));
+    return make("li", "", probability, cause);
+  });
+  return make("div", "candidates", make("p", "soft", "Possible causes"), make("ol", "", ...items));
+}
+
 function alertItem(alert) {
   const item = make("li", "card");
   const cleared = alert.state === "cleared";
@@ -275,7 +341,9 @@ function alertItem(alert) {
   const standing = alert.state === "active" ? alert.level : `${alert.level}, ${alert.state}`;
   const mark = tag(cleared ? "cleared" : "degraded", standing);
   mark.dataset.tone = item.dataset.tone;
-  item.append(make("div", "head", make("h3", "", `${title} on ${fleet}${alert.vehicle}`), mark),
+  const heading = make("h3", "", `${title} on ${fleet}${alert.vehicle}`);
+  if (alert.channel !== null) heading.append(" ", channelTag(alert.channel));
+  item.append(make("div", "head", heading, mark),
     make("p", "text", alert.text),
     facts("figures", [
       size(alert) ?? ["Size", "not known"],
@@ -285,6 +353,7 @@ function alertItem(alert) {
       ["Cleared", alert.cleared_s === null ? "" : `${fixed(alert.cleared_s, 1)} s`],
       ["Compared with", `${alert.basis} expectation`],
     ]));
+  if (alert.candidates.length) item.append(candidates(alert.candidates));
   item.append(...evidence(alert.evidence));
   if (alert.notes.length) item.append(make("ul", "notes", ...alert.notes.map((note) => make("li", "", note))));
   return item;

@@ -84,7 +84,7 @@ class DerivativeEstimate(_message.Message):
     def __init__(self, value: _Optional[float] = ..., standard_error: _Optional[float] = ..., unit: _Optional[str] = ..., outcome: _Optional[str] = ..., expected: _Optional[float] = ..., expected_standard_error: _Optional[float] = ...) -> None: ...
 
 class Status(_message.Message):
-    __slots__ = ("fleet", "vehicle", "aircraft", "configuration", "state", "state_since_s", "reason", "last_sample_time_s", "basis", "basis_text", "worst", "counts", "active_alerts", "condition")
+    __slots__ = ("fleet", "vehicle", "aircraft", "configuration", "state", "state_since_s", "reason", "last_sample_time_s", "basis", "basis_text", "worst", "counts", "active_alerts", "condition", "could_see")
     class CountsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -113,6 +113,7 @@ class Status(_message.Message):
     COUNTS_FIELD_NUMBER: _ClassVar[int]
     ACTIVE_ALERTS_FIELD_NUMBER: _ClassVar[int]
     CONDITION_FIELD_NUMBER: _ClassVar[int]
+    COULD_SEE_FIELD_NUMBER: _ClassVar[int]
     fleet: str
     vehicle: str
     aircraft: str
@@ -127,7 +128,22 @@ class Status(_message.Message):
     counts: _containers.ScalarMap[str, int]
     active_alerts: _containers.RepeatedScalarFieldContainer[str]
     condition: _containers.ScalarMap[str, float]
-    def __init__(self, fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., aircraft: _Optional[str] = ..., configuration: _Optional[str] = ..., state: _Optional[str] = ..., state_since_s: _Optional[float] = ..., reason: _Optional[str] = ..., last_sample_time_s: _Optional[float] = ..., basis: _Optional[str] = ..., basis_text: _Optional[str] = ..., worst: _Optional[_Union[WorstDerivative, _Mapping]] = ..., counts: _Optional[_Mapping[str, int]] = ..., active_alerts: _Optional[_Iterable[str]] = ..., condition: _Optional[_Mapping[str, float]] = ...) -> None: ...
+    could_see: _containers.RepeatedCompositeFieldContainer[CouldSee]
+    def __init__(self, fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., aircraft: _Optional[str] = ..., configuration: _Optional[str] = ..., state: _Optional[str] = ..., state_since_s: _Optional[float] = ..., reason: _Optional[str] = ..., last_sample_time_s: _Optional[float] = ..., basis: _Optional[str] = ..., basis_text: _Optional[str] = ..., worst: _Optional[_Union[WorstDerivative, _Mapping]] = ..., counts: _Optional[_Mapping[str, int]] = ..., active_alerts: _Optional[_Iterable[str]] = ..., condition: _Optional[_Mapping[str, float]] = ..., could_see: _Optional[_Iterable[_Union[CouldSee, _Mapping]]] = ...) -> None: ...
+
+class CouldSee(_message.Message):
+    __slots__ = ("cause", "channel", "smallest_size", "unit", "input")
+    CAUSE_FIELD_NUMBER: _ClassVar[int]
+    CHANNEL_FIELD_NUMBER: _ClassVar[int]
+    SMALLEST_SIZE_FIELD_NUMBER: _ClassVar[int]
+    UNIT_FIELD_NUMBER: _ClassVar[int]
+    INPUT_FIELD_NUMBER: _ClassVar[int]
+    cause: str
+    channel: str
+    smallest_size: float
+    unit: str
+    input: str
+    def __init__(self, cause: _Optional[str] = ..., channel: _Optional[str] = ..., smallest_size: _Optional[float] = ..., unit: _Optional[str] = ..., input: _Optional[str] = ...) -> None: ...
 
 class WorstDerivative(_message.Message):
     __slots__ = ("estimator", "structure", "derivative", "z", "unit", "meaning")
@@ -146,7 +162,7 @@ class WorstDerivative(_message.Message):
     def __init__(self, estimator: _Optional[str] = ..., structure: _Optional[str] = ..., derivative: _Optional[str] = ..., z: _Optional[float] = ..., unit: _Optional[str] = ..., meaning: _Optional[str] = ...) -> None: ...
 
 class Alert(_message.Message):
-    __slots__ = ("id", "fleet", "vehicle", "kind", "cause", "level", "state", "raised_s", "cleared_s", "size", "probability", "basis", "text", "evidence", "notes")
+    __slots__ = ("id", "fleet", "vehicle", "kind", "cause", "level", "state", "raised_s", "cleared_s", "size", "probability", "basis", "text", "evidence", "notes", "channel", "candidates")
     ID_FIELD_NUMBER: _ClassVar[int]
     FLEET_FIELD_NUMBER: _ClassVar[int]
     VEHICLE_FIELD_NUMBER: _ClassVar[int]
@@ -162,6 +178,8 @@ class Alert(_message.Message):
     TEXT_FIELD_NUMBER: _ClassVar[int]
     EVIDENCE_FIELD_NUMBER: _ClassVar[int]
     NOTES_FIELD_NUMBER: _ClassVar[int]
+    CHANNEL_FIELD_NUMBER: _ClassVar[int]
+    CANDIDATES_FIELD_NUMBER: _ClassVar[int]
     id: str
     fleet: str
     vehicle: str
@@ -177,7 +195,19 @@ class Alert(_message.Message):
     text: str
     evidence: _containers.RepeatedCompositeFieldContainer[Evidence]
     notes: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, id: _Optional[str] = ..., fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., kind: _Optional[str] = ..., cause: _Optional[str] = ..., level: _Optional[str] = ..., state: _Optional[str] = ..., raised_s: _Optional[float] = ..., cleared_s: _Optional[float] = ..., size: _Optional[_Union[Size, _Mapping]] = ..., probability: _Optional[float] = ..., basis: _Optional[str] = ..., text: _Optional[str] = ..., evidence: _Optional[_Iterable[_Union[Evidence, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ...) -> None: ...
+    channel: str
+    candidates: _containers.RepeatedCompositeFieldContainer[Candidate]
+    def __init__(self, id: _Optional[str] = ..., fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., kind: _Optional[str] = ..., cause: _Optional[str] = ..., level: _Optional[str] = ..., state: _Optional[str] = ..., raised_s: _Optional[float] = ..., cleared_s: _Optional[float] = ..., size: _Optional[_Union[Size, _Mapping]] = ..., probability: _Optional[float] = ..., basis: _Optional[str] = ..., text: _Optional[str] = ..., evidence: _Optional[_Iterable[_Union[Evidence, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., channel: _Optional[str] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ...) -> None: ...
+
+class Candidate(_message.Message):
+    __slots__ = ("cause", "channel", "probability")
+    CAUSE_FIELD_NUMBER: _ClassVar[int]
+    CHANNEL_FIELD_NUMBER: _ClassVar[int]
+    PROBABILITY_FIELD_NUMBER: _ClassVar[int]
+    cause: str
+    channel: str
+    probability: float
+    def __init__(self, cause: _Optional[str] = ..., channel: _Optional[str] = ..., probability: _Optional[float] = ...) -> None: ...
 
 class Size(_message.Message):
     __slots__ = ("value", "standard_error")

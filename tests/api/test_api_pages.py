@@ -12,7 +12,7 @@ from browser import Page, chromium_path, open_page
 
 import wingwatch.api
 from wingwatch.api import HttpServer, KernelsView
-from wingwatch.monitor.views import AlertState, VehicleState
+from wingwatch.monitor.views import AlertState, CandidateView, CouldSeeView, VehicleState
 
 FOLDER = Path(wingwatch.api.__file__).parent / "pages"
 NASTY = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>&amp;"
@@ -220,6 +220,86 @@ def test_evidence_that_does_not_speak_folds_away_and_stays_as_the_reader_left_it
     assert page.ask("document.querySelector('#alerts details').open")
     assert page.ask("document.activeElement.tagName") == "SUMMARY"
     assert "−0.1" in text(page, "#alerts details")
+
+
+@needs_chromium
+def test_an_alert_of_a_sensor_shows_its_part_and_candidates_and_no_evidence(
+    page: Page, monitor: FakeMonitor
+) -> None:
+    possible = (
+        CandidateView("sensor_bias", "pitch_rate_rad_s" + NASTY, 0.62),
+        CandidateView("sensor_bias", "pitch_rad", 0.3796),
+        CandidateView("icing" + NASTY, None, 0.0004),
+        CandidateView("thrust_loss", "throttle", float("nan")),
+    )
+    changes = {
+        "kind": "sensor",
+        "cause": "sensor_bias",
+        "channel": "pitch_rate_rad_s" + NASTY,
+        "evidence": (),
+    }
+    monitor.raised = [
+        alert(3, candidates=possible, **changes),
+        alert(2, kind="damage", cause="thrust_loss", channel="throttle", size=0.3, evidence=()),
+        alert(1),
+        alert(0, kind="damage", cause="surface_stuck", channel="rudder_rad", size=1.0, evidence=()),
+    ]
+    monitor.tell("alert", {"id": "a3"})
+    page.wait("document.querySelectorAll('#alerts > li').length === 4")
+    assert text(page, "#alerts h3") == "Sensor bias on aero-2 pitch_rate_rad_s" + NASTY
+    causes = "[...document.querySelectorAll('#alerts .candidates li')].map((one) => one.textContent)"
+    assert page.ask(causes) == [
+        "62 %sensor bias pitch_rate_rad_s" + NASTY,
+        "38 %sensor bias pitch_rad",
+        "below 0.1 %icing" + NASTY.replace("_", " "),
+        "unknownthrust loss throttle",
+    ]
+    parts = (
+        "[...document.querySelectorAll('#alerts > li')].map((one) => one.querySelectorAll('table').length)"
+    )
+    assert page.ask(parts) == [0, 0, 1, 0]
+    assert "30.00 ± 0.78 %" in text(page, "#alerts > li:nth-child(2)")
+    assert "Size" not in text(page, "#alerts > li:nth-child(4)")
+    assert page.ask("document.querySelectorAll('#alerts > li:nth-child(3) .part').length") == 0
+    assert page.ask("document.querySelectorAll('#alerts .candidates').length") == 1
+    assert page.ask("document.querySelectorAll('main img, main script').length") == 0
+    assert page.console == []
+
+
+@needs_chromium
+def test_what_a_flight_could_have_shown_is_folded_away_and_stays_as_the_reader_left_it(
+    page: Page, monitor: FakeMonitor
+) -> None:
+    could_see = (
+        CouldSeeView("sensor_bias", "pitch_rate_rad_s", 0.0123456, "rad/s"),
+        CouldSeeView("sensor_bias", "specific_force_z_m_s2", 0.31, "m/s2" + NASTY, NASTY),
+        CouldSeeView("elevator_effectiveness", None, 0.2, "", "a doublet of the elevator"),
+        CouldSeeView("icing", None, None, ""),
+        CouldSeeView("surface_stuck", "rudder_rad", 1.0, ""),
+    )
+    first, second = monitor.views
+    monitor.views = [dataclasses.replace(first, could_see=could_see), second]
+    monitor.tell("status", {"vehicle": "aero-2"})
+    page.wait("document.querySelectorAll('#vehicles details').length === 1")
+    assert page.ask("document.querySelector('#vehicles details').open") is False
+    assert text(page, "#vehicles summary") == "What this flight could have shown"
+    page.ask("document.querySelector('#vehicles summary').click()")
+    rows = "[...document.querySelectorAll('#vehicles tbody tr')]"
+    assert page.ask(rows + ".map((row) => [...row.children].map((cell) => cell.textContent))") == [
+        ["sensor bias pitch_rate_rad_s", "0.0123 rad/s", "none needed"],
+        ["sensor bias specific_force_z_m_s2", "0.31 m/s²" + NASTY, NASTY],
+        ["elevator effectiveness of the airframe", "20 %", "a doublet of the elevator"],
+        ["icing of the airframe", "not seen", "none known"],
+        ["surface stuck rudder_rad", "seen", "none needed"],
+    ]
+    monitor.views = [dataclasses.replace(monitor.views[0], reason="changed"), second]
+    monitor.tell("status", {"vehicle": "aero-2"})
+    page.wait("document.querySelector('#vehicles .reason').textContent === 'changed'")
+    assert page.ask("document.querySelector('#vehicles details').open")
+    page.look(360, 740, "dark", mobile=True)
+    assert page.ask("document.documentElement.scrollWidth <= 360")
+    assert page.ask("document.querySelectorAll('main img, main script').length") == 0
+    assert page.console == []
 
 
 @needs_chromium

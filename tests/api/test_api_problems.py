@@ -93,6 +93,7 @@ def problem(client: httpx.Client, answer: httpx.Response, status: int) -> Mappin
         ("/v1/vehicles/aero-1/derivatives/history?cursor=AAAA", 422, ["cursor", "'AAAA'"]),
         ("/v1/alerts?state=open", 422, ["'open'", "active", "shelved"]),
         ("/v1/alerts?kind=ice", 422, ["'ice'", "icing"]),
+        ("/v1/alerts?channel=pitch_rate", 422, ["channel", "'pitch_rate'", "column", "pitch_rate_rad_s"]),
         ("/v1/alerts?since=yesterday", 422, ["since", "'yesterday'"]),
         ("/v1/alerts?limit=0", 422, ["limit", "greater than or equal to 1", "'0'"]),
         ("/v1/alerts?limit=1001", 422, ["limit", "1000"]),

@@ -26,7 +26,14 @@ from openapi_check import answer_schema, misfits
 
 from wingwatch.api import encode_json
 from wingwatch.baselines import DatabaseError
-from wingwatch.monitor.views import AlertState, KeyReusedError, Shelving, VehicleState
+from wingwatch.monitor.views import (
+    AlertState,
+    CandidateView,
+    CouldSeeView,
+    KeyReusedError,
+    Shelving,
+    VehicleState,
+)
 
 ESTIMATORS: dict[str, Any] = {
     "fourier": {
@@ -44,13 +51,17 @@ ESTIMATORS: dict[str, Any] = {
     },
     "ekf": {"short_period": {"outcome": "settling", "derivatives": {"m_q": derivative(-6.2, 0.4)}}},
 }
+COULD_SEE = (
+    CouldSeeView("sensor_bias", "pitch_rate_rad_s", 0.0125, "rad/s"),
+    CouldSeeView("icing", None, None, "", "a doublet of the elevator"),
+)
 
 
 def fleet() -> FakeMonitor:
     monitor = FakeMonitor()
     monitor.views = [
         vehicle("aero-2", VehicleState.DEGRADED, active_alerts=("a3", "a1")),
-        vehicle("aero-1"),
+        vehicle("aero-1", could_see=COULD_SEE),
         vehicle("aero-1", VehicleState.UNKNOWN, fleet="north", worst=None, aircraft=None, condition={}),
     ]
     monitor.current = {
@@ -62,6 +73,17 @@ def fleet() -> FakeMonitor:
         alert(3),
         alert(2, state=AlertState.CLEARED, cleared_s=90.0),
         alert(1, kind="damage", cause="elevator_effectiveness", state=AlertState.ACKNOWLEDGED),
+        alert(
+            0,
+            kind="sensor",
+            cause="sensor_bias",
+            channel="pitch_rate_rad_s",
+            evidence=(),
+            candidates=(
+                CandidateView("sensor_bias", "pitch_rate_rad_s", 0.75),
+                CandidateView("icing", None, math.nan),
+            ),
+        ),
     ]
     return monitor
 
@@ -92,6 +114,7 @@ def get(client: httpx.Client, path: str) -> Any:
         ("/v1/alerts", "/v1/alerts"),
         ("/v1/alerts?limit=1", "/v1/alerts"),
         ("/v1/alerts/a4", "/v1/alerts/{alert_id}"),
+        ("/v1/alerts/a0", "/v1/alerts/{alert_id}"),
         ("/health/live", "/health/live"),
         ("/health/ready", "/health/ready"),
     ],
@@ -178,7 +201,7 @@ def test_status_is_worst_first_with_counts_and_standing_alerts(client: httpx.Cli
         ("north", "aero-1"),
     ]
     assert status["counts"] == {"healthy": 1, "degraded": 1, "not_observable": 0, "stale": 0, "unknown": 1}
-    assert [a["id"] for a in status["alerts"]] == ["a4", "a3", "a1"]
+    assert [a["id"] for a in status["alerts"]] == ["a4", "a3", "a1", "a0"]
     only = get(client, "/v1/status?fleet=north")
     assert [v["fleet"] for v in only["vehicles"]] == ["north"]
     assert [a["id"] for a in only["alerts"]] == ["a4"]
@@ -199,6 +222,23 @@ def test_vehicle_carries_state_worst_derivative_and_basis(client: httpx.Client) 
         "meaning": "pitch acceleration due to pitch rate",
     }
     assert get(client, "/v1/vehicles/aero-1?fleet=north")["worst"] is None
+    assert shown["could_see"] == []
+    assert get(client, "/v1/vehicles/aero-1")["could_see"] == [
+        {
+            "cause": "sensor_bias",
+            "channel": "pitch_rate_rad_s",
+            "smallest_size": 0.0125,
+            "unit": "rad/s",
+            "input": "",
+        },
+        {
+            "cause": "icing",
+            "channel": None,
+            "smallest_size": None,
+            "unit": "",
+            "input": "a doublet of the elevator",
+        },
+    ]
     listed = get(client, "/v1/vehicles")
     assert listed["next"] is None
     assert listed["items"][0] == shown
@@ -232,22 +272,35 @@ def test_alert_carries_size_and_evidence_with_standard_errors(client: httpx.Clie
         }
     ]
     assert shown["state"] == "active"
+    assert (shown["channel"], shown["candidates"]) == (None, [])
     assert get(client, "/v1/alerts/a4")["size"]["value"] is None
+
+
+def test_alert_of_a_sensor_names_it_and_what_else_is_possible(client: httpx.Client) -> None:
+    shown = get(client, "/v1/alerts/a0")
+    assert (shown["kind"], shown["channel"], shown["evidence"]) == ("sensor", "pitch_rate_rad_s", [])
+    assert shown["candidates"] == [
+        {"cause": "sensor_bias", "channel": "pitch_rate_rad_s", "probability": 0.75},
+        {"cause": "icing", "channel": None, "probability": None},
+    ]
 
 
 @pytest.mark.parametrize(
     ("query", "ids"),
     [
-        ("", ["a4", "a3", "a2", "a1"]),
+        ("", ["a4", "a3", "a2", "a1", "a0"]),
         ("state=cleared", ["a2"]),
         ("state=acknowledged", ["a1"]),
         ("vehicle=aero-1", ["a4"]),
-        ("fleet=default", ["a3", "a2", "a1"]),
+        ("fleet=default", ["a3", "a2", "a1", "a0"]),
         ("kind=damage", ["a1"]),
         ("since=73", ["a4", "a3"]),
         ("since=73.0000001", ["a4"]),
         ("kind=icing&state=active", ["a3"]),
-        ("kind=sensor", []),
+        ("kind=sensor", ["a0"]),
+        ("channel=pitch_rate_rad_s", ["a0"]),
+        ("channel=pitch_rate_rad_s&state=cleared", []),
+        ("channel=throttle", []),
     ],
 )
 def test_alerts_are_filtered(client: httpx.Client, query: str, ids: list[str]) -> None:

@@ -7,13 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from alembic import command
 from alembic.autogenerate import compare_metadata
+from alembic.config import Config
 from alembic.migration import MigrationContext
-from sqlalchemy import text
+from sqlalchemy import inspect, text
 
 from wingwatch.aircraft import SHORT_PERIOD, FlightCondition, Provenance
 from wingwatch.baselines import (
     AlertRecord,
+    CandidateRecord,
     Cell,
     Database,
     DatabaseError,
@@ -27,7 +30,7 @@ from wingwatch.baselines import (
 )
 from wingwatch.baselines import connection as connection_module
 from wingwatch.baselines import database as database_module
-from wingwatch.baselines.connection import VERSION_TABLE, connect
+from wingwatch.baselines.connection import VERSION_TABLE, connect, revision_of, writing
 from wingwatch.baselines.tables import Base
 from wingwatch.estimators.estimate import Estimate, Outcome
 
@@ -76,6 +79,11 @@ def alert(alert_id: str = "a1", **changes: object) -> AlertRecord:
         updated_at_s=1.7e9,
         note=("NaN", "who: why"),
         shelving={"until_at_s": 1.7e9 + 1 / 3, "level": "warning", "size": math.inf},
+        channel="pitch_rate_rad_s",
+        candidates=(
+            CandidateRecord("sensor_bias", "pitch_rate_rad_s", 1.0 / 3.0),
+            CandidateRecord("icing", None, math.nan),
+        ),
     )
     return replace(record, **changes)  # type: ignore[arg-type]
 
@@ -196,6 +204,58 @@ def test_an_alert_comes_back_whole(database: Database) -> None:
     assert database.alert("unknown") is None
 
 
+def test_an_alert_of_the_airframe_without_candidates_comes_back_so(database: Database) -> None:
+    database.save_alert(alert())
+    plain = alert(channel=None, candidates=(), evidence=(), shelving=None)
+    database.save_alert(plain)
+    assert same(database.alert("a1"), plain)
+
+
+def migrate(where: str, to: str) -> None:
+    """Bring a database's schema up or down to a revision."""
+    engine = connect(where, 1.0)
+    with writing(engine).begin() as connection:
+        config = Config(attributes={"connection": connection, "version_table": VERSION_TABLE})
+        config.set_main_option("script_location", str(connection_module._MIGRATIONS))
+        current = revision_of(connection) or ""
+        (command.upgrade if current < to else command.downgrade)(config, to)
+    engine.dispose()
+
+
+def test_alerts_of_older_versions_have_no_part_and_no_candidates(url: str) -> None:
+    migrate(url, "0005")
+    engine = connect(url, 1.0)
+    values = {"text": "Ice.", "evidence": "[]", "note": "[]"}
+    with writing(engine).begin() as connection:
+        connection.execute(
+            text(
+                "INSERT INTO alert (id, fleet, vehicle, kind, cause, level, state, raised_s, basis, text, evidence, "
+                "note, created_at_s, updated_at_s) VALUES ('old', 'default', 'uav-1', 'icing', 'icing', 'watch', "
+                "'active', 1.0, 'a-priori', :text, :evidence, :note, 1.0, 1.0)"
+            ),
+            values,
+        )
+    engine.dispose()
+    with open_database(url) as database:
+        old = database.alert("old")
+        assert old is not None
+        assert (old.channel, old.candidates, old.text) == (None, (), "Ice.")
+        database.save_alert(alert("new"))
+        database.save_alert(replace(old, channel="throttle"))
+        assert [a.channel for a in database.alerts().items] == ["pitch_rate_rad_s", "throttle"]
+
+
+def test_the_schema_goes_back_and_forth_with_its_alerts(url: str) -> None:
+    with open_database(url) as database:
+        database.save_alert(alert())
+    migrate(url, "0005")
+    engine = connect(url, 1.0)
+    assert not {"channel", "candidates"} & {c["name"] for c in inspect(engine).get_columns("alert")}
+    engine.dispose()
+    with open_database(url) as database:
+        assert same(database.alert("a1"), alert(channel=None, candidates=()))
+
+
 def test_an_alert_of_unknown_size_keeps_its_nan(database: Database) -> None:
     unexplained = alert(size=math.nan, size_standard_error=math.inf, probability=math.nan, kind="unexplained")
     database.save_alert(unexplained)
@@ -228,7 +288,7 @@ def test_alerts_are_filtered_by_every_field_given(database: Database) -> None:
     database.save_alert(alert("a"))
     database.save_alert(alert("b", state="cleared"))
     database.save_alert(alert("c", vehicle="uav-2", raised_s=70.0))
-    database.save_alert(alert("d", fleet="north", kind="damage"))
+    database.save_alert(alert("d", fleet="north", kind="damage", channel="throttle"))
 
     def ids(**filters: object) -> list[str]:
         return [x.id for x in database.alerts(**filters).items]  # type: ignore[arg-type]

@@ -323,7 +323,16 @@ class Shown:
 def test_the_table_shows_state_basis_worst_and_alerts_as_they_are() -> None:
     strange = replace(VEHICLE, vehicle="uav2", state=VehicleState.NOT_OBSERVABLE, worst=None, basis=None)
     cleared = replace(ALERT, id="a0", state=AlertState.CLEARED, text="long gone")
-    shown = cast(MonitorPort, Shown([strange, VEHICLE], [ALERT, cleared]))
+    of_a_sensor = replace(
+        ALERT,
+        id="a9",
+        kind="sensor",
+        cause="sensor_bias",
+        channel="pitch_rate_rad_s",
+        text="Pitch rate.",
+        evidence=(),
+    )
+    shown = cast(MonitorPort, Shown([strange, VEHICLE], [ALERT, of_a_sensor, cleared]))
     console = Console(file=io.StringIO(), width=140)
     console.print(fleet_table(shown, "wingwatch [demo]"))
     text = cast(io.StringIO, console.file).getvalue()
@@ -338,6 +347,7 @@ def test_the_table_shows_state_basis_worst_and_alerts_as_they_are() -> None:
     ):
         assert words in text
     assert "warning: Icing [of a kind]." in text  # text of the monitor is no markup
+    assert "warning: Pitch rate." in text
     assert "long gone" not in text
     assert text.index("uav1") < text.index("uav2")
 
@@ -353,6 +363,19 @@ def test_lines_tell_each_change_once() -> None:
         "   12.5 s uav1: degraded (ice)",
         "   80.5 s uav1: warning icing alert active: Icing [of a kind].",
     ]
+    of_a_sensor = replace(
+        ALERT,
+        id="a9",
+        kind="sensor",
+        cause="sensor_bias",
+        channel="pitch_rate_rad_s",
+        text="Pitch rate.",
+        evidence=(),
+    )
+    renamed = replace(of_a_sensor, channel="pitch_rad", text="Pitch.")
+    for alert in (of_a_sensor, renamed):
+        (line,) = lines.changes(cast(MonitorPort, Shown([degraded], [alert, ALERT])))
+        assert line == f"   80.5 s uav1: warning sensor alert active: {alert.text}"
     cleared = replace(ALERT, state=AlertState.CLEARED, cleared_s=99.0)
     (line,) = lines.changes(cast(MonitorPort, Shown([degraded], [cleared])))
     assert line.startswith("   99.0 s uav1: warning icing alert cleared")

@@ -30,6 +30,7 @@ from wingwatch.monitor import (
     AlertAction,
     AlertState,
     AlertView,
+    CandidateView,
     EvidenceView,
     KeyReusedError,
     Shelving,
@@ -41,6 +42,10 @@ ALERT = AlertView(
     id="a1", fleet="default", vehicle="uav1", kind="icing", cause="icing", level="warning",
     state=AlertState.ACTIVE, raised_s=80.5, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.97,
     basis="a-priori", text="Icing.", evidence=(EvidenceView("z_w", -3.5, 0.1, -4.4, 0.2, 4.0),), note=("x: y",),
+)  # fmt: skip
+OF_A_SENSOR = replace(
+    ALERT, id="a2", kind="sensor", cause="sensor_bias", channel="pitch_rate_rad_s", evidence=(),
+    candidates=(CandidateView("sensor_bias", "pitch_rate_rad_s", 0.7), CandidateView("icing", None, 0.3)),
 )  # fmt: skip
 K = len(STRUCTURES["short_period"].derivatives)
 ESTIMATE = EstimateRecord(
@@ -88,6 +93,7 @@ def test_an_alert_survives_the_way_into_the_database_and_back() -> None:
     assert alert_view(alert_record(ALERT, 1.0, 2.0)) == ALERT
     shelved = replace(ALERT, state=AlertState.SHELVED, shelving=Shelving(1.7e9, "warning", 0.1))
     assert alert_view(alert_record(shelved, 1.0, 2.0)) == shelved
+    assert alert_view(alert_record(OF_A_SENSOR, 1.0, 2.0)) == OF_A_SENSOR
     assert (alert_record(ALERT, 1.0, 2.0).created_at_s, alert_record(ALERT, 1.0, 2.0).updated_at_s) == (
         1.0,
         2.0,
@@ -97,10 +103,11 @@ def test_an_alert_survives_the_way_into_the_database_and_back() -> None:
 def test_everything_handed_over_is_there_after_the_end(database: Database) -> None:
     with DatabaseStore(database, lambda: 1000.0) as store:
         store.save_alert(ALERT)
+        store.save_alert(OF_A_SENSOR)
         store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(2)})
         store.append_estimates([ESTIMATE])
     with DatabaseStore(database, lambda: 2000.0) as later:
-        assert later.alerts() == [ALERT]
+        assert later.alerts() == [OF_A_SENSOR, ALERT]
         learned = recalled(later, "uav1").references
         assert {name: r.blocks for name, r in learned.items()} == {"short_period": 2}
         assert recalled(later, "uav2") == VehicleMemory()

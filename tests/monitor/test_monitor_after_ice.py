@@ -56,5 +56,7 @@ def test_ice_in_rough_air_is_called_ice(seed: int) -> None:
     assert aircraft.envelope is not None
     _, alerts = flown(aircraft, aircraft.envelope.cruise, "moderate", seed)
     assert alerts
-    assert {alert.cause for alert in alerts} == {"icing"}
-    assert abs(alerts[-1].size - SEVERITY) < 0.05
+    assert {alert.cause for alert in alerts if alert.channel is None} == {"icing"}
+    drag = {alert.cause for alert in alerts if alert.channel is not None}
+    assert drag <= {"unknown"}, "that drag has grown is told before what has"
+    assert abs([a for a in alerts if a.channel is None][-1].size - SEVERITY) < 0.05

@@ -74,7 +74,7 @@ def test_one_vane_is_enough_for_its_own_modes() -> None:
 def test_gusts_that_set_in_take_the_standing_and_raise_nothing() -> None:
     """They are recognised within half a minute; later nothing is learned any more."""
     for seconds in (85.0, 120.0):
-        monitor, alerts = watched(TurbulenceOnset(1.5, 60.0), seconds=seconds)
+        monitor, alerts = watched(TurbulenceOnset(1.5, 60.0, 5.0), seconds=seconds)
         assert alerts == []
         mode = monitor.derivatives()["estimators"]["ekf"][SHORT_PERIOD.name]
         outcomes = {row["outcome"] for row in mode["derivatives"].values()}

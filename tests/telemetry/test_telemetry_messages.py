@@ -328,6 +328,16 @@ STATUS = {
     "counts": {"accepted": 100, "duplicate": 2},
     "active_alerts": ["a1"],
     "condition": {"airspeed_true_m_s": 25.0},
+    "could_see": [
+        {
+            "cause": "sensor_bias",
+            "channel": "pitch_rate_rad_s",
+            "smallest_size": 0.0125,
+            "unit": "rad/s",
+            "input": "",
+        },
+        {"cause": "icing", "unit": "", "input": "a doublet of the elevator"},
+    ],
 }
 ALERT = {
     "id": "a1",
@@ -356,6 +366,11 @@ ALERT = {
         }
     ],
     "notes": ["seen"],
+    "channel": "pitch_rate_rad_s",
+    "candidates": [
+        {"cause": "sensor_bias", "channel": "pitch_rate_rad_s", "probability": 0.7},
+        {"cause": "icing", "probability": 0.3},
+    ],
 }
 
 
@@ -382,6 +397,22 @@ class TestServiceObjects:
             "derivatives", encode_service_object("derivatives", value, PROTOBUF), PROTOBUF
         )
         assert "time_s" not in decoded
+
+    def test_parts_and_sizes_that_rest_gives_as_null_are_not_set(self) -> None:
+        nothing = {"cause": "icing", "channel": None}
+        seen = nothing | {"smallest_size": None, "unit": "", "input": ""}
+        status = {**STATUS, "could_see": [seen]}
+        decoded = decode_service_object("status", encode_service_object("status", status, PROTOBUF), PROTOBUF)
+        assert decoded["could_see"] == [{"cause": "icing", "unit": "", "input": ""}]
+        alert = {**ALERT, "channel": None, "evidence": [], "candidates": [nothing | {"probability": None}]}
+        decoded = decode_service_object("alerts", encode_service_object("alerts", alert, PROTOBUF), PROTOBUF)
+        assert "channel" not in decoded
+        assert (decoded["evidence"], decoded["candidates"]) == ([], [{"cause": "icing"}])
+
+    def test_an_alert_of_an_older_service_has_neither_part_nor_candidates(self) -> None:
+        older = {name: value for name, value in ALERT.items() if name not in ("channel", "candidates")}
+        decoded = decode_service_object("alerts", encode_service_object("alerts", older, PROTOBUF), PROTOBUF)
+        assert decoded == {**older, "candidates": []}
 
     def test_a_key_more_than_the_schema_has_stays_out_of_protobuf_and_in_json(self) -> None:
         value = {**ALERT, "colour": "red"}

@@ -1,0 +1,470 @@
+"""Samples into innovations of every relation, and into the sums that a segment's evidence is made of; compiled.
+
+With d, psi and tau of ``layout``, and P, K those of the scalar Kalman filter of x, whose prediction errors are e,
+
+    x <- x e^(-dt/tau) + dt rate + K e,     E = X + d,     X <- X e^(-dt/tau) + dt psi - K E                      (1)
+
+psi is that of two samples ago: one with the noise that e has, too, would explain it. E delta is what faults of size
+delta make of e, where they have been there since the filter's start. A change that begins at the start of a segment has
+E - f X(start) in the place of E, f the product of e^(-dt/tau) (1 - K) since. So sums over (E, f) with weights 1/S serve
+every start (``evidence.py``). The drift of x follows the correlation of the innovations; S is P and the noise's
+variance.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import GRAVITY_M_S2
+from wingwatch.estimators.kernels.hot import whole
+from wingwatch.monitor.redundancy.layout import (
+    AIRSPEED,
+    ALPHA,
+    AXIAL,
+    BETA,
+    COLUMNS,
+    EAST,
+    HEADING,
+    NORTH,
+    PITCH,
+    RELATIONS,
+    ROLL,
+)
+from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
+
+__all__ = ["Memory", "Model", "Segment", "new_memory", "new_segment", "take_samples"]
+
+Array = NDArray[np.float64]
+
+SEGMENT_S = 1.0
+HELD_S = 0.35
+"""A reading that repeats for less is one of a slower sensor; one that repeats for longer counts as a reading."""
+
+SMOOTHED_S, TURNED_S = 2.0, 0.3
+LATER_S = 0.05
+MANOEUVRE = 5.0
+"""Standard deviations of noise from which a rate or an acceleration shows a scale, a delay or a reading that does not
+follow: a column of noise that e has, too, would explain it."""
+FORCED_S, SHORT_S = 0.5, 0.3
+"""An innovation beyond its limit begins a segment, ``FORCED_S`` after the last at the earliest; that one is short."""
+
+_N = len(RELATIONS)
+_SURFACES = tuple(CHANNEL_INDEX[f"{s}_rad"] for s in ("elevator", "aileron", "rudder"))
+_COMMANDS = tuple(CHANNEL_INDEX[f"{s}_command_rad"] for s in ("elevator", "aileron", "rudder"))
+_T, _V = CHANNEL_INDEX["time_s"], CHANNEL_INDEX["airspeed_true_m_s"]
+_P, _Q, _R = (CHANNEL_INDEX[f"{a}_rate_rad_s"] for a in ("roll", "pitch", "yaw"))
+_FX, _FY, _FZ = (CHANNEL_INDEX[f"specific_force_{a}_m_s2"] for a in "xyz")
+_PHI, _THETA, _PSI = (CHANNEL_INDEX[f"{a}_rad"] for a in ("roll", "pitch", "heading"))
+_A, _B = CHANNEL_INDEX["angle_of_attack_rad"], CHANNEL_INDEX["sideslip_rad"]
+_THROTTLE, _RHO = CHANNEL_INDEX["throttle"], CHANNEL_INDEX["air_density_kg_m3"]
+_VN = CHANNEL_INDEX["velocity_north_m_s"]
+_VE = CHANNEL_INDEX["velocity_east_m_s"]
+_OWN = np.array([*_SURFACES, _PHI, _THETA, _PSI, _V, _A, _B, _FX, _VN, _VE])
+"""Channel of each relation whose reading is z."""
+_MAY_REPEAT = np.arange(_N) >= 3
+_TURN = 2.0 * math.pi
+
+
+class Model(NamedTuple):
+    """What does not change in a flight.
+
+    ``airframe``: mass kg, wing area m2, C_N at alpha = 0, C_N per rad, zero-lift, linear and square part of the axial
+    coefficient by C_N, vane x and z, IMU x, y, z in m, whether there are vanes of alpha and of beta.
+    ``propulsion``: of ``thrust_n``.
+    """
+
+    active: NDArray[np.bool_]
+    noise_variance: Array
+    gyro_variance: Array
+    """(3,)."""
+    accelerometer_variance: float
+    leak_s: Array
+    servo: Array
+    """(3, 3): bandwidth rad/s, rate limit rad/s, position limit rad."""
+    airframe: Array
+    propulsion: Array
+
+
+class Memory(NamedTuple):
+    """What passes from one sample to the next.
+
+    ``scalar``: x, P, last rate, whether the filter goes on, last e/sqrt(S), drift, last reading, since when it repeats,
+    how often it has, and how often one did at most before (relations, 10);
+    ``effect``: X; ``effect_rate``: the last two psi;
+    ``servo``: modelled position, last command, and the position ``LATER_S`` later (3, 3);
+    ``clock``: last stamp, end of the segment, last three gyro readings, airspeed and throttle smoothed over
+    ``SMOOTHED_S``, start of the segment, when one was last begun by a surprise, direction of flight north and east
+    smoothed over ``TURNED_S``.
+    """
+
+    scalar: Array
+    effect: Array
+    effect_rate: Array
+    servo: Array
+    clock: Array
+
+
+class Segment(NamedTuple):
+    """Sums over a segment.
+
+    ``information``: of (E, f), (relations, COLUMNS + 1, COLUMNS + 1); ``vector``: of (E, f) times e; ``start``: X at
+    the start; ``scalar``: samples, sum of e2/S, sum of products with the one before, f at the end (relations, 4).
+    """
+
+    information: Array
+    vector: Array
+    start: Array
+    scalar: Array
+
+    def forget(self, relation: int) -> None:
+        """It says nothing of the relation so far."""
+        self.information[relation], self.vector[relation], self.scalar[relation] = 0.0, 0.0, 0.0
+
+
+class _Signals(NamedTuple):
+    """z and rate (relations,), psi and d (relations, COLUMNS) of one sample."""
+
+    z: Array
+    rate: Array
+    psi: Array
+    d: Array
+
+
+def new_memory(drift: Array) -> Memory:
+    """Before the first sample; ``drift`` (relations,) as it is stated."""
+    scalar = np.zeros((_N, 10))
+    scalar[:, 5] = drift
+    scalar[:, 6] = np.nan
+    clock = np.full(11, np.nan)
+    return Memory(scalar, np.zeros((_N, COLUMNS)), np.zeros((2, _N, COLUMNS)), np.full((3, 3), np.nan), clock)
+
+
+def new_segment() -> Segment:
+    """Empty sums."""
+    segment = Segment(
+        np.zeros((_N, COLUMNS + 1, COLUMNS + 1)),
+        np.zeros((_N, COLUMNS + 1)),
+        np.zeros((_N, COLUMNS)),
+        np.zeros((_N, 4)),
+    )
+    segment.scalar[:, 3] = 1.0
+    return segment
+
+
+@whole
+def thrust_n(c, throttle, airspeed, density):  # type: ignore[no-untyped-def]
+    """Thrust in N; ``aircraft.propulsion_thrust_n`` holds it in a test.
+
+    ``c``: 1 for an electric propeller, else 0; largest thrust N; diameter m; three thrust and three torque
+    coefficients; motor constant, torque constant, resistance, no-load current, largest voltage.
+    """
+    if c[0] == 0.0:
+        return throttle * c[1]
+    d, v = c[2], airspeed
+    per_volt = c[10] / c[11]
+    square = density * d**5 * c[6] / _TURN**2
+    linear = density * d**4 * c[7] * v / _TURN + per_volt * c[9]
+    rest = density * d**3 * c[8] * v * v - per_volt * c[13] * throttle + c[10] * c[12]
+    inside = linear * linear - 4.0 * square * rest
+    omega = max(0.0, (math.sqrt(inside) - linear) / (2.0 * square)) if inside > 0.0 else 0.0
+    turns = omega / _TURN
+    return density * d * d * (d * d * c[3] * turns * turns + d * c[4] * v * turns + c[5] * v * v)
+
+
+@whole
+def _surfaces(row, dt, model, memory, to):  # type: ignore[no-untyped-def]
+    """Position against what the servo makes of the command that was held since the last sample."""
+    for j in range(3):
+        position, command = row[_SURFACES[j]], row[_COMMANDS[j]]
+        modelled, target, late = memory.servo[0, j], memory.servo[1, j], memory.servo[2, j]
+        if math.isnan(modelled) or math.isnan(target) or dt == 0.0:
+            modelled = late = position
+        else:
+            bandwidth, limit = model.servo[j, 0], model.servo[j, 1]
+            error = min(model.servo[j, 2], max(-model.servo[j, 2], target)) - modelled
+            step = error * (1.0 - math.exp(-bandwidth * dt))
+            modelled += min(limit * dt, max(-limit * dt, step))
+            late += (1.0 - math.exp(-dt / LATER_S)) * (modelled - late)
+        memory.servo[0, j], memory.servo[1, j], memory.servo[2, j] = modelled, command, late
+        to.z[j] = position - modelled
+        to.d[j, 0], to.d[j, 1], to.d[j, 2] = 1.0, -modelled, (late - modelled) / LATER_S
+
+
+@whole
+def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untyped-def]
+    """Euler angles against what the rates make of them."""
+    psi, rate = to.psi, to.rate
+    p, q, r = row[_P], row[_Q], row[_R]
+    sin, cos = math.sin(row[_PHI]), math.cos(row[_PHI])
+    tan, secant = math.tan(row[_THETA]), 1.0 / max(0.05, math.cos(row[_THETA]))
+    to.z[ROLL], to.z[PITCH], to.z[HEADING] = row[_PHI], row[_THETA], row[_PSI]
+    rate[ROLL] = p + tan * (q * sin + r * cos)
+    rate[PITCH] = q * cos - r * sin
+    rate[HEADING] = (q * sin + r * cos) * secant
+    psi[ROLL, 0], psi[ROLL, 1], psi[ROLL, 2] = -1.0, -p, gyro_rate[0]
+    psi[PITCH, 0], psi[PITCH, 1], psi[PITCH, 2] = -cos, -q * cos, gyro_rate[1] * cos
+    psi[PITCH, 4] = sin
+    psi[HEADING, 0], psi[HEADING, 1] = -cos * secant, -r * cos * secant
+    psi[HEADING, 2], psi[HEADING, 4] = gyro_rate[2] * cos * secant, -sin * secant
+    for relation in (ROLL, PITCH, HEADING):
+        to.d[relation, 3] = 1.0
+        noise = model.gyro_variance[relation - ROLL]
+        if dt > 0.0:
+            noise = max(noise, memory.scalar[relation, 5] * model.noise_variance[relation] / dt)
+        if row[_P + relation - ROLL] ** 2 < MANOEUVRE**2 * noise:
+            psi[relation, 1] = psi[relation, 2] = 0.0
+
+
+@whole
+def _flow_of(row, model, flow):  # type: ignore[no-untyped-def]
+    """Incidence, attitude, acceleration and specific force at the centre of gravity into ``flow``, in its order."""
+    c = model.airframe
+    p, q, r, v = row[_P], row[_Q], row[_R], max(row[_V], 1.0)
+    fx = row[_FX] + (q * q + r * r) * c[9] - p * q * c[10] - p * r * c[11]
+    fy = row[_FY] + (p * p + r * r) * c[10] - p * q * c[9] - q * r * c[11]
+    fz = row[_FZ] + (p * p + q * q) * c[11] - p * r * c[9] - q * r * c[10]
+    per_kg = 0.5 * row[_RHO] * v * v * c[1] / c[0]
+    alpha, beta = (-fz / per_kg - c[2]) / c[3], 0.0
+    if c[12] > 0.0:
+        alpha = row[_A] + (q * c[7]) / v
+    if c[13] > 0.0:
+        beta = row[_B] - (r * c[7] - p * c[8]) / v
+    sin_t, cos_t = math.sin(row[_THETA]), math.cos(row[_THETA])
+    sin_p, cos_p = math.sin(row[_PHI]), math.cos(row[_PHI])
+    flow[0], flow[1], flow[2], flow[3] = (
+        math.sin(alpha),
+        math.cos(alpha),
+        math.sin(beta),
+        max(0.1, math.cos(beta)),
+    )
+    flow[4], flow[5], flow[6], flow[7] = sin_t, cos_t, sin_p, cos_p
+    flow[8] = fx - GRAVITY_M_S2 * sin_t
+    flow[9] = fy + GRAVITY_M_S2 * sin_p * cos_t
+    flow[10] = fz + GRAVITY_M_S2 * cos_p * cos_t
+    flow[11], flow[12], flow[13], flow[14], flow[15] = fx, fz, per_kg, alpha, beta
+
+
+@whole
+def _air(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
+    """Airspeed, angle of attack and sideslip against forces and rates.
+
+    What a fault makes of a reading goes by a smoothed reading, good to a percent: a column with the reading's own noise
+    would explain that noise.
+    """
+    rate, psi, d, filtered = to.rate, to.psi, to.d, memory.scalar
+    p, q, r, v = row[_P], row[_Q], row[_R], max(row[_V], 1.0)
+    sin_a, cos_a, sin_b, cos_b, sin_t, cos_t, _, cos_p, ax, ay, az = flow[:11]
+    ahead, across = ax * cos_a + az * sin_a, az * cos_a - ax * sin_a
+
+    to.z[AIRSPEED] = row[_V]
+    rate[AIRSPEED] = ahead * cos_b + ay * sin_b
+    d[AIRSPEED, 0], psi[AIRSPEED, 1] = memory.clock[5], 0.0
+    if rate[AIRSPEED] ** 2 > MANOEUVRE**2 * model.accelerometer_variance:
+        psi[AIRSPEED, 1] = -rate[AIRSPEED]
+    psi[AIRSPEED, 2] = -cos_a * cos_b
+    psi[AIRSPEED, 3] = GRAVITY_M_S2 * (cos_t * cos_a + cos_p * sin_t * sin_a) * cos_b
+    psi[AIRSPEED, 4] = -across * cos_b
+
+    to.z[ALPHA] = flow[14]
+    rate[ALPHA] = q - (p * cos_a + r * sin_a) * sin_b / cos_b + across / (v * cos_b)
+    d[ALPHA, 0], d[ALPHA, 2] = 1.0, -filtered[ALPHA, 2]
+    d[ALPHA, 1] = filtered[ALPHA, 0] if filtered[ALPHA, 3] > 0.0 else flow[14]
+    psi[ALPHA, 3], psi[ALPHA, 4], psi[ALPHA, 5] = -cos_a / (v * cos_b), -1.0, across / (v * cos_b)
+
+    to.z[BETA] = flow[15]
+    rate[BETA] = p * sin_a - r * cos_a + (ay * cos_b - ahead * sin_b) / v
+    d[BETA, 0], d[BETA, 2] = 1.0, -filtered[BETA, 2]
+    d[BETA, 1] = filtered[BETA, 0] if filtered[BETA, 3] > 0.0 else flow[15]
+    psi[BETA, 3], psi[BETA, 4] = -cos_b / v, cos_a
+    psi[BETA, 5] = -GRAVITY_M_S2 * cos_p * cos_t * cos_b / v
+
+
+@whole
+def _axial(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
+    """Specific force along x less thrust, and the drag that goes with the normal force."""
+    c, density, v, smooth = model.airframe, row[_RHO], max(row[_V], 1.0), memory.clock[5]
+    fx, fz, per_kg = flow[11], flow[12], flow[13]
+    normal = -fz / per_kg
+    push = thrust_n(model.propulsion, min(1.0, max(0.0, row[_THROTTLE])), v, density) / c[0]
+    drag, induced = per_kg * c[4], per_kg * c[6] * normal * normal
+    to.z[AXIAL] = fx - (push - drag - per_kg * c[5] * normal - induced)
+    ratio, throttle = (smooth / v) ** 2, memory.clock[6]
+    drag, induced = drag * ratio, induced / ratio
+    push = thrust_n(model.propulsion, throttle, smooth, density) / c[0]
+    faster = thrust_n(model.propulsion, throttle, 1.01 * smooth, density) / c[0]
+    d = to.d[AXIAL]
+    d[0], d[1], d[2], d[3], d[4] = -push, -drag, fz, -induced, 1.0
+    d[5] = -((faster - push) / 0.01 - 2.0 * drag + 2.0 * induced)
+
+
+@whole
+def _ground(row, dt, memory, flow, to):  # type: ignore[no-untyped-def]
+    """Wind: velocity over the ground less that through the air."""
+    sin_a, cos_a, sin_b, cos_b, sin_t, cos_t, sin_p, cos_p = flow[:8]
+    ahead, side, down = cos_a * cos_b, sin_b, sin_a * cos_b
+    sin_h, cos_h = math.sin(row[_PSI]), math.cos(row[_PSI])
+    level = ahead * cos_t + (side * sin_p + down * cos_p) * sin_t
+    aside = side * cos_p - down * sin_p
+    north, east = level * cos_h - aside * sin_h, level * sin_h + aside * cos_h
+    to.z[NORTH], to.z[EAST] = row[_VN] - row[_V] * north, row[_VE] - row[_V] * east
+    for k, part in ((9, north), (10, east)):
+        before = memory.clock[k]
+        starts = math.isnan(before) or dt == 0.0
+        memory.clock[k] = part if starts else before + min(1.0, dt / TURNED_S) * (part - before)
+    north, east = memory.clock[5] * memory.clock[9], memory.clock[5] * memory.clock[10]
+    to.d[NORTH, 0], to.d[NORTH, 1], to.d[NORTH, 2] = -north, east, 1.0
+    to.d[EAST, 0], to.d[EAST, 1], to.d[EAST, 2] = -east, -north, 1.0
+
+
+@whole
+def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
+    """One relation takes one sample: (1), and the sums."""
+    scalar, effect = memory.scalar, memory.effect
+    z, rate, psi, d = to.z[i], to.rate[i], to.psi[i], to.d[i]
+    variance, leaky = model.noise_variance[i], not math.isinf(model.leak_s[i])
+    if math.isnan(rate):
+        scalar[i, 3] = 0.0
+        return
+    if scalar[i, 3] == 0.0:
+        memory.effect_rate[0, i], memory.effect_rate[1, i] = psi, psi
+    if scalar[i, 3] > 0.0 and dt > 0.0:
+        decay = math.exp(-dt / model.leak_s[i]) if leaky else 1.0
+        scalar[i, 0] = scalar[i, 0] * decay + 0.5 * dt * (rate + scalar[i, 2])
+        scalar[i, 1] = scalar[i, 1] * decay * decay + scalar[i, 5] * variance * dt
+        for j in range(COLUMNS):
+            effect[i, j] = effect[i, j] * decay + dt * memory.effect_rate[1, i, j]
+        segment.scalar[i, 3] *= decay
+    for j in range(COLUMNS):
+        memory.effect_rate[1, i, j], memory.effect_rate[0, i, j] = memory.effect_rate[0, i, j], psi[j]
+    scalar[i, 2] = rate
+    if math.isnan(z):
+        return
+    if scalar[i, 3] == 0.0 or dt == 0.0:
+        scalar[i, 3], scalar[i, 4] = 1.0, 0.0
+        scalar[i, 0] = 0.0 if leaky else z
+        scalar[i, 1] = 0.5 * scalar[i, 5] * variance * model.leak_s[i] if leaky else variance
+        segment.scalar[i, 3] = 0.0
+        for j in range(COLUMNS):
+            effect[i, j] = 0.0 if leaky else -d[j]
+        if not leaky:
+            return
+    e = z - scalar[i, 0]
+    if i in (ROLL, HEADING):
+        e -= _TURN * math.floor(e / _TURN + 0.5)
+    total = scalar[i, 1] + variance
+    gain, weight = scalar[i, 1] / total, 1.0 / total
+    scalar[i, 0] += gain * e
+    scalar[i, 1] *= 1.0 - gain
+    f = segment.scalar[i, 3]
+    columns = effect[i]
+    for j in range(COLUMNS):
+        seen = columns[j] + d[j]
+        for k in range(j):
+            segment.information[i, j, k] += weight * seen * (columns[k] + d[k])
+        segment.information[i, j, j] += weight * seen * seen
+        segment.information[i, COLUMNS, j] += weight * f * seen
+        segment.vector[i, j] += weight * seen * e
+    segment.information[i, COLUMNS, COLUMNS] += weight * f * f
+    segment.vector[i, COLUMNS] += weight * f * e
+    for j in range(COLUMNS):
+        columns[j] -= gain * (columns[j] + d[j])
+    scaled = e * math.sqrt(weight)
+    segment.scalar[i, 0] += 1.0
+    segment.scalar[i, 1] += scaled * scaled
+    segment.scalar[i, 2] += scaled * scalar[i, 4]
+    segment.scalar[i, 3] = f * (1.0 - gain)
+    scalar[i, 4] = scaled
+
+
+@whole
+def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
+    """Whether some relation's innovation is beyond its limit; nothing is changed."""
+    z, rate = to.z, to.rate
+    for i in range(_N):
+        scalar = memory.scalar[i]
+        if not model.active[i] or scalar[3] == 0.0 or math.isnan(z[i]) or math.isnan(rate[i]):
+            continue
+        decay = 1.0 if math.isinf(model.leak_s[i]) else math.exp(-dt / model.leak_s[i])
+        e = z[i] - scalar[0] * decay - 0.5 * dt * (rate[i] + scalar[2])
+        if i in (ROLL, HEADING):
+            e -= _TURN * math.floor(e / _TURN + 0.5)
+        variance = model.noise_variance[i]
+        total = scalar[1] * decay * decay + scalar[5] * variance * dt + variance
+        if e * e > limit[i] * total:
+            return True
+    return False
+
+
+@whole
+def take_samples(values, first, model, memory, segment, limit):  # type: ignore[no-untyped-def]
+    """Take in rows from ``first`` on, up to the end of the segment.
+
+    Args:
+        values: clean samples (samples, channels).
+        first: row to begin with.
+        model: ``Model``.
+        memory: ``Memory``, advanced.
+        segment: ``Segment``, added to.
+        limit: of e2/S, (relations,); a sample beyond it begins a segment.
+
+    Returns:
+        the row after the last one taken; less than the number of rows where the segment has come to its end before.
+    """
+    to = _Signals(np.empty(_N), np.zeros(_N), np.zeros((_N, COLUMNS)), np.zeros((_N, COLUMNS)))
+    flow, gyro_rate = np.zeros(16), np.zeros(3)
+    clock, before, servos = memory.clock, memory.clock.copy(), memory.servo.copy()
+    for n in range(first, values.shape[0]):
+        row = values[n]
+        dt = row[_T] - clock[0]
+        if not 0.0 < dt <= MAX_GAP_S:
+            dt = 0.0
+        if math.isnan(clock[1]):
+            clock[1], clock[7] = row[_T] + SEGMENT_S, row[_T]
+        if row[_T] >= clock[1] or row[_T] < clock[1] - 2.0 * SEGMENT_S:
+            return n
+        before[:] = clock
+        servos[:] = memory.servo
+        for j in range(3):
+            now = row[_P + j]
+            gyro_rate[j] = (now - clock[2 + j]) / dt if dt > 0.0 else 0.0
+            clock[2 + j] = now
+        clock[0] = row[_T]
+        if math.isnan(clock[5]) or dt == 0.0:
+            clock[5] = max(row[_V], 1.0)
+        elif row[_V] > 1.0:
+            clock[5] += (1.0 - math.exp(-dt / SMOOTHED_S)) * (row[_V] - clock[5])
+        throttle = min(1.0, max(0.0, row[_THROTTLE]))
+        if math.isnan(clock[6]) or dt == 0.0:
+            clock[6] = throttle
+        elif not math.isnan(throttle):
+            clock[6] += (1.0 - math.exp(-dt / SMOOTHED_S)) * (throttle - clock[6])
+        _surfaces(row, dt, model, memory, to)
+        _attitudes(row, dt, gyro_rate, model, memory, to)
+        _flow_of(row, model, flow)
+        _air(row, model, memory, flow, to)
+        if model.active[AXIAL]:
+            _axial(row, model, memory, flow, to)
+        _ground(row, dt, memory, flow, to)
+        for i in range(_N):
+            if model.active[i] and _MAY_REPEAT[i]:
+                reading, last = row[_OWN[i]], memory.scalar[i]
+                if reading == last[6]:
+                    last[8] += 1.0
+                    if row[_T] - last[7] < HELD_S:
+                        to.z[i] = np.nan
+                elif not math.isnan(reading):
+                    last[6], last[7], last[8], last[9] = reading, row[_T], 0.0, max(last[8], last[9])
+        # a row that begins a segment is looked at twice
+        rested = not abs(row[_T] - clock[8]) < FORCED_S
+        if dt > 0.0 and rested and _surprises(dt, to, model, memory, limit):
+            clock[:] = before
+            memory.servo[:] = servos
+            clock[1] = clock[8] = row[_T]
+            return n
+        for i in range(_N):
+            if not model.active[i]:
+                continue
+            _filter(i, dt, to, model, memory, segment)
+    return values.shape[0]

@@ -1,0 +1,326 @@
+"""One vehicle's relations, second by second: samples in, what the test says out.
+
+A relation in which an alert is in force says nothing else. Once the alert has settled, the relation and those that use
+the same channel learn anew: from then on they show what changes against the fault, its end among it.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.monitor.redundancy.evidence import (
+    Changes,
+    Closed,
+    Reference,
+    changes_since,
+    closed,
+    merged,
+    scored,
+)
+from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES, USED_BY, Hypothesis, recovery_from
+from wingwatch.monitor.redundancy.layout import ALPHA, BETA, FLOORS, RELATIONS
+from wingwatch.monitor.redundancy.samples import (
+    SEGMENT_S,
+    SHORT_S,
+    Memory,
+    Segment,
+    new_memory,
+    new_segment,
+    take_samples,
+)
+from wingwatch.monitor.redundancy.sequential import Finding, rank, smallest_seen
+from wingwatch.monitor.redundancy.set_up import least_drift, model_of
+from wingwatch.telemetry import SampleBlock
+
+__all__ = ["LOG_THRESHOLD", "RedundancyState", "RedundancyWatch", "Second", "KnownFault"]
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FALSE_ALERT_INTERVAL_H = 1000.0
+LOG_THRESHOLD = float(np.log(FALSE_ALERT_INTERVAL_H * 3600.0 / SEGMENT_S))
+"""Of the Shiryaev-Roberts statistic: segments in the false alert interval."""
+TUNING_S, LEARNING_S = 10.0, 20.0
+"""At first relations' drifts find their values and nothing is learned; then nothing is tested while they learn."""
+_SINGLE, _MOST = 6, 12
+"""Segments that stay as they are, and in all; older ones are joined by twos until they are ``_LONGEST_S`` long."""
+_LONGEST_S = 5.0
+LEAST_REPEATED = 3.0
+"""Times that any reading may repeat."""
+_LOOK_S = 2.0
+_STARTLED, _STARTLED_S = 4.0, 5.0
+"""The test is made every ``_LOOK_S``, and after each segment for a while once a sample has begun a segment, or a
+segment's score is so many times its mean square."""
+_SURPRISE = 4.5
+"""Standard deviations of an innovation that begins a segment."""
+_SCATTER_S = 60.0
+"""Memory of how segments' scores scatter."""
+_DRIFT_GAIN = 1.0
+_DRIFTS = (1e-5, 1e4)
+"""A relation's drift follows the correlation of its innovations with those one sample before, between these limits and
+not below that of moderate gusts (``least_drift``)."""
+_N = len(RELATIONS)
+
+
+@dataclass(slots=True)
+class KnownFault:
+    """A fault that an alert is in force for.
+
+    Attributes:
+        cause, channel: of its hypothesis; size: as it was found; onset_s: stamp at which it began.
+        settled: whether its relations have begun to learn anew; until then its name and size may still change.
+        repeated: relation whose reading repeats, where that is the fault.
+    """
+
+    cause: str
+    channel: str
+    size: float
+    onset_s: float
+    settled: bool = False
+    repeated: int | None = None
+
+
+@dataclass(slots=True)
+class RedundancyState:
+    """All that is remembered of one vehicle.
+
+    Attributes:
+        memory, segment: of the filters, and the sums of the running segment.
+        reference, segments: what was before, and the closed segments since.
+        tuned_s: seconds of samples so far, up to ``TUNING_S``.
+        learns_until_s: stamp until which each relation is not tested, (relations,).
+        looked_s, startled_s: stamps of the last test and of the last surprise.
+        log_statistic: of the last test.
+        variance: of each relation's e2/S, as of the last segment.
+        faults: those that alerts are in force for.
+    """
+
+    memory: Memory
+    segment: Segment
+    reference: Reference = field(default_factory=Reference)
+    segments: list[Closed] = field(default_factory=list)
+    tuned_s: float = 0.0
+    learns_until_s: Array = field(default_factory=lambda: np.full(_N, np.nan))
+    looked_s: float = -np.inf
+    startled_s: float = -np.inf
+    log_statistic: float = -np.inf
+    variance: Array = field(default_factory=lambda: np.ones(_N))
+    faults: list[KnownFault] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Second:
+    """After a segment.
+
+    Attributes:
+        time_s: its end.
+        onsets_s: stamps of the onsets that the findings number.
+        finding: what the test says of all that no alert is in force for; None where it was not made.
+        followed: the same of the relations of faults that have not settled.
+    """
+
+    time_s: float
+    onsets_s: tuple[float, ...] = ()
+    finding: Finding | None = None
+    followed: Finding | None = None
+
+
+class RedundancyWatch:
+    """Relations of an aircraft type with its channels; the state is one vehicle's.
+
+    Args:
+        aircraft: its file.
+        present: channels that the samples carry after completion.
+        kinds: of the surfaces: ``command`` where the position is only commanded.
+
+    Attributes:
+        absent: by relation that cannot be used, the reason.
+        hypotheses: what can be found.
+    """
+
+    def __init__(self, aircraft: Aircraft, present: Collection[str], kinds: Mapping[str, str]) -> None:
+        self.model, self.absent = model_of(aircraft, present, kinds)
+        active = self.model.active
+        self.hypotheses = tuple(h for h in HYPOTHESES if any(active[i] for i in h.relations))
+        self._least_drift = np.maximum(least_drift(aircraft, self.model), _DRIFTS[0])
+        self._drift = np.maximum([r.drift for r in RELATIONS], self._least_drift)
+
+    def init(self) -> RedundancyState:
+        """Before the first sample."""
+        return RedundancyState(new_memory(self._drift), new_segment())
+
+    def feed(self, state: RedundancyState, block: SampleBlock) -> Iterable[Second]:
+        """Take in clean samples; yields what each segment that ends in them leads to."""
+        first, values = 0, np.ascontiguousarray(block.values)
+        while first < len(values):
+            limit = _SURPRISE**2 * state.variance
+            first = take_samples(values, first, self.model, state.memory, state.segment, limit)
+            if first < len(values):
+                yield self._close(state, float(values[first, 0]))
+
+    def hypothesis(self, cause: str, channel: str) -> Hypothesis | None:
+        """The first of that cause and part."""
+        return next((h for h in self.hypotheses if (h.cause, h.channel) == (cause, channel)), None)
+
+    def learn_anew(self, state: RedundancyState, relations: Collection[int], now_s: float) -> None:
+        """Forget what is known of relations, and learn them from now on."""
+        for i in relations:
+            state.reference.forget(i)
+            for segment in state.segments:
+                segment.forget(i)
+            state.memory.scalar[i, 3] = (
+                0.0  # its filter starts anew: what the fault has left in it is none of it
+            )
+            state.segment.forget(i)
+            state.learns_until_s[i] = now_s + LEARNING_S
+
+    def could_see(self, state: RedundancyState) -> list[tuple[Hypothesis, float | None]]:
+        """By hypothesis the smallest size that the remembered segments would have shown, had it begun with them."""
+        if not state.segments:
+            return []
+        named = [h for h in self.hypotheses if h.cause not in ("unknown", "drag")]
+        changes = changes_since(state.reference, state.segments, [0])
+        sizes = smallest_seen(changes, self._floors(state), named, LOG_THRESHOLD)
+        return [(h, size if h.repeated is None else 1.0) for h, size in zip(named, sizes, strict=True)]
+
+    def repeats(self, state: RedundancyState, relation: int) -> bool:
+        """Whether a relation's own reading repeats more often than it ever did before."""
+        return bool(_repeated(state)[relation] > 1.0)
+
+    def relations_of(self, fault: KnownFault) -> frozenset[int]:
+        """Those that say nothing else than this fault, until it has settled."""
+        own = [h.relations for h in self.hypotheses if (h.cause, h.channel) == (fault.cause, fault.channel)]
+        return frozenset().union(*own)
+
+    def users_of(self, fault: KnownFault) -> frozenset[int]:
+        """Relations that use the channel at fault, its own among them."""
+        return self.relations_of(fault) | USED_BY.get(fault.channel, frozenset())
+
+    def _close(self, state: RedundancyState, next_s: float) -> Second:
+        clock = state.memory.clock
+        start_s, end_s = float(clock[7]), float(clock[1])
+        segment = closed(state.segment, start_s, end_s - start_s)
+        goes_on = 0.0 <= next_s - end_s < SEGMENT_S
+        forced = next_s == end_s and segment.seconds < SEGMENT_S
+        clock[7] = end_s if goes_on else np.nan
+        clock[1] = end_s + (SHORT_S if forced else SEGMENT_S) if goes_on else np.nan
+        state.segment = new_segment()
+        state.segment.start[:] = state.memory.effect
+        if end_s < state.looked_s - SEGMENT_S:  # the clock was set back
+            state.looked_s = state.startled_s = -np.inf
+            state.learns_until_s[:] = end_s + LEARNING_S
+        if state.tuned_s < TUNING_S:
+            state.tuned_s += segment.seconds
+            state.learns_until_s[:] = end_s + LEARNING_S
+            self._tune(state, segment, np.ones(_N, dtype=np.bool_))
+            return Second(end_s)
+        segment, score, state.variance = scored(state.reference, state.segments, segment, self._floors(state))
+        return self._judged(state, segment, score, forced, end_s)
+
+    def _judged(
+        self, state: RedundancyState, segment: Closed, score: Array, forced: bool, now_s: float
+    ) -> Second:
+        state.segments.append(segment)
+        if forced or np.nanmax(np.append(score, 0.0)) > _STARTLED:
+            state.startled_s = now_s
+        following, waiting = self._following(state), self._waiting(state, now_s)
+        finding = followed = None
+        due = now_s - state.looked_s >= _LOOK_S or now_s - state.startled_s <= _STARTLED_S
+        if due or following:
+            state.looked_s = now_s
+            changes = self._changes(state)
+            repeated, floors = _repeated(state), self._floors(state)
+            finding = rank(changes, floors, repeated, self._tested(state, waiting))
+            state.log_statistic = finding.log_statistic
+            own = frozenset().union(*(self.relations_of(f) for f in state.faults if not f.settled))
+            if own:
+                followed = rank(changes, floors, repeated, [h for h in self.hypotheses if h.relations & own])
+        calm = np.ones(_N, dtype=np.bool_)
+        calm[list(following)] = False
+        if state.log_statistic < 0.0:
+            self._tune(state, segment, calm)
+            self._note_scatter(state, segment.seconds, score, calm)
+        onsets_s = tuple(s.start_s for s in state.segments)
+        self._thin_out(state, calm, state.log_statistic < 0.5 * LOG_THRESHOLD)
+        return Second(now_s, onsets_s, finding, followed)
+
+    def _following(self, state: RedundancyState) -> frozenset[int]:
+        """Relations of faults that have not settled."""
+        return frozenset().union(*(self.users_of(f) for f in state.faults if not f.settled))
+
+    def _waiting(self, state: RedundancyState, now_s: float) -> frozenset[int]:
+        """Relations that are learned anew, that are of faults that have not settled, or that use a frozen reading."""
+        frozen = (self.users_of(f) - self.relations_of(f) for f in state.faults if f.cause == "sensor_freeze")
+        learning = np.flatnonzero(~(now_s > state.learns_until_s)).tolist()
+        return frozenset(learning).union(self._following(state), *frozen)
+
+    def _tested(self, state: RedundancyState, waiting: frozenset[int]) -> Sequence[Hypothesis]:
+        """What competes now: where a fault has settled, its end or more of it alone."""
+        taken = frozenset().union(*(self.relations_of(f) for f in state.faults))
+        active = frozenset(np.flatnonzero(self.model.active).tolist())
+        tested = [h for h in self.hypotheses if not h.relations & active & (waiting | taken)]
+        for fault in state.faults:
+            own = self.hypothesis(fault.cause, fault.channel)
+            if (
+                own is None
+                or not fault.settled
+                or fault.repeated is not None
+                or own.relations & active & waiting
+            ):
+                continue
+            if own.cause != "unknown":
+                tested.append(recovery_from(own, fault.size))
+            if own.size_std > 0.0:
+                tested.append(own)
+        return tested
+
+    def _changes(self, state: RedundancyState) -> Changes:
+        """What the remembered segments say of a change, by onset."""
+        return changes_since(state.reference, state.segments, range(len(state.segments)))
+
+    def _floors(self, state: RedundancyState) -> Array:
+        """What parameters may change by within a minute, (relations, COLUMNS).
+
+        Gusts are no random walk. By what they move a vane's reading in a second a vane may seem to be off.
+        """
+        floors = FLOORS.copy()
+        for i in (ALPHA, BETA):
+            gusts = state.memory.scalar[i, 5] * self.model.noise_variance[i]
+            floors[i] *= np.sqrt(1.0 + gusts / FLOORS[i, 0] ** 2)
+        return floors
+
+    def _tune(self, state: RedundancyState, segment: Closed, which: Flags) -> None:
+        """Relations' drifts follow the correlation of their innovations."""
+        correlation = segment.products / np.maximum(segment.square, 1e-9)
+        step = segment.seconds * np.clip(_DRIFT_GAIN * correlation, -0.5, 0.5)
+        drift = state.memory.scalar[:, 5]
+        drift[which] = np.clip(drift * np.exp(step), self._least_drift, _DRIFTS[1])[which]
+
+    def _note_scatter(self, state: RedundancyState, seconds: float, score: Array, which: Flags) -> None:
+        said, scatter = which & np.isfinite(score), state.reference.scatter
+        scatter[said] = np.maximum(1.0, scatter[said] * (1.0 + seconds / _SCATTER_S * (score[said] - 1.0)))
+
+    def _thin_out(self, state: RedundancyState, which: Flags, quiet: bool) -> None:
+        """Join old segments; the oldest joins the reference, unless it may be part of a change."""
+        segments = state.segments
+        if len(segments) <= _MOST:
+            return
+        begun = {fault.onset_s for fault in state.faults if not fault.settled}
+        for k in range(len(segments) - _SINGLE - 1):
+            if segments[k + 1].start_s in begun:
+                continue
+            if segments[k].seconds + segments[k + 1].seconds <= _LONGEST_S:
+                segments[k : k + 2] = [merged(segments[k], segments[k + 1])]
+                return
+        oldest = segments.pop(0)
+        if quiet:
+            state.reference.absorb(oldest, which)
+
+
+def _repeated(state: RedundancyState) -> Array:
+    """How often each relation's reading has repeated over how often it did before, at most."""
+    scalar = state.memory.scalar
+    return np.asarray(scalar[:, 8] / np.maximum(scalar[:, 9], LEAST_REPEATED))
