@@ -257,9 +257,9 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     _frozen(ALPHA, "Angle of attack"),
     _frozen(BETA, "Sideslip"),
     _frozen(NORTH, "Velocity over the ground"),
-    *(_unknown(i) for i in range(len(RELATIONS)) if i not in (AIRSPEED, ALPHA, BETA, AXIAL, NORTH, EAST)),
+    *(_unknown(i) for i in (ELEVATOR, AILERON, RUDDER)),
 )
 """Everything that competes; what no active relation shows is left out.
 
-Gusts are no random walk, so that what no hypothesis describes is none in relations that gusts drive; of the axial
-force drag is what is not thrust."""
+What no hypothesis describes is one of surfaces alone: gusts are no random walk, an attitude is a filter's estimate, and
+of the axial force drag is what is not thrust."""

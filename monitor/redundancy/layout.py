@@ -84,13 +84,14 @@ def _surface(name: str) -> Relation:
 
 def _attitude(angle: str, rate: str, other: str) -> Relation:
     parameters = [
-        Parameter(f"{rate} bias", 0.02, 0.001, "rad/s"),
+        Parameter(f"{rate} bias", 0.02, 0.002, "rad/s"),
         Parameter(f"{rate} scale", 0.05, 0.005),
         Parameter(f"{rate} delay", 0.05, 0.005, "s"),
         Parameter(f"{angle} bias", 0.05, 0.003, "rad"),
     ]
     if other:
-        parameters.append(Parameter(f"{other} bias", 0.02, 0.001, "rad/s"))
+        parameters.append(Parameter(f"{other} bias", 0.02, 0.002, "rad/s"))
+    parameters.append(Parameter("misalignment of the gyros", 0.03, 0.005, "rad"))
     return Relation(
         f"{angle} against the gyros", (angle, rate), tuple(parameters), 0.0035, 1e-3, least_noise_std=0.002
     )
@@ -129,7 +130,7 @@ RELATIONS: tuple[Relation, ...] = (
             Parameter(f"{_ALPHA} scale", 0.5, 0.2),
             Parameter(f"{_ALPHA} delay", 0.05, 0.005, "s"),
             Parameter(f"{_FZ} bias", 0.3, 0.03, "m/s2"),
-            Parameter(f"{_PITCH_RATE} bias", 0.02, 0.001, "rad/s"),
+            Parameter(f"{_PITCH_RATE} bias", 0.02, 0.002, "rad/s"),
             Parameter(f"{_SPEED} scale", 0.05, 0.01),
         ),
         noise_std=0.0035,
@@ -144,7 +145,7 @@ RELATIONS: tuple[Relation, ...] = (
             Parameter(f"{_BETA} scale", 0.5, 0.2),
             Parameter(f"{_BETA} delay", 0.05, 0.005, "s"),
             Parameter(f"{_FY} bias", 0.3, 0.03, "m/s2"),
-            Parameter(f"{_YAW_RATE} bias", 0.02, 0.001, "rad/s"),
+            Parameter(f"{_YAW_RATE} bias", 0.02, 0.002, "rad/s"),
             Parameter("roll_rad bias", 0.02, 0.002, "rad"),
         ),
         noise_std=0.0035,

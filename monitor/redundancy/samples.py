@@ -208,6 +208,11 @@ def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untype
     psi[PITCH, 4] = sin
     psi[HEADING, 0], psi[HEADING, 1] = -cos * secant, -r * cos * secant
     psi[HEADING, 2], psi[HEADING, 4] = gyro_rate[2] * cos * secant, -sin * secant
+    psi[ROLL, 4], psi[PITCH, 5], psi[HEADING, 5] = (
+        -r,
+        -r * cos,
+        -q * cos * secant,
+    )  # of p and q by r, of r by q
     for relation in (ROLL, PITCH, HEADING):
         to.d[relation, 3] = 1.0
         noise = model.gyro_variance[relation - ROLL]

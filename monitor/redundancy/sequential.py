@@ -31,7 +31,7 @@ VARIANCE_FREEDOM = 10.0
 """nu: within seconds the air may become rougher or calmer, its variance by about a factor of 1.5."""
 UNKNOWN_WEIGHT = 0.001
 """Share of the prior probability that something changed which no hypothesis describes."""
-_CAUSES, _UNKNOWN = 40.0, 6.0
+_CAUSES, _UNKNOWN = 40.0, 3.0
 REPEATED = 3.0
 """Nats by which a frozen reading is likelier, each time it repeats as often as it did before at most: the longest of
 exp(3) runs of a geometric distribution is three times its mean."""
