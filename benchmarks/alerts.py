@@ -82,8 +82,12 @@ class Flight:
 
     @property
     def hit(self) -> AlertView | None:
-        """The first alert after the onset, as it stood last."""
-        return next((a for a in self.last if a.raised_s >= self.hours_without * 3600.0), None)
+        """The first alert after the onset that is about the airframe, as it stood last.
+
+        An alert that drag has grown may come before it and is cleared by it.
+        """
+        after = (a for a in self.last if a.raised_s >= self.hours_without * 3600.0)
+        return next((a for a in after if a.channel is None), None)
 
 
 def cases(turbulence: Turbulence) -> tuple[Case, ...]:

@@ -5,7 +5,7 @@ from functools import cache
 from itertools import chain
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.monitor import AlertState, JudgeConfig, VehicleMemory, VehicleMonitor
+from wingwatch.monitor import AlertState, AlertView, JudgeConfig, VehicleMemory, VehicleMonitor
 from wingwatch.monitor.cell_memory import CellBookState
 from wingwatch.monitor.chain import SavedChain
 from wingwatch.monitor.checkpoint import CODEC, SavedVehicle
@@ -111,8 +111,11 @@ def _differences(own: VehicleMonitor, its: VehicleMonitor) -> tuple[str, ...]:
 
 def _comparable(state: MonitorState) -> MonitorState:
     """Without names of alerts and what persons did to them, and without what is only handed over once more."""
-    alert = state.book.active
-    if alert is not None:
-        alert = replace(alert, id="", fleet="", vehicle="", state=AlertState.ACTIVE, note=(), shelving=None)
+
+    def bare(alert: AlertView) -> AlertView:
+        return replace(alert, id="", fleet="", vehicle="", state=AlertState.ACTIVE, note=(), shelving=None)
+
+    alert = None if state.book.active is None else bare(state.book.active)
     cells = CellBookState(state.cells.accounts, state.cells.visits, set())
-    return replace(state, book=replace(state.book, active=alert), cells=cells)
+    several = replace(state.redundancy_book, active=[bare(a) for a in state.redundancy_book.active])
+    return replace(state, book=replace(state.book, active=alert), cells=cells, redundancy_book=several)

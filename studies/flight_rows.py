@@ -115,7 +115,9 @@ def _said(watch: WatchedFlight) -> dict[str, Any]:
     healthy_s = flight_s if plan.onset_s is None else min(plan.onset_s, flight_s)
     ends_s = np.inf if plan.onset_s is None else plan.onset_s
     false = [a for a in heard.raised.values() if a.raised_s < ends_s]
-    hit = next((heard.last[a.id] for a in heard.raised.values() if a.raised_s >= ends_s), None)
+    after_onset = [heard.last[a.id] for a in heard.raised.values() if a.raised_s >= ends_s]
+    # that drag has grown is said before what has: the alert that names the airframe's change counts, where there is one
+    hit = next((a for a in after_onset if a.channel is None), after_onset[0] if after_onset else None)
     before = [e for t, e in heard.evidence if t <= ends_s]
     after = [e for t, e in heard.evidence if t > ends_s]
     soon = [e for t, e in heard.evidence if ends_s < t <= ends_s + _SOON_S]
