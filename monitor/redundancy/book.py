@@ -130,12 +130,12 @@ class RedundancyBook:
         """An alert of an earlier run is in force again."""
         if alert.channel is None or any(a.id == alert.id for a in self.state.active):
             return
+        cause = _hidden(alert.cause, alert.channel)
+        own = [h for h in self._watch.hypotheses if (h.cause, h.channel) == (cause, alert.channel)]
+        repeated = next((h.repeated for h in own if h.repeated is not None), None)
+        fault = KnownFault(cause, alert.channel, alert.size, alert.raised_s, settled=True, repeated=repeated)
         self.state.active.append(alert)
-        state.faults.append(
-            KnownFault(
-                _hidden(alert.cause, alert.channel), alert.channel, alert.size, alert.raised_s, settled=True
-            )
-        )
+        state.faults.append(fault)
 
     def _follow_known(self, state: RedundancyState, second: Second) -> list[AlertView]:
         told: list[AlertView] = []
@@ -176,12 +176,13 @@ class RedundancyBook:
         if same and not moved and not alert.candidates:
             return None
         fault.cause, fault.channel, fault.size = best.hypothesis.cause, best.hypothesis.channel, best.size
-        shown = replace(self._alert(best, second, followed, True), probability=probability, candidates=())
+        shown = self._alert(best, second, followed, True, alert.id)
         was, now = (f"{a.cause} of {a.channel}" if a.channel else a.cause for a in (alert, shown))
         note = alert.note if same or was == now else (*alert.note, f"wingwatch: {was} became {now}")
         return replace(
-            shown, id=alert.id, raised_s=alert.raised_s, state=alert.state, note=note, shelving=alert.shelving
-        )
+            shown, raised_s=alert.raised_s, state=alert.state, note=note, shelving=alert.shelving,
+            probability=probability, candidates=(),
+        )  # fmt: skip
 
     def _look(
         self, state: RedundancyState, second: Second, finding: Finding, airframe_alarmed: bool
@@ -209,7 +210,7 @@ class RedundancyBook:
             if second.time_s - self.state.crossed_s < PATIENCE_S:
                 return []
         self.state.crossed_s = float("nan")
-        alert, h = self._alert(best, second, finding, clear), best.hypothesis
+        alert, h = self._alert(best, second, finding, clear, self._new_id()), best.hypothesis
         self.state.active.append(alert)
         state.faults.append(
             KnownFault(h.cause, h.channel, best.size, second.onsets_s[best.onset], repeated=h.repeated)
@@ -246,7 +247,7 @@ class RedundancyBook:
         self._watch.learn_anew(state, self._watch.users_of(fault), now_s)
         return replace(alert, state=AlertState.CLEARED, cleared_s=now_s)
 
-    def _alert(self, best: Ranked, second: Second, finding: Finding, clear: bool) -> AlertView:
+    def _alert(self, best: Ranked, second: Second, finding: Finding, clear: bool, alert_id: str) -> AlertView:
         h, onset_s = best.hypothesis, second.onsets_s[best.onset]
         candidates = _candidates(finding)
         cause, kind = ("unknown", "unexplained") if h.cause == "drag" or not clear else (h.cause, h.kind)
@@ -256,7 +257,7 @@ class RedundancyBook:
             names = ", or ".join(_named(r.hypothesis, r.size, r.standard_error) for r in which)
             text = f"{names}, since about {onset_s:.0f} s: not told apart yet. Inspect."
         return AlertView(
-            id=self._new_id(), fleet=self._fleet, vehicle=self._vehicle, kind=kind, cause=cause,
+            id=alert_id, fleet=self._fleet, vehicle=self._vehicle, kind=kind, cause=cause,
             level=h.level(best.size), state=AlertState.ACTIVE, raised_s=second.time_s, cleared_s=None, size=best.size,
             size_standard_error=best.standard_error, probability=finding.probabilities[0], basis="empirical",
             text=text, evidence=(), channel=h.channel,

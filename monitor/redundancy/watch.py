@@ -266,6 +266,7 @@ class RedundancyWatch:
             own = self.hypothesis(fault.cause, fault.channel)
             if (
                 own is None
+                or not own.effects
                 or not fault.settled
                 or fault.repeated is not None
                 or own.relations & active & waiting

@@ -165,3 +165,26 @@ def test_a_person_clears_an_alert_and_its_relation_learns_what_is_now() -> None:
     monitor.take_over(replace(alert, state=AlertState.CLEARED))
     assert not monitor.alarmed
     assert monitor.feed(SampleBlock(block.values[58 * 50 :])).alerts == []
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "sensor_freeze[sideslip_rad]:1@50",
+        "sensor_bias[roll_rate_rad_s]:0.03@50",
+        "surface_stuck[rudder]:here@50",
+    ],
+)
+def test_an_alert_of_an_earlier_run_is_in_force_again(effect: str) -> None:
+    """Without a checkpoint: nothing is raised a second time while the fault lasts."""
+    values = flown(effect, seconds=110.0)
+    _, told = watched(values[: 60 * 50])
+    monitor, block = monitor_of(values[56 * 50 :])
+    monitor.follow_again(told[-1])
+    assert [alert.id for alert in monitor.active_alerts] == [told[-1].id]
+    later = [
+        a
+        for start in range(0, len(block), 10)
+        for a in monitor.feed(SampleBlock(block.values[start : start + 10])).alerts
+    ]
+    assert all(alert.id == told[-1].id for alert in later)
