@@ -1,6 +1,7 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -222,7 +223,7 @@ class VehicleMonitor:
             chain=self.chain.saved(self.chain_state),
             judge=detached(self._judge_state),
             book=self.book.state,
-            redundancy=detached(self._redundancy),
+            redundancy=deepcopy(self._redundancy),  # its arrays are changed in place
             redundancy_book=detached(self.redundancy_book.state),
             cells=detached(self.cells.state),
             memory=detached(self._memory),

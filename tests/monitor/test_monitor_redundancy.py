@@ -123,7 +123,9 @@ def test_a_monitor_that_is_restored_amid_a_fault_says_the_same() -> None:
     monitor, block = monitor_of(values)
     told = list(monitor.feed(SampleBlock(block.values[:2570])).alerts)
     resumed, _ = monitor_of(values)
-    resumed.restore(monitor.saved())
+    saved = monitor.saved()
+    monitor.feed(SampleBlock(block.values[2570:3500]))  # what was saved does not go on with it
+    resumed.restore(saved)
     for start in range(2570, len(block), 10):
         told += resumed.feed(SampleBlock(block.values[start : start + 10])).alerts
     assert [(a.cause, a.channel, a.raised_s, a.size) for a in told] == [
