@@ -6,11 +6,9 @@ from dataclasses import replace
 from wingwatch.monitor.alerts import act
 from wingwatch.monitor.ports import ActionRequest
 from wingwatch.monitor.roster import VehicleKey
-from wingwatch.monitor.views import AlertState, AlertView, Shelving
+from wingwatch.monitor.views import LEVELS, AlertState, AlertView, Shelving
 
 __all__ = ["AlertLedger"]
-
-_LEVELS = ("watch", "warning", "critical")
 
 
 class AlertLedger:
@@ -137,7 +135,7 @@ def _has_grown(alert: AlertView) -> bool:
     then = alert.shelving
     if then is None:
         return False
-    higher = _LEVELS.index(alert.level) > _LEVELS.index(then.level)
+    higher = LEVELS.index(alert.level) > LEVELS.index(then.level)
     return higher or alert.size > then.size + 2.0 * alert.size_standard_error
 
 

@@ -42,6 +42,7 @@ from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.views import (
+    LEVELS,
     AlertState,
     AlertView,
     CouldSeeView,
@@ -55,7 +56,6 @@ from wingwatch.telemetry.conditioning import AirQuality
 __all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
 
 
-_LEVELS = ("watch", "warning", "critical")
 _COULD_SEE_S = 30.0
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
 
@@ -268,7 +268,7 @@ class VehicleMonitor:
     def active_alerts(self) -> list[AlertView]:
         """All alerts in force, worst first."""
         found = [*self.redundancy_book.active, *([self.book.active] if self.book.active else [])]
-        return sorted(found, key=lambda alert: -_LEVELS.index(alert.level))
+        return sorted(found, key=lambda alert: -LEVELS.index(alert.level))
 
     @property
     def alarmed(self) -> bool:

@@ -12,6 +12,7 @@ from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = [
     "AlertAction",
+    "LEVELS",
     "SHELVED_S",
     "AlertState",
     "AlertView",
@@ -28,6 +29,9 @@ __all__ = [
     "WorstDerivative",
 ]
 
+
+LEVELS = ("watch", "warning", "critical")
+"""Of alerts, from the least."""
 
 SHELVED_S = 3600.0
 """For how long an alert is shelved unless told otherwise."""

@@ -14,7 +14,7 @@ from wingwatch.monitor.redundancy.watch import (
     RedundancyWatch,
     Second,
 )
-from wingwatch.monitor.views import AlertState, AlertView, CandidateView
+from wingwatch.monitor.views import LEVELS, AlertState, AlertView, CandidateView
 
 __all__ = ["RedundancyBook", "RedundancyBookState"]
 
@@ -45,7 +45,6 @@ _SHOWN = {
 }
 """Factor and unit by which sizes are shown to people."""
 _MOST_CANDIDATES = 5
-_LEVELS = ("watch", "warning", "critical")
 
 
 @dataclass(slots=True)
@@ -76,7 +75,7 @@ class RedundancyBook:
     @property
     def active(self) -> Sequence[AlertView]:
         """Alerts in force, worst first."""
-        return sorted(self.state.active, key=lambda a: (-_LEVELS.index(a.level), a.raised_s))
+        return sorted(self.state.active, key=lambda a: (-LEVELS.index(a.level), a.raised_s))
 
     def doubts(self, states: Collection[str]) -> bool:
         """Whether a sensor is at fault that derivatives of a structure with these states are estimated from."""
