@@ -142,6 +142,7 @@ class VehicleMonitor:
         self._redundancy = self.chain.redundancy.init()
         self.redundancy_book = RedundancyBook(fleet, vehicle, new_id, self.chain.redundancy)
         self._raised: list[AlertView] = []
+        self._to_relate = SampleBlock.concatenate(())
         self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
         self._memory = WatchMemory()
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
@@ -311,6 +312,8 @@ class VehicleMonitor:
 
     def follow(self, solution: Solution) -> AlertView | None:
         """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
+        due = np.flatnonzero(self._to_relate.time_s == solution.time_s)
+        self._relate(int(due[0]) + 1 if due.size else 0)
         changed = self._judge_solution(solution)
         if changed is not None and changed.state is AlertState.ACTIVE:
             self._raised += self.redundancy_book.explained(self._redundancy, changed, solution.time_s)
@@ -323,6 +326,7 @@ class VehicleMonitor:
 
         Who is on the ground or stalled is not observable.
         """
+        self._relate(len(self._to_relate))
         raised, self._raised = self._raised, []
         if raised and self.alarmed and self.state is not VehicleState.DEGRADED:
             self._memory.state, self._memory.state_since_s = VehicleState.DEGRADED, raised[0].raised_s
@@ -340,11 +344,15 @@ class VehicleMonitor:
         They come late by the largest delay: what belongs to an instant has to have been seen.
         """
         aligned = self._aligner.feed(self.cleaner.clean(block).block)
-        used = self._regime.select(self._memory.regime, aligned)
+        self._to_relate = self._regime.select(self._memory.regime, aligned)
+        return self._to_relate
+
+    def _relate(self, rows: int) -> None:
+        """Redundancy takes the next rows: those up to a solution before it is judged, so that cuts change nothing."""
+        block, self._to_relate = self._to_relate.values[:rows], SampleBlock(self._to_relate.values[rows:])
         alarmed = self.book.active is not None
-        for second in self.chain.redundancy.feed(self._redundancy, used):
+        for second in self.chain.redundancy.feed(self._redundancy, SampleBlock(block)):
             self._raised += self.redundancy_book.follow(self._redundancy, second, alarmed)
-        return used
 
     @property
     def _founded_by_file(self) -> bool:

@@ -296,5 +296,5 @@ def test_no_state_is_forgotten() -> None:
         "redundancy_book",
     }
     worked_out = {"worst", "could_see"}  # of the last solution, when somebody asks
-    answer = {"raised"}  # of the last call
+    answer = {"raised", "to_relate"}  # of the last call, and its samples
     assert attributes(Case(fly_doublets(1.0)).monitor()) == settings | state | worked_out | answer

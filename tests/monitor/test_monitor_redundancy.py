@@ -115,6 +115,16 @@ def test_how_samples_are_cut_changes_nothing() -> None:
     assert without_notes(found[0]) == without_notes(found[1]) == without_notes(found[2])
 
 
+def test_a_whole_flight_at_once_is_judged_as_its_pieces_are() -> None:
+    """A sensor that fails later makes no earlier block one that is not compared."""
+    values = flown("airspeed_error:0.12@50", seconds=100.0)
+    (pieces, said), (whole, at_once) = watched(values), watched(values, piece=len(values))
+    assert without_notes(said) == without_notes(at_once)
+    assert pieces.last_block is not None
+    assert whole.last_block is not None
+    assert pieces.last_block.end_s == whole.last_block.end_s > 30.0
+
+
 def test_a_monitor_that_is_restored_amid_a_fault_says_the_same() -> None:
     values = flown(
         "surface_stuck[aileron]:here@50", "airspeed_error:0.1@60", turbulence="light", seconds=90.0
