@@ -50,6 +50,17 @@ follow: a column of noise that e has, too, would explain it."""
 FORCED_S, SHORT_S = 0.5, 0.3
 """An innovation beyond its limit begins a segment, ``FORCED_S`` after the last at the earliest; that one is short."""
 
+(
+    _X, _VARIANCE, _RATE, _GOING, _LAST, _DRIFT, _READING, _SINCE_S, _REPEATS, _MOST_REPEATS,
+) = range(10)  # fmt: skip
+"""Numbers of ``Memory.scalar``."""
+_SAMPLES, _SQUARE, _PRODUCTS, _LEFT = range(4)
+"""Numbers of ``Segment.scalar``."""
+(
+    _STAMP_S, _END_S, _ROLL_RATE, _PITCH_RATE, _YAW_RATE, _AIRSPEED_SMOOTH, _THROTTLE_SMOOTH,
+    _START_S, _FORCED_AT_S, _NORTHWARD, _EASTWARD,
+) = range(11)  # fmt: skip
+"""Numbers of ``Memory.clock``."""
 _N = len(RELATIONS)
 _SURFACES = tuple(CHANNEL_INDEX[f"{s}_rad"] for s in ("elevator", "aileron", "rudder"))
 _COMMANDS = tuple(CHANNEL_INDEX[f"{s}_command_rad"] for s in ("elevator", "aileron", "rudder"))
@@ -134,10 +145,10 @@ class _Signals(NamedTuple):
 
 def new_memory(drift: Array) -> Memory:
     """Before the first sample; ``drift`` (relations,) as it is stated."""
-    scalar = np.zeros((_N, 10))
-    scalar[:, 5] = drift
-    scalar[:, 6] = np.nan
-    clock = np.full(11, np.nan)
+    scalar = np.zeros((_N, _MOST_REPEATS + 1))
+    scalar[:, _DRIFT] = drift
+    scalar[:, _READING] = np.nan
+    clock = np.full(_EASTWARD + 1, np.nan)
     return Memory(scalar, np.zeros((_N, COLUMNS)), np.zeros((2, _N, COLUMNS)), np.full((3, 3), np.nan), clock)
 
 
@@ -149,7 +160,7 @@ def new_segment() -> Segment:
         np.zeros((_N, COLUMNS)),
         np.zeros((_N, 4)),
     )
-    segment.scalar[:, 3] = 1.0
+    segment.scalar[:, _LEFT] = 1.0
     return segment
 
 
@@ -217,7 +228,7 @@ def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untype
         to.d[relation, 3] = 1.0
         noise = model.gyro_variance[relation - ROLL]
         if dt > 0.0:
-            noise = max(noise, memory.scalar[relation, 5] * model.noise_variance[relation] / dt)
+            noise = max(noise, memory.scalar[relation, _DRIFT] * model.noise_variance[relation] / dt)
         if row[_P + relation - ROLL] ** 2 < MANOEUVRE**2 * noise:
             psi[relation, 1] = psi[relation, 2] = 0.0
 
@@ -265,7 +276,7 @@ def _air(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
 
     to.z[AIRSPEED] = row[_V]
     rate[AIRSPEED] = ahead * cos_b + ay * sin_b
-    d[AIRSPEED, 0], psi[AIRSPEED, 1] = memory.clock[5], 0.0
+    d[AIRSPEED, 0], psi[AIRSPEED, 1] = memory.clock[_AIRSPEED_SMOOTH], 0.0
     if rate[AIRSPEED] ** 2 > MANOEUVRE**2 * model.accelerometer_variance:
         psi[AIRSPEED, 1] = -rate[AIRSPEED]
     psi[AIRSPEED, 2] = -cos_a * cos_b
@@ -274,14 +285,14 @@ def _air(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
 
     to.z[ALPHA] = flow[14]
     rate[ALPHA] = q - (p * cos_a + r * sin_a) * sin_b / cos_b + across / (v * cos_b)
-    d[ALPHA, 0], d[ALPHA, 2] = 1.0, -filtered[ALPHA, 2]
-    d[ALPHA, 1] = filtered[ALPHA, 0] if filtered[ALPHA, 3] > 0.0 else flow[14]
+    d[ALPHA, 0], d[ALPHA, 2] = 1.0, -filtered[ALPHA, _RATE]
+    d[ALPHA, 1] = filtered[ALPHA, _X] if filtered[ALPHA, _GOING] > 0.0 else flow[14]
     psi[ALPHA, 3], psi[ALPHA, 4], psi[ALPHA, 5] = -cos_a / (v * cos_b), -1.0, across / (v * cos_b)
 
     to.z[BETA] = flow[15]
     rate[BETA] = p * sin_a - r * cos_a + (ay * cos_b - ahead * sin_b) / v
-    d[BETA, 0], d[BETA, 2] = 1.0, -filtered[BETA, 2]
-    d[BETA, 1] = filtered[BETA, 0] if filtered[BETA, 3] > 0.0 else flow[15]
+    d[BETA, 0], d[BETA, 2] = 1.0, -filtered[BETA, _RATE]
+    d[BETA, 1] = filtered[BETA, _X] if filtered[BETA, _GOING] > 0.0 else flow[15]
     psi[BETA, 3], psi[BETA, 4] = -cos_b / v, cos_a
     psi[BETA, 5] = -GRAVITY_M_S2 * cos_p * cos_t * cos_b / v
 
@@ -289,13 +300,13 @@ def _air(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
 @whole
 def _axial(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """Specific force along x less thrust, and the drag that goes with the normal force."""
-    c, density, v, smooth = model.airframe, row[_RHO], max(row[_V], 1.0), memory.clock[5]
+    c, density, v, smooth = model.airframe, row[_RHO], max(row[_V], 1.0), memory.clock[_AIRSPEED_SMOOTH]
     fx, fz, per_kg = flow[11], flow[12], flow[13]
     normal = -fz / per_kg
     push = thrust_n(model.propulsion, min(1.0, max(0.0, row[_THROTTLE])), v, density) / c[0]
     drag, induced = per_kg * c[4], per_kg * c[6] * normal * normal
     to.z[AXIAL] = fx - (push - drag - per_kg * c[5] * normal - induced)
-    ratio, throttle = (smooth / v) ** 2, memory.clock[6]
+    ratio, throttle = (smooth / v) ** 2, memory.clock[_THROTTLE_SMOOTH]
     drag, induced = drag * ratio, induced / ratio
     push = thrust_n(model.propulsion, throttle, smooth, density) / c[0]
     faster = thrust_n(model.propulsion, throttle, 1.01 * smooth, density) / c[0]
@@ -314,11 +325,14 @@ def _ground(row, dt, memory, flow, to):  # type: ignore[no-untyped-def]
     aside = side * cos_p - down * sin_p
     north, east = level * cos_h - aside * sin_h, level * sin_h + aside * cos_h
     to.z[NORTH], to.z[EAST] = row[_VN] - row[_V] * north, row[_VE] - row[_V] * east
-    for k, part in ((9, north), (10, east)):
+    for k, part in ((_NORTHWARD, north), (_EASTWARD, east)):
         before = memory.clock[k]
         starts = math.isnan(before) or dt == 0.0
         memory.clock[k] = part if starts else before + min(1.0, dt / TURNED_S) * (part - before)
-    north, east = memory.clock[5] * memory.clock[9], memory.clock[5] * memory.clock[10]
+    north, east = (
+        memory.clock[_AIRSPEED_SMOOTH] * memory.clock[_NORTHWARD],
+        memory.clock[_AIRSPEED_SMOOTH] * memory.clock[_EASTWARD],
+    )
     to.d[NORTH, 0], to.d[NORTH, 1], to.d[NORTH, 2] = -north, east, 1.0
     to.d[EAST, 0], to.d[EAST, 1], to.d[EAST, 2] = -east, -north, 1.0
 
@@ -330,39 +344,39 @@ def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
     z, rate, psi, d = to.z[i], to.rate[i], to.psi[i], to.d[i]
     variance, leaky = model.noise_variance[i], not math.isinf(model.leak_s[i])
     if math.isnan(rate):
-        scalar[i, 3] = 0.0
+        scalar[i, _GOING] = 0.0
         return
-    if scalar[i, 3] == 0.0:
+    if scalar[i, _GOING] == 0.0:
         memory.effect_rate[0, i], memory.effect_rate[1, i] = psi, psi
-    if scalar[i, 3] > 0.0 and dt > 0.0:
+    if scalar[i, _GOING] > 0.0 and dt > 0.0:
         decay = math.exp(-dt / model.leak_s[i]) if leaky else 1.0
-        scalar[i, 0] = scalar[i, 0] * decay + 0.5 * dt * (rate + scalar[i, 2])
-        scalar[i, 1] = scalar[i, 1] * decay * decay + scalar[i, 5] * variance * dt
+        scalar[i, _X] = scalar[i, _X] * decay + 0.5 * dt * (rate + scalar[i, _RATE])
+        scalar[i, _VARIANCE] = scalar[i, _VARIANCE] * decay * decay + scalar[i, _DRIFT] * variance * dt
         for j in range(COLUMNS):
             effect[i, j] = effect[i, j] * decay + dt * memory.effect_rate[1, i, j]
-        segment.scalar[i, 3] *= decay
+        segment.scalar[i, _LEFT] *= decay
     for j in range(COLUMNS):
         memory.effect_rate[1, i, j], memory.effect_rate[0, i, j] = memory.effect_rate[0, i, j], psi[j]
-    scalar[i, 2] = rate
+    scalar[i, _RATE] = rate
     if math.isnan(z):
         return
-    if scalar[i, 3] == 0.0 or dt == 0.0:
-        scalar[i, 3], scalar[i, 4] = 1.0, 0.0
-        scalar[i, 0] = 0.0 if leaky else z
-        scalar[i, 1] = 0.5 * scalar[i, 5] * variance * model.leak_s[i] if leaky else variance
-        segment.scalar[i, 3] = 0.0
+    if scalar[i, _GOING] == 0.0 or dt == 0.0:
+        scalar[i, _GOING], scalar[i, _LAST] = 1.0, 0.0
+        scalar[i, _X] = 0.0 if leaky else z
+        scalar[i, _VARIANCE] = 0.5 * scalar[i, _DRIFT] * variance * model.leak_s[i] if leaky else variance
+        segment.scalar[i, _LEFT] = 0.0
         for j in range(COLUMNS):
             effect[i, j] = 0.0 if leaky else -d[j]
         if not leaky:
             return
-    e = z - scalar[i, 0]
+    e = z - scalar[i, _X]
     if i in (ROLL, HEADING):
         e -= _TURN * math.floor(e / _TURN + 0.5)
-    total = scalar[i, 1] + variance
-    gain, weight = scalar[i, 1] / total, 1.0 / total
-    scalar[i, 0] += gain * e
-    scalar[i, 1] *= 1.0 - gain
-    f = segment.scalar[i, 3]
+    total = scalar[i, _VARIANCE] + variance
+    gain, weight = scalar[i, _VARIANCE] / total, 1.0 / total
+    scalar[i, _X] += gain * e
+    scalar[i, _VARIANCE] *= 1.0 - gain
+    f = segment.scalar[i, _LEFT]
     columns = effect[i]
     for j in range(COLUMNS):
         seen = columns[j] + d[j]
@@ -376,11 +390,11 @@ def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
     for j in range(COLUMNS):
         columns[j] -= gain * (columns[j] + d[j])
     scaled = e * math.sqrt(weight)
-    segment.scalar[i, 0] += 1.0
-    segment.scalar[i, 1] += scaled * scaled
-    segment.scalar[i, 2] += scaled * scalar[i, 4]
-    segment.scalar[i, 3] = f * (1.0 - gain)
-    scalar[i, 4] = scaled
+    segment.scalar[i, _SAMPLES] += 1.0
+    segment.scalar[i, _SQUARE] += scaled * scaled
+    segment.scalar[i, _PRODUCTS] += scaled * scalar[i, _LAST]
+    segment.scalar[i, _LEFT] = f * (1.0 - gain)
+    scalar[i, _LAST] = scaled
 
 
 @whole
@@ -389,14 +403,14 @@ def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
     z, rate = to.z, to.rate
     for i in range(_N):
         scalar = memory.scalar[i]
-        if not model.active[i] or scalar[3] == 0.0 or math.isnan(z[i]) or math.isnan(rate[i]):
+        if not model.active[i] or scalar[_GOING] == 0.0 or math.isnan(z[i]) or math.isnan(rate[i]):
             continue
         decay = 1.0 if math.isinf(model.leak_s[i]) else math.exp(-dt / model.leak_s[i])
-        e = z[i] - scalar[0] * decay - 0.5 * dt * (rate[i] + scalar[2])
+        e = z[i] - scalar[_X] * decay - 0.5 * dt * (rate[i] + scalar[_RATE])
         if i in (ROLL, HEADING):
             e -= _TURN * math.floor(e / _TURN + 0.5)
         variance = model.noise_variance[i]
-        total = scalar[1] * decay * decay + scalar[5] * variance * dt + variance
+        total = scalar[_VARIANCE] * decay * decay + scalar[_DRIFT] * variance * dt + variance
         if e * e > limit[i] * total:
             return True
     return False
@@ -422,29 +436,33 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
     clock, before, servos = memory.clock, memory.clock.copy(), memory.servo.copy()
     for n in range(first, values.shape[0]):
         row = values[n]
-        dt = row[_T] - clock[0]
+        dt = row[_T] - clock[_STAMP_S]
         if not 0.0 < dt <= MAX_GAP_S:
             dt = 0.0
-        if math.isnan(clock[1]):
-            clock[1], clock[7] = row[_T] + SEGMENT_S, row[_T]
-        if row[_T] >= clock[1] or row[_T] < clock[1] - 2.0 * SEGMENT_S:
+        if math.isnan(clock[_END_S]):
+            clock[_END_S], clock[_START_S] = row[_T] + SEGMENT_S, row[_T]
+        if row[_T] >= clock[_END_S] or row[_T] < clock[_END_S] - 2.0 * SEGMENT_S:
             return n
         before[:] = clock
         servos[:] = memory.servo
         for j in range(3):
             now = row[_P + j]
-            gyro_rate[j] = (now - clock[2 + j]) / dt if dt > 0.0 else 0.0
-            clock[2 + j] = now
-        clock[0] = row[_T]
-        if math.isnan(clock[5]) or dt == 0.0:
-            clock[5] = max(row[_V], 1.0)
+            gyro_rate[j] = (now - clock[_ROLL_RATE + j]) / dt if dt > 0.0 else 0.0
+            clock[_ROLL_RATE + j] = now
+        clock[_STAMP_S] = row[_T]
+        if math.isnan(clock[_AIRSPEED_SMOOTH]) or dt == 0.0:
+            clock[_AIRSPEED_SMOOTH] = max(row[_V], 1.0)
         elif row[_V] > 1.0:
-            clock[5] += (1.0 - math.exp(-dt / SMOOTHED_S)) * (row[_V] - clock[5])
+            clock[_AIRSPEED_SMOOTH] += (1.0 - math.exp(-dt / SMOOTHED_S)) * (
+                row[_V] - clock[_AIRSPEED_SMOOTH]
+            )
         throttle = min(1.0, max(0.0, row[_THROTTLE]))
-        if math.isnan(clock[6]) or dt == 0.0:
-            clock[6] = throttle
+        if math.isnan(clock[_THROTTLE_SMOOTH]) or dt == 0.0:
+            clock[_THROTTLE_SMOOTH] = throttle
         elif not math.isnan(throttle):
-            clock[6] += (1.0 - math.exp(-dt / SMOOTHED_S)) * (throttle - clock[6])
+            clock[_THROTTLE_SMOOTH] += (1.0 - math.exp(-dt / SMOOTHED_S)) * (
+                throttle - clock[_THROTTLE_SMOOTH]
+            )
         _surfaces(row, dt, model, memory, to)
         _attitudes(row, dt, gyro_rate, model, memory, to)
         _flow_of(row, model, flow)
@@ -455,18 +473,23 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
         for i in range(_N):
             if model.active[i] and _MAY_REPEAT[i]:
                 reading, last = row[_OWN[i]], memory.scalar[i]
-                if reading == last[6]:
-                    last[8] += 1.0
-                    if row[_T] - last[7] < HELD_S:
+                if reading == last[_READING]:
+                    last[_REPEATS] += 1.0
+                    if row[_T] - last[_SINCE_S] < HELD_S:
                         to.z[i] = np.nan
                 elif not math.isnan(reading):
-                    last[6], last[7], last[8], last[9] = reading, row[_T], 0.0, max(last[8], last[9])
+                    last[_READING], last[_SINCE_S], last[_REPEATS], last[_MOST_REPEATS] = (
+                        reading,
+                        row[_T],
+                        0.0,
+                        max(last[_REPEATS], last[_MOST_REPEATS]),
+                    )
         # a row that begins a segment is looked at twice
-        rested = not abs(row[_T] - clock[8]) < FORCED_S
+        rested = not abs(row[_T] - clock[_FORCED_AT_S]) < FORCED_S
         if dt > 0.0 and rested and _surprises(dt, to, model, memory, limit):
             clock[:] = before
             memory.servo[:] = servos
-            clock[1] = clock[8] = row[_T]
+            clock[_END_S] = clock[_FORCED_AT_S] = row[_T]
             return n
         for i in range(_N):
             if not model.active[i]:
