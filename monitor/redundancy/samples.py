@@ -398,6 +398,19 @@ def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
 
 
 @whole
+def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-def]
+    """A relation's own reading: how often it repeats; one that repeats for less than ``HELD_S`` is none."""
+    last = memory.scalar[i]
+    if reading == last[_READING]:
+        last[_REPEATS] += 1.0
+        if time_s - last[_SINCE_S] < HELD_S:
+            to.z[i] = np.nan
+    elif not math.isnan(reading):
+        last[_MOST_REPEATS] = max(last[_REPEATS], last[_MOST_REPEATS])
+        last[_READING], last[_SINCE_S], last[_REPEATS] = reading, time_s, 0.0
+
+
+@whole
 def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
     """Whether some relation's innovation is beyond its limit; nothing is changed."""
     z, rate = to.z, to.rate
@@ -472,18 +485,7 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
         _ground(row, dt, memory, flow, to)
         for i in range(_N):
             if model.active[i] and _MAY_REPEAT[i]:
-                reading, last = row[_OWN[i]], memory.scalar[i]
-                if reading == last[_READING]:
-                    last[_REPEATS] += 1.0
-                    if row[_T] - last[_SINCE_S] < HELD_S:
-                        to.z[i] = np.nan
-                elif not math.isnan(reading):
-                    last[_READING], last[_SINCE_S], last[_REPEATS], last[_MOST_REPEATS] = (
-                        reading,
-                        row[_T],
-                        0.0,
-                        max(last[_REPEATS], last[_MOST_REPEATS]),
-                    )
+                _note_repeats(i, row[_OWN[i]], row[_T], memory, to)
         # a row that begins a segment is looked at twice
         rested = not abs(row[_T] - clock[_FORCED_AT_S]) < FORCED_S
         if dt > 0.0 and rested and _surprises(dt, to, model, memory, limit):
