@@ -1,7 +1,6 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -37,7 +36,7 @@ from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
-from wingwatch.monitor.redundancy import RedundancyBook
+from wingwatch.monitor.redundancy import VehicleRelations
 from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
@@ -139,10 +138,7 @@ class VehicleMonitor:
         self.cells = CellBook(self.judge.coordinates, memory.cells)
         self._judge_state = self.judge.init(memory.references, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
-        self._redundancy = self.chain.redundancy.init()
-        self.redundancy_book = RedundancyBook(fleet, vehicle, new_id, self.chain.redundancy)
-        self._raised: list[AlertView] = []
-        self._to_relate = SampleBlock.concatenate(())
+        self._relations = VehicleRelations(self.chain.redundancy, fleet, vehicle, new_id)
         self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
         self._memory = WatchMemory()
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
@@ -216,7 +212,7 @@ class VehicleMonitor:
 
     def saved(self) -> MonitorState:
         """A copy of all that this monitor remembers; what it is made of is not in it."""
-        latest = self._memory.latest
+        latest, (redundancy, redundancy_book) = self._memory.latest, self._relations.saved()
         return MonitorState(
             cleaner=self.cleaner.state,
             cleaned=self.cleaner.report,
@@ -224,8 +220,8 @@ class VehicleMonitor:
             chain=self.chain.saved(self.chain_state),
             judge=detached(self._judge_state),
             book=self.book.state,
-            redundancy=deepcopy(self._redundancy),  # its arrays are changed in place
-            redundancy_book=detached(self.redundancy_book.state),
+            redundancy=redundancy,
+            redundancy_book=redundancy_book,
             cells=detached(self.cells.state),
             memory=detached(self._memory),
             latest=None if latest is None else SavedSolution.of(latest),
@@ -245,7 +241,7 @@ class VehicleMonitor:
         self._aligner.resume(saved.aligner)
         self._judge_state = saved.judge
         self.book.resume(saved.book)
-        self._redundancy, self.redundancy_book.state = saved.redundancy, saved.redundancy_book
+        self._relations.restore(saved.redundancy, saved.redundancy_book)
         self.cells.resume(saved.cells)
         self._memory = saved.memory
         self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
@@ -260,7 +256,7 @@ class VehicleMonitor:
         blocks_s = self.judge.config.patience_blocks * self.judge.config.block_s
         onset_s = alert.raised_s - blocks_s if known else float("-inf")
         if alert.channel is not None:
-            self.redundancy_book.adopt(self._redundancy, alert)
+            self._relations.adopt(alert)
         else:
             self.book.resume(BookState(alert, onset_s, 0, 0))
         self._memory.state = VehicleState.DEGRADED
@@ -268,13 +264,13 @@ class VehicleMonitor:
     @property
     def active_alerts(self) -> list[AlertView]:
         """All alerts in force, worst first."""
-        found = [*self.redundancy_book.active, *([self.book.active] if self.book.active else [])]
+        found = [*self._relations.book.active, *([self.book.active] if self.book.active else [])]
         return sorted(found, key=lambda alert: -LEVELS.index(alert.level))
 
     @property
     def alarmed(self) -> bool:
         """Whether an alert is in force."""
-        return self.book.active is not None or bool(self.redundancy_book.state.active)
+        return self.book.active is not None or bool(self._relations.book.active)
 
     def take_over(self, alert: AlertView) -> None:
         """What was done to an alert in force counts; one that was cleared is followed no longer."""
@@ -283,10 +279,8 @@ class VehicleMonitor:
                 self.book.dismiss()
             else:
                 self.book.take_over(alert)
-        elif alert.state is AlertState.CLEARED:
-            self.redundancy_book.dismiss(self._redundancy, alert.id, self.last_sample_time_s or 0.0)
         else:
-            self.redundancy_book.take_over(alert)
+            self._relations.take_over(alert, self.last_sample_time_s or 0.0)
 
     def dismiss(self, by_person: bool) -> None:
         """The airframe's alert in force was cleared after this state was saved.
@@ -312,11 +306,10 @@ class VehicleMonitor:
 
     def follow(self, solution: Solution) -> AlertView | None:
         """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
-        due = np.flatnonzero(self._to_relate.time_s == solution.time_s)
-        self._relate(int(due[0]) + 1 if due.size else 0)
+        self._relations.up_to(solution.time_s, self.book.active is not None)
         changed = self._judge_solution(solution)
-        if changed is not None and changed.state is AlertState.ACTIVE:
-            self._raised += self.redundancy_book.explained(self._redundancy, changed, solution.time_s)
+        if changed is not None:
+            self._relations.explain(changed, solution.time_s)
         before, self._memory.latest = self._memory.latest, solution
         self._update_state(solution, before)
         return changed
@@ -326,8 +319,7 @@ class VehicleMonitor:
 
         Who is on the ground or stalled is not observable.
         """
-        self._relate(len(self._to_relate))
-        raised, self._raised = self._raised, []
+        raised = self._relations.rest(self.book.active is not None)
         if raised and self.alarmed and self.state is not VehicleState.DEGRADED:
             self._memory.state, self._memory.state_since_s = VehicleState.DEGRADED, raised[0].raised_s
         if self._memory.regime.waits and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
@@ -344,15 +336,9 @@ class VehicleMonitor:
         They come late by the largest delay: what belongs to an instant has to have been seen.
         """
         aligned = self._aligner.feed(self.cleaner.clean(block).block)
-        self._to_relate = self._regime.select(self._memory.regime, aligned)
-        return self._to_relate
-
-    def _relate(self, rows: int) -> None:
-        """Redundancy takes the next rows: those up to a solution before it is judged, so that cuts change nothing."""
-        block, self._to_relate = self._to_relate.values[:rows], SampleBlock(self._to_relate.values[rows:])
-        alarmed = self.book.active is not None
-        for second in self.chain.redundancy.feed(self._redundancy, SampleBlock(block)):
-            self._raised += self.redundancy_book.follow(self._redundancy, second, alarmed)
+        used = self._regime.select(self._memory.regime, aligned)
+        self._relations.wait(used)
+        return used
 
     @property
     def _founded_by_file(self) -> bool:
@@ -373,7 +359,7 @@ class VehicleMonitor:
         closed = [
             (m, m.block)
             for s in self._compared
-            if (m := solution.modes[s.name]).block is not None and not self.redundancy_book.doubts(s.states)
+            if (m := solution.modes[s.name]).block is not None and not self._relations.book.doubts(s.states)
         ]  # what a wrong reading makes of derivatives is neither a change nor to be learned
         if not closed:
             return None
@@ -552,8 +538,7 @@ class VehicleMonitor:
             return ()
         if self._could_see is None or not 0.0 <= now_s - self._could_see[0] < _COULD_SEE_S:
             airframe = self.judge.smallest_seen(self._judge_state) if self._compared else {}
-            relations = self.chain.redundancy.could_see(self._redundancy)
-            self._could_see = now_s, could_see(airframe, relations)
+            self._could_see = now_s, could_see(airframe, self._relations.could_see())
         return self._could_see[1]
 
     def view(self, state: VehicleState | None = None) -> VehicleView:

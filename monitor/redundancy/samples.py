@@ -34,7 +34,23 @@ from wingwatch.monitor.redundancy.layout import (
 )
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
 
-__all__ = ["Memory", "Model", "Segment", "new_memory", "new_segment", "take_samples"]
+__all__ = [
+    "DRIFT",
+    "END_S",
+    "GOING",
+    "MOST_REPEATS",
+    "REPEATS",
+    "SEGMENT_S",
+    "SHORT_S",
+    "START_S",
+    "Memory",
+    "Model",
+    "Segment",
+    "new_memory",
+    "new_segment",
+    "take_samples",
+    "thrust_n",
+]
 
 Array = NDArray[np.float64]
 
@@ -51,14 +67,14 @@ FORCED_S, SHORT_S = 0.5, 0.3
 """An innovation beyond its limit begins a segment, ``FORCED_S`` after the last at the earliest; that one is short."""
 
 (
-    _X, _VARIANCE, _RATE, _GOING, _LAST, _DRIFT, _READING, _SINCE_S, _REPEATS, _MOST_REPEATS,
+    _X, _VARIANCE, _RATE, GOING, _LAST, DRIFT, _READING, _SINCE_S, REPEATS, MOST_REPEATS,
 ) = range(10)  # fmt: skip
 """Numbers of ``Memory.scalar``."""
 _SAMPLES, _SQUARE, _PRODUCTS, _LEFT = range(4)
 """Numbers of ``Segment.scalar``."""
 (
-    _STAMP_S, _END_S, _ROLL_RATE, _PITCH_RATE, _YAW_RATE, _AIRSPEED_SMOOTH, _THROTTLE_SMOOTH,
-    _START_S, _FORCED_AT_S, _NORTHWARD, _EASTWARD,
+    _STAMP_S, END_S, _ROLL_RATE, _PITCH_RATE, _YAW_RATE, _AIRSPEED_SMOOTH, _THROTTLE_SMOOTH,
+    START_S, _FORCED_AT_S, _NORTHWARD, _EASTWARD,
 ) = range(11)  # fmt: skip
 """Numbers of ``Memory.clock``."""
 _N = len(RELATIONS)
@@ -145,8 +161,8 @@ class _Signals(NamedTuple):
 
 def new_memory(drift: Array) -> Memory:
     """Before the first sample; ``drift`` (relations,) as it is stated."""
-    scalar = np.zeros((_N, _MOST_REPEATS + 1))
-    scalar[:, _DRIFT] = drift
+    scalar = np.zeros((_N, MOST_REPEATS + 1))
+    scalar[:, DRIFT] = drift
     scalar[:, _READING] = np.nan
     clock = np.full(_EASTWARD + 1, np.nan)
     return Memory(scalar, np.zeros((_N, COLUMNS)), np.zeros((2, _N, COLUMNS)), np.full((3, 3), np.nan), clock)
@@ -228,7 +244,7 @@ def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untype
         to.d[relation, 3] = 1.0
         noise = model.gyro_variance[relation - ROLL]
         if dt > 0.0:
-            noise = max(noise, memory.scalar[relation, _DRIFT] * model.noise_variance[relation] / dt)
+            noise = max(noise, memory.scalar[relation, DRIFT] * model.noise_variance[relation] / dt)
         if row[_P + relation - ROLL] ** 2 < MANOEUVRE**2 * noise:
             psi[relation, 1] = psi[relation, 2] = 0.0
 
@@ -286,13 +302,13 @@ def _air(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     to.z[ALPHA] = flow[14]
     rate[ALPHA] = q - (p * cos_a + r * sin_a) * sin_b / cos_b + across / (v * cos_b)
     d[ALPHA, 0], d[ALPHA, 2] = 1.0, -filtered[ALPHA, _RATE]
-    d[ALPHA, 1] = filtered[ALPHA, _X] if filtered[ALPHA, _GOING] > 0.0 else flow[14]
+    d[ALPHA, 1] = filtered[ALPHA, _X] if filtered[ALPHA, GOING] > 0.0 else flow[14]
     psi[ALPHA, 3], psi[ALPHA, 4], psi[ALPHA, 5] = -cos_a / (v * cos_b), -1.0, across / (v * cos_b)
 
     to.z[BETA] = flow[15]
     rate[BETA] = p * sin_a - r * cos_a + (ay * cos_b - ahead * sin_b) / v
     d[BETA, 0], d[BETA, 2] = 1.0, -filtered[BETA, _RATE]
-    d[BETA, 1] = filtered[BETA, _X] if filtered[BETA, _GOING] > 0.0 else flow[15]
+    d[BETA, 1] = filtered[BETA, _X] if filtered[BETA, GOING] > 0.0 else flow[15]
     psi[BETA, 3], psi[BETA, 4] = -cos_b / v, cos_a
     psi[BETA, 5] = -GRAVITY_M_S2 * cos_p * cos_t * cos_b / v
 
@@ -344,14 +360,14 @@ def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
     z, rate, psi, d = to.z[i], to.rate[i], to.psi[i], to.d[i]
     variance, leaky = model.noise_variance[i], not math.isinf(model.leak_s[i])
     if math.isnan(rate):
-        scalar[i, _GOING] = 0.0
+        scalar[i, GOING] = 0.0
         return
-    if scalar[i, _GOING] == 0.0:
+    if scalar[i, GOING] == 0.0:
         memory.effect_rate[0, i], memory.effect_rate[1, i] = psi, psi
-    if scalar[i, _GOING] > 0.0 and dt > 0.0:
+    if scalar[i, GOING] > 0.0 and dt > 0.0:
         decay = math.exp(-dt / model.leak_s[i]) if leaky else 1.0
         scalar[i, _X] = scalar[i, _X] * decay + 0.5 * dt * (rate + scalar[i, _RATE])
-        scalar[i, _VARIANCE] = scalar[i, _VARIANCE] * decay * decay + scalar[i, _DRIFT] * variance * dt
+        scalar[i, _VARIANCE] = scalar[i, _VARIANCE] * decay * decay + scalar[i, DRIFT] * variance * dt
         for j in range(COLUMNS):
             effect[i, j] = effect[i, j] * decay + dt * memory.effect_rate[1, i, j]
         segment.scalar[i, _LEFT] *= decay
@@ -360,10 +376,10 @@ def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
     scalar[i, _RATE] = rate
     if math.isnan(z):
         return
-    if scalar[i, _GOING] == 0.0 or dt == 0.0:
-        scalar[i, _GOING], scalar[i, _LAST] = 1.0, 0.0
+    if scalar[i, GOING] == 0.0 or dt == 0.0:
+        scalar[i, GOING], scalar[i, _LAST] = 1.0, 0.0
         scalar[i, _X] = 0.0 if leaky else z
-        scalar[i, _VARIANCE] = 0.5 * scalar[i, _DRIFT] * variance * model.leak_s[i] if leaky else variance
+        scalar[i, _VARIANCE] = 0.5 * scalar[i, DRIFT] * variance * model.leak_s[i] if leaky else variance
         segment.scalar[i, _LEFT] = 0.0
         for j in range(COLUMNS):
             effect[i, j] = 0.0 if leaky else -d[j]
@@ -402,12 +418,12 @@ def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-de
     """A relation's own reading: how often it repeats; one that repeats for less than ``HELD_S`` is none."""
     last = memory.scalar[i]
     if reading == last[_READING]:
-        last[_REPEATS] += 1.0
+        last[REPEATS] += 1.0
         if time_s - last[_SINCE_S] < HELD_S:
             to.z[i] = np.nan
     elif not math.isnan(reading):
-        last[_MOST_REPEATS] = max(last[_REPEATS], last[_MOST_REPEATS])
-        last[_READING], last[_SINCE_S], last[_REPEATS] = reading, time_s, 0.0
+        last[MOST_REPEATS] = max(last[REPEATS], last[MOST_REPEATS])
+        last[_READING], last[_SINCE_S], last[REPEATS] = reading, time_s, 0.0
 
 
 @whole
@@ -416,14 +432,14 @@ def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
     z, rate = to.z, to.rate
     for i in range(_N):
         scalar = memory.scalar[i]
-        if not model.active[i] or scalar[_GOING] == 0.0 or math.isnan(z[i]) or math.isnan(rate[i]):
+        if not model.active[i] or scalar[GOING] == 0.0 or math.isnan(z[i]) or math.isnan(rate[i]):
             continue
         decay = 1.0 if math.isinf(model.leak_s[i]) else math.exp(-dt / model.leak_s[i])
         e = z[i] - scalar[_X] * decay - 0.5 * dt * (rate[i] + scalar[_RATE])
         if i in (ROLL, HEADING):
             e -= _TURN * math.floor(e / _TURN + 0.5)
         variance = model.noise_variance[i]
-        total = scalar[_VARIANCE] * decay * decay + scalar[_DRIFT] * variance * dt + variance
+        total = scalar[_VARIANCE] * decay * decay + scalar[DRIFT] * variance * dt + variance
         if e * e > limit[i] * total:
             return True
     return False
@@ -452,9 +468,9 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
         dt = row[_T] - clock[_STAMP_S]
         if not 0.0 < dt <= MAX_GAP_S:
             dt = 0.0
-        if math.isnan(clock[_END_S]):
-            clock[_END_S], clock[_START_S] = row[_T] + SEGMENT_S, row[_T]
-        if row[_T] >= clock[_END_S] or row[_T] < clock[_END_S] - 2.0 * SEGMENT_S:
+        if math.isnan(clock[END_S]):
+            clock[END_S], clock[START_S] = row[_T] + SEGMENT_S, row[_T]
+        if row[_T] >= clock[END_S] or row[_T] < clock[END_S] - 2.0 * SEGMENT_S:
             return n
         before[:] = clock
         servos[:] = memory.servo
@@ -491,7 +507,7 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
         if dt > 0.0 and rested and _surprises(dt, to, model, memory, limit):
             clock[:] = before
             memory.servo[:] = servos
-            clock[_END_S] = clock[_FORCED_AT_S] = row[_T]
+            clock[END_S] = clock[_FORCED_AT_S] = row[_T]
             return n
         for i in range(_N):
             if not model.active[i]:

@@ -23,8 +23,14 @@ from wingwatch.monitor.redundancy.evidence import (
 from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES, USED_BY, Hypothesis, recovery_from
 from wingwatch.monitor.redundancy.layout import ALPHA, BETA, FLOORS, RELATIONS
 from wingwatch.monitor.redundancy.samples import (
+    DRIFT,
+    END_S,
+    GOING,
+    MOST_REPEATS,
+    REPEATS,
     SEGMENT_S,
     SHORT_S,
+    START_S,
     Memory,
     Segment,
     new_memory,
@@ -171,8 +177,8 @@ class RedundancyWatch:
             state.reference.forget(i)
             for segment in state.segments:
                 segment.forget(i)
-            state.memory.scalar[i, 3] = (
-                0.0  # its filter starts anew: what the fault has left in it is none of it
+            state.memory.scalar[i, GOING] = (
+                0.0  # its filter starts anew, without what the fault has left in it
             )
             state.segment.forget(i)
             state.learns_until_s[i] = now_s + LEARNING_S
@@ -201,12 +207,12 @@ class RedundancyWatch:
 
     def _close(self, state: RedundancyState, next_s: float) -> Second:
         clock = state.memory.clock
-        start_s, end_s = float(clock[7]), float(clock[1])
+        start_s, end_s = float(clock[START_S]), float(clock[END_S])
         segment = closed(state.segment, start_s, end_s - start_s)
         goes_on = 0.0 <= next_s - end_s < SEGMENT_S
         forced = next_s == end_s and segment.seconds < SEGMENT_S
-        clock[7] = end_s if goes_on else np.nan
-        clock[1] = end_s + (SHORT_S if forced else SEGMENT_S) if goes_on else np.nan
+        clock[START_S] = end_s if goes_on else np.nan
+        clock[END_S] = end_s + (SHORT_S if forced else SEGMENT_S) if goes_on else np.nan
         state.segment = new_segment()
         state.segment.start[:] = state.memory.effect
         if end_s < state.looked_s - SEGMENT_S:  # the clock was set back
@@ -289,7 +295,7 @@ class RedundancyWatch:
         """
         floors = FLOORS.copy()
         for i in (ALPHA, BETA):
-            gusts = state.memory.scalar[i, 5] * self.model.noise_variance[i]
+            gusts = state.memory.scalar[i, DRIFT] * self.model.noise_variance[i]
             floors[i] *= np.sqrt(1.0 + gusts / FLOORS[i, 0] ** 2)
         return floors
 
@@ -297,7 +303,7 @@ class RedundancyWatch:
         """Relations' drifts follow the correlation of their innovations."""
         correlation = segment.products / np.maximum(segment.square, 1e-9)
         step = segment.seconds * np.clip(_DRIFT_GAIN * correlation, -0.5, 0.5)
-        drift = state.memory.scalar[:, 5]
+        drift = state.memory.scalar[:, DRIFT]
         drift[which] = np.clip(drift * np.exp(step), self._least_drift, _DRIFTS[1])[which]
 
     def _note_scatter(self, state: RedundancyState, seconds: float, score: Array, which: Flags) -> None:
@@ -324,4 +330,4 @@ class RedundancyWatch:
 def _repeated(state: RedundancyState) -> Array:
     """How often each relation's reading has repeated over how often it did before, at most."""
     scalar = state.memory.scalar
-    return np.asarray(scalar[:, 8] / np.maximum(scalar[:, 9], LEAST_REPEATED))
+    return np.asarray(scalar[:, REPEATS] / np.maximum(scalar[:, MOST_REPEATS], LEAST_REPEATED))

@@ -11,7 +11,7 @@ import pytest
 from fleet_hall import AEROSONDE, fly_doublets
 from monitor_flights import bits, pieces
 
-from wingwatch.aircraft import Aircraft, FlightCondition
+from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.estimators import EkfEstimator
 from wingwatch.monitor import Report, VehicleMonitor
 from wingwatch.monitor.alerts import AlertBook, BookState
@@ -30,6 +30,7 @@ from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.monitor_state import MonitorState, SavedMode, SavedSolution
 from wingwatch.monitor.monitors import MonitorMaker
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.redundancy import RedundancyWatch, VehicleRelations
 from wingwatch.monitor.supervision import ModeSolution
 from wingwatch.monitor.together import feed_together
 from wingwatch.simulation import ElevatorEffectiveness, Scenario, doublet_schedule, simulate
@@ -277,6 +278,8 @@ def test_no_state_is_forgotten() -> None:
     assert names(AlertBook) - {"fleet", "vehicle", "new_id"} == names(BookState)
     assert attributes(CellBook({})) == {"coordinates", "state"}
     assert names(CellBookState) == {"accounts", "visits", "changed"}
+    relations = VehicleRelations(RedundancyWatch(load_aircraft("aerosonde"), (), {}), "f", "v", str)
+    assert attributes(relations) == {"watch", "book", "state"} | {"waiting", "raised"}  # of the last call
     assert names(ChainState) - {"lane"} == names(SavedChain) - {"estimators"}
     assert names(ModeSolution) - {"pair", "made"} - {"_made"} == names(SavedMode)
     assert names(SavedSolution) == {"time_s", "modes"}
@@ -291,10 +294,6 @@ def test_no_state_is_forgotten() -> None:
         "judge",
         "regime",
     }
-    state = {"cleaner", "aligner", "chain_state", "cells", "judge_state", "book", "memory"} | {
-        "redundancy",
-        "redundancy_book",
-    }
+    state = {"cleaner", "aligner", "chain_state", "cells", "judge_state", "book", "memory", "relations"}
     worked_out = {"worst", "could_see"}  # of the last solution, when somebody asks
-    answer = {"raised", "to_relate"}  # of the last call, and its samples
-    assert attributes(Case(fly_doublets(1.0)).monitor()) == settings | state | worked_out | answer
+    assert attributes(Case(fly_doublets(1.0)).monitor()) == settings | state | worked_out

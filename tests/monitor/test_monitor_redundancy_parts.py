@@ -10,7 +10,14 @@ from wingwatch.aircraft import load_aircraft, propulsion_thrust_n
 from wingwatch.monitor.redundancy.evidence import Changes, Reference, changes_since, closed, merged
 from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES, USED_BY
 from wingwatch.monitor.redundancy.layout import COLUMNS, FLOORS, PITCH, RELATIONS, parameter_index
-from wingwatch.monitor.redundancy.samples import new_memory, new_segment, take_samples, thrust_n
+from wingwatch.monitor.redundancy.samples import (
+    END_S,
+    START_S,
+    new_memory,
+    new_segment,
+    take_samples,
+    thrust_n,
+)
 from wingwatch.monitor.redundancy.sequential import rank
 from wingwatch.monitor.redundancy.set_up import model_of
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS
@@ -39,9 +46,9 @@ def _segments(values: np.ndarray) -> list:  # type: ignore[type-arg]
     while first < len(rows):
         first = take_samples(rows, first, model, memory, segment, np.full(N, np.inf))
         if first < len(rows):
-            found.append(closed(segment, float(memory.clock[7]), 1.0))
-            memory.clock[7] = memory.clock[1]
-            memory.clock[1] += 1.0
+            found.append(closed(segment, float(memory.clock[START_S]), 1.0))
+            memory.clock[START_S] = memory.clock[END_S]
+            memory.clock[END_S] += 1.0
             segment = new_segment()
             segment.start[:] = memory.effect
     return found
