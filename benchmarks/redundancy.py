@@ -87,7 +87,7 @@ class Flown:
     """A flight and every version of its alerts."""
 
     drawn: Drawn
-    told: Sequence[AlertView]
+    versions: Sequence[AlertView]
 
     @property
     def onset_s(self) -> float:
@@ -97,12 +97,12 @@ class Flown:
     @property
     def early(self) -> list[AlertView]:
         """Alerts while nothing was wrong, as they stood last."""
-        return list({a.id: a for a in self.told if a.raised_s < self.onset_s}.values())
+        return list({a.id: a for a in self.versions if a.raised_s < self.onset_s}.values())
 
     @property
     def first(self) -> AlertView | None:
         """The first alert after the onset, as it stood last; None after an early one."""
-        found = [a for a in self.told if a.raised_s >= self.onset_s]
+        found = [a for a in self.versions if a.raised_s >= self.onset_s]
         if not found or self.early:
             return None
         return [a for a in found if a.id == found[0].id][-1]
@@ -151,7 +151,7 @@ def _fly(aircraft: Aircraft, drawn: Sequence[Drawn], seconds: float) -> list[Flo
             )
         )  # fmt: skip
     simulation, monitors = FleetSimulation(scenarios, RATE_HZ), list[VehicleMonitor]()
-    told: list[list[AlertView]] = [[] for _ in drawn]
+    versions: list[list[AlertView]] = [[] for _ in drawn]
     for _ in range(round(seconds)):
         for i, values in enumerate(simulation.step(round(RATE_HZ))):
             given = SampleBlock(values)
@@ -165,8 +165,8 @@ def _fly(aircraft: Aircraft, drawn: Sequence[Drawn], seconds: float) -> list[Flo
                     )
                 )  # fmt: skip
             for start in range(0, len(block), 10):
-                told[i] += monitors[i].feed(SampleBlock(block.values[start : start + 10])).alerts
-    return [Flown(d, t) for d, t in zip(drawn, told, strict=True)]
+                versions[i] += monitors[i].feed(SampleBlock(block.values[start : start + 10])).alerts
+    return [Flown(d, t) for d, t in zip(drawn, versions, strict=True)]
 
 
 def _row(name: str, flown: Sequence[Flown]) -> str:

@@ -33,7 +33,7 @@ _STATES_FROM = {
 }  # fmt: skip
 """States of the modes whose derivatives a channel at fault makes wrong."""
 MOVED = 2.0
-"""Standard errors by which a size has moved when it is told anew."""
+"""Standard errors by which a size has moved when it is versions anew."""
 SETTLES_S = 6.0
 """So long the size is followed; then the name is looked at once more."""
 LEAST_CANDIDATE = 0.02
@@ -92,10 +92,10 @@ class RedundancyBook:
             second: of the watch.
             airframe_alarmed: an alert about the airframe is in force, so that a changed drag needs no name.
         """
-        told = self._follow_known(state, second)
+        versions = self._follow_known(state, second)
         if second.finding is not None:
-            told += self._look(state, second, second.finding, airframe_alarmed)
-        return told
+            versions += self._look(state, second, second.finding, airframe_alarmed)
+        return versions
 
     def dismiss(self, state: RedundancyState, alert_id: str, now_s: float) -> None:
         """Someone has cleared an alert in force; its relations learn what is now."""
@@ -108,14 +108,14 @@ class RedundancyBook:
 
     def explained(self, state: RedundancyState, by: AlertView, now_s: float) -> list[AlertView]:
         """An alert about the airframe explains a changed drag: the alert of that is cleared."""
-        told = []
+        versions = []
         for k in reversed(range(len(state.faults))):
             if state.faults[k].cause == "drag":
                 cleared = self._cleared(state, k, now_s)
-                told.append(
+                versions.append(
                     replace(cleared, note=(*cleared.note, f"wingwatch: explained by {by.cause} ({by.id})"))
                 )
-        return told
+        return versions
 
     def take_over(self, alert: AlertView) -> None:
         """An alert in force gets the state, notes and shelving of another version of it."""
@@ -137,12 +137,12 @@ class RedundancyBook:
         state.faults.append(fault)
 
     def _follow_known(self, state: RedundancyState, second: Second) -> list[AlertView]:
-        told: list[AlertView] = []
+        versions: list[AlertView] = []
         for k in reversed(range(len(self.state.active))):
             fault, alert = state.faults[k], self.state.active[k]
             if fault.repeated is not None:
                 if not self._watch.repeats(state, fault.repeated):
-                    told.append(self._cleared(state, k, second.time_s))
+                    versions.append(self._cleared(state, k, second.time_s))
                 continue
             if fault.settled:
                 continue
@@ -150,11 +150,11 @@ class RedundancyBook:
                 changed := self._corrected(fault, alert, second, second.followed)
             ):
                 self.state.active[k] = changed
-                told.append(changed)
+                versions.append(changed)
             if second.time_s - alert.raised_s >= SETTLES_S:
                 fault.settled = True
                 self._watch.learn_anew(state, self._watch.users_of(fault), second.time_s)
-        return told
+        return versions
 
     def _corrected(
         self, fault: KnownFault, alert: AlertView, second: Second, followed: Finding
@@ -186,10 +186,10 @@ class RedundancyBook:
     def _look(
         self, state: RedundancyState, second: Second, finding: Finding, airframe_alarmed: bool
     ) -> list[AlertView]:
-        told = self._ended(state, second, finding)
-        if told or finding.log_statistic < LOG_THRESHOLD:
+        versions = self._ended(state, second, finding)
+        if versions or finding.log_statistic < LOG_THRESHOLD:
             self.state.crossed_s = float("nan")
-            return told
+            return versions
         best, probability = finding.ranked[0], finding.probabilities[0]
         cause, channel = best.hypothesis.cause, best.hypothesis.channel
         known = next(
@@ -218,15 +218,15 @@ class RedundancyBook:
 
     def _ended(self, state: RedundancyState, second: Second, finding: Finding) -> list[AlertView]:
         """Alerts of faults that are gone by odds of ``ENDED``."""
-        told = []
+        versions = []
         for r in finding.ranked:
             if r.hypothesis.cause == "recovered" and r.log_factor >= np.log(ENDED):
                 gone = next(
                     (k for k, f in enumerate(state.faults) if f.channel == r.hypothesis.channel), None
                 )
                 if gone is not None:
-                    told.append(self._cleared(state, gone, second.time_s))
-        return told
+                    versions.append(self._cleared(state, gone, second.time_s))
+        return versions
 
     def _grown(self, state: RedundancyState, k: int, more: Ranked, second: Second) -> list[AlertView]:
         """A fault that has settled has changed by a size."""
@@ -254,7 +254,7 @@ class RedundancyBook:
         if not clear and h.cause != "unknown":
             which = [r for r in finding.ranked[:2] if r.hypothesis.cause != "unknown"]
             names = ", or ".join(_named(r.hypothesis, r.size, r.standard_error) for r in which)
-            text = f"{names}, since about {onset_s:.0f} s: not told apart yet. Inspect."
+            text = f"{names}, since about {onset_s:.0f} s: not versions apart yet. Inspect."
         return AlertView(
             id=alert_id, fleet=self._fleet, vehicle=self._vehicle, kind=kind, cause=cause,
             level=h.level(best.size), state=AlertState.ACTIVE, raised_s=second.time_s, cleared_s=None, size=best.size,

@@ -5,8 +5,8 @@ there all the time are E, and those of a change since the onset (E, f) T. The co
 sums before and since,
 
     L = P0^-1 + sum of J_EE,   g = sum of h_E
-    K = T'J T - (T'J)_E L^-1 (J T)_E,      y = T'h - (T'J)_E L^-1 g                                             (2)
-    Q = sum of e^2 - (g'L^-1 g - g_0'L_0^-1 g_0)                                                                (3)
+    K = T'J T - (T'J)_E L^-1 (J T)_E,      y = T'h - (T'J)_E L^-1 g                                             (3)
+    Q = sum of e^2 - (g'L^-1 g - g_0'L_0^-1 g_0)                                                                (4)
 
 with L_0, g_0 those before the onset. All are in units of the relation's own variance, as the flight has shown it.
 """
@@ -49,7 +49,7 @@ class Closed:
         information, vector, start: as in ``Segment``.
         samples, square, products, decay: (relations,): samples; sum of e2/S; of products of e/S^(1/2)
             with the one before; f at the end.
-        excess: (relations,), Q of (3) by what was known before it.
+        excess: (relations,), Q of (4) by what was known before it.
     """
 
     start_s: float
@@ -85,7 +85,7 @@ class Reference:
     Attributes:
         information, vector: of the constant part, in units of e's own variance.
         samples, excess: of the variance.
-        scatter: mean square of segments' scores over what (2) states.
+        scatter: mean square of segments' scores over what (3) states.
     """
 
     information: Array = field(default_factory=lambda: np.zeros((_N, COLUMNS, COLUMNS)))
@@ -112,11 +112,11 @@ class Reference:
 
 
 class Changes(NamedTuple):
-    """(2) and (3) by onset, (m, relations, ...), in units of each relation's variance times its scatter.
+    """(3) and (4) by onset, (m, relations, ...), in units of each relation's variance times its scatter.
 
     ``information``, ``vector``: K and y; ``square``: Q; ``samples``: as many as count; ``variance``: of e2/S before the
     onset; ``at_rest``: Q/2 in units of the variance before the latest onset, less n/2 times the logarithm of the ratio
-    of both: what is told against noise as it was last has one base, whatever the onset.
+    of both: what is compared with noise as it was last has one base, whatever the onset.
     """
 
     information: Array
@@ -235,7 +235,7 @@ def scored(
     found = changes_since(reference, [*earlier, segment], [len(earlier)])
     unit = found.variance[0] * reference.scatter
     weight = found.information[0]
-    covariance = weight + weight @ (floors[:, :, None] ** 2 * weight)  # of y, where parameters wander
+    covariance = weight + weight @ (floors[:, :, None] ** 2 * weight)  # of y, where parameters vary
     values, vectors = np.linalg.eigh(covariance)
     most = np.max(np.abs(values), axis=-1, keepdims=True)
     good = values > 1e-9 * most + 1e-300

@@ -2,7 +2,7 @@
 
 With d, psi and tau of ``layout``, and P, K those of the scalar Kalman filter of x, whose prediction errors are e,
 
-    x <- x e^(-dt/tau) + dt rate + K e,     E = X + d,     X <- X e^(-dt/tau) + dt psi - K E                      (1)
+    x <- x e^(-dt/tau) + dt rate + K e,     E = X + d,     X <- X e^(-dt/tau) + dt psi - K E                      (2)
 
 psi is that of two samples ago: one with the noise that e has, too, would explain it. E delta is what faults of size
 delta make of e, where they have been there since the filter's start. A change that begins at the start of a segment has
@@ -355,7 +355,7 @@ def _ground(row, dt, memory, flow, to):  # type: ignore[no-untyped-def]
 
 @whole
 def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
-    """One relation takes one sample: (1), and the sums."""
+    """One relation takes one sample: (2), and the sums."""
     scalar, effect = memory.scalar, memory.effect
     z, rate, psi, d = to.z[i], to.rate[i], to.psi[i], to.d[i]
     variance, leaky = model.noise_variance[i], not math.isinf(model.leak_s[i])

@@ -1,12 +1,12 @@
 """The sequential test over onsets and hypotheses, by the evidence of all relations together.
 
 In units of its variance before the onset a relation's noise has precision lambda, known beforehand as if from nu
-samples: rougher air explains a large residual, too. With Q, K, y of (3), n samples since the onset, a fault of size m
-in the direction a, and w ~ N(0, W) what wanders in a healthy aircraft, delta = m a + w, the log-likelihood is
+samples: rougher air explains a large residual, too. With K, y, Q of (3) and (4), n samples since the onset, a fault of
+size m in the direction a, and w ~ N(0, W) what varies in a healthy aircraft, delta = m a + w, the log-likelihood is
 
     Q(m, w) = Q - 2 y'delta + delta'K delta
     t(Q) = ln Gamma((nu + n)/2) - ln Gamma(nu/2) - n/2 ln(nu/2) - (nu + n)/2 ln(1 + Q/nu)
-    ln L = t(Q(m, w)) - w'W^-1 w/2 - ln det(I + lambda K W)/2                                                   (4)
+    ln L = t(Q(m, w)) - w'W^-1 w/2 - ln det(I + lambda K W)/2                                                   (5)
 
 against noise as it was last and nothing changed (``Changes.at_rest``), at the mode of m and w. That is the mode of a
 Gaussian with lambda = (nu + n)/(nu + Q(m, w)): a few steps of one after the other. W does not grow with the noise.
@@ -64,7 +64,7 @@ class Finding(NamedTuple):
     probabilities: Sequence[float]
 
 
-class _Wander(NamedTuple):
+class _Variation(NamedTuple):
     """W^(1/2) K W^(1/2) = U diag(``spread``) U', ``axes`` = U'W^(1/2), ``pull`` = U'W^(1/2) y; by onset (m, ...)."""
 
     spread: Array
@@ -73,12 +73,12 @@ class _Wander(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """One relation's part in a hypothesis, by onset: a'y, a'Ka, U'W^(1/2)Ka, and what (4) needs besides."""
+    """One relation's part in a hypothesis, by onset: a'y, a'Ka, U'W^(1/2)Ka, and what (5) needs besides."""
 
     pulled: Array
     total: Array
     across: Array
-    wander: _Wander
+    variation: _Variation
     square: Array
     samples: Array
     at_rest: Array
@@ -96,10 +96,12 @@ def rank(
         hypotheses: those that compete.
         least: hypotheses whose relations together could not gain so many nats, whatever had changed, are left out.
     """
-    wander = _wander(changes.information, changes.vector, floors)
+    variation = _variation(changes.information, changes.vector, floors)
     nothing = np.zeros(changes.vector.shape)
-    by_wander = _log_likelihoods([_part_of(changes, nothing, wander)], None)[0].sum(axis=0)
-    log_null = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(by_wander)) + logsumexp(by_wander, axis=0))
+    by_variation = _log_likelihoods([_part_of(changes, nothing, variation)], None)[0].sum(axis=0)
+    log_null = np.logaddexp(
+        np.log(0.5), np.log(0.5) - np.log(len(by_variation)) + logsumexp(by_variation, axis=0)
+    )
     values, vectors = np.linalg.eigh(changes.information)
     along = (np.swapaxes(vectors, -1, -2) @ changes.vector[..., None])[..., 0]
     seen = values > 1e-9 * values[..., -1:] + 1e-300
@@ -107,7 +109,7 @@ def rank(
     gain = _student(np.maximum(changes.square - most, 0.0), changes.samples) + changes.at_rest
     most_of_each = np.maximum(gain - log_null, 0.0).max(axis=0)
     ranked = [
-        _ranked(hypothesis, changes, floors, wander, by_wander, log_null)
+        _ranked(hypothesis, changes, floors, variation, by_variation, log_null)
         for hypothesis in hypotheses
         if sum(most_of_each[i] for i in hypothesis.effects) > least
     ]
@@ -130,29 +132,29 @@ def _log_weights(hypotheses: Sequence[Hypothesis]) -> Array:
     return np.log(np.where(unknown, UNKNOWN_WEIGHT / _UNKNOWN, (1.0 - UNKNOWN_WEIGHT) / _CAUSES))
 
 
-def _wander(information: Array, vector: Array, std: Array) -> _Wander:
+def _variation(information: Array, vector: Array, std: Array) -> _Variation:
     spread, axes = np.linalg.eigh(std[..., :, None] * information * std[..., None, :])
     axes = np.swapaxes(axes, -1, -2) * std[..., None, :]
-    return _Wander(np.maximum(spread, 0.0), axes, (axes @ vector[..., None])[..., 0])
+    return _Variation(np.maximum(spread, 0.0), axes, (axes @ vector[..., None])[..., 0])
 
 
-def _part_of(changes: Changes, direction: Array, wander: _Wander) -> _Part:
+def _part_of(changes: Changes, direction: Array, variation: _Variation) -> _Part:
     """All relations at once, a direction for each (m, relations, columns)."""
     moved = (changes.information @ direction[..., None])[..., 0]
     return _Part(
         np.sum(direction * changes.vector, axis=-1), np.sum(direction * moved, axis=-1),
-        (wander.axes @ moved[..., None])[..., 0], wander, changes.square, changes.samples,
+        (variation.axes @ moved[..., None])[..., 0], variation, changes.square, changes.samples,
         changes.at_rest,
     )  # fmt: skip
 
 
-def _parts(hypothesis: Hypothesis, changes: Changes, floors: Array, wander: _Wander) -> list[_Part]:
+def _parts(hypothesis: Hypothesis, changes: Changes, floors: Array, variation: _Variation) -> list[_Part]:
     parts = []
     for i, effect in hypothesis.effects.items():
         own = Changes(*(part[:, i] for part in changes))
-        of_it = _Wander(*(part[:, i] for part in wander))
+        of_it = _Variation(*(part[:, i] for part in variation))
         if effect.free.any():
-            of_it = _wander(own.information, own.vector, np.hypot(floors[i], effect.free))
+            of_it = _variation(own.information, own.vector, np.hypot(floors[i], effect.free))
         parts.append(_part_of(own, np.broadcast_to(effect.direction, own.vector.shape), of_it))
     return parts
 
@@ -161,19 +163,19 @@ def _ranked(
     hypothesis: Hypothesis,
     changes: Changes,
     floors: Array,
-    wander: _Wander,
-    by_wander: Array,
+    variation: _Variation,
+    by_variation: Array,
     log_null: Array,
 ) -> Ranked:
-    """A relation for which the hypothesis does no more than nothing at all may have wandered at another onset."""
-    parts = _parts(hypothesis, changes, floors, wander)
+    """A relation for which the hypothesis does no more than nothing at all may have varied at another onset."""
+    parts = _parts(hypothesis, changes, floors, variation)
     prior = hypothesis.size_std**-2.0 if hypothesis.size_std > 0.0 else None
     by_relation, size, curvature = _log_likelihoods(
         parts, 1.0 if prior is None else prior, fixed=prior is None
     )
     error, logs = np.zeros(len(size)), np.zeros(len(size))
     for i, own in zip(hypothesis.effects, by_relation, strict=True):
-        logs += np.logaddexp(own - log_null[i], np.minimum(own - by_wander[:, i], 0.0)) - np.log(2.0)
+        logs += np.logaddexp(own - log_null[i], np.minimum(own - by_variation[:, i], 0.0)) - np.log(2.0)
     if prior is not None:
         error = 1.0 / np.sqrt(curvature)
         logs = logs - 0.5 * size**2 * prior + 0.5 * np.log(prior) + np.log(error)
@@ -185,7 +187,7 @@ def _ranked(
 
 
 def _student(square: Array, samples: Array) -> Array:
-    """t(Q) of (4)."""
+    """t(Q) of (5)."""
     nu = VARIANCE_FREEDOM
     constant = gammaln(0.5 * (nu + samples)) - gammaln(0.5 * nu) - 0.5 * samples * np.log(0.5 * nu)
     return np.asarray(constant - 0.5 * (nu + samples) * np.log1p(square / nu))
@@ -194,7 +196,7 @@ def _student(square: Array, samples: Array) -> Array:
 def _log_likelihoods(
     parts: Sequence[_Part], prior: float | None, fixed: bool = False
 ) -> tuple[Array, Array, Array]:
-    """(4) of each part at the mode of the size (parts, m, ...), the size, and its precision (m, ...).
+    """(5) of each part at the mode of the size (parts, m, ...), the size, and its precision (m, ...).
 
     Args:
         parts: of one hypothesis.
@@ -209,20 +211,20 @@ def _log_likelihoods(
         if prior is not None and not fixed:
             curvature, pulled = np.full(size.shape, prior), np.zeros(size.shape)
             for p, by in zip(parts, precision, strict=True):
-                held = by[..., None] / (1.0 + by[..., None] * p.wander.spread)
+                held = by[..., None] / (1.0 + by[..., None] * p.variation.spread)
                 curvature += by * (p.total - np.sum(p.across * held * p.across, axis=-1))
-                pulled += by * (p.pulled - np.sum(p.across * held * p.wander.pull, axis=-1))
+                pulled += by * (p.pulled - np.sum(p.across * held * p.variation.pull, axis=-1))
             size = pulled / curvature
         logs = np.zeros((len(parts), *size.shape))
         for k, (p, by) in enumerate(zip(parts, precision, strict=True)):
-            left = p.wander.pull - size[..., None] * p.across
-            wandered = by[..., None] * left / (1.0 + by[..., None] * p.wander.spread)
+            left = p.variation.pull - size[..., None] * p.across
+            varied = by[..., None] * left / (1.0 + by[..., None] * p.variation.spread)
             square = p.square + size * (size * p.total - 2.0 * p.pulled)
-            square = square + np.sum(wandered * (p.wander.spread * wandered - 2.0 * left), axis=-1)
+            square = square + np.sum(varied * (p.variation.spread * varied - 2.0 * left), axis=-1)
             square = np.maximum(square, 0.0)
             precision[k] = (nu + p.samples) / (nu + square)
             logs[k] = _student(square, p.samples) + p.at_rest
-            logs[k] -= 0.5 * np.sum(wandered**2 + np.log1p(by[..., None] * p.wander.spread), axis=-1)
+            logs[k] -= 0.5 * np.sum(varied**2 + np.log1p(by[..., None] * p.variation.spread), axis=-1)
     return logs, size, curvature
 
 
@@ -234,12 +236,12 @@ def smallest_seen(
     That is the one whose gain, as it is expected, passes the threshold.
     """
     first = Changes(*(part[:1] for part in changes))
-    wander = _wander(first.information, first.vector, floors)
+    variation = _variation(first.information, first.vector, floors)
     found: list[float | None] = []
     for hypothesis in hypotheses:
         total = 0.0
-        for p in _parts(hypothesis, first, floors, wander):
-            total += float((p.total - np.sum(p.across**2 / (1.0 + p.wander.spread), axis=-1))[0])
+        for p in _parts(hypothesis, first, floors, variation):
+            total += float((p.total - np.sum(p.across**2 / (1.0 + p.variation.spread), axis=-1))[0])
         needed = 2.0 * (log_threshold - float(_log_weights([hypothesis])[0]))
         found.append(float(np.sqrt(needed / total)) if total > 0.0 else None)
     return found

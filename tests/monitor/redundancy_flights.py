@@ -57,10 +57,10 @@ def watched(
 ) -> tuple[VehicleMonitor, list[AlertView]]:
     """The monitor after a flight, and every version of its alerts."""
     monitor, block = monitor_of(values, hidden)
-    told: list[AlertView] = []
+    alerts: list[AlertView] = []
     for start in range(0, len(block), piece):
-        told += monitor.feed(SampleBlock(block.values[start : start + piece])).alerts
-    return monitor, told
+        alerts += monitor.feed(SampleBlock(block.values[start : start + piece])).alerts
+    return monitor, alerts
 
 
 def without_notes(alerts: Sequence[AlertView]) -> list[AlertView]:

@@ -34,26 +34,26 @@ from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 def test_a_fault_is_named_within_seconds_and_nothing_before(
     effect: str, cause: str, channel: str, kind: str, size: float, within_s: float
 ) -> None:
-    monitor, told = watched(flown(effect))
-    assert told, "nothing was noticed"
-    first = told[0]
+    monitor, alerts = watched(flown(effect))
+    assert alerts, "nothing was noticed"
+    first = alerts[0]
     assert ONSET_S <= first.raised_s <= ONSET_S + within_s
-    last = [alert for alert in told if alert.id == first.id][-1]
+    last = [alert for alert in alerts if alert.id == first.id][-1]
     assert (last.cause, last.channel, last.kind) == (cause, channel, kind)
     assert last.size == pytest.approx(size, rel=0.35)
     assert monitor.state is VehicleState.DEGRADED
     assert last.text.split(",")[0] in monitor.reason
-    assert {alert.id for alert in told} == {first.id}, "a second fault was made of the first"
-    assert {alert.kind for alert in told} <= {kind, "unexplained"}
+    assert {alert.id for alert in alerts} == {first.id}, "a second fault was made of the first"
+    assert {alert.kind for alert in alerts} <= {kind, "unexplained"}
 
 
 @pytest.mark.parametrize("turbulence", ["none", "moderate"])
-def test_lost_thrust_is_noticed_and_told_as_what_is_possible(turbulence: str) -> None:
+def test_lost_thrust_is_noticed_and_shown_as_what_is_possible(turbulence: str) -> None:
     """In steady flight drag that has grown looks alike."""
-    _, told = watched(flown("thrust_loss:0.6@50", turbulence=turbulence))
-    assert told
-    assert ONSET_S <= told[0].raised_s <= ONSET_S + 5.0
-    last = told[-1]
+    _, alerts = watched(flown("thrust_loss:0.6@50", turbulence=turbulence))
+    assert alerts
+    assert ONSET_S <= alerts[0].raised_s <= ONSET_S + 5.0
+    last = alerts[-1]
     causes = {last.cause, *(c.cause for c in last.candidates)}
     assert "thrust_loss" in causes
     assert causes <= {"thrust_loss", "unknown", "icing", "wing_damage", "sensor_bias"}
@@ -61,14 +61,14 @@ def test_lost_thrust_is_noticed_and_told_as_what_is_possible(turbulence: str) ->
 
 @pytest.mark.parametrize("turbulence", ["none", "light", "moderate", "severe"])
 def test_a_healthy_flight_is_silent(turbulence: str) -> None:
-    monitor, told = watched(flown(turbulence=turbulence, seconds=150.0, seed=21))
-    assert told == []
+    monitor, alerts = watched(flown(turbulence=turbulence, seconds=150.0, seed=21))
+    assert alerts == []
     assert monitor.state is VehicleState.HEALTHY
 
 
 def test_derivatives_are_not_compared_while_a_sensor_is_at_fault() -> None:
-    monitor, told = watched(flown("airspeed_error:0.12@50", seconds=100.0))
-    assert [a.cause for a in told if a.channel is None] == [], "a wrong airspeed was taken for damage"
+    monitor, alerts = watched(flown("airspeed_error:0.12@50", seconds=100.0))
+    assert [a.cause for a in alerts if a.channel is None] == [], "a wrong airspeed was taken for damage"
     assert monitor.last_block is not None
     assert monitor.last_block.end_s <= ONSET_S + 10.0
 
@@ -77,9 +77,9 @@ def test_a_fault_that_ends_is_cleared_and_its_relation_watched_again() -> None:
     values = flown(seconds=150.0).copy()
     rate = values[:, CHANNEL_INDEX["pitch_rate_rad_s"]]
     rate[50 * 50 : 50 * 100] += 0.02
-    monitor, told = watched(values)
-    assert "sensor_bias" in {alert.cause for alert in told}
-    cleared = told[-1]
+    monitor, alerts = watched(values)
+    assert "sensor_bias" in {alert.cause for alert in alerts}
+    cleared = alerts[-1]
     assert cleared.state is AlertState.CLEARED
     assert cleared.cleared_s is not None
     assert 100.0 <= cleared.cleared_s <= 105.0
@@ -91,21 +91,21 @@ def test_a_reading_that_moves_again_clears_its_freeze() -> None:
     values = flown(seconds=100.0).copy()
     vane = values[:, CHANNEL_INDEX["sideslip_rad"]]
     vane[50 * 50 : 50 * 70] = vane[50 * 50]
-    _, told = watched(values)
-    assert [(alert.cause, alert.channel) for alert in told] == [("sensor_freeze", "sideslip_rad")] * 2
-    assert told[-1].state is AlertState.CLEARED
-    assert told[-1].cleared_s == pytest.approx(70.0, abs=2.5)
+    _, alerts = watched(values)
+    assert [(alert.cause, alert.channel) for alert in alerts] == [("sensor_freeze", "sideslip_rad")] * 2
+    assert alerts[-1].state is AlertState.CLEARED
+    assert alerts[-1].cleared_s == pytest.approx(70.0, abs=2.5)
 
 
 def test_two_faults_of_different_parts_are_two_alerts() -> None:
-    monitor, told = watched(
+    monitor, alerts = watched(
         flown("surface_stuck[rudder]:here@50", "sensor_bias[roll_rate_rad_s]:0.03@70", seconds=90.0)
     )
     assert {(a.cause, a.channel) for a in monitor.active_alerts} == {
         ("surface_stuck", "rudder_rad"),
         ("sensor_bias", "roll_rate_rad_s"),
     }
-    assert len({alert.id for alert in told}) == 2
+    assert len({alert.id for alert in alerts}) == 2
 
 
 def test_how_samples_are_cut_changes_nothing() -> None:
@@ -131,14 +131,14 @@ def test_a_monitor_that_is_restored_amid_a_fault_says_the_same() -> None:
     )
     _, uninterrupted = watched(values)
     monitor, block = monitor_of(values)
-    told = list(monitor.feed(SampleBlock(block.values[:2570])).alerts)
+    alerts = list(monitor.feed(SampleBlock(block.values[:2570])).alerts)
     resumed, _ = monitor_of(values)
     saved = monitor.saved()
     monitor.feed(SampleBlock(block.values[2570:3500]))  # what was saved does not go on with it
     resumed.restore(saved)
     for start in range(2570, len(block), 10):
-        told += resumed.feed(SampleBlock(block.values[start : start + 10])).alerts
-    assert [(a.cause, a.channel, a.raised_s, a.size) for a in told] == [
+        alerts += resumed.feed(SampleBlock(block.values[start : start + 10])).alerts
+    assert [(a.cause, a.channel, a.raised_s, a.size) for a in alerts] == [
         (a.cause, a.channel, a.raised_s, a.size) for a in uninterrupted
     ]
 
@@ -190,13 +190,13 @@ def test_a_person_clears_an_alert_and_its_relation_learns_what_is_now() -> None:
 def test_an_alert_of_an_earlier_run_is_in_force_again(effect: str) -> None:
     """Without a checkpoint: nothing is raised a second time while the fault lasts."""
     values = flown(effect, seconds=110.0)
-    _, told = watched(values[: 60 * 50])
+    _, alerts = watched(values[: 60 * 50])
     monitor, block = monitor_of(values[56 * 50 :])
-    monitor.follow_again(told[-1])
-    assert [alert.id for alert in monitor.active_alerts] == [told[-1].id]
+    monitor.follow_again(alerts[-1])
+    assert [alert.id for alert in monitor.active_alerts] == [alerts[-1].id]
     later = [
         a
         for start in range(0, len(block), 10)
         for a in monitor.feed(SampleBlock(block.values[start : start + 10])).alerts
     ]
-    assert all(alert.id == told[-1].id for alert in later)
+    assert all(alert.id == alerts[-1].id for alert in later)
