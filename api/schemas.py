@@ -121,7 +121,8 @@ class CouldSeeDocument(_Answer):
         description="the part, by its column of the flight table; null for a cause of the whole airframe"
     )
     smallest_size: float | None = Field(
-        description="a change of this size or more would have been noticed; null where none would have been"
+        description="a change of this size or more would have been noticed, 1 for what is there or not (stuck, "
+        "frozen); null where none would have been"
     )
     unit: str = Field(description="of the size; empty for a fraction")
     input: str = Field(description="the input that would show more; empty where none is needed")

@@ -86,8 +86,9 @@ class CouldSeeView:
     Attributes:
         cause: of the shared vocabulary.
         channel: the part, by its column of the flight table; None for a cause of the whole airframe.
-        smallest_size: from which on a change at the beginning of the remembered minutes would have been noticed; None
-            where no size would have been.
+        smallest_size: a change of this size or more would have been noticed, had it begun with what is remembered: half
+            a minute of relations, three minutes of blocks. 1 for what is there or not (stuck, frozen) and would have
+            been noticed; None where no size would have been.
         unit: of the size; empty for a fraction.
         input: the input that would show more; empty where none is needed.
     """
