@@ -12,6 +12,9 @@ _AIRFRAME_INPUT: Mapping[str, str] = {
     "elevator_effectiveness": "a doublet of the elevator",
     "aileron_effectiveness": "a doublet of the aileron",
     "rudder_effectiveness": "a doublet of the rudder",
+    "pitch_damping": "a doublet of the elevator",
+    "cg_shift": "a doublet of the elevator",
+    "wing_damage": "a doublet of the aileron",
 }
 _CHANNEL_INPUT: Mapping[str, str] = {
     "elevator_rad": "a command of the elevator",
@@ -50,10 +53,12 @@ def could_see(
         elif smallest is not None and smallest > _MOST.get(hypothesis.unit, float("inf")):
             size = None
         help_needed = size is None or (hypothesis.unit == "" and hypothesis.size_std > 0.0 and size > ENOUGH)
-        wanted = _CHANNEL_INPUT.get(hypothesis.channel, "") if help_needed else ""
-        key = hypothesis.cause, hypothesis.channel
-        if key not in found or found[key].smallest_size is None:
-            found[key] = CouldSeeView(*key, size, hypothesis.unit, wanted)
+        key = hypothesis.cause, hypothesis.channel or None
+        inputs = _CHANNEL_INPUT.get(hypothesis.channel) or _AIRFRAME_INPUT.get(hypothesis.cause, "")
+        before = found[key].smallest_size if key in found else None
+        if key not in found or (size is not None and (before is None or size < before)):
+            unit = hypothesis.unit.replace("1", "")
+            found[key] = CouldSeeView(*key, size, unit, inputs if help_needed else "")
     return tuple(found.values())
 
 

@@ -308,7 +308,10 @@ class VehicleMonitor:
         """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
         self._relations.up_to(solution.time_s, self.book.active is not None)
         changed = self._judge_solution(solution)
-        if changed is not None:
+        if changed is not None and self._relations.book.airframe_alarmed:
+            self.book.dismiss()
+            changed = self._relations.confirm(changed)
+        elif changed is not None:
             self._relations.explain(changed, solution.time_s)
         before, self._memory.latest = self._memory.latest, solution
         self._update_state(solution, before)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from wingwatch.monitor.causes import CAUSES
 from wingwatch.monitor.redundancy.hypotheses import Hypothesis
 from wingwatch.monitor.redundancy.sequential import Finding, Ranked
 from wingwatch.monitor.redundancy.watch import (
@@ -32,18 +33,13 @@ _STATES_FROM = {
     "sideslip_rad": "vpr", "roll_rate_rad_s": "vpr", "yaw_rate_rad_s": "vpr", "specific_force_y_m_s2": "vpr",
 }  # fmt: skip
 """States of the modes whose derivatives a channel at fault makes wrong."""
+_OF_DERIVATIVES = frozenset(c.name for c in CAUSES) | {"unknown"}
+"""Causes that derivatives can tell from one another."""
 MOVED = 2.0
-"""Standard errors by which a size has moved when it is versions anew."""
+"""Standard errors by which a size has moved where the alert states it anew."""
 SETTLES_S = 6.0
 """So long the size is followed; then the name is looked at once more."""
 LEAST_CANDIDATE = 0.02
-_SHOWN = {
-    "rad": (180.0 / np.pi, "°"),
-    "rad/s": (180.0 / np.pi, "°/s"),
-    "s": (1000.0, " ms"),
-    "": (100.0, " %"),
-}
-"""Factor and unit by which sizes are shown to people."""
 _MOST_CANDIDATES = 5
 
 
@@ -117,6 +113,29 @@ class RedundancyBook:
                 )
         return versions
 
+    def confirm(self, by: AlertView) -> AlertView | None:
+        """The alert about the airframe in force with the evidence of derivatives; None where there is none.
+
+        Its cause and size stay where derivatives say the same, or know no cause of theirs; else theirs count.
+        """
+        for k, mine in enumerate(self.state.active):
+            if mine.channel is None:
+                known = by.cause not in (mine.cause, "unknown") and mine.cause in _OF_DERIVATIVES
+                shown = by if known else mine
+                note = (*mine.note, f"wingwatch: {mine.cause} became {by.cause}") if known else mine.note
+                self.state.active[k] = replace(
+                    shown, id=mine.id, raised_s=mine.raised_s, state=mine.state, shelving=mine.shelving, note=note,
+                    evidence=by.evidence,
+                )  # fmt: skip
+                changed = known or not mine.evidence
+                return self.state.active[k] if changed else None
+        return None
+
+    @property
+    def airframe_alarmed(self) -> bool:
+        """Whether an alert about the airframe is in force."""
+        return any(a.channel is None for a in self.state.active)
+
     def take_over(self, alert: AlertView) -> None:
         """An alert in force gets the state, notes and shelving of another version of it."""
         for k, mine in enumerate(self.state.active):
@@ -130,9 +149,9 @@ class RedundancyBook:
         if alert.channel is None or any(a.id == alert.id for a in self.state.active):
             return
         cause = _hidden(alert.cause, alert.channel)
-        own = [h for h in self._watch.hypotheses if (h.cause, h.channel) == (cause, alert.channel)]
-        repeated = next((h.repeated for h in own if h.repeated is not None), None)
-        fault = KnownFault(cause, alert.channel, alert.size, alert.raised_s, settled=True, repeated=repeated)
+        fault = KnownFault(cause, alert.channel, alert.size, alert.raised_s, settled=True)
+        own = [h.repeated for h in self._watch.hypotheses if fault.is_of(h) and h.repeated is not None]
+        fault.repeated = own[0] if own else None
         self.state.active.append(alert)
         state.faults.append(fault)
 
@@ -167,14 +186,14 @@ class RedundancyBook:
             return None
         best = followed.ranked[named[0]]
         probability = followed.probabilities[named[0]] / sum(followed.probabilities[k] for k in named)
-        same = (best.hypothesis.cause, best.hypothesis.channel) == (fault.cause, fault.channel)
+        same = fault.is_of(best.hypothesis)
         settling = second.time_s - alert.raised_s >= SETTLES_S
         if probability < CORRECTED or not (same or settling):
             return None
         moved = abs(best.size - fault.size) > MOVED * max(best.standard_error, alert.size_standard_error)
         if same and not moved and not alert.candidates:
             return None
-        fault.cause, fault.channel, fault.size = best.hypothesis.cause, best.hypothesis.channel, best.size
+        fault.becomes(best.hypothesis, best.size)
         shown = self._alert(best, second, followed, True, alert.id)
         was, now = (f"{a.cause} of {a.channel}" if a.channel else a.cause for a in (alert, shown))
         note = alert.note if same or was == now else (*alert.note, f"wingwatch: {was} became {now}")
@@ -191,15 +210,14 @@ class RedundancyBook:
             self.state.crossed_s = float("nan")
             return versions
         best, probability = finding.ranked[0], finding.probabilities[0]
-        cause, channel = best.hypothesis.cause, best.hypothesis.channel
-        known = next(
-            (k for k, f in enumerate(state.faults) if (f.cause, f.channel) == (cause, channel)), None
-        )
-        if cause == "recovered":
+        if best.hypothesis.cause == "recovered":
             return []
+        known = next((k for k, f in enumerate(state.faults) if f.is_of(best.hypothesis)), None)
         if known is not None:
             return self._grown(state, known, best, second)
         if (airframe_alarmed or self.state.active) and best.hypothesis.kind == "unexplained":
+            return []
+        if airframe_alarmed and best.hypothesis.is_of_airframe:
             return []
         late = best.hypothesis.late
         clear = probability >= (CORRECTED if late else CLEAR) and best.hypothesis.cause != "unknown"
@@ -212,7 +230,9 @@ class RedundancyBook:
         alert, h = self._alert(best, second, finding, clear, self._new_id()), best.hypothesis
         self.state.active.append(alert)
         state.faults.append(
-            KnownFault(h.cause, h.channel, best.size, second.onsets_s[best.onset], repeated=h.repeated)
+            KnownFault(
+                h.cause, h.channel, best.size, second.onsets_s[best.onset], repeated=h.repeated, part=h.part
+            )
         )
         return [alert]
 
@@ -222,7 +242,8 @@ class RedundancyBook:
         for r in finding.ranked:
             if r.hypothesis.cause == "recovered" and r.log_factor >= np.log(ENDED):
                 gone = next(
-                    (k for k, f in enumerate(state.faults) if f.channel == r.hypothesis.channel), None
+                    (k for k, f in enumerate(state.faults) if (f.channel, f.part) == r.hypothesis.key[1:]),
+                    None,
                 )
                 if gone is not None:
                     versions.append(self._cleared(state, gone, second.time_s))
@@ -254,12 +275,12 @@ class RedundancyBook:
         if not clear and h.cause != "unknown":
             which = [r for r in finding.ranked[:2] if r.hypothesis.cause != "unknown"]
             names = ", or ".join(_named(r.hypothesis, r.size, r.standard_error) for r in which)
-            text = f"{names}, since about {onset_s:.0f} s: not versions apart yet. Inspect."
+            text = f"{names}, since about {onset_s:.0f} s: not distinguished yet. Inspect."
         return AlertView(
             id=alert_id, fleet=self._fleet, vehicle=self._vehicle, kind=kind, cause=cause,
             level=h.level(best.size), state=AlertState.ACTIVE, raised_s=second.time_s, cleared_s=None, size=best.size,
             size_standard_error=best.standard_error, probability=finding.probabilities[0], basis="empirical",
-            text=text, evidence=(), channel=h.channel,
+            text=text, evidence=(), channel=h.channel or None,
             candidates=candidates if len(candidates) > 1 or h.cause == "drag" else (),
         )  # fmt: skip
 
@@ -278,7 +299,7 @@ def _candidates(finding: Finding) -> tuple[CandidateView, ...]:
             found.append(CandidateView("icing", None, probability / 2.0))
             found.append(CandidateView("wing_damage", None, probability / 2.0))
         else:
-            found.append(CandidateView(r.hypothesis.cause, r.hypothesis.channel, probability))
+            found.append(CandidateView(r.hypothesis.cause, r.hypothesis.channel or None, probability))
     return tuple(found)
 
 
@@ -292,6 +313,7 @@ def _named(h: Hypothesis, size: float, error: float) -> str:
         "rad/s": (180.0 / np.pi, "°/s"),
         "s": (1000.0, " ms"),
         "": (100.0, " %"),
+        "1": (1.0, ""),
     }.get(h.unit, (1.0, f" {h.unit}"))
     number = f"{factor * size:.3g} ± {factor * error:.1g}{unit}"
     return h.words.format(size=number)

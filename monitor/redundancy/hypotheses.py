@@ -16,17 +16,22 @@ from wingwatch.monitor.redundancy.layout import (
     EAST,
     ELEVATOR,
     HEADING,
+    LIFT,
     NORTH,
     PARAMETERS,
     PITCH,
+    PITCHING,
     PRIORS,
     RELATIONS,
     ROLL,
+    ROLLING,
     RUDDER,
+    SIDE,
+    YAWING,
     parameter_index,
 )
 
-__all__ = ["HYPOTHESES", "USED_BY", "Effect", "Hypothesis", "recovery_from"]
+__all__ = ["HYPOTHESES", "USED_BY", "Effect", "Hypothesis", "recovery_from", "with_effects"]
 
 Array = NDArray[np.float64]
 
@@ -38,10 +43,16 @@ class Effect:
     Attributes:
         direction: (COLUMNS,), by size 1.
         free: (COLUMNS,), standard deviation of what it changes besides.
+        by_size: (COLUMNS,), the same for each unit of the size: a direction is known to a fraction of itself.
     """
 
     direction: Array
-    free: Array
+    free: Array = field(default_factory=lambda: np.zeros(COLUMNS))
+    by_size: Array = field(default_factory=lambda: np.zeros(COLUMNS))
+
+    def varying(self, size: float) -> Array:
+        """Standard deviation of what it may change besides where it has that size, (COLUMNS,)."""
+        return np.hypot(self.free, size * self.by_size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +67,7 @@ class Hypothesis:
         unit: of the size; ``levels``: sizes from which an alert is a warning, and critical.
         words, advice: what the operator reads; ``{size}`` stands in the words.
         effects: by relation.
+        part: of the airframe, where the channel does not say it: ``tail``, ``left``.
         late: named only after some seconds, and by 99 %: ice follows no table, and looks like lost thrust at first.
         repeated: relation whose own reading repeats, where that is the fault.
     """
@@ -72,6 +84,27 @@ class Hypothesis:
     effects: Mapping[int, Effect] = field(default_factory=dict)
     repeated: int | None = None
     late: bool = False
+    part: str = ""
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Cause, channel and part: one fault at a time has them."""
+        return self.cause, self.channel, self.part
+
+    @property
+    def is_of_airframe(self) -> bool:
+        """Whether it befalls the airframe, and no channel shows it alone."""
+        return not self.channel
+
+    def without(self, relations: frozenset[int]) -> "Hypothesis | None":
+        """It as other relations show it; None where they do not."""
+        if self.repeated in relations:
+            return None
+        if not relations & frozenset(self.effects):
+            return self
+        left = {i: e for i, e in self.effects.items() if i not in relations}
+        said = any(e.direction.any() for e in left.values())
+        return replace(self, effects=left) if said or self.repeated is not None else None
 
     @property
     def relations(self) -> frozenset[int]:
@@ -87,6 +120,11 @@ class Hypothesis:
             if abs(size) >= self.levels[0]
             else "watch"
         )
+
+
+def with_effects(hypothesis: Hypothesis, more: Mapping[int, Effect]) -> Hypothesis:
+    """It shows in more relations, too."""
+    return replace(hypothesis, effects={**hypothesis.effects, **more})
 
 
 def _effect(relation: int, direction: Mapping[str, float], free: Mapping[str, float] | None = None) -> Effect:
@@ -169,11 +207,15 @@ def _frozen(relation: int, word: str, advice: str = _SENSOR_ADVICE) -> Hypothesi
 
 def _airspeed() -> list[Hypothesis]:
     scale, follow = "airspeed_true_m_s scale", "airspeed_true_m_s not following"
+    shown = _everywhere(scale)
+    squares = _effect(
+        AXIAL, {"drag": 0.6, "thrust loss": 0.6}
+    ).direction  # a third of its own part at a size of 0.2
+    shown[AXIAL] = replace(shown[AXIAL], by_size=squares)
     return [
         Hypothesis(
             "airspeed_error", "airspeed_true_m_s", "sensor", 0.15, True, "", (0.05, 0.15),
-            "Airspeed reads {size} too much", "Fly by attitude and throttle; " + _SENSOR_ADVICE.lower(),
-            _everywhere(scale),
+            "Airspeed reads {size} too much", "Fly by attitude and throttle; " + _SENSOR_ADVICE.lower(), shown,
         ),
         Hypothesis(
             "sensor_freeze", "airspeed_true_m_s", "sensor", 0.0, False, "", (0.0, 0.0),
@@ -204,7 +246,7 @@ def _thrust() -> list[Hypothesis]:
 
 def recovery_from(hypothesis: Hypothesis, size: float) -> Hypothesis:
     """The fault of that size is gone."""
-    effects = {i: Effect(-size * e.direction, e.free) for i, e in hypothesis.effects.items()}
+    effects = {i: Effect(-size * e.direction, e.varying(size)) for i, e in hypothesis.effects.items()}
     return replace(hypothesis, cause="recovered", size_std=0.0, effects=effects)
 
 
@@ -217,19 +259,23 @@ def _unknown(relation: int) -> Hypothesis:
     )  # fmt: skip
 
 
+_AIRFRAME = (LIFT, SIDE, ROLLING, PITCHING, YAWING)
 USED_BY: Mapping[str, frozenset[int]] = {
-    "airspeed_true_m_s": frozenset((AIRSPEED, ALPHA, BETA, AXIAL, NORTH, EAST)),
-    "angle_of_attack_rad": frozenset((AIRSPEED, ALPHA, NORTH, EAST)),
-    "sideslip_rad": frozenset((AIRSPEED, BETA, NORTH, EAST)),
-    "roll_rate_rad_s": frozenset((ROLL, BETA)),
-    "pitch_rate_rad_s": frozenset((PITCH, HEADING, ALPHA)),
-    "yaw_rate_rad_s": frozenset((PITCH, HEADING, BETA)),
+    "airspeed_true_m_s": frozenset((AIRSPEED, ALPHA, BETA, AXIAL, NORTH, EAST, *_AIRFRAME)),
+    "angle_of_attack_rad": frozenset((AIRSPEED, ALPHA, NORTH, EAST, LIFT, PITCHING)),
+    "sideslip_rad": frozenset((AIRSPEED, BETA, NORTH, EAST, SIDE, ROLLING, YAWING)),
+    "roll_rate_rad_s": frozenset((ROLL, BETA, SIDE, ROLLING, YAWING)),
+    "pitch_rate_rad_s": frozenset((PITCH, HEADING, ALPHA, LIFT, PITCHING)),
+    "yaw_rate_rad_s": frozenset((PITCH, HEADING, BETA, SIDE, ROLLING, YAWING)),
+    "elevator_rad": frozenset((ELEVATOR, LIFT, PITCHING)),
+    "aileron_rad": frozenset((AILERON, SIDE, ROLLING, YAWING)),
+    "rudder_rad": frozenset((RUDDER, SIDE, ROLLING, YAWING)),
     "roll_rad": frozenset((ROLL, PITCH, HEADING, AIRSPEED, ALPHA, BETA, NORTH, EAST)),
     "pitch_rad": frozenset((ROLL, PITCH, HEADING, AIRSPEED, ALPHA, BETA, NORTH, EAST)),
     "heading_rad": frozenset((HEADING, NORTH, EAST)),
     "specific_force_x_m_s2": frozenset((AIRSPEED, ALPHA, AXIAL)),
-    "specific_force_y_m_s2": frozenset((AIRSPEED, BETA)),
-    "specific_force_z_m_s2": frozenset((AIRSPEED, ALPHA, AXIAL)),
+    "specific_force_y_m_s2": frozenset((AIRSPEED, BETA, SIDE)),
+    "specific_force_z_m_s2": frozenset((AIRSPEED, ALPHA, AXIAL, LIFT)),
     "velocity_north_m_s": frozenset((NORTH, EAST)),
 }
 """Relations that a channel takes part in: while it is at fault they show nothing else."""

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 __all__ = [
     "COLUMNS",
-    "ELEVATOR",
     "FLOORS",
+    "GUSTY",
     "PARAMETERS",
     "PRIORS",
+    "PRIOR_INFORMATION",
     "RELATIONS",
+    "ROUGH",
+    "ROWS",
     "Parameter",
     "Relation",
     "parameter_index",
@@ -97,6 +100,18 @@ def _attitude(angle: str, rate: str, other: str) -> Relation:
     )
 
 
+def _coefficients(name: str, flow: str, others: tuple[str, ...]) -> tuple[Parameter, ...]:
+    """What a coefficient is made of: an offset, as an angle of flow (forces) or of the surface (moments) that would
+    make it, and terms as fractions of the file's."""
+    return (
+        Parameter(f"{name} offset", 0.05, 0.002, "rad"),
+        Parameter(f"{name} by {flow}", 0.3, 0.02),
+        *(Parameter(f"{name} by {other}", 0.5, 0.03) for other in others),
+    )
+
+
+_LONGITUDINAL = ("pitch rate", "elevator", "change of angle of attack")
+_LATERAL = ("roll rate", "yaw rate", "aileron", "rudder")
 _ROLL_RATE, _PITCH_RATE, _YAW_RATE = "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"
 _FX, _FY, _FZ = (f"specific_force_{axis}_m_s2" for axis in "xyz")
 _SPEED, _ALPHA, _BETA = "airspeed_true_m_s", "angle_of_attack_rad", "sideslip_rad"
@@ -192,6 +207,46 @@ RELATIONS: tuple[Relation, ...] = (
         drift=0.5,
         least_noise_std=0.1,
     ),
+    Relation(
+        "normal force against angle of attack",
+        (_FZ, _ALPHA),
+        _coefficients("lift", "angle of attack", _LONGITUDINAL),
+        noise_std=0.2,
+        drift=0.05,
+        leak_s=1.0,
+    ),
+    Relation(
+        "side force against sideslip",
+        (_FY, _BETA),
+        _coefficients("side force", "sideslip", _LATERAL),
+        noise_std=0.1,
+        drift=0.05,
+        leak_s=1.0,
+    ),
+    Relation(
+        "rolling moment against what makes it",
+        (_ROLL_RATE, _BETA),
+        _coefficients("rolling moment", "sideslip", _LATERAL),
+        noise_std=0.006,
+        drift=0.05,
+        leak_s=0.15,
+    ),
+    Relation(
+        "pitching moment against what makes it",
+        (_PITCH_RATE, _ALPHA),
+        _coefficients("pitching moment", "angle of attack", _LONGITUDINAL),
+        noise_std=0.006,
+        drift=0.05,
+        leak_s=0.15,
+    ),
+    Relation(
+        "yawing moment against what makes it",
+        (_YAW_RATE, _BETA),
+        _coefficients("yawing moment", "sideslip", _LATERAL),
+        noise_std=0.006,
+        drift=0.05,
+        leak_s=0.15,
+    ),
 )
 """In the order of every array's relation axis."""
 
@@ -208,7 +263,19 @@ RELATIONS: tuple[Relation, ...] = (
     AXIAL,
     NORTH,
     EAST,
+    LIFT,
+    SIDE,
+    ROLLING,
+    PITCHING,
+    YAWING,
 ) = range(len(RELATIONS))
+
+GUSTY = (AIRSPEED, ALPHA, BETA, NORTH, EAST, LIFT, SIDE, ROLLING, PITCHING, YAWING)
+"""Relations that gusts disturb: each is filtered twice, by the air as it is and by rougher air."""
+ROWS = (*range(len(RELATIONS)), *GUSTY)
+"""Relation of every filter: in the air as it is, then in rougher air."""
+ROUGH = np.array([len(RELATIONS) + GUSTY.index(i) if i in GUSTY else -1 for i in range(len(RELATIONS))])
+"""Row of each relation's filter in rougher air; -1 where it has none."""
 
 PARAMETERS: tuple[tuple[str, ...], ...] = tuple(tuple(p.name for p in r.parameters) for r in RELATIONS)
 
@@ -225,6 +292,10 @@ PRIORS = _table("prior", 1e-9)
 """(relations, COLUMNS); a column without a parameter has information 0."""
 FLOORS = _table("floor", 0.0)
 """(relations, COLUMNS)."""
+
+
+PRIOR_INFORMATION = PRIORS[list(ROWS)] ** -2.0
+"""(rows, COLUMNS)."""
 
 
 def parameter_index(relation: int, name: str) -> int:

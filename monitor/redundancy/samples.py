@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.estimators.kernels.hot import whole
+from wingwatch.monitor.redundancy.airframe import forces_and_moments
 from wingwatch.monitor.redundancy.layout import (
     AIRSPEED,
     ALPHA,
@@ -29,8 +30,12 @@ from wingwatch.monitor.redundancy.layout import (
     HEADING,
     NORTH,
     PITCH,
+    PITCHING,
     RELATIONS,
     ROLL,
+    ROLLING,
+    ROUGH,
+    ROWS,
 )
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
 
@@ -70,14 +75,15 @@ FORCED_S, SHORT_S = 0.5, 0.3
     _X, _VARIANCE, _RATE, GOING, _LAST, DRIFT, _READING, _SINCE_S, REPEATS, MOST_REPEATS,
 ) = range(10)  # fmt: skip
 """Numbers of ``Memory.scalar``."""
-_SAMPLES, _SQUARE, _PRODUCTS, _LEFT = range(4)
+_SAMPLES, _SQUARE, _PRODUCTS, _LEFT, _LOG_S = range(5)
 """Numbers of ``Segment.scalar``."""
 (
     _STAMP_S, END_S, _ROLL_RATE, _PITCH_RATE, _YAW_RATE, _AIRSPEED_SMOOTH, _THROTTLE_SMOOTH,
     START_S, _FORCED_AT_S, _NORTHWARD, _EASTWARD,
 ) = range(11)  # fmt: skip
 """Numbers of ``Memory.clock``."""
-_N = len(RELATIONS)
+_N, _ROWS = len(RELATIONS), len(ROWS)
+_OF_ROW, _ROUGH = np.array(ROWS), ROUGH
 _SURFACES = tuple(CHANNEL_INDEX[f"{s}_rad"] for s in ("elevator", "aileron", "rudder"))
 _COMMANDS = tuple(CHANNEL_INDEX[f"{s}_command_rad"] for s in ("elevator", "aileron", "rudder"))
 _T, _V = CHANNEL_INDEX["time_s"], CHANNEL_INDEX["airspeed_true_m_s"]
@@ -88,7 +94,7 @@ _A, _B = CHANNEL_INDEX["angle_of_attack_rad"], CHANNEL_INDEX["sideslip_rad"]
 _THROTTLE, _RHO = CHANNEL_INDEX["throttle"], CHANNEL_INDEX["air_density_kg_m3"]
 _VN = CHANNEL_INDEX["velocity_north_m_s"]
 _VE = CHANNEL_INDEX["velocity_east_m_s"]
-_OWN = np.array([*_SURFACES, _PHI, _THETA, _PSI, _V, _A, _B, _FX, _VN, _VE])
+_OWN = np.array([*_SURFACES, _PHI, _THETA, _PSI, _V, _A, _B, _FX, _VN, _VE, _FZ, _FY, _P, _Q, _R])
 """Channel of each relation whose reading is z."""
 _MAY_REPEAT = np.arange(_N) >= 3
 _TURN = 2.0 * math.pi
@@ -100,6 +106,10 @@ class Model(NamedTuple):
     ``airframe``: mass kg, wing area m2, C_N at alpha = 0, C_N per rad, zero-lift, linear and square part of the axial
     coefficient by C_N, vane x and z, IMU x, y, z in m, whether there are vanes of alpha and of beta.
     ``propulsion``: of ``thrust_n``.
+    ``dimensions``: span m, chord m, Jx, Jy, Jz, Jxz in kg m2; ``coefficients``: by relation from ``LIFT`` on (5,
+    COLUMNS), normal force, side force and moments by an offset, incidence, rates (pitch; roll, yaw) and surfaces
+    (elevator; aileron, rudder); ``units``: what a parameter of size 1 changes them by; ``damping``: of roll, pitch and
+    yaw by their own rate over the coefficient's unit, in s (3,); ``commanded``: surfaces known by their command alone.
     """
 
     active: NDArray[np.bool_]
@@ -112,6 +122,11 @@ class Model(NamedTuple):
     """(3, 3): bandwidth rad/s, rate limit rad/s, position limit rad."""
     airframe: Array
     propulsion: Array
+    dimensions: Array
+    coefficients: Array
+    units: Array
+    damping: Array
+    commanded: NDArray[np.bool_]
 
 
 class Memory(NamedTuple):
@@ -123,7 +138,9 @@ class Memory(NamedTuple):
     ``servo``: modelled position, last command, and the position ``LATER_S`` later (3, 3);
     ``clock``: last stamp, end of the segment, last three gyro readings, airspeed and throttle smoothed over
     ``SMOOTHED_S``, start of the segment, when one was last begun by a surprise, direction of flight north and east
-    smoothed over ``TURNED_S``.
+    smoothed over ``TURNED_S``;
+    ``moment``: of each moment's equation the rate, its derivative by the file and the columns as of the last sample (3,
+    2 + COLUMNS); ``late_flow``: incidence and sideslip of the last two samples (2, 2).
     """
 
     scalar: Array
@@ -131,13 +148,16 @@ class Memory(NamedTuple):
     effect_rate: Array
     servo: Array
     clock: Array
+    moment: Array
+    late_flow: Array
 
 
 class Segment(NamedTuple):
     """Sums over a segment.
 
     ``information``: of (E, f), (relations, COLUMNS + 1, COLUMNS + 1); ``vector``: of (E, f) times e; ``start``: X at
-    the start; ``scalar``: samples, sum of e2/S, sum of products with the one before, f at the end (relations, 4).
+    the start; ``scalar``: samples, sum of e2/S, sum of products with the one before, f at the end, sum of ln S (rows,
+    5). All by row (``layout.ROWS``).
     """
 
     information: Array
@@ -145,36 +165,45 @@ class Segment(NamedTuple):
     start: Array
     scalar: Array
 
-    def forget(self, relation: int) -> None:
-        """It says nothing of the relation so far."""
-        self.information[relation], self.vector[relation], self.scalar[relation] = 0.0, 0.0, 0.0
+    def forget(self, row: int) -> None:
+        """It says nothing of a row so far."""
+        self.information[row], self.vector[row], self.scalar[row] = 0.0, 0.0, 0.0
 
 
 class _Signals(NamedTuple):
-    """z and rate (relations,), psi and d (relations, COLUMNS) of one sample."""
+    """z and rate, variance of z beside its noise (relations,), psi and d (relations, COLUMNS) of one sample; regressors
+    of coefficients (COLUMNS,)."""
 
     z: Array
     rate: Array
+    more: Array
     psi: Array
     d: Array
+    lon: Array
+    lat: Array
+    lon_d: Array
+    lat_d: Array
 
 
 def new_memory(drift: Array) -> Memory:
-    """Before the first sample; ``drift`` (relations,) as it is stated."""
-    scalar = np.zeros((_N, MOST_REPEATS + 1))
+    """Before the first sample; ``drift`` (rows,) as it is stated."""
+    scalar = np.zeros((_ROWS, MOST_REPEATS + 1))
     scalar[:, DRIFT] = drift
     scalar[:, _READING] = np.nan
     clock = np.full(_EASTWARD + 1, np.nan)
-    return Memory(scalar, np.zeros((_N, COLUMNS)), np.zeros((2, _N, COLUMNS)), np.full((3, 3), np.nan), clock)
+    return Memory(
+        scalar, np.zeros((_ROWS, COLUMNS)), np.zeros((2, _ROWS, COLUMNS)), np.full((3, 3), np.nan), clock,
+        np.zeros((3, 2 + COLUMNS)), np.full((2, 2), np.nan),
+    )  # fmt: skip
 
 
 def new_segment() -> Segment:
     """Empty sums."""
     segment = Segment(
-        np.zeros((_N, COLUMNS + 1, COLUMNS + 1)),
-        np.zeros((_N, COLUMNS + 1)),
-        np.zeros((_N, COLUMNS)),
-        np.zeros((_N, 4)),
+        np.zeros((_ROWS, COLUMNS + 1, COLUMNS + 1)),
+        np.zeros((_ROWS, COLUMNS + 1)),
+        np.zeros((_ROWS, COLUMNS)),
+        np.zeros((_ROWS, 5)),
     )
     segment.scalar[:, _LEFT] = 1.0
     return segment
@@ -276,21 +305,22 @@ def _flow_of(row, model, flow):  # type: ignore[no-untyped-def]
     flow[9] = fy + GRAVITY_M_S2 * sin_p * cos_t
     flow[10] = fz + GRAVITY_M_S2 * cos_p * cos_t
     flow[11], flow[12], flow[13], flow[14], flow[15] = fx, fz, per_kg, alpha, beta
+    flow[18] = fy
 
 
 @whole
-def _air(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
+def _air(sample, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """Airspeed, angle of attack and sideslip against forces and rates.
 
     What a fault makes of a reading goes by a smoothed reading, good to a percent: a column with the reading's own noise
     would explain that noise.
     """
     rate, psi, d, filtered = to.rate, to.psi, to.d, memory.scalar
-    p, q, r, v = row[_P], row[_Q], row[_R], max(row[_V], 1.0)
+    p, q, r, v = sample[_P], sample[_Q], sample[_R], max(sample[_V], 1.0)
     sin_a, cos_a, sin_b, cos_b, sin_t, cos_t, _, cos_p, ax, ay, az = flow[:11]
     ahead, across = ax * cos_a + az * sin_a, az * cos_a - ax * sin_a
 
-    to.z[AIRSPEED] = row[_V]
+    to.z[AIRSPEED] = sample[_V]
     rate[AIRSPEED] = ahead * cos_b + ay * sin_b
     d[AIRSPEED, 0], psi[AIRSPEED, 1] = memory.clock[_AIRSPEED_SMOOTH], 0.0
     if rate[AIRSPEED] ** 2 > MANOEUVRE**2 * model.accelerometer_variance:
@@ -311,6 +341,20 @@ def _air(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     d[BETA, 1] = filtered[BETA, _X] if filtered[BETA, GOING] > 0.0 else flow[15]
     psi[BETA, 3], psi[BETA, 4] = -cos_b / v, cos_a
     psi[BETA, 5] = -GRAVITY_M_S2 * cos_p * cos_t * cos_b / v
+
+    flow[16], flow[17] = flow[14], math.nan
+    if model.airframe[13] > 0.0:
+        flow[17] = flow[15]
+    for relation in (ALPHA, BETA):
+        row = _ROUGH[relation]  # of the filter that follows a vane within two samples
+        if model.active[relation] and filtered[row, GOING] > 0.0:
+            estimate = filtered[row, _X] + 0.5 * dt * (rate[relation] + filtered[row, _RATE])
+            noise = model.noise_variance[relation]
+            variance = filtered[row, _VARIANCE] + filtered[row, DRIFT] * noise * dt
+            innovation = to.z[relation] - estimate
+            if not math.isnan(innovation):
+                estimate += variance / (variance + noise) * innovation
+            flow[16 + relation - ALPHA] = estimate
 
 
 @whole
@@ -354,18 +398,19 @@ def _ground(row, dt, memory, flow, to):  # type: ignore[no-untyped-def]
 
 
 @whole
-def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
-    """One relation takes one sample: (2), and the sums."""
+def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
+    """One row takes one sample of its relation: (2), and the sums."""
     scalar, effect = memory.scalar, memory.effect
-    z, rate, psi, d = to.z[i], to.rate[i], to.psi[i], to.d[i]
-    variance, leaky = model.noise_variance[i], not math.isinf(model.leak_s[i])
+    z, rate, psi, d = to.z[relation], to.rate[relation], to.psi[relation], to.d[relation]
+    variance, tau = model.noise_variance[relation], model.leak_s[relation]
+    leaky = not math.isinf(tau)
     if math.isnan(rate):
         scalar[i, GOING] = 0.0
         return
     if scalar[i, GOING] == 0.0:
         memory.effect_rate[0, i], memory.effect_rate[1, i] = psi, psi
     if scalar[i, GOING] > 0.0 and dt > 0.0:
-        decay = math.exp(-dt / model.leak_s[i]) if leaky else 1.0
+        decay = math.exp(-dt / tau) if leaky else 1.0
         scalar[i, _X] = scalar[i, _X] * decay + 0.5 * dt * (rate + scalar[i, _RATE])
         scalar[i, _VARIANCE] = scalar[i, _VARIANCE] * decay * decay + scalar[i, DRIFT] * variance * dt
         for j in range(COLUMNS):
@@ -379,16 +424,16 @@ def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
     if scalar[i, GOING] == 0.0 or dt == 0.0:
         scalar[i, GOING], scalar[i, _LAST] = 1.0, 0.0
         scalar[i, _X] = 0.0 if leaky else z
-        scalar[i, _VARIANCE] = 0.5 * scalar[i, DRIFT] * variance * model.leak_s[i] if leaky else variance
+        scalar[i, _VARIANCE] = 0.5 * scalar[i, DRIFT] * variance * tau if leaky else variance
         segment.scalar[i, _LEFT] = 0.0
         for j in range(COLUMNS):
             effect[i, j] = 0.0 if leaky else -d[j]
         if not leaky:
             return
     e = z - scalar[i, _X]
-    if i in (ROLL, HEADING):
+    if relation in (ROLL, HEADING):
         e -= _TURN * math.floor(e / _TURN + 0.5)
-    total = scalar[i, _VARIANCE] + variance
+    total = scalar[i, _VARIANCE] + variance + to.more[relation]
     gain, weight = scalar[i, _VARIANCE] / total, 1.0 / total
     scalar[i, _X] += gain * e
     scalar[i, _VARIANCE] *= 1.0 - gain
@@ -410,6 +455,7 @@ def _filter(i, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
     segment.scalar[i, _SQUARE] += scaled * scaled
     segment.scalar[i, _PRODUCTS] += scaled * scalar[i, _LAST]
     segment.scalar[i, _LEFT] = f * (1.0 - gain)
+    segment.scalar[i, _LOG_S] += math.log(total)
     scalar[i, _LAST] = scaled
 
 
@@ -422,6 +468,8 @@ def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-de
         if time_s - last[_SINCE_S] < HELD_S:
             to.z[i] = np.nan
     elif not math.isnan(reading):
+        if i >= ROLLING and last[REPEATS] > 0.0:  # what a held rate has grown by is not of one sample
+            to.z[i] = np.nan
         last[MOST_REPEATS] = max(last[REPEATS], last[MOST_REPEATS])
         last[_READING], last[_SINCE_S], last[REPEATS] = reading, time_s, 0.0
 
@@ -439,10 +487,25 @@ def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
         if i in (ROLL, HEADING):
             e -= _TURN * math.floor(e / _TURN + 0.5)
         variance = model.noise_variance[i]
-        total = scalar[_VARIANCE] * decay * decay + scalar[DRIFT] * variance * dt + variance
+        total = scalar[_VARIANCE] * decay * decay + scalar[DRIFT] * variance * dt + variance + to.more[i]
         if e * e > limit[i] * total:
             return True
     return False
+
+
+@whole
+def _smooth(row, dt, clock):  # type: ignore[no-untyped-def]
+    """Airspeed and throttle over ``SMOOTHED_S``, as far as they are readings."""
+    part = 1.0 - math.exp(-dt / SMOOTHED_S)
+    if math.isnan(clock[_AIRSPEED_SMOOTH]) or dt == 0.0:
+        clock[_AIRSPEED_SMOOTH] = max(row[_V], 1.0)
+    elif row[_V] > 1.0:
+        clock[_AIRSPEED_SMOOTH] += part * (row[_V] - clock[_AIRSPEED_SMOOTH])
+    throttle = min(1.0, max(0.0, row[_THROTTLE]))
+    if math.isnan(clock[_THROTTLE_SMOOTH]) or dt == 0.0:
+        clock[_THROTTLE_SMOOTH] = throttle
+    elif not math.isnan(throttle):
+        clock[_THROTTLE_SMOOTH] += part * (throttle - clock[_THROTTLE_SMOOTH])
 
 
 @whole
@@ -460,9 +523,13 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
     Returns:
         the row after the last one taken; less than the number of rows where the segment has come to its end before.
     """
-    to = _Signals(np.empty(_N), np.zeros(_N), np.zeros((_N, COLUMNS)), np.zeros((_N, COLUMNS)))
-    flow, gyro_rate = np.zeros(16), np.zeros(3)
+    to = _Signals(
+        np.empty(_N), np.zeros(_N), np.zeros(_N), np.zeros((_N, COLUMNS)), np.zeros((_N, COLUMNS)),
+        np.zeros(COLUMNS), np.zeros(COLUMNS), np.zeros(COLUMNS), np.zeros(COLUMNS),
+    )  # fmt: skip
+    flow, gyro_rate = np.zeros(19), np.zeros(3)
     clock, before, servos = memory.clock, memory.clock.copy(), memory.servo.copy()
+    moments, late_flow = memory.moment.copy(), memory.late_flow.copy()
     for n in range(first, values.shape[0]):
         row = values[n]
         dt = row[_T] - clock[_STAMP_S]
@@ -474,30 +541,21 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
             return n
         before[:] = clock
         servos[:] = memory.servo
+        moments[:], late_flow[:] = memory.moment, memory.late_flow
         for j in range(3):
             now = row[_P + j]
             gyro_rate[j] = (now - clock[_ROLL_RATE + j]) / dt if dt > 0.0 else 0.0
             clock[_ROLL_RATE + j] = now
         clock[_STAMP_S] = row[_T]
-        if math.isnan(clock[_AIRSPEED_SMOOTH]) or dt == 0.0:
-            clock[_AIRSPEED_SMOOTH] = max(row[_V], 1.0)
-        elif row[_V] > 1.0:
-            clock[_AIRSPEED_SMOOTH] += (1.0 - math.exp(-dt / SMOOTHED_S)) * (
-                row[_V] - clock[_AIRSPEED_SMOOTH]
-            )
-        throttle = min(1.0, max(0.0, row[_THROTTLE]))
-        if math.isnan(clock[_THROTTLE_SMOOTH]) or dt == 0.0:
-            clock[_THROTTLE_SMOOTH] = throttle
-        elif not math.isnan(throttle):
-            clock[_THROTTLE_SMOOTH] += (1.0 - math.exp(-dt / SMOOTHED_S)) * (
-                throttle - clock[_THROTTLE_SMOOTH]
-            )
+        _smooth(row, dt, clock)
         _surfaces(row, dt, model, memory, to)
         _attitudes(row, dt, gyro_rate, model, memory, to)
         _flow_of(row, model, flow)
-        _air(row, model, memory, flow, to)
+        _air(row, dt, model, memory, flow, to)
         if model.active[AXIAL]:
             _axial(row, model, memory, flow, to)
+        if model.active[ROLLING] or model.active[PITCHING]:
+            forces_and_moments(row, dt, model, memory, flow, to)
         _ground(row, dt, memory, flow, to)
         for i in range(_N):
             if model.active[i] and _MAY_REPEAT[i]:
@@ -507,10 +565,10 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
         if dt > 0.0 and rested and _surprises(dt, to, model, memory, limit):
             clock[:] = before
             memory.servo[:] = servos
+            memory.moment[:], memory.late_flow[:] = moments, late_flow
             clock[END_S] = clock[_FORCED_AT_S] = row[_T]
             return n
-        for i in range(_N):
-            if not model.active[i]:
-                continue
-            _filter(i, dt, to, model, memory, segment)
+        for i in range(_ROWS):
+            if model.active[_OF_ROW[i]]:
+                _filter(i, _OF_ROW[i], dt, to, model, memory, segment)
     return values.shape[0]

@@ -18,12 +18,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaln, log_ndtr, logsumexp
+from scipy.special import log_ndtr, logsumexp
 
 from wingwatch.monitor.redundancy.evidence import Changes
 from wingwatch.monitor.redundancy.hypotheses import Hypothesis
+from wingwatch.monitor.redundancy.layout import RELATIONS, ROUGH
+from wingwatch.monitor.redundancy.likelihood import likelihoods, most_gained
 
-__all__ = ["Finding", "Ranked", "rank", "smallest_seen"]
+__all__ = ["Contest", "Finding", "Ranked", "rank", "smallest_seen"]
 
 Array = NDArray[np.float64]
 
@@ -35,7 +37,8 @@ _CAUSES, _UNKNOWN = 40.0, 3.0
 REPEATED = 3.0
 """Nats by which a frozen reading is likelier, each time it repeats as often as it did before at most: the longest of
 exp(3) runs of a geometric distribution is three times its mean."""
-_STEPS = 6
+_LOG_ROUGHER = float(np.log(0.1))
+"""Of the probability that at an onset the air became rougher."""
 
 
 class Ranked(NamedTuple):
@@ -64,24 +67,73 @@ class Finding(NamedTuple):
     probabilities: Sequence[float]
 
 
-class _Variation(NamedTuple):
-    """W^(1/2) K W^(1/2) = U diag(``spread``) U', ``axes`` = U'W^(1/2), ``pull`` = U'W^(1/2) y; by onset (m, ...)."""
+class Contest:
+    """Hypotheses against one another, by the evidence of all relations.
 
-    spread: Array
-    axes: Array
-    pull: Array
+    Args:
+        changes: of all rows, by onset.
+        floors: what parameters may change by in a healthy aircraft, (rows, COLUMNS).
+    """
 
+    def __init__(self, changes: Changes, floors: Array) -> None:
+        gained = most_gained(
+            changes.information,
+            changes.vector,
+            changes.square,
+            changes.samples,
+            changes.at_rest,
+            VARIANCE_FREEDOM,
+        )
+        gained[:, len(RELATIONS) :] += _LOG_ROUGHER
+        rows = np.tile(np.arange(len(RELATIONS)), (len(gained), 1))
+        has = ROUGH >= 0
+        rougher = gained[:, ROUGH[has]] > gained[:, : len(RELATIONS)][:, has]
+        rows[:, has] = np.where(rougher, ROUGH[has], rows[:, has])
+        onsets = np.arange(len(rows))[:, None]
+        self._changes = Changes(*(np.ascontiguousarray(part[onsets, rows]) for part in changes))
+        self._changes.at_rest[rows >= len(RELATIONS)] += _LOG_ROUGHER
+        self._floors = floors
+        varied = _varied(changes, floors)
+        varied[:, len(RELATIONS) :] += _LOG_ROUGHER
+        calm = varied[:, : len(RELATIONS)].copy()
+        calm[:, has] = np.logaddexp(calm[:, has], varied[:, ROUGH[has]])
+        self._varied = calm
+        self._log_null = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(calm)) + logsumexp(calm, axis=0))
+        # what varied at an earlier onset, up to this one
+        earlier = np.tril(np.ones((len(calm), len(calm))), -1)[:, :, None]
+        apart = np.where(earlier > 0.0, calm[None] - calm[:, None], -np.inf)
+        self._before = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(calm)) + logsumexp(apart, axis=1))
+        best = np.take_along_axis(gained, rows, axis=1)
+        self._most = np.maximum(best + self._before - self._log_null, 0.0).max(axis=0)
 
-class _Part(NamedTuple):
-    """One relation's part in a hypothesis, by onset: a'y, a'Ka, U'W^(1/2)Ka, and what (5) needs besides."""
+    def could_gain(self, hypothesis: Hypothesis) -> float:
+        """Nats that its relations could gain at most, whatever had changed."""
+        return float(sum(self._most[i] for i in hypothesis.effects))
 
-    pulled: Array
-    total: Array
-    across: Array
-    variation: _Variation
-    square: Array
-    samples: Array
-    at_rest: Array
+    def judged(self, hypothesis: Hypothesis) -> Ranked:
+        """Its Bayes factor.
+
+        In each relation something may have varied before, too; where it does no more than nothing that may have been at
+        another onset. Relations that it spoils, in
+        no known direction, count no more than those that show it.
+        """
+        relations = np.array(list(hypothesis.effects))
+        by_relation, size, curvature = _likelihoods(self._changes, self._floors, hypothesis)
+        fixed = hypothesis.size_std == 0.0
+        own, null = by_relation.T, self._log_null[relations]
+        by_it = own + self._before[:, relations] - null
+        logs = np.logaddexp(by_it, np.minimum(own - self._varied[:, relations], 0.0)) - np.log(2.0)
+        shows = np.array([e.direction.any() or e.free.any() for e in hypothesis.effects.values()])
+        total, error = logs[:, shows].sum(axis=1), np.zeros(len(size))
+        total += np.minimum(logs[:, ~shows].sum(axis=1), np.maximum(total, 0.0))
+        if not fixed:
+            prior = hypothesis.size_std**-2.0
+            error = 1.0 / np.sqrt(curvature)
+            total += np.log(error) + 0.5 * np.log(prior) - 0.5 * size**2 * prior
+            if not hypothesis.signed:
+                total += np.log(2.0) + log_ndtr(size / error)
+        onset = int(np.argmax(total))
+        return Ranked(hypothesis, float(logsumexp(total)), onset, float(size[onset]), float(error[onset]))
 
 
 def rank(
@@ -90,29 +142,14 @@ def rank(
     """The hypotheses by their evidence.
 
     Args:
-        changes: of all relations, by onset.
-        floors: what parameters may change by in a healthy aircraft, (relations, COLUMNS).
+        changes: of all rows, by onset.
+        floors: what parameters may change by in a healthy aircraft, (rows, COLUMNS).
         repeated: how often each relation's own reading has repeated by now over how often it did before, at most.
         hypotheses: those that compete.
         least: hypotheses whose relations together could not gain so many nats, whatever had changed, are left out.
     """
-    variation = _variation(changes.information, changes.vector, floors)
-    nothing = np.zeros(changes.vector.shape)
-    by_variation = _log_likelihoods([_part_of(changes, nothing, variation)], None)[0].sum(axis=0)
-    log_null = np.logaddexp(
-        np.log(0.5), np.log(0.5) - np.log(len(by_variation)) + logsumexp(by_variation, axis=0)
-    )
-    values, vectors = np.linalg.eigh(changes.information)
-    along = (np.swapaxes(vectors, -1, -2) @ changes.vector[..., None])[..., 0]
-    seen = values > 1e-9 * values[..., -1:] + 1e-300
-    most = np.sum(np.where(seen, along**2 / np.where(seen, values, 1.0), 0.0), axis=-1)
-    gain = _student(np.maximum(changes.square - most, 0.0), changes.samples) + changes.at_rest
-    most_of_each = np.maximum(gain - log_null, 0.0).max(axis=0)
-    ranked = [
-        _ranked(hypothesis, changes, floors, variation, by_variation, log_null)
-        for hypothesis in hypotheses
-        if sum(most_of_each[i] for i in hypothesis.effects) > least
-    ]
+    contest = Contest(changes, floors)
+    ranked = [contest.judged(h) for h in hypotheses if h.effects and contest.could_gain(h) > least]
     last = len(changes.square) - 1
     ranked += [
         Ranked(hypothesis, float(REPEATED * repeated[hypothesis.repeated]), last, 1.0, 0.0)
@@ -132,100 +169,31 @@ def _log_weights(hypotheses: Sequence[Hypothesis]) -> Array:
     return np.log(np.where(unknown, UNKNOWN_WEIGHT / _UNKNOWN, (1.0 - UNKNOWN_WEIGHT) / _CAUSES))
 
 
-def _variation(information: Array, vector: Array, std: Array) -> _Variation:
-    spread, axes = np.linalg.eigh(std[..., :, None] * information * std[..., None, :])
-    axes = np.swapaxes(axes, -1, -2) * std[..., None, :]
-    return _Variation(np.maximum(spread, 0.0), axes, (axes @ vector[..., None])[..., 0])
-
-
-def _part_of(changes: Changes, direction: Array, variation: _Variation) -> _Part:
-    """All relations at once, a direction for each (m, relations, columns)."""
-    moved = (changes.information @ direction[..., None])[..., 0]
-    return _Part(
-        np.sum(direction * changes.vector, axis=-1), np.sum(direction * moved, axis=-1),
-        (variation.axes @ moved[..., None])[..., 0], variation, changes.square, changes.samples,
-        changes.at_rest,
-    )  # fmt: skip
-
-
-def _parts(hypothesis: Hypothesis, changes: Changes, floors: Array, variation: _Variation) -> list[_Part]:
-    parts = []
-    for i, effect in hypothesis.effects.items():
-        own = Changes(*(part[:, i] for part in changes))
-        of_it = _Variation(*(part[:, i] for part in variation))
-        if effect.free.any():
-            of_it = _variation(own.information, own.vector, np.hypot(floors[i], effect.free))
-        parts.append(_part_of(own, np.broadcast_to(effect.direction, own.vector.shape), of_it))
-    return parts
-
-
-def _ranked(
-    hypothesis: Hypothesis,
-    changes: Changes,
-    floors: Array,
-    variation: _Variation,
-    by_variation: Array,
-    log_null: Array,
-) -> Ranked:
-    """A relation for which the hypothesis does no more than nothing at all may have varied at another onset."""
-    parts = _parts(hypothesis, changes, floors, variation)
-    prior = hypothesis.size_std**-2.0 if hypothesis.size_std > 0.0 else None
-    by_relation, size, curvature = _log_likelihoods(
-        parts, 1.0 if prior is None else prior, fixed=prior is None
+def _varied(changes: Changes, floors: Array) -> Array:
+    """(5) with m = 0 by onset and row: what varies in a healthy aircraft has changed within its floors."""
+    rows, nothing = np.arange(changes.vector.shape[1]), np.zeros(changes.vector.shape[1:])
+    found = likelihoods(
+        _evidence(changes), (rows, nothing), (floors, nothing), 0.0, 0.0, (0.0, 0.0), VARIANCE_FREEDOM
     )
-    error, logs = np.zeros(len(size)), np.zeros(len(size))
-    for i, own in zip(hypothesis.effects, by_relation, strict=True):
-        logs += np.logaddexp(own - log_null[i], np.minimum(own - by_variation[:, i], 0.0)) - np.log(2.0)
-    if prior is not None:
-        error = 1.0 / np.sqrt(curvature)
-        logs = logs - 0.5 * size**2 * prior + 0.5 * np.log(prior) + np.log(error)
-        if not hypothesis.signed:
-            logs = logs + np.log(2.0) + log_ndtr(size / error)
-            size = np.maximum(size, 0.0)
-    onset = int(np.argmax(logs))
-    return Ranked(hypothesis, float(logsumexp(logs)), onset, float(size[onset]), float(error[onset]))
+    return np.asarray(found[0].T)
 
 
-def _student(square: Array, samples: Array) -> Array:
-    """t(Q) of (5)."""
-    nu = VARIANCE_FREEDOM
-    constant = gammaln(0.5 * (nu + samples)) - gammaln(0.5 * nu) - 0.5 * samples * np.log(0.5 * nu)
-    return np.asarray(constant - 0.5 * (nu + samples) * np.log1p(square / nu))
+def _likelihoods(changes: Changes, floors: Array, hypothesis: Hypothesis) -> tuple[Array, Array, Array]:
+    """(5) of a hypothesis: by relation and onset; its size and the precision of that by onset."""
+    relations, effects = np.array(list(hypothesis.effects)), hypothesis.effects.values()
+    directions = np.array([e.direction for e in effects])
+    varying = np.hypot(floors[relations], [e.free for e in effects]), np.array([e.by_size for e in effects])
+    fixed, usual = hypothesis.size_std == 0.0, hypothesis.size_std or 1.0
+    prior = 0.0 if fixed else usual**-2.0
+    limits = (1.0, 1.0) if fixed else (-np.inf if hypothesis.signed else 0.0, np.inf)
+    logs, size, precision = likelihoods(
+        _evidence(changes), (relations, directions), varying, usual, prior, limits, VARIANCE_FREEDOM
+    )
+    return logs, size, precision
 
 
-def _log_likelihoods(
-    parts: Sequence[_Part], prior: float | None, fixed: bool = False
-) -> tuple[Array, Array, Array]:
-    """(5) of each part at the mode of the size (parts, m, ...), the size, and its precision (m, ...).
-
-    Args:
-        parts: of one hypothesis.
-        prior: precision of the size beforehand; None where there is none and the size is 0.
-        fixed: the size is 1.
-    """
-    nu = VARIANCE_FREEDOM
-    size = np.ones(parts[0].square.shape) if fixed else np.zeros(parts[0].square.shape)
-    precision = [np.ones(p.square.shape) for p in parts]
-    curvature = np.zeros(size.shape)
-    for _ in range(_STEPS):
-        if prior is not None and not fixed:
-            curvature, pulled = np.full(size.shape, prior), np.zeros(size.shape)
-            for p, by in zip(parts, precision, strict=True):
-                held = by[..., None] / (1.0 + by[..., None] * p.variation.spread)
-                curvature += by * (p.total - np.sum(p.across * held * p.across, axis=-1))
-                pulled += by * (p.pulled - np.sum(p.across * held * p.variation.pull, axis=-1))
-            size = pulled / curvature
-        logs = np.zeros((len(parts), *size.shape))
-        for k, (p, by) in enumerate(zip(parts, precision, strict=True)):
-            left = p.variation.pull - size[..., None] * p.across
-            varied = by[..., None] * left / (1.0 + by[..., None] * p.variation.spread)
-            square = p.square + size * (size * p.total - 2.0 * p.pulled)
-            square = square + np.sum(varied * (p.variation.spread * varied - 2.0 * left), axis=-1)
-            square = np.maximum(square, 0.0)
-            precision[k] = (nu + p.samples) / (nu + square)
-            logs[k] = _student(square, p.samples) + p.at_rest
-            logs[k] -= 0.5 * np.sum(varied**2 + np.log1p(by[..., None] * p.variation.spread), axis=-1)
-    return logs, size, curvature
+def _evidence(changes: Changes) -> tuple[Array, ...]:
+    return changes.information, changes.vector, changes.square, changes.samples, changes.at_rest
 
 
 def smallest_seen(
@@ -235,13 +203,15 @@ def smallest_seen(
 
     That is the one whose gain, as it is expected, passes the threshold.
     """
-    first = Changes(*(part[:1] for part in changes))
-    variation = _variation(first.information, first.vector, floors)
     found: list[float | None] = []
     for hypothesis in hypotheses:
         total = 0.0
-        for p in _parts(hypothesis, first, floors, variation):
-            total += float((p.total - np.sum(p.across**2 / (1.0 + p.variation.spread), axis=-1))[0])
+        for i, effect in hypothesis.effects.items():
+            std = np.hypot(floors[i], effect.varying(0.5 * hypothesis.size_std))
+            moved = changes.information[0, i] @ effect.direction
+            within = np.eye(len(std)) + std[:, None] * changes.information[0, i] * std
+            along = std * moved
+            total += float(effect.direction @ moved - along @ np.linalg.solve(within, along))
         needed = 2.0 * (log_threshold - float(_log_weights([hypothesis])[0]))
-        found.append(float(np.sqrt(needed / total)) if total > 0.0 else None)
+        found.append(float(np.sqrt(needed / total)) if total > 1e-9 * needed else None)
     return found

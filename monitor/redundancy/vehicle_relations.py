@@ -59,6 +59,10 @@ class VehicleRelations:
         if by.state is AlertState.ACTIVE:
             self._raised += self.book.explained(self._state, by, now_s)
 
+    def confirm(self, by: AlertView) -> AlertView | None:
+        """Derivatives have changed, too: the alert about the airframe in force with their evidence, where it is new."""
+        return self.book.confirm(by)
+
     def adopt(self, alert: AlertView) -> None:
         """An alert of an earlier run is in force again."""
         self.book.adopt(self._state, alert)

@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.monitor.redundancy.airframe_hypotheses import hypotheses_of
 from wingwatch.monitor.redundancy.evidence import (
+    LEAST_SCATTER,
     Changes,
     Closed,
     Reference,
@@ -20,8 +22,18 @@ from wingwatch.monitor.redundancy.evidence import (
     merged,
     scored,
 )
-from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES, USED_BY, Hypothesis, recovery_from
-from wingwatch.monitor.redundancy.layout import ALPHA, BETA, FLOORS, RELATIONS
+from wingwatch.monitor.redundancy.hypotheses import USED_BY, Hypothesis, recovery_from
+from wingwatch.monitor.redundancy.layout import (
+    ALPHA,
+    BETA,
+    FLOORS,
+    GUSTY,
+    LIFT,
+    RELATIONS,
+    ROLLING,
+    ROUGH,
+    ROWS,
+)
 from wingwatch.monitor.redundancy.samples import (
     DRIFT,
     END_S,
@@ -49,8 +61,9 @@ Flags = NDArray[np.bool_]
 FALSE_ALERT_INTERVAL_H = 1000.0
 LOG_THRESHOLD = float(np.log(FALSE_ALERT_INTERVAL_H * 3600.0 / SEGMENT_S))
 """Of the Shiryaev-Roberts statistic: segments in the false alert interval."""
-TUNING_S, LEARNING_S = 10.0, 20.0
-"""At first relations' drifts find their values and nothing is learned; then nothing is tested while they learn."""
+TUNING_S, AIRFRAME_TUNING_S, LEARNING_S = 10.0, 30.0, 20.0
+"""At first relations' drifts find their values and nothing is learned, longer of forces and moments, for which
+coefficients go by how gusts are filtered; then nothing is tested while they learn."""
 _SINGLE, _MOST = 6, 12
 """Segments that stay as they are, and in all; older ones are joined by twos until they are ``_LONGEST_S`` long."""
 _LONGEST_S = 5.0
@@ -64,11 +77,16 @@ _SURPRISE = 4.5
 """Standard deviations of an innovation that begins a segment."""
 _SCATTER_S = 60.0
 """Memory of how segments' scores scatter."""
+_COMES_AND_GOES = 0.3
+"""Part of what a coefficient seems to be off the file that may change within a minute."""
 _DRIFT_GAIN = 1.0
 _DRIFTS = (1e-5, 1e4)
 """A relation's drift follows the correlation of its innovations with those one sample before, between these limits and
-not below that of moderate gusts (``least_drift``)."""
-_N = len(RELATIONS)
+rougher air has at least that of moderate gusts (``least_drift``) and ``_ROUGHER`` times the present one."""
+_ROUGHER = 6.0
+_COLOURED = 1e3
+"""Most drift of moments: the sampled gusts of a moment stay correlated with those one sample before."""
+_N, _ROWS = len(RELATIONS), len(ROWS)
 
 
 @dataclass(slots=True)
@@ -76,7 +94,7 @@ class KnownFault:
     """A fault that an alert is in force for.
 
     Attributes:
-        cause, channel: of its hypothesis; size: as it was found; onset_s: stamp at which it began.
+        cause, channel, part: of its hypothesis; size: as it was found; onset_s: stamp at which it began.
         settled: whether its relations have begun to learn anew; until then its name and size may still change.
         repeated: relation whose reading repeats, where that is the fault.
     """
@@ -87,6 +105,15 @@ class KnownFault:
     onset_s: float
     settled: bool = False
     repeated: int | None = None
+    part: str = ""
+
+    def is_of(self, hypothesis: Hypothesis) -> bool:
+        """Whether it is what the hypothesis says, of whatever size."""
+        return (self.cause, self.channel, self.part) == hypothesis.key
+
+    def becomes(self, hypothesis: Hypothesis, size: float) -> None:
+        """It is another fault than it seemed."""
+        (self.cause, self.channel, self.part), self.size = hypothesis.key, size
 
 
 @dataclass(slots=True)
@@ -96,11 +123,11 @@ class RedundancyState:
     Attributes:
         memory, segment: of the filters, and the sums of the running segment.
         reference, segments: what was before, and the closed segments since.
-        tuned_s: seconds of samples so far, up to ``TUNING_S``.
+        tuned_s: seconds of samples so far, up to ``AIRFRAME_TUNING_S``.
         learns_until_s: stamp until which each relation is not tested, (relations,).
         looked_s, startled_s: stamps of the last test and of the last surprise.
         log_statistic: of the last test.
-        variance: of each relation's e2/S, as of the last segment.
+        variance: of each row's e2/S, as of the last segment.
         faults: those that alerts are in force for.
     """
 
@@ -113,7 +140,7 @@ class RedundancyState:
     looked_s: float = -np.inf
     startled_s: float = -np.inf
     log_statistic: float = -np.inf
-    variance: Array = field(default_factory=lambda: np.ones(_N))
+    variance: Array = field(default_factory=lambda: np.ones(_ROWS))
     faults: list[KnownFault] = field(default_factory=list)
 
 
@@ -149,10 +176,11 @@ class RedundancyWatch:
 
     def __init__(self, aircraft: Aircraft, present: Collection[str], kinds: Mapping[str, str]) -> None:
         self.model, self.absent = model_of(aircraft, present, kinds)
-        active = self.model.active
-        self.hypotheses = tuple(h for h in HYPOTHESES if any(active[i] for i in h.relations))
-        self._least_drift = np.maximum(least_drift(aircraft, self.model), _DRIFTS[0])
-        self._drift = np.maximum([r.drift for r in RELATIONS], self._least_drift)
+        self.hypotheses = hypotheses_of(aircraft, self.model)
+        self._rough_drift = np.clip(least_drift(aircraft, self.model), *_DRIFTS)
+        drift = np.array([RELATIONS[i].drift for i in ROWS])
+        drift[_N:] = self._rough_drift[list(GUSTY)]
+        self._drift = drift
 
     def init(self) -> RedundancyState:
         """Before the first sample."""
@@ -162,25 +190,25 @@ class RedundancyWatch:
         """Take in clean samples; yields what each segment that ends in them leads to."""
         first, values = 0, np.ascontiguousarray(block.values)
         while first < len(values):
-            limit = _SURPRISE**2 * state.variance
+            limit = _SURPRISE**2 * state.variance[:_N]
             first = take_samples(values, first, self.model, state.memory, state.segment, limit)
             if first < len(values):
                 yield self._close(state, float(values[first, 0]))
 
-    def hypothesis(self, cause: str, channel: str) -> Hypothesis | None:
-        """The first of that cause and part."""
-        return next((h for h in self.hypotheses if (h.cause, h.channel) == (cause, channel)), None)
+    def hypothesis(self, fault: KnownFault) -> Hypothesis | None:
+        """The first that is of a fault."""
+        return next((h for h in self.hypotheses if fault.is_of(h)), None)
 
     def learn_anew(self, state: RedundancyState, relations: Collection[int], now_s: float) -> None:
         """Forget what is known of relations, and learn them from now on."""
         for i in relations:
-            state.reference.forget(i)
-            for segment in state.segments:
-                segment.forget(i)
-            state.memory.scalar[i, GOING] = (
-                0.0  # its filter starts anew, without what the fault has left in it
-            )
-            state.segment.forget(i)
+            for row in (i, int(ROUGH[i])) if ROUGH[i] >= 0 else (i,):
+                state.reference.forget(row)
+                for segment in state.segments:
+                    segment.forget(row)
+                # its filter starts anew, without what the fault has left in it
+                state.memory.scalar[row, GOING] = 0.0
+                state.segment.forget(row)
             state.learns_until_s[i] = now_s + LEARNING_S
 
     def could_see(self, state: RedundancyState) -> list[tuple[Hypothesis, float | None]]:
@@ -188,7 +216,7 @@ class RedundancyWatch:
         if not state.segments:
             return []
         named = [h for h in self.hypotheses if h.cause not in ("unknown", "drag")]
-        changes = changes_since(state.reference, state.segments, [0])
+        changes = changes_since(state.reference, state.segments, 0, 0)
         sizes = smallest_seen(changes, self._floors(state), named, LOG_THRESHOLD)
         return [(h, size if h.repeated is None else 1.0) for h, size in zip(named, sizes, strict=True)]
 
@@ -198,7 +226,7 @@ class RedundancyWatch:
 
     def relations_of(self, fault: KnownFault) -> frozenset[int]:
         """Those that say nothing else than this fault, until it has settled."""
-        own = [h.relations for h in self.hypotheses if (h.cause, h.channel) == (fault.cause, fault.channel)]
+        own = [h.relations for h in self.hypotheses if fault.is_of(h)]
         return frozenset().union(*own)
 
     def users_of(self, fault: KnownFault) -> frozenset[int]:
@@ -223,6 +251,11 @@ class RedundancyWatch:
             state.learns_until_s[:] = end_s + LEARNING_S
             self._tune(state, segment, np.ones(_N, dtype=np.bool_))
             return Second(end_s)
+        if state.tuned_s < AIRFRAME_TUNING_S:
+            state.tuned_s += segment.seconds
+            if state.tuned_s >= AIRFRAME_TUNING_S:
+                self.learn_anew(state, range(LIFT, _N), end_s)
+            state.learns_until_s[LIFT:] = end_s + LEARNING_S
         segment, score, state.variance = scored(state.reference, state.segments, segment, self._floors(state))
         return self._judged(state, segment, score, forced, end_s)
 
@@ -243,7 +276,10 @@ class RedundancyWatch:
             state.log_statistic = finding.log_statistic
             own = frozenset().union(*(self.relations_of(f) for f in state.faults if not f.settled))
             if own:
-                followed = rank(changes, floors, repeated, [h for h in self.hypotheses if h.relations & own])
+                begun_s = max(f.onset_s for f in state.faults if not f.settled)
+                begun = max(1, sum(s.start_s <= begun_s for s in state.segments))
+                since = Changes(*(part[:begun] for part in changes))
+                followed = rank(since, floors, repeated, [h for h in self.hypotheses if h.relations & own])
         calm = np.ones(_N, dtype=np.bool_)
         calm[list(following)] = False
         if state.log_statistic < 0.0:
@@ -264,51 +300,69 @@ class RedundancyWatch:
         return frozenset(learning).union(self._following(state), *frozen)
 
     def _tested(self, state: RedundancyState, waiting: frozenset[int]) -> Sequence[Hypothesis]:
-        """What competes now: where a fault has settled, its end or more of it alone."""
-        taken = frozenset().union(*(self.relations_of(f) for f in state.faults))
+        """What competes now, by the relations that are free to show it.
+
+        Where a fault has settled its relations show its end or more of it; those of an airframe fault show faults of
+        sensors and surfaces, too, for it has been learned with the rest of the airframe.
+        """
         active = frozenset(np.flatnonzero(self.model.active).tolist())
-        tested = [h for h in self.hypotheses if not h.relations & active & (waiting | taken)]
+        of_parts = frozenset().union(*(self.relations_of(f) for f in state.faults if f.channel))
+        changed = any(not f.channel for f in state.faults)
+        tested = []
+        for h in self.hypotheses:
+            if h.is_of_airframe and changed:
+                continue
+            if (shown := h.without((waiting | of_parts) & active)) is not None:
+                tested.append(shown)
         for fault in state.faults:
-            own = self.hypothesis(fault.cause, fault.channel)
-            if (
-                own is None
-                or not own.effects
-                or not fault.settled
-                or fault.repeated is not None
-                or own.relations & active & waiting
-            ):
+            own = self.hypothesis(fault)
+            if own is None or not own.effects or not fault.settled or fault.repeated is not None:
+                continue
+            if (shown := own.without(waiting & active)) is None:
                 continue
             if own.cause != "unknown":
-                tested.append(recovery_from(own, fault.size))
+                tested.append(recovery_from(shown, fault.size))
             if own.size_std > 0.0:
-                tested.append(own)
+                tested.append(shown)
         return tested
 
     def _changes(self, state: RedundancyState) -> Changes:
         """What the remembered segments say of a change, by onset."""
-        return changes_since(state.reference, state.segments, range(len(state.segments)))
+        return changes_since(state.reference, state.segments)
 
     def _floors(self, state: RedundancyState) -> Array:
-        """What parameters may change by within a minute, (relations, COLUMNS).
+        """What parameters may change by within a minute, (rows, COLUMNS).
 
-        Gusts are no random walk. By what they move a vane's reading in a second a vane may seem to be off.
+        Gusts are no random walk. By what they move a vane's reading in a second a vane may seem to be off. And what a
+        coefficient seems to be off the file is in part the gusts', for they act otherwise than the aircraft's own
+        motion does: it comes and goes with them.
         """
-        floors = FLOORS.copy()
+        floors = FLOORS[list(ROWS)]
         for i in (ALPHA, BETA):
-            gusts = state.memory.scalar[i, DRIFT] * self.model.noise_variance[i]
-            floors[i] *= np.sqrt(1.0 + gusts / FLOORS[i, 0] ** 2)
+            for row in (i, ROUGH[i]):
+                gusts = state.memory.scalar[row, DRIFT] * self.model.noise_variance[i]
+                floors[row] *= np.sqrt(1.0 + gusts / FLOORS[i, 0] ** 2)
+        off = state.reference.parameters(state.variance)
+        for row, relation in enumerate(ROWS):
+            if relation >= LIFT:
+                floors[row] = np.hypot(floors[row], _COMES_AND_GOES * off[row])
         return floors
 
     def _tune(self, state: RedundancyState, segment: Closed, which: Flags) -> None:
         """Relations' drifts follow the correlation of their innovations."""
-        correlation = segment.products / np.maximum(segment.square, 1e-9)
+        calm = slice(0, _N)
+        correlation = segment.products[calm] / np.maximum(segment.square[calm], 1e-9)
         step = segment.seconds * np.clip(_DRIFT_GAIN * correlation, -0.5, 0.5)
-        drift = state.memory.scalar[:, DRIFT]
-        drift[which] = np.clip(drift * np.exp(step), self._least_drift, _DRIFTS[1])[which]
+        drift, most = state.memory.scalar[:, DRIFT], np.full(_N, _DRIFTS[1])
+        most[ROLLING:] = _COLOURED
+        drift[calm][which] = np.clip(drift[calm] * np.exp(step), _DRIFTS[0], most)[which]
+        gusty = list(GUSTY)
+        drift[_N:] = np.maximum(_ROUGHER * drift[gusty], self._rough_drift[gusty])
 
     def _note_scatter(self, state: RedundancyState, seconds: float, score: Array, which: Flags) -> None:
-        said, scatter = which & np.isfinite(score), state.reference.scatter
-        scatter[said] = np.maximum(1.0, scatter[said] * (1.0 + seconds / _SCATTER_S * (score[said] - 1.0)))
+        said, scatter = which[list(ROWS)] & np.isfinite(score), state.reference.scatter
+        followed = scatter[said] * (1.0 + seconds / _SCATTER_S * (score[said] - 1.0))
+        scatter[said] = np.maximum(LEAST_SCATTER[said], followed)
 
     def _thin_out(self, state: RedundancyState, which: Flags, quiet: bool) -> None:
         """Join old segments; the oldest joins the reference, unless it may be part of a change."""
@@ -324,7 +378,7 @@ class RedundancyWatch:
                 return
         oldest = segments.pop(0)
         if quiet:
-            state.reference.absorb(oldest, which)
+            state.reference.absorb(oldest, which[list(ROWS)])
 
 
 def _repeated(state: RedundancyState) -> Array:
