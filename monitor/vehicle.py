@@ -1,7 +1,6 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from wingwatch.aircraft import (
 from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
 from wingwatch.estimators import BlockEvidence, Estimate
 from wingwatch.monitor.air_watch import PendingAir
-from wingwatch.monitor.alerts import AlertBook, BookState
+from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.cell_memory import CellBook
 from wingwatch.monitor.chain import (
@@ -34,14 +33,17 @@ from wingwatch.monitor.flight_regime import FlightRegime
 from wingwatch.monitor.furthest import PendingWorst, furthest
 from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
 from wingwatch.monitor.mode_object import mode_object
+from wingwatch.monitor.monitor_start import MonitorStart, Report, surface_kinds
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.positions import Position, position_of
 from wingwatch.monitor.redundancy import VehicleRelations
 from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
+from wingwatch.monitor.surfaces_seen import EFFECTIVENESS, SurfaceWatch
+from wingwatch.monitor.vehicle_alerts import VehicleAlerts
 from wingwatch.monitor.views import (
-    LEVELS,
     AlertState,
     AlertView,
     CouldSeeView,
@@ -49,7 +51,7 @@ from wingwatch.monitor.views import (
     VehicleView,
     WorstDerivative,
 )
-from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
+from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays
 from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
@@ -57,41 +59,6 @@ __all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_ki
 
 _COULD_SEE_S = 30.0
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
-
-
-def surface_kinds(given: Sequence[str]) -> dict[str, str]:
-    """``command`` for every surface whose position is not given and is taken from its command."""
-    return {
-        name: "command"
-        for name, sources in derivations(given).items()
-        if len(sources) == 1 and sources[0].endswith("_command_rad")
-    }
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """What a block of samples led to: solutions, and alerts that were raised, changed or cleared."""
-
-    solutions: list[Solution] = field(default_factory=list)
-    alerts: list[AlertView] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class MonitorStart:
-    """What the watch of a vehicle starts from, beside its aircraft file.
-
-    Attributes:
-        configuration: of the aircraft, as its file names it.
-        memory: what is kept of the vehicle's earlier flights.
-        chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
-            is larger than what they remember of a vehicle, then serve this one as well.
-        judge: settings of the test.
-    """
-
-    configuration: str = "clean"
-    memory: VehicleMemory = field(default_factory=VehicleMemory)
-    chain: Chain | None = None
-    judge: JudgeConfig = field(default_factory=JudgeConfig)
 
 
 class VehicleMonitor:
@@ -139,8 +106,10 @@ class VehicleMonitor:
         self._judge_state = self.judge.init(memory.references, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
         self._relations = VehicleRelations(self.chain.redundancy, fleet, vehicle, new_id)
+        self._alerts = VehicleAlerts(self.book, self._relations)
+        self._surfaces = SurfaceWatch(present, self._compared, self.chain.redundancy.hypotheses)
         self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
-        self._memory = WatchMemory()
+        self._memory = WatchMemory(surfaces=self._surfaces.init())
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
 
     @property
@@ -178,6 +147,11 @@ class VehicleMonitor:
     def pending_air(self) -> PendingAir | None:
         """What ``air`` would work out; None where it is known already."""
         return self.chain.pending_air(self.chain_state)
+
+    @property
+    def position(self) -> Position | None:
+        """Where it was last, by the samples that say so."""
+        return self._memory.position
 
     @property
     def last_block(self) -> BlockView | None:
@@ -222,6 +196,7 @@ class VehicleMonitor:
             book=self.book.state,
             redundancy=redundancy,
             redundancy_book=redundancy_book,
+            alerts=detached(self._alerts.memory),
             cells=detached(self.cells.state),
             memory=detached(self._memory),
             latest=None if latest is None else SavedSolution.of(latest),
@@ -242,6 +217,7 @@ class VehicleMonitor:
         self._judge_state = saved.judge
         self.book.resume(saved.book)
         self._relations.restore(saved.redundancy, saved.redundancy_book)
+        self._alerts.memory = saved.alerts
         self.cells.resume(saved.cells)
         self._memory = saved.memory
         self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
@@ -255,32 +231,32 @@ class VehicleMonitor:
         known = self._memory.block is not None
         blocks_s = self.judge.config.patience_blocks * self.judge.config.block_s
         onset_s = alert.raised_s - blocks_s if known else float("-inf")
-        if alert.channel is not None:
-            self._relations.adopt(alert)
-        else:
-            self.book.resume(BookState(alert, onset_s, 0, 0))
+        self._alerts.follow_again(alert, onset_s)
         self._memory.state = VehicleState.DEGRADED
 
     @property
     def active_alerts(self) -> list[AlertView]:
         """All alerts in force, worst first."""
-        found = [*self._relations.book.active, *([self.book.active] if self.book.active else [])]
-        return sorted(found, key=lambda alert: -LEVELS.index(alert.level))
+        return self._alerts.active
 
     @property
     def alarmed(self) -> bool:
         """Whether an alert is in force."""
-        return self.book.active is not None or bool(self._relations.book.active)
+        return self._alerts.alarmed
 
     def take_over(self, alert: AlertView) -> None:
-        """What was done to an alert in force counts; one that was cleared is followed no longer."""
-        if self.book.active is not None and self.book.active.id == alert.id:
-            if alert.state is AlertState.CLEARED:
-                self.book.dismiss()
-            else:
-                self.book.take_over(alert)
-        else:
-            self._relations.take_over(alert, self.last_sample_time_s or 0.0)
+        """What was done to an alert in force counts; one that was cleared is followed no longer.
+
+        The surface that it was about has to show itself anew then: by what comes after it, for the test remembers.
+        """
+        now_s = self.last_sample_time_s or 0.0
+        mine = next((one for one in self.active_alerts if one.id == alert.id), None)
+        self._alerts.take_over(alert, now_s)
+        if mine is not None and alert.state is AlertState.CLEARED:
+            until_s = now_s + self.judge.config.remembered_blocks * self.judge.config.block_s
+            for column, cause in EFFECTIVENESS.items():
+                if mine.channel == column or mine.cause == cause:
+                    self._surfaces.forget(self._memory.surfaces, column, until_s)
 
     def dismiss(self, by_person: bool) -> None:
         """The airframe's alert in force was cleared after this state was saved.
@@ -291,7 +267,7 @@ class VehicleMonitor:
         onset_s = self.book.onset_s
         if not by_person and onset_s is not None:
             self._judge_state.blocks[:] = [b for b in self._judge_state.blocks if b.end_s <= onset_s]
-        self.book.dismiss()
+        self._alerts.dismiss_airframe()
         self._memory.state = VehicleState.NOT_OBSERVABLE
 
     def feed(self, block: SampleBlock) -> Report:
@@ -310,16 +286,22 @@ class VehicleMonitor:
         changed = self._judge_solution(solution)
         if changed is not None:
             self._relations.explain(changed, solution.time_s)
+            changed = self._alerts.told([changed])[0]
         before, self._memory.latest = self._memory.latest, solution
+        if self._memory.surfaces.begun_s is None:
+            self._memory.surfaces.begun_s = solution.time_s
         self._update_state(solution, before)
         return changed
 
     def after_samples(self) -> list[AlertView]:
         """After some samples: alerts by redundancy that were raised, changed or cleared in them.
 
-        Who is on the ground or stalled is not observable.
+        Who is on the ground or stalled is not observable. On the ground a flight is over, and with it what surfaces
+        have shown.
         """
-        raised = self._relations.rest(self.book.active is not None)
+        raised = self._alerts.told(self._relations.rest(self.book.active is not None))
+        if self._memory.regime.waits and self._memory.regime.landed:
+            self._memory.surfaces = self._surfaces.init()
         if raised and self.alarmed and self.state is not VehicleState.DEGRADED:
             self._memory.state, self._memory.state_since_s = VehicleState.DEGRADED, raised[0].raised_s
         if self._memory.regime.waits and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
@@ -338,6 +320,7 @@ class VehicleMonitor:
         aligned = self._aligner.feed(self.cleaner.clean(block).block)
         used = self._regime.select(self._memory.regime, aligned)
         self._relations.wait(used)
+        self._memory.position = position_of(aligned) or self._memory.position
         return used
 
     @property
@@ -410,11 +393,50 @@ class VehicleMonitor:
         if seen:
             slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
             m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
-        state = VehicleState.HEALTHY if seen and not m.outside else VehicleState.NOT_OBSERVABLE
+            self._look_at_surfaces(solution.time_s)
+        shown = seen and not m.outside and not m.surfaces.unseen
+        state = VehicleState.HEALTHY if shown else VehicleState.NOT_OBSERVABLE
         if self.alarmed:
             state = VehicleState.DEGRADED
         if state is not m.state:
             m.state, m.state_since_s = state, solution.time_s
+
+    def _look_at_surfaces(self, now_s: float) -> None:
+        """Whether a fault of those that have not shown themselves would have been noticed by now."""
+        if self._surfaces.due(self._memory.surfaces, now_s):
+            airframe = self.judge.smallest_seen(self._judge_state) if self._compared else {}
+            self._surfaces.look(self._memory.surfaces, now_s, airframe, self._relations.could_see())
+
+    @property
+    def flown_s(self) -> float:
+        """Time since the flight's first solution."""
+        begun_s, now_s = self._memory.surfaces.begun_s, self.last_sample_time_s
+        return 0.0 if begun_s is None or now_s is None else now_s - begun_s
+
+    @property
+    def waits(self) -> str:
+        """Why estimation waits, on the ground or stalled; empty where it does not."""
+        return self._memory.regime.waits
+
+    @property
+    def in_rough_air(self) -> bool:
+        """Whether the air of the last half minute hides what an input would show, as far as that is known."""
+        latest, air = self._memory.latest, self.air
+        rough = latest is not None and any(mode.rough for mode in latest.modes.values())
+        return bool(rough or (air is not None and not air.fit_for_estimating))
+
+    @property
+    def condition(self) -> FlightCondition | None:
+        """As of the latest solution; None before it, and where it was not steady enough to state one."""
+        latest = self._memory.latest
+        if latest is None or not latest.modes:
+            return None
+        return condition_of(next(iter(latest.modes.values())).ekf.condition, self.configuration)
+
+    @property
+    def unseen_surfaces(self) -> Sequence[str]:
+        """Columns of surfaces that have not moved enough in this flight for a stuck one to be noticed."""
+        return self._memory.surfaces.unseen
 
     @property
     def state(self) -> VehicleState:
@@ -518,16 +540,18 @@ class VehicleMonitor:
             return " ".join(alert.text for alert in active)
         if not self._compared:
             return self.basis_text
-        if self._memory.regime.waits:
-            return self._memory.regime.waits
+        if self.waits:
+            return self.waits
         if self._memory.outside:
             return self._memory.outside
         if stuck := self.chain.supervisor.stuck(self.chain_state.lane):
             return f"{', '.join(stuck)} stays as it is while the aircraft moves: a stuck sensor is left out"
-        if self._memory.latest is None:
+        if (latest := self._memory.latest) is None:
             return "no solution yet"
+        if self.unseen_surfaces and any(latest.modes[s.name].says_something for s in self._compared):
+            return self._surfaces.text(self._memory.surfaces)
         if self.state is VehicleState.NOT_OBSERVABLE:
-            return "; ".join(self._memory.latest.modes[s.name].fourier.reason for s in self._compared)
+            return "; ".join(latest.modes[s.name].fourier.reason for s in self._compared)
         return "no change against what is expected"
 
     def could_see(self) -> Sequence[CouldSeeView]:
@@ -542,7 +566,11 @@ class VehicleMonitor:
         return self._could_see[1]
 
     def view(self, state: VehicleState | None = None) -> VehicleView:
-        """The vehicle as an operator sees it; ``state`` replaces its own (a vehicle that fell silent)."""
+        """The vehicle as an operator sees it, without what ``could_see`` works out.
+
+        Args:
+            state: replaces its own (a vehicle that fell silent).
+        """
         solution = self._memory.latest
         condition: dict[str, float] = {}
         if solution is not None and solution.modes:
@@ -558,7 +586,7 @@ class VehicleMonitor:
             last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
             worst=self.worst(), counts=self.counts,
             active_alerts=tuple(alert.id for alert in self.active_alerts), condition=condition,
-            air=self.air, rejected_by_channel=self.rejected_by_channel, could_see=self.could_see(),
+            air=self.air, rejected_by_channel=self.rejected_by_channel, unseen_surfaces=self.unseen_surfaces,
         )  # fmt: skip
 
 

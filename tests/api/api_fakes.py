@@ -29,6 +29,7 @@ from wingwatch.baselines import EstimateRecord, HistoryRow, HistoryWanted
 from wingwatch.monitor.views import (
     SHELVED_S,
     AlertAction,
+    AlertGroupView,
     AlertState,
     AlertView,
     Event,
@@ -105,6 +106,7 @@ class FakeMonitor:
         self.views: list[VehicleView] = []
         self.current: dict[tuple[str, str], Mapping[str, Any]] = {}
         self.raised: list[AlertView] = []
+        self.groups: list[AlertGroupView] = []
         self.kept: list[Event] = []
         self.keys: list[str | None] = []
         self.shelved_s: list[float] = []
@@ -124,6 +126,9 @@ class FakeMonitor:
 
     def alerts(self) -> Sequence[AlertView]:
         return tuple(self.raised)
+
+    def alert_groups(self) -> Sequence[AlertGroupView]:
+        return tuple(self.groups)
 
     def act_on_alert(
         self,
