@@ -62,7 +62,7 @@ def wanted_surface(unseen: Sequence[str], could_see: Sequence[CouldSeeView]) -> 
                 size = (
                     "" if row.smallest_size is None else f" below {row.smallest_size:.2g} {row.unit}".rstrip()
                 )
-                return column, f"{what.capitalize()}{size} would not have been noticed in the last minutes."
+                return column, f"A change of {what}{size} would not have been noticed in the last minutes."
     return None
 
 
