@@ -70,9 +70,14 @@ class SurfaceWatch:
         """At the start of a flight."""
         return SurfacesSeen(self.surfaces)
 
-    def due(self, state: SurfacesSeen, now_s: float) -> bool:
-        """Whether what could have been seen is to be worked out now."""
-        return bool(state.unseen) and not 0.0 <= now_s - state.looked_s < LOOK_S
+    def due(self, state: SurfacesSeen, now_s: float, block_s: float | None) -> bool:
+        """Whether what could have been seen is to be worked out now: after a block, without blocks every ``LOOK_S``.
+
+        Args:
+            block_s: end of the latest block that was compared.
+        """
+        fresh = block_s is not None and state.looked_s < block_s <= now_s
+        return bool(state.unseen) and (fresh or not 0.0 <= now_s - state.looked_s < LOOK_S)
 
     def look(
         self,

@@ -403,7 +403,8 @@ class VehicleMonitor:
 
     def _look_at_surfaces(self, now_s: float) -> None:
         """Whether a fault of those that have not shown themselves would have been noticed by now."""
-        if self._surfaces.due(self._memory.surfaces, now_s):
+        block_s = None if self._memory.block is None else self._memory.block.end_s
+        if self._surfaces.due(self._memory.surfaces, now_s, block_s):
             airframe = self.judge.smallest_seen(self._judge_state) if self._compared else {}
             self._surfaces.look(self._memory.surfaces, now_s, airframe, self._relations.could_see())
 

@@ -116,10 +116,10 @@ class FakeMonitor:
         self.solutions = 0
 
     def vehicles(self) -> Sequence[VehicleView]:
-        return tuple(self.views)
+        return tuple(dataclasses.replace(view, could_see=()) for view in self.views)
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
-        return next((v for v in self.vehicles() if (v.fleet, v.vehicle) == (fleet, vehicle)), None)
+        return next((v for v in tuple(self.views) if (v.fleet, v.vehicle) == (fleet, vehicle)), None)
 
     def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
         return self.current.get((fleet, vehicle))
