@@ -25,12 +25,18 @@ LANDED, LIFTED_OFF = 0.5, 0.8
 taxies or rolls. It flies again from the second on, at which an aircraft that has left the ground is always: lift-off is
 above the stall speed, and a file whose largest lift is a third too small states a stall speed a seventh too high."""
 
+BRAKES_M_S2 = 9.81
+"""No wheel slows an aircraft down faster; an airspeed that falls faster from flight to the ground is wrong."""
+
 MOST_ATTACHED_RAD = math.radians(20.0)
 """Of a file that states no stall angle: beyond it no plain wing's lift still rises, so its stall speed is no lower."""
 
 MOST_INCIDENCE_RAD = math.radians(45.0)
 """Beyond this angle of attack or sideslip no wing and no fin has attached flow, whatever the aircraft."""
 
+_NO_AIRSPEED = (
+    f"the airspeed is below {LEAST_AIRSPEED_M_S:g} m/s in flight: it is wrong, and estimation waits for it"
+)
 _SEA_LEVEL_KG_M3, _GRAVITY_M_S2 = 1.225, 9.81
 _TIME, _AIRSPEED, _ALPHA, _BETA = (
     CHANNEL_INDEX[name] for name in ("time_s", "airspeed_true_m_s", "angle_of_attack_rad", "sideslip_rad")
@@ -46,6 +52,8 @@ class RegimeState:
         waits: why estimation waits as of the last sample; empty where it does not.
         stalled_s: stamp of the last sample beyond the stall.
         landed: whether the last sample was of the ground; so it is before the first one.
+        flew_s: stamp of the last sample at ``LIFTED_OFF`` of the stall speed or more.
+        fell: whether the airspeed has fallen since faster than any brake, so that it says nothing of the ground.
     """
 
     too_slow: int = 0
@@ -53,6 +61,8 @@ class RegimeState:
     waits: str = ""
     stalled_s: float = -math.inf
     landed: bool = True
+    flew_s: float = -math.inf
+    fell: bool = False
 
 
 def least_stall_speed_m_s(aircraft: Aircraft) -> float | None:
@@ -99,9 +109,11 @@ class FlightRegime:
         """
         if not len(block):
             return block
-        least_m_s = self._lifted_off_m_s if state.landed else self._landed_m_s
+        least_m_s = self._lifted_off_m_s if state.landed or state.fell else self._landed_m_s
         if _is_attached(np.ascontiguousarray(block.values), self.stall_rad, state.stalled_s, least_m_s):
-            state.waits, state.landed = "", False
+            state.waits, state.landed, state.fell = "", False, False
+            fast = np.flatnonzero(block.values[:, _AIRSPEED] >= self._lifted_off_m_s)
+            state.flew_s = float(block.values[fast[-1], _TIME]) if fast.size else state.flew_s
             return block
         flying = self._flying(state, block)
         detached = self._detached(state, block) & flying
@@ -109,7 +121,7 @@ class FlightRegime:
         state.stalled += int(np.count_nonzero(detached))
         state.waits = ""
         if not flying[-1]:
-            state.waits = self._ground_text
+            state.waits = self._ground_text if state.landed else _NO_AIRSPEED
         elif detached[-1]:
             state.waits = (
                 f"the angle of attack is beyond {math.degrees(self.stall_rad):.3g} degrees, or the sideslip beyond "
@@ -128,16 +140,19 @@ class FlightRegime:
         )
 
     def _flying(self, state: RegimeState, block: SampleBlock) -> NDArray[np.bool_]:
-        """Which samples are of flight, by the airspeed, with a hysteresis; a velocity over the ground that no aircraft
-        rolls at overrules an airspeed that is too low: that one is wrong."""
+        """Which samples are of flight, by the airspeed, with a hysteresis.
+
+        An airspeed that is too low is wrong where it has fallen faster than any brake, or beside a velocity over the
+        ground that no aircraft rolls at. Who flies with it is watched: it contradicts other channels.
+        """
         airspeed = block.column("airspeed_true_m_s")
         over_ground = np.hypot(block.column("velocity_north_m_s"), block.column("velocity_east_m_s"))
         contradicted = over_ground >= (self.stall_m_s or math.inf)
-        up = (airspeed >= self._lifted_off_m_s) | contradicted
-        down = ~(airspeed >= self._landed_m_s) & ~contradicted
-        latest = np.maximum.accumulate(np.where(up | down, np.arange(airspeed.size), -1))
-        landed = np.where(latest >= 0, down[latest], state.landed)
-        state.landed = bool(landed[-1])
+        brakes_s = (self._lifted_off_m_s - self._landed_m_s) / BRAKES_M_S2
+        limits = self._landed_m_s, self._lifted_off_m_s, brakes_s
+        before = state.landed, state.flew_s, state.fell
+        landed, *after = _landed(block.column("time_s"), airspeed, contradicted, limits, before)
+        state.landed, state.flew_s, state.fell = bool(landed[-1]), float(after[0]), bool(after[1])
         return np.asarray(~landed & (airspeed >= LEAST_AIRSPEED_M_S))
 
     def _detached(self, state: RegimeState, block: SampleBlock) -> NDArray[np.bool_]:
@@ -151,6 +166,29 @@ class FlightRegime:
         # stamps before that of the stall are those of another clock
         state.stalled_s = float(time_s[-1] - since_s[-1]) if since_s[-1] >= 0.0 else -math.inf
         return np.asarray((since_s >= 0.0) & (since_s <= MAX_GAP_S))
+
+
+@njit(cache=True)
+def _landed(time_s, airspeed, contradicted, limits, before):  # type: ignore[no-untyped-def]
+    """Which samples are of the ground (n,), and ``flew_s`` and ``fell`` after them.
+
+    Args:
+        limits: airspeeds that reach the ground and leave it, and the least time from the one to the other.
+        before: ``landed``, ``flew_s`` and ``fell``.
+    """
+    landed_m_s, lifted_off_m_s, brakes_s = limits
+    landed, flew_s, fell = before
+    found = np.empty(len(airspeed), dtype=np.bool_)
+    for i in range(len(airspeed)):
+        if airspeed[i] >= lifted_off_m_s:
+            landed, flew_s, fell = False, time_s[i], False
+        elif contradicted[i]:
+            landed = False
+        elif not airspeed[i] >= landed_m_s and not landed and not fell:
+            fell = 0.0 <= time_s[i] - flew_s < brakes_s
+            landed = not fell
+        found[i] = landed
+    return found, flew_s, fell
 
 
 @njit(cache=True)

@@ -389,7 +389,7 @@ class VehicleMonitor:
 
     def _update_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
-        seen = any(solution.modes[s.name].says_something for s in self._compared)
+        seen = self.says_something
         if seen:
             slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
             m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
@@ -425,6 +425,12 @@ class VehicleMonitor:
         latest, air = self._memory.latest, self.air
         rough = latest is not None and any(mode.rough for mode in latest.modes.values())
         return bool(rough or (air is not None and not air.fit_for_estimating))
+
+    @property
+    def says_something(self) -> bool:
+        """Whether a compared structure was observable at the latest solution."""
+        latest = self._memory.latest
+        return latest is not None and any(latest.modes[s.name].says_something for s in self._compared)
 
     @property
     def condition(self) -> FlightCondition | None:
@@ -549,7 +555,7 @@ class VehicleMonitor:
             return f"{', '.join(stuck)} stays as it is while the aircraft moves: a stuck sensor is left out"
         if (latest := self._memory.latest) is None:
             return "no solution yet"
-        if self.unseen_surfaces and any(latest.modes[s.name].says_something for s in self._compared):
+        if self.unseen_surfaces and self.says_something:
             return self._surfaces.text(self._memory.surfaces)
         if self.state is VehicleState.NOT_OBSERVABLE:
             return "; ".join(latest.modes[s.name].fourier.reason for s in self._compared)

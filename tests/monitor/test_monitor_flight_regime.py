@@ -130,15 +130,25 @@ def test_the_ground_is_left_near_the_stall_speed_and_reached_far_below_it(piece:
     stall = least_stall_speed_m_s(AEROSONDE)
     assert stall == pytest.approx(STALL_M_S, abs=0.05)
     taxi, run, flight = 0.3 * STALL_M_S, 0.7 * STALL_M_S, 2.0 * STALL_M_S
-    speeds = (taxi, run, flight, run, flight, taxi, run, run, flight)
-    assert used_seconds(at_speeds(*speeds), piece) == [2, 3, 4, 8]
+    speeds = (taxi, run, flight, run, flight, run, taxi, run, run, flight)
+    assert used_seconds(at_speeds(*speeds), piece) == [2, 3, 4, 5, 9]
 
 
 def test_a_velocity_over_the_ground_contradicts_an_airspeed_that_is_too_low() -> None:
-    speeds, east = (25.0, 3.0, 3.0, 25.0), np.repeat([25.0, 25.0, 5.0, 5.0], 5)
-    moving = {"velocity_north_m_s": np.zeros(20), "velocity_east_m_s": east}
-    assert used_seconds(at_speeds(*speeds, **moving)) == [0, 1, 3]
-    assert used_seconds(at_speeds(*speeds)) == [0, 3]
+    speeds, east = (25.0, 9.0, 3.0, 3.0, 25.0), np.repeat([25.0, 25.0, 25.0, 5.0, 5.0], 5)
+    moving = {"velocity_north_m_s": np.zeros(25), "velocity_east_m_s": east}
+    assert used_seconds(at_speeds(*speeds, **moving)) == [0, 1, 2, 4]
+    assert used_seconds(at_speeds(*speeds)) == [0, 1, 4]
+
+
+@pytest.mark.parametrize("piece", [1, 7, 1000])
+def test_an_airspeed_that_falls_faster_than_any_brake_is_wrong_and_not_of_the_ground(piece: int) -> None:
+    """From flight to the ground takes 0.37 s at least; here it takes a sample, 0.2 s."""
+    speeds = (25.0, 3.0, 3.0, 25.0, 9.0, 3.0, 3.0)
+    assert used_seconds(at_speeds(*speeds), piece) == [0, 1, 2, 3, 4]
+    state = RegimeState()
+    assert len(FlightRegime(AEROSONDE).select(state, at_speeds(25.0, 0.2))) == 5
+    assert "it is wrong" in state.waits
 
 
 def test_a_file_that_states_no_lift_has_no_ground_but_standing_still() -> None:
@@ -149,22 +159,30 @@ def test_a_file_that_states_no_lift_has_no_ground_but_standing_still() -> None:
     assert (len(used), state.too_slow) == (10, 5)
 
 
+def taxiing(flight: SampleBlock, k: int, late_s: float) -> SampleBlock:
+    """A second on the ground: a gyro that is off and a rudder that does not follow would be faults in flight."""
+    block = second(flight, k)
+    columns = {name: block.column(name) for name in block.present}
+    columns["time_s"] = columns["time_s"] + late_s
+    columns["airspeed_true_m_s"] = columns["velocity_north_m_s"] = np.full(len(block), 4.0)
+    columns["pitch_rate_rad_s"] = columns["pitch_rate_rad_s"] + 0.2 * (k % 2)
+    columns["rudder_rad"] = columns["rudder_rad"] + 0.3 * (k % 3)
+    return SampleBlock.from_columns(columns)
+
+
 def test_nobody_is_alarmed_by_an_aircraft_that_taxies_and_its_surfaces_show_themselves_anew() -> None:
-    """A gyro that is off and a rudder that does not follow are wrong in flight; on the ground a hand may do that."""
     hall, flight = Hall(), fly_doublets(60.0)
     hall.announce()
-    hall.fly(flight, 0, 45)
+    for k in range(10):
+        hall.sample(taxiing(flight, k, 0.0), next(hall.sequence))
+    assert hall.view().last_sample_time_s is None, "nothing was estimated"
+    hall.fly(flight, 10, 60)
     assert hall.view().state is VehicleState.HEALTHY
-    for k in range(45, 60):
-        block = second(flight, k)
-        columns = {name: block.column(name) for name in block.present}
-        columns["airspeed_true_m_s"] = columns["velocity_north_m_s"] = np.full(len(block), 4.0)
-        columns["pitch_rate_rad_s"] = columns["pitch_rate_rad_s"] + 0.2
-        columns["rudder_rad"] = columns["rudder_rad"] + 0.3
-        hall.sample(SampleBlock.from_columns(columns), next(hall.sequence))
+    for k in range(10):
+        hall.sample(taxiing(flight, k, 200.0), next(hall.sequence))
     view = hall.view()
     assert list(hall.fleet.alerts()) == []
     assert view.state is VehicleState.NOT_OBSERVABLE
     assert "on the ground" in view.reason
     assert view.unseen_surfaces == ("elevator_rad", "aileron_rad", "rudder_rad")
-    assert view.counts["too_slow"] == 15 * 50
+    assert view.counts["too_slow"] == 20 * 50

@@ -1,6 +1,7 @@
 """Ice on several vehicles of one area is shown as one event."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ DEGREE_M = 111_195.0
 """Of a great circle."""
 
 
-def ice(number: int, **changes: object) -> AlertView:
+def ice(number: int, **changes: Any) -> AlertView:
     return replace(OLD_ALERT, id=f"a{number}", vehicle=f"uav{number}", **changes)
 
 
