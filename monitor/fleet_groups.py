@@ -42,7 +42,7 @@ class IcingGroups:
         """Groups of at least two vehicles, largest first.
 
         Args:
-            alerts: all that are told of, newest first; those in force count.
+            alerts: all that are announced, newest first; those in force count.
         """
         iced = [
             alert

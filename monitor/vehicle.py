@@ -286,7 +286,7 @@ class VehicleMonitor:
         changed = self._judge_solution(solution)
         if changed is not None:
             self._relations.explain(changed, solution.time_s)
-            changed = self._alerts.told([changed])[0]
+            changed = self._alerts.announced([changed])[0]
         before, self._memory.latest = self._memory.latest, solution
         if self._memory.surfaces.begun_s is None:
             self._memory.surfaces.begun_s = solution.time_s
@@ -299,7 +299,7 @@ class VehicleMonitor:
         Who is on the ground or stalled is not observable. On the ground a flight is over, and with it what surfaces
         have shown.
         """
-        raised = self._alerts.told(self._relations.rest(self.book.active is not None))
+        raised = self._alerts.announced(self._relations.rest(self.book.active is not None))
         if self._memory.regime.waits and self._memory.regime.landed:
             self._memory.surfaces = self._surfaces.init()
         if raised and self.alarmed and self.state is not VehicleState.DEGRADED:

@@ -57,10 +57,10 @@ class VehicleAlerts:
         """Whether an alert is in force."""
         return self._book.active is not None or bool(self._relations.book.active)
 
-    def told(self, versions: Sequence[AlertView]) -> list[AlertView]:
-        """Versions as the books made them, in order; as they are told, under the name of an alert that comes back."""
+    def announced(self, versions: Sequence[AlertView]) -> list[AlertView]:
+        """Versions as the books made them, in order; as they are announced, under the name of an alert that comes back."""
         opened: dict[str, AlertView] = {}
-        return [self._told(version, opened) for version in versions]
+        return [self._announced(version, opened) for version in versions]
 
     def follow_again(self, alert: AlertView, onset_s: float) -> None:
         """An alert that was in force before a restart is so again.
@@ -96,7 +96,7 @@ class VehicleAlerts:
         if alert_id in self.memory.in_force:
             self.memory.in_force.remove(alert_id)
 
-    def _told(self, version: AlertView, opened: dict[str, AlertView]) -> AlertView:
+    def _announced(self, version: AlertView, opened: dict[str, AlertView]) -> AlertView:
         """One version.
 
         Args:

@@ -24,7 +24,7 @@ GYRO = replace(ICE, kind="sensor", cause="sensor_bias", channel="pitch_rate_rad_
 
 
 class Relations:
-    """A book that does as it is told."""
+    """A book that does as it says."""
 
     def __init__(self) -> None:
         self.state: Any = SimpleNamespace(active=[])
@@ -51,14 +51,14 @@ class Life:
             self.book.active = alert
         else:
             self.relations.state.active.append(alert)
-        (told,) = self.alerts.told([alert])
-        return told
+        (said,) = self.alerts.announced([alert])
+        return said
 
     def clear(self, now_s: float) -> AlertView:
         mine = self.alerts.active[0]
         self.book.active, self.relations.state.active = None, []
-        (told,) = self.alerts.told([replace(mine, state=CLEARED, cleared_s=now_s)])
-        return told
+        (said,) = self.alerts.announced([replace(mine, state=CLEARED, cleared_s=now_s)])
+        return said
 
 
 @pytest.mark.parametrize("alert", [ICE, GYRO])
@@ -109,13 +109,13 @@ def test_versions_of_one_call_go_under_the_same_name() -> None:
         new, size=0.3, note=("wingwatch: sensor_bias became sensor_scale",), cause="sensor_scale"
     )
     gone = replace(changed, state=CLEARED, cleared_s=170.0)
-    told = life.alerts.told([new, changed, gone])
-    assert [(one.id, one.state, one.repeats) for one in told] == [
+    said = life.alerts.announced([new, changed, gone])
+    assert [(one.id, one.state, one.repeats) for one in said] == [
         ("a1", ACTIVE, 1),
         ("a1", ACTIVE, 1),
         ("a1", CLEARED, 1),
     ]
-    assert told[-1].note[-1].endswith("became sensor_scale")
+    assert said[-1].note[-1].endswith("became sensor_scale")
 
 
 def test_an_alert_that_changes_into_an_earlier_one_stays_itself() -> None:
@@ -124,8 +124,8 @@ def test_an_alert_that_changes_into_an_earlier_one_stays_itself() -> None:
     life.clear(150.0)
     unknown = replace(ICE, id="a2", raised_s=160.0, cause="unknown", kind="unexplained")
     life.raise_(unknown)
-    (told,) = life.alerts.told([replace(unknown, cause="icing", kind="icing")])
-    assert told.id == "a2"
+    (said,) = life.alerts.announced([replace(unknown, cause="icing", kind="icing")])
+    assert said.id == "a2"
 
 
 def test_one_that_was_shelved_stays_on_the_shelf_until_it_is_worse() -> None:
