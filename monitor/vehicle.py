@@ -1,9 +1,6 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
-import numpy as np
 
 from wingwatch.aircraft import (
     DUTCH_ROLL,
@@ -12,11 +9,9 @@ from wingwatch.aircraft import (
     Aircraft,
     FlightCondition,
     ModeStructure,
-    mode_quantities,
 )
-from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
-from wingwatch.estimators import BlockEvidence, Estimate
-from wingwatch.monitor.air_watch import PendingAir
+from wingwatch.baselines import Expectation, OutOfEnvelope
+from wingwatch.estimators import BlockEvidence
 from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.cell_memory import CellBook
@@ -30,19 +25,19 @@ from wingwatch.monitor.chain import (
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.could_see import could_see
 from wingwatch.monitor.flight_regime import FlightRegime
-from wingwatch.monitor.furthest import PendingWorst, furthest
-from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
-from wingwatch.monitor.mode_object import mode_object
+from wingwatch.monitor.furthest import furthest
+from wingwatch.monitor.judge import Judge
 from wingwatch.monitor.monitor_start import MonitorStart, Report, surface_kinds
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
-from wingwatch.monitor.positions import Position, position_of
+from wingwatch.monitor.positions import position_of
 from wingwatch.monitor.redundancy import VehicleRelations
 from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
 from wingwatch.monitor.surfaces_seen import EFFECTIVENESS, SurfaceWatch
 from wingwatch.monitor.vehicle_alerts import VehicleAlerts
+from wingwatch.monitor.vehicle_readings import VehicleReadings, suspected
 from wingwatch.monitor.views import (
     AlertState,
     AlertView,
@@ -52,7 +47,6 @@ from wingwatch.monitor.views import (
     WorstDerivative,
 )
 from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays
-from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
 
@@ -61,7 +55,7 @@ _COULD_SEE_S = 30.0
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
 
 
-class VehicleMonitor:
+class VehicleMonitor(VehicleReadings):
     """Watches one vehicle.
 
     Args:
@@ -111,68 +105,6 @@ class VehicleMonitor:
         self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
         self._memory = WatchMemory(surfaces=self._surfaces.init())
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Samples accepted and rejected, by reason; ``too_slow``, ``stalled`` and ``unaligned`` are accepted ones that
-        nothing was estimated from: on the ground, stalled, and without a reading that a stated delay makes late."""
-        regime = self._memory.regime
-        unused = {"too_slow": regime.too_slow, "stalled": regime.stalled, "unaligned": self._aligner.dropped}
-        return {**self.cleaner.report.counts, **{name: times for name, times in unused.items() if times}}
-
-    @property
-    def rejected_by_channel(self) -> dict[str, int]:
-        """Readings that were refused as not finite, out of range or of a stuck sensor, by channel."""
-        found = dict(self.cleaner.report.by_channel)
-        for name, rows in self.chain.supervisor.stuck_rows(self.chain_state.lane).items():
-            found[name] = found.get(name, 0) + rows
-        return found
-
-    @property
-    def observable_s(self) -> float:
-        """Seconds of flight in which something could be said."""
-        return self._memory.observable_s
-
-    @property
-    def references(self) -> Mapping[str, Reference]:
-        """What this vehicle's flights have taught so far, by structure."""
-        return self._judge_state.references
-
-    @property
-    def air(self) -> AirQuality | None:
-        """Gusts of the last half minute as of the last solution; None where they are not known."""
-        return self.chain.air(self.chain_state)
-
-    @property
-    def pending_air(self) -> PendingAir | None:
-        """What ``air`` would work out; None where it is known already."""
-        return self.chain.pending_air(self.chain_state)
-
-    @property
-    def position(self) -> Position | None:
-        """Where it was last, by the samples that say so."""
-        return self._memory.position
-
-    @property
-    def last_block(self) -> BlockView | None:
-        """The latest block that was compared."""
-        return self._memory.block
-
-    @property
-    def last_verdict(self) -> Verdict | None:
-        """What the test said after it; None while there is nothing to compare with."""
-        return self._memory.verdict
-
-    @property
-    def suspects(self) -> bool:
-        """Whether the test is half-way to an alert, or further."""
-        return suspected(self._memory, self.judge.config)
-
-    @property
-    def last_sample_time_s(self) -> float | None:
-        """Stamp of the last sample used."""
-        t = self.chain_state.last_s
-        return t if np.isfinite(t) else None
 
     def adopt(self, memory: VehicleMemory) -> None:
         """Take in what is kept of the vehicle where it could not be read at the start; estimates go on as they are."""
@@ -409,48 +341,6 @@ class VehicleMonitor:
             self._surfaces.look(self._memory.surfaces, now_s, airframe, self._relations.could_see())
 
     @property
-    def flown_s(self) -> float:
-        """Time since the flight's first solution."""
-        begun_s, now_s = self._memory.surfaces.begun_s, self.last_sample_time_s
-        return 0.0 if begun_s is None or now_s is None else now_s - begun_s
-
-    @property
-    def waits(self) -> str:
-        """Why estimation waits, on the ground or stalled; empty where it does not."""
-        return self._memory.regime.waits
-
-    @property
-    def in_rough_air(self) -> bool:
-        """Whether the air of the last half minute hides what an input would show, as far as that is known."""
-        latest, air = self._memory.latest, self.air
-        rough = latest is not None and any(mode.rough for mode in latest.modes.values())
-        return bool(rough or (air is not None and not air.fit_for_estimating))
-
-    @property
-    def says_something(self) -> bool:
-        """Whether a compared structure was observable at the latest solution."""
-        latest = self._memory.latest
-        return latest is not None and any(latest.modes[s.name].says_something for s in self._compared)
-
-    @property
-    def condition(self) -> FlightCondition | None:
-        """As of the latest solution; None before it, and where it was not steady enough to state one."""
-        latest = self._memory.latest
-        if latest is None or not latest.modes:
-            return None
-        return condition_of(next(iter(latest.modes.values())).ekf.condition, self.configuration)
-
-    @property
-    def unseen_surfaces(self) -> Sequence[str]:
-        """Columns of surfaces that have not moved enough in this flight for a stuck one to be noticed."""
-        return self._memory.surfaces.unseen
-
-    @property
-    def state(self) -> VehicleState:
-        """Health as of the last solution."""
-        return self._memory.state
-
-    @property
     def basis(self) -> str | None:
         """What the comparison rests on: ``a-priori``, ``empirical`` or ``identified``."""
         if not self._compared:
@@ -482,63 +372,10 @@ class VehicleMonitor:
             words += f"; {self.cells.text}"
         return words + "."
 
-    def expectation(
-        self, structure: ModeStructure, condition: FlightCondition
-    ) -> Expectation | OutOfEnvelope:
-        """What is expected at a condition, this vehicle's own flights included."""
-        found = self.chain.envelopes[structure.name].lookup(condition)
-        if isinstance(found, OutOfEnvelope) or structure.name not in self.judge.coordinates:
-            return found
-        at = self.judge.coordinates[structure.name].at_each([condition])
-        prior = at.from_concise(found.value[None], found.covariance[None])
-        value, covariance = at.to_concise(*self.judge.expected([self._judge_state], structure.name, *prior))
-        return Expectation(structure, value[0], covariance[0], found.provenance, condition, found.source)
-
-    def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
-        """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""
-        at = self.chain.current(self.chain_state) if solution is None else solution
-        estimators: dict[str, dict[str, Any]] = {"fourier": {}, "ekf": {}}
-        for name, mode in at.modes.items():
-            for estimate in (mode.fourier, mode.ekf):
-                estimators[estimate.estimator][name] = self.mode_object(estimate)
-        return {
-            "time_s": at.time_s if np.isfinite(at.time_s) else None,
-            "basis": self.basis,
-            "estimators": estimators,
-            "not_estimated": dict(self.chain.absent),
-        }
-
-    def _expected_now(self, estimate: Estimate) -> Expectation | None:
-        condition = condition_of(estimate.condition, self.configuration)
-        if condition is None:
-            return None
-        found = self.expectation(estimate.structure, condition)
-        return None if isinstance(found, OutOfEnvelope) else found
-
-    def mode_object(self, estimate: Estimate) -> dict[str, Any]:
-        """The contract's object of one mode by one estimator, beside what is expected at its condition."""
-        values = dict(zip(estimate.structure.derivatives, estimate.value.tolist(), strict=True))
-        quantities = mode_quantities(estimate.structure, values, estimate.covariance)
-        return mode_object(estimate, self._expected_now(estimate), quantities)
-
     def worst(self) -> WorstDerivative | None:
         """The derivative furthest from its expectation, among those that are observable (``note_worst``)."""
         note_worst([self])
         return None if self._worst is None else self._worst[1]
-
-    @property
-    def pending_worst(self) -> PendingWorst | None:
-        """The latest solution beside what is expected, where nobody has asked yet which derivative is furthest."""
-        solution = self._memory.latest
-        if solution is None or (self._worst is not None and self._worst[0] is solution):
-            return None
-        return PendingWorst(
-            solution, self._compared, self.configuration, self.chain.envelopes, self.judge, self._judge_state
-        )
-
-    def keep_worst(self, one: PendingWorst, found: WorstDerivative | None) -> None:
-        """What was found of ``pending_worst``."""
-        self._worst = one.solution, found
 
     @property
     def reason(self) -> str:
@@ -608,12 +445,6 @@ def note_worst(monitors: Sequence[VehicleMonitor]) -> None:
         return
     for (monitor, one), found in zip(due, furthest([one for _, one in due]), strict=True):
         monitor.keep_worst(one, found)
-
-
-def suspected(memory: WatchMemory, config: JudgeConfig) -> bool:
-    """Whether what a monitor remembers is half-way to an alert, or further."""
-    verdict = memory.verdict
-    return verdict is not None and verdict.log_statistic > 0.5 * config.log_threshold
 
 
 def _compared(structures: Sequence[ModeStructure]) -> tuple[ModeStructure, ...]:

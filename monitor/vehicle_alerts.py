@@ -58,7 +58,7 @@ class VehicleAlerts:
         return self._book.active is not None or bool(self._relations.book.active)
 
     def announced(self, versions: Sequence[AlertView]) -> list[AlertView]:
-        """Versions as the books made them, in order; as they are announced, under the name of an alert that comes back."""
+        """Versions as the books made them, in order, under the name of the alert that comes back with them."""
         opened: dict[str, AlertView] = {}
         return [self._announced(version, opened) for version in versions]
 
