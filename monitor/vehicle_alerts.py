@@ -126,7 +126,7 @@ class VehicleAlerts:
         memory = self.memory
         memory.over = [one for one in memory.over if 0.0 <= _since(one, alert) < REPEAT_S]
         for one in reversed(memory.over):
-            if (one.cause, one.channel) == (alert.cause, alert.channel):
+            if _is_same(one, alert):
                 memory.over.remove(one)
                 return one
         return None
@@ -137,6 +137,14 @@ class VehicleAlerts:
             self._book.active = _under_name(self._book.active, alert)
         of_relations = self._relations.book.state.active
         of_relations[:] = [_under_name(one, alert) if one.id == name else one for one in of_relations]
+
+
+def _is_same(over: AlertView, alert: AlertView) -> bool:
+    """Whether both are of one cause and part; a part whose fault has not been named yet is the same part."""
+    named = over.cause == alert.cause or (
+        alert.channel is not None and "unknown" in (over.cause, alert.cause)
+    )
+    return named and over.channel == alert.channel
 
 
 def _since(over: AlertView, alert: AlertView) -> float:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from redundancy_flights import flown, watched
 
 from wingwatch.monitor import AlertAction, AlertState, AlertView
 from wingwatch.monitor.alert_ledger import AlertLedger
@@ -14,6 +15,7 @@ from wingwatch.monitor.ports import ActionRequest
 from wingwatch.monitor.redundancy import VehicleRelations
 from wingwatch.monitor.vehicle_alerts import REPEAT_S, VehicleAlerts
 from wingwatch.monitor.views import Shelving, repeats_in
+from wingwatch.telemetry import CHANNEL_INDEX
 
 CLEARED, SHELVED, ACTIVE = AlertState.CLEARED, AlertState.SHELVED, AlertState.ACTIVE
 ICE = AlertView(
@@ -89,6 +91,15 @@ def test_later_or_another_cause_or_part_is_another_alert(other: AlertView) -> No
     life.raise_(ICE)
     life.clear(150.0)
     assert life.raise_(other) == other
+
+
+@pytest.mark.parametrize("causes", [("sensor_bias", "unknown"), ("unknown", "sensor_bias")])
+def test_a_part_whose_fault_has_no_name_yet_is_the_same_part(causes: tuple[str, str]) -> None:
+    life = Life()
+    life.raise_(replace(GYRO, cause=causes[0]))
+    life.clear(150.0)
+    again = life.raise_(replace(GYRO, id="a2", raised_s=160.0, cause=causes[1]))
+    assert (again.id, again.cause) == ("a1", causes[1])
 
 
 def test_what_a_person_cleared_is_raised_anew() -> None:
@@ -170,3 +181,20 @@ def test_the_ledger_opens_it_again_with_all_that_was_noted_and_it_must_be_acknow
 )
 def test_a_person_cannot_make_it_count(says: Callable[[], tuple[str, ...]]) -> None:
     assert repeats_in(says()) == 0
+
+
+def test_a_gyro_that_fails_comes_right_and_fails_again_is_one_alert_however_samples_are_cut() -> None:
+    values = flown(seconds=100.0).copy()
+    rate = values[:, CHANNEL_INDEX["pitch_rate_rad_s"]]
+    rate[50 * 40 : 50 * 60] += 0.02
+    rate[50 * 90 :] += 0.02
+    _, alerts = watched(values, piece=250)
+    assert {(a.id, a.channel) for a in alerts} == {("a1", "pitch_rate_rad_s")}
+    first, last = alerts[0], alerts[-1]
+    assert (first.repeats, last.repeats, last.state) == (0, 1, ACTIVE)
+    assert 90.0 < last.raised_s < 100.0
+    assert CLEARED in {a.state for a in alerts}
+    _, whole = watched(values, piece=len(values))
+    assert [(a.id, a.state, a.raised_s, a.repeats) for a in whole] == [
+        (a.id, a.state, a.raised_s, a.repeats) for a in alerts
+    ]
