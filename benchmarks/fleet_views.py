@@ -78,6 +78,10 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
+    if not 1 <= given.vehicles <= 5000:
+        parser.error(f"--vehicles {given.vehicles}: give 1 to 5000")
+    if not 20.0 <= given.seconds <= 3600.0:
+        parser.error(f"--seconds {given.seconds}: give 20 to 3600; before, there is nothing to be seen")
     begin_s = time.process_time()
     fleet = fleet_of(given.vehicles, given.seconds, given.seed)
     fed_s = time.process_time() - begin_s
