@@ -26,6 +26,7 @@ from wingwatch.api.schemas import (
     air_document,
     alert_document,
     could_see_documents,
+    proposed_input_document,
     vehicle_document,
 )
 from wingwatch.api.server import (
@@ -72,6 +73,7 @@ __all__ = [
     "air_document",
     "alert_document",
     "could_see_documents",
+    "proposed_input_document",
     "vehicle_document",
     "encode_json",
     "convert_modes",

@@ -11,9 +11,17 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from wingwatch.api.access import Caller, admission_of
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import json_answer
+from wingwatch.api.groups import groups_of
 from wingwatch.api.paging import decode_cursor, encode_cursor
 from wingwatch.api.problems import ProblemError, printable
-from wingwatch.api.schemas import AlertDocument, AlertList, Name, PersonAction, alert_document
+from wingwatch.api.schemas import (
+    AlertDocument,
+    AlertList,
+    Name,
+    PersonAction,
+    alert_document,
+    group_document,
+)
 from wingwatch.monitor.views import AlertAction, AlertState, AlertView, KeyReusedError
 from wingwatch.telemetry import CHANNEL_NAMES
 
@@ -84,7 +92,7 @@ def alert_router(door: Door) -> APIRouter:
     async def alert(alert_id: AlertId) -> Response:
         for view in door.monitor.alerts():
             if view.id == alert_id:
-                return json_answer(alert_document(view))
+                return json_answer(alert_document(view, door.monitor.alert_groups()))
         raise _unknown(alert_id)
 
     for action in AlertAction:
@@ -141,8 +149,11 @@ def _page(door: Door, query: AlertQuery) -> AlertList:
     wanted = [alert for alert in everything[start:] if query.wants(alert)]
     page = wanted[: query.limit]
     more = len(wanted) > query.limit
+    groups = groups_of(door.monitor.alert_groups(), query.fleet)
     return AlertList(
-        items=[alert_document(alert) for alert in page], next=encode_cursor([page[-1].id]) if more else None
+        items=[alert_document(alert, groups) for alert in page],
+        groups=[group_document(group) for group in groups],
+        next=encode_cursor([page[-1].id]) if more else None,
     )
 
 

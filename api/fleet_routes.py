@@ -12,6 +12,7 @@ from wingwatch.api import history
 from wingwatch.api.conventions import convert_estimators
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import json_answer
+from wingwatch.api.groups import groups_of
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import (
     DerivativesDocument,
@@ -123,8 +124,9 @@ def _vehicles(door: Door, fleet: str | None) -> list[VehicleView]:
 
 def _status(door: Door, fleet: str | None) -> StatusDocument:
     vehicles = [vehicle_document(view) for view in _vehicles(door, fleet)]
+    groups = groups_of(door.monitor.alert_groups(), fleet)
     alerts = [
-        alert_document(view)
+        alert_document(view, groups)
         for view in door.monitor.alerts()
         if view.state != AlertState.CLEARED and (fleet is None or view.fleet == fleet)
     ]
@@ -136,6 +138,7 @@ def _status(door: Door, fleet: str | None) -> StatusDocument:
         door.kernels(),
         door.database_problem(),
         {part: problem for part, problem in door.problems().items() if problem is not None},
+        groups,
     )
 
 

@@ -1,6 +1,6 @@
 """The REST objects, and how the monitor's views become them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
@@ -9,10 +9,13 @@ from wingwatch.aircraft.vocabulary import DERIVATIVES
 from wingwatch.api.encoding import quantity
 from wingwatch.api.ports import KernelState, KernelsView
 from wingwatch.monitor.views import (
+    AlertGroupView,
     AlertState,
     AlertView,
     CandidateView,
+    CouldSeeView,
     EvidenceView,
+    ProposedInputView,
     VehicleState,
     VehicleView,
     WorstDerivative,
@@ -22,6 +25,7 @@ from wingwatch.telemetry.conditioning import AirQuality
 __all__ = [
     "AirDocument",
     "AlertDocument",
+    "AlertGroupDocument",
     "AlertList",
     "CandidateDocument",
     "CouldSeeDocument",
@@ -33,6 +37,7 @@ __all__ = [
     "Name",
     "PersonAction",
     "Problem",
+    "ProposedInputDocument",
     "Ready",
     "SessionDocument",
     "StatusDocument",
@@ -42,6 +47,8 @@ __all__ = [
     "air_document",
     "alert_document",
     "could_see_documents",
+    "group_document",
+    "proposed_input_document",
     "status_document",
     "vehicle_document",
 ]
@@ -128,6 +135,28 @@ class CouldSeeDocument(_Answer):
     input: str = Field(description="the input that would show more; empty where none is needed")
 
 
+class StepDocument(_Answer):
+    """A deflection that is held from its start to the next step; the last one is the end, at trim."""
+
+    start_s: float
+    deflection_rad: float
+
+
+class ProposedInputDocument(_Answer):
+    """An input that somebody may fly so that more can be seen; the service never flies it."""
+
+    id: str
+    surface: str = Field(description="column of the flight table that it moves")
+    shape: str = Field(description="doublet or 3211")
+    amplitude_rad: float = Field(description="largest deflection from trim")
+    width_s: float = Field(description="of the narrowest step")
+    duration_s: float
+    steps: list[StepDocument]
+    why: str = Field(description="what would be seen then")
+    proposed_s: float = Field(description="the vehicle's own clock")
+    valid_until_s: float = Field(description="it is not to be flown later")
+
+
 class VehicleDocument(_Answer):
     """One vehicle as an operator sees it."""
 
@@ -160,7 +189,15 @@ class VehicleDocument(_Answer):
     cg_shift_m: float = Field(default=0.0, description="centre of gravity in use, aft of the aircraft file's")
     could_see: list[CouldSeeDocument] = Field(
         default_factory=list,
-        description="by cause and part, the smallest change that this flight would have shown",
+        description="by cause and part, the smallest change that this flight would have shown; empty in lists",
+    )
+    unseen_surfaces: list[str] = Field(
+        default_factory=list,
+        description="columns of surfaces that have not moved enough in this flight for a stuck one to be noticed; "
+        "while there are any the vehicle is not healthy",
+    )
+    proposed_input: ProposedInputDocument | None = Field(
+        default=None, description="an input that would help, where `serve --excite` proposes one; null else"
     )
 
 
@@ -229,12 +266,36 @@ class AlertDocument(_Answer):
     candidates: list[CandidateDocument] = Field(
         default_factory=list, description="causes that are possible, likeliest first; empty where only one is"
     )
+    repeats: int = Field(
+        default=0,
+        description="how often it has come back within five minutes after it had returned to normal",
+    )
+    group: str | None = Field(
+        default=None, description="id of the group that it is in, in `groups` of the lists; null without"
+    )
+
+
+class AlertGroupDocument(_Answer):
+    """Alerts of several vehicles that are one event: ice in one area."""
+
+    id: str
+    kind: str
+    level: str = Field(description="the worst of its alerts'")
+    alerts: list[str] = Field(description="ids, oldest first")
+    vehicles: list[str] = Field(description="as `fleet/vehicle`")
+    latitude_deg: float = Field(description="of the middle of where they were raised")
+    longitude_deg: float
+    altitude_m: float
+    text: str
 
 
 class AlertList(_Answer):
     """Alerts, newest first, one page."""
 
     items: list[AlertDocument]
+    groups: list[AlertGroupDocument] = Field(
+        default_factory=list, description="events that several of all alerts in force are, largest first"
+    )
     next: str | None = Field(default=None, description="`cursor` of the next page, null on the last")
 
 
@@ -262,6 +323,9 @@ class StatusDocument(_Answer):
     counts: dict[VehicleState, int] = Field(description="vehicles per state, every state listed")
     vehicles: list[VehicleDocument] = Field(description="worst first")
     alerts: list[AlertDocument] = Field(description="alerts that are not cleared, newest first")
+    groups: list[AlertGroupDocument] = Field(
+        default_factory=list, description="events that several of these alerts are, largest first"
+    )
     counters: dict[str, dict[str, int]] = Field(
         default_factory=dict,
         description="of the service, by part: what went wrong or was dropped, and how often",
@@ -386,7 +450,7 @@ class PersonAction(BaseModel):
     )  # fmt: skip
 
 
-def could_see_documents(view: VehicleView) -> list[CouldSeeDocument]:
+def could_see_documents(rows: Sequence[CouldSeeView]) -> list[CouldSeeDocument]:
     """The vehicle's ``could_see``."""
     return [
         CouldSeeDocument(
@@ -396,7 +460,7 @@ def could_see_documents(view: VehicleView) -> list[CouldSeeDocument]:
             unit=one.unit,
             input=one.input,
         )
-        for one in view.could_see
+        for one in rows
     ]
 
 
@@ -421,8 +485,17 @@ def vehicle_document(view: VehicleView) -> VehicleDocument:
         rejected_by_channel=dict(view.rejected_by_channel),
         mass_kg=view.mass_kg,
         cg_shift_m=view.cg_shift_m,
-        could_see=could_see_documents(view),
+        could_see=could_see_documents(view.could_see),
+        unseen_surfaces=list(view.unseen_surfaces),
+        proposed_input=None if view.proposed_input is None else proposed_input_document(view.proposed_input),
     )
+
+
+def proposed_input_document(view: ProposedInputView) -> ProposedInputDocument:
+    """The vehicle's ``proposed_input``, and the object of the Zenoh key of proposals."""
+    values = {name: getattr(view, name) for name in ProposedInputDocument.model_fields if name != "steps"}
+    steps = [StepDocument(start_s=start_s, deflection_rad=to_rad) for start_s, to_rad in view.steps]
+    return ProposedInputDocument(**values, steps=steps)
 
 
 def air_document(air: AirQuality) -> AirDocument:
@@ -444,8 +517,27 @@ def air_document(air: AirQuality) -> AirDocument:
     )
 
 
-def alert_document(view: AlertView) -> AlertDocument:
-    """The object of ``/v1/alerts/{id}`` and of the Zenoh alert key."""
+def group_document(view: AlertGroupView) -> AlertGroupDocument:
+    """One of the ``groups`` of a list."""
+    return AlertGroupDocument(
+        id=view.id,
+        kind=view.kind,
+        level=view.level,
+        alerts=list(view.alerts),
+        vehicles=[f"{fleet}/{vehicle}" for fleet, vehicle in view.vehicles],
+        latitude_deg=view.latitude_deg,
+        longitude_deg=view.longitude_deg,
+        altitude_m=view.altitude_m,
+        text=view.text,
+    )
+
+
+def alert_document(view: AlertView, groups: Sequence[AlertGroupView] = ()) -> AlertDocument:
+    """The object of ``/v1/alerts/{id}`` and of the Zenoh alert key.
+
+    Args:
+        groups: of all alerts; on Zenoh an alert does not say in which it is.
+    """
     return AlertDocument(
         id=view.id,
         fleet=view.fleet,
@@ -465,6 +557,8 @@ def alert_document(view: AlertView) -> AlertDocument:
         shelved_until_at_s=None if view.shelving is None else quantity(view.shelving.until_at_s),
         channel=view.channel,
         candidates=[_candidate(one) for one in view.candidates],
+        repeats=view.repeats,
+        group=next((group.id for group in groups if view.id in group.alerts), None),
     )
 
 
@@ -476,6 +570,7 @@ def status_document(
     kernels: KernelsView | None = None,
     database: str | None = None,
     problems: Mapping[str, str] | None = None,
+    groups: Sequence[AlertGroupView] = (),
 ) -> StatusDocument:
     """The fleet's status from its vehicles, from those alerts that are not cleared, and the service's own state."""
     counts = {state: sum(v.state == state for v in vehicles) for state in VehicleState}
@@ -485,6 +580,7 @@ def status_document(
         counts=counts,
         vehicles=vehicles,
         alerts=alerts,
+        groups=[group_document(group) for group in groups],
         counters=parts,
         kernels=None if kernels is None else _kernels_document(kernels),
         database=database,

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         references=baseline.references, envelopes=baseline.envelopes,
     )  # fmt: skip
     alerts = [alert_document(alert) for alert in watched.alerts]
-    could_see = could_see_documents(watched.monitor.view())
+    could_see = could_see_documents(watched.monitor.could_see())
     evidence = {alert.id: _evidence(alert, watched, arguments.convention) for alert in alerts}
     if arguments.json:
         write_json(_result(watched, alerts, evidence, could_see) | {"convention": arguments.convention})

@@ -1,6 +1,6 @@
-"""The service's own streams on Zenoh: derivatives, status and alerts, published and answered to queries.
+"""The service's own streams on Zenoh: derivatives, status, alerts and proposals, published and answered to queries.
 
-Whoever calls here never waits: one thread makes, encodes and hands over. Derivatives and status are coalesced, the
+Whoever calls here never waits: one thread makes, encodes and hands over. All but alerts are coalesced, the
 newest of each vehicle counts, and are made only while somebody subscribes them; alerts go first, each of them, and wait
 for a congested link and for a lost one. Zenoh's callbacks only put the query into a queue.
 """
@@ -15,9 +15,9 @@ from typing import Any, Self
 
 import zenoh
 
-from wingwatch.api import alert_document, vehicle_document
+from wingwatch.api import alert_document, proposed_input_document, vehicle_document
 from wingwatch.cli.loops import Loop
-from wingwatch.monitor import AlertState, AlertView, MonitorPort, VehicleView
+from wingwatch.monitor import AlertState, AlertView, MonitorPort, ProposedInputView, VehicleView
 from wingwatch.monitor.ports import News
 from wingwatch.telemetry import (
     JSON,
@@ -33,8 +33,8 @@ __all__ = ["ZenohOutputs"]
 _LOG = logging.getLogger(__name__)
 _MOST_ALERTS = 10_000
 _MOST_QUERIES = 256
-_STREAMS: tuple[ServiceStream, ...] = ("derivatives", "status", "alerts")
-_COALESCED: tuple[ServiceStream, ...] = ("derivatives", "status")
+_STREAMS: tuple[ServiceStream, ...] = ("derivatives", "status", "alerts", "proposals")
+_COALESCED: tuple[ServiceStream, ...] = ("derivatives", "status", "proposals")
 _JOIN_S = 1.0
 _LOOK_S = 0.2
 _ASKED_AGAIN_S = (
@@ -42,6 +42,7 @@ _ASKED_AGAIN_S = (
 )
 _SAID_AGAIN_S = 60.0
 _MOST_FOREIGN, _MOST_KEY = 1000, 300
+_MOST_REMEMBERED = 5000
 
 
 def _always() -> bool:
@@ -66,6 +67,7 @@ class ZenohOutputs:
         self._connected = connected
         self._monitor: MonitorPort | None = None
         self._ask: Callable[[str, str], None] | None = None
+        self._sent_rows: dict[tuple[str, str], Any] = {}
         self._latest: dict[tuple[str, str, ServiceStream], Callable[[], News]] = {}
         self._alerts: deque[tuple[str, str, Callable[[], News]]] = deque()
         self._queries: deque[Any] = deque()
@@ -240,13 +242,28 @@ class ZenohOutputs:
         if isinstance(value, AlertView):
             said = (value.level, value.cause, value.id, value.state)
             _LOG.info("%s alert (%s) %s is %s", *said, extra={"vehicle": f"{fleet}/{vehicle}"})
+        document = _document(fleet, vehicle, value)
+        if stream == "status":
+            document = self._without_repeated_rows((fleet, vehicle), document)
         self._session.put(
             vehicle_key(fleet, vehicle, stream),
-            encode_service_object(stream, _document(fleet, vehicle, value)),
+            encode_service_object(stream, document),
             encoding=JSON,
             congestion_control=control.BLOCK if urgent else control.DROP,
             priority=priority.INTERACTIVE_HIGH if urgent else priority.DATA,
         )
+
+    def _without_repeated_rows(
+        self, owner: tuple[str, str], document: Mapping[str, Any]
+    ) -> Mapping[str, Any]:
+        """A status without ``could_see`` where that is as it was sent last: two thirds of its bytes."""
+        rows = document["could_see"]
+        if self._sent_rows.get(owner) == rows:
+            return {name: value for name, value in document.items() if name != "could_see"}
+        if len(self._sent_rows) >= _MOST_REMEMBERED:
+            self._sent_rows.clear()
+        self._sent_rows[owner] = rows
+        return document
 
     def _answer(self, query: Any) -> None:
         """Reply with every object whose key the query asks for, and end it."""
@@ -265,8 +282,10 @@ class ZenohOutputs:
             owner = (view.fleet, view.vehicle)
             keys = {stream: vehicle_key(*owner, stream) for stream in _COALESCED}
             wanted = {s for s, key in keys.items() if asked.intersects(zenoh.KeyExpr(key))}
-            if "status" in wanted:
-                yield keys["status"], "status", _document(*owner, view)
+            if "status" in wanted:  # the view of all vehicles does not have everything
+                yield keys["status"], "status", _document(*owner, monitor.vehicle(*owner) or view)
+            if "proposals" in wanted and view.proposed_input is not None:
+                yield keys["proposals"], "proposals", _document(*owner, view.proposed_input)
             if "derivatives" in wanted and (value := monitor.derivatives(*owner)) is not None:
                 yield keys["derivatives"], "derivatives", _document(*owner, value)
         for alert in reversed(monitor.alerts()):  # also of vehicles not heard of since the start
@@ -285,4 +304,6 @@ def _document(fleet: str, vehicle: str, value: News) -> Mapping[str, Any]:
         return alert_document(value).model_dump(mode="json")
     if isinstance(value, VehicleView):
         return vehicle_document(value).model_dump(mode="json")
+    if isinstance(value, ProposedInputView):
+        return {**proposed_input_document(value).model_dump(mode="json"), "fleet": fleet, "vehicle": vehicle}
     return {**value, "fleet": fleet, "vehicle": vehicle, "convention": "concise"}

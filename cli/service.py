@@ -155,7 +155,11 @@ def _fleet(
         time.monotonic,
         lambda: uuid4().hex,
         FleetPorts(store, outputs, checkpoints),
-        FleetSettings(stale_s=settings.stale_s),
+        FleetSettings(
+            stale_s=settings.stale_s,
+            excite=settings.excite,
+            excite_interval_s=60.0 * settings.excite_minutes,
+        ),
         wall_clock,
     )
     _resume(monitor, checkpoints)

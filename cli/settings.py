@@ -23,7 +23,7 @@ DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 _MOST_BYTES = 100_000
 _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
-    "log_format",
+    "log_format", "excite",
 )  # fmt: skip
 _PATHS = ("data", "certificate", "private_key")
 
@@ -70,6 +70,7 @@ class ServeSettings(BaseModel):
         zenoh: certificates, user and access rules of Zenoh's links.
         log_format: of what is written to standard error.
         history: how long the history of derivatives is kept.
+        excite: whether inputs that would help are proposed; excite_minutes: least time between two for a vehicle.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -89,6 +90,8 @@ class ServeSettings(BaseModel):
     log_format: LogFormat = "text"
     zenoh: LinkTable = LinkTable()
     history: HistoryTable = HistoryTable()
+    excite: Annotated[bool, Field(strict=True)] = False
+    excite_minutes: Annotated[float, Field(ge=1.0, le=1440.0)] = 5.0
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod

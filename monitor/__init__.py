@@ -8,7 +8,7 @@ Example:
     >>> from wingwatch.simulation import Scenario, doublet_schedule, simulate
     >>> aerosonde = load_aircraft("aerosonde")
     >>> doublets = doublet_schedule(aerosonde, aerosonde.envelope.cruise)
-    >>> flight = simulate(Scenario(aerosonde, manoeuvres=(doublets,), seed=1), 20.0)
+    >>> flight = simulate(Scenario(aerosonde, manoeuvres=(doublets,), seed=1), 50.0)
     >>> monitor = VehicleMonitor(aerosonde, "default", "uav1", flight.present, {}, new_id=lambda: "a1")
     >>> report = monitor.feed(flight)
     >>> str(monitor.state), monitor.reason, len(report.alerts)
@@ -34,6 +34,7 @@ from wingwatch.monitor.resuming import Checkpoints
 from wingwatch.monitor.vehicle import MonitorStart, Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
+    AlertGroupView,
     AlertState,
     AlertView,
     CandidateView,
@@ -43,6 +44,7 @@ from wingwatch.monitor.views import (
     FleetFigures,
     KeyReusedError,
     MonitorPort,
+    ProposedInputView,
     Shelving,
     VehicleState,
     VehicleView,
@@ -83,6 +85,8 @@ __all__ = [
     "AlertView",
     "CandidateView",
     "CouldSeeView",
+    "AlertGroupView",
+    "ProposedInputView",
     "Shelving",
     "AlertState",
     "AlertAction",

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
-from wingwatch.monitor.alerts import act
+from wingwatch.monitor.alerts import act, raised_again
 from wingwatch.monitor.ports import ActionRequest
 from wingwatch.monitor.roster import VehicleKey
 from wingwatch.monitor.views import LEVELS, AlertState, AlertView, Shelving
@@ -38,7 +38,11 @@ class AlertLedger:
     def follow(self, alert: AlertView) -> AlertView:
         """A new version by the monitor; returns it with what people have done to the alert."""
         before = self._newest.get(alert.id)
-        if before is not None and before.state is not AlertState.ACTIVE and alert.state is AlertState.ACTIVE:
+        if before is not None and before.state is AlertState.CLEARED and alert.repeats > before.repeats:
+            alert = replace(alert, note=raised_again(before.note))  # a person may have noted more since
+        elif (
+            before is not None and before.state is not AlertState.ACTIVE and alert.state is AlertState.ACTIVE
+        ):
             alert = replace(alert, state=before.state, note=before.note, shelving=before.shelving)
         if alert.state is AlertState.SHELVED and _has_grown(alert):
             alert = _back(alert, "it has grown")

@@ -8,9 +8,9 @@ import numpy as np
 from wingwatch.aircraft import FlightCondition
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.judge import Judge, JudgeState, Verdict, largest_change
-from wingwatch.monitor.views import AlertAction, AlertState, AlertView, EvidenceView
+from wingwatch.monitor.views import AlertAction, AlertState, AlertView, EvidenceView, repeats_in
 
-__all__ = ["AlertBook", "BookState", "act"]
+__all__ = ["AlertBook", "BookState", "act", "raised_again"]
 
 CLEAR_BLOCKS = 4
 """Informative blocks without the change after which an alert is cleared."""
@@ -167,6 +167,12 @@ def act(alert: AlertView, action: AlertAction, who: str, note: str) -> AlertView
         )
     said = f"{who}: {action}" + (f" ({note})" if note else "")
     return replace(alert, state=state, note=(*alert.note, said))
+
+
+def raised_again(note: Sequence[str]) -> tuple[str, ...]:
+    """The notes of an alert that comes back: how often is said once, newest last where others came between."""
+    kept = note[:-1] if note and repeats_in(note[-1:]) else note
+    return (*kept, f"wingwatch: raised again ({repeats_in(note) + 1})")
 
 
 def _size(cause: Cause, size: float, error: float) -> str:

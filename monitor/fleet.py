@@ -21,6 +21,7 @@ from wingwatch.monitor.fleet_checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
 from wingwatch.monitor.fleet_memory import keep, learned_blocks
 from wingwatch.monitor.fleet_overload import FleetOverload
+from wingwatch.monitor.fleet_proposals import FleetProposals
 from wingwatch.monitor.fleet_settings import FleetSettings
 from wingwatch.monitor.fleet_views import FleetViews
 from wingwatch.monitor.intake import Intake
@@ -34,6 +35,7 @@ from wingwatch.monitor.vehicle import Report, VehicleMonitor
 from wingwatch.monitor.views import (
     SHELVED_S,
     AlertAction,
+    AlertGroupView,
     AlertView,
     Event,
     FleetFigures,
@@ -104,7 +106,8 @@ class FleetMonitor:
         self._lock, self._clock, self._vehicles = context.lock, clock, context.vehicles
         self._saving = FleetCheckpoints(context, ports.checkpoints)
         self._alerts = FleetAlerts(context, self._saving.save_now)
-        self._views = FleetViews(context)
+        self._proposals = FleetProposals(context, new_id)
+        self._views = FleetViews(context, self._proposals)
         self._arrivals, self._overload = FleetArrivals(context, find_aircraft), FleetOverload(context)
         self._maker = MonitorMaker(new_id, self._settings.judge)
         self._forgotten = 0
@@ -381,6 +384,7 @@ class FleetMonitor:
                     known.published_s = now
                     news.append(("status", partial(self._views.one, (fleet, vehicle), known)))
                 due.append((fleet, vehicle, news))
+            due += [(*key, [proposal]) for key, proposal in self._proposals.look()]
         self._alerts.repeat(earlier)
         for fleet, vehicle, news in due:
             self._context.tell((fleet, vehicle), news)
@@ -413,6 +417,11 @@ class FleetMonitor:
         """All alerts that may be told, newest first."""
         with self._lock:
             return self._context.ledger.all_shown()
+
+    def alert_groups(self) -> Sequence[AlertGroupView]:
+        """Alerts in force that are one event, largest first."""
+        with self._lock:
+            return self._alerts.groups()
 
     def act_on_alert(
         self,

@@ -4,11 +4,12 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
+from wingwatch.monitor.fleet_groups import IcingGroups
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.ports import ActionPlan, ActionRequest, Store
 from wingwatch.monitor.resuming import agreed
 from wingwatch.monitor.roster import VehicleKey
-from wingwatch.monitor.views import AlertState, AlertView
+from wingwatch.monitor.views import AlertGroupView, AlertState, AlertView
 
 __all__ = ["FleetAlerts"]
 
@@ -27,7 +28,7 @@ class FleetAlerts:
 
     def __init__(self, context: FleetContext, save_now: Callable[[VehicleKey, KnownVehicle], None]) -> None:
         self._context, self._save_now = context, save_now
-        self._read = False
+        self._read, self._groups = False, IcingGroups()
         self._earlier: dict[VehicleKey, list[AlertView]] = {}
 
     # -- across restarts -----------------------------------------------------------------------
@@ -80,12 +81,26 @@ class FleetAlerts:
         """Hand a new version to the store, which says when it may be told; returns what may be told at once."""
         kept = self._context.ledger.follow(alert)
         self._follow_in_book(kept)
+        self._note_place(kept)
         if self._context.store is None:
             self._context.ledger.unsaved.clear()
             self._show(kept)
             return [_of_alert(kept)]
         self._hand_over()
         return []
+
+    def groups(self) -> Sequence[AlertGroupView]:
+        """Alerts in force that are one event, largest first."""
+        return self._groups.groups(self._context.ledger.all_shown())
+
+    def _note_place(self, alert: AlertView) -> None:
+        """Where the vehicle is, and when by the wall its alert was raised: vehicles' own clocks differ."""
+        known = self._context.vehicles.get((alert.fleet, alert.vehicle))
+        monitor = None if known is None else known.monitor
+        now_s = None if monitor is None else monitor.last_sample_time_s
+        if monitor is not None and now_s is not None:
+            at_s = self._context.wall_clock() - max(0.0, now_s - alert.raised_s)
+            self._groups.note(alert, monitor.position, at_s)
 
     def look_again(self) -> None:
         """Alerts whose time on the shelf is over are active again; what the store did not take is handed over."""

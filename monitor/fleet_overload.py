@@ -82,4 +82,7 @@ def _rank(known: KnownVehicle) -> int:
         return 3
     if known.pace.ahead:
         return 0
-    return 1 if known.monitor is None or known.monitor.state in _WATCHED_FOR_NOTHING else 2
+    monitor = known.monitor
+    if monitor is None or (monitor.state in _WATCHED_FOR_NOTHING and not monitor.says_something):
+        return 1
+    return 2

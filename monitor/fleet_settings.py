@@ -21,6 +21,7 @@ class FleetSettings:
         recall_patience_s: how long samples wait for what is kept of their vehicle before they are watched without.
         checkpoint_interval_s: least time between two checkpoints of a vehicle without news of an alert; of more than
             fifty vehicles each waits longer.
+        excite: whether inputs that would help are proposed; excite_interval_s: least time between two for a vehicle.
     """
 
     stale_s: float = 5.0
@@ -32,4 +33,6 @@ class FleetSettings:
     history_interval_s: float = 1.0
     recall_patience_s: float = 2.0
     checkpoint_interval_s: float = 5.0
+    excite: bool = False
+    excite_interval_s: float = 300.0
     judge: JudgeConfig = field(default_factory=JudgeConfig)

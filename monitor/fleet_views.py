@@ -3,8 +3,10 @@
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 from wingwatch.monitor.fleet_context import FleetContext
+from wingwatch.monitor.fleet_proposals import FleetProposals
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.roster import VehicleKey
 from wingwatch.monitor.vehicle import VehicleMonitor, note_worst
@@ -30,10 +32,11 @@ class FleetViews:
 
     Args:
         context: of the fleet; its lock need not be held.
+        proposals: of inputs.
     """
 
-    def __init__(self, context: FleetContext) -> None:
-        self._context = context
+    def __init__(self, context: FleetContext, proposals: FleetProposals) -> None:
+        self._context, self._proposals = context, proposals
 
     def all(self) -> list[VehicleView]:
         """All vehicles ever heard of, worst state first."""
@@ -45,14 +48,16 @@ class FleetViews:
         return sorted(views, key=lambda v: (_STATE_ORDER.index(v.state), v.fleet, v.vehicle))
 
     def one(self, key: VehicleKey, known: KnownVehicle) -> VehicleView:
-        """One vehicle."""
-        return self._together([(key, known)])[0]
+        """One vehicle, with what its flight could have shown: most of the work of a view, and of its bytes."""
+        return self._together([(key, known)], whole=True)[0]
 
-    def _together(self, some: Sequence[tuple[VehicleKey, KnownVehicle]]) -> list[VehicleView]:
+    def _together(
+        self, some: Sequence[tuple[VehicleKey, KnownVehicle]], whole: bool = False
+    ) -> list[VehicleView]:
         monitors = [known.monitor for _, known in some if known.monitor is not None]
         self._prepare(monitors)
         with self._context.lock:
-            return [self._shown(key, known) for key, known in some]
+            return [self._shown(key, known, whole) for key, known in some]
 
     def _prepare(self, monitors: Sequence[VehicleMonitor]) -> None:
         """Work out what takes milliseconds a vehicle, and what the monitors remember then.
@@ -75,10 +80,12 @@ class FleetViews:
                 for pending, air in measured:
                     pending.keep(air)
 
-    def _shown(self, key: VehicleKey, known: KnownVehicle) -> VehicleView:
+    def _shown(self, key: VehicleKey, known: KnownVehicle, whole: bool) -> VehicleView:
         context = self._context
         try:
-            return known.view(*key, context.clock(), context.settings.stale_s, context.ledger.ids)
+            view = known.view(*key, context.clock(), context.settings.stale_s, context.ledger.ids)
+            view = replace(view, proposed_input=self._proposals.current(key, known))
+            return replace(view, could_see=known.monitor.could_see()) if whole and known.monitor else view
         except Exception as error:  # one vehicle that cannot be shown must not hide the others
             context.note_fault(*key, known, error)
             return known.bare_view(*key, VehicleState.UNKNOWN, known.fault_text)

@@ -13,9 +13,12 @@ from wingwatch.monitor.cell_memory import CellBookState
 from wingwatch.monitor.chain import Chain, SavedChain, Solution
 from wingwatch.monitor.flight_regime import RegimeState
 from wingwatch.monitor.judge import JudgeState, Verdict
+from wingwatch.monitor.positions import Position
 from wingwatch.monitor.redundancy import RedundancyBookState, RedundancyState
 from wingwatch.monitor.state_codec import NOT_SAVED
 from wingwatch.monitor.supervision import ModeSolution
+from wingwatch.monitor.surfaces_seen import SurfacesSeen
+from wingwatch.monitor.vehicle_alerts import AlertMemory
 from wingwatch.monitor.views import VehicleState
 from wingwatch.telemetry import AlignerState, CleanerState, CleaningReport
 
@@ -36,6 +39,8 @@ class WatchMemory:
     state_since_s: float | None = None
     outside: str = ""
     regime: RegimeState = field(default_factory=RegimeState)
+    surfaces: SurfacesSeen = field(default_factory=SurfacesSeen)
+    position: Position | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +93,8 @@ class MonitorState:
         cleaner, cleaned: stream position and counts of samples; aligner: rows that wait for stated delays.
         chain: the estimators' lanes, the air, the grid of solutions.
         judge: remembered blocks and references; book: the alert in force; cells: memory by cell.
-        redundancy, redundancy_book: relations between channels, and the alerts in force by them.
+        redundancy, redundancy_book: relations between channels, and the alerts in force by them; alerts: what was in
+            force and is over a short time ago.
         memory, latest: the state shown and the latest solution.
     """
 
@@ -100,6 +106,7 @@ class MonitorState:
     book: BookState
     redundancy: RedundancyState
     redundancy_book: RedundancyBookState
+    alerts: AlertMemory
     cells: CellBookState
     memory: WatchMemory
     latest: SavedSolution | None

@@ -7,13 +7,13 @@ from typing import Any, Protocol
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
 from wingwatch.monitor.cell_memory import CellPlace
-from wingwatch.monitor.views import AlertAction, AlertView, VehicleView
+from wingwatch.monitor.views import AlertAction, AlertView, ProposedInputView, VehicleView
 from wingwatch.telemetry import ServiceStream
 
 __all__ = ["ActionPlan", "ActionRequest", "News", "Outputs", "Store", "VehicleMemory"]
 
-News = Mapping[str, Any] | VehicleView | AlertView
-"""Derivatives, a vehicle's status, or an alert."""
+News = Mapping[str, Any] | VehicleView | AlertView | ProposedInputView
+"""Derivatives, a vehicle's status, an alert, or an input that is proposed."""
 
 
 @dataclass(frozen=True, slots=True)

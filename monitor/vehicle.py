@@ -1,10 +1,6 @@
 """One vehicle: cleaning, estimation, comparison and alerts in one recursion, the same live and offline."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
 
 from wingwatch.aircraft import (
     DUTCH_ROLL,
@@ -13,12 +9,10 @@ from wingwatch.aircraft import (
     Aircraft,
     FlightCondition,
     ModeStructure,
-    mode_quantities,
 )
-from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
-from wingwatch.estimators import BlockEvidence, Estimate
-from wingwatch.monitor.air_watch import PendingAir
-from wingwatch.monitor.alerts import AlertBook, BookState
+from wingwatch.baselines import Expectation, OutOfEnvelope
+from wingwatch.estimators import BlockEvidence
+from wingwatch.monitor.alerts import AlertBook
 from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.cell_memory import CellBook
 from wingwatch.monitor.chain import (
@@ -31,17 +25,20 @@ from wingwatch.monitor.chain import (
 from wingwatch.monitor.comparison import Coordinates, natural_size
 from wingwatch.monitor.could_see import could_see
 from wingwatch.monitor.flight_regime import FlightRegime
-from wingwatch.monitor.furthest import PendingWorst, furthest
-from wingwatch.monitor.judge import Judge, JudgeConfig, Verdict
-from wingwatch.monitor.mode_object import mode_object
+from wingwatch.monitor.furthest import furthest
+from wingwatch.monitor.judge import Judge
+from wingwatch.monitor.monitor_start import MonitorStart, Report, surface_kinds
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.positions import position_of
 from wingwatch.monitor.redundancy import VehicleRelations
 from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import NO_VANE, ModeSolution
+from wingwatch.monitor.surfaces_seen import EFFECTIVENESS, SurfaceWatch
+from wingwatch.monitor.vehicle_alerts import VehicleAlerts
+from wingwatch.monitor.vehicle_readings import VehicleReadings, suspected
 from wingwatch.monitor.views import (
-    LEVELS,
     AlertState,
     AlertView,
     CouldSeeView,
@@ -49,8 +46,7 @@ from wingwatch.monitor.views import (
     VehicleView,
     WorstDerivative,
 )
-from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays, derivations
-from wingwatch.telemetry.conditioning import AirQuality
+from wingwatch.telemetry import Aligner, Cleaner, SampleBlock, aligned_delays
 
 __all__ = ["MonitorStart", "Report", "VehicleMonitor", "note_worst", "surface_kinds", "suspected"]
 
@@ -59,42 +55,7 @@ _COULD_SEE_S = 30.0
 _SET_BACK_S = 1.0  # what the cleaner takes for another clock, too
 
 
-def surface_kinds(given: Sequence[str]) -> dict[str, str]:
-    """``command`` for every surface whose position is not given and is taken from its command."""
-    return {
-        name: "command"
-        for name, sources in derivations(given).items()
-        if len(sources) == 1 and sources[0].endswith("_command_rad")
-    }
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """What a block of samples led to: solutions, and alerts that were raised, changed or cleared."""
-
-    solutions: list[Solution] = field(default_factory=list)
-    alerts: list[AlertView] = field(default_factory=list)
-
-
-@dataclass(frozen=True, slots=True)
-class MonitorStart:
-    """What the watch of a vehicle starts from, beside its aircraft file.
-
-    Attributes:
-        configuration: of the aircraft, as its file names it.
-        memory: what is kept of the vehicle's earlier flights.
-        chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
-            is larger than what they remember of a vehicle, then serve this one as well.
-        judge: settings of the test.
-    """
-
-    configuration: str = "clean"
-    memory: VehicleMemory = field(default_factory=VehicleMemory)
-    chain: Chain | None = None
-    judge: JudgeConfig = field(default_factory=JudgeConfig)
-
-
-class VehicleMonitor:
+class VehicleMonitor(VehicleReadings):
     """Watches one vehicle.
 
     Args:
@@ -139,66 +100,11 @@ class VehicleMonitor:
         self._judge_state = self.judge.init(memory.references, self._founded_by_file)
         self.book = AlertBook(fleet, vehicle, new_id)
         self._relations = VehicleRelations(self.chain.redundancy, fleet, vehicle, new_id)
+        self._alerts = VehicleAlerts(self.book, self._relations)
+        self._surfaces = SurfaceWatch(present, self._compared, self.chain.redundancy.hypotheses)
         self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
-        self._memory = WatchMemory()
+        self._memory = WatchMemory(surfaces=self._surfaces.init())
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Samples accepted and rejected, by reason; ``too_slow``, ``stalled`` and ``unaligned`` are accepted ones that
-        nothing was estimated from: on the ground, stalled, and without a reading that a stated delay makes late."""
-        regime = self._memory.regime
-        unused = {"too_slow": regime.too_slow, "stalled": regime.stalled, "unaligned": self._aligner.dropped}
-        return {**self.cleaner.report.counts, **{name: times for name, times in unused.items() if times}}
-
-    @property
-    def rejected_by_channel(self) -> dict[str, int]:
-        """Readings that were refused as not finite, out of range or of a stuck sensor, by channel."""
-        found = dict(self.cleaner.report.by_channel)
-        for name, rows in self.chain.supervisor.stuck_rows(self.chain_state.lane).items():
-            found[name] = found.get(name, 0) + rows
-        return found
-
-    @property
-    def observable_s(self) -> float:
-        """Seconds of flight in which something could be said."""
-        return self._memory.observable_s
-
-    @property
-    def references(self) -> Mapping[str, Reference]:
-        """What this vehicle's flights have taught so far, by structure."""
-        return self._judge_state.references
-
-    @property
-    def air(self) -> AirQuality | None:
-        """Gusts of the last half minute as of the last solution; None where they are not known."""
-        return self.chain.air(self.chain_state)
-
-    @property
-    def pending_air(self) -> PendingAir | None:
-        """What ``air`` would work out; None where it is known already."""
-        return self.chain.pending_air(self.chain_state)
-
-    @property
-    def last_block(self) -> BlockView | None:
-        """The latest block that was compared."""
-        return self._memory.block
-
-    @property
-    def last_verdict(self) -> Verdict | None:
-        """What the test said after it; None while there is nothing to compare with."""
-        return self._memory.verdict
-
-    @property
-    def suspects(self) -> bool:
-        """Whether the test is half-way to an alert, or further."""
-        return suspected(self._memory, self.judge.config)
-
-    @property
-    def last_sample_time_s(self) -> float | None:
-        """Stamp of the last sample used."""
-        t = self.chain_state.last_s
-        return t if np.isfinite(t) else None
 
     def adopt(self, memory: VehicleMemory) -> None:
         """Take in what is kept of the vehicle where it could not be read at the start; estimates go on as they are."""
@@ -222,6 +128,7 @@ class VehicleMonitor:
             book=self.book.state,
             redundancy=redundancy,
             redundancy_book=redundancy_book,
+            alerts=detached(self._alerts.memory),
             cells=detached(self.cells.state),
             memory=detached(self._memory),
             latest=None if latest is None else SavedSolution.of(latest),
@@ -242,6 +149,7 @@ class VehicleMonitor:
         self._judge_state = saved.judge
         self.book.resume(saved.book)
         self._relations.restore(saved.redundancy, saved.redundancy_book)
+        self._alerts.memory = saved.alerts
         self.cells.resume(saved.cells)
         self._memory = saved.memory
         self._memory.latest = None if saved.latest is None else saved.latest.solution(self.chain)
@@ -255,32 +163,32 @@ class VehicleMonitor:
         known = self._memory.block is not None
         blocks_s = self.judge.config.patience_blocks * self.judge.config.block_s
         onset_s = alert.raised_s - blocks_s if known else float("-inf")
-        if alert.channel is not None:
-            self._relations.adopt(alert)
-        else:
-            self.book.resume(BookState(alert, onset_s, 0, 0))
+        self._alerts.follow_again(alert, onset_s)
         self._memory.state = VehicleState.DEGRADED
 
     @property
     def active_alerts(self) -> list[AlertView]:
         """All alerts in force, worst first."""
-        found = [*self._relations.book.active, *([self.book.active] if self.book.active else [])]
-        return sorted(found, key=lambda alert: -LEVELS.index(alert.level))
+        return self._alerts.active
 
     @property
     def alarmed(self) -> bool:
         """Whether an alert is in force."""
-        return self.book.active is not None or bool(self._relations.book.active)
+        return self._alerts.alarmed
 
     def take_over(self, alert: AlertView) -> None:
-        """What was done to an alert in force counts; one that was cleared is followed no longer."""
-        if self.book.active is not None and self.book.active.id == alert.id:
-            if alert.state is AlertState.CLEARED:
-                self.book.dismiss()
-            else:
-                self.book.take_over(alert)
-        else:
-            self._relations.take_over(alert, self.last_sample_time_s or 0.0)
+        """What was done to an alert in force counts; one that was cleared is followed no longer.
+
+        The surface that it was about has to show itself anew then: by what comes after it, for the test remembers.
+        """
+        now_s = self.last_sample_time_s or 0.0
+        mine = next((one for one in self.active_alerts if one.id == alert.id), None)
+        self._alerts.take_over(alert, now_s)
+        if mine is not None and alert.state is AlertState.CLEARED:
+            until_s = now_s + self.judge.config.remembered_blocks * self.judge.config.block_s
+            for column, cause in EFFECTIVENESS.items():
+                if mine.channel == column or mine.cause == cause:
+                    self._surfaces.forget(self._memory.surfaces, column, until_s)
 
     def dismiss(self, by_person: bool) -> None:
         """The airframe's alert in force was cleared after this state was saved.
@@ -291,7 +199,7 @@ class VehicleMonitor:
         onset_s = self.book.onset_s
         if not by_person and onset_s is not None:
             self._judge_state.blocks[:] = [b for b in self._judge_state.blocks if b.end_s <= onset_s]
-        self.book.dismiss()
+        self._alerts.dismiss_airframe()
         self._memory.state = VehicleState.NOT_OBSERVABLE
 
     def feed(self, block: SampleBlock) -> Report:
@@ -313,16 +221,22 @@ class VehicleMonitor:
             changed = self._relations.confirm(changed)
         elif changed is not None:
             self._relations.explain(changed, solution.time_s)
+            changed = self._alerts.announced([changed])[0]
         before, self._memory.latest = self._memory.latest, solution
+        if self._memory.surfaces.begun_s is None:
+            self._memory.surfaces.begun_s = solution.time_s
         self._update_state(solution, before)
         return changed
 
     def after_samples(self) -> list[AlertView]:
         """After some samples: alerts by redundancy that were raised, changed or cleared in them.
 
-        Who is on the ground or stalled is not observable.
+        Who is on the ground or stalled is not observable. On the ground a flight is over, and with it what surfaces
+        have shown.
         """
-        raised = self._relations.rest(self.book.active is not None)
+        raised = self._alerts.announced(self._relations.rest(self.book.active is not None))
+        if self._memory.regime.waits and self._memory.regime.landed:
+            self._memory.surfaces = self._surfaces.init()
         if raised and self.alarmed and self.state is not VehicleState.DEGRADED:
             self._memory.state, self._memory.state_since_s = VehicleState.DEGRADED, raised[0].raised_s
         if self._memory.regime.waits and self.state in (VehicleState.HEALTHY, VehicleState.UNKNOWN):
@@ -341,6 +255,7 @@ class VehicleMonitor:
         aligned = self._aligner.feed(self.cleaner.clean(block).block)
         used = self._regime.select(self._memory.regime, aligned)
         self._relations.wait(used)
+        self._memory.position = position_of(aligned) or self._memory.position
         return used
 
     @property
@@ -409,20 +324,24 @@ class VehicleMonitor:
 
     def _update_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
-        seen = any(solution.modes[s.name].says_something for s in self._compared)
+        seen = self.says_something
         if seen:
             slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
             m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
-        state = VehicleState.HEALTHY if seen and not m.outside else VehicleState.NOT_OBSERVABLE
+            self._look_at_surfaces(solution.time_s)
+        shown = seen and not m.outside and not m.surfaces.unseen
+        state = VehicleState.HEALTHY if shown else VehicleState.NOT_OBSERVABLE
         if self.alarmed:
             state = VehicleState.DEGRADED
         if state is not m.state:
             m.state, m.state_since_s = state, solution.time_s
 
-    @property
-    def state(self) -> VehicleState:
-        """Health as of the last solution."""
-        return self._memory.state
+    def _look_at_surfaces(self, now_s: float) -> None:
+        """Whether a fault of those that have not shown themselves would have been noticed by now."""
+        block_s = None if self._memory.block is None else self._memory.block.end_s
+        if self._surfaces.due(self._memory.surfaces, now_s, block_s):
+            airframe = self.judge.smallest_seen(self._judge_state) if self._compared else {}
+            self._surfaces.look(self._memory.surfaces, now_s, airframe, self._relations.could_see())
 
     @property
     def basis(self) -> str | None:
@@ -456,63 +375,10 @@ class VehicleMonitor:
             words += f"; {self.cells.text}"
         return words + "."
 
-    def expectation(
-        self, structure: ModeStructure, condition: FlightCondition
-    ) -> Expectation | OutOfEnvelope:
-        """What is expected at a condition, this vehicle's own flights included."""
-        found = self.chain.envelopes[structure.name].lookup(condition)
-        if isinstance(found, OutOfEnvelope) or structure.name not in self.judge.coordinates:
-            return found
-        at = self.judge.coordinates[structure.name].at_each([condition])
-        prior = at.from_concise(found.value[None], found.covariance[None])
-        value, covariance = at.to_concise(*self.judge.expected([self._judge_state], structure.name, *prior))
-        return Expectation(structure, value[0], covariance[0], found.provenance, condition, found.source)
-
-    def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
-        """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""
-        at = self.chain.current(self.chain_state) if solution is None else solution
-        estimators: dict[str, dict[str, Any]] = {"fourier": {}, "ekf": {}}
-        for name, mode in at.modes.items():
-            for estimate in (mode.fourier, mode.ekf):
-                estimators[estimate.estimator][name] = self.mode_object(estimate)
-        return {
-            "time_s": at.time_s if np.isfinite(at.time_s) else None,
-            "basis": self.basis,
-            "estimators": estimators,
-            "not_estimated": dict(self.chain.absent),
-        }
-
-    def _expected_now(self, estimate: Estimate) -> Expectation | None:
-        condition = condition_of(estimate.condition, self.configuration)
-        if condition is None:
-            return None
-        found = self.expectation(estimate.structure, condition)
-        return None if isinstance(found, OutOfEnvelope) else found
-
-    def mode_object(self, estimate: Estimate) -> dict[str, Any]:
-        """The contract's object of one mode by one estimator, beside what is expected at its condition."""
-        values = dict(zip(estimate.structure.derivatives, estimate.value.tolist(), strict=True))
-        quantities = mode_quantities(estimate.structure, values, estimate.covariance)
-        return mode_object(estimate, self._expected_now(estimate), quantities)
-
     def worst(self) -> WorstDerivative | None:
         """The derivative furthest from its expectation, among those that are observable (``note_worst``)."""
         note_worst([self])
         return None if self._worst is None else self._worst[1]
-
-    @property
-    def pending_worst(self) -> PendingWorst | None:
-        """The latest solution beside what is expected, where nobody has asked yet which derivative is furthest."""
-        solution = self._memory.latest
-        if solution is None or (self._worst is not None and self._worst[0] is solution):
-            return None
-        return PendingWorst(
-            solution, self._compared, self.configuration, self.chain.envelopes, self.judge, self._judge_state
-        )
-
-    def keep_worst(self, one: PendingWorst, found: WorstDerivative | None) -> None:
-        """What was found of ``pending_worst``."""
-        self._worst = one.solution, found
 
     @property
     def reason(self) -> str:
@@ -521,16 +387,18 @@ class VehicleMonitor:
             return " ".join(alert.text for alert in active)
         if not self._compared:
             return self.basis_text
-        if self._memory.regime.waits:
-            return self._memory.regime.waits
+        if self.waits:
+            return self.waits
         if self._memory.outside:
             return self._memory.outside
         if stuck := self.chain.supervisor.stuck(self.chain_state.lane):
             return f"{', '.join(stuck)} stays as it is while the aircraft moves: a stuck sensor is left out"
-        if self._memory.latest is None:
+        if (latest := self._memory.latest) is None:
             return "no solution yet"
+        if self.unseen_surfaces and self.says_something:
+            return self._surfaces.text(self._memory.surfaces)
         if self.state is VehicleState.NOT_OBSERVABLE:
-            return "; ".join(self._memory.latest.modes[s.name].fourier.reason for s in self._compared)
+            return "; ".join(latest.modes[s.name].fourier.reason for s in self._compared)
         return "no change against what is expected"
 
     def could_see(self) -> Sequence[CouldSeeView]:
@@ -545,7 +413,11 @@ class VehicleMonitor:
         return self._could_see[1]
 
     def view(self, state: VehicleState | None = None) -> VehicleView:
-        """The vehicle as an operator sees it; ``state`` replaces its own (a vehicle that fell silent)."""
+        """The vehicle as an operator sees it, without what ``could_see`` works out.
+
+        Args:
+            state: replaces its own (a vehicle that fell silent).
+        """
         solution = self._memory.latest
         condition: dict[str, float] = {}
         if solution is not None and solution.modes:
@@ -561,7 +433,7 @@ class VehicleMonitor:
             last_sample_time_s=self.last_sample_time_s, basis=self.basis, basis_text=self.basis_text,
             worst=self.worst(), counts=self.counts,
             active_alerts=tuple(alert.id for alert in self.active_alerts), condition=condition,
-            air=self.air, rejected_by_channel=self.rejected_by_channel, could_see=self.could_see(),
+            air=self.air, rejected_by_channel=self.rejected_by_channel, unseen_surfaces=self.unseen_surfaces,
         )  # fmt: skip
 
 
@@ -576,12 +448,6 @@ def note_worst(monitors: Sequence[VehicleMonitor]) -> None:
         return
     for (monitor, one), found in zip(due, furthest([one for _, one in due]), strict=True):
         monitor.keep_worst(one, found)
-
-
-def suspected(memory: WatchMemory, config: JudgeConfig) -> bool:
-    """Whether what a monitor remembers is half-way to an alert, or further."""
-    verdict = memory.verdict
-    return verdict is not None and verdict.log_statistic > 0.5 * config.log_threshold
 
 
 def _compared(structures: Sequence[ModeStructure]) -> tuple[ModeStructure, ...]:

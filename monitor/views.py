@@ -3,6 +3,7 @@
 Times are the vehicle's own clock (time stamps of its samples), in seconds.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -12,6 +13,7 @@ from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = [
     "AlertAction",
+    "AlertGroupView",
     "LEVELS",
     "SHELVED_S",
     "AlertState",
@@ -23,10 +25,12 @@ __all__ = [
     "FleetFigures",
     "KeyReusedError",
     "MonitorPort",
+    "ProposedInputView",
     "Shelving",
     "VehicleState",
     "VehicleView",
     "WorstDerivative",
+    "repeats_in",
 ]
 
 
@@ -101,6 +105,55 @@ class CouldSeeView:
 
 
 @dataclass(frozen=True, slots=True)
+class ProposedInputView:
+    """An input that somebody may fly so that more can be seen; the service never flies it.
+
+    Attributes:
+        id: of the proposal.
+        surface: column of the flight table that it moves.
+        shape: a key of ``input_design.INPUT_KINDS``.
+        amplitude_rad: largest deflection from trim; width_s: of the narrowest step; duration_s: of the whole input.
+        steps: from each start in s its deflection from trim in rad; the last one is the end.
+        why: what would be seen then, one sentence.
+        proposed_s, valid_until_s: sample times; it is not to be flown later.
+    """
+
+    id: str
+    surface: str
+    shape: str
+    amplitude_rad: float
+    width_s: float
+    duration_s: float
+    steps: Sequence[tuple[float, float]]
+    why: str
+    proposed_s: float
+    valid_until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class AlertGroupView:
+    """Alerts of several vehicles that are one event to an operator: ice in one area.
+
+    Attributes:
+        id: of the group, stable while its first alert is in force.
+        kind: of its alerts; level: the worst of them.
+        alerts: their ids, oldest first; vehicles: whose they are, as fleet and name.
+        latitude_deg, longitude_deg, altitude_m: the middle of where they were raised.
+        text: one sentence.
+    """
+
+    id: str
+    kind: str
+    level: str
+    alerts: Sequence[str]
+    vehicles: Sequence[tuple[str, str]]
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class VehicleView:
     """One vehicle as an operator sees it.
 
@@ -115,7 +168,11 @@ class VehicleView:
         rejected_by_channel: readings refused as non-finite, out of range or of a stuck sensor, by channel.
         mass_kg: of the aircraft as it is expected, where it or its file states one.
         cg_shift_m: its centre of gravity aft of the file's.
-        could_see: by cause, the smallest size that this flight would have shown.
+        could_see: by cause, the smallest size that this flight would have shown; empty in a view of all vehicles, where
+            it would be most of the work.
+        unseen_surfaces: columns of surfaces that have not moved enough since the start of the flight for a stuck one to
+            be noticed; while there are any the vehicle is not healthy.
+        proposed_input: that would help, where proposals are asked for and one is valid.
     """
 
     fleet: str
@@ -137,6 +194,8 @@ class VehicleView:
     mass_kg: float | None = None
     cg_shift_m: float = 0.0
     could_see: Sequence[CouldSeeView] = ()
+    unseen_surfaces: Sequence[str] = ()
+    proposed_input: ProposedInputView | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +241,7 @@ class AlertView:
         kind: ``icing``, ``damage``, ``sensor`` or ``unexplained``.
         cause: a name of the shared vocabulary of causes.
         level: ``watch``, ``warning`` or ``critical``.
-        raised_s: sample time at which it was raised.
+        raised_s: sample time at which it was raised, the last time where it has come back (``repeats``).
         cleared_s: sample time at which it was cleared, or None.
         size: the cause's size (icing severity, fraction lost), with standard error.
         probability: of the cause among those considered.
@@ -212,6 +271,20 @@ class AlertView:
     shelving: Shelving | None = None
     channel: str | None = None
     candidates: Sequence[CandidateView] = field(default=())
+
+    @property
+    def repeats(self) -> int:
+        """How often it has come back after it had returned to normal."""
+        return repeats_in(self.note)
+
+
+_REPEATED = re.compile(r"wingwatch: raised again \((\d+)\)")
+
+
+def repeats_in(note: Sequence[str]) -> int:
+    """How often an alert has come back, by its notes; persons' notes have an action in that place."""
+    found = [int(match[1]) for line in note if (match := _REPEATED.fullmatch(line))]
+    return max(found, default=0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,6 +338,10 @@ class MonitorPort(Protocol):
 
     def alerts(self) -> Sequence[AlertView]:
         """All alerts, newest first, as the database has them."""
+        ...
+
+    def alert_groups(self) -> Sequence[AlertGroupView]:
+        """Alerts in force that are one event, largest first."""
         ...
 
     def act_on_alert(

@@ -14,7 +14,7 @@ __all__ = ["access_rules", "vehicle_subject"]
 
 _ALIVE = "wingwatch/alive/v1"
 _FROM_VEHICLES = tuple(f"{KEY_ROOT}/*/*/{leaf}" for leaf in ("sensors", "aircraft"))
-_FROM_SERVICE = tuple(f"{KEY_ROOT}/*/*/{leaf}" for leaf in ("derivatives", "status", "alerts"))
+_FROM_SERVICE = tuple(f"{KEY_ROOT}/*/*/{leaf}" for leaf in ("derivatives", "status", "alerts", "proposals"))
 _AIRCRAFT = (f"{KEY_ROOT}/*/*/aircraft",)
 _ALL = (f"{KEY_ROOT}/**",)
 _ALL_ALIVE = (f"{_ALIVE}/**",)

@@ -23,7 +23,7 @@ EVERY_VEHICLE_ALIVE = f"{_ALIVE_ROOT}/*/*"
 """Key expression of all liveliness tokens of vehicles (and of services, whose fleet is called ``service`` there)."""
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
-_LEAVES = ("sensors", "aircraft", "derivatives", "status", "alerts")
+_LEAVES = ("sensors", "aircraft", "derivatives", "status", "alerts", "proposals")
 _SHOWN_CHARACTERS = 80
 
 

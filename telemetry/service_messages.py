@@ -17,11 +17,12 @@ from wingwatch.telemetry.protocol import service_pb2
 
 __all__ = ["ServiceStream", "decode_service_object", "encode_service_object"]
 
-ServiceStream = Literal["derivatives", "status", "alerts"]
+ServiceStream = Literal["derivatives", "status", "alerts", "proposals"]
 _SCHEMAS: Mapping[str, type[Message]] = {
     "derivatives": service_pb2.Derivatives,
     "status": service_pb2.Status,
     "alerts": service_pb2.Alert,
+    "proposals": service_pb2.ProposedInput,
 }
 _LIMITS = MessageLimits(max_bytes=1_048_576)
 
@@ -30,7 +31,8 @@ def encode_service_object(stream: ServiceStream, value: Mapping[str, Any], encod
     """A REST object as the payload of its Zenoh key.
 
     Args:
-        stream: which key: ``derivatives``, ``status`` (a vehicle's object) or ``alerts`` (one alert).
+        stream: which key: ``derivatives``, ``status`` (a vehicle's object), ``alerts`` (one alert) or ``proposals``
+            (an input).
         value: the object; numbers that are not finite become null. In protobuf null is not set, and keys that
             the schema does not have stay out.
         encoding: ``application/json`` or ``application/protobuf``.

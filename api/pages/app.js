@@ -3,6 +3,7 @@
    and every few seconds in any case. Everything shown goes through textContent: nothing received becomes markup. */
 
 const REFRESH_MS = 500, POLL_LIVE_MS = 5000, POLL_ALONE_MS = 2000, TIMEOUT_MS = 8000;
+const SEEN_AGAIN_MS = 10000;
 const Z_RANGE = 8, Z_BAND = 2, LEAST_EVIDENCE = 3;
 const STATES = ["degraded", "not_observable", "stale", "unknown", "healthy"];
 const GREEK = { eta: "η", xi: "ξ", zeta: "ζ" };
@@ -225,13 +226,50 @@ function couldSeeRow(one) {
   return row;
 }
 
-/** What a flight could have shown, folded away. */
-function couldSee(rows) {
-  const title = "What this flight could have shown";
-  const table = make("table", "", make("caption", "hidden", title),
+function couldSeeTable(rows) {
+  if (!rows.length) return make("p", "soft", "Nothing is known yet.");
+  return make("table", "", make("caption", "hidden", SEEN_TITLE),
     tableHead(["Cause and part", "Smallest size", "Input that would help"]),
     make("tbody", "", ...rows.map(couldSeeRow)));
-  return make("details", "could-see", make("summary", "", title), table);
+}
+
+const SEEN_TITLE = "What this flight could have shown";
+/** Rows by vehicle, and when they were asked for: they are asked for one vehicle at a time, while its fold is open. */
+const seen = new Map();
+
+/** What a flight could have shown, folded away. */
+function couldSee({ fleet, vehicle }) {
+  const key = `${fleet}/${vehicle}`;
+  const place = make("div", "", couldSeeTable(seen.get(key)?.rows ?? []));
+  const fold = make("details", "could-see", make("summary", "", SEEN_TITLE), place);
+  fold.addEventListener("toggle", async () => {
+    if (!fold.open || Date.now() - (seen.get(key)?.asked ?? 0) < SEEN_AGAIN_MS) return;
+    seen.set(key, { rows: seen.get(key)?.rows ?? [], asked: Date.now() });
+    try {
+      const { could_see: rows } = await get(`/v1/vehicles/${vehicle}?fleet=${fleet}`);
+      seen.get(key).rows = rows;
+      const shown = document.contains(place) ? place : foldOf(key);
+      shown?.replaceChildren(couldSeeTable(rows));
+    } catch (error) {
+      seen.delete(key);
+      console.warn(error);
+    }
+  });
+  return fold;
+}
+
+/** Where a vehicle's rows stand now; its card may have been built anew while they were on their way. */
+function foldOf(key) {
+  const card = [...byId("vehicles").children].find((node) => node.dataset.key === key);
+  return card?.querySelector(".could-see > div");
+}
+
+/** An input that somebody may fly. */
+function proposal(one) {
+  const degrees = fixed((one.amplitude_rad * 180) / Math.PI, 1);
+  const what = `${one.shape} of the ${words(one.surface.replace("_rad", ""))}, ±${degrees}°, ${fixed(one.duration_s, 2)} s`;
+  return make("p", "proposal", make("b", "", "Proposed input: "), `${what}. ${one.why} `,
+    make("span", "soft", `Valid until ${fixed(one.valid_until_s, 0)} s on its clock; wingwatch does not fly it.`));
 }
 
 function vehicleItem(vehicle) {
@@ -242,18 +280,19 @@ function vehicleItem(vehicle) {
   const sky = vehicle.condition;
   const speed = sky.airspeed_true_m_s, height = sky.altitude_m;
   const flight = [speed == null ? "" : `${fixed(speed, 1)} m/s`, height == null ? "" : `${fixed(height, 0)} m`];
-  const seen = vehicle.last_sample_time_s;
+  const last = vehicle.last_sample_time_s;
   item.append(make("div", "", head, make("p", "soft", kind)), make("p", "reason", vehicle.reason),
     dial(vehicle.worst, vehicle.state),
     facts("facts", [
       ["Basis", vehicle.basis_text || vehicle.basis || "nothing compared yet"],
       ["Flight", flight.filter(Boolean).join(", ")],
-      ["Last sample", seen === null ? "none" : `${fixed(seen, 1)} s on its clock`],
+      ["Last sample", last === null ? "none" : `${fixed(last, 1)} s on its clock`],
       ["Samples", vehicle.counts.accepted === undefined ? "" : `${vehicle.counts.accepted} accepted`],
       ["Rejected", rejections(vehicle.counts)],
       ["Alerts", vehicle.active_alerts.length ? String(vehicle.active_alerts.length) : ""],
     ]));
-  if (vehicle.could_see.length) item.append(couldSee(vehicle.could_see));
+  if (vehicle.proposed_input) item.append(proposal(vehicle.proposed_input));
+  if (last !== null) item.append(couldSee(vehicle));
   return item;
 }
 
@@ -351,6 +390,7 @@ function alertItem(alert) {
       ["Kind", alert.kind === alert.cause ? "" : alert.kind],
       ["Raised", `${fixed(alert.raised_s, 1)} s`],
       ["Cleared", alert.cleared_s === null ? "" : `${fixed(alert.cleared_s, 1)} s`],
+      ["Came back", alert.repeats ? (alert.repeats === 1 ? "once" : `${alert.repeats} times`) : ""],
       ["Compared with", `${alert.basis} expectation`],
     ]));
   if (alert.candidates.length) item.append(candidates(alert.candidates));
@@ -359,10 +399,36 @@ function alertItem(alert) {
   return item;
 }
 
+/** Alerts of several vehicles that are one event, theirs folded away. */
+function groupItem(group) {
+  const item = make("li", "card group");
+  item.dataset.tone = group.level;
+  const mark = tag("degraded", group.level);
+  mark.dataset.tone = group.level;
+  const names = group.vehicles.map((name) => name.replace(/^default\//, "").replace("/", " / "));
+  const members = make("ol", "alerts", ...group.members.map(alertItem));
+  item.append(make("div", "head", make("h3", "", `${group.kind === "icing" ? "Ice" : words(group.kind)} on ${names.length} aircraft`), mark),
+    make("p", "text", group.text), make("p", "soft", names.join(", ")),
+    make("details", "", make("summary", "", `${group.members.length} alerts`), members));
+  return item;
+}
+
+/** Alerts as they are listed: those of a group stand in it, at the place of its newest. */
+function entries(active, groups) {
+  const found = new Map();
+  for (const alert of active) {
+    const group = groups.find((one) => one.id === alert.group);
+    if (!group) found.set(alert.id, alert);
+    else if (found.has(group.id)) found.get(group.id).members.push(alert);
+    else found.set(group.id, { ...group, members: [alert] });
+  }
+  return [...found.values()];
+}
+
 let known = null;
 
 function announce(active) {
-  const fresh = known === null ? [] : active.filter((alert) => !known.has(alert.id));
+  const fresh = known === null ? [] : active.filter((alert) => !known.has(alert.id) && !alert.repeats);
   known = new Set(active.map((alert) => alert.id));
   if (fresh.length) {
     byId("announcer").textContent =
@@ -375,7 +441,7 @@ function show(status, recent) {
   const cleared = recent.items.filter((alert) => alert.state === "cleared");
   const counts = STATES.map((state) => [state, status.counts[state] ?? 0]);
   sync(byId("counts"), counts, ([state]) => state, countItem);
-  sync(byId("alerts"), active, (alert) => alert.id, alertItem);
+  sync(byId("alerts"), entries(active, status.groups), (one) => one.id, (one) => (one.members ? groupItem(one) : alertItem(one)));
   sync(byId("cleared"), cleared, (alert) => alert.id, alertItem);
   sync(byId("vehicles"), status.vehicles, (vehicle) => `${vehicle.fleet}/${vehicle.vehicle}`, vehicleItem);
   byId("no-alerts").hidden = active.length > 0;

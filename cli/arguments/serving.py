@@ -88,6 +88,12 @@ def add_serve(commands: Commands) -> None:
         help="aircraft file beside the library; may be repeated",
     )
     parser.add_argument(
+        "--excite",
+        action="store_true",
+        default=None,
+        help="propose inputs of surfaces that would help to see more, to people and over Zenoh; never flown",
+    )
+    parser.add_argument(
         "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"
     )
 

@@ -84,7 +84,7 @@ class DerivativeEstimate(_message.Message):
     def __init__(self, value: _Optional[float] = ..., standard_error: _Optional[float] = ..., unit: _Optional[str] = ..., outcome: _Optional[str] = ..., expected: _Optional[float] = ..., expected_standard_error: _Optional[float] = ...) -> None: ...
 
 class Status(_message.Message):
-    __slots__ = ("fleet", "vehicle", "aircraft", "configuration", "state", "state_since_s", "reason", "last_sample_time_s", "basis", "basis_text", "worst", "counts", "active_alerts", "condition", "could_see")
+    __slots__ = ("fleet", "vehicle", "aircraft", "configuration", "state", "state_since_s", "reason", "last_sample_time_s", "basis", "basis_text", "worst", "counts", "active_alerts", "condition", "could_see", "unseen_surfaces", "proposed_input")
     class CountsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -114,6 +114,8 @@ class Status(_message.Message):
     ACTIVE_ALERTS_FIELD_NUMBER: _ClassVar[int]
     CONDITION_FIELD_NUMBER: _ClassVar[int]
     COULD_SEE_FIELD_NUMBER: _ClassVar[int]
+    UNSEEN_SURFACES_FIELD_NUMBER: _ClassVar[int]
+    PROPOSED_INPUT_FIELD_NUMBER: _ClassVar[int]
     fleet: str
     vehicle: str
     aircraft: str
@@ -129,7 +131,45 @@ class Status(_message.Message):
     active_alerts: _containers.RepeatedScalarFieldContainer[str]
     condition: _containers.ScalarMap[str, float]
     could_see: _containers.RepeatedCompositeFieldContainer[CouldSee]
-    def __init__(self, fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., aircraft: _Optional[str] = ..., configuration: _Optional[str] = ..., state: _Optional[str] = ..., state_since_s: _Optional[float] = ..., reason: _Optional[str] = ..., last_sample_time_s: _Optional[float] = ..., basis: _Optional[str] = ..., basis_text: _Optional[str] = ..., worst: _Optional[_Union[WorstDerivative, _Mapping]] = ..., counts: _Optional[_Mapping[str, int]] = ..., active_alerts: _Optional[_Iterable[str]] = ..., condition: _Optional[_Mapping[str, float]] = ..., could_see: _Optional[_Iterable[_Union[CouldSee, _Mapping]]] = ...) -> None: ...
+    unseen_surfaces: _containers.RepeatedScalarFieldContainer[str]
+    proposed_input: ProposedInput
+    def __init__(self, fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., aircraft: _Optional[str] = ..., configuration: _Optional[str] = ..., state: _Optional[str] = ..., state_since_s: _Optional[float] = ..., reason: _Optional[str] = ..., last_sample_time_s: _Optional[float] = ..., basis: _Optional[str] = ..., basis_text: _Optional[str] = ..., worst: _Optional[_Union[WorstDerivative, _Mapping]] = ..., counts: _Optional[_Mapping[str, int]] = ..., active_alerts: _Optional[_Iterable[str]] = ..., condition: _Optional[_Mapping[str, float]] = ..., could_see: _Optional[_Iterable[_Union[CouldSee, _Mapping]]] = ..., unseen_surfaces: _Optional[_Iterable[str]] = ..., proposed_input: _Optional[_Union[ProposedInput, _Mapping]] = ...) -> None: ...
+
+class ProposedInput(_message.Message):
+    __slots__ = ("id", "fleet", "vehicle", "surface", "shape", "amplitude_rad", "width_s", "duration_s", "steps", "why", "proposed_s", "valid_until_s")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    FLEET_FIELD_NUMBER: _ClassVar[int]
+    VEHICLE_FIELD_NUMBER: _ClassVar[int]
+    SURFACE_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    AMPLITUDE_RAD_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_S_FIELD_NUMBER: _ClassVar[int]
+    DURATION_S_FIELD_NUMBER: _ClassVar[int]
+    STEPS_FIELD_NUMBER: _ClassVar[int]
+    WHY_FIELD_NUMBER: _ClassVar[int]
+    PROPOSED_S_FIELD_NUMBER: _ClassVar[int]
+    VALID_UNTIL_S_FIELD_NUMBER: _ClassVar[int]
+    id: str
+    fleet: str
+    vehicle: str
+    surface: str
+    shape: str
+    amplitude_rad: float
+    width_s: float
+    duration_s: float
+    steps: _containers.RepeatedCompositeFieldContainer[Step]
+    why: str
+    proposed_s: float
+    valid_until_s: float
+    def __init__(self, id: _Optional[str] = ..., fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., surface: _Optional[str] = ..., shape: _Optional[str] = ..., amplitude_rad: _Optional[float] = ..., width_s: _Optional[float] = ..., duration_s: _Optional[float] = ..., steps: _Optional[_Iterable[_Union[Step, _Mapping]]] = ..., why: _Optional[str] = ..., proposed_s: _Optional[float] = ..., valid_until_s: _Optional[float] = ...) -> None: ...
+
+class Step(_message.Message):
+    __slots__ = ("start_s", "deflection_rad")
+    START_S_FIELD_NUMBER: _ClassVar[int]
+    DEFLECTION_RAD_FIELD_NUMBER: _ClassVar[int]
+    start_s: float
+    deflection_rad: float
+    def __init__(self, start_s: _Optional[float] = ..., deflection_rad: _Optional[float] = ...) -> None: ...
 
 class CouldSee(_message.Message):
     __slots__ = ("cause", "channel", "smallest_size", "unit", "input")
@@ -162,7 +202,7 @@ class WorstDerivative(_message.Message):
     def __init__(self, estimator: _Optional[str] = ..., structure: _Optional[str] = ..., derivative: _Optional[str] = ..., z: _Optional[float] = ..., unit: _Optional[str] = ..., meaning: _Optional[str] = ...) -> None: ...
 
 class Alert(_message.Message):
-    __slots__ = ("id", "fleet", "vehicle", "kind", "cause", "level", "state", "raised_s", "cleared_s", "size", "probability", "basis", "text", "evidence", "notes", "channel", "candidates")
+    __slots__ = ("id", "fleet", "vehicle", "kind", "cause", "level", "state", "raised_s", "cleared_s", "size", "probability", "basis", "text", "evidence", "notes", "channel", "candidates", "repeats")
     ID_FIELD_NUMBER: _ClassVar[int]
     FLEET_FIELD_NUMBER: _ClassVar[int]
     VEHICLE_FIELD_NUMBER: _ClassVar[int]
@@ -180,6 +220,7 @@ class Alert(_message.Message):
     NOTES_FIELD_NUMBER: _ClassVar[int]
     CHANNEL_FIELD_NUMBER: _ClassVar[int]
     CANDIDATES_FIELD_NUMBER: _ClassVar[int]
+    REPEATS_FIELD_NUMBER: _ClassVar[int]
     id: str
     fleet: str
     vehicle: str
@@ -197,7 +238,8 @@ class Alert(_message.Message):
     notes: _containers.RepeatedScalarFieldContainer[str]
     channel: str
     candidates: _containers.RepeatedCompositeFieldContainer[Candidate]
-    def __init__(self, id: _Optional[str] = ..., fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., kind: _Optional[str] = ..., cause: _Optional[str] = ..., level: _Optional[str] = ..., state: _Optional[str] = ..., raised_s: _Optional[float] = ..., cleared_s: _Optional[float] = ..., size: _Optional[_Union[Size, _Mapping]] = ..., probability: _Optional[float] = ..., basis: _Optional[str] = ..., text: _Optional[str] = ..., evidence: _Optional[_Iterable[_Union[Evidence, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., channel: _Optional[str] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ...) -> None: ...
+    repeats: int
+    def __init__(self, id: _Optional[str] = ..., fleet: _Optional[str] = ..., vehicle: _Optional[str] = ..., kind: _Optional[str] = ..., cause: _Optional[str] = ..., level: _Optional[str] = ..., state: _Optional[str] = ..., raised_s: _Optional[float] = ..., cleared_s: _Optional[float] = ..., size: _Optional[_Union[Size, _Mapping]] = ..., probability: _Optional[float] = ..., basis: _Optional[str] = ..., text: _Optional[str] = ..., evidence: _Optional[_Iterable[_Union[Evidence, _Mapping]]] = ..., notes: _Optional[_Iterable[str]] = ..., channel: _Optional[str] = ..., candidates: _Optional[_Iterable[_Union[Candidate, _Mapping]]] = ..., repeats: _Optional[int] = ...) -> None: ...
 
 class Candidate(_message.Message):
     __slots__ = ("cause", "channel", "probability")

@@ -29,6 +29,7 @@ from wingwatch.baselines import EstimateRecord, HistoryRow, HistoryWanted
 from wingwatch.monitor.views import (
     SHELVED_S,
     AlertAction,
+    AlertGroupView,
     AlertState,
     AlertView,
     Event,
@@ -105,6 +106,7 @@ class FakeMonitor:
         self.views: list[VehicleView] = []
         self.current: dict[tuple[str, str], Mapping[str, Any]] = {}
         self.raised: list[AlertView] = []
+        self.groups: list[AlertGroupView] = []
         self.kept: list[Event] = []
         self.keys: list[str | None] = []
         self.shelved_s: list[float] = []
@@ -114,16 +116,19 @@ class FakeMonitor:
         self.solutions = 0
 
     def vehicles(self) -> Sequence[VehicleView]:
-        return tuple(self.views)
+        return tuple(dataclasses.replace(view, could_see=()) for view in self.views)
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
-        return next((v for v in self.vehicles() if (v.fleet, v.vehicle) == (fleet, vehicle)), None)
+        return next((v for v in tuple(self.views) if (v.fleet, v.vehicle) == (fleet, vehicle)), None)
 
     def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
         return self.current.get((fleet, vehicle))
 
     def alerts(self) -> Sequence[AlertView]:
         return tuple(self.raised)
+
+    def alert_groups(self) -> Sequence[AlertGroupView]:
+        return tuple(self.groups)
 
     def act_on_alert(
         self,

@@ -12,7 +12,14 @@ from browser import Page, chromium_path, open_page
 
 import wingwatch.api
 from wingwatch.api import HttpServer, KernelsView
-from wingwatch.monitor.views import AlertState, CandidateView, CouldSeeView, VehicleState
+from wingwatch.monitor.views import (
+    AlertGroupView,
+    AlertState,
+    CandidateView,
+    CouldSeeView,
+    ProposedInputView,
+    VehicleState,
+)
 
 FOLDER = Path(wingwatch.api.__file__).parent / "pages"
 NASTY = "<img src=x onerror=\"document.title='owned'\"><script>document.title='owned'</script>&amp;"
@@ -267,7 +274,7 @@ def test_an_alert_of_a_sensor_shows_its_part_and_candidates_and_no_evidence(
 
 
 @needs_chromium
-def test_what_a_flight_could_have_shown_is_folded_away_and_stays_as_the_reader_left_it(
+def test_what_a_flight_could_have_shown_is_asked_for_when_unfolded_and_stays_as_the_reader_left_it(
     page: Page, monitor: FakeMonitor
 ) -> None:
     could_see = (
@@ -279,11 +286,12 @@ def test_what_a_flight_could_have_shown_is_folded_away_and_stays_as_the_reader_l
     )
     first, second = monitor.views
     monitor.views = [dataclasses.replace(first, could_see=could_see), second]
-    monitor.tell("status", {"vehicle": "aero-2"})
-    page.wait("document.querySelectorAll('#vehicles details').length === 1")
+    assert page.ask("document.querySelectorAll('#vehicles details').length") == 2
     assert page.ask("document.querySelector('#vehicles details').open") is False
+    assert page.ask("document.querySelectorAll('#vehicles tbody tr').length") == 0
     assert text(page, "#vehicles summary") == "What this flight could have shown"
     page.ask("document.querySelector('#vehicles summary').click()")
+    page.wait("document.querySelectorAll('#vehicles tbody tr').length === 5")
     rows = "[...document.querySelectorAll('#vehicles tbody tr')]"
     assert page.ask(rows + ".map((row) => [...row.children].map((cell) => cell.textContent))") == [
         ["sensor bias pitch_rate_rad_s", "0.0123 rad/s", "none needed"],
@@ -296,6 +304,46 @@ def test_what_a_flight_could_have_shown_is_folded_away_and_stays_as_the_reader_l
     monitor.tell("status", {"vehicle": "aero-2"})
     page.wait("document.querySelector('#vehicles .reason').textContent === 'changed'")
     assert page.ask("document.querySelector('#vehicles details').open")
+    page.wait("document.querySelectorAll('#vehicles tbody tr').length === 5")
+    page.look(360, 740, "dark", mobile=True)
+    assert page.ask("document.documentElement.scrollWidth <= 360")
+    assert page.ask("document.querySelectorAll('main img, main script').length") == 0
+    assert page.console == []
+
+
+@needs_chromium
+def test_ice_on_several_aircraft_stands_once_and_a_proposed_input_is_shown(
+    page: Page, monitor: FakeMonitor
+) -> None:
+    first, second = monitor.views
+    proposal = ProposedInputView(
+        "p1", "rudder_rad", "doublet", 0.0349, 0.22, 0.44, ((0.0, 0.0349), (0.22, -0.0349), (0.44, 0.0)),
+        "A stuck rudder would not have been noticed yet. " + NASTY, 60.0, 120.0,
+    )  # fmt: skip
+    monitor.views = [first, dataclasses.replace(second, proposed_input=proposal)]
+    monitor.raised += [
+        alert(5, vehicle="aero-1", note=("wingwatch: raised again (3)",)),
+        alert(6, kind="damage"),
+    ]
+    owners = (("default", "aero-2"), ("default", "aero-1"))
+    words = "Ice on 2 vehicles near 50.02° N 10.00° E at 1000 m." + NASTY
+    monitor.groups = [
+        AlertGroupView("group-a1", "icing", "warning", ("a1", "a5"), owners, 50.02, 10.0, 1000.0, words)
+    ]
+    monitor.tell("alert", {"id": "a5"})
+    page.wait("document.querySelectorAll('#alerts > li.group').length === 1")
+    assert page.ask("document.querySelectorAll('#alerts > li').length") == 2
+    group = text(page, "#alerts > li.group")
+    assert group.startswith("Ice on 2 aircraft")
+    assert words in group
+    assert "aero-2, aero-1" in group
+    assert "Leave the icing layer" not in group
+    page.ask("document.querySelector('#alerts > li.group > details > summary').click()")
+    assert "Icing on aero-1" in text(page, "#alerts > li.group")
+    assert "3 times" in text(page, "#alerts > li.group")
+    shown = text(page, "#vehicles .proposal")
+    assert shown.startswith("Proposed input: doublet of the rudder, ±2.0°, 0.44 s.")
+    assert "wingwatch does not fly it" in shown
     page.look(360, 740, "dark", mobile=True)
     assert page.ask("document.documentElement.scrollWidth <= 360")
     assert page.ask("document.querySelectorAll('main img, main script').length") == 0
@@ -311,12 +359,13 @@ def test_it_fits_a_phone_and_the_keyboard_reaches_everything(page: Page) -> None
     page.look(1280, 900, "light")
     assert page.ask(colours) != dark
     reached = []
-    for _ in range(5):
+    for _ in range(7):
         page.key("Tab")
         reached.append(page.ask("document.activeElement.tagName + ' ' + document.activeElement.innerText"))
         if "Cleared" in reached[-1]:
             page.key("Enter")
-    assert reached[0].startswith("SUMMARY Cleared alerts")
+    assert all(one.startswith("SUMMARY What this flight") for one in reached[:2])
+    assert reached[2].startswith("SUMMARY Cleared alerts")
     assert page.ask("document.getElementById('past').open")
     assert {"A status", "A alerts", "A OpenAPI"} <= set(reached)
     assert "not known" in text(page, "#cleared")

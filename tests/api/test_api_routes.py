@@ -239,7 +239,10 @@ def test_vehicle_carries_state_worst_derivative_and_basis(client: httpx.Client) 
             "input": "a doublet of the elevator",
         },
     ]
+    assert shown["unseen_surfaces"] == []
+    assert shown["proposed_input"] is None
     listed = get(client, "/v1/vehicles")
+    assert {tuple(item["could_see"]) for item in listed["items"]} == {()}, "dear, and asked for one at a time"
     assert listed["next"] is None
     assert listed["items"][0] == shown
 

@@ -278,6 +278,8 @@ def test_the_reference_of_a_killed_service_is_not_given_what_the_service_did_not
         ("live_fleet", ["--vehicles", "0"], "give 1 to 5000"),
         ("live_fleet", ["--samples-per-message", "101"], "give 1 to 100"),
         ("live_fleet", ["--over", "-1"], "give 0 to 5 less"),
+        ("fleet_views", ["--vehicles", "0"], "give 1 to 5000"),
+        ("fleet_views", ["--seconds", "nan"], "give 20 to 3600"),
         ("cost", ["--vehicles", "1"], "at least 2"),
         ("alerts", ["--flights", "0"], "at least 1"),
         ("alerts", ["--seconds", "50"], "above 100"),

@@ -18,7 +18,6 @@ from wingwatch.monitor import (
     CouldSeeView,
     EvidenceView,
     VehicleMonitor,
-    VehicleView,
 )
 from wingwatch.telemetry import write_flight
 
@@ -49,15 +48,10 @@ def shown(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Have the command's watch end with these alerts, and its vehicle with what it could have seen."""
 
     def end_with(alerts: Sequence[AlertView], could_see: Sequence[CouldSeeView] = ()) -> None:
-        view = VehicleMonitor.view
-
-        def seeing(monitor: VehicleMonitor) -> VehicleView:
-            return replace(view(monitor), could_see=could_see)
-
         def watched(*arguments: Any, **options: Any) -> Watched:
             return replace(watch(*arguments, **options), alerts=tuple(alerts), conditions={})
 
-        monkeypatch.setattr(VehicleMonitor, "view", seeing)
+        monkeypatch.setattr(VehicleMonitor, "could_see", lambda _: could_see)
         monkeypatch.setattr(monitor_command, "watch", watched)
 
     return end_with

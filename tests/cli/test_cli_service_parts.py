@@ -21,9 +21,11 @@ from wingwatch.cli.service import Pump
 from wingwatch.monitor import (
     AlertState,
     AlertView,
+    CouldSeeView,
     EvidenceView,
     FleetMonitor,
     MonitorPort,
+    ProposedInputView,
     VehicleState,
     VehicleView,
     WorstDerivative,
@@ -236,6 +238,47 @@ def test_of_derivatives_and_status_the_newest_goes_out_of_alerts_each() -> None:
     controls = {leaf(key): options["congestion_control"] for key, _, options in sent}
     assert controls["alerts"] == zenoh.CongestionControl.BLOCK
     assert controls["derivatives"] == controls["status"] == zenoh.CongestionControl.DROP
+
+
+def test_a_status_has_the_rows_of_could_see_where_they_have_changed_and_answers_to_queries_always() -> None:
+    rows = (CouldSeeView("icing", None, 0.05, ""),), (CouldSeeView("icing", None, 0.04, ""),)
+    seen = [rows[0], rows[0], rows[1], rows[1]]
+    session = Session()
+    with ZenohOutputs(cast(zenoh.Session, session)) as outputs:
+        for k, could_see in enumerate(seen):
+            view = replace(VEHICLE, could_see=could_see, last_sample_time_s=float(k))
+            outputs.announce("default", "uav1", "status", partial(replace, view))
+            until(lambda k=k: len(session.put_) == k + 1)  # type: ignore[misc]
+        outputs.announce("default", "uav2", "status", lambda: replace(VEHICLE, could_see=rows[1]))
+        until(lambda: len(session.put_) == 5)
+        whole = replace(VEHICLE, could_see=rows[1])
+        outputs._monitor = cast(
+            MonitorPort, SimpleNamespace(vehicles=lambda: [VEHICLE], vehicle=lambda *_: whole, alerts=list)
+        )
+        answers = list(outputs._documents(zenoh.KeyExpr("wingwatch/v1/*/*/status")))
+    sent = [decode_service_object("status", payload, "application/json") for _, payload, _ in session.put_]
+    assert [len(one.get("could_see", ())) for one in sent] == [1, 0, 1, 0, 1]
+    assert "could_see" not in sent[1]
+    assert [len(document["could_see"]) for _, _, document in answers] == [1]
+
+
+def test_a_proposed_input_goes_out_under_its_own_key_and_is_answered_while_it_is_valid() -> None:
+    proposal = ProposedInputView(
+        "p1", "rudder_rad", "doublet", 0.035, 0.2, 0.4, ((0.0, 0.035), (0.2, -0.035), (0.4, 0.0)), "why", 60.0, 120.0
+    )  # fmt: skip
+    session = Session()
+    with ZenohOutputs(cast(zenoh.Session, session)) as outputs:
+        outputs.announce("default", "uav1", "proposals", lambda: proposal)
+        until(lambda: bool(session.put_))
+        views = [replace(VEHICLE, proposed_input=proposal), replace(VEHICLE, vehicle="uav2")]
+        outputs._monitor = cast(MonitorPort, SimpleNamespace(vehicles=lambda: views, alerts=list))
+        answers = list(outputs._documents(zenoh.KeyExpr("wingwatch/v1/*/*/proposals")))
+    ((key, payload, _),) = session.put_
+    assert key == "wingwatch/v1/default/uav1/proposals"
+    sent = decode_service_object("proposals", payload, "application/json")
+    assert (sent["vehicle"], sent["surface"], sent["valid_until_s"]) == ("uav1", "rudder_rad", 120.0)
+    assert sent["steps"][1] == {"start_s": 0.2, "deflection_rad": -0.035}
+    assert [(key, stream, document) for key, stream, document in answers] == [(key, "proposals", sent)]
 
 
 def test_what_nobody_listens_to_is_not_made() -> None:

@@ -243,10 +243,14 @@ def test_on_the_ground_estimation_waits(hall: Hall, flight: SampleBlock, airspee
     rng = np.random.default_rng(2)
     for k in range(12):
         noise = rng.normal(0.0, 0.02, 50)
-        hall.sample(having(second(flight, k), airspeed_true_m_s=airspeed_m_s + noise), k)
+        rest = {"airspeed_true_m_s": airspeed_m_s + noise, "velocity_north_m_s": noise}
+        hall.sample(having(second(flight, k), **rest), k)
     view = hall.view()
     assert view.state is VehicleState.NOT_OBSERVABLE
-    assert view.reason == "the airspeed is below 1 m/s: estimation waits"
+    assert view.reason == (
+        "on the ground: the airspeed has been below 6.05 m/s and not above 9.68 since (the stall speed is 12.1); "
+        "estimation and alerts wait"
+    )
     assert (view.counts["accepted"], view.counts["too_slow"]) == (600, 600)
     assert "faults" not in view.counts
     hall.leave()
@@ -255,12 +259,13 @@ def test_on_the_ground_estimation_waits(hall: Hall, flight: SampleBlock, airspee
     assert hall.view().last_sample_time_s is not None
 
 
-def test_after_landing_a_vehicle_is_no_longer_healthy(flight: SampleBlock) -> None:
+def test_after_landing_a_vehicle_is_no_longer_healthy() -> None:
+    flight = fly_doublets(45.0)
     monitor = VehicleMonitor(AEROSONDE, "f", "v", flight.present, {}, new_id=lambda: "1")
     monitor.feed(flight)
     in_flight = monitor.state
     taxiing = np.full(len(flight), -0.1)
-    monitor.feed(having(flight, time_s=flight.time_s + 30.0, airspeed_true_m_s=taxiing))
+    monitor.feed(having(flight, time_s=flight.time_s + 60.0, airspeed_true_m_s=taxiing))
     assert (in_flight, monitor.state) == (VehicleState.HEALTHY, VehicleState.NOT_OBSERVABLE)
 
 

@@ -293,7 +293,18 @@ def test_no_state_is_forgotten() -> None:
         "stated",
         "judge",
         "regime",
+        "surfaces",
     }
-    state = {"cleaner", "aligner", "chain_state", "cells", "judge_state", "book", "memory", "relations"}
+    state = {
+        "cleaner",
+        "aligner",
+        "chain_state",
+        "cells",
+        "judge_state",
+        "book",
+        "memory",
+        "relations",
+        "alerts",
+    }
     worked_out = {"worst", "could_see"}  # of the last solution, when somebody asks
     assert attributes(Case(fly_doublets(1.0)).monitor()) == settings | state | worked_out

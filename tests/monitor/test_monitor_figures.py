@@ -35,7 +35,7 @@ def test_states_samples_solutions_and_alerts_are_counted(flight: SampleBlock) ->
     hall.raw(b"{")
     figures = hall.fleet.figures()
     shown = Counter(view.state for view in hall.fleet.vehicles())
-    assert figures.vehicles == shown == {VehicleState.HEALTHY: 1, VehicleState.UNKNOWN: 2}
+    assert figures.vehicles == shown == {VehicleState.NOT_OBSERVABLE: 1, VehicleState.UNKNOWN: 2}
     assert figures.alerts == {(AlertState.ACTIVE, "watch"): 1}
     assert counts(hall) == {"accepted": 12 * PIECE, "unannounced": PIECE, "message_malformed": 1}
     assert 15 <= figures.solutions <= 24  # two a second, from the second second on

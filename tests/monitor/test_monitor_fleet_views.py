@@ -27,6 +27,19 @@ def hall(flight: SampleBlock) -> Hall:
     return hall
 
 
+def test_a_view_of_all_is_without_what_takes_most_of_the_work_and_that_of_one_has_it(
+    hall: Hall, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = hall.fleet.vehicle("default", "uav")
+    assert one is not None
+    assert {"icing", "surface_stuck"} <= {row.cause for row in one.could_see}
+    monkeypatch.setattr(VehicleMonitor, "could_see", lambda _: 1 / 0)
+    (listed,) = hall.fleet.vehicles()
+    assert listed.could_see == ()
+    assert listed.unseen_surfaces == one.unseen_surfaces
+    assert listed.state is one.state
+
+
 def is_free(hall: Hall) -> bool:
     """Whether another thread gets the fleet's lock."""
     got = threading.Event()

@@ -338,6 +338,25 @@ STATUS = {
         },
         {"cause": "icing", "unit": "", "input": "a doublet of the elevator"},
     ],
+    "unseen_surfaces": ["rudder_rad"],
+}
+PROPOSAL = {
+    "id": "p1",
+    "fleet": "default",
+    "vehicle": "uav1",
+    "surface": "rudder_rad",
+    "shape": "doublet",
+    "amplitude_rad": 0.035,
+    "width_s": 0.22,
+    "duration_s": 0.44,
+    "steps": [
+        {"start_s": 0.0, "deflection_rad": 0.035},
+        {"start_s": 0.22, "deflection_rad": -0.035},
+        {"start_s": 0.44, "deflection_rad": 0.0},
+    ],
+    "why": "A stuck rudder would not have been noticed yet.",
+    "proposed_s": 60.0,
+    "valid_until_s": 120.0,
 }
 ALERT = {
     "id": "a1",
@@ -371,13 +390,15 @@ ALERT = {
         {"cause": "sensor_bias", "channel": "pitch_rate_rad_s", "probability": 0.7},
         {"cause": "icing", "probability": 0.3},
     ],
+    "repeats": 2,
 }
 
 
 class TestServiceObjects:
     @BOTH
     @pytest.mark.parametrize(
-        ("stream", "value"), [("derivatives", DERIVATIVES), ("status", STATUS), ("alerts", ALERT)]
+        ("stream", "value"),
+        [("derivatives", DERIVATIVES), ("status", STATUS), ("alerts", ALERT), ("proposals", PROPOSAL)],
     )
     def test_the_rest_object_comes_back(self, stream: Any, value: dict[str, Any], encoding: str) -> None:
         assert (

@@ -250,7 +250,7 @@ def test_rules_deny_what_they_do_not_name_and_names_cannot_widen_them() -> None:
         for key in rule["key_exprs"]
     }
     assert {key for key in writes if "*" in key} == {
-        f"wingwatch/v1/*/*/{leaf}" for leaf in ("derivatives", "status", "alerts")
+        f"wingwatch/v1/*/*/{leaf}" for leaf in ("derivatives", "status", "alerts", "proposals")
     }
     for fleet, vehicle in (("*", "uav1"), ("default", "**"), ("a.b", "c"), ("a", "b/c")):
         with pytest.raises(KeyNameError):

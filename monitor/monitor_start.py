@@ -1,0 +1,47 @@
+"""What the watch of a vehicle starts from, and what it gives back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from wingwatch.monitor.chain import Chain, Solution
+from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.ports import VehicleMemory
+from wingwatch.monitor.views import AlertView
+from wingwatch.telemetry import derivations
+
+__all__ = ["MonitorStart", "Report", "surface_kinds"]
+
+
+def surface_kinds(given: Sequence[str]) -> dict[str, str]:
+    """``command`` for every surface whose position is not given and is taken from its command."""
+    return {
+        name: "command"
+        for name, sources in derivations(given).items()
+        if len(sources) == 1 and sources[0].endswith("_command_rad")
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a block of samples led to: solutions, and alerts that were raised, changed or cleared."""
+
+    solutions: list[Solution] = field(default_factory=list)
+    alerts: list[AlertView] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorStart:
+    """What the watch of a vehicle starts from, beside its aircraft file.
+
+    Attributes:
+        configuration: of the aircraft, as its file names it.
+        memory: what is kept of the vehicle's earlier flights.
+        chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
+            is larger than what they remember of a vehicle, then serve this one as well.
+        judge: settings of the test.
+    """
+
+    configuration: str = "clean"
+    memory: VehicleMemory = field(default_factory=VehicleMemory)
+    chain: Chain | None = None
+    judge: JudgeConfig = field(default_factory=JudgeConfig)
