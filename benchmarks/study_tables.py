@@ -70,7 +70,9 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
     times = [
         np.sort(rng.uniform(0.0, s, n)).round(1).tolist() for s, n in zip(healthy_s, alarms, strict=True)
     ]
-    said = np.where(detected, np.where(rng.random(flights) < 0.9, effect, "unknown"), "")
+    known = detected & (rng.random(flights) < 0.9)
+    said = np.where(known, effect, np.where(detected, "unknown", ""))
+    channel = np.where(sensor, "pitch_rate_rad_s", "")
     error = rng.uniform(0.005, 0.02, flights)
     peaks = np.log(np.maximum(rng.gamma(1.0, 1.0, flights), 1e-9))
     before = (
@@ -89,10 +91,13 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
         "turbulence_model": np.full(flights, "dryden"), "excitation": np.array(EXCITATION)[excitation],
         "sensors": np.full(flights, "vanes"), "surfaces": rng.choice(("positions", "commands"), flights),
         "expectation": rng.choice(("exact", "drawn"), flights), "expectation_error": nothing, "effect": effect,
-        "target": np.where(faulty, rng.choice(("all", "wing", "tail"), flights), ""), "icing_kind": nothing,
+        "target": np.where(faulty, rng.choice(("all", "wing", "tail"), flights), channel), "icing_kind": nothing,
         "icing_factors": nothing, "said_kind": np.where(detected, "icing", ""), "said_cause": said,
+        "channel": channel, "first_kind": np.where(detected, "icing", ""), "first_cause": said,
+        "first_channel": np.where(detected, channel, ""), "said_channel": np.where(detected, channel, ""),
+        "alerts": [_json(_alerts(at)) if at > 0.0 else "[]" for at in (onset + delay).tolist()],
         "said_level": np.where(detected, "watch", ""), "block_scores": _scores(rng, flights, t),
-        "false_causes": [_json([[at, "icing", "icing"] for at in when]) for when in times],
+        "false_causes": [_json([[at, "icing", "icing", None] for at in when]) for when in times],
         "false_reasons": [_json([_reason(at) for at in when]) for when in times],
         "code_version": np.full(flights, "1"), "settings_version": np.full(flights, "1"),
     }  # fmt: skip
@@ -108,17 +113,29 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
         "evidence_max_30_s": np.where(effect != "", np.where(delay <= 30.0, after, np.minimum(after, 0.0)), np.nan),
         "information": rate * watched, "information_rate_per_s": rate,
         "bayes_factor_max": np.where(effect == "", 1.0 / rng.uniform(1e-12, 1.0, flights), np.nan),
+        "derivatives_delay_s": delay, "right_delay_s": np.where(known, delay, np.nan),
+        "other_kind_delay_s": np.where(sensor & ~known, delay, np.nan),
         "threshold": np.full(flights, t.threshold), "wall_s": np.ones(flights), "processor_s": np.ones(flights),
     }  # fmt: skip
     columns = {name: pa.array(list(values), pa.string()) for name, values in words.items()}
     columns |= {name: pa.array(values, pa.float64()) for name, values in numbers.items()}
     columns |= {"seed": pa.array(range(flights), pa.int64()), "detected": pa.array(detected)}
-    return pa.table(columns | {"false_alerts": pa.array(alarms, pa.int32())})
+    columns |= {name: pa.array(known) for name in ("first_right", "right_at_end")}
+    columns |= {"first_in_set": pa.array(detected)}
+    return pa.table(
+        columns | dict.fromkeys(("false_alerts", "false_derivative_alerts"), pa.array(alarms, pa.int32()))
+    )
 
 
 def _json(value: object) -> str:
     """As text; a table has hundreds of thousands of them, which ``json`` takes five times as long for."""
     return orjson.dumps(value).decode()
+
+
+def _alerts(at_s: float) -> list[dict[str, object]]:
+    """The one alert of a flight, unlike the rows' names: summaries go by those."""
+    name = {"since_s": at_s, "kind": "icing", "cause": "icing", "channel": None}
+    return [{"raised_s": at_s, "cleared_s": None, "names": [name]}]
 
 
 def _reason(alarm_s: float) -> dict[str, str | float]:
