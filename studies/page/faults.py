@@ -39,12 +39,12 @@ SHORT_LEGEND = (
     "the true size."
 )
 _LEGEND = (
-    "Percent with Wilson's 95 % interval. Noticed: an alert of any cause after the onset; median: of what was noticed. "
+    "Percent, Wilson's 95 % interval. Noticed: an alert of any cause after the onset; median: of what was noticed. "
     "Right: cause and part, of an airframe's fault the cause; every kind of ice is icing. At first: the first alert "
-    "after the onset, as it was raised; a candidate: the fault is one of the causes that it calls possible; at the end: "
-    "an alert in force when the flight ends. These three are of the flights in which the fault was noticed. Another "
-    "kind: of all flights, those in which an alert called an airframe's fault a sensor's or the other way round, or ice "
-    "damage. Size: of the flights in which the fault was named rightly, with a size."
+    "after the onset, as it was raised; a candidate: the fault is one of the causes that it calls possible; at the "
+    "end: an alert in force when the flight ends. These three are of the flights in which the fault was noticed. "
+    "Another kind: of all flights, those in which an alert called an airframe's fault a sensor's or the other way "
+    "round, or ice damage. Size: of the flights in which the fault was named rightly, with a size."
 )
 _SHOWN_BY = ("", "effect", "part", "fault")
 
