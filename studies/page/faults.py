@@ -24,7 +24,7 @@ _OTHERS = {
 _NAMES = {"icing": "ice", "damage": "damage", "sensor": "sensor faults"}
 _HEAD = (
     "flights", "how many", "alert before the onset", *(f"noticed within {s:g} s" for s in WITHIN_S), "by the end",
-    "median, s", "right at first", "right or a candidate", "right at the end", "another kind",
+    "median, s", "right at first", "right or a candidate", "right at the end", "another kind", "sized",
     "size in its 95 % interval",
 )  # fmt: skip
 SHORT_HEAD = (
@@ -39,12 +39,12 @@ SHORT_LEGEND = (
     "the true size."
 )
 _LEGEND = (
-    "Percent, Wilson's 95 % interval. Noticed: an alert of any cause after the onset; median: of what was noticed. "
+    "In percent with Wilson's 95 % interval. Noticed: an alert of any cause after the onset; median: of the noticed. "
     "Right: cause and part, of an airframe's fault the cause; every kind of ice is icing. At first: the first alert "
     "after the onset, as it was raised; a candidate: the fault is one of the causes that it calls possible; at the "
     "end: an alert in force when the flight ends. These three are of the flights in which the fault was noticed. "
     "Another kind: of all flights, those in which an alert called an airframe's fault a sensor's or the other way "
-    "round, or ice damage. Size: of the flights in which the fault was named rightly, with a size."
+    "round, or ice damage. Sized: flights in which the fault was named rightly, with a size."
 )
 _SHOWN_BY = ("", "effect", "part", "fault")
 
@@ -91,11 +91,18 @@ def _short(share: Interval) -> str:
 def _cells(row: FaultRow) -> list[str]:
     shares = [row.early, *row.within.values(), row.seen]
     named = [row.first_right, row.first_in_set, row.right_at_end, row.other_kind]
-    sized = f"{percent_text(row.covered)} of {row.sized}" if row.sized else "-"
     return [
-        _group_text(row), str(row.flights), *map(percent_text, shares), number(row.median_s, 2),
-        *map(percent_text, named), sized,
+        _group_text(row), str(row.flights), *map(_range, shares), number(row.median_s, 2), *map(_range, named),
+        str(row.sized), _range(row.covered),
     ]  # fmt: skip
+
+
+def _range(share: Interval) -> str:
+    """ "50 (46-55)", in percent: many columns have to stand side by side."""
+    if math.isnan(share.value):
+        return "-"
+    value, low, high = (100.0 * x for x in (share.value, share.low, share.high))
+    return f"{value:.0f} ({low:.0f}-{high:.0f})"
 
 
 def _group_text(row: FaultRow) -> str:

@@ -55,8 +55,8 @@ def sections(summary: Summary, pictures: Pictures) -> str:
     """All sections below the answer, in their order."""
     return "".join(
         [
-            _answers(summary, pictures),
             fault_section(summary, pictures),
+            _answers(summary, pictures),
             _detection(summary, pictures),
             _delays(summary, pictures),
             _false_alarms(summary, pictures),

@@ -17,8 +17,8 @@ from wingwatch.studies.summary import Summary, summarise
 
 NASTY = "</script><script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">&amp;"
 SECTIONS = [
-    "answer",
     "faults",
+    "answer",
     "detection",
     "delays",
     "false-alarms",
