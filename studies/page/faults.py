@@ -22,16 +22,18 @@ _OTHERS = {
     "sensor": "called icing or damage",
 }
 _NAMES = {"icing": "ice", "damage": "damage", "sensor": "sensor faults"}
-_HEAD = (
-    "flights", "how many", "alert before the onset", *(f"noticed within {s:g} s" for s in WITHIN_S), "by the end",
-    "median, s", "right at first", "right or a candidate", "right at the end", "another kind", "sized",
+_SOON_HEAD = (
+    "flights", "how many", "alert before the onset", *(f"within {s:g} s" for s in WITHIN_S), "by the end", "median, s",
+)  # fmt: skip
+_NAMED_HEAD = (
+    "flights", "right at first", "right or a candidate", "right at the end", "another kind", "sized",
     "size in its 95 % interval",
 )  # fmt: skip
 SHORT_HEAD = (
     "flights", "n", "early", *(f"{s:g} s" for s in WITHIN_S), "end", "median", "right", "set", "last", "other", "sized",
     "held",
 )  # fmt: skip
-"""The same for a terminal, without intervals."""
+"""Of both tables for a terminal, without intervals."""
 SHORT_LEGEND = (
     "Percent of n flights. early: an alert before the onset; 3 s to end: noticed within; median: of what was noticed, "
     "s. Of the noticed, right: named rightly by the first alert; set: or among its candidates; last: an alert in force "
@@ -88,13 +90,19 @@ def _short(share: Interval) -> str:
     return number(round(100.0 * share.value), 3) if math.isfinite(share.value) else "-"
 
 
-def _cells(row: FaultRow) -> list[str]:
-    shares = [row.early, *row.within.values(), row.seen]
-    named = [row.first_right, row.first_in_set, row.right_at_end, row.other_kind]
-    return [
-        _group_text(row), str(row.flights), *map(_range, shares), number(row.median_s, 2), *map(_range, named),
-        str(row.sized), _range(row.covered),
-    ]  # fmt: skip
+def _tables(rows: Sequence[FaultRow]) -> str:
+    """How soon faults were noticed, and what they were called."""
+    soon = (
+        [_group_text(r), str(r.flights), _range(r.early), *map(_range, r.within.values()), _range(r.seen),
+         number(r.median_s, 2)]
+        for r in rows
+    )  # fmt: skip
+    named = (
+        [_group_text(r), *map(_range, (r.first_right, r.first_in_set, r.right_at_end, r.other_kind)), str(r.sized),
+         _range(r.covered)]
+        for r in rows
+    )  # fmt: skip
+    return table(_SOON_HEAD, soon) + table(_NAMED_HEAD, named)
 
 
 def _range(share: Interval) -> str:
@@ -132,8 +140,8 @@ def fault_section(s: Summary, pictures: Pictures) -> str:
         parts += [
             f"<h3>{escape(fault_title(kind))}</h3>",
             pictures.place(_figure(kind, [row for row in shown if row.by != "fault"]), _sentence(mine[0])),
-            table(_HEAD, map(_cells, shown)),
-            _folded(table(_HEAD, map(_cells, rest))) if rest else "",
+            _tables(shown),
+            _folded(_tables(rest)) if rest else "",
         ]
     return section("faults", "Every fault: seen, named, sized", *parts, paragraph(_LEGEND, "legend"))
 
