@@ -248,22 +248,27 @@ class Grid(BaseModel):
                 f"onset_s reaches {latest:g} s in flights of {self.seconds:g} s; what begins that late cannot be "
                 f"noticed: end {_LEAST_AFTER_ONSET_S:g} s before the flight does, or fly longer"
             )
-        for entry in self.effects:
-            self._sent(entry)
+        if self.effects and not any(self.targets_of(entry) for entry in self.effects):
+            raise ValueError(
+                "every effect befalls a sensor that no flight has; add flights that have it to sensors or surfaces"
+            )
         if not self.effects and self.healthy_weight == 0.0:
             raise ValueError("no [[effects]] and healthy_weight 0 leave nothing to draw; give one of them")
         return self
 
-    def _sent(self, entry: Effects) -> None:
-        """Refuses a faulty sensor that no flight has."""
-        for target in entry.target if entry.name in SENSOR_EFFECTS else ():
-            part = part_of(entry.name, target)
-            for key in ("sensors", "surfaces"):
-                if all(part in UNSENT.get(word, ()) for word in getattr(self, key)):
-                    raise ValueError(
-                        f"{entry.name} of {part} befalls a sensor that no flight has; leave it out, or have {key} "
-                        "with it flown as well"
-                    )
+    def targets_of(self, entry: Effects) -> dict[str, float]:
+        """What an effect may befall, with weights: of sensors only those that some flights of this grid have."""
+        if entry.name not in SENSOR_EFFECTS:
+            return dict(entry.target)
+        return {
+            target: weight
+            for target, weight in entry.target.items()
+            if self._has(part_of(entry.name, target))
+        }
+
+    def _has(self, channel: str) -> bool:
+        words = (self.sensors, self.surfaces)
+        return all(any(channel not in UNSENT.get(word, ()) for word in choices) for choices in words)
 
     def route_of(self, excitation: str) -> Mapping[str, float]:
         """The routes on which an excitation is flown, with weights."""

@@ -189,14 +189,14 @@ def _effect(
     draws: _Draws, grid: Grid, aircraft: Aircraft
 ) -> tuple[str, str, float | None, float | None, float | None]:
     """Name, target, severity, onset and ramp."""
-    weights = {str(i): entry.weight for i, entry in enumerate(grid.effects)}
+    weights = {str(i): entry.weight for i, entry in enumerate(grid.effects) if grid.targets_of(entry)}
     if grid.healthy_weight > 0.0:
         weights[""] = grid.healthy_weight
     drawn = draws.word("effect", weights)
     if drawn == "":
         return "", "", None, None, None
     entry = grid.effects[int(drawn)]
-    target = draws.word("target", entry.target)
+    target = draws.word("target", grid.targets_of(entry))
     ramp_s = draws.number("ramp_s", grid.ramp_s) if EFFECTS[entry.name].grows else 0.0
     onset_s = draws.number("onset_s", grid.onset_s)
     return entry.name, target, _severity(draws, entry, aircraft), onset_s, ramp_s

@@ -85,6 +85,9 @@ def test_a_sensor_at_fault_is_one_that_the_flight_has() -> None:
     assert len(vanes) > 10
     assert {p.sensors for p in vanes} == {"vanes"}
     assert {p.sensors for p in drawn if p not in vanes} == {"vanes", "no_vanes"}
+    blind = plans("sensor", grid.model_copy(update={"sensors": {"no_vanes": 1.0}}), 200)
+    assert {p.sensors for p in blind} == {"no_vanes"}
+    assert not {part_of(p.effect, p.target) for p in blind} & set(PARTS["vanes"])
 
 
 def test_a_surface_stuck_where_it_is_has_no_size_and_can_be_flown() -> None:
