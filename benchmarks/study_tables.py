@@ -70,12 +70,11 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
     times = [
         np.sort(rng.uniform(0.0, s, n)).round(1).tolist() for s, n in zip(healthy_s, alarms, strict=True)
     ]
-    said = np.where(detected, np.where(rng.random(flights) < 0.9, effect, "unknown"), "")
+    known, channel = detected & (rng.random(flights) < 0.9), np.where(sensor, "pitch_rate_rad_s", "")
     error = rng.uniform(0.005, 0.02, flights)
     peaks = np.log(np.maximum(rng.gamma(1.0, 1.0, flights), 1e-9))
-    before = (
-        np.log(t.evidence_per_hour * healthy_s / 3600.0) - peaks
-    )  # largest of Poisson many exponential ones
+    # largest of Poisson many exponential ones
+    before = np.log(t.evidence_per_hour * healthy_s / 3600.0) - peaks
     before = np.where(alarms > 0, np.maximum(before, t.threshold + rng.exponential(1.0, flights)), before)
     after = np.where(
         detected, t.threshold + rng.exponential(30.0, flights), rng.uniform(0.0, t.threshold, flights)
@@ -89,10 +88,10 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
         "turbulence_model": np.full(flights, "dryden"), "excitation": np.array(EXCITATION)[excitation],
         "sensors": np.full(flights, "vanes"), "surfaces": rng.choice(("positions", "commands"), flights),
         "expectation": rng.choice(("exact", "drawn"), flights), "expectation_error": nothing, "effect": effect,
-        "target": np.where(faulty, rng.choice(("all", "wing", "tail"), flights), ""), "icing_kind": nothing,
-        "icing_factors": nothing, "said_kind": np.where(detected, "icing", ""), "said_cause": said,
+        "target": np.where(faulty, rng.choice(("all", "wing", "tail"), flights), channel), "icing_kind": nothing,
+        "icing_factors": nothing, "channel": channel,
         "said_level": np.where(detected, "watch", ""), "block_scores": _scores(rng, flights, t),
-        "false_causes": [_json([[at, "icing", "icing"] for at in when]) for when in times],
+        "false_causes": [_json([[at, "icing", "icing", None] for at in when]) for when in times],
         "false_reasons": [_json([_reason(at) for at in when]) for when in times],
         "code_version": np.full(flights, "1"), "settings_version": np.full(flights, "1"),
     }  # fmt: skip
@@ -108,17 +107,49 @@ def drawn_table(flights: int, seed: int = 0, truth: Truth | None = None) -> pa.T
         "evidence_max_30_s": np.where(effect != "", np.where(delay <= 30.0, after, np.minimum(after, 0.0)), np.nan),
         "information": rate * watched, "information_rate_per_s": rate,
         "bayes_factor_max": np.where(effect == "", 1.0 / rng.uniform(1e-12, 1.0, flights), np.nan),
+        "derivatives_delay_s": delay, "right_delay_s": np.where(known, delay, np.nan),
+        "other_kind_delay_s": np.where(sensor & ~known, delay, np.nan),
         "threshold": np.full(flights, t.threshold), "wall_s": np.ones(flights), "processor_s": np.ones(flights),
     }  # fmt: skip
     columns = {name: pa.array(list(values), pa.string()) for name, values in words.items()}
     columns |= {name: pa.array(values, pa.float64()) for name, values in numbers.items()}
     columns |= {"seed": pa.array(range(flights), pa.int64()), "detected": pa.array(detected)}
-    return pa.table(columns | {"false_alerts": pa.array(alarms, pa.int32())})
+    columns |= _named(effect, channel, detected, known) | _alerts(onset + delay)
+    return pa.table(
+        columns | dict.fromkeys(("false_alerts", "false_derivative_alerts"), pa.array(alarms, pa.int32()))
+    )
+
+
+def _named(
+    effect: NDArray[np.str_], channel: NDArray[np.str_], detected: NDArray[np.bool_], known: NDArray[np.bool_]
+) -> dict[str, pa.Array]:
+    """What was said: icing by its kind, the truth or nothing known by its cause."""
+    said = np.where(known, effect, np.where(detected, "unknown", ""))
+    columns = {
+        "first_right": pa.array(known),
+        "right_at_end": pa.array(known),
+        "first_in_set": pa.array(detected),
+    }
+    for when in ("first", "said"):
+        columns[f"{when}_kind"] = pa.array(np.where(detected, "icing", "").tolist())
+        columns[f"{when}_cause"] = pa.array(said.tolist())
+        columns[f"{when}_channel"] = pa.array(np.where(detected, channel, "").tolist())
+    return columns
 
 
 def _json(value: object) -> str:
     """As text; a table has hundreds of thousands of them, which ``json`` takes five times as long for."""
     return orjson.dumps(value).decode()
+
+
+def _alerts(raised_s: Array) -> dict[str, pa.Array]:
+    """The one alert of a flight, if any; unlike the rows' names, for summaries go by those."""
+    name = {"kind": "icing", "cause": "icing", "channel": None}
+    found = [
+        [{"raised_s": at_s, "cleared_s": None, "names": [name | {"since_s": at_s}]}] if at_s > 0.0 else []
+        for at_s in raised_s.tolist()
+    ]
+    return {"alerts": pa.array(map(_json, found))}
 
 
 def _reason(alarm_s: float) -> dict[str, str | float]:

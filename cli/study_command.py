@@ -6,30 +6,39 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
+from rich.table import Table
 
 from wingwatch.cli.ending import asked_to_end
 from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.output_files import check_output
 from wingwatch.cli.progress import page, write_json
-from wingwatch.studies import StudySettings, draw_plan, load_fleet, load_grid
+from wingwatch.studies import KINDS, Kind, StudyError, StudySettings, draw_plan, load_fleet, load_grid
 from wingwatch.studies.flight import FlightMaker
 from wingwatch.studies.grid import default_text
 from wingwatch.studies.journal import settings_of
 from wingwatch.studies.local_workers import LocalWorkers
 from wingwatch.studies.page.captions import about, headline, honesty
+from wingwatch.studies.page.faults import (
+    SHORT_HEAD,
+    SHORT_LEGEND,
+    fault_sentences,
+    fault_title,
+    short_cells,
+)
 from wingwatch.studies.report import write_report
 from wingwatch.studies.run import Progress, Workers, run_study
-from wingwatch.studies.summary import as_json, summarise
+from wingwatch.studies.summary import Summary, as_json, summarise
 from wingwatch.studies.table import read_settings, read_study, shown_aircraft
 from wingwatch.studies.versions import code_version, settings_version
 from wingwatch.telemetry import write_flight
@@ -54,17 +63,12 @@ def _fly(arguments: argparse.Namespace) -> int:
         return 0
     if arguments.out is None:
         raise CommandError("a study needs --out STUDY.parquet, the table to write")
-    settings = _settings(arguments)
+    if arguments.flights is not None and arguments.hours is not None:
+        raise CommandError("--flights and --hours both say how many; leave one out")
+    settings = _settings(arguments.study, arguments, arguments.flights, arguments.hours)
     check_output("--report", arguments.report, _PAGE_SUFFIXES)
-    with asked_to_end() as end, _shown(arguments.json) as show:
-        progress = run_study(
-            settings, arguments.out, _workers(arguments), resume=arguments.resume, end=end, show=show
-        )
-    if progress.done < progress.flights:
-        say(
-            f"interrupted: {progress.done} of {progress.flights} flights are kept; the same command with --resume "
-            "goes on from there"
-        )
+    progress = _flown(settings, arguments.out, arguments)
+    if progress is None:
         return _INTERRUPTED
     if arguments.report is not None:
         write_report(summarise(arguments.out, shown_aircraft([settings])), arguments.report)
@@ -76,22 +80,74 @@ def _fly(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _settings(arguments: argparse.Namespace) -> StudySettings:
+def _fly_all(arguments: argparse.Namespace) -> int:
+    check_output("--report", arguments.report, _PAGE_SUFFIXES)
+    studies = [
+        _settings(kind, arguments, None, arguments.hours)
+        if kind == "healthy"
+        else _settings(kind, arguments, arguments.flights, None)
+        for kind in KINDS
+    ]
+    arguments.out.mkdir(exist_ok=True)
+    tables, results = [arguments.out / f"{kind}.parquet" for kind in KINDS], []
+    for settings, table in zip(studies, tables, strict=True):
+        if arguments.resume and table.exists():
+            _check_finished(table, settings)
+            continue
+        if not arguments.json:
+            say(f"{table}: {settings.flights} flights")
+        progress = _flown(settings, table, arguments)
+        if progress is None:
+            return _INTERRUPTED
+        results.append(_result(table, settings, progress))
+    summary = _summary(tables)
+    if arguments.report is not None:
+        write_report(summary, arguments.report)
+    if arguments.json:
+        write_json({"flown": results})
+    else:
+        _print_summary(summary)
+    return 0
+
+
+def _check_finished(table: Path, settings: StudySettings) -> None:
+    """Refuse a finished study that is not the one asked for."""
+    if read_settings(table) != settings:
+        raise StudyError(
+            f"{table} is a finished study of another grid, seed, number of flights, aircraft or version; give another "
+            "folder, or delete it"
+        )
+
+
+def _flown(settings: StudySettings, out: Path, arguments: argparse.Namespace) -> Progress | None:
+    """Fly a study to its end; None where it was interrupted, which is then said."""
+    with asked_to_end() as end, _shown(arguments.json) as show:
+        progress = run_study(settings, out, _workers(arguments), resume=arguments.resume, end=end, show=show)
+    if progress.done < progress.flights:
+        say(
+            f"interrupted: {progress.done} of {progress.flights} flights are kept; the same command with --resume "
+            "goes on from there"
+        )
+        return None
+    return progress
+
+
+def _settings(
+    kind: Kind, arguments: argparse.Namespace, flights: int | None, hours: float | None
+) -> StudySettings:
     """What is to be flown, all of it checked before anything flies."""
-    grid = load_grid(arguments.study, arguments.config)
-    if arguments.flights is not None and arguments.hours is not None:
-        raise CommandError("--flights and --hours both say how many; leave one out")
-    flights = grid.flights if arguments.flights is None else arguments.flights
-    if arguments.hours is not None:
-        if not (math.isfinite(arguments.hours) and arguments.hours > 0.0):
-            raise CommandError(f"--hours {arguments.hours:g}: give a positive number of hours")
-        flights = math.ceil(arguments.hours * 3600.0 / grid.seconds)
+    grid = load_grid(kind, arguments.config)
+    flights = grid.flights if flights is None else flights
+    if hours is not None:
+        if not (math.isfinite(hours) and hours > 0.0):
+            raise CommandError(f"--hours {hours:g}: give a positive number of hours")
+        flights = math.ceil(hours * 3600.0 / grid.seconds)
     if flights < 1:
         raise CommandError(f"--flights {flights}: give at least one")
     if arguments.seed < 0:
         raise CommandError(f"--seed {arguments.seed}: give a number from 0")
     return StudySettings(
-        arguments.study, grid, arguments.seed, flights, load_fleet(grid), code_version(), settings_version()
+        kind, grid, arguments.seed, flights, load_fleet(grid), code_version(), settings_version()
     )
 
 
@@ -199,27 +255,51 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _show(arguments: argparse.Namespace) -> int:
     check_output("--report", arguments.report, _PAGE_SUFFIXES)
-    names = shown_aircraft([read_settings(table) for table in arguments.tables])
-    if len(arguments.tables) == 1:
-        summary = summarise(arguments.tables[0], names)
-    else:
-        rows = [read_study(table).table.replace_schema_metadata(None) for table in arguments.tables]
-        summary = summarise(pa.concat_tables(rows), names)
+    summary = _summary(arguments.tables)
     if arguments.report is not None:
         write_report(summary, arguments.report)
     if arguments.json:
         write_json(as_json(summary))
         return 0
-    console = page()
-    for sentence in filter(None, (*headline(summary), honesty(summary.block_scatter), about(summary))):
-        console.print(escape(sentence), soft_wrap=True)
+    _print_summary(summary)
     return 0
+
+
+def _summary(tables: Sequence[Path]) -> Summary:
+    """What finished studies say together."""
+    names = shown_aircraft([read_settings(table) for table in tables])
+    if len(tables) == 1:
+        return summarise(tables[0], names)
+    rows = [read_study(table).table.replace_schema_metadata(None) for table in tables]
+    return summarise(pa.concat_tables(rows), names)
+
+
+def _print_summary(summary: Summary) -> None:
+    """The answer in sentences, and what was seen of each fault in a table."""
+    console = page()
+    said = [*headline(summary), *fault_sentences(summary), honesty(summary.block_scatter), about(summary)]
+    for sentence in dict.fromkeys(filter(None, said)):
+        console.print(escape(sentence), soft_wrap=True)
+    for kind in dict.fromkeys(row.kind for row in summary.faults):
+        table = Table(
+            *SHORT_HEAD, title=fault_title(kind), title_justify="left", box=SIMPLE_HEAD, pad_edge=False
+        )
+        for column in table.columns[1:]:
+            column.justify = "right"
+        for row in summary.faults:
+            if row.kind == kind:
+                table.add_row(*map(escape, short_cells(row)))
+        console.print(table)
+    if summary.faults:
+        console.print(SHORT_LEGEND, soft_wrap=True)
 
 
 _COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "icing": _fly,
     "damage": _fly,
+    "sensor": _fly,
     "healthy": _fly,
+    "all": _fly_all,
     "replay": _replay,
     "show": _show,
 }

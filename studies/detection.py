@@ -140,6 +140,7 @@ def detection(rows: Rows, effect: str, by: str, group: str, among: Flags, within
     size = np.abs(rows.number("severity")[among])
     seen = rows.flag("detected")[among]
     soon = seen & (rows.number("delay_s")[among] <= within_s)
+    sized = np.isfinite(size)  # where a surface is stuck where it was, there is none
     curve = fit_detection(size, seen)
     information = rows.number("information")[among]
     known = information[np.isfinite(information)]
@@ -156,7 +157,7 @@ def detection(rows: Rows, effect: str, by: str, group: str, among: Flags, within
         detected=wilson(int(seen.sum()), size.size),
         within=wilson(int(soon.sum()), size.size),
         median_information=float(np.median(known)) if known.size else math.nan,
-        classes=_classes(size, seen),
+        classes=_classes(size[sized], seen[sized]),
         curve=points,
         size_50=curve.size_at(0.5) if curve else unknown,
         size_95=curve.size_at(0.95) if curve else unknown,

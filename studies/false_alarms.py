@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.studies.detection import ORDER
+from wingwatch.studies.fault_names import KINDS_OF_FAULT
 from wingwatch.studies.rows import Flags, Rows
 from wingwatch.studies.statistics import Interval, exceedance_rates, poisson_rate, wilson
 
@@ -27,8 +28,8 @@ _RATE_COLUMNS = (
     "turbulence", "turbulence_model", "excitation", "route", "aircraft", "sensors", "surfaces", "expectation"
 )  # fmt: skip
 _CURVE_POINTS = 120
-_PASSAGE_CONFIDENCE = 0.90
-"""Of operating curves, so that their upper limit alone holds at 95 %."""
+_ONE_SIDED = 0.90
+"""Confidence of two limits, so that the upper one alone holds at 95 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,8 @@ class Rate:
 
     Attributes:
         by, group: column and its word, both empty for all; ``sensor fault`` and its name for flights whose sensors are
-            at fault and whose aircraft is well, counted until their first alarm.
+            at fault and whose aircraft is well, counted until an alarm first calls that icing or damage.
+        at_most_per_hour: upper limit of the rate at 95 % confidence (exact, one-sided).
     """
 
     by: str
@@ -46,6 +48,7 @@ class Rate:
     hours: float
     alarms: int
     per_hour: Interval
+    at_most_per_hour: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,7 @@ class FalseAlarm:
     """One false alarm, and the command that reproduces its flight.
 
     Attributes:
+        channel: sensor, surface or throttle that it accused; empty for the airframe.
         reason: what misled the monitor: ``derivative`` and ``z`` of the one that departed most when the alarm was
             raised; ``structure``, ``block_end_s`` and ``log10_probability`` of the least likely block of the minute
             before. Empty under a sensor fault.
@@ -62,6 +66,7 @@ class FalseAlarm:
     time_s: float
     alert_kind: str
     cause: str
+    channel: str
     aircraft: str
     turbulence: str
     excitation: str
@@ -76,9 +81,10 @@ class FalseAlarm:
 class OperatingCurve:
     """Detection and false alarms in one kind of air, were the threshold another.
 
-    An alert asks for more than evidence: for a clear cause, confirmed by the filter. So the alarms at a threshold are
-    at most the passages of the evidence; from the monitor's own threshold on they are at most the alarms that it gave
-    and whose evidence passed. Both axes are bounds of that kind.
+    Only the test of the derivatives has this threshold: alarms and detections are those of alerts about the airframe,
+    without a channel. An alert asks for more than evidence: for a clear cause, confirmed by the filter. So the alarms
+    at a threshold are at most the passages of the evidence; from the monitor's own threshold on they are at most the
+    alarms that it gave and whose evidence passed. Both axes are bounds of that kind.
 
     Attributes:
         by, group: column and its word; both empty for all air.
@@ -120,53 +126,70 @@ def false_alarm_rates(rows: Rows, well: Flags, sensor_faults: Flags) -> list[Rat
         if len(groups) > 1 or by == "turbulence":
             found += [_rate(rows, by, word, chosen) for word, chosen in groups.items()]
     for word, chosen in rows.groups("effect", sensor_faults).items():
-        seen = rows.flag("detected")[chosen]
+        wrong_s = rows.number("other_kind_delay_s")[chosen]
+        wrong = np.isfinite(wrong_s)
         after = rows.number("flight_s")[chosen] - rows.number("onset_s")[chosen]
-        hours = float(np.where(seen, rows.number("delay_s")[chosen], after).sum()) / 3600.0
-        rate = poisson_rate(int(seen.sum()), hours)
-        found.append(Rate("sensor fault", word, int(chosen.sum()), hours, int(seen.sum()), rate))
+        hours = float(np.where(wrong, wrong_s, after).sum()) / 3600.0
+        found.append(_rate_of("sensor fault", word, int(chosen.sum()), hours, int(wrong.sum())))
     return found
 
 
 def _rate(rows: Rows, by: str, group: str, chosen: Flags) -> Rate:
     hours = float(np.nansum(rows.number("healthy_h")[chosen]))
     alarms = int(np.nansum(rows.number("false_alerts")[chosen]))
-    return Rate(by, group, int(chosen.sum()), hours, alarms, poisson_rate(alarms, hours))
+    return _rate_of(by, group, int(chosen.sum()), hours, alarms)
+
+
+def _rate_of(by: str, group: str, flights: int, hours: float, alarms: int) -> Rate:
+    at_most = poisson_rate(alarms, hours, _ONE_SIDED).high
+    return Rate(by, group, flights, hours, alarms, poisson_rate(alarms, hours), at_most)
 
 
 def every_false_alarm(rows: Rows, well: Flags, sensor_faults: Flags) -> list[FalseAlarm]:
-    """Every false alarm in the order of seeds; with a sensor at fault, the first of each flight."""
+    """Every false alarm in the order of seeds; with a sensor at fault, the first that calls it icing or damage."""
     found = []
     count = rows.number("false_alerts")
     alarmed = np.flatnonzero((well | sensor_faults) & (count > 0))
     texts = zip(rows.texts("false_causes", alarmed), rows.texts("false_reasons", alarmed), strict=True)
     for (row, causes), (_, reasons) in texts:
         found += [
-            _alarm(rows, row, float(at), str(kind), str(cause), reason)
-            for (at, kind, cause), reason in zip(json.loads(causes), json.loads(reasons), strict=True)
+            _alarm(rows, row, float(at_s), (kind, cause, channel or ""), reason)
+            for (at_s, kind, cause, channel), reason in zip(
+                json.loads(causes), json.loads(reasons), strict=True
+            )
         ]
-    for row in np.flatnonzero(sensor_faults & rows.flag("detected")).tolist():
-        said = rows.text("said_kind", row), rows.text("said_cause", row)
-        found.append(_alarm(rows, row, float(rows.number("detected_s")[row]), *said, {}))
+    wrong_s = rows.number("onset_s") + rows.number("other_kind_delay_s")
+    wrong = np.flatnonzero(sensor_faults & np.isfinite(wrong_s))
+    for row, alerts in rows.texts("alerts", wrong):
+        found.append(_alarm(rows, row, float(wrong_s[row]), _airframe_name(alerts, float(wrong_s[row])), {}))
     return sorted(found, key=lambda alarm: (alarm.seed, alarm.time_s))
 
 
+def _airframe_name(alerts: str, time_s: float) -> tuple[str, str, str]:
+    """The name of icing or damage that an alert of a flight got at a time."""
+    names = [n for a in json.loads(alerts) for n in a["names"] if n["kind"] in KINDS_OF_FAULT[:2]]
+    if not names:
+        return "", "", ""
+    name = min(names, key=lambda n: abs(float(n["since_s"]) - time_s))
+    return str(name["kind"]), str(name["cause"]), str(name["channel"] or "")
+
+
 def _alarm(
-    rows: Rows, row: int, time_s: float, kind: str, cause: str, reason: Mapping[str, str | float]
+    rows: Rows, row: int, time_s: float, name: tuple[str, str, str], reason: Mapping[str, str | float]
 ) -> FalseAlarm:
     onset = rows.number("onset_s")[row]
     before = not time_s >= onset
-    sensor_fault = rows.text("effect", row) if rows.text("kind", row) == "healthy" and not before else ""
     return FalseAlarm(
         seed=int(rows.number("seed")[row]),
         time_s=time_s,
-        alert_kind=kind,
-        cause=cause,
+        alert_kind=name[0],
+        cause=name[1],
+        channel=name[2],
         aircraft=rows.text("aircraft", row),
         turbulence=rows.text("turbulence", row),
         excitation=rows.text("excitation", row),
         route=rows.text("route", row),
-        sensor_fault=sensor_fault,
+        sensor_fault="" if before else rows.text("effect", row),
         evidence=float(rows.number("evidence_max_before" if before else "evidence_max")[row]),
         command=rows.text("command", row),
         reason=reason,
@@ -201,11 +224,12 @@ def _operating_curve(rows: Rows, by: str, group: str, well: Flags, faulty: Flags
     highest_well = float(np.max(before[np.isfinite(before)], initial=0.0))
     thresholds = np.linspace(0.0, max(3.0 * own, 1.05 * highest_well), _CURVE_POINTS)
     thresholds = np.unique(np.append(thresholds, own))
-    alarmed, detected = rows.number("false_alerts")[well] > 0, rows.flag("detected")[faulty]
-    rates = exceedance_rates(alarm_evidence(before, alarmed, own), hours, thresholds, _PASSAGE_CONFIDENCE)
+    alarmed = rows.number("false_derivative_alerts")[well] > 0
+    detected = np.isfinite(rows.number("derivatives_delay_s")[faulty])
+    rates = exceedance_rates(alarm_evidence(before, alarmed, own), hours, thresholds, _ONE_SIDED)
     flights = int(faulty.sum())
     seen = [wilson(n, flights) for n in _passing(alarm_evidence(after, detected, own), thresholds)]
-    alarms = float(np.nansum(rows.number("false_alerts")[well]))
+    alarms = float(np.nansum(rows.number("false_derivative_alerts")[well]))
     return OperatingCurve(
         by=by,
         group=group,

@@ -17,6 +17,8 @@ from wingwatch.simulation import (
     Effect,
     linearise,
 )
+from wingwatch.studies.alert_history import after_onset
+from wingwatch.studies.fault_names import part_of
 from wingwatch.studies.plan import FlightPlan
 from wingwatch.studies.versions import code_version, settings_version
 from wingwatch.studies.watched_flight import ScoredBlock, WatchedFlight, effects_of
@@ -61,6 +63,7 @@ def unflown_row(plan: FlightPlan, command: str, why: str) -> dict[str, Any]:
         "expectation_error": "",
         "effect": plan.effect,
         "target": plan.target,
+        "channel": part_of(plan.effect, plan.target),
         "severity": nan if plan.severity is None else plan.severity,
         "onset_s": nan if onset_s is None else onset_s,
         "ramp_s": nan if plan.ramp_s is None else plan.ramp_s,
@@ -72,15 +75,27 @@ def unflown_row(plan: FlightPlan, command: str, why: str) -> dict[str, Any]:
         "detected": False,
         "detected_s": nan,
         "delay_s": nan,
+        "derivatives_delay_s": nan,
+        "first_kind": "",
+        "first_cause": "",
+        "first_channel": "",
+        "first_right": False,
+        "first_in_set": False,
         "said_kind": "",
         "said_cause": "",
+        "said_channel": "",
         "said_level": "",
         "said_probability": nan,
+        "right_delay_s": nan,
+        "right_at_end": False,
+        "other_kind_delay_s": nan,
         "size": nan,
         "size_standard_error": nan,
         "false_alerts": 0,
+        "false_derivative_alerts": 0,
         "false_causes": "[]",
         "false_reasons": "[]",
+        "alerts": "[]",
         "evidence_max": nan,
         "evidence_max_30_s": nan,
         "evidence_max_before": nan,
@@ -114,20 +129,17 @@ def _said(watch: WatchedFlight) -> dict[str, Any]:
     flight_s = watch.samples / plan.rate_hz
     healthy_s = flight_s if plan.onset_s is None else min(plan.onset_s, flight_s)
     ends_s = np.inf if plan.onset_s is None else plan.onset_s
-    false = [a for a in heard.raised.values() if a.raised_s < ends_s]
-    after_onset = [heard.last[a.id] for a in heard.raised.values() if a.raised_s >= ends_s]
-    # that drag has grown is said before what has: the alert that names the airframe's change counts, where there is one
-    hit = next((a for a in after_onset if a.channel is None), after_onset[0] if after_onset else None)
+    false = [a.raised for a in heard.alerts.values() if a.raised.raised_s < ends_s]
     before = [e for t, e in heard.evidence if t <= ends_s]
     after = [e for t, e in heard.evidence if t > ends_s]
     soon = [e for t, e in heard.evidence if ends_s < t <= ends_s + _SOON_S]
-    said: dict[str, Any] = {
+    return {
         "flight_s": flight_s,
         "observed_s": monitor.observable_s,
         "healthy_h": healthy_s / 3600.0,
-        "detected": hit is not None,
         "false_alerts": len(false),
-        "false_causes": json.dumps([[a.raised_s, a.kind, a.cause] for a in false]),
+        "false_derivative_alerts": sum(a.channel is None for a in false),
+        "false_causes": json.dumps([[a.raised_s, a.kind, a.cause, a.channel] for a in false]),
         "false_reasons": json.dumps([_reason(a, heard.blocks) for a in false]),
         "evidence_max": max(after, default=np.nan),
         "evidence_max_30_s": max(soon, default=np.nan),
@@ -137,19 +149,9 @@ def _said(watch: WatchedFlight) -> dict[str, Any]:
         "threshold": monitor.judge.config.log_threshold,
         "wall_s": watch.wall_s,
         "processor_s": watch.processor_s,
+        "alerts": json.dumps([a.as_json() for a in heard.alerts.values()]),
+        **after_onset(heard.alerts.values(), plan.effect, plan.target, ends_s),
     }
-    if hit is not None:
-        said |= {
-            "detected_s": hit.raised_s,
-            "delay_s": hit.raised_s - ends_s,
-            "said_kind": hit.kind,
-            "said_cause": hit.cause,
-            "said_level": hit.level,
-            "said_probability": hit.probability,
-            "size": hit.size,
-            "size_standard_error": hit.size_standard_error,
-        }
-    return said
 
 
 def _block_scores(blocks: Sequence[ScoredBlock]) -> dict[str, list[list[float]]]:

@@ -1,7 +1,8 @@
 """The grid file: what the flights of a study are drawn from.
 
 A key that takes words takes one word, a list in which each word is equally likely, or a table of words with their
-weights. A key that takes numbers takes one number, a list, or ``{ low = ..., high = ... }`` for a uniform draw.
+weights. A key that takes numbers takes one number, a list, or ``{ low = ..., high = ... }`` for a uniform draw, which
+``logarithmic = true`` makes uniform in the logarithm and ``either_sign = true`` negative in half of the flights.
 """
 
 import math
@@ -13,6 +14,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from wingwatch.simulation import EFFECTS
+from wingwatch.studies.fault_names import SENSOR_EFFECTS, part_of
 
 __all__ = [
     "KINDS",
@@ -21,6 +23,7 @@ __all__ = [
     "Kind",
     "Range",
     "StudyError",
+    "UNSENT",
     "bounds",
     "checked_grid",
     "default_text",
@@ -28,8 +31,8 @@ __all__ = [
     "one_line",
 ]
 
-Kind = Literal["icing", "damage", "healthy"]
-KINDS: tuple[Kind, ...] = ("icing", "damage", "healthy")
+Kind = Literal["icing", "damage", "sensor", "healthy"]
+KINDS: tuple[Kind, ...] = ("icing", "damage", "sensor", "healthy")
 
 _WORDS: Mapping[str, tuple[str, ...]] = {
     "condition": ("cruise", "envelope"),
@@ -46,14 +49,23 @@ _WORDS: Mapping[str, tuple[str, ...]] = {
 _ROUTE_OF: Mapping[str, str] = {"autopilot": "patrol", "none": "straight"}
 """Without manoeuvres only a route's turns, climbs and changes of speed excite the aircraft."""
 
+UNSENT: Mapping[str, tuple[str, ...]] = {
+    "no_vanes": ("angle_of_attack_rad", "sideslip_rad"),
+    "commands": ("elevator_rad", "aileron_rad", "rudder_rad"),
+}
+"""Channels that a vehicle does not send, by the word of ``sensors`` or ``surfaces``."""
+
 _EFFECTS_OF: Mapping[Kind, tuple[str, ...]] = {
     "icing": ("icing",),
     "damage": (
         "elevator_effectiveness", "aileron_effectiveness", "rudder_effectiveness", "surface_stuck", "surface_offset",
-        "wing_damage", "cg_shift", "thrust_loss",
+        "actuator_lag", "actuator_rate_limit", "actuator_backlash", "wing_damage", "icing", "cg_shift", "mass_inertia",
+        "pitch_damping", "thrust_loss",
     ),
-    "healthy": ("sensor_bias", "sensor_scale", "sensor_delay", "airspeed_error", "vane_upwash"),
+    "sensor": SENSOR_EFFECTS,
+    "healthy": SENSOR_EFFECTS,
 }  # fmt: skip
+"""Ice on one side is damage as well: it is asymmetric as no other ice is."""
 
 _OF_A_TYPE = set("[(")
 """Characters in those parts of a validation's place that are no keys."""
@@ -67,12 +79,19 @@ class StudyError(ValueError):
 
 
 class Range(BaseModel):
-    """A uniform draw between two numbers."""
+    """A draw between two numbers.
+
+    Attributes:
+        logarithmic: uniform in the logarithm, else uniform.
+        either_sign: negative in half of the flights.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     low: float
     high: float
+    logarithmic: bool = False
+    either_sign: bool = False
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -80,6 +99,10 @@ class Range(BaseModel):
             raise ValueError(
                 f"low is {self.low:g} and high is {self.high:g}; give two finite numbers in order"
             )
+        if self.logarithmic and not self.low > 0.0:
+            raise ValueError(f"low is {self.low:g}, which has no logarithm; give a number above 0")
+        if self.either_sign and self.low < 0.0:
+            raise ValueError(f"low is {self.low:g} and takes either sign already; give a number from 0")
         return self
 
 
@@ -112,9 +135,17 @@ Numbers = Annotated[
 ]
 
 
+Sizes = Annotated[
+    Range | Annotated[list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=1)] | str,
+    BeforeValidator(lambda given: given if isinstance(given, str) else _numbers(given)),
+]
+
+
 def bounds(numbers: Range | list[float]) -> tuple[float, float]:
     """Smallest and largest number that can be drawn."""
-    return (numbers.low, numbers.high) if isinstance(numbers, Range) else (min(numbers), max(numbers))
+    if isinstance(numbers, Range):
+        return (-numbers.high if numbers.either_sign else numbers.low), numbers.high
+    return min(numbers), max(numbers)
 
 
 class Effects(BaseModel):
@@ -123,7 +154,7 @@ class Effects(BaseModel):
     Attributes:
         name: of the vocabulary of causes.
         target: which surface, side, column or kind of ice; empty where the effect has only one.
-        size: in the vocabulary's unit.
+        size: in the vocabulary's unit, or a word that stands for one (a surface is stuck ``here``, where it is).
         in_chords: whether ``size`` is given in mean chords, for shifts of the centre of gravity.
         weight: how often it is drawn beside the other entries.
     """
@@ -132,7 +163,7 @@ class Effects(BaseModel):
 
     name: str
     target: Choices = Field(default_factory=lambda: {"": 1.0})
-    size: Numbers
+    size: Sizes
     in_chords: bool = False
     weight: float = Field(default=1.0, gt=0.0)
 
@@ -143,9 +174,21 @@ class Effects(BaseModel):
         if self.in_chords and self.name != "cg_shift":
             raise ValueError(f"in_chords of {self.name}: only cg_shift is a length; leave it out")
         for target in self.target:
-            for size in bounds(self.size):
+            for size in self._sizes():
                 EFFECTS[self.name](size, target=target)
         return self
+
+    def _sizes(self) -> tuple[float, ...]:
+        """Sizes between which all others lie."""
+        if not isinstance(self.size, str):
+            return bounds(self.size)
+        words = EFFECTS[self.name].size_words
+        if self.size not in words:
+            known = f" or one of {', '.join(words)}" if words else ""
+            raise ValueError(
+                f"size {self.size!r} of {self.name} is no number; write one, a list, a range{known}"
+            )
+        return (words[self.size],)
 
 
 class Grid(BaseModel):
@@ -205,9 +248,27 @@ class Grid(BaseModel):
                 f"onset_s reaches {latest:g} s in flights of {self.seconds:g} s; what begins that late cannot be "
                 f"noticed: end {_LEAST_AFTER_ONSET_S:g} s before the flight does, or fly longer"
             )
+        if self.effects and not any(self.targets_of(entry) for entry in self.effects):
+            raise ValueError(
+                "every effect befalls a sensor that no flight has; add flights that have it to sensors or surfaces"
+            )
         if not self.effects and self.healthy_weight == 0.0:
             raise ValueError("no [[effects]] and healthy_weight 0 leave nothing to draw; give one of them")
         return self
+
+    def targets_of(self, entry: Effects) -> dict[str, float]:
+        """What an effect may befall, with weights: of sensors only those that some flights of this grid have."""
+        if entry.name not in SENSOR_EFFECTS:
+            return dict(entry.target)
+        return {
+            target: weight
+            for target, weight in entry.target.items()
+            if self._has(part_of(entry.name, target))
+        }
+
+    def _has(self, channel: str) -> bool:
+        words = (self.sensors, self.surfaces)
+        return all(any(channel not in UNSENT.get(word, ()) for word in choices) for choices in words)
 
     def route_of(self, excitation: str) -> Mapping[str, float]:
         """The routes on which an excitation is flown, with weights."""

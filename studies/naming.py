@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.studies.detection import condition_groups
+from wingwatch.studies.fault_names import names_rightly
 from wingwatch.studies.rows import Flags, Rows
 from wingwatch.studies.statistics import Interval, wilson
 
-__all__ = ["NOTHING", "UNKNOWN_CAUSE", "Confusion", "Sizes", "confusion", "sizes"]
+__all__ = ["NOTHING", "UNKNOWN_CAUSE", "Confusion", "Sizes", "confusion", "said_rightly", "sizes"]
 
 Array = NDArray[np.float64]
 
@@ -28,10 +29,10 @@ class Confusion:
 
     Attributes:
         effect: true one; ``nothing`` for healthy flights.
-        well: whether the aircraft is, as in healthy flights and under faults of sensors.
+        well: nothing is wrong.
         said: number of flights by cause, ``unknown`` and ``nothing`` among them.
-        named: fraction of the flights of which something was said that were named rightly; where the aircraft is
-            well, the fraction of which nothing was said.
+        named: fraction of the flights of which something was said in which cause and part were named rightly; where
+            nothing is wrong, the fraction of which nothing was said.
     """
 
     effect: str
@@ -64,21 +65,26 @@ class Sizes:
     standard_error: list[float]
 
 
-def confusion(rows: Rows, faulty: Flags, healthy: Flags, sensor_faults: Flags) -> list[Confusion]:
-    """A row an effect, the healthy flights last."""
+def said_rightly(rows: Rows) -> Flags:
+    """Flights of which the alert that counts as what was said names cause and part rightly."""
+    words = [rows.words(name).tolist() for name in ("effect", "target", "said_cause", "said_channel")]
+    names = list(zip(*words, strict=True))
+    right = {name: names_rightly(*name) for name in set(names)}
+    return rows.flag("detected") & np.array([right[name] for name in names], dtype=np.bool_)
+
+
+def confusion(rows: Rows, faults: Flags, healthy: Flags) -> list[Confusion]:
+    """A row an effect of aircraft or sensor, the healthy flights last."""
+    rightly = said_rightly(rows)
     seen = rows.flag("detected")
     said = np.where(seen, rows.words("said_cause"), NOTHING)
     said = np.where(seen & (said == ""), UNKNOWN_CAUSE, said)
     found = []
-    for effect, chosen in rows.groups("effect", faulty).items():
+    for effect, chosen in rows.groups("effect", faults).items():
         counts = Counter(said[chosen].tolist())
         something = int(chosen.sum()) - counts[NOTHING]
-        found.append(
-            Confusion(effect, False, int(chosen.sum()), _ordered(counts), wilson(counts[effect], something))
-        )
-    for effect, chosen in rows.groups("effect", sensor_faults).items():
-        counts = Counter(said[chosen].tolist())
-        found.append(_quiet(effect, counts))
+        named = wilson(int((chosen & rightly).sum()), something)
+        found.append(Confusion(effect, False, int(chosen.sum()), _ordered(counts), named))
     if healthy.any():
         found.append(_quiet(NOTHING, _first_causes(rows, healthy)))
     return found
@@ -106,7 +112,7 @@ def _ordered(counts: Counter[str]) -> dict[str, int]:
 
 def sizes(rows: Rows, faulty: Flags) -> list[Sizes]:
     """For each effect that was ever named: all its flights, then those of each condition."""
-    right = faulty & rows.flag("detected") & (rows.words("said_cause") == rows.words("effect"))
+    right = faulty & np.isfinite(rows.number("right_delay_s")) & np.isfinite(rows.number("severity"))
     right &= np.isfinite(rows.number("size")) & (rows.number("size_standard_error") > 0.0)
     found = []
     for effect, chosen in rows.groups("effect", right).items():
@@ -115,7 +121,7 @@ def sizes(rows: Rows, faulty: Flags) -> list[Sizes]:
 
 
 def _sizes(rows: Rows, effect: str, by: str, group: str, chosen: Flags) -> Sizes:
-    true, said = np.abs(rows.number("severity")[chosen]), rows.number("size")[chosen]
+    true, said = rows.number("severity")[chosen], rows.number("size")[chosen]
     error, stated = said - true, rows.number("size_standard_error")[chosen]
     z = error / stated
     kept = np.arange(true.size) if by == "" else np.arange(0)

@@ -1,7 +1,8 @@
 """What an operator asks: from which size on a fault is seen in time, at a rate of false alarms that one can live with.
 
 The study has the delay at the monitor's own threshold only. At a higher one, flights whose evidence passed it in time
-bound what is seen in time from above, so the size is "at least"; at a lower one the size is "at most".
+bound what is seen in time from above, so the size is "at least"; at a lower one the size is "at most". The threshold is
+that of the test of the derivatives: what relations between channels show does not go by it.
 """
 
 import bisect
@@ -36,7 +37,7 @@ class Threshold:
     Attributes:
         group: kind of air; empty for all.
         hours: healthy time that it rests on.
-        own: the monitor's; own_per_hour: its false alarms.
+        own: the monitor's; own_per_hour: its false alarms about the airframe.
         vouched: smallest threshold whose rate of alarms (``OperatingCurve`` says which bound) is at most the allowed
             one at 95 % confidence; NaN where the hours are too few for any.
         estimate: smallest threshold whose estimated rate is at most the allowed one; NaN where the hours are fewer than
@@ -91,7 +92,7 @@ def _threshold(rows: Rows, group: str, well: Flags) -> Threshold:
     hours = np.nan_to_num(rows.number("healthy_h")[well])
     own = float(np.nanmedian(rows.number("threshold")[well]))
     peaks = alarm_evidence(
-        rows.number("evidence_max_before")[well], rows.number("false_alerts")[well] > 0, own
+        rows.number("evidence_max_before")[well], rows.number("false_derivative_alerts")[well] > 0, own
     )
     found = peaks[np.isfinite(peaks)]
     steps = np.unique(np.concatenate([np.nextafter(found, np.inf), [0.0, own]]))
@@ -106,7 +107,7 @@ def _threshold(rows: Rows, group: str, well: Flags) -> Threshold:
         return float(steps[place]) if place < steps.size else math.nan
 
     total = float(hours.sum())
-    alarms = float(np.nansum(rows.number("false_alerts")[well]))
+    alarms = float(np.nansum(rows.number("false_derivative_alerts")[well]))
     return Threshold(
         group=group,
         hours=total,
@@ -149,7 +150,8 @@ def _answer(
     if math.isnan(threshold):
         there = unknown
     elif air is not None and threshold > air.own:
-        passed = soon & (rows.number("evidence_max_30_s")[among] >= threshold)
+        by_derivatives = rows.number("derivatives_delay_s")[among] <= WITHIN_S
+        passed = by_derivatives & (rows.number("evidence_max_30_s")[among] >= threshold)
         higher = fit_detection(size, passed)
         there, relation = (higher.size_at(PROBABILITY) if higher else unknown), "at least"
     elif air is not None and threshold < air.own:

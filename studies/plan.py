@@ -4,6 +4,7 @@ Every quantity has a random stream of its own, so that another choice of one lea
 were: two studies that differ in one key fly the same flights in all else.
 """
 
+import math
 import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -20,7 +21,8 @@ from wingwatch.simulation import (
     three_two_one_one_schedule,
 )
 from wingwatch.simulation.effects.icing import LINEAR_FACTORS, NONLINEAR_SHARES
-from wingwatch.studies.grid import Effects, Grid, Kind, Range, StudyError, bounds, one_line
+from wingwatch.studies.fault_names import SENSOR_EFFECTS, part_of
+from wingwatch.studies.grid import UNSENT, Effects, Grid, Kind, Range, StudyError, bounds, one_line
 
 __all__ = ["FlightPlan", "Gusts", "draw_plan", "load_fleet", "manoeuvres"]
 
@@ -54,7 +56,7 @@ class FlightPlan:
         excitation_start_s: of the first manoeuvre.
         expectation_errors: error of each coefficient of the expectation, in its standard errors; empty where exact.
         effect: name in the vocabulary of causes, empty for a healthy flight; severity, onset_s and ramp_s are then
-            None.
+            None. The severity is NaN where a surface is stuck where it was.
         icing_factors: what each coefficient's (or each severity's) icing factor is multiplied by.
     """
 
@@ -112,8 +114,16 @@ class _Draws:
 
     def number(self, what: str, numbers: Range | list[float]) -> float:
         if isinstance(numbers, Range):
-            return self.uniform(what, numbers.low, numbers.high)
+            return self._between(what, numbers)
         return numbers[int(self.stream(what).integers(len(numbers)))]
+
+    def _between(self, what: str, limits: Range) -> float:
+        if limits.logarithmic:
+            value = math.exp(self.uniform(what, math.log(limits.low), math.log(limits.high)))
+        else:
+            value = self.uniform(what, limits.low, limits.high)
+        turned = limits.either_sign and self.uniform(f"{what}_sign", 0.0, 1.0) < 0.5
+        return -value if turned else value
 
     def uniform(self, what: str, low: float, high: float) -> float:
         return float(self.stream(what).uniform(low, high))
@@ -133,6 +143,7 @@ def draw_plan(kind: Kind, grid: Grid, seed: int, aircraft: Mapping[str, Aircraft
     turbulence = draws.word("turbulence", grid.turbulence)
     expectation = draws.word("expectation", grid.expectation)
     effect, target, severity, onset_s, ramp_s = _effect(draws, grid, aircraft[name])
+    at_fault = part_of(effect, target) if effect in SENSOR_EFFECTS else ""
     return FlightPlan(
         kind=kind,
         seed=seed,
@@ -150,8 +161,8 @@ def draw_plan(kind: Kind, grid: Grid, seed: int, aircraft: Mapping[str, Aircraft
         excitation_period_s=period_s,
         excitation_start_s=_FIRST_S + draws.uniform("excitation_start_s", 0.0, period_s),
         noise_scale=draws.number("noise_scale", grid.noise_scale),
-        sensors=draws.word("sensors", grid.sensors),
-        surfaces=draws.word("surfaces", grid.surfaces),
+        sensors=draws.word("sensors", _sending(at_fault, grid.sensors)),
+        surfaces=draws.word("surfaces", _sending(at_fault, grid.surfaces)),
         expectation=expectation,
         expectation_errors=_expectation_errors(draws) if expectation == "drawn" else {},
         effect=effect,
@@ -178,20 +189,27 @@ def _effect(
     draws: _Draws, grid: Grid, aircraft: Aircraft
 ) -> tuple[str, str, float | None, float | None, float | None]:
     """Name, target, severity, onset and ramp."""
-    weights = {str(i): entry.weight for i, entry in enumerate(grid.effects)}
+    weights = {str(i): entry.weight for i, entry in enumerate(grid.effects) if grid.targets_of(entry)}
     if grid.healthy_weight > 0.0:
         weights[""] = grid.healthy_weight
     drawn = draws.word("effect", weights)
     if drawn == "":
         return "", "", None, None, None
     entry = grid.effects[int(drawn)]
-    target = draws.word("target", entry.target)
+    target = draws.word("target", grid.targets_of(entry))
     ramp_s = draws.number("ramp_s", grid.ramp_s) if EFFECTS[entry.name].grows else 0.0
     onset_s = draws.number("onset_s", grid.onset_s)
     return entry.name, target, _severity(draws, entry, aircraft), onset_s, ramp_s
 
 
+def _sending(channel: str, choices: Mapping[str, float]) -> Mapping[str, float]:
+    """The choices with which a channel is sent: what fails must be there."""
+    return {word: weight for word, weight in choices.items() if channel not in UNSENT.get(word, ())}
+
+
 def _severity(draws: _Draws, entry: Effects, aircraft: Aircraft) -> float:
+    if isinstance(entry.size, str):
+        return EFFECTS[entry.name].size_words[entry.size]
     size = draws.number("severity", entry.size)
     return size * aircraft.need_geometry("a shift in chords").mean_chord_m if entry.in_chords else size
 

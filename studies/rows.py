@@ -17,7 +17,7 @@ Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 _BATCH = 2000
-_LONG = ("block_scores", "expectation_error", "icing_factors")
+_LONG = ("block_scores", "expectation_error", "icing_factors", "alerts")
 """Columns whose texts are most of a study's file."""
 
 

@@ -20,6 +20,8 @@ from wingwatch.studies.false_alarms import (
     false_alarm_rates,
     operating_curves,
 )
+from wingwatch.studies.fault_names import SENSOR_EFFECTS
+from wingwatch.studies.faults import FaultRow, fault_rows
 from wingwatch.studies.naming import Confusion, Sizes, confusion, sizes
 from wingwatch.studies.operator_answer import WITHIN_S, Answer, Threshold, answers, thresholds
 from wingwatch.studies.rows import Flags, Rows
@@ -75,6 +77,7 @@ class Summary:
     """
 
     flown: Flown
+    faults: list[FaultRow]
     thresholds: list[Threshold]
     answers: list[Answer]
     detection: list[Detection]
@@ -105,8 +108,9 @@ def summarise(
     rows = Rows(columns, aircraft)
     flew = rows.words("failed") == ""
     no_effect = rows.words("effect") == ""
-    sensor_faults = flew & ~no_effect & (rows.words("kind") == "healthy")
-    faulty = flew & ~no_effect & ~sensor_faults
+    faults = flew & ~no_effect
+    sensor_faults = faults & np.isin(rows.words("effect").astype(str), SENSOR_EFFECTS)
+    faulty = faults & ~sensor_faults
     well = flew & (rows.number("healthy_h") > 0.0)
     healthy = flew & no_effect
     rates = false_alarm_rates(rows, well, sensor_faults)
@@ -114,12 +118,13 @@ def summarise(
     found = thresholds(rows, well)
     detections, answered, late = [], [], []
     for effect, among in rows.groups("effect", faulty).items():
-        answered += answers(rows, effect, among, found)
+        answered += answers(rows, effect, among & np.isfinite(rows.number("severity")), found)
         for by, group, chosen in condition_groups(rows, among):
             detections.append(detection(rows, effect, by, group, chosen, WITHIN_S))
             late.append(delays(rows, effect, by, group, chosen, interval_s))
     return Summary(
         flown=_flown(rows, flew, faulty, healthy, sensor_faults, rates[0].hours),
+        faults=fault_rows(rows, faults),
         thresholds=found,
         answers=answered,
         detection=detections,
@@ -129,9 +134,9 @@ def summarise(
         false_alarms=every_false_alarm(rows, well, sensor_faults),
         operating_curves=operating_curves(rows, well, faulty) if faulty.any() else [],
         sizes=sizes(rows, faulty),
-        confusion=confusion(rows, faulty, healthy, sensor_faults),
+        confusion=confusion(rows, faults, healthy),
         misses=misses(rows, faulty),
-        worst=worst_flights(rows, faulty, interval_s),
+        worst=worst_flights(rows, faults, interval_s),
         block_scatter=block_scatters(rows, well),
         bayes_factors=bayes_factor_exceedances(rows, healthy),
         failed=[

@@ -26,7 +26,7 @@ __all__ = [
     "write_study",
 ]
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 _KEY = b"wingwatch.study"
 
 COLUMNS: Mapping[str, pa.DataType] = {
@@ -49,6 +49,7 @@ COLUMNS: Mapping[str, pa.DataType] = {
     "expectation_error": pa.string(),
     "effect": pa.string(),
     "target": pa.string(),
+    "channel": pa.string(),
     "severity": pa.float64(),
     "onset_s": pa.float64(),
     "ramp_s": pa.float64(),
@@ -60,15 +61,27 @@ COLUMNS: Mapping[str, pa.DataType] = {
     "detected": pa.bool_(),
     "detected_s": pa.float64(),
     "delay_s": pa.float64(),
+    "derivatives_delay_s": pa.float64(),
+    "first_kind": pa.string(),
+    "first_cause": pa.string(),
+    "first_channel": pa.string(),
+    "first_right": pa.bool_(),
+    "first_in_set": pa.bool_(),
     "said_kind": pa.string(),
     "said_cause": pa.string(),
+    "said_channel": pa.string(),
     "said_level": pa.string(),
     "said_probability": pa.float64(),
+    "right_delay_s": pa.float64(),
+    "right_at_end": pa.bool_(),
+    "other_kind_delay_s": pa.float64(),
     "size": pa.float64(),
     "size_standard_error": pa.float64(),
     "false_alerts": pa.int32(),
+    "false_derivative_alerts": pa.int32(),
     "false_causes": pa.string(),
     "false_reasons": pa.string(),
+    "alerts": pa.string(),
     "evidence_max": pa.float64(),
     "evidence_max_30_s": pa.float64(),
     "evidence_max_before": pa.float64(),

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor import (
-    AlertView,
     Chain,
     MonitorStart,
     Report,
@@ -31,8 +30,10 @@ from wingwatch.simulation import (
     patrol,
 )
 from wingwatch.simulation.sensor_errors import SIMULATED
+from wingwatch.studies.alert_history import AlertHistory, keep_alert
 from wingwatch.studies.drawn_icing import drawn_icing
 from wingwatch.studies.expectation import Expectations
+from wingwatch.studies.grid import UNSENT
 from wingwatch.studies.plan import FlightPlan, manoeuvres
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, complete, derivations
 
@@ -42,8 +43,6 @@ Array = NDArray[np.float64]
 
 UNSENSED = "pitch_demand_rad"
 """Follows from the motion, and no sensor may lose it."""
-_VANES = ("angle_of_attack_rad", "sideslip_rad")
-_POSITIONS = ("elevator_rad", "aileron_rad", "rudder_rad")
 _RANK = 1e-9
 
 
@@ -88,10 +87,7 @@ def effects_of(plan: FlightPlan) -> tuple[Effect, ...]:
 
 def _left_out(plan: FlightPlan) -> tuple[str, ...]:
     """Channels that the aircraft's sensors do not give."""
-    return (
-        *(_VANES if plan.sensors == "no_vanes" else ()),
-        *(_POSITIONS if plan.surfaces == "commands" else ()),
-    )
+    return (*UNSENT.get(plan.sensors, ()), *UNSENT.get(plan.surfaces, ()))
 
 
 class ScoredBlock(NamedTuple):
@@ -107,8 +103,8 @@ class ScoredBlock(NamedTuple):
 class Heard:
     """What a flight led to so far."""
 
-    raised: dict[str, AlertView] = field(default_factory=dict)
-    last: dict[str, AlertView] = field(default_factory=dict)
+    alerts: dict[str, AlertHistory] = field(default_factory=dict)
+    """By id, in the order in which they were raised."""
     evidence: list[tuple[float, float]] = field(default_factory=list)
     """Time and log statistic of every verdict."""
     blocks: list[ScoredBlock] = field(default_factory=list)
@@ -163,12 +159,9 @@ class WatchedFlight:
     def hear(self, report: Report) -> None:
         """What the monitor made of them."""
         heard, monitor = self.heard, self.monitor
-        for alert in report.alerts:
-            heard.raised.setdefault(alert.id, alert)
-            heard.last[alert.id] = alert
-        active = monitor.book.active
-        if active is not None:
-            heard.last[active.id] = active
+        now_s = self.samples / self.plan.rate_hz
+        for alert in (*report.alerts, *monitor.active_alerts):  # sizes move without a word, too
+            keep_alert(heard.alerts, alert, now_s)
         block = monitor.last_block
         if block is None or block is self._block:
             return

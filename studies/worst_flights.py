@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.studies.naming import said_rightly
 from wingwatch.studies.rows import Flags, Rows
 from wingwatch.studies.statistics import Interval, quickest_delay_s, wilson
 
@@ -71,18 +72,19 @@ def worst_flights(rows: Rows, faulty: Flags, false_alarm_interval_s: float) -> l
     bound = quickest_delay_s(false_alarm_interval_s, rows.number("information_rate_per_s"))
     with np.errstate(divide="ignore", invalid="ignore"):
         over = np.where(np.isfinite(bound) & (bound > 0.0), rows.number("delay_s") / bound, np.nan)
-        z = (rows.number("size") - np.abs(rows.number("severity"))) / rows.number("size_standard_error")
-    said, true = rows.words("said_cause"), rows.words("effect")
+        z = (rows.number("size") - rows.number("severity")) / rows.number("size_standard_error")
+    said, rightly = rows.words("said_cause"), said_rightly(rows)
     found = [
         _flight(rows, row, "missed", _why_missed(rows, row)) for row in _most(faulty & ~seen, information)
     ]
     for row in _most(faulty & seen & np.isfinite(over), over):
         why = f"said after {rows.number('delay_s')[row]:.0f} s, the bound is {bound[row]:.1f} s"
         found.append(_flight(rows, row, "late", why))
-    for row in _most(faulty & seen & (said != true), np.nan_to_num(rows.number("said_probability"))):
-        why = f"called {said[row] or 'unknown'} with probability {rows.number('said_probability')[row]:.2f}"
+    for row in _most(faulty & seen & ~rightly, np.nan_to_num(rows.number("said_probability"))):
+        part = f" of {channel}" if (channel := rows.text("said_channel", row)) else ""
+        why = f"called {said[row] or 'unknown'}{part} with probability {rows.number('said_probability')[row]:.2f}"
         found.append(_flight(rows, row, "misnamed", why))
-    for row in _most(faulty & seen & (said == true) & (np.abs(z) > 2.0), np.abs(z)):
+    for row in _most(faulty & (np.abs(z) > 2.0), np.abs(z)):
         size, error = rows.number("size")[row], rows.number("size_standard_error")[row]
         why = f"size stated as {size:.3g} ± {error:.2g}, off by {abs(z[row]):.1f} standard errors"
         found.append(_flight(rows, row, "missized", why))
@@ -117,8 +119,10 @@ def _flight(rows: Rows, row: int, kind: str, why: str) -> WorstFlight:
         f"{label}{word.replace('_', ' ')}" for label, word in zip(labels, words, strict=True)
     )
     target = rows.text("target", row)
+    severity = rows.number("severity")[row]
+    size = "where it was" if math.isnan(severity) else f"{severity:.3g}"
     effect = (
-        f"{rows.text('effect', row)}{f' ({target})' if target else ''} {rows.number('severity')[row]:.3g} "
+        f"{rows.text('effect', row)}{f' ({target})' if target else ''} {size} "
         f"from {rows.number('onset_s')[row]:.0f} s"
     )
     seed = int(rows.number("seed")[row])

@@ -1,5 +1,6 @@
 """Commands that simulate or design."""
 
+import argparse
 from pathlib import Path
 
 from wingwatch.cli.arguments.common import Commands, add_command, add_commands, add_convention
@@ -21,7 +22,8 @@ wingwatch simulate --aircraft aerosonde --out healthy.parquet
       --effect sensor_bias[pitch_rate_rad_s]:0.01@120 --effect thrust_loss:0.2@300 --seed 7 --out patrol.parquet"""
 
 _STUDY_EXAMPLES = """\
-wingwatch study icing --out icing.parquet
+wingwatch study all --out studies --report studies.html
+  wingwatch study icing --out icing.parquet
   wingwatch study icing --out icing.parquet --resume
   wingwatch study damage --config own_aircraft.toml --flights 500 --out damage.parquet
   wingwatch study healthy --hours 300 --scheduler tcp://10.0.0.5:8786 --out healthy.parquet
@@ -31,6 +33,7 @@ wingwatch study icing --out icing.parquet
 _STUDIES = {
     "icing": "from which severity on ice is noticed: drawn flights with ice, simulated and watched, one row each",
     "damage": "what damage is noticed, how soon and under which name: drawn flights, one row each",
+    "sensor": "what faulty sensors are noticed, how soon, and whether they are called ice: drawn flights, one row each",
     "healthy": "how often an alert is false: flights without any fault and with faulty sensors, one row each",
 }
 
@@ -150,13 +153,15 @@ def add_study(commands: Commands) -> None:
     studies = add_commands(commands, "study", does, _STUDY_EXAMPLES, "study")
     for kind, what in _STUDIES.items():
         _add_study_of(studies, kind, what)
+    _add_study_all(studies)
     _add_study_replay(studies)
     _add_study_show(studies)
 
 
 def _add_study_of(studies: Commands, kind: str, what: str) -> None:
     example = f"wingwatch study {kind} --out {kind}.parquet"
-    add = add_command(studies, kind, what, f"{example}\n  {example} --resume").add_argument
+    parser = add_command(studies, kind, what, f"{example}\n  {example} --resume")
+    add = parser.add_argument
     add(
         "--out",
         type=Path,
@@ -172,6 +177,40 @@ def _add_study_of(studies: Commands, kind: str, what: str) -> None:
     )
     add("--flights", type=int, metavar="N", help="how many (default: the grid's)")
     add("--hours", type=float, metavar="H", help="as many flights as take H hours, in place of --flights")
+    _add_flying(parser)
+
+
+def _add_study_all(studies: Commands) -> None:
+    example = "wingwatch study all --out studies --report studies.html"
+    parser = add_command(
+        studies,
+        "all",
+        "the studies of icing, damage, sensors and healthy flights one after the other, and what they say together",
+        f"{example}\n  {example} --resume",
+    )
+    add = parser.add_argument
+    add(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FOLDER",
+        help="folder to write icing.parquet, damage.parquet, sensor.parquet and healthy.parquet to",
+    )
+    add("--report", type=Path, metavar="FILE.html", help="write what they say together as one page")
+    add(
+        "--config",
+        type=Path,
+        metavar="GRID.toml",
+        help="what is drawn in all of them, in place of the default grids' keys; without [[effects]]",
+    )
+    add("--flights", type=int, metavar="N", help="of icing, of damage and of sensors (default: the grids')")
+    add("--hours", type=float, metavar="H", help="of healthy flight (default: the grid's)")
+    _add_flying(parser)
+
+
+def _add_flying(parser: argparse.ArgumentParser) -> None:
+    """Which flights, and who flies them."""
+    add = parser.add_argument
     add(
         "--seed",
         type=int,

@@ -9,6 +9,7 @@ from wingwatch.studies.detection import Delays, Detection
 from wingwatch.studies.false_alarms import OperatingCurve, Rate
 from wingwatch.studies.naming import Confusion, Sizes
 from wingwatch.studies.operator_answer import Answer, Threshold
+from wingwatch.studies.page.faults import fault_sentences
 from wingwatch.studies.page.texts import (
     effect_text,
     group_text,
@@ -63,11 +64,13 @@ DETECTION_LEGEND = (
 )
 RATE_LEGEND = (
     "Alarms in healthy time: whole healthy flights, and faulty ones before the onset. Intervals are exact "
-    "(Poisson, 95 %). Under a sensor fault the aircraft is well, and flights count until their first alarm."
+    "(Poisson, 95 %); at most: the upper limit alone, which holds at 95 %. Under a sensor fault the aircraft is well: "
+    "an alarm is one that calls the fault icing or damage, and flights count until it comes."
 )
 OPERATING_CAPTION = (
     "Lines: what the evidence alone would give as the threshold moves; markers: the monitor as it is, which "
-    "also asks for a clear and confirmed cause (a triangle: no false alarm yet, drawn at the upper limit)."
+    "also asks for a clear and confirmed cause (a triangle: no false alarm yet, drawn at the upper limit). "
+    "Alerts about a sensor, a surface or thrust do not go by this threshold and are not in it."
 )
 
 
@@ -75,7 +78,8 @@ def headline(s: Summary) -> tuple[str, str]:
     """The answer in a sentence, and what it costs in false alarms."""
     overall = [a for a in s.answers if not (a.aircraft or a.turbulence or a.excitation)]
     if not overall:
-        return _false_alarm_text(s), ""
+        said, *more = [*fault_sentences(s), _false_alarm_text(s)]
+        return said, " ".join(more)
     overall.sort(key=lambda a: (a.effect != "icing", -a.flights))
     first = overall[0]
     if first.size.value <= first.largest and first.size.low > 0.0:

@@ -9,6 +9,7 @@ from wingwatch.pages.picture import BOTTOM_PX, TOP_PX, Figure, axis_layout, plai
 from wingwatch.studies.calibration import Exceedance, Scatter
 from wingwatch.studies.detection import Delays, Detection
 from wingwatch.studies.false_alarms import OperatingCurve, Rate
+from wingwatch.studies.faults import FaultRow
 from wingwatch.studies.naming import Confusion, Sizes
 from wingwatch.studies.operator_answer import Answer
 from wingwatch.studies.page.texts import column_text, effect_text, group_text, size_axis
@@ -19,6 +20,7 @@ __all__ = [
     "delay_figure",
     "detection_figure",
     "exceedance_figure",
+    "faults_figure",
     "operating_figure",
     "rate_figure",
     "scatter_figure",
@@ -250,22 +252,46 @@ def size_figure(name: str, sizes: Sizes) -> Figure:
     half = [1.96 * e for e in sizes.standard_error]
     low = [s - h for s, h in zip(sizes.estimated, half, strict=True)]
     high = [s + h for s, h in zip(sizes.estimated, half, strict=True)]
-    top = max(sizes.true)
+    bottom, top = min(0.0, *sizes.true), max(0.0, *sizes.true)
+    reach = max(top, -bottom)
     points = {"type": "scatter", "mode": "markers", "name": "estimate, stated 95 % interval"}
     data = [
         points
         | {"x": plain_numbers(sizes.true), "y": plain_numbers(sizes.estimated)}
         | {"error_y": _errors(sizes.estimated, low, high, "$s1band"), "marker": {"color": "$s1", "size": 5}},
-        _line("right", [0.0, top], [0.0, top], "$ink", dash="dash"),
+        _line("right", [bottom, top], [bottom, top], "$ink", dash="dash"),
     ]
     shown = sorted(abs(s) for s in sizes.estimated)[math.ceil(0.98 * len(sizes.estimated)) - 1]
+    edge = 1.2 * max(reach, min(shown, 2.0 * reach))
     layout = {
         "xaxis": axis_layout(f"true {size_axis(sizes.effect)}") | {"rangemode": "tozero"},
-        "yaxis": axis_layout("estimated") | {"range": [-0.05 * top, 1.2 * max(top, min(shown, 2.0 * top))]},
+        "yaxis": axis_layout("estimated") | {"range": [-edge if bottom < 0.0 else -0.05 * reach, edge]},
     }
     return Figure(
         name, f"{_capital(effect_text(sizes.effect))}: estimated against true size", data, layout, _HEIGHT_PX
     )
+
+
+def faults_figure(name: str, title: str, faults: Sequence[FaultRow], words: Sequence[str]) -> Figure:
+    """Percent noticed within 10 s and by the end, and percent named rightly at first, by fault."""
+    rows = [_wrapped(word, 26) for word in words][::-1]
+    data = []
+    for k, (what, found) in enumerate(
+        (
+            ("noticed within 10 s", [f.within["10"] for f in faults]),
+            ("noticed by the end", [f.seen for f in faults]),
+            ("of the noticed, right at first", [f.first_right for f in faults]),
+        )
+    ):
+        values = [100.0 * i.value for i in found][::-1]
+        low, high = [100.0 * i.low for i in found][::-1], [100.0 * i.high for i in found][::-1]
+        bars = _errors(values, low, high, f"{_colour(k)}band")
+        data.append(_dots(what, rows, values, bars, _colour(k), _SYMBOLS[k]))
+    layout = {
+        "xaxis": axis_layout("% of the flights") | {"range": [-3.0, 103.0]},
+        "yaxis": _category_axis() | {"categoryorder": "array", "categoryarray": rows},
+    }
+    return Figure(name, escape(title), data, layout, _rows_height(len(rows)))
 
 
 def confusion_figure(name: str, found: Sequence[Confusion]) -> Figure:

@@ -12,6 +12,7 @@ from wingwatch.studies.calibration import IMPROBABLE
 from wingwatch.studies.detection import Delays, Detection
 from wingwatch.studies.operator_answer import Answer
 from wingwatch.studies.page import captions
+from wingwatch.studies.page.faults import fault_section
 from wingwatch.studies.page.figures import (
     answer_figure,
     confusion_figure,
@@ -54,6 +55,7 @@ def sections(summary: Summary, pictures: Pictures) -> str:
     """All sections below the answer, in their order."""
     return "".join(
         [
+            fault_section(summary, pictures),
             _answers(summary, pictures),
             _detection(summary, pictures),
             _delays(summary, pictures),
@@ -72,8 +74,8 @@ def _answers(s: Summary, pictures: Pictures) -> str:
     parts = [
         _title("Threshold for one false alarm in 100 h"),
         table(
-            ("air", "healthy hours", "false alarms per 100 h at the monitor's own threshold", "own threshold",
-             "vouched for", "estimate"),
+            ("air", "healthy hours", "false alarms of the airframe per 100 h at the monitor's own threshold",
+             "own threshold", "vouched for", "estimate"),
             [
                 (group_text("turbulence" if t.group else "", t.group), number(t.hours), per_100_h_text(t.own_per_hour),
                  *(number(x) for x in (t.own, t.vouched, t.estimate)))
@@ -210,12 +212,14 @@ def _false_alarms(s: Summary, pictures: Pictures) -> str:
             number(r.hours),
             str(r.alarms),
             per_100_h_text(r.per_hour),
+            number(100.0 * r.at_most_per_hour, 2),
         )
         for r in s.false_alarm_rates
     ]
     listing = "".join(
         _details(
-            f"seed {a.seed}, {a.time_s:.0f} s: {effect_text(a.cause)}; {a.aircraft}, "
+            f"seed {a.seed}, {a.time_s:.0f} s: {effect_text(a.cause)}{f' of {a.channel}' if a.channel else ''}; "
+            f"{a.aircraft}, "
             f"{group_text('turbulence', a.turbulence)}, {group_text('excitation', a.excitation)}, "
             f"{group_text('route', a.route)}"
             + (f", {group_text('sensor fault', a.sensor_fault)}" if a.sensor_fault else "")
@@ -230,7 +234,7 @@ def _false_alarms(s: Summary, pictures: Pictures) -> str:
         "false-alarms",
         "False alarms",
         pictures.place(rate_figure("rates", s.false_alarm_rates), captions.rate_caption(s.false_alarm_rates)),
-        _folded(table(("flights", "how many", "healthy hours", "false alarms", "per 100 h"), rows)),
+        table(("flights", "how many", "healthy hours", "false alarms", "per 100 h", "at most (95 %)"), rows),
         paragraph(captions.RATE_LEGEND, "legend"),
         _title("Every false alarm") + listing if listing else "",
         paragraph(f"and {more} more, which the JSON lists", "legend") if more > 0 else "",
@@ -299,9 +303,9 @@ def _confusion(s: Summary, pictures: Pictures) -> str:
         pictures.place(confusion_figure("confusion", s.confusion), captions.confusion_caption(s.confusion)),
         table(("true", "flights", *map(effect_text, said), "right"), rows),
         paragraph(
-            "Right: of the flights of which something was said, those named rightly; of healthy aircraft, "
-            "those of which "
-            "nothing was said. An effect that the monitor has no name for is rightly called unknown.",
+            "What was said: by the first alert after the onset that names a cause, as it stood last. Right: of the "
+            "flights of which something was said, those whose cause and part it names; of healthy ones, those of "
+            "which nothing was said.",
             "legend",
         ),
     )

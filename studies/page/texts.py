@@ -30,6 +30,9 @@ _SIZES: Mapping[str, str] = {
     "wing_damage": "fraction of the semi-span lost",
     "cg_shift": "shift, m",
     "thrust_loss": "fraction of thrust lost",
+    "actuator_lag": "added time constant, s",
+    "mass_inertia": "ratio of the masses less 1",
+    "pitch_damping": "ratio of the pitch dampings less 1",
 }
 _COLUMNS: Mapping[str, str] = {
     "turbulence": "turbulence",

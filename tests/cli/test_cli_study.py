@@ -106,6 +106,44 @@ def test_a_study_is_flown_and_one_of_its_flights_again(
     assert run(capsys, ["study", "show", flight]).code == 2
 
 
+def test_all_studies_are_flown_in_one_go_and_those_that_are_done_are_left(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study_command, "LocalWorkers", _InThisProcess)
+    path = tmp_path / "short.toml"
+    path.write_text(
+        'seconds = 20.0\naircraft = "aerosonde"\nexcitation = "none"\nonset_s = 10.0\n', encoding="utf-8"
+    )
+    out, report = tmp_path / "studies", tmp_path / "all.html"
+    options = [
+        "study",
+        "all",
+        "--out",
+        out,
+        "--config",
+        path,
+        "--flights",
+        1,
+        "--hours",
+        0.005,
+        "--workers",
+        1,
+    ]
+    flown = run(capsys, [*options, "--report", report, "--json"]).json["flown"]
+    assert [(study["kind"], study["flights"]) for study in flown] == [
+        ("icing", 1), ("damage", 1), ("sensor", 1), ("healthy", 1),
+    ]  # fmt: skip
+    text = report.read_text(encoding="utf-8")
+    assert "Study: damage, healthy, icing, sensor" in text
+    (out / "sensor.parquet").unlink()
+    again = run(capsys, [*options, "--resume", "--json"]).json["flown"]
+    assert [study["kind"] for study in again] == ["sensor"]
+    shown = run(capsys, [*options, "--resume"])
+    assert (shown.code, "Of 1 flights with sensor faults" in shown.out) == (0, True)
+    other = run(capsys, [*options, "--resume", "--seed", 5])
+    assert (other.code, "is a finished study of another grid, seed" in other.err) == (2, True)
+
+
 def test_ctrl_c_leaves_what_can_be_resumed(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, grid: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

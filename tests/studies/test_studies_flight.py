@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 from scipy.stats import chi2
-from study_flights import small_grid, untimed
+from study_flights import GRID, small_grid, untimed
 
 from wingwatch.monitor import AlertState, AlertView, EvidenceView
-from wingwatch.studies import COLUMNS, FlightPlan, draw_plan, load_fleet
+from wingwatch.studies import COLUMNS, FlightPlan, draw_plan, load_fleet, load_grid
 from wingwatch.studies.flight import FlightMaker
 from wingwatch.studies.flight_rows import _reason
 from wingwatch.studies.table import rows_table
@@ -118,6 +118,43 @@ def test_a_flight_that_cannot_be_flown_says_why_and_stops_no_other(
     assert "5 m/s" in row["failed"]
     assert "\n" not in row["failed"]
     assert row["flight_s"] == 0.0
+
+
+def test_a_sensor_fault_is_named_with_its_channel_and_its_whole_history(tmp_path: Path) -> None:
+    effects = "[[effects]]\nname = 'airspeed_error'\nsize = 0.15\n"
+    path = tmp_path / "long.toml"
+    path.write_text(
+        GRID.replace("40.0", "60.0").replace("onset_s = 20.0", "onset_s = 45.0") + effects, encoding="utf-8"
+    )
+    grid = load_grid("sensor", path)
+    fleet = load_fleet(grid)
+    row = FlightMaker(fleet).rows([draw_plan("sensor", grid, 0, fleet)], COMMAND)[0]
+    assert (row["failed"], row["effect"], row["channel"]) == ("", "airspeed_error", "airspeed_true_m_s")
+    assert (row["first_kind"], row["first_cause"], row["first_channel"]) == (
+        "sensor", "airspeed_error", "airspeed_true_m_s",
+    )  # fmt: skip
+    assert (row["first_right"], row["first_in_set"], row["right_at_end"]) == (True, True, True)
+    assert row["delay_s"] == row["right_delay_s"] < 5.0
+    assert math.isnan(row["derivatives_delay_s"])
+    assert math.isnan(row["other_kind_delay_s"])
+    history = json.loads(row["alerts"])
+    assert history[0]["raised_s"] == row["detected_s"]
+    assert history[0]["names"][-1]["size"] == row["size"]
+    assert abs(row["size"] - 0.15) < 5.0 * row["size_standard_error"]
+
+
+def test_slow_telemetry_of_commands_alone_is_flown_and_written_down(tmp_path: Path) -> None:
+    effects = "[[effects]]\nname = 'surface_stuck'\ntarget = 'elevator'\nsize = 'here'\n"
+    slow = GRID.replace('"vanes"', '"no_vanes"').replace('"positions"', '"commands"')
+    path = tmp_path / "slow.toml"
+    path.write_text(f"rate_hz = 10.0\n{slow}{effects}", encoding="utf-8")
+    grid = load_grid("damage", path)
+    fleet = load_fleet(grid)
+    row = FlightMaker(fleet).rows([draw_plan("damage", grid, 0, fleet)], COMMAND)[0]
+    assert (row["failed"], row["flight_s"], row["channel"]) == ("", 40.0, "elevator_rad")
+    assert math.isnan(row["severity"])
+    assert (row["sensors"], row["surfaces"]) == ("no_vanes", "commands")
+    assert row["detected"] == (len(json.loads(row["alerts"])) > row["false_alerts"])
 
 
 def test_a_grid_of_another_kind_of_effect_keeps_its_unit(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from study_flights import small_grid
 
 from wingwatch.studies import KINDS, Kind, StudyError, load_fleet, load_grid
-from wingwatch.studies.grid import Range
+from wingwatch.studies.grid import Range, bounds
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -28,6 +28,23 @@ def test_words_and_numbers_in_their_forms(tmp_path: Path) -> None:
     assert grid.turbulence_model == {"dryden": 2.0, "von-karman": 1.0}
     assert grid.noise_scale == [1.0]
     assert grid.effects[0].size == Range(low=0.01, high=0.4)
+
+
+def test_sizes_in_the_logarithm_of_either_sign_and_as_a_word(tmp_path: Path) -> None:
+    more = """
+[[effects]]
+name = "surface_stuck"
+target = "rudder"
+size = "here"
+[[effects]]
+name = "surface_offset"
+target = "rudder"
+size = { low = 0.01, high = 0.04, logarithmic = true, either_sign = true }
+"""
+    stuck, offset = small_grid(tmp_path, "damage", more).effects
+    assert stuck.size == "here"
+    assert isinstance(offset.size, Range)
+    assert bounds(offset.size) == (-0.04, 0.04)
 
 
 @pytest.mark.parametrize(
@@ -52,6 +69,9 @@ def test_words_and_numbers_in_their_forms(tmp_path: Path) -> None:
             "a study of icing has no effect",
         ),
         ("noise_scale = { low = 2, high = 1 }", "two finite numbers in order"),
+        ("noise_scale = { low = 0, high = 1, logarithmic = true }", "which has no logarithm"),
+        ("ramp_s = { low = -1, high = 1, either_sign = true }", "takes either sign already"),
+        ("effects = [{ name = 'icing', size = 'here' }]", "size 'here' of icing is no number"),
         ("noise_scale = -1", "give numbers from 0"),
         ("noise_scale = 'loud'", "'loud' is no number"),
         ("sensors = [1]", "[1] is not understood"),
@@ -67,6 +87,15 @@ def test_a_grid_that_cannot_be_is_refused_in_one_sentence(tmp_path: Path, text: 
     assert said in str(refused.value)
     assert str(path) in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_a_fault_of_a_sensor_that_no_flight_has_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "grid.toml"
+    path.write_text(
+        "sensors = 'no_vanes'\neffects = [{ name = 'vane_upwash', target = 'sideslip', size = 0.1 }]\n"
+    )
+    with pytest.raises(StudyError, match="every effect befalls a sensor that no flight has"):
+        load_grid("sensor", path)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Plans: everything from the seed, one random stream a quantity."""
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 
@@ -9,9 +10,10 @@ from study_flights import small_grid
 
 from wingwatch.aircraft import SHORT_PERIOD, load_aircraft
 from wingwatch.simulation.effects.icing import LINEAR_FACTORS
-from wingwatch.studies import FlightPlan, Grid, Kind, draw_plan, load_fleet, load_grid
+from wingwatch.studies import KINDS, FlightPlan, Grid, Kind, draw_plan, load_fleet, load_grid
 from wingwatch.studies.drawn_icing import drawn_icing
 from wingwatch.studies.expectation import Expectations
+from wingwatch.studies.fault_names import PARTS, part_of
 from wingwatch.studies.watched_flight import scenario_of
 
 
@@ -51,15 +53,50 @@ def test_the_order_of_choices_makes_no_difference() -> None:
 
 
 def test_every_word_of_the_default_grids_is_drawn_and_can_be_flown() -> None:
-    for kind in ("icing", "damage", "healthy"):
+    for kind in KINDS:
         grid = load_grid(kind, None)
         fleet = load_fleet(grid)
-        drawn = [draw_plan(kind, grid, seed, fleet) for seed in range(120)]
+        drawn = [draw_plan(kind, grid, seed, fleet) for seed in range(200)]
         for name in ("excitation", "turbulence", "sensors", "surfaces", "expectation", "aircraft", "route"):
             assert {getattr(plan, name) for plan in drawn} == set(getattr(grid, name))
         assert {plan.effect for plan in drawn} >= {entry.name for entry in grid.effects}
         for plan in drawn[:5]:
             scenario_of(plan, fleet[plan.aircraft])
+
+
+def test_sizes_are_drawn_as_their_range_says(tmp_path: Path) -> None:
+    more = """
+[[effects]]
+name = "sensor_bias"
+target = "pitch_rate_rad_s"
+size = { low = 0.004, high = 0.03, logarithmic = true, either_sign = true }
+"""
+    drawn = np.array([p.severity for p in plans("sensor", small_grid(tmp_path, "sensor", more), 400)])
+    assert 0.004 <= np.abs(drawn).min() < 0.0045
+    assert 0.028 < np.abs(drawn).max() <= 0.03
+    assert 0.4 < np.mean(drawn > 0.0) < 0.6
+    assert abs(np.median(np.log(np.abs(drawn))) - 0.5 * math.log(0.004 * 0.03)) < 0.2
+
+
+def test_a_sensor_at_fault_is_one_that_the_flight_has() -> None:
+    grid = load_grid("sensor", None).model_copy(update={"sensors": {"vanes": 1.0, "no_vanes": 9.0}})
+    drawn = plans("sensor", grid, 200)
+    vanes = [p for p in drawn if part_of(p.effect, p.target) in PARTS["vanes"]]
+    assert len(vanes) > 10
+    assert {p.sensors for p in vanes} == {"vanes"}
+    assert {p.sensors for p in drawn if p not in vanes} == {"vanes", "no_vanes"}
+    blind = plans("sensor", grid.model_copy(update={"sensors": {"no_vanes": 1.0}}), 200)
+    assert {p.sensors for p in blind} == {"no_vanes"}
+    assert not {part_of(p.effect, p.target) for p in blind} & set(PARTS["vanes"])
+
+
+def test_a_surface_stuck_where_it_is_has_no_size_and_can_be_flown() -> None:
+    grid = load_grid("damage", None)
+    fleet = load_fleet(grid)
+    stuck = next(p for p in plans("damage", grid, 60) if p.severity is not None and math.isnan(p.severity))
+    assert stuck.effect == "surface_stuck"
+    assert json.loads(stuck.as_json())["severity"] is None
+    assert scenario_of(stuck, fleet[stuck.aircraft]).effects[0].word == "here"
 
 
 def test_icing_factors_are_drawn_about_the_published_ones() -> None:

@@ -17,6 +17,7 @@ from wingwatch.studies.summary import Summary, summarise
 
 NASTY = "</script><script>document.title='owned'</script><img src=x onerror=\"document.title='owned'\">&amp;"
 SECTIONS = [
+    "faults",
     "answer",
     "detection",
     "delays",

@@ -133,7 +133,7 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(
 
 def test_files_of_other_versions_and_other_tables_are_refused(tmp_path: Path, study: StudySettings) -> None:
     path = tmp_path / "old.parquet"
-    old = study.as_json().replace('"schema": 2', '"schema": 7')
+    old = study.as_json().replace('"schema": 3', '"schema": 7')
     pq.write_table(pa.table({"a": [1]}).replace_schema_metadata({"wingwatch.study": old}), path)
     with pytest.raises(StudyError, match="has version 7 of the study table"):
         read_study(path)

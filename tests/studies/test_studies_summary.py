@@ -103,8 +103,13 @@ def test_false_alarms_by_air_hold_their_rates(summary: Summary) -> None:
     whole = summary.false_alarm_rates[0]
     assert whole.alarms == sum(r.alarms for r in by_air)
     assert whole.per_hour == poisson_rate(whole.alarms, whole.hours)
+    assert whole.at_most_per_hour == poisson_rate(whole.alarms, whole.hours, 0.90).high < whole.per_hour.high
     under_fault = [r for r in summary.false_alarm_rates if r.by == "sensor fault"]
     assert [r.group for r in under_fault] == ["sensor_bias"]
+    noticed = next(r for r in summary.faults if (r.kind, r.by) == ("sensor", ""))
+    assert under_fault[0].alarms == round(noticed.other_kind.value * noticed.flights), (
+        "a sensor's name is no alarm"
+    )
     listed = [a for a in summary.false_alarms if not a.sensor_fault]
     assert len(listed) == whole.alarms
     assert len(summary.false_alarms) == whole.alarms + under_fault[0].alarms
@@ -148,6 +153,31 @@ def test_confusion_counts_every_flight_once(summary: Summary) -> None:
         assert list(row.said)[-2:] == ["unknown", "nothing"]
     assert holds(rows["icing"].named, 0.9)
     assert sum(c.flights for c in summary.confusion) == summary.flown.flights
+
+
+def test_faults_are_counted_by_kind_part_and_condition(summary: Summary) -> None:
+    whole = {row.kind: row for row in summary.faults if not row.by}
+    assert list(whole) == ["icing", "damage", "sensor"]
+    assert sum(row.flights for row in whole.values()) == summary.flown.faulty + summary.flown.sensor_fault
+    ice, sensor = whole["icing"], whole["sensor"]
+    assert [row.group for row in summary.faults if row.by == "fault" and row.kind == "icing"] == [
+        "icing all", "icing tail", "icing wing",
+    ]  # fmt: skip
+    # exponential delays, cut off at the flight's end
+    assert holds(ice.first_right, 0.9)
+    assert holds(ice.first_in_set, 1.0)
+    assert holds(ice.covered, 0.95)
+    assert ice.median_s == pytest.approx(TRUTH.delay_s * math.log(2.0), rel=0.1)
+    assert ice.within["3"].value / ice.seen.value == pytest.approx(
+        1.0 - math.exp(-3.0 / TRUTH.delay_s), rel=0.1
+    )
+    assert holds(sensor.seen, 0.3)
+    assert holds(sensor.other_kind, 0.03)
+    assert ice.other_kind.value == 0.0
+    spared = [math.exp(-TRUTH.false_per_hour * (1 + air) * TRUTH.onset_s / 3600.0) for air in range(5)]
+    assert holds(ice.early, 1.0 - sum(spared) / 5.0)
+    by_air = [row for row in summary.faults if (row.kind, row.by) == ("icing", "turbulence")]
+    assert sum(row.flights for row in by_air) == ice.flights
 
 
 def test_operating_curve_meets_the_monitor_at_its_own_threshold(summary: Summary) -> None:
