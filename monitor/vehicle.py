@@ -39,7 +39,7 @@ from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.redundancy import VehicleRelations
 from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
-from wingwatch.monitor.supervision import NO_VANE, ModeSolution
+from wingwatch.monitor.supervision import COMPARED_SO, NO_VANE, ModeSolution
 from wingwatch.monitor.views import (
     LEVELS,
     AlertState,
@@ -130,7 +130,7 @@ class VehicleMonitor:
         )
         self.aircraft = aircraft = self.chain.aircraft  # equal, and one object for all vehicles of its type
         self.chain_state = self.chain.init()
-        self._compared = _compared(self.chain.seen)
+        self._compared = _compared(self.chain.structures)
         nominal = nominal_condition(aircraft)
         self._stated = self._stated_provenance(nominal)
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
@@ -359,7 +359,9 @@ class VehicleMonitor:
         closed = [
             (m, m.block)
             for s in self._compared
-            if (m := solution.modes[s.name]).block is not None and not self._relations.book.doubts(s.states)
+            if (m := solution.modes[s.name]).block is not None
+            and m.comparable
+            and not self._relations.book.doubts(s.states)
         ]  # what a wrong reading makes of derivatives is neither a change nor to be learned
         if not closed:
             return None
@@ -377,7 +379,8 @@ class VehicleMonitor:
                 continue
             self._memory.outside = ""
             modes[mode.structure.name] = self.judge.mode_block(mode, evidence, expectation, condition)
-            self._remember(mode, evidence, modes[mode.structure.name], condition)
+            if not mode.reconstructed:
+                self._remember(mode, evidence, modes[mode.structure.name], condition)
         if condition is None or not modes:
             return None
         block = BlockView(closed[0][1].end_s, condition, modes)
@@ -406,7 +409,7 @@ class VehicleMonitor:
 
     def _update_state(self, solution: Solution, before: Solution | None) -> None:
         m = self._memory
-        seen = any(solution.modes[s.name].says_something for s in self._compared)
+        seen = any(solution.modes[s.name].is_compared for s in self._compared)
         if seen:
             slow = before is not None and solution.time_s - before.time_s > 1.5 * SOLUTION_INTERVAL_S
             m.observable_s += 2.0 * SOLUTION_INTERVAL_S if slow else SOLUTION_INTERVAL_S
@@ -438,9 +441,7 @@ class VehicleMonitor:
     def basis_text(self) -> str:
         """The basis as a sentence, with what contradicts it."""
         if self.basis is None:
-            blind = {s.name: f"{NO_VANE}: shown, not compared" for s in self.chain.structures}
-            why = {**blind, **self.chain.absent}
-            return "Nothing to compare with: " + "; ".join(f"{k}: {v}" for k, v in why.items())
+            return "Nothing to compare with: " + "; ".join(f"{k}: {v}" for k, v in self.chain.absent.items())
         seconds = max(r.seconds for r in self._judge_state.references.values())
         words = {
             "a-priori": "Compared with a-priori numbers and with this flight's own earlier blocks",
@@ -451,6 +452,8 @@ class VehicleMonitor:
             words += f"; the a-priori {name} does not fit this aircraft ({', '.join(symbols) or 'jointly'})"
         if self.cells.text:
             words += f"; {self.cells.text}"
+        if blind := [s.name for s in self._compared if not self.chain.supervisor.pairs[s.name].vane]:
+            words += f"; {' and '.join(blind)} ({NO_VANE}): {COMPARED_SO}"
         return words + "."
 
     def expectation(
@@ -527,7 +530,7 @@ class VehicleMonitor:
         if self._memory.latest is None:
             return "no solution yet"
         if self.state is VehicleState.NOT_OBSERVABLE:
-            return "; ".join(self._memory.latest.modes[s.name].fourier.reason for s in self._compared)
+            return "; ".join(self._memory.latest.modes[s.name].why_not_compared for s in self._compared)
         return "no change against what is expected"
 
     def could_see(self) -> Sequence[CouldSeeView]:
