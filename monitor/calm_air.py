@@ -1,9 +1,10 @@
-"""Without a vane: when the air is calm enough that a block of the filter says something of the aircraft.
+"""Without a vane: when a block of the filter says something of the aircraft.
 
 A reconstructed velocity sees no gust. What gusts do looks like changed derivatives, and a changed derivative looks like
 gusts to the filter, which puts what it cannot explain down to the air. Two things tell them apart: the accelerometer
-feels gusts from sample to sample and no fault, and a fault sets in once, in air that was calm before. So the air has to
-be found calm by both first; from then on the accelerometer alone decides, until it feels gusts.
+feels gusts and no fault, and a fault passes into the derivatives once these may have changed, while gusts stay gusts.
+So the air has to be found calm by both first. From then on a block counts while the accelerometer feels nothing and the
+filter puts little of the motion down to the air by the block's end.
 """
 
 import numpy as np

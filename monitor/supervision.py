@@ -49,7 +49,6 @@ from wingwatch.monitor.causes import UNEXPLAINED
 from wingwatch.monitor.comparison import MODEL_ERROR
 from wingwatch.monitor.roughness import (
     ROUGHNESS,
-    ROUGHNESS_SAMPLES,
     follow_motions,
     follow_roughnesses,
     is_gusty,
@@ -236,7 +235,7 @@ class ModeSolution:
             return self.fourier.reason
         if self.comparable:
             return self.ekf.reason
-        found = "gusts have been felt" if self.rough else "the air has not been found calm yet"
+        found = "gusts have been felt" if self.rough else "the air is not known to be calm"
         return f"{NO_VANE}: compared in calm air only, and {found}"
 
     def _both(self) -> tuple[Estimate, Estimate]:
@@ -295,7 +294,7 @@ class Supervisor:
             follow_motions(state.motion, signals, lanes, MOTION_S)
             if not p.vane:
                 column = p.signals.config.layout.accelerometer
-                follow_roughnesses(state.roughness, signals, lanes, column, ROUGHNESS_SAMPLES)
+                follow_roughnesses(state.roughness, signals, lanes, column)
 
     def solve(
         self, places: Places, time_s: Array, faults: dict[int, Exception]
@@ -417,7 +416,7 @@ def _init(pair: Pair, vehicles: int) -> PairState:
         pair.fourier.init(vehicles),
         pair.ekf.init(vehicles),
         np.full((vehicles, 3, len(pair.structure.states)), np.nan),
-        np.zeros((vehicles, ROUGHNESS)),
+        np.zeros((vehicles, 2, ROUGHNESS)),
         np.zeros(vehicles, dtype=np.int64),
         np.full(vehicles, -np.inf),
         np.full(vehicles, np.nan),
@@ -483,7 +482,9 @@ def _read(
     if not pair.vane:
         since_s = time_s - state.rough_s[places]
         rough = rough | ((since_s >= 0.0) & (since_s < ROUGH_MEMORY_S))
-    comparable = np.ones_like(rough) if pair.vane else is_calm(state.calm_s[places], time_s) & ~rough
+    comparable = np.ones_like(rough)
+    if not pair.vane:
+        comparable = is_calm(state.calm_s[places], time_s) & ~rough & ~_is_turned(pair, state, places)
     fourier, ekf = pair.fourier.standings(state.fourier, places), pair.ekf.standings(state.ekf, places)
     solutions = []
     for m, (i, is_rough, compared) in enumerate(zip(*map(_listed, (places, rough, comparable)), strict=True)):
