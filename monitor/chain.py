@@ -172,11 +172,6 @@ class Chain:
         """Structures that are estimated."""
         return tuple(p.structure for p in self.supervisor.pairs.values())
 
-    @property
-    def seen(self) -> tuple[ModeStructure, ...]:
-        """Those whose velocity a vane measures: evidence from a reconstructed one called healthy aircraft changed."""
-        return tuple(p.structure for p in self.supervisor.pairs.values() if p.vane)
-
     def _prior(self, envelope: Envelope) -> Expectation | str:
         nominal = nominal_condition(self.aircraft)
         if nominal is None:

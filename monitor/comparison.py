@@ -27,6 +27,7 @@ from wingwatch.estimators.kernels.hot import whole
 from wingwatch.estimators.kernels.symmetric import cholesky, forward
 
 __all__ = [
+    "MODEL_ERROR",
     "Along",
     "Change",
     "Conversion",
@@ -39,6 +40,10 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+
+MODEL_ERROR = 0.03
+"""By how much a block's derivatives may differ from the mean for reasons that the linear model does not know, as a
+fraction of their natural size."""
 
 _LEAST_PIVOT = 0.5
 """Of I and a positive semidefinite matrix, whose pivots are one at least but for rounding."""

@@ -21,6 +21,7 @@ from wingwatch.estimators import BlockEvidence
 from wingwatch.monitor.blocks import EKF, FOURIER, BlockView, Evidence, ModeBlock, sums_of, which_have_blocks
 from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.comparison import (
+    MODEL_ERROR,
     Along,
     Change,
     Coordinates,
@@ -69,7 +70,7 @@ class JudgeConfig:
     remembered_blocks: int = 18
     false_alert_interval_h: float = 1000.0
     block_s: float = 10.0
-    model_error: float = 0.03
+    model_error: float = MODEL_ERROR
     cause_probability: float = 0.9
     patience_blocks: int = 3
     off_pattern: float = 0.15
@@ -187,6 +188,10 @@ class Judge:
         if mode.gained is not None and mode.filter_says_something:
             gained = at.of_evidence(*mode.gained)
             by_filter = blurred(*informative_part(*gained, natural), by_filter[2], model_variance)
+        if (
+            mode.reconstructed
+        ):  # the Fourier form takes the velocity's noise for its own: the filter alone is valid
+            by_fourier = by_filter
         both = Evidence(*(np.stack(parts) for parts in zip(by_fourier, by_filter, strict=True)))
         return ModeBlock(both, expected, covariance, mode.rough)
 

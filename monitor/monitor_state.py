@@ -51,6 +51,7 @@ class SavedMode:
     block: BlockEvidence | None
     gained: tuple[Array, Array] | None
     rough: bool
+    comparable: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ class SavedSolution:
     def of(cls, solution: Solution) -> "SavedSolution":
         """As it is saved."""
         modes = {
-            name: SavedMode(mode.seen, mode.block, mode.gained, bool(mode.rough))
+            name: SavedMode(mode.seen, mode.block, mode.gained, bool(mode.rough), bool(mode.comparable))
             for name, mode in solution.modes.items()
         }
         return cls(solution.time_s, modes)
@@ -79,7 +80,7 @@ class SavedSolution:
         if set(self.modes) - set(pairs):
             raise ValueError("the latest solution is of other structures")
         modes = {
-            name: ModeSolution(pairs[name], mode.seen, mode.block, mode.gained, mode.rough)
+            name: ModeSolution(pairs[name], mode.seen, mode.block, mode.gained, mode.rough, mode.comparable)
             for name, mode in self.modes.items()
         }
         return Solution(self.time_s, modes)

@@ -17,8 +17,13 @@ Array = NDArray[np.float64]
 ROUGHNESS_SAMPLES = 250.0
 """Time constant, 5 s at 50 Hz: an autopilot's or doublet's jerk passes, gusts stay."""
 
-ROUGHNESS = 4
-"""Numbers remembered of it: logarithm of the median, samples seen, the last difference and the last reading."""
+MEAN_S, MEAN_SAMPLES = 0.1, 150.0
+"""Weak gusts drown in the noise of a noisy accelerometer from sample to sample. Of means over ``MEAN_S`` n samples make
+n^2 times as much of gusts beside noise; their time constant is 15 s, in means."""
+
+ROUGHNESS = 7
+"""Numbers remembered of a level: logarithm of the median, readings seen, the last difference and the last reading; of
+the mean that is being formed the sum, the number of samples and the number of its span of time."""
 
 LEARN = 50
 """Samples over which the first level is averaged."""
@@ -38,10 +43,13 @@ def follow_motions(motion, signals, lanes, memory_s):  # type: ignore[no-untyped
 
 
 @njit(cache=True)
-def follow_roughnesses(memory, signals, lanes, column, memory_samples):  # type: ignore[no-untyped-def]
-    """``follow_roughness`` of vehicles in lanes: ``memory`` (n, ROUGHNESS), readings in a column of ``signals``."""
+def follow_roughnesses(memory, signals, lanes, column):  # type: ignore[no-untyped-def]
+    """``follow_roughness`` of vehicles in lanes, of samples and of means: ``memory`` (n, 2, ROUGHNESS), times in the
+    first column of ``signals`` and readings in ``column``."""
     for m in range(lanes.place.size):
-        follow_roughness(memory[lanes.place[m]], signals[m, : lanes.counts[m], column], memory_samples)
+        own, count = memory[lanes.place[m]], lanes.counts[m]
+        follow_roughness(own[0], signals[m, :count, 0], signals[m, :count, column], 0.0, ROUGHNESS_SAMPLES)
+        follow_roughness(own[1], signals[m, :count, 0], signals[m, :count, column], MEAN_S, MEAN_SAMPLES)
 
 
 @njit(cache=True)
@@ -72,40 +80,62 @@ def follow_motion(motion, signals, memory_s):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def follow_roughness(memory, values, memory_samples):  # type: ignore[no-untyped-def]
+def follow_roughness(memory, times, values, mean_s, memory_readings):  # type: ignore[no-untyped-def]
     """Follow the median of squared second differences of one vehicle's readings, in place.
 
     Args:
         memory: (ROUGHNESS,), zeros at the start.
-        values: (samples,) readings in order; what is not finite is passed over.
-        memory_samples: time constant, in samples.
+        times: (samples,) in order, s.
+        values: (samples,) what the sensor reads; what is not finite is passed over.
+        mean_s: the readings are means over such spans, times the root of the number of their samples, so that white
+            noise leaves them its variance; samples as they are where it is 0.
+        memory_readings: time constant, in readings.
     """
     for k in range(values.size):
-        reading = values[k]
-        if not np.isfinite(reading):
+        if not np.isfinite(values[k]):
             continue
-        step = reading - memory[3]
-        twice = step - memory[2]
-        memory[2], memory[3] = step, reading
-        memory[1] += 1.0
-        seen = memory[1] - 2.0
-        if seen < 1.0:
+        if mean_s <= 0.0:
+            _take_reading(memory, values[k], 1.0, memory_readings)
             continue
-        log = np.log(max(twice * twice, 1e-16))
-        if seen <= LEARN:
-            memory[0] += (log - LOG_MEAN + np.log(MEDIAN) - memory[0]) / seen
-        else:
-            # a step of 2 to either side moves the median as fast as a mean with this time constant
-            memory[0] += np.sign(log - memory[0]) * 2.0 / memory_samples
+        span = np.floor(times[k] / mean_s + 1e-6)
+        if memory[5] > 0.0 and span != memory[6]:
+            _take_reading(memory, memory[4] / memory[5], memory[5], memory_readings)
+            memory[4] = memory[5] = 0.0
+        memory[4] += values[k]
+        memory[5] += 1.0
+        memory[6] = span
+
+
+@njit(cache=True)
+def _take_reading(memory, reading, samples, memory_readings):  # type: ignore[no-untyped-def]
+    """One more reading, the mean of ``samples``."""
+    step = reading - memory[3]
+    twice = step - memory[2]
+    memory[2], memory[3] = step, reading
+    memory[1] += 1.0
+    seen = memory[1] - 2.0
+    if seen < 1.0:
+        return
+    log = np.log(max(twice * twice * samples, 1e-16))
+    if seen <= LEARN:
+        memory[0] += (log - LOG_MEAN + np.log(MEDIAN) - memory[0]) / seen
+    else:
+        # a step of 2 to either side moves the median as fast as a mean with this time constant
+        memory[0] += np.sign(log - memory[0]) * 2.0 / memory_readings
 
 
 def is_gusty(memory: Array, noise_variance: float) -> bool:
     """Whether more of the roughness is the air's than sensor noise makes.
 
-    The level scatters by a tenth or two; twice the noise's is far beyond chance.
+    The level of samples scatters by a tenth or two: twice the noise's is far beyond chance. In means there is half as
+    much as noise of the aircraft's own motion between doublets every 20 s, too, and they scatter by a sixth.
 
     Args:
-        memory: of ``follow_roughness``.
+        memory: of ``follow_roughness``, of samples and of means, (2, ROUGHNESS).
         noise_variance: of the accelerometer, m2/s4; where it is not known 0, and all roughness is the air's.
     """
-    return bool(memory[1] > LEARN and np.exp(memory[0]) / MEDIAN > 2.0 * 6.0 * noise_variance)
+    level = np.exp(memory[:, 0]) / (6.0 * MEDIAN)
+    return bool(((memory[:, 1] > LEARN) & (level > _BEYOND_CHANCE * noise_variance)).any())
+
+
+_BEYOND_CHANCE = np.array([2.0, 3.0])

@@ -44,15 +44,17 @@ from wingwatch.estimators import (
     one_vehicle,
     told_apart_text,
 )
+from wingwatch.monitor.calm_air import follow_calm, is_calm, surface_moved
+from wingwatch.monitor.causes import UNEXPLAINED
+from wingwatch.monitor.comparison import MODEL_ERROR
 from wingwatch.monitor.roughness import (
     ROUGHNESS,
-    ROUGHNESS_SAMPLES,
     follow_motions,
     follow_roughnesses,
     is_gusty,
 )
 
-__all__ = ["NO_VANE", "Lane", "ModeSolution", "Pair", "PairState", "Supervisor"]
+__all__ = ["COMPARED_SO", "NO_VANE", "Lane", "ModeSolution", "Pair", "PairState", "Supervisor"]
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -63,6 +65,9 @@ _LEAST_LANES = 8
 """Places are added by eight at least, else by a quarter: memory for a quarter more vehicles than there are."""
 
 NO_VANE = "reconstructed, no vane"
+
+COMPARED_SO = "in calm air only, by the Kalman filter alone, while surfaces of the mode move it"
+"""How structures without their vane are compared."""
 
 ROUGH_FRACTION = 0.1
 """Fraction of a rate's variance from which on the air is rough: the Fourier form's moment derivatives are off by it."""
@@ -103,6 +108,7 @@ class PairState:
         motion: of ``follow_motion``; roughness: of ``follow_roughness``.
         blocks: blocks closed at the last solution, (n,).
         rough_s: when the air was last found rough without a vane, (n,).
+        calm_s: since when the air has been found calm without a vane, NaN where it has not, (n,).
         again: whether rows were run again after a change since the filter's evidence was taken, (n,).
     """
 
@@ -113,6 +119,7 @@ class PairState:
     roughness: Array
     blocks: Places
     rough_s: Array
+    calm_s: Array
     again: Flags
 
     def put(self, which: Places | slice, other: "PairState") -> None:
@@ -131,6 +138,7 @@ class PairState:
             self.roughness[row].copy(),
             self.blocks[row].copy(),
             self.rough_s[row].copy(),
+            self.calm_s[row].copy(),
             self.again[row].copy(),
         )
 
@@ -145,7 +153,7 @@ class PairState:
         for part in (self.signals, self.fourier):
             yield from (getattr(part, f.name) for f in fields(part))
         yield from (array for _, array in arrays_of(self.ekf))
-        yield from (self.motion, self.roughness, self.blocks, self.rough_s, self.again)
+        yield from (self.motion, self.roughness, self.blocks, self.rough_s, self.calm_s, self.again)
 
 
 class Lane:
@@ -177,6 +185,8 @@ class ModeSolution:
     gained: tuple[Array, Array] | None
     rough: bool = False
     """Whether the air makes a tenth or more of the rotation."""
+    comparable: bool = True
+    """Whether a block says of the aircraft what it says: without a vane only in air that was found calm."""
     _made: tuple[Estimate, Estimate] | None = None
 
     @property
@@ -212,6 +222,21 @@ class ModeSolution:
         if not ekf.says_something or (self.rough and not self.pair.vane):
             return False
         return bool(2 * np.count_nonzero(fourier.unseen) <= fourier.unseen.size)
+
+    @property
+    def is_compared(self) -> bool:
+        """Whether what is estimated now can be compared with what is expected."""
+        return self.comparable and (self.says_something if self.pair.vane else self.filter_says_something)
+
+    @property
+    def why_not_compared(self) -> str:
+        """What keeps it from being compared, in one clause."""
+        if self.pair.vane:
+            return self.fourier.reason
+        if self.comparable:
+            return self.ekf.reason
+        found = "gusts have been felt" if self.rough else "the air is not known to be calm"
+        return f"{NO_VANE}: compared in calm air only, and {found}"
 
     def _both(self) -> tuple[Estimate, Estimate]:
         if self._made is None:
@@ -269,7 +294,7 @@ class Supervisor:
             follow_motions(state.motion, signals, lanes, MOTION_S)
             if not p.vane:
                 column = p.signals.config.layout.accelerometer
-                follow_roughnesses(state.roughness, signals, lanes, column, ROUGHNESS_SAMPLES)
+                follow_roughnesses(state.roughness, signals, lanes, column)
 
     def solve(
         self, places: Places, time_s: Array, faults: dict[int, Exception]
@@ -282,6 +307,7 @@ class Supervisor:
             faults: by place, gets what the program failed on of one vehicle; the others go on.
         """
         gusty = self._feels_gusts(places)
+        self._follow_calm(places, time_s, gusty)
         by_mode = [self._solve(p, places, time_s, gusty, faults) for p in self.pairs.values()]
         return [dict(zip(self.pairs, modes, strict=True)) for modes in zip(*by_mode, strict=True)] or [
             {} for _ in places
@@ -340,16 +366,18 @@ class Supervisor:
         state.blocks[places] = closed
         spread = pair.fourier.changed(state.fourier, places)
         changed = np.asarray(spread.any(axis=1))
-        gained: dict[int, Learned | None] = {
-            i: pair.ekf.take_gained(state.ekf, i, again=state.again[i]) for i in _listed(places[news])
-        }
-        state.again[places[news]] = False
+        gained, unlike = _gained(pair, state, places[news])
         for i in _listed(places[news & changed]):
             # Since the change, with which the block ends, the filter took the new aircraft for the old one.
             gained[i] = None
         faults |= pair.ekf.solve(state.ekf, pair.fourier.sees(state.fourier, places), places)
         rough = _is_rough(pair, state, places, gusty)
         state.rough_s[places[rough]] = time_s[rough]
+        calm = is_calm(state.calm_s[places], time_s)
+        for i in set(_listed(places[calm])) & unlike:
+            # Any derivative may have changed; forgetting alone would have the next blocks contradict it, too.
+            pair.ekf.release(state.ekf, np.full(len(pair.structure.derivatives), UNEXPLAINED.size_std), i)
+            state.again[i] = True
         solutions = _read(pair, state, places, time_s, rough, gained)
         # Without a vane all may contradict what is remembered; with one, rough air at first.
         trusted = ~rough | (closed >= BLOCKS_IN_ROUGH_AIR) if pair.vane else np.zeros_like(rough)
@@ -362,6 +390,15 @@ class Supervisor:
             except Exception as error:  # the others are not to suffer by it
                 faults[i] = error
         return solutions
+
+    def _follow_calm(self, places: Places, time_s: Array, gusty: Flags) -> None:
+        """Whether the air is calm, where a velocity is reconstructed: a gust that turns any mode counts for all."""
+        blind = [(p, self._states[name]) for name, p in self.pairs.items() if not p.vane]
+        turned = np.zeros(places.size, dtype=np.bool_)
+        for p, state in blind:
+            turned |= _is_turned(p, state, places)
+        for _, state in blind:
+            state.calm_s[places] = follow_calm(state.calm_s[places], time_s, gusty, turned)
 
     def _feels_gusts(self, places: Places) -> Flags:
         """Of which vehicles an accelerometer does, (m,): asked where no vane sees them."""
@@ -379,9 +416,10 @@ def _init(pair: Pair, vehicles: int) -> PairState:
         pair.fourier.init(vehicles),
         pair.ekf.init(vehicles),
         np.full((vehicles, 3, len(pair.structure.states)), np.nan),
-        np.zeros((vehicles, ROUGHNESS)),
+        np.zeros((vehicles, 2, ROUGHNESS)),
         np.zeros(vehicles, dtype=np.int64),
         np.full(vehicles, -np.inf),
+        np.full(vehicles, np.nan),
         np.zeros(vehicles, dtype=np.bool_),
     )
 
@@ -390,12 +428,42 @@ def _listed(array: NDArray[Any]) -> list[Any]:
     return array.tolist()  # type: ignore[no-any-return]
 
 
-def _is_rough(pair: Pair, state: PairState, places: Places, gusty: Flags) -> Flags:
-    """Whose air is rough now, (m,); ``gusty``: whose accelerometer feels it."""
+def _gained(pair: Pair, state: PairState, closed: Places) -> tuple[dict[int, Learned | None], set[int]]:
+    """What the filter has learned in the blocks that some vehicles have closed, and without a vane those that
+    contradict what it knows.
+
+    Without a vane only blocks count in which a surface of the mode has moved the vehicle, and a block contradicts what
+    is known by more than blocks may differ: else the filter, which forgets slowly, would never agree with a changed
+    aircraft.
+    """
+    if pair.vane:
+        gained: dict[int, Learned | None] = {
+            i: pair.ekf.take_gained(state.ekf, i, again=state.again[i]) for i in _listed(closed)
+        }
+        state.again[closed] = False
+        return gained, set()
+    gained, unlike = {}, set()
+    for i in _listed(closed):
+        moved = surface_moved(pair.structure, state.ekf.gained_matrix[i], pair.ekf.config.prior_std)
+        if moved and pair.ekf.contradicted(state.ekf, i, MODEL_ERROR):
+            unlike.add(i)
+        taken = pair.ekf.take_gained(state.ekf, i, again=state.again[i], within=MODEL_ERROR)
+        gained[i] = taken if moved else None
+        state.again[i] &= not moved
+    return gained, unlike
+
+
+def _is_turned(pair: Pair, state: PairState, places: Places) -> Flags:
+    """Of which vehicles the filter puts a large part of the rotation down to the air, (m,)."""
     mean, square = state.motion[places, 0], state.motion[places, 1]
     with np.errstate(over="ignore"):  # a filter that diverged: infinitely rough all right
         fraction = pair.ekf.gust_variance(state.ekf, places) / np.maximum(square - mean**2, 1e-12)
-    rough: Flags = (fraction[:, 1:] > ROUGH_FRACTION).any(axis=1)
+    return np.asarray((fraction[:, 1:] > ROUGH_FRACTION).any(axis=1))
+
+
+def _is_rough(pair: Pair, state: PairState, places: Places, gusty: Flags) -> Flags:
+    """Whose air is rough now, (m,); ``gusty``: whose accelerometer feels it."""
+    rough = _is_turned(pair, state, places)
     return rough if pair.vane else rough & gusty
 
 
@@ -414,11 +482,16 @@ def _read(
     if not pair.vane:
         since_s = time_s - state.rough_s[places]
         rough = rough | ((since_s >= 0.0) & (since_s < ROUGH_MEMORY_S))
+    comparable = np.ones_like(rough)
+    if not pair.vane:
+        comparable = is_calm(state.calm_s[places], time_s) & ~rough & ~_is_turned(pair, state, places)
     fourier, ekf = pair.fourier.standings(state.fourier, places), pair.ekf.standings(state.ekf, places)
     solutions = []
-    for m, (i, is_rough) in enumerate(zip(*map(_listed, (places, rough)), strict=True)):
+    for m, (i, is_rough, compared) in enumerate(zip(*map(_listed, (places, rough, comparable)), strict=True)):
         block = pair.fourier.evidence(state.fourier, i) if i in gained else None
-        solutions.append(ModeSolution(pair, (fourier.of(m), ekf.of(m)), block, gained.get(i), is_rough))
+        solutions.append(
+            ModeSolution(pair, (fourier.of(m), ekf.of(m)), block, gained.get(i), is_rough, compared)
+        )
     return solutions
 
 

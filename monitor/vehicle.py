@@ -34,7 +34,7 @@ from wingwatch.monitor.positions import position_of
 from wingwatch.monitor.redundancy import VehicleRelations
 from wingwatch.monitor.solution_times import SOLUTION_INTERVAL_S
 from wingwatch.monitor.state_codec import detached
-from wingwatch.monitor.supervision import NO_VANE, ModeSolution
+from wingwatch.monitor.supervision import COMPARED_SO, NO_VANE, ModeSolution
 from wingwatch.monitor.surfaces_seen import EFFECTIVENESS, SurfaceWatch
 from wingwatch.monitor.vehicle_alerts import VehicleAlerts
 from wingwatch.monitor.vehicle_readings import VehicleReadings, suspected
@@ -91,7 +91,7 @@ class VehicleMonitor(VehicleReadings):
         )
         self.aircraft = aircraft = self.chain.aircraft  # equal, and one object for all vehicles of its type
         self.chain_state = self.chain.init()
-        self._compared = _compared(self.chain.seen)
+        self._compared = _compared(self.chain.structures)
         nominal = nominal_condition(aircraft)
         self._stated = self._stated_provenance(nominal)
         reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
@@ -277,7 +277,9 @@ class VehicleMonitor(VehicleReadings):
         closed = [
             (m, m.block)
             for s in self._compared
-            if (m := solution.modes[s.name]).block is not None and not self._relations.book.doubts(s.states)
+            if (m := solution.modes[s.name]).block is not None
+            and m.comparable
+            and not self._relations.book.doubts(s.states)
         ]  # what a wrong reading makes of derivatives is neither a change nor to be learned
         if not closed:
             return None
@@ -295,7 +297,8 @@ class VehicleMonitor(VehicleReadings):
                 continue
             self._memory.outside = ""
             modes[mode.structure.name] = self.judge.mode_block(mode, evidence, expectation, condition)
-            self._remember(mode, evidence, modes[mode.structure.name], condition)
+            if not mode.reconstructed:
+                self._remember(mode, evidence, modes[mode.structure.name], condition)
         if condition is None or not modes:
             return None
         block = BlockView(closed[0][1].end_s, condition, modes)
@@ -360,9 +363,7 @@ class VehicleMonitor(VehicleReadings):
     def basis_text(self) -> str:
         """The basis as a sentence, with what contradicts it."""
         if self.basis is None:
-            blind = {s.name: f"{NO_VANE}: shown, not compared" for s in self.chain.structures}
-            why = {**blind, **self.chain.absent}
-            return "Nothing to compare with: " + "; ".join(f"{k}: {v}" for k, v in why.items())
+            return "Nothing to compare with: " + "; ".join(f"{k}: {v}" for k, v in self.chain.absent.items())
         seconds = max(r.seconds for r in self._judge_state.references.values())
         words = {
             "a-priori": "Compared with a-priori numbers and with this flight's own earlier blocks",
@@ -373,6 +374,8 @@ class VehicleMonitor(VehicleReadings):
             words += f"; the a-priori {name} does not fit this aircraft ({', '.join(symbols) or 'jointly'})"
         if self.cells.text:
             words += f"; {self.cells.text}"
+        if blind := [s.name for s in self._compared if not self.chain.supervisor.pairs[s.name].vane]:
+            words += f"; {' and '.join(blind)} ({NO_VANE}): {COMPARED_SO}"
         return words + "."
 
     def worst(self) -> WorstDerivative | None:
@@ -398,7 +401,7 @@ class VehicleMonitor(VehicleReadings):
         if self.unseen_surfaces and self.says_something:
             return self._surfaces.text(self._memory.surfaces)
         if self.state is VehicleState.NOT_OBSERVABLE:
-            return "; ".join(latest.modes[s.name].fourier.reason for s in self._compared)
+            return "; ".join(latest.modes[s.name].why_not_compared for s in self._compared)
         return "no change against what is expected"
 
     def could_see(self) -> Sequence[CouldSeeView]:

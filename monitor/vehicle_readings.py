@@ -132,9 +132,9 @@ class VehicleReadings(ABC):
 
     @property
     def says_something(self) -> bool:
-        """Whether a compared structure was observable at the latest solution."""
+        """Whether a compared structure was observable, and its air fit for it, at the latest solution."""
         latest = self._memory.latest
-        return latest is not None and any(latest.modes[s.name].says_something for s in self._compared)
+        return latest is not None and any(latest.modes[s.name].is_compared for s in self._compared)
 
     @property
     def condition(self) -> FlightCondition | None:

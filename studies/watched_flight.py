@@ -178,6 +178,8 @@ class WatchedFlight:
                 if name in block.modes and found is not None:
                     at = monitor.judge.coordinates[name].at(block.condition)
                     information, _ = at.of_evidence(found.information, found.vector)
+                    if mode_solution.reconstructed:  # the monitor goes by the filter alone
+                        information = block.modes[name].evidence.information[FOURIER]
                     heard.information.append((block.end_s, name, information))
 
     def _score(self, mode: ModeBlock) -> tuple[float, float]:

@@ -371,22 +371,38 @@ class EkfEstimator:
         by_w[~known] = 0.0
         return by_w.reshape(value.shape)
 
-    def take_gained(self, state: EkfState, vehicle: int = 0, *, again: bool = False) -> tuple[Array, Array]:
+    def take_gained(
+        self, state: EkfState, vehicle: int = 0, *, again: bool = False, within: float = 0.0
+    ) -> tuple[Array, Array]:
         """Information (k, k) and vector (k,) gained from data since the last call, with the dispersion of the blocks
         before; the account starts anew.
 
         Each half second is linearised at what was known before it. So zeros are given where that was next to nothing of
         some derivative that the account has much of, and where the account contradicts what is known now, after rows
-        were run again. ``again``: ``release`` has begun the account with rows run again about what they say themselves.
+        were run again. ``again``: ``release`` has begun the account with rows run again about what they say themselves;
+        ``within``: as for ``contradicted``.
         """
         matrix, vector = state.gained_matrix[vehicle].copy(), state.gained_vector[vehicle].copy()
+        first = not again and _is_first(matrix, state.information[vehicle], self.config.prior_std)
+        contradicts = self.contradicted(state, vehicle, within)
         for account in (state, state.accepted):
             account.gained_matrix[vehicle], account.gained_vector[vehicle] = 0.0, 0.0
-        std = self.config.prior_std
-        first = not again and _is_first(matrix, state.information[vehicle], std)
-        if first or _contradicts(matrix, vector, state.z[vehicle, self._parameters], std):
+        if first or contradicts:
             return np.zeros_like(matrix), np.zeros_like(vector)
         return dispersed(matrix, vector, dispersion_before(state.scatter, vehicle))
+
+    def contradicted(self, state: EkfState, vehicle: int = 0, within: float = 0.0) -> bool:
+        """Whether what a vehicle's data gave since the last ``take_gained`` cannot be of what is known by now.
+
+        Args:
+            within: by how much derivatives may differ all the same, in natural sizes.
+        """
+        matrix, vector = state.gained_matrix[vehicle], state.gained_vector[vehicle]
+        off = vector - matrix @ state.z[vehicle, self._parameters]
+        inner = np.eye(off.size) + matrix * (within * self.config.prior_std) ** 2
+        return _contradicts(
+            np.linalg.solve(inner, matrix), np.linalg.solve(inner, off), self.config.prior_std
+        )
 
 
 def _is_first(matrix: Array, known: Array, prior_std: Array) -> bool:
@@ -399,10 +415,11 @@ def _is_first(matrix: Array, known: Array, prior_std: Array) -> bool:
     return bool(((within < 1.0) & ~((without > 0.0) & (without < 1.0))).any())
 
 
-def _contradicts(matrix: Array, vector: Array, value: Array, prior_std: Array) -> bool:
-    """Whether evidence (k, k), (k,) that is part of what is known cannot be of the derivatives' values (k,)."""
+def _contradicts(matrix: Array, off: Array, prior_std: Array) -> bool:
+    """Whether evidence (k, k) that is part of what is known cannot be of the derivatives' values: ``off``, its vector
+    less what they make it, (k,)."""
     w, u = np.linalg.eigh(matrix * (prior_std[:, None] * prior_std))
-    score = u.T @ (prior_std * (vector - matrix @ value))
+    score = u.T @ (prior_std * off)
     seen = w > 1.0
     return bool(seen.any() and chdtrc(seen.sum(), (score[seen] ** 2 / w[seen]).sum()) < _CONTRADICTION)
 

@@ -83,7 +83,9 @@ def test_the_account_has_what_was_flown_since_the_change_and_nothing_from_before
         assert abs((vector - information @ referred)[CHANGED] * error) < 4.0
 
 
-def account(flown: tuple[EkfEstimator, EkfState], derivative: int, information: float, off: float) -> Array:
+def account(
+    flown: tuple[EkfEstimator, EkfState], derivative: int, information: float, off: float, within: float = 0.0
+) -> Array:
     """What ``take_gained`` gives of one derivative, where the account has ``information``, in halves of the prior's
     standard deviation, at a value that is ``off`` by so many of its errors."""
     ekf, state = flown[0], deepcopy(flown[1])
@@ -91,7 +93,7 @@ def account(flown: tuple[EkfEstimator, EkfState], derivative: int, information: 
     state.gained_matrix[0], state.gained_vector[0] = 0.0, 0.0
     state.gained_matrix[0, derivative, derivative] = size**-2.0
     state.gained_vector[0, derivative] = size**-2.0 * (state.z[0, ekf._parameters][derivative] + off * size)
-    matrix, vector = ekf.take_gained(state)
+    matrix, vector = ekf.take_gained(state, within=within)
     assert matrix.any() == vector.any()
     assert not state.gained_matrix[0].any()
     return matrix
@@ -103,6 +105,12 @@ def test_an_account_that_contradicts_what_is_known_is_no_evidence(
     """Of a derivative that it says is five of its errors off; three are chance."""
     assert account(flown, CHANGED, 10.0, 3.0).any()
     assert not account(flown, CHANGED, 10.0, 5.0).any()
+
+
+def test_an_account_contradicts_by_more_than_it_may_differ(flown: tuple[EkfEstimator, EkfState]) -> None:
+    """Its error is 0.16 natural sizes; 0.8 off is 2.3 standard errors where it may differ by 0.3, 4.8 by 0.05."""
+    assert account(flown, CHANGED, 10.0, 5.0, 0.3).any()
+    assert not account(flown, CHANGED, 10.0, 5.0, 0.05).any()
 
 
 def test_the_first_account_of_a_derivative_is_no_evidence(flown: tuple[EkfEstimator, EkfState]) -> None:

@@ -4,15 +4,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wingwatch.monitor.roughness import ROUGHNESS, follow_roughness, is_gusty
+from wingwatch.monitor.roughness import (
+    MEAN_S,
+    MEAN_SAMPLES,
+    ROUGHNESS,
+    ROUGHNESS_SAMPLES,
+    follow_roughness,
+    is_gusty,
+)
 
 NOISE = 0.03
 
 
 def followed(readings: NDArray[np.float64], cuts: int = 1) -> NDArray[np.float64]:
-    memory = np.zeros(ROUGHNESS)
-    for piece in np.array_split(readings, cuts):
-        follow_roughness(memory, np.ascontiguousarray(piece), 250.0)
+    memory, times = np.zeros((2, ROUGHNESS)), 0.02 * np.arange(readings.size)
+    for clock, piece in zip(np.array_split(times, cuts), np.array_split(readings, cuts), strict=True):
+        follow_roughness(memory[0], clock, np.ascontiguousarray(piece), 0.0, ROUGHNESS_SAMPLES)
+        follow_roughness(memory[1], clock, np.ascontiguousarray(piece), MEAN_S, MEAN_SAMPLES)
     return memory
 
 
@@ -34,7 +42,15 @@ def test_cuts_and_missing_readings_change_nothing() -> None:
     whole = readings(0.1, 1)
     spoilt = np.insert(whole, [100, 2000], np.nan)
     np.testing.assert_array_equal(followed(whole), followed(whole, 300))
-    np.testing.assert_array_equal(followed(whole), followed(spoilt, 7))
+    np.testing.assert_array_equal(followed(whole)[0], followed(spoilt, 7)[0])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_gusts_that_drown_in_noise_are_felt_in_means(seed: int) -> None:
+    """A tenth of the noise's second differences from sample to sample, ten times as much in means of five."""
+    quiet, gusty = followed(readings(0.0, seed)), followed(readings(0.02, seed))
+    assert is_gusty(gusty, NOISE**2)
+    assert not is_gusty(np.stack([gusty[0], quiet[1]]), NOISE**2)
 
 
 def test_nothing_is_said_before_there_is_a_level() -> None:

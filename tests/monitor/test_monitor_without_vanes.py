@@ -1,4 +1,4 @@
-"""Aircraft without vanes: the filter's derivatives are shown and not compared, rough air takes their standing."""
+"""Aircraft without vanes: the filter's derivatives are compared in calm air, rough air takes their standing."""
 
 from itertools import count
 
@@ -11,6 +11,7 @@ from wingwatch.monitor import AlertView, VehicleMonitor, VehicleState
 from wingwatch.simulation import (
     Effect,
     ElevatorEffectiveness,
+    Icing,
     Scenario,
     TurbulenceOnset,
     doublet_schedule,
@@ -35,14 +36,14 @@ def watched(
     return monitor, list(monitor.feed(block).alerts)
 
 
-def test_still_air_gives_the_filters_derivatives_and_no_alert() -> None:
-    """Both doublets and a lost elevator: what is reconstructed is shown, and compared with nothing."""
-    for effects in ((), (ElevatorEffectiveness(0.5, 60.0),)):
-        monitor, alerts = watched(*effects, seconds=120.0)
-        assert alerts == []
-        assert monitor.state is VehicleState.NOT_OBSERVABLE
-        assert "reconstructed, no vane: shown, not compared" in monitor.reason
-    monitor, _ = watched(seconds=120.0)
+def test_healthy_in_calm_air_is_compared_and_raises_nothing() -> None:
+    monitor, alerts = watched(seconds=120.0)
+    assert alerts == []
+    assert monitor.state is VehicleState.HEALTHY
+    assert "reconstructed, no vane" in monitor.basis_text
+    assert "calm air only" in monitor.basis_text
+    assert monitor.last_verdict is not None
+    assert {name for name, mode in monitor.last_block.modes.items()} == {SHORT_PERIOD.name, LATERAL.name}  # type: ignore[union-attr]
     modes = monitor.derivatives()["estimators"]
     for structure, symbol in (
         (SHORT_PERIOD, "z_w"),
@@ -58,8 +59,21 @@ def test_still_air_gives_the_filters_derivatives_and_no_alert() -> None:
         assert outcomes <= {str(Outcome.REJECTED), str(Outcome.NOT_OBSERVABLE)}
 
 
+def test_ice_in_calm_air_is_called_ice_and_has_its_size() -> None:
+    monitor, alerts = watched(Icing(0.15, 80.0), seconds=140.0)
+    found = [alert for alert in alerts if alert.channel is None]
+    assert [alert.cause for alert in found[:1]] == ["icing"]
+    assert found[0].raised_s >= 80.0
+    active = monitor.book.active
+    assert active is not None
+    assert abs(active.size - 0.15) < 3.0 * active.size_standard_error
+    assert monitor.state is VehicleState.DEGRADED
+
+
 def test_a_fault_is_no_rough_air() -> None:
-    monitor, _ = watched(ElevatorEffectiveness(0.5, 60.0), seconds=120.0)
+    """The filter puts it down to gusts at first; the accelerometer feels none."""
+    monitor, alerts = watched(ElevatorEffectiveness(0.5, 80.0), seconds=150.0)
+    assert {alert.cause for alert in alerts} == {"elevator_effectiveness"}
     row = monitor.derivatives()["estimators"]["ekf"][SHORT_PERIOD.name]["derivatives"]["m_eta"]
     assert row["outcome"] in (Outcome.CONVERGED, Outcome.SETTLING)
     assert abs(row["value"]) < 0.75 * abs(row["expected"])
@@ -67,8 +81,17 @@ def test_a_fault_is_no_rough_air() -> None:
 
 def test_one_vane_is_enough_for_its_own_modes() -> None:
     monitor, _ = watched(seconds=30.0, vanes=VANES[1:])
-    assert [s.name for s in monitor.chain.seen] == [SHORT_PERIOD.name]
+    assert "lateral (reconstructed, no vane)" in monitor.basis_text
+    assert "short_period" not in monitor.basis_text
     assert monitor.basis == "a-priori"
+
+
+def test_rough_air_is_compared_with_nothing_and_says_so() -> None:
+    monitor, alerts = watched(TurbulenceOnset(1.5, 0.0, 0.0), seconds=60.0)
+    assert alerts == []
+    assert monitor.state is VehicleState.NOT_OBSERVABLE
+    assert "compared in calm air only, and gusts have been felt" in monitor.reason
+    assert monitor.last_block is None
 
 
 def test_gusts_that_set_in_take_the_standing_and_raise_nothing() -> None:
