@@ -229,6 +229,10 @@ class AlertDocument(_Answer):
     candidates: list[CandidateDocument] = Field(
         default_factory=list, description="causes that are possible, likeliest first; empty where only one is"
     )
+    diagnosis_id: str | None = Field(
+        default=None,
+        description="of the diagnosis of it, see /v1/diagnoses/{id}; null without and after a restart",
+    )
 
 
 class AlertList(_Answer):
@@ -465,6 +469,7 @@ def alert_document(view: AlertView) -> AlertDocument:
         shelved_until_at_s=None if view.shelving is None else quantity(view.shelving.until_at_s),
         channel=view.channel,
         candidates=[_candidate(one) for one in view.candidates],
+        diagnosis_id=view.diagnosis_id,
     )
 
 

@@ -29,8 +29,10 @@ from wingwatch.api import (
     read_certificate,
 )
 from wingwatch.baselines import open_database
+from wingwatch.cli.alert_diagnoses import AlertDiagnoses
 from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.database_probe import DatabaseProbe
+from wingwatch.cli.diagnosis_change import RING_CHANNELS
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
 from wingwatch.cli.health import Health, Parts, connected, waiting_for
@@ -155,7 +157,9 @@ def _fleet(
         time.monotonic,
         lambda: uuid4().hex,
         FleetPorts(store, outputs, checkpoints),
-        FleetSettings(stale_s=settings.stale_s),
+        FleetSettings(
+            stale_s=settings.stale_s, ring_channels=RING_CHANNELS if settings.diagnose_alerts else ()
+        ),
         wall_clock,
     )
     _resume(monitor, checkpoints)
@@ -215,6 +219,9 @@ def running_service(
         preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
         pump = Pump(subscriber, monitor, arrived, preparation)
         diagnoses = stack.enter_context(DiagnosisJobs(hangar.find))
+        of_alerts = AlertDiagnoses(monitor, diagnoses)
+        if settings.diagnose_alerts:
+            stack.enter_context(of_alerts)
         app = create_app(
             monitor,
             lambda: service.readiness(),
@@ -230,7 +237,8 @@ def running_service(
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
-            diagnoses=diagnoses, refusals=refusals or {},
+            diagnoses=diagnoses, alert_diagnoses=of_alerts if settings.diagnose_alerts else None,
+            refusals=refusals or {},
         )  # fmt: skip
         service: Service = Service(parts)
         stack.callback(pump.stop)

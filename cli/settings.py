@@ -23,7 +23,7 @@ DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 _MOST_BYTES = 100_000
 _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
-    "log_format",
+    "log_format", "diagnose_alerts",
 )  # fmt: skip
 _PATHS = ("data", "certificate", "private_key")
 
@@ -70,6 +70,7 @@ class ServeSettings(BaseModel):
         zenoh: certificates, user and access rules of Zenoh's links.
         log_format: of what is written to standard error.
         history: how long the history of derivatives is kept.
+        diagnose_alerts: whether alerts of the airframe or of unclear cause are diagnosed.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -89,6 +90,7 @@ class ServeSettings(BaseModel):
     log_format: LogFormat = "text"
     zenoh: LinkTable = LinkTable()
     history: HistoryTable = HistoryTable()
+    diagnose_alerts: Annotated[bool, Field(strict=True)] = True
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod

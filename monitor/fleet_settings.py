@@ -21,6 +21,7 @@ class FleetSettings:
         recall_patience_s: how long samples wait for what is kept of their vehicle before they are watched without.
         checkpoint_interval_s: least time between two checkpoints of a vehicle without news of an alert; of more than
             fifty vehicles each waits longer.
+        ring_channels: channels of which the last two minutes are kept of each vehicle, for diagnoses; none where empty.
     """
 
     stale_s: float = 5.0
@@ -33,3 +34,4 @@ class FleetSettings:
     recall_patience_s: float = 2.0
     checkpoint_interval_s: float = 5.0
     judge: JudgeConfig = field(default_factory=JudgeConfig)
+    ring_channels: tuple[str, ...] = ()

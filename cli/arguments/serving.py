@@ -88,6 +88,13 @@ def add_serve(commands: Commands) -> None:
         help="aircraft file beside the library; may be repeated",
     )
     parser.add_argument(
+        "--no-diagnose-alerts",
+        dest="diagnose_alerts",
+        action="store_false",
+        default=None,
+        help="do not look into alerts by simulation, in a process of its own at low priority",
+    )
+    parser.add_argument(
         "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"
     )
 
