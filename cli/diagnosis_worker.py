@@ -1,9 +1,9 @@
 """The process in which one flight is diagnosed, behind the service's back.
 
-``python -m wingwatch.cli.diagnosis_worker FOLDER`` reads FOLDER's ``request.json``, ``aircraft.toml``, ``map.toml``
-(where there is one) and ``flight``, or ``samples.npz`` where the request is about an alert; it tells its progress as lines of JSON on standard output, and writes ``report.html``
-and ``result.json``. It yields to whatever else wants the processor or the memory, and ends when its standard input
-does: with the service.
+``python -m wingwatch.cli.diagnosis_worker FOLDER`` reads FOLDER's ``request.json`` and ``aircraft.toml``, and
+``flight`` with ``map.toml`` (where there is one), or ``samples.npz`` where the request is about an alert. It tells its
+progress as lines of JSON on standard output, and writes ``report.html`` and ``result.json``. It yields to whatever else
+wants the processor or the memory, and ends when its standard input does: with the service.
 """
 
 import contextlib

@@ -48,6 +48,8 @@ _GUARD_S = 1.0
 """Either side of the onset that is left out: it is known to a block of two seconds."""
 _MOST_FITTED, _WITHIN = 5, 25.0
 """Causes that are fitted, and how much less than the best one they may promise."""
+_ANY = 10.0
+"""Of the least that matters, a standard deviation of a change of any kind."""
 _REFERENCE_PASSES, _NOISE_PASSES = 2, 5
 
 
@@ -149,7 +151,7 @@ def _learned(subject: Subject, first_s: float, last_s: float, window_s: float) -
     reduced = reduce(problem, solution.point, solution.evaluation)
     inflated = inflation(reduced, slice(None))
     belief = met(likelihood(reduced, solution.point.theta, inflated), prior).belief
-    wide = np.array([max(s, 10.0 * l) for s, l in zip(spread, least, strict=True)])
+    wide = np.maximum(spread, _ANY * least)
     return _Learned(Reference(tuple(errors), belief, least, wide, inflated), solution.point.noise)
 
 
