@@ -6,6 +6,7 @@ are fitted by Gauss-Newton on innovations as in ``fit``; the log-likelihood is d
 before has shown.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.change.gaussian import Belief, Meeting, Quadratic, met
 from wingwatch.diagnosis.evaluation import Reduced, evaluate, reduce
+from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.noise import fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
 
@@ -27,8 +29,8 @@ LEVELS = (1.0 / 3.0, 1.0)
 _ENOUGH = 0.5
 """Of log-likelihood, promised by a step, below which it is not worth another pass."""
 _FIRST_PASSES, _PASSES, _NOISE_PASSES, _ROUNDS = 4, 2, 4, 2
-"""Of Gauss-Newton by the noise of the time before; after the noise was fitted; of noise; and how often noise is fitted,
-each time from that of the time before: fitted beside a cause that is not yet at its best it takes part of the misfit."""
+"""Of Gauss-Newton by the noise to begin with; after the noise was fitted; of noise; and how often noise is fitted,
+each time from that of the time before: beside a cause that is not at its best yet it takes part of the misfit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +58,13 @@ class Fitted:
         cause: None where it has none.
         point: the model since the onset: errors, then the cause.
         meeting: mode, covariance and evidence at the best tau.
+        too_small: log of the evidence of a cause that is there with a size which does not matter; none without a cause.
     """
 
     cause: Candidate | None
     point: Point
     meeting: Meeting
+    too_small: float
 
     @property
     def values(self) -> Array:
@@ -94,6 +98,7 @@ def fitted(
     reference: Reference,
     cause: Candidate | None,
     begin: Array,
+    air: Noise,
     *,
     any_change: bool = False,
 ) -> Fitted:
@@ -105,6 +110,7 @@ def fitted(
         reference: what the time before says.
         cause: the explanation.
         begin: values of errors and of the cause to begin with.
+        air: noise by which they are fitted first: where it takes part of the misfit, steps are short.
         any_change: whether everything may have changed by any size.
 
     Raises:
@@ -116,14 +122,18 @@ def fitted(
     variances = [(tau * reference.least) ** 2 for tau in LEVELS]
     if any_change:
         variances = [reference.wide**2]
-    priors = [reference.belief.widened(v).beside(spread) for v in variances]
+    least = np.array([min(p.least, p.spread) for c in own for p in c.parameters])
+    priors, small = (
+        [reference.belief.widened(v).beside(sizes) for v in variances] for sizes in (spread, least)
+    )
     fit = _Fit(problem, causes, limits(own), reference.inflation, priors)
-    at = replace(point, causes=causes, values=_split(begin, causes))
+    at = replace(point, causes=causes, values=_split(begin, causes), noise=air)
     at, _ = fit.improved(at, _FIRST_PASSES)
     for _ in range(_ROUNDS):
         values = _values_of(at, cause)
         at, reduced = fit.improved(fit_noise(problem, replace(at, noise=point.noise), _NOISE_PASSES), _PASSES)
-        found = Fitted(cause, at, fit.best(reduced, at))
+        too_small = -math.inf if cause is None else fit.best(reduced, at, small).log_evidence
+        found = Fitted(cause, at, fit.best(reduced, at, priors), too_small)
         if (np.abs(_values_of(at, cause) - values) < found.errors).all():
             break
     return found
@@ -137,10 +147,10 @@ class _Fit:
     inflation: float
     priors: list[Belief]
 
-    def best(self, reduced: Reduced, point: Point) -> Meeting:
+    def best(self, reduced: Reduced, point: Point, priors: Sequence[Belief]) -> Meeting:
         """At the best tau."""
         quadratic = likelihood(reduced, point.theta, self.inflation)
-        found = [met(quadratic, prior, *self.limits) for prior in self.priors]
+        found = [met(quadratic, prior, *self.limits) for prior in priors]
         return max(found, key=lambda m: m.log_evidence)
 
     def improved(self, point: Point, passes: int) -> tuple[Point, Reduced]:

@@ -12,7 +12,7 @@ from wingwatch.diagnosis.problem import Point, Problem, prepare
 
 __all__ = ["LEAST_AFTER_S", "LEAST_BEFORE_S", "Parts", "cut", "part_of"]
 
-LEAST_BEFORE_S, LEAST_AFTER_S = 15.0, 6.0
+LEAST_BEFORE_S, LEAST_AFTER_S = 20.0, 6.0
 """Of flight before the onset, for it is the reference, and since."""
 
 

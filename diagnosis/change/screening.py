@@ -16,7 +16,7 @@ from wingwatch.diagnosis.change.hypothesis import LEVELS, Reference, limits
 from wingwatch.diagnosis.evaluation import Reduced, block_cuts, evaluate, reduce
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
 
-__all__ = ["Promise", "Screened", "screen"]
+__all__ = ["Promise", "Screened", "screen", "screen_again"]
 
 Array = NDArray[np.float64]
 
@@ -38,9 +38,10 @@ class Promise:
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """The likeliest onset, and by it what each cause promises, most first, and what none does."""
+    """The likeliest onset of how many, and by it what each cause promises, most first, and what none does."""
 
     onset_s: float
+    onsets: int
     promises: tuple[Promise, ...]
     nothing: float
 
@@ -73,7 +74,28 @@ def screen(
     starts_s = _block_starts(problem)
     tried = [s for s in starts_s if onsets_s[0] <= s <= onsets_s[1]] or [float(starts_s[0])]
     found = [_from(s, starts_s, reduced, reference, causes) for s in tried]
-    return max(found, key=lambda one: max((p.log_evidence for p in one.promises), default=-np.inf))
+    best = max(found, key=lambda one: max((p.log_evidence for p in one.promises), default=-np.inf))
+    return replace(best, onsets=len(tried))
+
+
+def screen_again(
+    problem: Problem, point: Point, reference: Reference, causes: Sequence[Candidate]
+) -> tuple[Promise, ...]:
+    """What each cause promises about a model without a cause, by the noise that was fitted to it, most first.
+
+    By the noise of still air a large change is far beyond what one step can say; noise that takes part of the misfit
+    makes steps short.
+
+    Args:
+        problem: windows since the onset.
+        point: the model, its errors being all that it has.
+        reference: what the time before says.
+        causes: that compete.
+    """
+    reduced = reduce(problem, point, evaluate(problem, point, causes))
+    f = reference.inflation
+    sums = _Sums(point.theta, reduced.score / f, reduced.information / f)
+    return _promises(sums, reference, causes)
 
 
 def _block_starts(problem: Problem) -> Array:
@@ -86,36 +108,55 @@ def _block_starts(problem: Problem) -> Array:
     return np.concatenate(starts)
 
 
+@dataclass(frozen=True, slots=True)
+class _Sums:
+    """Score and information of errors, then of all causes, about values of the errors."""
+
+    at: Array
+    score: Array
+    information: Array
+
+
 def _from(
     onset_s: float, starts_s: Array, reduced: Reduced, reference: Reference, causes: Sequence[Candidate]
 ) -> Screened:
     """Everything by one onset."""
-    n, f = len(reference.belief.mean), reference.inflation
-    early = starts_s < onset_s - 1e-6
+    mean, f = reference.belief.mean, reference.inflation
+    early, n = starts_s < onset_s - 1e-6, len(reference.belief.mean)
 
-    def sums(blocks: NDArray[np.bool_]) -> tuple[Array, Array]:
-        return reduced.block_scores[blocks].sum(axis=0) / f, reduced.block_information[blocks].sum(axis=0) / f
-
-    (g0, h0), (g, h) = sums(early), sums(~early)
-    before = met(Quadratic(reference.belief.mean, 0.0, g0[:n], h0[:n, :n]), reference.belief)
-    belief = before.belief
-    none = np.zeros(0)
-    wide = [belief.widened((tau * reference.least) ** 2) for tau in LEVELS]
-
-    def at_best(rows: NDArray[np.int64], cause: Candidate | None) -> Meeting:
-        own = () if cause is None else (cause,)
-        spread = np.array([p.spread for c in own for p in c.parameters]) if own else none
-        at = np.concatenate([reference.belief.mean, np.zeros(len(spread))])
-        likelihood = Quadratic(at, 0.0, g[rows], h[np.ix_(rows, rows)])
-        return max(
-            (met(likelihood, w.beside(spread), *limits(own)) for w in wide), key=lambda m: m.log_evidence
+    def sums(blocks: NDArray[np.bool_]) -> _Sums:
+        return _Sums(
+            mean,
+            reduced.block_scores[blocks].sum(axis=0) / f,
+            reduced.block_information[blocks].sum(axis=0) / f,
         )
 
+    first, last = sums(early), sums(~early)
+    before = met(Quadratic(mean, 0.0, first.score[:n], first.information[:n, :n]), reference.belief)
+    then = replace(reference, belief=before.belief)
+    promises = [
+        replace(p, log_evidence=p.log_evidence + before.log_evidence) for p in _promises(last, then, causes)
+    ]
+    nothing = before.log_evidence + _beside(last, then, None, np.arange(n)).log_evidence
+    return Screened(onset_s, 1, tuple(promises), nothing)
+
+
+def _promises(sums: _Sums, reference: Reference, causes: Sequence[Candidate]) -> tuple[Promise, ...]:
+    n = len(reference.belief.mean)
     promises, first, own = [], n, np.arange(n)
     for cause in causes:
         last = first + len(cause.parameters)
-        meeting = at_best(np.concatenate([own, np.arange(first, last)]), cause)
-        promises.append(Promise(cause, meeting.mode[n:], before.log_evidence + meeting.log_evidence))
+        meeting = _beside(sums, reference, cause, np.concatenate([own, np.arange(first, last)]))
+        promises.append(Promise(cause, meeting.mode[n:], meeting.log_evidence))
         first = last
-    promises.sort(key=lambda p: -p.log_evidence)
-    return Screened(onset_s, tuple(promises), before.log_evidence + at_best(own, None).log_evidence)
+    return tuple(sorted(promises, key=lambda p: -p.log_evidence))
+
+
+def _beside(sums: _Sums, reference: Reference, cause: Candidate | None, rows: NDArray[np.int64]) -> Meeting:
+    """Errors and a cause, or none, at the best tau; rows: theirs in the sums."""
+    own = () if cause is None else (cause,)
+    spread = np.array([p.spread for c in own for p in c.parameters])
+    at = np.concatenate([sums.at, np.zeros(len(spread))])
+    likelihood = Quadratic(at, 0.0, sums.score[rows], sums.information[np.ix_(rows, rows)])
+    priors = [reference.belief.widened((tau * reference.least) ** 2).beside(spread) for tau in LEVELS]
+    return max((met(likelihood, p, *limits(own)) for p in priors), key=lambda m: m.log_evidence)

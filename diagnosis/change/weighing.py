@@ -5,9 +5,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import logsumexp
 
 from wingwatch.diagnosis.candidate import Candidate
-from wingwatch.diagnosis.change.hypothesis import Fitted, Reference
+from wingwatch.diagnosis.change.hypothesis import Fitted
 from wingwatch.diagnosis.change.result import ChangeDiagnosis, Explanation, Outcome
 from wingwatch.diagnosis.evidence import BEYOND_DOUBT, SIMULATION_ERROR
 from wingwatch.diagnosis.problem import Point, Problem, model_at
@@ -25,23 +26,28 @@ _NO_PART = ("icing", "wing_damage")
 
 
 def weighed(
-    problem: Problem, reference: Reference, found: Sequence[Fitted], onset_s: float
+    problem: Problem, found: Sequence[Fitted], onset_s: float, onsets: int, total_odds: float
 ) -> ChangeDiagnosis:
     """The answer.
 
+    Nothing has happened where there is no cause, or one whose size does not matter. Causes share their prior odds, and
+    the best onset was chosen of several.
+
     Args:
         problem: windows since the onset.
-        reference: what the time before says.
         found: none first, then a change of any kind, then causes.
         onset_s: since when.
+        onsets: how many were tried.
+        total_odds: of all causes that compete.
     """
-    nothing = found[0].meeting.log_evidence
-    odds = [1.0, _ANY_CHANGE_ODDS, *(f.cause.odds for f in found[2:] if f.cause is not None)]
-    evidence = np.array(
-        [f.meeting.log_evidence - nothing + math.log(o) for f, o in zip(found, odds, strict=True)]
-    )
-    probability = np.exp(evidence - evidence.max())
-    probability /= probability.sum()
+    log_odds = np.array([-math.inf if f.cause is None else math.log(f.cause.odds) for f in found])
+    log_odds -= math.log(total_odds * onsets)
+    small = logsumexp(log_odds + np.array([f.too_small for f in found]))
+    log_odds[:2] = 0.0, math.log(_ANY_CHANGE_ODDS / onsets)
+    whole = log_odds + np.array([f.meeting.log_evidence for f in found])
+    nothing = np.logaddexp(whole[0], small)
+    evidence = np.array([nothing, *whole[1:]]) - nothing
+    probability = np.exp(evidence - logsumexp(evidence))
     explanations, places = _by_part(found, evidence, probability)
     outcome = _outcome(explanations, found, places, evidence, probability)
     made = ChangeDiagnosis(
