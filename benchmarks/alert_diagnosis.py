@@ -1,9 +1,9 @@
 """Alerts before and after their diagnosis: named right, size in its interval, processor time; and on healthy flights.
 
 Flights are drawn: kind and size of the fault, its onset at 50 to 70 s, air (still, light, moderate), doublets or a
-patrol with doublets. In every second flight the aircraft's file is wrong: each main derivative of what flies is off by a
-normal error of 10 % from the start. Each flight is watched by ``VehicleMonitor`` as live, until its first alert after
-the onset and 12 s of flight since the onset. Then the last two minutes are diagnosed, as in the service.
+patrol with doublets. In every second flight the aircraft's file is wrong: each main derivative of what flies is off
+by a normal error of 10 % from the start. Each flight is watched by ``VehicleMonitor`` as live, until its first alert
+after the onset and 12 s of flight since the onset. Then the last two minutes are diagnosed, as in the service.
 
 Surfaces are known by their commands alone in flights with an offset of one: where the position is measured the monitor
 names it by itself. Where the monitor raises nothing within 40 s, and on healthy flights, an alert of unknown cause
@@ -237,7 +237,11 @@ def main() -> None:
     for drawn in draw(given.flights, given.healthy, given.seed):
         found.append(diagnosed(aircraft, replace(drawn)))
         one = found[-1]
-        fault = "" if drawn.effect is None else f"{drawn.effect.label} {drawn.effect.size:.3f}"
+        fault = (
+            ""
+            if drawn.effect is None
+            else f"{drawn.effect.name} {drawn.effect.target} {drawn.effect.size:.3f}"
+        )
         print(
             f"{drawn.kind:<15}{fault:<32}{drawn.air:<9}{'off' if drawn.off else '':<4}{one.before[0]:<24}{one.note} "
             f"({one.processor_s:.1f} s)",

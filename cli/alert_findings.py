@@ -87,7 +87,8 @@ def finding_of(alert: AlertView, view: DiagnosisView) -> AlertFinding:
     own = next((e for e in explanations if (e["cause"], _channel(e)) == (alert.cause, alert.channel)), None)
     if outcome == "nothing":
         seen = f" ({_said(own)})" if own is not None else ""
-        note = f"does not confirm {_called(alert.cause, alert.channel)}{seen}: no change {since} that is beyond doubt"
+        doubted = f"does not confirm {_called(alert.cause, alert.channel)}{seen}: "
+        note = f"{doubted if alert.cause != 'unknown' else ''}no change {since} that is beyond doubt"
     elif outcome == "no_known_cause":
         note = f"a change {since} that no known cause explains"
     else:

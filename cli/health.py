@@ -104,6 +104,7 @@ class Health:
         loops = {
             "messages": parts.pump.loop, "store": writing, "recall": reading, "checkpoints": parts.checkpoints.loop,
             "outputs": parts.outputs.loop, "diagnoses": parts.diagnoses.loop,
+            "alert_diagnoses": parts.diagnoses.alert_loop,
         }  # fmt: skip
         return {f"restarts_{name}": loop.restarts for name, loop in loops.items()}
 

@@ -18,7 +18,7 @@ _FIRST_ROWS, _MOST_ROWS = 512, 12_000
 class SampleRing:
     """Time stamps in double precision, readings in single: a copy of a message's samples costs microseconds.
 
-    A single has 24 bits: 6e-8 of a reading, below every sensor's resolution, but 0.1 s of a stamp of 1.7e9 s.
+    A single has 24 bits: 6e-8 of a reading, below every sensor's resolution, but 128 s of a stamp of 1.7e9 s.
 
     Args:
         names: channels that are kept, without the time.

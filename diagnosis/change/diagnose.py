@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.diagnosis.candidate import Candidate, Subject
+from wingwatch.diagnosis.causes import of_motion
 from wingwatch.diagnosis.change.competing import competing, reference_errors, reference_spread
 from wingwatch.diagnosis.change.gaussian import Belief, met
 from wingwatch.diagnosis.change.hypothesis import Fitted, Reference, fitted, likelihood
@@ -156,7 +157,9 @@ def _learned(subject: Subject, first_s: float, last_s: float, window_s: float) -
     inflated = inflation(reduced, slice(None))
     belief = met(likelihood(reduced, solution.point.theta, inflated), prior).belief
     wide = np.maximum(spread, _ANY * least)
-    return _Learned(Reference(tuple(errors), belief, least, wide, inflated), solution.point.noise)
+    constant = np.array([not of_motion(e) for e in errors])
+    reference = Reference(tuple(errors), belief, least, wide, constant, inflated)
+    return _Learned(reference, solution.point.noise)
 
 
 def _with_spread(error: Candidate, spread: float) -> Candidate:

@@ -20,12 +20,13 @@ from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.noise import fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
 
-__all__ = ["LEVELS", "Fitted", "Reference", "fitted", "limits", "likelihood"]
+__all__ = ["Fitted", "Reference", "fitted", "limits", "likelihood"]
 
 Array = NDArray[np.float64]
 
-LEVELS = (1.0 / 3.0, 1.0)
-"""Of tau: what the simulation gets wrong otherwise in another motion, 1 % of a derivative or 3 %."""
+_LEVELS = (1.0 / 3.0, 1.0)
+"""Of tau: what the simulation gets wrong otherwise in another motion, 1 % of a derivative or 3 %. Constants of steady
+flight and of sensors have the first: another motion is one by the derivatives."""
 _ENOUGH = 0.5
 """Of log-likelihood, promised by a step, below which it is not worth another pass."""
 _FIRST_PASSES, _PASSES, _NOISE_PASSES, _ROUNDS = 4, 2, 4, 2
@@ -40,6 +41,7 @@ class Reference:
     Attributes:
         errors: ``reference_errors``; belief: of their values.
         least: of each, the size that just matters; wide: its standard deviation in a change of any kind.
+        constant: which are no derivatives.
         inflation: of scores before the onset.
     """
 
@@ -47,7 +49,13 @@ class Reference:
     belief: Belief
     least: Array
     wide: Array
+    constant: NDArray[np.bool_]
     inflation: float
+
+    def since(self) -> list[Belief]:
+        """Of the errors since the onset where they have changed by little, at each level of tau."""
+        levels = [np.where(self.constant, _LEVELS[0], tau) for tau in _LEVELS]
+        return [self.belief.widened((tau * self.least) ** 2) for tau in levels]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,13 +127,9 @@ def fitted(
     causes = (*reference.errors, *(() if cause is None else (cause,)))
     own = () if cause is None else (cause,)
     spread = np.array([p.spread for c in own for p in c.parameters])
-    variances = [(tau * reference.least) ** 2 for tau in LEVELS]
-    if any_change:
-        variances = [reference.wide**2]
+    errors = [reference.belief.widened(reference.wide**2)] if any_change else reference.since()
     least = np.array([min(p.least, p.spread) for c in own for p in c.parameters])
-    priors, small = (
-        [reference.belief.widened(v).beside(sizes) for v in variances] for sizes in (spread, least)
-    )
+    priors, small = ([one.beside(sizes) for one in errors] for sizes in (spread, least))
     fit = _Fit(problem, causes, limits(own), reference.inflation, priors)
     at = replace(point, causes=causes, values=_split(begin, causes), noise=air)
     at, _ = fit.improved(at, _FIRST_PASSES)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wingwatch.diagnosis.candidate import Candidate
 from wingwatch.diagnosis.change.gaussian import Meeting, Quadratic, met
-from wingwatch.diagnosis.change.hypothesis import LEVELS, Reference, limits
+from wingwatch.diagnosis.change.hypothesis import Reference, limits
 from wingwatch.diagnosis.evaluation import Reduced, block_cuts, evaluate, reduce
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
 
@@ -158,5 +158,5 @@ def _beside(sums: _Sums, reference: Reference, cause: Candidate | None, rows: ND
     spread = np.array([p.spread for c in own for p in c.parameters])
     at = np.concatenate([sums.at, np.zeros(len(spread))])
     likelihood = Quadratic(at, 0.0, sums.score[rows], sums.information[np.ix_(rows, rows)])
-    priors = [reference.belief.widened((tau * reference.least) ** 2).beside(spread) for tau in LEVELS]
+    priors = [one.beside(spread) for one in reference.since()]
     return max((met(likelihood, p, *limits(own)) for p in priors), key=lambda m: m.log_evidence)

@@ -169,6 +169,21 @@ def test_the_answer_goes_to_the_alert_with_the_version_it_was_begun_with() -> No
     assert diagnoses.counts == {"begun": 1, "decided": 1}
 
 
+def test_what_decided_nothing_is_looked_at_once_more_with_more_flight() -> None:
+    fleet, queue, _, diagnoses = watched()
+    fleet.last_s = 75.0
+    fleet.raise_alert(UNKNOWN)
+    diagnoses.look()
+    queue.taken[0][1](answered("nothing"))
+    for last_s, begun in ((80.0, 1), (105.5, 2), (120.0, 2)):
+        fleet.last_s = last_s
+        diagnoses.look()
+        assert len(queue.taken) == begun
+    queue.taken[1][1](answered("nothing"))
+    diagnoses.look()
+    assert len(queue.taken) == 2
+
+
 def test_a_failed_diagnosis_says_why() -> None:
     view = DiagnosisView("d", DiagnosisState.FAILED, "aerosonde", "alert", 0, "", 0.2, "it took longer", None)
     assert finding_of(ICING, view) == AlertFinding(ICING, "diagnosis: none, it took longer")

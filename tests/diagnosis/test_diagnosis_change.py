@@ -6,24 +6,33 @@ import numpy as np
 import pytest
 
 from wingwatch.aircraft import load_aircraft
+from wingwatch.api import DiagnosisState, DiagnosisView
+from wingwatch.cli.alert_findings import finding_of
 from wingwatch.diagnosis.candidate import Subject
-from wingwatch.diagnosis.change import Outcome, diagnose_change
+from wingwatch.diagnosis.change import Outcome, change_as_json, diagnose_change
 from wingwatch.diagnosis.change.competing import competing, reference_errors, reference_spread
 from wingwatch.diagnosis.change.gaussian import Belief, Quadratic, met
 from wingwatch.diagnosis.measured import DiagnosisError
 from wingwatch.diagnosis.subject import subject_of
+from wingwatch.monitor import AlertState, AlertView
 from wingwatch.simulation import EFFECTS, Effect, Icing, Scenario, doublet_schedule, simulate
 from wingwatch.telemetry import SampleBlock
 
 AEROSONDE = load_aircraft("aerosonde")
-ONSET_S = 30.0
+ONSET_S, RATE_HZ = 28.0, 25.0
+ICING = AlertView(
+    id="a", fleet="default", vehicle="uav", kind="icing", cause="icing", level="watch", state=AlertState.ACTIVE,
+    raised_s=33.0, cleared_s=None, size=0.1, size_standard_error=0.02, probability=0.95, basis="empirical",
+    text="Icing.", evidence=(),
+)  # fmt: skip
+"""That a monitor might raise."""
 
 
 def flight(seconds: float, effects: Sequence[Effect] = ()) -> SampleBlock:
     assert AEROSONDE.envelope is not None
     doublets = doublet_schedule(AEROSONDE, AEROSONDE.envelope.cruise, start_s=5.0)
     scenario = Scenario(AEROSONDE, manoeuvres=(doublets,), effects=tuple(effects), turbulence="light", seed=5)
-    return simulate(scenario, seconds)
+    return simulate(scenario, seconds, RATE_HZ)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +42,7 @@ def subject() -> Subject:
 
 def test_ice_on_an_aircraft_that_its_file_describes_wrongly_all_the_time() -> None:
     """Severity 0.05 before and 0.2 since: the change is 0.15, within what severities add to."""
-    found = diagnose_change(flight(52.0, [Icing(0.05, 0.0), Icing(0.15, ONSET_S)]), AEROSONDE, ONSET_S + 3.0)
+    found = diagnose_change(flight(46.0, [Icing(0.05, 0.0), Icing(0.15, ONSET_S)]), AEROSONDE, ONSET_S + 3.0)
     best = found.explanations[0]
     assert (found.outcome, best.cause) == (Outcome.DECIDED, "icing")
     assert found.onset_s == pytest.approx(ONSET_S, abs=2.0)
@@ -41,12 +50,16 @@ def test_ice_on_an_aircraft_that_its_file_describes_wrongly_all_the_time() -> No
     assert found.nothing_probability < 1e-6
 
 
-def test_a_healthy_flight_has_no_change_and_the_asked_cause_no_size() -> None:
-    found = diagnose_change(flight(50.0), AEROSONDE, ONSET_S, asked=("icing",))
+def test_an_alert_of_ice_on_a_healthy_flight_is_not_confirmed() -> None:
+    found = diagnose_change(flight(42.0), AEROSONDE, ONSET_S, asked=("icing",))
     assert found.outcome is Outcome.NOTHING
     (icing,) = [e for e in found.explanations if e.cause == "icing"]
     assert abs(icing.size) < 3.0 * icing.size_standard_error + 0.01
     assert icing.probability < 0.5
+    view = DiagnosisView("d", DiagnosisState.DONE, "aerosonde", "", 0, "", 1.0, "", change_as_json(found))
+    finding = finding_of(ICING, view)
+    assert finding.correction is None
+    assert finding.note.startswith("diagnosis: does not confirm icing (icing")
 
 
 @pytest.mark.parametrize(
