@@ -26,6 +26,7 @@ from wingwatch.diagnosis.change.result import ChangeDiagnosis
 from wingwatch.diagnosis.change.screening import Promise, Screened, screen, screen_again
 from wingwatch.diagnosis.change.weighing import weighed
 from wingwatch.diagnosis.evaluation import evaluate, reduce
+from wingwatch.diagnosis.evidence import BEYOND_DOUBT
 from wingwatch.diagnosis.fit import fit, inflation
 from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.measured import DiagnosisError
@@ -50,9 +51,11 @@ _GUARD_S = 1.0
 _MOST_FITTED, _MOST_BY_THE_FIRST, _WITHIN = 4, 1, 12.0
 """Causes that are fitted, by the noise fitted without a cause and by that of the time before, and how much less than
 the best one they may promise."""
+_NEAR, _MOST_NEAR = 30.0, 3
+"""Of log-evidence, within which noise must be the same; and how many fits are looked at so."""
 _ANY = 10.0
 """Of the least that matters, a standard deviation of a change of any kind."""
-_REFERENCE_PASSES, _NOISE_PASSES = 2, 5
+_REFERENCE_ROUNDS, _REFERENCE_PASSES, _NOISE_PASSES = 3, 3, 6
 
 
 def diagnose_change(
@@ -149,7 +152,8 @@ def _learned(subject: Subject, first_s: float, last_s: float, window_s: float) -
     errors = [_with_spread(e, s) for e, s in zip(errors, spread, strict=True)]
     point = likeliest_level(problem, point)
     point = replace(point, causes=tuple(errors), values=tuple(np.zeros(1) for _ in errors))
-    point = fit_noise(problem, fit(problem, point, _REFERENCE_PASSES).point, _NOISE_PASSES)
+    for _ in range(_REFERENCE_ROUNDS):
+        point = fit_noise(problem, fit(problem, point, _REFERENCE_PASSES).point, _NOISE_PASSES)
     solution = fit(problem, point, _REFERENCE_PASSES)
     least = np.array([e.parameters[0].least for e in errors])
     prior = Belief(np.zeros(len(errors)), np.diag(spread**-2.0))
@@ -209,7 +213,30 @@ def _fits(
         begin = np.concatenate([reference.belief.mean, promise.values])
         with suppress(RunsAwayError):
             found.append(fitted(problem, point, reference, promise.cause, begin, air))
-    return found
+    return _by_the_best_noise(problem, point, reference, found)
+
+
+def _by_the_best_noise(
+    problem: Problem, point: Point, reference: Reference, found: Sequence[Fitted]
+) -> list[Fitted]:
+    """Fits among which the answer lies, fitted again from the noise at which the best one ended, where that is better.
+
+    A likelihood of noise has more than one maximum, and a few passes do not reach it; neither is evidence of a cause.
+    """
+    evidence = [f.meeting.log_evidence for f in found]
+    best = int(np.argmax(evidence))
+    near = [k for k, e in enumerate(evidence) if e > evidence[best] - _NEAR]
+    if evidence[best] - evidence[0] < BEYOND_DOUBT or len(near) == 1:
+        return list(found)
+    air, out = found[best].point.noise, list(found)
+    for k in sorted(near, key=lambda k: -evidence[k])[:_MOST_NEAR]:
+        with suppress(RunsAwayError):
+            again = fitted(
+                problem, replace(point, noise=air), reference, found[k].cause, found[k].point.theta, air,
+                any_change=k == 1,
+            )  # fmt: skip
+            out[k] = max(found[k], again, key=lambda f: f.meeting.log_evidence)
+    return out
 
 
 def _short_list(screened: Screened, again: Sequence[Promise], asked: Sequence[str]) -> list[Promise]:

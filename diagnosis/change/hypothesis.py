@@ -20,13 +20,15 @@ from wingwatch.diagnosis.linear_model import Noise
 from wingwatch.diagnosis.noise import fit_noise
 from wingwatch.diagnosis.problem import Point, Problem, RunsAwayError
 
-__all__ = ["Fitted", "Reference", "fitted", "limits", "likelihood"]
+__all__ = ["ANY_CHANGE_ODDS", "Fitted", "Reference", "fitted", "limits", "likelihood"]
 
 Array = NDArray[np.float64]
 
 _LEVELS = (1.0 / 3.0, 1.0)
 """Of tau: what the simulation gets wrong otherwise in another motion, 1 % of a derivative or 3 %. Constants of steady
 flight and of sensors have the first: another motion is one by the derivatives."""
+ANY_CHANGE_ODDS = 0.05
+"""Of a change that no cause describes, beside one cause or beside none."""
 _ENOUGH = 0.5
 """Of log-likelihood, promised by a step, below which it is not worth another pass."""
 _FIRST_PASSES, _PASSES, _NOISE_PASSES, _ROUNDS = 4, 2, 4, 2
@@ -52,6 +54,11 @@ class Reference:
     constant: NDArray[np.bool_]
     inflation: float
 
+    @property
+    def after_any_change(self) -> Belief:
+        """Of the errors since the onset where everything may have changed by any size."""
+        return self.belief.widened(self.wide**2)
+
     def since(self) -> list[Belief]:
         """Of the errors since the onset where they have changed by little, at each level of tau."""
         levels = [np.where(self.constant, _LEVELS[0], tau) for tau in _LEVELS]
@@ -65,7 +72,7 @@ class Fitted:
     Attributes:
         cause: None where it has none.
         point: the model since the onset: errors, then the cause.
-        meeting: mode, covariance and evidence at the best tau.
+        meeting: mode, covariance and evidence at the best tau, or beside a change of any kind.
         too_small: log of the evidence of a cause that is there with a size which does not matter; none without a cause.
     """
 
@@ -127,7 +134,7 @@ def fitted(
     causes = (*reference.errors, *(() if cause is None else (cause,)))
     own = () if cause is None else (cause,)
     spread = np.array([p.spread for c in own for p in c.parameters])
-    errors = [reference.belief.widened(reference.wide**2)] if any_change else reference.since()
+    errors = [reference.after_any_change] if any_change else reference.since()
     least = np.array([min(p.least, p.spread) for c in own for p in c.parameters])
     priors, small = ([one.beside(sizes) for one in errors] for sizes in (spread, least))
     fit = _Fit(problem, causes, limits(own), reference.inflation, priors)
@@ -137,7 +144,12 @@ def fitted(
         values = _values_of(at, cause)
         at, reduced = fit.improved(fit_noise(problem, replace(at, noise=point.noise), _NOISE_PASSES), _PASSES)
         too_small = -math.inf if cause is None else fit.best(reduced, at, small).log_evidence
-        found = Fitted(cause, at, fit.best(reduced, at, priors), too_small)
+        meeting = fit.best(reduced, at, priors)
+        if cause is not None:
+            beside = fit.best(reduced, at, [reference.after_any_change.beside(spread)])
+            beside = replace(beside, log_evidence=beside.log_evidence + math.log(ANY_CHANGE_ODDS))
+            meeting = max(meeting, beside, key=lambda m: m.log_evidence)
+        found = Fitted(cause, at, meeting, too_small)
         if (np.abs(_values_of(at, cause) - values) < found.errors).all():
             break
     return found

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wingwatch.diagnosis.candidate import Candidate
-from wingwatch.diagnosis.change.hypothesis import Fitted
+from wingwatch.diagnosis.change.hypothesis import ANY_CHANGE_ODDS, Fitted
 from wingwatch.diagnosis.change.result import ChangeDiagnosis, Explanation, Outcome
 from wingwatch.diagnosis.evidence import BEYOND_DOUBT, SIMULATION_ERROR
 from wingwatch.diagnosis.problem import Point, Problem, model_at
@@ -19,8 +19,6 @@ __all__ = ["weighed"]
 
 _DECIDED = 0.95
 """Probability from which on a cause is decided."""
-_ANY_CHANGE_ODDS = 0.05
-"""Of a change that no cause describes, beside one cause."""
 _NO_PART = ("icing", "wing_damage")
 """Causes whose targets are kinds of one cause, not parts of the aircraft."""
 
@@ -43,7 +41,7 @@ def weighed(
     log_odds = np.array([-math.inf if f.cause is None else math.log(f.cause.odds) for f in found])
     log_odds -= math.log(total_odds * onsets)
     small = logsumexp(log_odds + np.array([f.too_small for f in found]))
-    log_odds[:2] = 0.0, math.log(_ANY_CHANGE_ODDS / onsets)
+    log_odds[:2] = 0.0, math.log(ANY_CHANGE_ODDS / onsets)
     whole = log_odds + np.array([f.meeting.log_evidence for f in found])
     nothing = np.logaddexp(whole[0], small)
     evidence = np.array([nothing, *whole[1:]]) - nothing
