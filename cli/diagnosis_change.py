@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft, aircraft_toml, load_aircraft
-from wingwatch.cli.diagnosis_worker import AIRCRAFT, CHANGE, REQUEST
+from wingwatch.cli.diagnosis_files import AIRCRAFT, CHANGE, REQUEST, SAMPLES
 from wingwatch.telemetry import CHANNEL_INDEX, CHANNELS, Cleaner, SampleBlock
 
-__all__ = ["RING_CHANNELS", "SAMPLES", "ChangeRequest", "diagnose_request"]
-
-SAMPLES = "samples.npz"
+__all__ = ["RING_CHANNELS", "ChangeRequest", "diagnose_request"]
 
 RING_CHANNELS = (
     "airspeed_true_m_s", "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s",

@@ -22,8 +22,8 @@ from uuid import uuid4
 from wingwatch.aircraft import Aircraft, aircraft_toml
 from wingwatch.api import DiagnosisState, DiagnosisView, QueueFullError
 from wingwatch.cli.diagnosis_change import ChangeRequest
+from wingwatch.cli.diagnosis_files import AIRCRAFT, FLIGHT, MAP, REPORT, REQUEST, RESULT
 from wingwatch.cli.diagnosis_process import DiagnosisProcess
-from wingwatch.cli.diagnosis_worker import AIRCRAFT, FLIGHT, MAP, REPORT, REQUEST, RESULT
 from wingwatch.cli.loops import Loop
 from wingwatch.telemetry.maps import parse_map
 

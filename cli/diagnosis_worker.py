@@ -15,12 +15,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-__all__ = ["CHANGE", "FLIGHT", "MAP", "AIRCRAFT", "REPORT", "REQUEST", "RESULT", "main"]
+from wingwatch.cli.diagnosis_files import AIRCRAFT, CHANGE, FLIGHT, MAP, REPORT, REQUEST, RESULT
 
-FLIGHT, MAP, AIRCRAFT, REQUEST = "flight", "map.toml", "aircraft.toml", "request.json"
-CHANGE = "change"
-"""Key of a request about an alert."""
-REPORT, RESULT = "report.html", "result.json"
+__all__ = ["main"]
 
 _LOWEST_PRIORITY, _OF_ALERTS = 19, 10
 """Niceness of uploaded flights, which may take minutes; and of alerts, whose answer is waited for."""

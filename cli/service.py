@@ -219,9 +219,6 @@ def running_service(
         preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
         pump = Pump(subscriber, monitor, arrived, preparation)
         diagnoses = stack.enter_context(DiagnosisJobs(hangar.find))
-        of_alerts = AlertDiagnoses(monitor, diagnoses)
-        if settings.diagnose_alerts:
-            stack.enter_context(of_alerts)
         app = create_app(
             monitor,
             lambda: service.readiness(),
@@ -237,7 +234,7 @@ def running_service(
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
-            diagnoses=diagnoses, alert_diagnoses=of_alerts if settings.diagnose_alerts else None,
+            diagnoses=diagnoses, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, diagnoses),
             refusals=refusals or {},
         )  # fmt: skip
         service: Service = Service(parts)
@@ -245,6 +242,13 @@ def running_service(
         pump.start()
         stack.enter_context(http)
         yield service
+
+
+def _alerts_diagnosed(
+    stack: ExitStack, settings: ServeSettings, monitor: FleetMonitor, jobs: DiagnosisJobs
+) -> AlertDiagnoses | None:
+    """What has alerts diagnosed, where that is wanted."""
+    return stack.enter_context(AlertDiagnoses(monitor, jobs)) if settings.diagnose_alerts else None
 
 
 def _access(settings: ServeSettings, listening: socket.socket, tokens: TokenRegister) -> AccessSettings:
