@@ -218,14 +218,14 @@ def running_service(
         outputs.ask_through(subscriber.ask_aircraft)
         preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
         pump = Pump(subscriber, monitor, arrived, preparation)
-        diagnoses = stack.enter_context(DiagnosisJobs(hangar.find))
+        jobs = stack.enter_context(DiagnosisJobs(hangar.find))
         app = create_app(
             monitor,
             lambda: service.readiness(),
             PatientHistory(database),
             __version__,
             AppSettings(
-                access=access, aircraft=hangar.find, diagnoses=diagnoses, kernels=preparation.view,
+                access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
                 counters=lambda: service.counters(), figures=lambda: service.figures(),
                 problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
             ),
@@ -234,8 +234,7 @@ def running_service(
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
-            diagnoses=diagnoses, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, diagnoses),
-            refusals=refusals or {},
+            diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs), refusals=refusals or {},
         )  # fmt: skip
         service: Service = Service(parts)
         stack.callback(pump.stop)
