@@ -273,6 +273,10 @@ class AlertDocument(_Answer):
     group: str | None = Field(
         default=None, description="id of the group that it is in, in `groups` of the lists; null without"
     )
+    diagnosis_id: str | None = Field(
+        default=None,
+        description="of the diagnosis of it, see /v1/diagnoses/{id}; null without and after a restart",
+    )
 
 
 class AlertGroupDocument(_Answer):
@@ -559,6 +563,7 @@ def alert_document(view: AlertView, groups: Sequence[AlertGroupView] = ()) -> Al
         candidates=[_candidate(one) for one in view.candidates],
         repeats=view.repeats,
         group=next((group.id for group in groups if view.id in group.alerts), None),
+        diagnosis_id=view.diagnosis_id,
     )
 
 

@@ -33,6 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
         listen=(arguments.listen,),
         data=arguments.data,
         database=str(arguments.data / _DATABASE),
+        diagnose_alerts=arguments.diagnose_alerts,
     )
     with asked_to_end() as end:
         fleet: SimulatedFleet | None = None

@@ -1,5 +1,6 @@
-"""Uploaded flights diagnosed one after another, each in a process of its own; the service's part of it.
+"""Flights diagnosed one after another, each in a process of its own; the service's part of it.
 
+Uploaded flights and alerts have a lane each: an alert does not wait for a flight that takes minutes.
 The queue, the results and their age are bounded. Everything lies in a temporary folder that ends with the service.
 """
 
@@ -12,24 +13,36 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 from uuid import uuid4
 
 from wingwatch.aircraft import Aircraft, aircraft_toml
 from wingwatch.api import DiagnosisState, DiagnosisView, QueueFullError
+from wingwatch.cli.diagnosis_change import ChangeRequest
+from wingwatch.cli.diagnosis_files import AIRCRAFT, FLIGHT, MAP, REPORT, REQUEST, RESULT
 from wingwatch.cli.diagnosis_process import DiagnosisProcess
-from wingwatch.cli.diagnosis_worker import AIRCRAFT, FLIGHT, MAP, REPORT, REQUEST, RESULT
 from wingwatch.cli.loops import Loop
 from wingwatch.telemetry.maps import parse_map
 
-__all__ = ["DiagnosisJobs", "JobLimits"]
+__all__ = ["DiagnosisJobs", "JobLimits", "Lane"]
 
 _LOG = logging.getLogger(__name__)
 _COMMAND = (sys.executable, "-m", "wingwatch.cli.diagnosis_worker")
 _LOOK_S = 30.0
 _JOIN_S = 2.0
 _OPEN = (DiagnosisState.QUEUED, DiagnosisState.RUNNING)
+
+_Ended = Callable[[DiagnosisView], None]
+
+
+class Lane(StrEnum):
+    """Jobs that run one after another."""
+
+    UPLOADS = "uploads"
+    ALERTS = "alerts"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +51,19 @@ class JobLimits:
 
     Attributes:
         waiting: flights that wait or come in.
-        kept: diagnoses that have ended.
+        kept: diagnoses of each lane that have ended.
         kept_s: for how long those are kept.
-        longest_s: of one diagnosis.
+        longest_s: of one diagnosis of an uploaded flight.
+        alerts_waiting: alerts that wait.
+        longest_alert_s: of one diagnosis of an alert.
     """
 
     waiting: int = 4
     kept: int = 16
     kept_s: float = 86_400.0
     longest_s: float = 3600.0
+    alerts_waiting: int = 8
+    longest_alert_s: float = 120.0
 
 
 @dataclass(slots=True)
@@ -63,6 +80,8 @@ class _Job:
     problem: str = ""
     result: dict[str, Any] | None = field(default=None, repr=False)
     ended_s: float = 0.0
+    lane: Lane = Lane.UPLOADS
+    ended: _Ended | None = field(default=None, repr=False)
 
 
 class DiagnosisJobs:
@@ -89,30 +108,46 @@ class DiagnosisJobs:
         self._jobs: dict[str, _Job] = {}  # in the order of their submission
         self._incoming = 0
         self._changed = threading.Condition()
-        self._process: DiagnosisProcess | None = None
+        self._processes: dict[Lane, DiagnosisProcess] = {}
         self._ending = False
         self._folder = Path()
-        self.loop = Loop("wingwatch-diagnoses", "the loop that runs diagnoses", self._run)
+        self.loop = Loop(
+            "wingwatch-diagnoses", "the loop that runs diagnoses", partial(self._run, Lane.UPLOADS)
+        )
+        self.alert_loop = Loop(
+            "wingwatch-alert-diagnoses", "the loop that diagnoses alerts", partial(self._run, Lane.ALERTS)
+        )
 
     def __enter__(self) -> Self:
         self._folder = Path(tempfile.mkdtemp(prefix="wingwatch-diagnoses-"))
         self.loop.start()
+        self.alert_loop.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         with self._changed:
             self._ending = True
-            if self._process is not None:
-                self._process.end()
-            self._changed.notify()
+            for process in self._processes.values():
+                process.end()
+            self._changed.notify_all()
         self.loop.join(_JOIN_S)
+        self.alert_loop.join(_JOIN_S)
         shutil.rmtree(self._folder, ignore_errors=True)
 
     @property
     def waiting(self) -> int:
         """Flights that wait or come in."""
         with self._changed:
-            return self._incoming + sum(j.state is DiagnosisState.QUEUED for j in self._jobs.values())
+            return self._incoming + self._queued(Lane.UPLOADS)
+
+    @property
+    def alerts_waiting(self) -> int:
+        """Alerts that wait."""
+        with self._changed:
+            return self._queued(Lane.ALERTS)
+
+    def _queued(self, lane: Lane) -> int:
+        return sum(j.lane is lane and j.state is DiagnosisState.QUEUED for j in self._jobs.values())
 
     # -- what the door calls -------------------------------------------------------------------------
 
@@ -142,10 +177,10 @@ class DiagnosisJobs:
         """All that are kept, newest first."""
         with self._changed:
             self._forget_old()
-            ahead, views = 0, []
+            ahead, views = dict.fromkeys(Lane, 0), []
             for job in self._jobs.values():
-                views.append(_view(job, ahead))
-                ahead += job.state in _OPEN
+                views.append(_view(job, ahead[job.lane]))
+                ahead[job.lane] += job.state in _OPEN
             return views[::-1]
 
     def report(self, diagnosis_id: str) -> bytes | None:
@@ -165,13 +200,36 @@ class DiagnosisJobs:
             job = self._jobs.get(diagnosis_id)
             if job is None:
                 return False
-            if job.state is DiagnosisState.RUNNING and self._process is not None:
-                self._process.end()
+            if job.state is DiagnosisState.RUNNING and job.lane in self._processes:
+                self._processes[job.lane].end()
             if job.state in _OPEN:
                 self._end(job, DiagnosisState.CANCELLED)
             else:
                 self._forget(job)
             return True
+
+    # -- what alerts call ----------------------------------------------------------------------------
+
+    def diagnose(self, request: ChangeRequest, ended: _Ended) -> DiagnosisView:
+        """Queue the diagnosis of an alert.
+
+        Args:
+            request: its vehicle's last minutes.
+            ended: called in the thread that runs them when it is done, failed or cancelled while it ran.
+
+        Raises:
+            QueueFullError: as many wait as may, or the service is stopping.
+        """
+        with self._changed:
+            if self._ending or self._queued(Lane.ALERTS) >= self._limits.alerts_waiting:
+                raise QueueFullError(f"{self._limits.alerts_waiting} alerts wait for a diagnosis, the limit")
+        number = uuid4().hex
+        folder = self._folder / number
+        folder.mkdir()
+        request.write(folder)
+        return self._queue(
+            _Job(number, folder, request.aircraft.name, request.title, lane=Lane.ALERTS, ended=ended)
+        )
 
     # -- what an upload calls ------------------------------------------------------------------------
 
@@ -189,8 +247,8 @@ class DiagnosisJobs:
     def _queue(self, job: _Job) -> DiagnosisView:
         with self._changed:
             self._jobs[job.id] = job
-            self._changed.notify()
-            return _view(job, sum(j.state in _OPEN for j in self._jobs.values()) - 1)
+            self._changed.notify_all()
+            return _view(job, sum(j.lane is job.lane and j.state in _OPEN for j in self._jobs.values()) - 1)
 
     def _give_back(self) -> None:
         with self._changed:
@@ -198,8 +256,8 @@ class DiagnosisJobs:
 
     # -- the thread that runs them -------------------------------------------------------------------
 
-    def _run(self) -> None:
-        while (job := self._await_next()) is not None:
+    def _run(self, lane: Lane) -> None:
+        while (job := self._await_next(lane)) is not None:
             try:
                 self._follow(job)
             except Exception as error:  # one flight's fault must not end the queue
@@ -207,12 +265,21 @@ class DiagnosisJobs:
                 with self._changed:
                     job.problem = f"internal error: {type(error).__name__}"
                     self._end(job, DiagnosisState.FAILED)
+            if job.ended is not None and not self._ending:
+                self._tell(job, job.ended)
 
-    def _await_next(self) -> _Job | None:
-        """The next job, now running; None at the end."""
+    def _tell(self, job: _Job, ended: _Ended) -> None:
+        try:
+            ended(_view(job, 0))
+        except Exception:  # what becomes of one answer must not end the queue
+            _LOG.exception("what a diagnosis found led to a fault of the program")
+
+    def _await_next(self, lane: Lane) -> _Job | None:
+        """The next job of a lane, now running; None at the end."""
         with self._changed:
             while not self._ending:
-                job = next((j for j in self._jobs.values() if j.state is DiagnosisState.QUEUED), None)
+                waiting = (j for j in self._jobs.values() if j.lane is lane)
+                job = next((j for j in waiting if j.state is DiagnosisState.QUEUED), None)
                 if job is not None:
                     job.state, job.doing = DiagnosisState.RUNNING, "starting"
                     return job
@@ -226,7 +293,9 @@ class DiagnosisJobs:
             if job.state is not DiagnosisState.RUNNING or self._ending:  # cancelled before it began
                 return
             command = [*self._command, str(job.folder)]
-            process = self._process = DiagnosisProcess(command, job.folder, self._limits.longest_s)
+            limits = self._limits
+            longest_s = limits.longest_s if job.lane is Lane.UPLOADS else limits.longest_alert_s
+            process = self._processes[job.lane] = DiagnosisProcess(command, job.folder, longest_s)
         for message in process.lines():
             with self._changed:
                 job.doing = str(message.get("doing", job.doing))
@@ -234,7 +303,7 @@ class DiagnosisJobs:
                 job.problem = str(message.get("problem", job.problem))
         problem = process.problem()
         with self._changed:
-            self._process = None
+            self._processes.pop(job.lane, None)
             if job.state is not DiagnosisState.RUNNING:  # cancelled
                 return
             if problem is None:
@@ -249,12 +318,13 @@ class DiagnosisJobs:
         self._forget_old()
 
     def _forget_old(self) -> None:
-        ended = [j for j in self._jobs.values() if j.state not in _OPEN]
-        ended.sort(key=lambda j: j.ended_s, reverse=True)
         oldest_s = self._clock() - self._limits.kept_s
-        for place, job in enumerate(ended):
-            if place >= self._limits.kept or job.ended_s < oldest_s:
-                self._forget(job)
+        for lane in Lane:
+            ended = [j for j in self._jobs.values() if j.lane is lane and j.state not in _OPEN]
+            ended.sort(key=lambda j: j.ended_s, reverse=True)
+            for place, job in enumerate(ended):
+                if place >= self._limits.kept or job.ended_s < oldest_s:
+                    self._forget(job)
 
     def _forget(self, job: _Job) -> None:
         self._jobs.pop(job.id, None)

@@ -1,9 +1,9 @@
-"""The process in which one uploaded flight is diagnosed, behind the service's back.
+"""The process in which one flight is diagnosed, behind the service's back.
 
-``python -m wingwatch.cli.diagnosis_worker FOLDER`` reads FOLDER's ``request.json``, ``aircraft.toml``, ``map.toml``
-(where there is one) and ``flight``, tells its progress as lines of JSON on standard output, and writes ``report.html``
-and ``result.json``. It yields to whatever else wants the processor or the memory, and ends when its standard input
-does: with the service.
+``python -m wingwatch.cli.diagnosis_worker FOLDER`` reads FOLDER's ``request.json`` and ``aircraft.toml``, and
+``flight`` with ``map.toml`` (where there is one), or ``samples.npz`` where the request is about an alert. It tells its
+progress as lines of JSON on standard output, and writes ``report.html`` and ``result.json``. It yields to whatever else
+wants the processor or the memory, and ends when its standard input does: with the service.
 """
 
 import contextlib
@@ -11,22 +11,23 @@ import json
 import os
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-__all__ = ["FLIGHT", "MAP", "AIRCRAFT", "REPORT", "REQUEST", "RESULT", "main"]
+from wingwatch.cli.diagnosis_files import AIRCRAFT, CHANGE, FLIGHT, MAP, REPORT, REQUEST, RESULT
 
-FLIGHT, MAP, AIRCRAFT, REQUEST = "flight", "map.toml", "aircraft.toml", "request.json"
-REPORT, RESULT = "report.html", "result.json"
+__all__ = ["main"]
 
-_LOWEST_PRIORITY = 19
+_LOWEST_PRIORITY, _OF_ALERTS = 19, 10
+"""Niceness of uploaded flights, which may take minutes; and of alerts, whose answer is waited for."""
 _FIRST_TO_GO = "1000"
 
 
 def main(folder: Path) -> int:
     """Diagnose; exit code 0 with a result, 2 with a sentence on the flight, 1 with one on the program."""
-    _step_back()
+    request = json.loads((folder / REQUEST).read_text())
+    _step_back(_OF_ALERTS if CHANGE in request else _LOWEST_PRIORITY)
     threading.Thread(target=_end_with_the_service, daemon=True).start()
     with _private_output() as out:
 
@@ -34,27 +35,17 @@ def main(folder: Path) -> int:
             out.write(json.dumps(fields) + "\n")
             out.flush()
 
-        return _diagnose(folder, tell)
+        return _diagnose(folder, request, tell)
 
 
-def _diagnose(folder: Path, tell: Callable[..., None]) -> int:
-    from wingwatch.aircraft import load_aircraft
-    from wingwatch.cli.diagnosing import diagnose_file
+def _diagnose(folder: Path, request: Mapping[str, Any], tell: Callable[..., None]) -> int:
     from wingwatch.cli.faults import blame
-    from wingwatch.diagnosis import as_json, write_report
 
-    name = str(json.loads((folder / REQUEST).read_text())["file"])
+    name = str(request["file"])
+    answer = _of_alert if CHANGE in request else _of_upload
     try:
-        channel_map = folder / MAP if (folder / MAP).exists() else None
-        found = diagnose_file(
-            folder / FLIGHT,
-            load_aircraft(folder / AIRCRAFT),
-            channel_map,
-            progress=lambda what, fraction: tell(doing=what, progress=fraction),
-            source=name,
-        )
-        write_report(found, folder / REPORT)
-        (folder / RESULT).write_text(json.dumps(as_json(found), allow_nan=False))
+        result = answer(folder, name, lambda what, fraction: tell(doing=what, progress=fraction))
+        (folder / RESULT).write_text(json.dumps(result, allow_nan=False))
     except Exception as error:
         sentence = blame(error)
         if sentence is not None:
@@ -65,14 +56,32 @@ def _diagnose(folder: Path, tell: Callable[..., None]) -> int:
     return 0
 
 
+def _of_upload(folder: Path, name: str, progress: Callable[[str, float], None]) -> dict[str, Any]:
+    from wingwatch.aircraft import load_aircraft
+    from wingwatch.cli.diagnosing import diagnose_file
+    from wingwatch.diagnosis import as_json, write_report
+
+    channel_map = folder / MAP if (folder / MAP).exists() else None
+    aircraft = load_aircraft(folder / AIRCRAFT)
+    found = diagnose_file(folder / FLIGHT, aircraft, channel_map, progress=progress, source=name)
+    write_report(found, folder / REPORT)
+    return as_json(found)
+
+
+def _of_alert(folder: Path, name: str, progress: Callable[[str, float], None]) -> dict[str, Any]:
+    from wingwatch.cli.diagnosis_change import diagnose_request
+
+    return diagnose_request(folder, folder / REPORT, progress)
+
+
 def _with_name(sentence: str, folder: Path, name: str) -> str:
     """The user knows the flight by its name, not by where it lies here."""
     return sentence.replace(str(folder / FLIGHT), name).replace(f"{folder}{os.sep}", "")
 
 
-def _step_back() -> None:
-    """Lowest priority for the processor; the first to be ended where memory runs out."""
-    os.nice(_LOWEST_PRIORITY)
+def _step_back(niceness: int) -> None:
+    """Low priority for the processor; the first to be ended where memory runs out."""
+    os.nice(niceness)
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
 

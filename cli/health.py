@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import zenoh
 
 from wingwatch.api import HttpServer, QueueView, ServiceFigures
+from wingwatch.cli.alert_diagnoses import AlertDiagnoses
 from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
@@ -44,6 +45,7 @@ class Parts:
     pump: Pump
     tokens: TokenRegister
     diagnoses: DiagnosisJobs
+    alert_diagnoses: AlertDiagnoses | None
     refusals: Mapping[str, int]
 
 
@@ -81,6 +83,7 @@ class Health:
             "outputs": dict(parts.outputs.dropped),
             "links": {**parts.refusals, "foreign_alerts": parts.outputs.foreign_alerts},
             "connections": parts.http.counts,
+            "alert_diagnoses": {} if parts.alert_diagnoses is None else dict(parts.alert_diagnoses.counts),
         }
 
     def figures(self) -> ServiceFigures:
@@ -101,6 +104,7 @@ class Health:
         loops = {
             "messages": parts.pump.loop, "store": writing, "recall": reading, "checkpoints": parts.checkpoints.loop,
             "outputs": parts.outputs.loop, "diagnoses": parts.diagnoses.loop,
+            "alert_diagnoses": parts.diagnoses.alert_loop,
         }  # fmt: skip
         return {f"restarts_{name}": loop.restarts for name, loop in loops.items()}
 
@@ -119,6 +123,7 @@ class Health:
             "published_latest": QueueView(outputs["latest"]),
             "queries": QueueView(outputs["queries"]),
             "diagnoses": QueueView(parts.diagnoses.waiting),
+            "alert_diagnoses": QueueView(parts.diagnoses.alerts_waiting),
         }
 
     def _links(self) -> Mapping[str, int]:
@@ -137,8 +142,13 @@ class Health:
             "http": parts.http.problem,
             "tokens": parts.tokens.problem,
             "estimators": parts.pump.problem,
-            "diagnoses": parts.diagnoses.loop.problem,
+            "diagnoses": self._diagnoses_problem(),
         }
+
+    def _diagnoses_problem(self) -> str | None:
+        parts = self._parts
+        watching = None if parts.alert_diagnoses is None else parts.alert_diagnoses.loop.problem
+        return parts.diagnoses.loop.problem or parts.diagnoses.alert_loop.problem or watching
 
     def _zenoh_problem(self) -> str | None:
         parts = self._parts

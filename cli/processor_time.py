@@ -15,6 +15,8 @@ STAGES: Mapping[str, str] = {
     "wingwatch-outputs": "publish",
     "wingwatch-http": "http",
     "wingwatch-diagnoses": "diagnoses",
+    "wingwatch-alert-diagnoses": "diagnoses",
+    "wingwatch-alert-watch": "diagnoses",
 }
 """What each long-lived thread does, by its name."""
 

@@ -29,8 +29,10 @@ from wingwatch.api import (
     read_certificate,
 )
 from wingwatch.baselines import open_database
+from wingwatch.cli.alert_diagnoses import AlertDiagnoses
 from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.database_probe import DatabaseProbe
+from wingwatch.cli.diagnosis_change import RING_CHANNELS
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.hangar import Hangar
 from wingwatch.cli.health import Health, Parts, connected, waiting_for
@@ -159,6 +161,7 @@ def _fleet(
             stale_s=settings.stale_s,
             excite=settings.excite,
             excite_interval_s=60.0 * settings.excite_minutes,
+            ring_channels=RING_CHANNELS if settings.diagnose_alerts else (),
         ),
         wall_clock,
     )
@@ -218,14 +221,14 @@ def running_service(
         outputs.ask_through(subscriber.ask_aircraft)
         preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
         pump = Pump(subscriber, monitor, arrived, preparation)
-        diagnoses = stack.enter_context(DiagnosisJobs(hangar.find))
+        jobs = stack.enter_context(DiagnosisJobs(hangar.find))
         app = create_app(
             monitor,
             lambda: service.readiness(),
             PatientHistory(database),
             __version__,
             AppSettings(
-                access=access, aircraft=hangar.find, diagnoses=diagnoses, kernels=preparation.view,
+                access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
                 counters=lambda: service.counters(), figures=lambda: service.figures(),
                 problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
             ),
@@ -234,13 +237,20 @@ def running_service(
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
-            diagnoses=diagnoses, refusals=refusals or {},
+            diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs), refusals=refusals or {},
         )  # fmt: skip
         service: Service = Service(parts)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)
         yield service
+
+
+def _alerts_diagnosed(
+    stack: ExitStack, settings: ServeSettings, monitor: FleetMonitor, jobs: DiagnosisJobs
+) -> AlertDiagnoses | None:
+    """What has alerts diagnosed, where that is wanted."""
+    return stack.enter_context(AlertDiagnoses(monitor, jobs)) if settings.diagnose_alerts else None
 
 
 def _access(settings: ServeSettings, listening: socket.socket, tokens: TokenRegister) -> AccessSettings:

@@ -23,7 +23,7 @@ DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 _MOST_BYTES = 100_000
 _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
-    "log_format", "excite",
+    "log_format", "excite", "diagnose_alerts",
 )  # fmt: skip
 _PATHS = ("data", "certificate", "private_key")
 
@@ -71,6 +71,7 @@ class ServeSettings(BaseModel):
         log_format: of what is written to standard error.
         history: how long the history of derivatives is kept.
         excite: whether inputs that would help are proposed; excite_minutes: least time between two for a vehicle.
+        diagnose_alerts: whether alerts of the airframe or of unclear cause are diagnosed.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -92,6 +93,7 @@ class ServeSettings(BaseModel):
     history: HistoryTable = HistoryTable()
     excite: Annotated[bool, Field(strict=True)] = False
     excite_minutes: Annotated[float, Field(ge=1.0, le=1440.0)] = 5.0
+    diagnose_alerts: Annotated[bool, Field(strict=True)] = True
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod

@@ -490,6 +490,7 @@ def _sentence(error: Exception) -> str:
 def alert_record(alert: AlertView, created_at_s: float, updated_at_s: float) -> AlertRecord:
     """An alert as it is stored."""
     values = {name: getattr(alert, name) for name in AlertView.__dataclass_fields__}
+    values.pop("diagnosis_id")  # its report ends with the service
     values["state"] = str(alert.state)
     values["evidence"] = tuple(EvidenceRecord(**asdict(part)) for part in alert.evidence)
     values["note"] = tuple(alert.note)
@@ -500,7 +501,9 @@ def alert_record(alert: AlertView, created_at_s: float, updated_at_s: float) -> 
 
 def alert_view(record: AlertRecord) -> AlertView:
     """A stored alert as the monitor shows it."""
-    values = {name: getattr(record, name) for name in AlertView.__dataclass_fields__}
+    values = {
+        name: getattr(record, name) for name in AlertView.__dataclass_fields__ if name != "diagnosis_id"
+    }
     values["state"] = AlertState(record.state)
     values["evidence"] = tuple(EvidenceView(**asdict(part)) for part in record.evidence)
     values["note"] = tuple(record.note)

@@ -21,7 +21,16 @@ from wingwatch.diagnosis.problem import WORKERS, Point, Problem, linear_at, mode
 from wingwatch.diagnosis.replay import DELAY, SCALE, TRIM_STEPS, Model, smoothed, without_delays
 from wingwatch.diagnosis.windows import all_seen, fly_filtered, seen_in
 
-__all__ = ["Evaluation", "Reduced", "evaluate", "own_count", "own_offset", "own_prior", "reduce"]
+__all__ = [
+    "Evaluation",
+    "Reduced",
+    "block_cuts",
+    "evaluate",
+    "own_count",
+    "own_offset",
+    "own_prior",
+    "reduce",
+]
 
 Array = NDArray[np.float64]
 
@@ -207,13 +216,18 @@ def _summed(problem: Problem, w: int, taken: Array, deviation: Array) -> tuple[A
     if not known[: 1 + own_count(problem)].all():
         return np.full((1, width, width), np.nan), np.full_like(deviation, np.nan), 0
     white[..., ~known] = 0.0  # a version that runs away in this window says nothing here
-    count = max(1, round(len(white) * problem.inputs[w].dt / _BLOCK_S))
-    cuts = np.linspace(0, len(white), count + 1).round().astype(int)
-    blocks = np.empty((count, width, width))
-    for b in range(count):
+    cuts = block_cuts(len(white), problem.inputs[w].dt)
+    blocks = np.empty((len(cuts) - 1, width, width))
+    for b in range(len(blocks)):
         rows = white[cuts[b] : cuts[b + 1]].reshape(-1, width)
         blocks[b] = rows.T @ rows
     return blocks, deviation, int((white[..., 0] != 0.0).sum())
+
+
+def block_cuts(samples: int, dt_s: float) -> NDArray[np.int64]:
+    """First samples of the blocks of a window, then the sample after the last."""
+    count = max(1, round(samples * dt_s / _BLOCK_S))
+    return np.asarray(np.linspace(0, samples, count + 1).round(), dtype=np.int64)
 
 
 def evaluate(

@@ -15,6 +15,7 @@ Example:
     ('healthy', 'no change against what is expected', 0)
 """
 
+from wingwatch.monitor.alert_finding import AlertFinding, Correction
 from wingwatch.monitor.causes import CAUSES, Cause
 from wingwatch.monitor.cell_memory import CellBook, CellPlace
 from wingwatch.monitor.chain import Chain, Solution
@@ -27,10 +28,12 @@ from wingwatch.monitor.checkpoint import (
     encode_checkpoint,
 )
 from wingwatch.monitor.fleet import FleetMonitor, FleetPorts
+from wingwatch.monitor.fleet_diagnoses import AlertFlight
 from wingwatch.monitor.fleet_settings import FleetSettings
 from wingwatch.monitor.judge import JudgeConfig
 from wingwatch.monitor.ports import ActionPlan, ActionRequest, Outputs, Store, VehicleMemory
 from wingwatch.monitor.resuming import Checkpoints
+from wingwatch.monitor.sample_ring import SampleRing
 from wingwatch.monitor.vehicle import MonitorStart, Report, VehicleMonitor, surface_kinds
 from wingwatch.monitor.views import (
     AlertAction,
@@ -74,6 +77,7 @@ __all__ = [
     "Checkpoint",
     "CheckpointError",
     "Checkpoints",
+    "SampleRing",
     "SavedVehicle",
     "decode_checkpoint",
     "default_settings",
@@ -82,8 +86,11 @@ __all__ = [
     "VehicleView",
     "VehicleState",
     "WorstDerivative",
+    "AlertFinding",
+    "AlertFlight",
     "AlertView",
     "CandidateView",
+    "Correction",
     "CouldSeeView",
     "AlertGroupView",
     "ProposedInputView",

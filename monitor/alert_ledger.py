@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
+from wingwatch.monitor.alert_finding import AlertFinding, with_finding
 from wingwatch.monitor.alerts import act, raised_again
 from wingwatch.monitor.ports import ActionRequest
 from wingwatch.monitor.roster import VehicleKey
@@ -26,6 +27,8 @@ class AlertLedger:
         self._most = most
         self._newest: dict[str, AlertView] = {}
         self._committed: dict[str, AlertView] = {}
+        self._own: dict[str, AlertView] = {}
+        self._findings: dict[str, AlertFinding] = {}
         self.unsaved: dict[str, None] = {}
         self.forgotten = 0
 
@@ -37,13 +40,40 @@ class AlertLedger:
 
     def follow(self, alert: AlertView) -> AlertView:
         """A new version by the monitor; returns it with what people have done to the alert."""
-        before = self._newest.get(alert.id)
+        before, own = self._newest.get(alert.id), alert
+        self._own[alert.id] = own
         if before is not None and before.state is AlertState.CLEARED and alert.repeats > before.repeats:
             alert = replace(alert, note=raised_again(before.note))  # a person may have noted more since
         elif (
             before is not None and before.state is not AlertState.ACTIVE and alert.state is AlertState.ACTIVE
         ):
             alert = replace(alert, state=before.state, note=before.note, shelving=before.shelving)
+        if (finding := self._findings.get(alert.id)) is not None:
+            alert = with_finding(alert, own, finding)
+        return self._becomes(alert)
+
+    def diagnosed(self, alert_id: str, finding: AlertFinding) -> AlertView | None:
+        """A new version with what a diagnosis has found; None for an alert that is not kept.
+
+        A cleared alert gets the note alone. Versions by the monitor that say no more than the one which the diagnosis
+        was begun with keep what it has found.
+        """
+        newest = self._newest.get(alert_id)
+        if newest is None:
+            return None
+        if newest.state is AlertState.CLEARED:
+            finding = replace(finding, correction=None)
+        else:
+            self._findings[alert_id] = finding
+        own = self._own.get(alert_id, newest)
+        return self._becomes(with_finding(replace(newest, note=(*newest.note, finding.note)), own, finding))
+
+    def own(self, alert_id: str) -> AlertView | None:
+        """The newest version as the vehicle's monitor has it, with the state that persons gave it."""
+        newest, own = self._newest.get(alert_id), self._own.get(alert_id)
+        return newest if newest is None or own is None else replace(own, state=newest.state)
+
+    def _becomes(self, alert: AlertView) -> AlertView:
         if alert.state is AlertState.SHELVED and _has_grown(alert):
             alert = _back(alert, "it has grown")
         self._newest[alert.id] = alert
@@ -130,6 +160,8 @@ class AlertLedger:
             gone = next(cleared, None) or next(iter(self._newest))
             self._newest.pop(gone)
             self._committed.pop(gone, None)
+            self._own.pop(gone, None)
+            self._findings.pop(gone, None)
             self.unsaved.pop(gone, None)
             self.forgotten += 1
 

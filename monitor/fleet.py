@@ -13,12 +13,14 @@ from functools import partial
 from typing import Any
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.monitor.alert_finding import AlertFinding
 from wingwatch.monitor.chain import Solution
 from wingwatch.monitor.checkpoint import SavedVehicle, settings_of
 from wingwatch.monitor.fleet_alerts import FleetAlerts
 from wingwatch.monitor.fleet_arrivals import FleetArrivals
 from wingwatch.monitor.fleet_checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
+from wingwatch.monitor.fleet_diagnoses import AlertFlight, FleetRings, alert_flight
 from wingwatch.monitor.fleet_memory import keep, learned_blocks
 from wingwatch.monitor.fleet_overload import FleetOverload
 from wingwatch.monitor.fleet_proposals import FleetProposals
@@ -110,6 +112,7 @@ class FleetMonitor:
         self._views = FleetViews(context, self._proposals)
         self._arrivals, self._overload = FleetArrivals(context, find_aircraft), FleetOverload(context)
         self._maker = MonitorMaker(new_id, self._settings.judge)
+        self._rings = FleetRings(self._settings.ring_channels)
         self._forgotten = 0
         self._solutions = 0
         self._held = 0
@@ -260,8 +263,9 @@ class FleetMonitor:
             blocks = [known.held.popleft().block for _, known, _ in going]
             reports = feed_together([monitor for _, _, monitor in going], blocks)
             sound = []
-            for one, report in zip(going, reports, strict=True):
+            for one, block, report in zip(going, blocks, reports, strict=True):
                 key, known, _ = one
+                self._rings.add(known, block)
                 try:
                     if isinstance(report, Exception):
                         raise report
@@ -440,6 +444,20 @@ class FleetMonitor:
         """
         until_at_s = self._context.wall_clock() + shelve_s
         return self._alerts.carry_out(ActionRequest(alert_id, action, who, note, key, until_at_s))
+
+    def alert_flight(self, alert_id: str) -> AlertFlight | None:
+        """The last minutes of the vehicle of an alert in force; None where there are none."""
+        with self._lock:
+            return alert_flight(self._context, alert_id)
+
+    def note_diagnosis(self, alert_id: str, finding: AlertFinding) -> bool:
+        """A diagnosis says something about an alert, which is updated as by its monitor; False for an unknown one."""
+        with self._lock:
+            news, shown = self._alerts.diagnosed(alert_id, finding), self._context.ledger.newest(alert_id)
+        if news is None or shown is None:
+            return False
+        self._context.tell((shown.fleet, shown.vehicle), news)
+        return True
 
     def events(self, after: int) -> Sequence[Event]:
         """Events with an id above ``after``, oldest first."""

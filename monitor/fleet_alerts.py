@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from wingwatch.monitor.alert_finding import AlertFinding
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
 from wingwatch.monitor.fleet_groups import IcingGroups
 from wingwatch.monitor.known_vehicle import KnownVehicle
@@ -79,7 +80,14 @@ class FleetAlerts:
 
     def keep(self, alert: AlertView) -> list[Outgoing]:
         """Hand a new version to the store, which says when it may be told; returns what may be told at once."""
-        kept = self._context.ledger.follow(alert)
+        return self._keep(self._context.ledger.follow(alert))
+
+    def diagnosed(self, alert_id: str, finding: AlertFinding) -> list[Outgoing] | None:
+        """A diagnosis says something about an alert; returns what may be told at once, None for an unknown alert."""
+        changed = self._context.ledger.diagnosed(alert_id, finding)
+        return None if changed is None else self._keep(changed)
+
+    def _keep(self, kept: AlertView) -> list[Outgoing]:
         self._follow_in_book(kept)
         self._note_place(kept)
         if self._context.store is None:

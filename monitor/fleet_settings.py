@@ -22,6 +22,7 @@ class FleetSettings:
         checkpoint_interval_s: least time between two checkpoints of a vehicle without news of an alert; of more than
             fifty vehicles each waits longer.
         excite: whether inputs that would help are proposed; excite_interval_s: least time between two for a vehicle.
+        ring_channels: channels of which the last two minutes are kept of each vehicle, for diagnoses; none where empty.
     """
 
     stale_s: float = 5.0
@@ -36,3 +37,4 @@ class FleetSettings:
     excite: bool = False
     excite_interval_s: float = 300.0
     judge: JudgeConfig = field(default_factory=JudgeConfig)
+    ring_channels: tuple[str, ...] = ()

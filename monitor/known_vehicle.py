@@ -12,6 +12,7 @@ from wingwatch.monitor.loading import Loading, loading_of
 from wingwatch.monitor.ownership import Ownership
 from wingwatch.monitor.pace import Pace
 from wingwatch.monitor.pieces import pieces
+from wingwatch.monitor.sample_ring import SampleRing
 from wingwatch.monitor.vehicle import VehicleMonitor
 from wingwatch.monitor.views import VehicleState, VehicleView
 from wingwatch.telemetry import CHANNELS, AircraftMessage, SensorsMessage, SequenceTracker
@@ -58,6 +59,7 @@ class KnownVehicle:
         deferred: another aircraft or configuration that was announced while an alert is in force.
         checkpoint_s: when its state was handed over to be saved; unsaved: whether it has changed since; urgent: whether
             that is to be saved at once.
+        ring: its latest samples; None where none are kept.
     """
 
     message: AircraftMessage | None = None
@@ -93,6 +95,7 @@ class KnownVehicle:
     checkpoint_s: float = float("-inf")
     unsaved: bool = False
     urgent: bool = False
+    ring: SampleRing | None = None
 
     def count(self, reason: str, times: int = 1) -> None:
         """Count what was not used."""
@@ -141,6 +144,7 @@ class KnownVehicle:
             self.earlier.update(self.monitor.counts)
         self.monitor, self.recalled, self.recall_s = None, False, None
         self.given, self.settings, self.late, self.unsaved, self.urgent = (), "", False, False, False
+        self.ring = None
         self.drop_held()
 
     def hold(self, message: SensorsMessage) -> int:

@@ -150,7 +150,8 @@ def agreed(
     airframe = [alert for alert in standing if alert.channel is None]
     if monitor.book.active is None and airframe:
         monitor.follow_again(airframe[-1])
+    of_airframe = None if monitor.book.active is None else monitor.book.active.id
     for alert in standing:
-        if alert.channel is not None:
+        if alert.channel is not None and alert.id != of_airframe:  # a diagnosis may have named its part
             monitor.follow_again(alert)
     return missing

@@ -250,6 +250,7 @@ class AlertView:
         shelving: where it is shelved; None else, and for what older versions shelved.
         channel: the sensor, surface or throttle at fault, by its column of the flight table; None for the airframe.
         candidates: causes that are possible, likeliest first; empty where only one is.
+        diagnosis_id: of the diagnosis of it whose report this service has; None without, and after a restart.
     """
 
     id: str
@@ -271,6 +272,7 @@ class AlertView:
     shelving: Shelving | None = None
     channel: str | None = None
     candidates: Sequence[CandidateView] = field(default=())
+    diagnosis_id: str | None = None
 
     @property
     def repeats(self) -> int:

@@ -396,6 +396,11 @@ function alertItem(alert) {
   if (alert.candidates.length) item.append(candidates(alert.candidates));
   item.append(...evidence(alert.evidence));
   if (alert.notes.length) item.append(make("ul", "notes", ...alert.notes.map((note) => make("li", "", note))));
+  if (alert.diagnosis_id) {
+    const report = make("a", "", "Report of the diagnosis");
+    report.href = `/v1/diagnoses/${encodeURIComponent(alert.diagnosis_id)}/report`;
+    item.append(make("p", "soft", report));
+  }
   return item;
 }
 

@@ -94,6 +94,13 @@ def add_serve(commands: Commands) -> None:
         help="propose inputs of surfaces that would help to see more, to people and over Zenoh; never flown",
     )
     parser.add_argument(
+        "--no-diagnose-alerts",
+        dest="diagnose_alerts",
+        action="store_false",
+        default=None,
+        help="do not look into alerts by simulation, in a process of its own at low priority",
+    )
+    parser.add_argument(
         "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"
     )
 

@@ -66,6 +66,12 @@ def add_demo(commands: Commands) -> None:
         metavar="DIR",
         help="folder of demo.db, which every demo starts anew (default: %(default)s)",
     )
+    parser.add_argument(
+        "--no-diagnose-alerts",
+        dest="diagnose_alerts",
+        action="store_false",
+        help="do not look into alerts by simulation, in a process of its own at low priority",
+    )
 
 
 def add_simulate(commands: Commands) -> None:

@@ -84,7 +84,7 @@ def test_a_thread_that_ended_is_told(service: Service) -> None:
     until(lambda: problem(service, "database").startswith("the loop that writes the database has"))
     with parts.diagnoses._changed:
         parts.diagnoses._ending = True
-        parts.diagnoses._changed.notify()
+        parts.diagnoses._changed.notify_all()
     until(lambda: problem(service, "diagnoses") == "the loop that runs diagnoses has ended.")
 
 
@@ -92,7 +92,7 @@ def test_every_part_shows_its_counters(service: Service) -> None:
     counters = httpx.get(f"{service.url}/v1/status").json()["counters"]
     assert set(counters) == {
         "messages", "intake", "monitor", "loop", "store", "checkpoints", "outputs", "links", "connections", "access",
-        "events",
+        "events", "alert_diagnoses",
     }  # fmt: skip
 
 
