@@ -72,8 +72,7 @@ def alert_flight(context: FleetContext, alert_id: str) -> AlertFlight | None:
     known = context.vehicles.get((alert.fleet, alert.vehicle))
     if known is None or known.monitor is None or known.ring is None or known.loading is None:
         return None
-    book = known.monitor.book
-    onset_s = book.onset_s if book.active is not None and book.active.id == alert_id else None
+    onset_s = known.monitor.onset_s(alert_id)
     if onset_s is None or not math.isfinite(onset_s):
         onset_s = alert.raised_s - _CONTRADICTION_S
     time_s, values = known.ring.latest()

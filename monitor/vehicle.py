@@ -171,6 +171,10 @@ class VehicleMonitor(VehicleReadings):
         """All alerts in force, worst first."""
         return self._alerts.active
 
+    def onset_s(self, alert_id: str) -> float | None:
+        """Stamp at which the fault of an alert in force began, as far as it is known."""
+        return self._alerts.onset_s(alert_id)
+
     @property
     def alarmed(self) -> bool:
         """Whether an alert is in force."""
@@ -221,6 +225,7 @@ class VehicleMonitor(VehicleReadings):
             changed = self._relations.confirm(changed)
         elif changed is not None:
             self._relations.explain(changed, solution.time_s)
+        if changed is not None:
             changed = self._alerts.announced([changed])[0]
         before, self._memory.latest = self._memory.latest, solution
         if self._memory.surfaces.begun_s is None:

@@ -57,6 +57,12 @@ class VehicleAlerts:
         """Whether an alert is in force."""
         return self._book.active is not None or bool(self._relations.book.active)
 
+    def onset_s(self, alert_id: str) -> float | None:
+        """Stamp at which the fault of an alert in force began, as far as it is known."""
+        if self._book.active is not None and self._book.active.id == alert_id:
+            return self._book.onset_s
+        return self._relations.onset_s(alert_id)
+
     def announced(self, versions: Sequence[AlertView]) -> list[AlertView]:
         """Versions as the books made them, in order, under the name of the alert that comes back with them."""
         opened: dict[str, AlertView] = {}

@@ -25,7 +25,7 @@ PATIENCE_S = 3.0
 """So long is waited for one; then the alert says what is possible."""
 CORRECTED = 0.99
 """Probability from which another name takes the place of the first."""
-ENDED = 1000.0
+ENDED = 1e5
 """Odds from which a fault is gone: it ends more often than one begins."""
 _STATES_FROM = {
     "airspeed_true_m_s": "wqvpr", "roll_rad": "wqvpr", "pitch_rad": "wqvpr", "specific_force_x_m_s2": "wqvpr",

@@ -40,6 +40,7 @@ from wingwatch.monitor.redundancy.layout import (
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
 
 __all__ = [
+    "CHANGES",
     "DRIFT",
     "END_S",
     "GOING",
@@ -72,8 +73,8 @@ FORCED_S, SHORT_S = 0.5, 0.3
 """An innovation beyond its limit begins a segment, ``FORCED_S`` after the last at the earliest; that one is short."""
 
 (
-    _X, _VARIANCE, _RATE, GOING, _LAST, DRIFT, _READING, _SINCE_S, REPEATS, MOST_REPEATS,
-) = range(10)  # fmt: skip
+    _X, _VARIANCE, _RATE, GOING, _LAST, DRIFT, _READING, _SINCE_S, REPEATS, MOST_REPEATS, CHANGES,
+) = range(11)  # fmt: skip
 """Numbers of ``Memory.scalar``."""
 _SAMPLES, _SQUARE, _PRODUCTS, _LEFT, _LOG_S = range(5)
 """Numbers of ``Segment.scalar``."""
@@ -133,7 +134,7 @@ class Memory(NamedTuple):
     """What passes from one sample to the next.
 
     ``scalar``: x, P, last rate, whether the filter goes on, last e/sqrt(S), drift, last reading, since when it repeats,
-    how often it has, and how often one did at most before (relations, 10);
+    how often it has, how often one did at most before, and how often it has changed (rows, 11);
     ``effect``: X; ``effect_rate``: the last two psi;
     ``servo``: modelled position, last command, and the position ``LATER_S`` later (3, 3);
     ``clock``: last stamp, end of the segment, last three gyro readings, airspeed and throttle smoothed over
@@ -187,7 +188,7 @@ class _Signals(NamedTuple):
 
 def new_memory(drift: Array) -> Memory:
     """Before the first sample; ``drift`` (rows,) as it is stated."""
-    scalar = np.zeros((_ROWS, MOST_REPEATS + 1))
+    scalar = np.zeros((_ROWS, CHANGES + 1))
     scalar[:, DRIFT] = drift
     scalar[:, _READING] = np.nan
     clock = np.full(_EASTWARD + 1, np.nan)
@@ -470,7 +471,7 @@ def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-de
     elif not math.isnan(reading):
         if i >= ROLLING and last[REPEATS] > 0.0:  # what a held rate has grown by is not of one sample
             to.z[i] = np.nan
-        last[MOST_REPEATS] = max(last[REPEATS], last[MOST_REPEATS])
+        last[MOST_REPEATS], last[CHANGES] = max(last[REPEATS], last[MOST_REPEATS]), last[CHANGES] + 1.0
         last[_READING], last[_SINCE_S], last[REPEATS] = reading, time_s, 0.0
 
 

@@ -63,6 +63,11 @@ class VehicleRelations:
         """Derivatives have changed, too: the alert about the airframe in force with their evidence, where it is new."""
         return self.book.confirm(by)
 
+    def onset_s(self, alert_id: str) -> float | None:
+        """Stamp at which the fault of an alert in force began; None for another alert."""
+        faults = zip(self.book.state.active, self._state.faults, strict=True)
+        return next((fault.onset_s for alert, fault in faults if alert.id == alert_id), None)
+
     def adopt(self, alert: AlertView) -> None:
         """An alert of an earlier run is in force again."""
         self.book.adopt(self._state, alert)

@@ -35,6 +35,7 @@ from wingwatch.monitor.redundancy.layout import (
     ROWS,
 )
 from wingwatch.monitor.redundancy.samples import (
+    CHANGES,
     DRIFT,
     END_S,
     GOING,
@@ -67,6 +68,8 @@ coefficients go by how gusts are filtered; then nothing is tested while they lea
 _SINGLE, _MOST = 6, 12
 """Segments that stay as they are, and in all; older ones are joined by twos until they are ``_LONGEST_S`` long."""
 _LONGEST_S = 5.0
+LEAST_CHANGES = 100.0
+"""Changes of a reading from which it is known how long it may repeat."""
 LEAST_REPEATED = 3.0
 """Times that any reading may repeat."""
 _LOOK_S = 2.0
@@ -382,6 +385,10 @@ class RedundancyWatch:
 
 
 def _repeated(state: RedundancyState) -> Array:
-    """How often each relation's reading has repeated over how often it did before, at most."""
+    """How often each relation's reading has repeated over how often it did before, at most.
+
+    One that has hardly ever changed is one that may rest: nothing is known of how long it does.
+    """
     scalar = state.memory.scalar
-    return np.asarray(scalar[:, REPEATS] / np.maximum(scalar[:, MOST_REPEATS], LEAST_REPEATED))
+    known = scalar[:, CHANGES] >= LEAST_CHANGES
+    return np.asarray(known * scalar[:, REPEATS] / np.maximum(scalar[:, MOST_REPEATS], LEAST_REPEATED))
