@@ -1,4 +1,4 @@
-"""Faults of surfaces, thrust and sensors by analytical redundancy: seen, how soon, by which name? Healthy ones: silent?
+"""Faults of surfaces, thrust, sensors and the airframe: seen, how soon, by which name? Healthy flights: silent?
 
 Flights are drawn: kind and size of the fault, its onset at 45 to 75 s, air (still, light, moderate), doublets or a
 patrol with doublets, wind. All channels of the simulated aircraft are sent. Each flight is watched by
@@ -67,6 +67,14 @@ KINDS: dict[str, tuple[str, _Draw]] = {
     "sensor_bias[roll_rad]": ("attitude", _log(0.01, 0.05, True)),
     "sensor_bias[specific_force_x_m_s2]": ("accelerometers", _log(0.2, 1.0, True)),
     "sensor_bias[specific_force_z_m_s2]": ("accelerometers", _log(0.2, 1.0, True)),
+    "icing": ("ice", _log(0.03, 0.3)),
+    "icing[left]": ("ice", _log(0.03, 0.3)),
+    "wing_damage[left]": ("airframe", _log(0.05, 0.3)),
+    "elevator_effectiveness": ("airframe", _log(0.1, 0.6)),
+    "aileron_effectiveness": ("airframe", _log(0.1, 0.6)),
+    "rudder_effectiveness": ("airframe", _log(0.1, 0.6)),
+    "cg_shift": ("airframe", _log(0.004, 0.02, True)),
+    "mass_inertia": ("airframe", _log(0.03, 0.15, True)),
 }
 """By effect, its group and how its size is drawn."""
 
@@ -113,7 +121,7 @@ class Flown:
         if self.first is None or self.drawn.kind is None:
             return False
         cause, _, part = self.drawn.kind.rstrip("]").partition("[")
-        channel = {"": self.first.channel}.get(
+        channel = {"": self.first.channel, "left": None}.get(
             part, part if part.endswith(("_s", "_rad", "_s2")) else f"{part}_rad"
         )
         return (self.first.cause, self.first.channel) == (cause, channel)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import log_ndtr
 
 from wingwatch.monitor.redundancy.evidence import Changes
 from wingwatch.monitor.redundancy.hypotheses import Hypothesis
@@ -98,11 +98,11 @@ class Contest:
         calm = varied[:, : len(RELATIONS)].copy()
         calm[:, has] = np.logaddexp(calm[:, has], varied[:, ROUGH[has]])
         self._varied = calm
-        self._log_null = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(calm)) + logsumexp(calm, axis=0))
+        self._log_null = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(calm)) + _log_sum(calm, 0))
         # what varied at an earlier onset, up to this one
         earlier = np.tril(np.ones((len(calm), len(calm))), -1)[:, :, None]
         apart = np.where(earlier > 0.0, calm[None] - calm[:, None], -np.inf)
-        self._before = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(calm)) + logsumexp(apart, axis=1))
+        self._before = np.logaddexp(np.log(0.5), np.log(0.5) - np.log(len(calm)) + _log_sum(apart, 1))
         best = np.take_along_axis(gained, rows, axis=1)
         self._most = np.maximum(best + self._before - self._log_null, 0.0).max(axis=0)
 
@@ -133,7 +133,7 @@ class Contest:
             if not hypothesis.signed:
                 total += np.log(2.0) + log_ndtr(size / error)
         onset = int(np.argmax(total))
-        return Ranked(hypothesis, float(logsumexp(total)), onset, float(size[onset]), float(error[onset]))
+        return Ranked(hypothesis, float(_log_sum(total, 0)), onset, float(size[onset]), float(error[onset]))
 
 
 def rank(
@@ -159,9 +159,15 @@ def rank(
     if not ranked:
         return Finding(-np.inf, (), ())
     logs = np.array([r.log_factor for r in ranked]) + _log_weights([r.hypothesis for r in ranked])
-    total = float(logsumexp(logs))
+    total = float(_log_sum(logs, 0))
     order = np.argsort(-logs)
     return Finding(total, [ranked[i] for i in order], np.exp(logs[order] - total).tolist())
+
+
+def _log_sum(logs: Array, axis: int) -> Array:
+    """Log of the sum of exponentials along an axis; scipy's costs twenty times as much on a dozen numbers."""
+    most = np.maximum(logs.max(axis=axis, keepdims=True), -1e300)
+    return np.asarray(np.log(np.exp(logs - most).sum(axis=axis) + 1e-300) + most.squeeze(axis))
 
 
 def _log_weights(hypotheses: Sequence[Hypothesis]) -> Array:
