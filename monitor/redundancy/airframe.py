@@ -20,14 +20,14 @@ from wingwatch.estimators.kernels.hot import whole
 from wingwatch.monitor.redundancy.layout import ALPHA, COLUMNS, LIFT, PITCHING, ROLLING, SIDE, YAWING
 from wingwatch.telemetry import CHANNEL_INDEX
 
-__all__ = ["ATTACHED_RAD", "forces_and_moments"]
+__all__ = ["ATTACHED_RAD", "COARSE", "forces_and_moments"]
 
 _P, _Q, _R = (CHANNEL_INDEX[f"{a}_rate_rad_s"] for a in ("roll", "pitch", "yaw"))
 _V, _RHO = CHANNEL_INDEX["airspeed_true_m_s"], CHANNEL_INDEX["air_density_kg_m3"]
 _SURFACES = tuple(CHANNEL_INDEX[f"{s}_rad"] for s in ("elevator", "aileron", "rudder"))
 ATTACHED_RAD = (math.radians(-4.0), math.radians(10.0))
 """Angles of attack over which lift is taken as straight."""
-_COARSE = 0.1
+COARSE = 0.1
 """Standard deviation of what the mean of two samples misses of a moment between them, as a fraction of its change: an
 exponential that lasts for a sample is misjudged by 0.08 of it."""
 _SHOWN = 5.0
@@ -97,7 +97,7 @@ def _moment(i, dt, rate, angular, pressure, to, model, memory):  # type: ignore[
     last, k = memory.moment[i - ROLLING], i - LIFT
     now = angular + pressure * _of(model.coefficients[k], regressors)
     to.z[i] = (rate - last[0]) - 0.5 * dt * (now + last[1]) if dt > 0.0 else math.nan
-    to.more[i] = (_COARSE * dt * (now - last[1])) ** 2
+    to.more[i] = (COARSE * dt * (now - last[1])) ** 2
     last[0], last[1] = rate, now
     for j in range(COLUMNS):
         column = pressure * model.units[k, j] * columns[j] if model.units[k, j] != 0.0 else 0.0

@@ -1,6 +1,7 @@
 """What may have happened to the airframe, by aircraft: changes of coefficients, and what faults look like in them."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -196,23 +197,15 @@ def _balance(airframe: _Airframe) -> list[Hypothesis]:
     ]  # fmt: skip
 
 
-def _pitch_damping(airframe: _Airframe) -> Hypothesis:
-    return Hypothesis(
-        "pitch_damping", "", "damage", 0.4, True, "", (0.3, 0.6), "Pitch damping has changed by {size}",
-        "Check the tail; avoid abrupt pitching.", airframe.effects({"Cm_q": 1.0}),
-    )  # fmt: skip
-
-
 def _anything(relations: Collection[int], usual: float) -> dict[int, Effect]:
     """Whatever a fault makes of relations that it spoils: all of twice their priors at its usual size."""
     nothing = np.zeros(COLUMNS)
     free = {i: np.where(PRIORS[i] > 1e-8, 2.0 * PRIORS[i], 0.0) for i in relations}
-    return {i: Effect(nothing, by_size=f / usual) for i, f in free.items()}
+    return {i: Effect(nothing, by_size=f / usual, proves=False) for i, f in free.items()}
 
 
 _SPOILS: Mapping[str, tuple[int, ...]] = {
     "roll_rate_rad_s": (ROLLING, YAWING), "pitch_rate_rad_s": (PITCHING,), "yaw_rate_rad_s": (YAWING, ROLLING),
-    "angle_of_attack_rad": (LIFT, PITCHING), "sideslip_rad": (SIDE, ROLLING, YAWING),
 }  # fmt: skip
 """Relations that a late or frozen reading makes wrong in a way that no direction is derived for."""
 
@@ -222,7 +215,8 @@ def _in_coefficients(airframe: _Airframe, h: Hypothesis) -> Hypothesis:
     moved = _as_coefficients(airframe, h)
     if moved is not None:
         effects = airframe.effects(moved, _LINEAR_SPREAD)
-        return with_effects(h, {i: e for i, e in effects.items() if i not in h.effects})
+        own = h.channel in ("angle_of_attack_rad", "sideslip_rad") or h.channel.startswith("specific_force")
+        return with_effects(h, {i: replace(e, proves=own) for i, e in effects.items() if i not in h.effects})
     spoilt = _SPOILS.get(h.channel, ()) if h.effects else ()
     return with_effects(h, _anything(spoilt, h.size_std or 1.0))
 
@@ -297,6 +291,6 @@ def hypotheses_of(aircraft: Aircraft, model: Model) -> tuple[Hypothesis, ...]:
         _effectiveness(airframe, "elevator", "Avoid steep manoeuvres and land as soon as practical."),
         _effectiveness(airframe, "aileron", "Keep bank angles small and land as soon as practical."),
         _effectiveness(airframe, "rudder", "Avoid crosswind and land as soon as practical."),
-        *_balance(airframe), _pitch_damping(airframe),
+        *_balance(airframe),
     ]  # fmt: skip
     return tuple(h for h in found if any(active[i] for i in h.relations))

@@ -43,12 +43,14 @@ class Effect:
     Attributes:
         direction: (COLUMNS,), by size 1.
         free: (COLUMNS,), standard deviation of what it changes besides.
+        proves: whether it may be claimed by this relation alone; else that counts no more than those that prove it.
         by_size: (COLUMNS,), the same for each unit of the size: a direction is known to a fraction of itself.
     """
 
     direction: Array
     free: Array = field(default_factory=lambda: np.zeros(COLUMNS))
     by_size: Array = field(default_factory=lambda: np.zeros(COLUMNS))
+    proves: bool = True
 
     def varying(self, size: float) -> Array:
         """Standard deviation of what it may change besides where it has that size, (COLUMNS,)."""
@@ -187,14 +189,8 @@ def _gyro(rate: str, word: str) -> list[Hypothesis]:
     ]  # fmt: skip
 
 
-def _vane(relation: int, channel: str, word: str) -> list[Hypothesis]:
-    return [
-        _bias(channel, 0.05, "rad", (0.02, 0.06), word),
-        Hypothesis(
-            "sensor_delay", channel, "sensor", 0.1, False, "s", (0.05, 0.15), f"{word} is {{size}} late",
-            _SENSOR_ADVICE, {relation: _effect(relation, {f"{channel} delay": 1.0})},
-        ),
-    ]  # fmt: skip
+def _vane(channel: str, word: str) -> list[Hypothesis]:
+    return [_bias(channel, 0.05, "rad", (0.02, 0.06), word)]
 
 
 def _frozen(relation: int, word: str, advice: str = _SENSOR_ADVICE) -> Hypothesis:
@@ -239,7 +235,8 @@ def _thrust() -> list[Hypothesis]:
         Hypothesis(
             "drag", "specific_force_x_m_s2", "unexplained", 1.0, False, "", (0.2, 0.5),
             "Drag has grown by {size} of its zero-lift part", "Ice or damage is possible; inspect.",
-            {AXIAL: _effect(AXIAL, {"drag": 1.0}, {"induced drag": 0.2})}, late=True,
+            {AXIAL: replace(_effect(AXIAL, {"drag": 1.0}), by_size=_effect(AXIAL, {"induced drag": 0.5}).direction)},
+            late=True,
         ),
     ]  # fmt: skip
 
@@ -294,8 +291,8 @@ HYPOTHESES: tuple[Hypothesis, ...] = (
     _bias("specific_force_x_m_s2", 0.3, "m/s2", (0.3, 1.0), "The forward accelerometer"),
     _bias("specific_force_y_m_s2", 0.3, "m/s2", (0.3, 1.0), "The lateral accelerometer"),
     _bias("specific_force_z_m_s2", 0.3, "m/s2", (0.3, 1.0), "The normal accelerometer"),
-    *_vane(ALPHA, "angle_of_attack_rad", "Angle of attack"),
-    *_vane(BETA, "sideslip_rad", "Sideslip"),
+    *_vane("angle_of_attack_rad", "Angle of attack"),
+    *_vane("sideslip_rad", "Sideslip"),
     *_thrust(),
     _frozen(ROLL, "Bank angle"),
     _frozen(PITCH, "Pitch attitude"),

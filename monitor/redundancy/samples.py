@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.estimators.kernels.hot import whole
-from wingwatch.monitor.redundancy.airframe import forces_and_moments
+from wingwatch.monitor.redundancy.airframe import COARSE, forces_and_moments
 from wingwatch.monitor.redundancy.layout import (
     AIRSPEED,
     ALPHA,
@@ -72,6 +72,7 @@ follow: a column of noise that e has, too, would explain it."""
 FORCED_S, SHORT_S = 0.5, 0.3
 """An innovation beyond its limit begins a segment, ``FORCED_S`` after the last at the earliest; that one is short."""
 
+STEEP_RAD = math.radians(60.0)
 (
     _X, _VARIANCE, _RATE, GOING, _LAST, DRIFT, _READING, _SINCE_S, REPEATS, MOST_REPEATS, CHANGES,
 ) = range(11)  # fmt: skip
@@ -270,6 +271,8 @@ def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untype
         -r * cos,
         -q * cos * secant,
     )  # of p and q by r, of r by q
+    if abs(row[_THETA]) > STEEP_RAD:  # Euler's equations say little of bank and heading
+        to.z[ROLL] = to.z[HEADING] = math.nan
     for relation in (ROLL, PITCH, HEADING):
         to.d[relation, 3] = 1.0
         noise = model.gyro_variance[relation - ROLL]
@@ -461,6 +464,14 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
 
 
 @whole
+def _note_quick_motion(dt, memory, to):  # type: ignore[no-untyped-def]
+    """What the mean of two samples misses of a rate between them is noise of z."""
+    for i in range(ROLL, AXIAL):
+        change = to.rate[i] - memory.scalar[i, _RATE]
+        to.more[i] = (COARSE * dt * change) ** 2 if memory.scalar[i, GOING] > 0.0 else 0.0
+
+
+@whole
 def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-def]
     """A relation's own reading: how often it repeats; one that repeats for less than ``HELD_S`` is none."""
     last = memory.scalar[i]
@@ -558,6 +569,7 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
         if model.active[ROLLING] or model.active[PITCHING]:
             forces_and_moments(row, dt, model, memory, flow, to)
         _ground(row, dt, memory, flow, to)
+        _note_quick_motion(dt, memory, to)
         for i in range(_N):
             if model.active[i] and _MAY_REPEAT[i]:
                 _note_repeats(i, row[_OWN[i]], row[_T], memory, to)

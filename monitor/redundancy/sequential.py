@@ -114,8 +114,7 @@ class Contest:
         """Its Bayes factor.
 
         In each relation something may have varied before, too; where it does no more than nothing that may have been at
-        another onset. Relations that it spoils, in
-        no known direction, count no more than those that show it.
+        another onset. Relations that do not prove it count no more than those that do.
         """
         relations = np.array(list(hypothesis.effects))
         by_relation, size, curvature = _likelihoods(self._changes, self._floors, hypothesis)
@@ -123,9 +122,9 @@ class Contest:
         own, null = by_relation.T, self._log_null[relations]
         by_it = own + self._before[:, relations] - null
         logs = np.logaddexp(by_it, np.minimum(own - self._varied[:, relations], 0.0)) - np.log(2.0)
-        shows = np.array([e.direction.any() or e.free.any() for e in hypothesis.effects.values()])
-        total, error = logs[:, shows].sum(axis=1), np.zeros(len(size))
-        total += np.minimum(logs[:, ~shows].sum(axis=1), np.maximum(total, 0.0))
+        proves = np.array([e.proves for e in hypothesis.effects.values()])
+        total, error = logs[:, proves].sum(axis=1), np.zeros(len(size))
+        total += np.minimum(logs[:, ~proves].sum(axis=1), np.maximum(total, 0.0))
         if not fixed:
             prior = hypothesis.size_std**-2.0
             error = 1.0 / np.sqrt(curvature)

@@ -89,6 +89,7 @@ rougher air has at least that of moderate gusts (``least_drift``) and ``_ROUGHER
 _ROUGHER = 6.0
 _COLOURED = 1e3
 """Most drift of moments: the sampled gusts of a moment stay correlated with those one sample before."""
+_OUT_OF_MEASURE = 1e30
 _N, _ROWS = len(RELATIONS), len(ROWS)
 
 
@@ -239,6 +240,7 @@ class RedundancyWatch:
     def _close(self, state: RedundancyState, next_s: float) -> Second:
         clock = state.memory.clock
         start_s, end_s = float(clock[START_S]), float(clock[END_S])
+        _leave_out(state)
         segment = closed(state.segment, start_s, end_s - start_s)
         goes_on = 0.0 <= next_s - end_s < SEGMENT_S
         forced = next_s == end_s and segment.seconds < SEGMENT_S
@@ -313,7 +315,7 @@ class RedundancyWatch:
         changed = any(not f.channel for f in state.faults)
         tested = []
         for h in self.hypotheses:
-            if h.is_of_airframe and changed:
+            if h.is_of_airframe and (changed or h.relations & active & waiting):
                 continue
             if (shown := h.without((waiting | of_parts) & active)) is not None:
                 tested.append(shown)
@@ -382,6 +384,17 @@ class RedundancyWatch:
         oldest = segments.pop(0)
         if quiet:
             state.reference.absorb(oldest, which[list(ROWS)])
+
+
+def _leave_out(state: RedundancyState) -> None:
+    """Rows that readings out of all measure have spoiled say nothing of the segment, and their filters start anew."""
+    part = state.segment
+    sums = (part.information, part.vector, part.start, part.scalar, state.memory.effect)
+    large = [np.abs(one).reshape(_ROWS, -1).max(axis=1) for one in sums]
+    for row in np.flatnonzero(~(np.max(large, axis=0) < _OUT_OF_MEASURE)):
+        part.forget(int(row))
+        part.start[row] = state.memory.effect[row] = 0.0
+        state.memory.scalar[row, GOING] = 0.0
 
 
 def _repeated(state: RedundancyState) -> Array:
