@@ -11,6 +11,7 @@ from wingwatch.monitor.chain import SavedChain
 from wingwatch.monitor.checkpoint import CODEC, SavedVehicle
 from wingwatch.monitor.monitor_state import MonitorState
 from wingwatch.monitor.monitors import MonitorMaker
+from wingwatch.monitor.vehicle_alerts import AlertMemory
 from wingwatch.telemetry import AircraftMessage, SampleBlock, SensorsMessage
 
 AIRCRAFT = "aerosonde"
@@ -118,4 +119,6 @@ def _comparable(state: MonitorState) -> MonitorState:
     alert = None if state.book.active is None else bare(state.book.active)
     cells = CellBookState(state.cells.accounts, state.cells.visits, set())
     several = replace(state.redundancy_book, active=[bare(a) for a in state.redundancy_book.active])
-    return replace(state, book=replace(state.book, active=alert), cells=cells, redundancy_book=several)
+    told = AlertMemory([""] * len(state.alerts.in_force), [bare(a) for a in state.alerts.over])
+    book = replace(state.book, active=alert)
+    return replace(state, book=book, cells=cells, redundancy_book=several, alerts=told)

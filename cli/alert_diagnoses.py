@@ -84,7 +84,9 @@ class AlertDiagnoses:
         self._begun: dict[str, tuple[str, str | None, int]] = {}  # by which cause, and how often
         self._undecided: deque[str] = deque(maxlen=_MOST_PENDING)
         self._ending = threading.Event()
-        self.counts: Counter[str] = Counter()
+        self.counts = Counter(
+            dict.fromkeys(("begun", "refused", "decided", "undecided", "failed", "late"), 0)
+        )
         self.loop = Loop("wingwatch-alert-watch", "the loop that has alerts diagnosed", self._run)
 
     def __enter__(self) -> Self:

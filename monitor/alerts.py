@@ -10,7 +10,7 @@ from wingwatch.monitor.causes import CAUSES, UNEXPLAINED, Cause
 from wingwatch.monitor.judge import Judge, JudgeState, Verdict, largest_change
 from wingwatch.monitor.views import AlertAction, AlertState, AlertView, EvidenceView, repeats_in
 
-__all__ = ["AlertBook", "BookState", "act", "raised_again"]
+__all__ = ["CLEAR_BLOCKS", "AlertBook", "BookState", "act", "raised_again"]
 
 CLEAR_BLOCKS = 4
 """Informative blocks without the change after which an alert is cleared."""

@@ -139,7 +139,7 @@ def agreed(
         if known is None:
             missing.append(active)
         elif known.state is AlertState.CLEARED:
-            if active.channel is None:
+            if monitor.book.active is not None and active.id == monitor.book.active.id:
                 monitor.dismiss(by_person=known.note != active.note)
             else:
                 monitor.take_over(known)
@@ -148,10 +148,15 @@ def agreed(
         else:
             monitor.take_over(known)
     airframe = [alert for alert in standing if alert.channel is None]
-    if monitor.book.active is None and airframe:
+    if airframe and not _of_airframe(monitor):
         monitor.follow_again(airframe[-1])
-    of_airframe = None if monitor.book.active is None else monitor.book.active.id
+    of_airframe = _of_airframe(monitor)
     for alert in standing:
-        if alert.channel is not None and alert.id != of_airframe:  # a diagnosis may have named its part
+        if alert.channel is not None and alert.id not in of_airframe:  # a diagnosis may have named its part
             monitor.follow_again(alert)
     return missing
+
+
+def _of_airframe(monitor: VehicleMonitor) -> list[str]:
+    """Ids of the alerts about the airframe that are in force."""
+    return [alert.id for alert in monitor.active_alerts if alert.channel is None]

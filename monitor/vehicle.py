@@ -12,7 +12,7 @@ from wingwatch.aircraft import (
 )
 from wingwatch.baselines import Expectation, OutOfEnvelope
 from wingwatch.estimators import BlockEvidence
-from wingwatch.monitor.alerts import AlertBook
+from wingwatch.monitor.alerts import CLEAR_BLOCKS, AlertBook
 from wingwatch.monitor.blocks import BlockView, ModeBlock
 from wingwatch.monitor.cell_memory import CellBook
 from wingwatch.monitor.chain import (
@@ -240,6 +240,10 @@ class VehicleMonitor(VehicleReadings):
         have shown.
         """
         raised = self._alerts.announced(self._relations.rest(self.book.active is not None))
+        for alert in raised:
+            if alert.state is AlertState.CLEARED and alert.channel is None:
+                onset_s = alert.raised_s - self.judge.config.block_s
+                self.judge.forget_change(self._judge_state, onset_s, CLEAR_BLOCKS)
         if self._memory.regime.waits and self._memory.regime.landed:
             self._memory.surfaces = self._surfaces.init()
         if raised and self.alarmed and self.state is not VehicleState.DEGRADED:

@@ -113,22 +113,27 @@ class RedundancyBook:
                 )
         return versions
 
-    def confirm(self, by: AlertView) -> AlertView | None:
-        """The alert about the airframe in force with the evidence of derivatives; None where there is none.
+    def confirm(self, state: RedundancyState, by: AlertView) -> AlertView | None:
+        """The alert about the airframe in force as derivatives confirm it; None where that is no news.
 
-        Its cause and size stay where derivatives say the same, or know no cause of theirs; else theirs count.
+        Their cause and size count, for they rest on more of the flight, where they know the cause of the alert.
         """
         for k, mine in enumerate(self.state.active):
-            if mine.channel is None:
-                known = by.cause not in (mine.cause, "unknown") and mine.cause in _OF_DERIVATIVES
-                shown = by if known else mine
-                note = (*mine.note, f"wingwatch: {mine.cause} became {by.cause}") if known else mine.note
-                self.state.active[k] = replace(
-                    shown, id=mine.id, raised_s=mine.raised_s, state=mine.state, shelving=mine.shelving, note=note,
-                    evidence=by.evidence,
-                )  # fmt: skip
-                changed = known or not mine.evidence
-                return self.state.active[k] if changed else None
+            if mine.channel is not None:
+                continue
+            counts = by.cause == mine.cause or (by.cause != "unknown" and mine.cause in _OF_DERIVATIVES)
+            shown, renamed = (by, by.cause != mine.cause) if counts else (mine, False)
+            note = (*mine.note, f"wingwatch: {mine.cause} became {by.cause}") if renamed else mine.note
+            self.state.active[k] = replace(
+                shown, id=mine.id, raised_s=mine.raised_s, state=mine.state, shelving=mine.shelving, note=note,
+                evidence=by.evidence,
+            )  # fmt: skip
+            own = [h for h in self._watch.hypotheses if h.is_of_airframe and h.cause == shown.cause]
+            if renamed and own:
+                state.faults[k].becomes(own[0], shown.size)
+            state.faults[k].size = shown.size
+            moved = abs(shown.size - mine.size) > shown.size_standard_error
+            return self.state.active[k] if renamed or moved or not mine.evidence else None
         return None
 
     @property

@@ -37,7 +37,8 @@ of what was known."""
 
 
 LEAST_SCATTER = np.where(np.array(ROWS) >= LIFT, 1.5, 1.0)
-"""Of segments' scores by row: errors of forces and moments are white from sample to sample, not over ten seconds."""
+"""Of segments' scores by row: errors of forces and moments are white from sample to sample, not over ten seconds. In
+air rougher than moderate it is as many times more as the gusts' variance is."""
 LEAST_VARIANCE = 0.5
 """A relation's variance is at least so much of the stated one: no model of readings and their sampling is better."""
 

@@ -17,6 +17,8 @@ _STEPS = 8
 """Of size and noise after one another, at most."""
 _ROUNDED = 1e-6
 """Part of a variance that differences of large sums may have lost."""
+_MOST_PRECISE = 2.0
+"""Of lambda: K holds what the constant part's prior says, which does not grow with the precision of the noise."""
 _LOST = 1e-9
 """Part of a sum that what is left of it must be to count."""
 _CLOSE = 1e-3
@@ -223,14 +225,14 @@ def _of_part(changed, std, size, precision, nu, work):  # type: ignore[no-untype
             s = b[i]
             for j in range(i + 1, c):
                 s -= a[j, i] * g[j]
-            g[i] = s / a[i, i]
+            g[i] = s / a[i, i] if a[i, i] > 0.0 else 0.0
             within += g[i] * g[i]
         # at w = lambda W^(1/2) g: Q(m, w) = Q - 2 m a'y + m^2 a'Ka - lambda (b'g + g'g), and w'W^-1 w = lambda^2 g'g
         square = max(0.0, q + size * (size * total - 2.0 * pulled) - precision * (along + within))
         log = _student(square, n, nu) + base - 0.5 * (precision * precision * within + determinant)
         curvature = precision * (total - precision * across)
         pull = precision * (pulled - size * total - precision * both)
-        renewed = (nu + n) / (nu + square)
+        renewed = min(_MOST_PRECISE, (nu + n) / (nu + square))
         if abs(renewed - precision) < _CLOSE * precision:
             break
         precision = renewed
@@ -245,7 +247,7 @@ def likelihoods(evidence, parts, variations, usual, prior, limits, nu):  # type:
         evidence: information, vector, square, samples and base by onset and relation.
         parts: relations (p,) and directions (p, COLUMNS).
         variations: standard deviation of what varies, whatever the size, and what it is besides by size (p, COLUMNS).
-        usual: size for which that is taken at first; then it is the one found and its standard error.
+        usual: size for which that is taken at first; then it is the one found.
         prior: precision of the size beforehand; 0 where there is none.
         limits: of the size; where both are the same, that is its size.
         nu: samples that the noise counts as.
@@ -294,6 +296,6 @@ def likelihoods(evidence, parts, variations, usual, prior, limits, nu):  # type:
                     break
                 before = sum_of_logs
                 now = min(highest, max(lowest, now + pull / curvature))
-            about = abs(now) + 1.0 / math.sqrt(max(precision_of_size[onset], 1e-12))
+            about = abs(now)
         size[onset] = now
     return logs, size, precision_of_size

@@ -61,7 +61,7 @@ class VehicleRelations:
 
     def confirm(self, by: AlertView) -> AlertView | None:
         """Derivatives have changed, too: the alert about the airframe in force with their evidence, where it is new."""
-        return self.book.confirm(by)
+        return self.book.confirm(self._state, by)
 
     def onset_s(self, alert_id: str) -> float | None:
         """Stamp at which the fault of an alert in force began; None for another alert."""

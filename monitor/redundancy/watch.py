@@ -24,6 +24,7 @@ from wingwatch.monitor.redundancy.evidence import (
 )
 from wingwatch.monitor.redundancy.hypotheses import USED_BY, Hypothesis, recovery_from
 from wingwatch.monitor.redundancy.layout import (
+    AIRSPEED,
     ALPHA,
     BETA,
     FLOORS,
@@ -91,6 +92,8 @@ _COLOURED = 1e3
 """Most drift of moments: the sampled gusts of a moment stay correlated with those one sample before."""
 _OUT_OF_MEASURE = 1e30
 _N, _ROWS = len(RELATIONS), len(ROWS)
+_FLOW = [AIRSPEED, ALPHA, BETA]
+"""Relations that say how rough the air is."""
 
 
 @dataclass(slots=True)
@@ -260,6 +263,8 @@ class RedundancyWatch:
             state.tuned_s += segment.seconds
             if state.tuned_s >= AIRFRAME_TUNING_S:
                 self.learn_anew(state, range(LIFT, _N), end_s)
+                anew = np.array(ROWS) >= LIFT
+                state.reference.samples[anew] = state.reference.excess[anew] = 0.0
             state.learns_until_s[LIFT:] = end_s + LEARNING_S
         segment, score, state.variance = scored(state.reference, state.segments, segment, self._floors(state))
         return self._judged(state, segment, score, forced, end_s)
@@ -367,7 +372,10 @@ class RedundancyWatch:
     def _note_scatter(self, state: RedundancyState, seconds: float, score: Array, which: Flags) -> None:
         said, scatter = which[list(ROWS)] & np.isfinite(score), state.reference.scatter
         followed = scatter[said] * (1.0 + seconds / _SCATTER_S * (score[said] - 1.0))
-        scatter[said] = np.maximum(LEAST_SCATTER[said], followed)
+        drift = state.memory.scalar[:, DRIFT]
+        rough = max(1.0, float(np.max(drift[_FLOW] / self._rough_drift[_FLOW], initial=1.0)))
+        least = np.where(LEAST_SCATTER > 1.0, LEAST_SCATTER * rough, 1.0)
+        scatter[said] = np.maximum(least[said], followed)
 
     def _thin_out(self, state: RedundancyState, which: Flags, quiet: bool) -> None:
         """Join old segments; the oldest joins the reference, unless it may be part of a change."""
@@ -400,8 +408,10 @@ def _leave_out(state: RedundancyState) -> None:
 def _repeated(state: RedundancyState) -> Array:
     """How often each relation's reading has repeated over how often it did before, at most.
 
-    One that has hardly ever changed is one that may rest: nothing is known of how long it does.
+    An attitude or a velocity that has hardly ever changed may rest: nothing is known of how long it does. Readings of
+    the flow never do.
     """
     scalar = state.memory.scalar
     known = scalar[:, CHANGES] >= LEAST_CHANGES
+    known[_FLOW] = True
     return np.asarray(known * scalar[:, REPEATS] / np.maximum(scalar[:, MOST_REPEATS], LEAST_REPEATED))
