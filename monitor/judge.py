@@ -351,9 +351,11 @@ class Judge:
     def forget_change(self, state: JudgeState, onset_s: float, blocks: int) -> None:
         """A change is over: its blocks leave, so they are neither evidence again nor join the reference.
 
-        What came before ``onset_s`` stays, and from the latest ``blocks`` informative ones on, which agree with it.
+        What came before ``onset_s`` stays, and from the latest ``blocks`` informative ones on, which agree with it;
+        where there are fewer, none since is known to.
         """
-        resumed = _informative_since(state, onset_s)[-blocks]
+        informative = _informative_since(state, onset_s)
+        resumed = informative[-blocks] if len(informative) >= blocks else len(state.blocks)
         state.blocks[:] = [b for k, b in enumerate(state.blocks) if b.end_s <= onset_s or k >= resumed]
 
     def _verdict(self, state: JudgeState) -> Verdict | None:

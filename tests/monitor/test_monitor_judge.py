@@ -260,3 +260,18 @@ def test_onsets_together_say_what_each_says_alone() -> None:
                 assert several[k, column] == pytest.approx(single[0, 0], rel=1e-9, abs=1e-9)
         anything = _anything(together, present)[column]
         assert anything == pytest.approx(_anything(alone, seen)[0], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(("since", "left"), [(2, 0), (6, 4)])
+def test_blocks_of_a_change_that_is_over_leave(since: int, left: int) -> None:
+    """Only where enough of them agree with the time before do the latest stay."""
+    bench = Bench(3)
+    for _ in range(10):
+        bench.feed(bench.truth)
+    onset_s = bench.time_s
+    before = len(bench.state.blocks)
+    for _ in range(since):
+        bench.feed(bench.truth, onset_s=onset_s)
+    bench.judge.forget_change(bench.state, onset_s, 4)
+    assert sum(block.end_s > onset_s for block in bench.state.blocks) == left
+    assert sum(block.end_s <= onset_s for block in bench.state.blocks) <= before
