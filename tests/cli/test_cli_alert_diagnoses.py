@@ -154,7 +154,7 @@ def test_a_full_queue_says_so_in_a_note_and_a_count() -> None:
     fleet.raise_alert(ICING)
     diagnoses.look()
     assert [f.note for f in fleet.findings] == ["diagnosis: none, 8 alerts wait for a diagnosis, the limit"]
-    assert diagnoses.counts == {"refused": 1}
+    assert +diagnoses.counts == {"refused": 1}
 
 
 def test_the_answer_goes_to_the_alert_with_the_version_it_was_begun_with() -> None:
@@ -166,7 +166,7 @@ def test_the_answer_goes_to_the_alert_with_the_version_it_was_begun_with() -> No
     (finding,) = fleet.findings
     assert finding.begun_with == UNKNOWN
     assert finding.note == "diagnosis: corrects unknown to cg_shift 0.030 ± 0.020 m since 60 s"
-    assert diagnoses.counts == {"begun": 1, "decided": 1}
+    assert +diagnoses.counts == {"begun": 1, "decided": 1}
 
 
 def test_what_decided_nothing_is_looked_at_once_more_with_more_flight() -> None:

@@ -52,7 +52,7 @@ def test_a_shifted_centre_of_gravity_is_found_behind_an_unknown_change(
     with DiagnosisJobs(library) as jobs:
         diagnoses = AlertDiagnoses(fleet, jobs)
         diagnoses.look()
-        assert diagnoses.counts == {"begun": 1}
+        assert +diagnoses.counts == {"begun": 1}
         deadline = time.monotonic() + PATIENCE_S
         while not fleet.alerts()[0].note:
             assert time.monotonic() < deadline, "waited in vain"
