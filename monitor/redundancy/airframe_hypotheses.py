@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.aircraft import ICING_FACTORS, Aircraft, IcingKind
+from wingwatch.aircraft import GRAVITY_M_S2, ICING_FACTORS, Aircraft, IcingKind
 from wingwatch.monitor.redundancy.hypotheses import HYPOTHESES, Effect, Hypothesis, with_effects
 from wingwatch.monitor.redundancy.layout import (
     AILERON,
@@ -28,10 +28,9 @@ __all__ = ["hypotheses_of"]
 
 Array = NDArray[np.float64]
 Changes = Mapping[str, float]
-"""Changes of the file's coefficients by name (``Cm_alpha``), and of the mass as ``mass``, all as fractions but for
-those that end in ``_zero``, which are absolute."""
+"""Changes of the file's coefficients by name (``Cm_alpha``), as fractions; those that end in ``_zero`` are absolute."""
 
-_OF_FORCES = {SIDE: "CY", ROLLING: "Cl", YAWING: "Cn"}
+_TABLES = {LIFT: "CL", SIDE: "CY", ROLLING: "Cl", PITCHING: "Cm", YAWING: "Cn"}
 _TERMS = ("zero", "beta", "p", "r", "aileron", "rudder")
 _LON_TERMS = ("zero", "alpha", "q", "elevator")
 _ICE_SPREAD = 0.3
@@ -61,8 +60,7 @@ class _Airframe:
     def directions(self, changes: Changes) -> dict[int, Array]:
         """Parameters' changes by relation."""
         found: dict[int, Array] = {}
-        for i in (LIFT, SIDE, ROLLING, PITCHING, YAWING):
-            table = {LIFT: "CL", PITCHING: "Cm"}.get(i) or _OF_FORCES[i]
+        for i, table in _TABLES.items():
             terms = _LON_TERMS if i in (LIFT, PITCHING) else _TERMS
             row = np.zeros(COLUMNS)
             for j, term in enumerate(terms):
@@ -131,7 +129,7 @@ def _wing_damage(airframe: _Airframe, side: float) -> Hypothesis:
     the second. Half of the aileron's effect goes with the outer part that begins at ``_AILERON_FROM``.
     """
     c = airframe.c
-    alpha = (9.81 / airframe.per_kg - c.CL.zero) / c.CL.alpha
+    alpha = (GRAVITY_M_S2 / airframe.per_kg - c.CL.zero) / c.CL.alpha
     aileron = 1.0 / (1.0 - _AILERON_FROM**2)
     lift = c.CL.zero + c.CL.alpha * alpha
     drag = 0.4 * c.CD.min + 2.0 * lift**2 / (np.pi * c.CD.oswald * airframe.geometry.span_m**2) * (
@@ -153,7 +151,7 @@ def _wing_damage(airframe: _Airframe, side: float) -> Hypothesis:
 def _iced_side(airframe: _Airframe, side: float) -> Hypothesis:
     """Half of the wing's ice, and a lift that is lost on one side at a quarter of the span from the axis of roll."""
     c, factors = airframe.c, ICING_FACTORS["wing"]
-    lift = 9.81 / airframe.per_kg
+    lift = GRAVITY_M_S2 / airframe.per_kg
     lost = -factors["CZalpha"] * (lift - c.CL.zero)
     changes = {
         "CL_alpha": 0.5 * factors["CZalpha"], "CD_min": 0.5 * factors["CX0"], "Cm_alpha": 0.5 * factors["Cmalpha"],

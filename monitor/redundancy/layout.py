@@ -110,6 +110,12 @@ def _coefficients(name: str, flow: str, others: tuple[str, ...]) -> tuple[Parame
     )
 
 
+def _moment(name: str, channels: tuple[str, ...], parameters: tuple[Parameter, ...]) -> Relation:
+    return Relation(
+        f"{name} against what makes it", channels, parameters, noise_std=0.006, drift=0.05, leak_s=0.15
+    )
+
+
 _LONGITUDINAL = ("pitch rate", "elevator", "change of angle of attack")
 _LATERAL = ("roll rate", "yaw rate", "aileron", "rudder")
 _ROLL_RATE, _PITCH_RATE, _YAW_RATE = "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"
@@ -223,30 +229,13 @@ RELATIONS: tuple[Relation, ...] = (
         drift=0.05,
         leak_s=1.0,
     ),
-    Relation(
-        "rolling moment against what makes it",
-        (_ROLL_RATE, _BETA),
-        _coefficients("rolling moment", "sideslip", _LATERAL),
-        noise_std=0.006,
-        drift=0.05,
-        leak_s=0.15,
-    ),
-    Relation(
-        "pitching moment against what makes it",
+    _moment("rolling moment", (_ROLL_RATE, _BETA), _coefficients("rolling moment", "sideslip", _LATERAL)),
+    _moment(
+        "pitching moment",
         (_PITCH_RATE, _ALPHA),
         _coefficients("pitching moment", "angle of attack", _LONGITUDINAL),
-        noise_std=0.006,
-        drift=0.05,
-        leak_s=0.15,
     ),
-    Relation(
-        "yawing moment against what makes it",
-        (_YAW_RATE, _BETA),
-        _coefficients("yawing moment", "sideslip", _LATERAL),
-        noise_std=0.006,
-        drift=0.05,
-        leak_s=0.15,
-    ),
+    _moment("yawing moment", (_YAW_RATE, _BETA), _coefficients("yawing moment", "sideslip", _LATERAL)),
 )
 """In the order of every array's relation axis."""
 
