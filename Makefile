@@ -26,7 +26,7 @@ run: python   ## set up, then the service and a simulated fleet on 127.0.0.1:800
 # Three processes test side by side, for many tests wait; each with one thread.
 test: export OPENBLAS_NUM_THREADS = 1
 test: python  ## set up, then every check and test
-	@$(SETUP) --extra dev --extra postgres --extra dask
+	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs
 	@$(MAKE) --no-print-directory -j 2 checks kernels
 	$(BIN)/pytest -n 3 --dist worksteal
 
@@ -41,17 +41,17 @@ kernels:
 
 # Pins stay where they can; `make constraints UPGRADE=--upgrade` takes the newest of everything.
 constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade for the newest)
-	@$(SETUP) --extra dev --extra postgres --extra dask
+	@$(SETUP) --extra dev
 	CUSTOM_COMPILE_COMMAND="make constraints" $(BIN)/pip-compile $(UPGRADE) --quiet --generate-hashes --all-extras \
 	  --allow-unsafe --strip-extras --annotation-style=line --no-emit-index-url --no-emit-trusted-host \
 	  --no-emit-find-links --output-file constraints.txt pyproject.toml
 
 proto: python ## generate telemetry/protocol from proto/
-	@$(SETUP) --extra dev --extra postgres --extra dask
+	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs
 	$(BIN)/python tools/generate_protocol.py
 
 sbom: python  ## bill of materials (CycloneDX) and licences of what the program needs, in dist/
-	@$(SETUP) --extra dev --extra postgres --extra dask
+	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs
 	@$(BIN)/python tools/sbom.py $(ARGS)
 
 clean:        ## remove the environment and the caches (the data folder stays)
