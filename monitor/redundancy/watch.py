@@ -83,7 +83,7 @@ _SCATTER_S = 60.0
 """Memory of how segments' scores scatter."""
 _COMES_AND_GOES = 0.3
 """Part of what a coefficient seems to be off the file that may change within a minute."""
-_DRIFT_GAIN = 1.0
+_DRIFT_GAIN, _TUNING_GAIN = 1.0, 3.0
 _DRIFTS = (1e-5, 1e4)
 """A relation's drift follows the correlation of its innovations with those one sample before, between these limits and
 rougher air has at least that of moderate gusts (``least_drift``) and ``_ROUGHER`` times the present one."""
@@ -257,22 +257,23 @@ class RedundancyWatch:
         if state.tuned_s < TUNING_S:
             state.tuned_s += segment.seconds
             state.learns_until_s[:] = end_s + LEARNING_S
-            self._tune(state, segment, np.ones(_N, dtype=np.bool_))
+            self._tune(state, segment, np.ones(_N, dtype=np.bool_), _TUNING_GAIN)
             return Second(end_s)
+        segment, score, state.variance = scored(state.reference, state.segments, segment, self._floors(state))
+        state.segments.append(segment)
         if state.tuned_s < AIRFRAME_TUNING_S:
             state.tuned_s += segment.seconds
             if state.tuned_s >= AIRFRAME_TUNING_S:
                 self.learn_anew(state, range(LIFT, _N), end_s)
                 anew = np.array(ROWS) >= LIFT
                 state.reference.samples[anew] = state.reference.excess[anew] = 0.0
+                score[anew] = np.nan
             state.learns_until_s[LIFT:] = end_s + LEARNING_S
-        segment, score, state.variance = scored(state.reference, state.segments, segment, self._floors(state))
         return self._judged(state, segment, score, forced, end_s)
 
     def _judged(
         self, state: RedundancyState, segment: Closed, score: Array, forced: bool, now_s: float
     ) -> Second:
-        state.segments.append(segment)
         if forced or np.nanmax(np.append(score, 0.0)) > _STARTLED:
             state.startled_s = now_s
         following, waiting = self._following(state), self._waiting(state, now_s)
@@ -358,11 +359,13 @@ class RedundancyWatch:
                 floors[row] = np.hypot(floors[row], _COMES_AND_GOES * off[row])
         return floors
 
-    def _tune(self, state: RedundancyState, segment: Closed, which: Flags) -> None:
+    def _tune(
+        self, state: RedundancyState, segment: Closed, which: Flags, gain: float = _DRIFT_GAIN
+    ) -> None:
         """Relations' drifts follow the correlation of their innovations."""
         calm = slice(0, _N)
         correlation = segment.products[calm] / np.maximum(segment.square[calm], 1e-9)
-        step = segment.seconds * np.clip(_DRIFT_GAIN * correlation, -0.5, 0.5)
+        step = segment.seconds * gain * np.clip(correlation, -0.5, 0.5)
         drift, most = state.memory.scalar[:, DRIFT], np.full(_N, _DRIFTS[1])
         most[ROLLING:] = _COLOURED
         drift[calm][which] = np.clip(drift[calm] * np.exp(step), _DRIFTS[0], most)[which]
