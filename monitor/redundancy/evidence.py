@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.monitor.redundancy.layout import COLUMNS, GUSTY, LIFT, PRIOR_INFORMATION, RELATIONS, ROWS
+from wingwatch.monitor.redundancy.layout import COLUMNS, FLOW, GUSTY, LIFT, PRIOR_INFORMATION, RELATIONS, ROWS
 from wingwatch.monitor.redundancy.likelihood import changes, scores
 from wingwatch.monitor.redundancy.samples import Segment
 
@@ -39,6 +39,9 @@ of what was known."""
 LEAST_SCATTER = np.where(np.array(ROWS) >= LIFT, 1.5, 1.0)
 """Of segments' scores by row: errors of forces and moments are white from sample to sample, not over ten seconds. In
 air rougher than moderate it is as many times more as the gusts' variance is."""
+OTHER_AIR = float(np.log(4.0))
+"""Of log drift, from which half of what is known of coefficients no longer holds: gusts act otherwise than the aircraft's
+own motion does, on the span and on the tail, and what a coefficient seems to be is in part theirs."""
 LEAST_VARIANCE = 0.5
 """A relation's variance is at least so much of the stated one: no model of readings and their sampling is better."""
 
@@ -91,6 +94,8 @@ class Reference:
         information, vector: of the constant part, in units of e's own variance.
         samples, excess: of the variance.
         scatter: mean square of segments' scores over what (3) states.
+        air_s, air: seconds of it, and the sum of log drift times seconds of the relations that tell how rough the air
+            is.
     """
 
     information: Array = field(default_factory=lambda: np.zeros((_ROWS, COLUMNS, COLUMNS)))
@@ -98,6 +103,8 @@ class Reference:
     samples: Array = field(default_factory=lambda: np.zeros(_ROWS))
     excess: Array = field(default_factory=lambda: np.zeros(_ROWS))
     scatter: Array = field(default_factory=LEAST_SCATTER.copy)
+    air_s: float = 0.0
+    air: Array = field(default_factory=lambda: np.zeros(len(FLOW)))
 
     def parameters(self, variance: Array) -> Array:
         """The constant part as it is known, (rows, COLUMNS); ``variance`` of e2/S."""
@@ -109,9 +116,18 @@ class Reference:
         """Nothing is known of a row but its variance and scatter."""
         self.information[row], self.vector[row] = 0.0, 0.0
 
-    def absorb(self, segment: Closed, which: NDArray[np.bool_]) -> None:
-        """Take in a segment of the rows named, and forget a little of what was before."""
+    def changed_air(self, drift: Array) -> float:
+        """0 to 1: how much the air of these drifts, of ``FLOW``, differs from that in which coefficients were learned."""
+        if self.air_s == 0.0:
+            return 0.0
+        apart = float(np.max(np.abs(np.log(drift) - self.air / self.air_s))) ** 2
+        return apart / (apart + OTHER_AIR**2)
+
+    def absorb(self, segment: Closed, which: NDArray[np.bool_], drift: Array) -> None:
+        """Take in a segment of the rows named in air of these drifts, and forget a little of what was before."""
         fading = np.exp(-segment.seconds / FADING_S)
+        self.air_s = fading * self.air_s + segment.seconds
+        self.air = fading * self.air + segment.seconds * np.log(drift)
         forgetting = np.exp(-segment.seconds / VARIANCE_S)
         w, v = which[:, None, None], which[:, None]
         self.information = np.where(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 __all__ = [
     "COLUMNS",
     "FLOORS",
+    "FLOW",
     "GUSTY",
     "PARAMETERS",
     "PRIORS",
@@ -259,6 +260,8 @@ RELATIONS: tuple[Relation, ...] = (
     YAWING,
 ) = range(len(RELATIONS))
 
+FLOW = (AIRSPEED, ALPHA, BETA)
+"""Relations that tell how rough the air is."""
 GUSTY = (AIRSPEED, ALPHA, BETA, NORTH, EAST, LIFT, SIDE, ROLLING, PITCHING, YAWING)
 """Relations that gusts disturb: each is filtered twice, by the air as it is and by rougher air."""
 ROWS = (*range(len(RELATIONS)), *GUSTY)

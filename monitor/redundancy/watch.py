@@ -24,12 +24,13 @@ from wingwatch.monitor.redundancy.evidence import (
 )
 from wingwatch.monitor.redundancy.hypotheses import USED_BY, Hypothesis, recovery_from
 from wingwatch.monitor.redundancy.layout import (
-    AIRSPEED,
     ALPHA,
     BETA,
     FLOORS,
+    FLOW,
     GUSTY,
     LIFT,
+    PRIORS,
     RELATIONS,
     ROLLING,
     ROUGH,
@@ -92,8 +93,7 @@ _COLOURED = 1e3
 """Most drift of moments: the sampled gusts of a moment stay correlated with those one sample before."""
 _OUT_OF_MEASURE = 1e30
 _N, _ROWS = len(RELATIONS), len(ROWS)
-_FLOW = [AIRSPEED, ALPHA, BETA]
-"""Relations that say how rough the air is."""
+_FLOW = list(FLOW)
 
 
 @dataclass(slots=True)
@@ -293,11 +293,12 @@ class RedundancyWatch:
                 followed = rank(since, floors, repeated, [h for h in self.hypotheses if h.relations & own])
         calm = np.ones(_N, dtype=np.bool_)
         calm[list(following)] = False
-        if state.log_statistic < 0.0:
+        quiet = state.log_statistic < 0.5 * LOG_THRESHOLD
+        if quiet:
             self._tune(state, segment, calm)
             self._note_scatter(state, segment.seconds, score, calm)
         onsets_s = tuple(s.start_s for s in state.segments)
-        self._thin_out(state, calm, state.log_statistic < 0.5 * LOG_THRESHOLD)
+        self._thin_out(state, calm, quiet)
         return Second(now_s, onsets_s, finding, followed)
 
     def _following(self, state: RedundancyState) -> frozenset[int]:
@@ -346,7 +347,7 @@ class RedundancyWatch:
 
         Gusts are no random walk. By what they move a vane's reading in a second a vane may seem to be off. And what a
         coefficient seems to be off the file is in part the gusts', for they act otherwise than the aircraft's own
-        motion does: it comes and goes with them.
+        motion does: it comes and goes with them, and in other air than it was learned in nothing is known of it.
         """
         floors = FLOORS[list(ROWS)]
         for i in (ALPHA, BETA):
@@ -354,9 +355,11 @@ class RedundancyWatch:
                 gusts = state.memory.scalar[row, DRIFT] * self.model.noise_variance[i]
                 floors[row] *= np.sqrt(1.0 + gusts / FLOORS[i, 0] ** 2)
         off = state.reference.parameters(state.variance)
+        other = state.reference.changed_air(state.memory.scalar[_FLOW, DRIFT])
         for row, relation in enumerate(ROWS):
             if relation >= LIFT:
-                floors[row] = np.hypot(floors[row], _COMES_AND_GOES * off[row])
+                gusts = np.hypot(_COMES_AND_GOES * off[row], other * np.where(FLOORS[relation] > 0.0, PRIORS[relation], 0.0))
+                floors[row] = np.hypot(floors[row], gusts)
         return floors
 
     def _tune(
@@ -394,7 +397,7 @@ class RedundancyWatch:
                 return
         oldest = segments.pop(0)
         if quiet:
-            state.reference.absorb(oldest, which[list(ROWS)])
+            state.reference.absorb(oldest, which[list(ROWS)], state.memory.scalar[_FLOW, DRIFT])
 
 
 def _leave_out(state: RedundancyState) -> None:
