@@ -33,7 +33,7 @@ __all__ = [
     "settings_of",
 ]
 
-FORMAT = 2
+FORMAT = 3
 """To be raised when the same layout comes to mean something else."""
 
 MOST_BYTES = 16 * 2**20

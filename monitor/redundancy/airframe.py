@@ -20,7 +20,7 @@ from wingwatch.estimators.kernels.hot import whole
 from wingwatch.monitor.redundancy.layout import ALPHA, COLUMNS, LIFT, PITCHING, ROLLING, SIDE, YAWING
 from wingwatch.telemetry import CHANNEL_INDEX
 
-__all__ = ["ATTACHED_RAD", "COARSE", "forces_and_moments"]
+__all__ = ["ATTACHED_RAD", "COARSE", "SMOOTHED_S", "forces_and_moments"]
 
 _P, _Q, _R = (CHANNEL_INDEX[f"{a}_rate_rad_s"] for a in ("roll", "pitch", "yaw"))
 _V, _RHO = CHANNEL_INDEX["airspeed_true_m_s"], CHANNEL_INDEX["air_density_kg_m3"]
@@ -31,12 +31,17 @@ COARSE = 0.1
 """Standard deviation of what the mean of two samples misses of a moment between them, as a fraction of its change: an
 exponential that lasts for a sample is misjudged by 0.08 of it."""
 _SHOWN = 5.0
-"""Standard deviations of a gyro's noise from which a rate shows its damping."""
+"""Standard deviations of a reading's noise from which a rate shows its damping, and incidence its slope."""
+SMOOTHED_S = 2.0
+"""Over so long a usual reading is a mean."""
 
 
 @whole
-def _regressors(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
-    """What coefficients multiply: of z in ``to.lon`` and ``to.lat``, of columns in ``to.lon_d`` and ``to.lat_d``."""
+def _regressors(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
+    """What coefficients multiply: of z in ``to.lon`` and ``to.lat``, of columns in ``to.lon_d`` and ``to.lat_d``.
+
+    A rate or an incidence that moves no further than its reading's noise shows nothing of its coefficient.
+    """
     c, v = model.dimensions, max(row[_V], 1.0)
     lon, lat, lon_d, lat_d = to.lon, to.lat, to.lon_d, to.lat_d
     by_span, by_chord = 0.5 * c[0] / v, 0.5 * c[1] / v
@@ -63,17 +68,23 @@ def _regressors(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
         y = model.coefficients[SIDE - LIFT]
         force = flow[18] / flow[13] - y[2] * lat[2] - y[3] * lat[3] - y[4] * lat[4] - y[5] * lat[5]
         lat[1] = force / y[1]
-    late = memory.late_flow
-    lon_d[1], lat_d[1] = late[0, 1], late[1, 1]
+    late, part = memory.late_flow, 1.0 - math.exp(-dt / SMOOTHED_S)
     for k in range(2):
         now = lon[1] if k == 0 else lat[1]
-        late[k, 1], late[k, 0] = late[k, 0], now
+        column, usual = late[k, 1], late[k, 2]
+        if math.isnan(usual) or dt == 0.0:
+            usual = column = now
+        elif not math.isnan(now):
+            usual += part * (now - usual)
+        late[k, 2], late[k, 1], late[k, 0] = usual, late[k, 0], now
         if math.isnan(late[k, 1]):
             late[k, 1] = now
-    if math.isnan(lon_d[1]):
-        lon_d[1] = lon[1]
-    if math.isnan(lat_d[1]):
-        lat_d[1] = lat[1]
+        if math.isnan(column) or (column - usual) ** 2 < _SHOWN**2 * model.noise_variance[ALPHA + k]:
+            column = usual
+        if k == 0:
+            lon_d[1] = column
+        else:
+            lat_d[1] = column
 
 
 @whole
@@ -108,7 +119,7 @@ def _moment(i, dt, rate, angular, pressure, to, model, memory):  # type: ignore[
 @whole
 def forces_and_moments(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """z and columns of forces and moments; ``flow`` is that of ``samples``. Beyond straight lift they say nothing."""
-    _regressors(row, model, memory, flow, to)
+    _regressors(row, dt, model, memory, flow, to)
     per_kg = flow[13]
     for i in (LIFT, SIDE):
         k = i - LIFT

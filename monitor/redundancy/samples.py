@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.estimators.kernels.hot import whole
-from wingwatch.monitor.redundancy.airframe import ATTACHED_RAD, COARSE, forces_and_moments
+from wingwatch.monitor.redundancy.airframe import ATTACHED_RAD, COARSE, SMOOTHED_S, forces_and_moments
 from wingwatch.monitor.redundancy.layout import (
     AIRSPEED,
     ALPHA,
@@ -64,7 +64,7 @@ SEGMENT_S = 1.0
 HELD_S = 0.35
 """A reading that repeats for less is one of a slower sensor; one that repeats for longer counts as a reading."""
 
-SMOOTHED_S, TURNED_S = 2.0, 0.3
+TURNED_S = 0.3
 LATER_S = 0.05
 MANOEUVRE = 5.0
 """Standard deviations of noise from which a rate or an acceleration shows a scale, a delay or a reading that does not
@@ -142,7 +142,7 @@ class Memory(NamedTuple):
     ``SMOOTHED_S``, start of the segment, when one was last begun by a surprise, direction of flight north and east
     smoothed over ``TURNED_S``;
     ``moment``: of each moment's equation the rate, its derivative by the file and the columns as of the last sample (3,
-    2 + COLUMNS); ``late_flow``: incidence and sideslip of the last two samples (2, 2).
+    2 + COLUMNS); ``late_flow``: incidence and sideslip of the last two samples, and their mean (2, 3).
     """
 
     scalar: Array
@@ -195,7 +195,7 @@ def new_memory(drift: Array) -> Memory:
     clock = np.full(_EASTWARD + 1, np.nan)
     return Memory(
         scalar, np.zeros((_ROWS, COLUMNS)), np.zeros((2, _ROWS, COLUMNS)), np.full((3, 3), np.nan), clock,
-        np.zeros((3, 2 + COLUMNS)), np.full((2, 2), np.nan),
+        np.zeros((3, 2 + COLUMNS)), np.full((2, 3), np.nan),
     )  # fmt: skip
 
 
