@@ -40,8 +40,8 @@ LEAST_SCATTER = np.where(np.array(ROWS) >= LIFT, 1.5, 1.0)
 """Of segments' scores by row: errors of forces and moments are white from sample to sample, not over ten seconds. In
 air rougher than moderate it is as many times more as the gusts' variance is."""
 OTHER_AIR = float(np.log(4.0))
-"""Of log drift, from which half of what is known of coefficients no longer holds: gusts act otherwise than the aircraft's
-own motion does, on the span and on the tail, and what a coefficient seems to be is in part theirs."""
+"""Of log drift, from which half of what is known of coefficients no longer holds: gusts act otherwise than the
+aircraft's own motion does, on the span and on the tail, and what a coefficient seems to be is in part theirs."""
 LEAST_VARIANCE = 0.5
 """A relation's variance is at least so much of the stated one: no model of readings and their sampling is better."""
 
@@ -117,7 +117,7 @@ class Reference:
         self.information[row], self.vector[row] = 0.0, 0.0
 
     def changed_air(self, drift: Array) -> float:
-        """0 to 1: how much the air of these drifts, of ``FLOW``, differs from that in which coefficients were learned."""
+        """0 to 1: how much the air of these drifts, of ``FLOW``, differs from the one known."""
         if self.air_s == 0.0:
             return 0.0
         apart = float(np.max(np.abs(np.log(drift) - self.air / self.air_s))) ** 2

@@ -15,6 +15,7 @@ __all__ = [
     "FLOORS",
     "FLOW",
     "GUSTY",
+    "GUST_FELT",
     "PARAMETERS",
     "PRIORS",
     "PRIOR_INFORMATION",
@@ -286,10 +287,22 @@ FLOORS = _table("floor", 0.0)
 """(relations, COLUMNS)."""
 
 
-PRIOR_INFORMATION = PRIORS[list(ROWS)] ** -2.0
-"""(rows, COLUMNS)."""
-
-
 def parameter_index(relation: int, name: str) -> int:
     """Column of a parameter; ValueError for one that the relation has not."""
     return PARAMETERS[relation].index(name)
+
+
+def _felt() -> NDArray[np.float64]:
+    felt = np.zeros((len(RELATIONS), COLUMNS))
+    felt[LIFT:] = FLOORS[LIFT:] > 0.0
+    for name in ("drag", "lift's axial part", "induced drag"):
+        felt[AXIAL, parameter_index(AXIAL, name)] = 1.0
+    return felt
+
+
+GUST_FELT = _felt()
+"""(relations, COLUMNS), 1 where a parameter is in part what gusts do: they act otherwise than the aircraft's motion."""
+
+
+PRIOR_INFORMATION = PRIORS[list(ROWS)] ** -2.0
+"""(rows, COLUMNS)."""

@@ -370,7 +370,9 @@ def _axial(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     push = thrust_n(model.propulsion, min(1.0, max(0.0, row[_THROTTLE])), v, density) / c[0]
     drag, induced = per_kg * c[4], per_kg * c[6] * normal * normal
     to.z[AXIAL] = fx - (push - drag - per_kg * c[5] * normal - induced)
-    if not ATTACHED_RAD[0] <= flow[16] <= ATTACHED_RAD[1]:  # no polynomial of the normal force describes it there
+    if (
+        not ATTACHED_RAD[0] <= flow[16] <= ATTACHED_RAD[1]
+    ):  # no polynomial of the normal force describes it there
         to.z[AXIAL] = math.nan
     ratio, throttle = (smooth / v) ** 2, memory.clock[_THROTTLE_SMOOTH]
     drag, induced = drag * ratio, induced / ratio

@@ -39,6 +39,8 @@ REPEATED = 3.0
 exp(3) runs of a geometric distribution is three times its mean."""
 _LOG_ROUGHER = float(np.log(0.1))
 """Of the probability that at an onset the air became rougher."""
+_LOG_TOGETHER = float(np.log(0.01))
+"""Of the probability that at an onset all that varies in a healthy aircraft began to vary together: the air changed."""
 
 
 class Ranked(NamedTuple):
@@ -106,6 +108,13 @@ class Contest:
         best = np.take_along_axis(gained, rows, axis=1)
         self._most = np.maximum(best + self._before - self._log_null, 0.0).max(axis=0)
 
+    @property
+    def together(self) -> float:
+        """Log of the Bayes factor that relations began to vary at one onset, each or no more than usual, and nothing is
+        at fault."""
+        by_it = self._varied + self._before - self._log_null
+        return float(_log_sum(np.logaddexp(by_it, 0.0).sum(axis=1) - by_it.shape[1] * np.log(2.0), 0))
+
     def could_gain(self, hypothesis: Hypothesis) -> float:
         """Nats that its relations could gain at most, whatever had changed."""
         return float(sum(self._most[i] for i in hypothesis.effects))
@@ -159,8 +168,9 @@ def rank(
         return Finding(-np.inf, (), ())
     logs = np.array([r.log_factor for r in ranked]) + _log_weights([r.hypothesis for r in ranked])
     total = float(_log_sum(logs, 0))
+    healthy = float(np.logaddexp(0.0, _LOG_TOGETHER + contest.together))
     order = np.argsort(-logs)
-    return Finding(total, [ranked[i] for i in order], np.exp(logs[order] - total).tolist())
+    return Finding(total - healthy, [ranked[i] for i in order], np.exp(logs[order] - total).tolist())
 
 
 def _log_sum(logs: Array, axis: int) -> Array:

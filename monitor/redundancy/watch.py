@@ -28,6 +28,7 @@ from wingwatch.monitor.redundancy.layout import (
     BETA,
     FLOORS,
     FLOW,
+    GUST_FELT,
     GUSTY,
     LIFT,
     PRIORS,
@@ -356,15 +357,10 @@ class RedundancyWatch:
                 floors[row] *= np.sqrt(1.0 + gusts / FLOORS[i, 0] ** 2)
         off = state.reference.parameters(state.variance)
         other = state.reference.changed_air(state.memory.scalar[_FLOW, DRIFT])
-        for row, relation in enumerate(ROWS):
-            if relation >= LIFT:
-                gusts = np.hypot(_COMES_AND_GOES * off[row], other * np.where(FLOORS[relation] > 0.0, PRIORS[relation], 0.0))
-                floors[row] = np.hypot(floors[row], gusts)
-        return floors
+        gusts = np.hypot(_COMES_AND_GOES * off, other * PRIORS[list(ROWS)])
+        return np.hypot(floors, GUST_FELT[list(ROWS)] * gusts)
 
-    def _tune(
-        self, state: RedundancyState, segment: Closed, which: Flags, gain: float = _DRIFT_GAIN
-    ) -> None:
+    def _tune(self, state: RedundancyState, segment: Closed, which: Flags, gain: float = _DRIFT_GAIN) -> None:
         """Relations' drifts follow the correlation of their innovations."""
         calm = slice(0, _N)
         correlation = segment.products[calm] / np.maximum(segment.square[calm], 1e-9)
