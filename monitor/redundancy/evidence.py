@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.monitor.redundancy.layout import COLUMNS, FLOW, GUSTY, LIFT, PRIOR_INFORMATION, RELATIONS, ROWS
+from wingwatch.monitor.redundancy.layout import COLUMNS, FLOW, GUSTY, PRIOR_INFORMATION, RELATIONS, ROWS
 from wingwatch.monitor.redundancy.likelihood import changes, scores
 from wingwatch.monitor.redundancy.samples import Segment
 
@@ -34,11 +34,6 @@ VARIANCE_S = 60.0
 VARIANCE_SAMPLES = 10.0
 """What is assumed of a relation's variance counts as so many samples of it, and so does what a change of the air leaves
 of what was known."""
-
-
-LEAST_SCATTER = np.where(np.array(ROWS) >= LIFT, 1.5, 1.0)
-"""Of segments' scores by row: errors of forces and moments are white from sample to sample, not over ten seconds. In
-air rougher than moderate it is as many times more as the gusts' variance is."""
 OTHER_AIR = float(np.log(4.0))
 """Of log drift, from which half of what is known of coefficients no longer holds: gusts act otherwise than the
 aircraft's own motion does, on the span and on the tail, and what a coefficient seems to be is in part theirs."""
@@ -102,7 +97,7 @@ class Reference:
     vector: Array = field(default_factory=lambda: np.zeros((_ROWS, COLUMNS)))
     samples: Array = field(default_factory=lambda: np.zeros(_ROWS))
     excess: Array = field(default_factory=lambda: np.zeros(_ROWS))
-    scatter: Array = field(default_factory=LEAST_SCATTER.copy)
+    scatter: Array = field(default_factory=lambda: np.ones(_ROWS))
     air_s: float = 0.0
     air: Array = field(default_factory=lambda: np.zeros(len(FLOW)))
 

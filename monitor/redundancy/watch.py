@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import Aircraft
 from wingwatch.monitor.redundancy.airframe_hypotheses import hypotheses_of
 from wingwatch.monitor.redundancy.evidence import (
-    LEAST_SCATTER,
     Changes,
     Closed,
     Reference,
@@ -95,6 +94,10 @@ _COLOURED = 1e3
 _OUT_OF_MEASURE = 1e30
 _N, _ROWS = len(RELATIONS), len(ROWS)
 _FLOW = list(FLOW)
+_TELLS_AIR = np.isin(np.arange(_N), _FLOW)
+_FEELS_AIR = np.array(ROWS) >= LIFT
+"""Rows whose errors are white from sample to sample, not over ten seconds: in air rougher than moderate their segments'
+scores scatter at least as many times more as the gusts' variance is."""
 
 
 @dataclass(slots=True)
@@ -266,9 +269,8 @@ class RedundancyWatch:
             state.tuned_s += segment.seconds
             if state.tuned_s >= AIRFRAME_TUNING_S:
                 self.learn_anew(state, range(LIFT, _N), end_s)
-                anew = np.array(ROWS) >= LIFT
-                state.reference.samples[anew] = state.reference.excess[anew] = 0.0
-                score[anew] = np.nan
+                state.reference.samples[_FEELS_AIR] = state.reference.excess[_FEELS_AIR] = 0.0
+                score[_FEELS_AIR] = np.nan
             state.learns_until_s[LIFT:] = end_s + LEARNING_S
         return self._judged(state, segment, score, forced, end_s)
 
@@ -295,9 +297,11 @@ class RedundancyWatch:
         calm = np.ones(_N, dtype=np.bool_)
         calm[list(following)] = False
         quiet = state.log_statistic < 0.5 * LOG_THRESHOLD
-        if quiet:
+        if state.log_statistic < 0.5 * LOG_THRESHOLD * self._changed_air(state):
             self._tune(state, segment, calm)
             self._note_scatter(state, segment.seconds, score, calm)
+        elif quiet:  # a fault of the airframe may grow; how rough the air is shows as ever
+            self._tune(state, segment, calm & _TELLS_AIR)
         onsets_s = tuple(s.start_s for s in state.segments)
         self._thin_out(state, calm, quiet)
         return Second(now_s, onsets_s, finding, followed)
@@ -356,9 +360,13 @@ class RedundancyWatch:
                 gusts = state.memory.scalar[row, DRIFT] * self.model.noise_variance[i]
                 floors[row] *= np.sqrt(1.0 + gusts / FLOORS[i, 0] ** 2)
         off = state.reference.parameters(state.variance)
-        other = state.reference.changed_air(state.memory.scalar[_FLOW, DRIFT])
+        other = self._changed_air(state)
         gusts = np.hypot(_COMES_AND_GOES * off, other * PRIORS[list(ROWS)])
         return np.hypot(floors, GUST_FELT[list(ROWS)] * gusts)
+
+    def _changed_air(self, state: RedundancyState) -> float:
+        """0 to 1: how much the air differs from that in which coefficients were learned."""
+        return state.reference.changed_air(state.memory.scalar[_FLOW, DRIFT])
 
     def _tune(self, state: RedundancyState, segment: Closed, which: Flags, gain: float = _DRIFT_GAIN) -> None:
         """Relations' drifts follow the correlation of their innovations."""
@@ -376,7 +384,7 @@ class RedundancyWatch:
         followed = scatter[said] * (1.0 + seconds / _SCATTER_S * (score[said] - 1.0))
         drift = state.memory.scalar[:, DRIFT]
         rough = max(1.0, float(np.max(drift[_FLOW] / self._rough_drift[_FLOW], initial=1.0)))
-        least = np.where(LEAST_SCATTER > 1.0, LEAST_SCATTER * rough, 1.0)
+        least = np.where(_FEELS_AIR, rough, 1.0)
         scatter[said] = np.maximum(least[said], followed)
 
     def _thin_out(self, state: RedundancyState, which: Flags, quiet: bool) -> None:
