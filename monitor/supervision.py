@@ -47,6 +47,7 @@ from wingwatch.estimators import (
 from wingwatch.monitor.calm_air import follow_calm, is_calm, surface_moved
 from wingwatch.monitor.causes import UNEXPLAINED
 from wingwatch.monitor.comparison import MODEL_ERROR
+from wingwatch.monitor.lacking_surfaces import why_lacking
 from wingwatch.monitor.roughness import (
     ROUGHNESS,
     follow_motions,
@@ -90,6 +91,7 @@ class Pair:
     Attributes:
         vane: whether one measures the velocity; else it is reconstructed.
         force_noise_variance: of the accelerometer, m2/s4; 0 where it is not known.
+        lacking: channels of surfaces that the flight has not; their columns are zeros.
     """
 
     structure: ModeStructure
@@ -98,6 +100,7 @@ class Pair:
     ekf: EkfEstimator
     vane: bool
     force_noise_variance: float
+    lacking: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -499,9 +502,17 @@ def _with_standing(pair: Pair, seen: tuple[Standing, Standing], rough: bool) -> 
     """Both estimates with the standing that each has beside the other."""
     fourier = seen[0].estimate(pair.fourier.name, pair.structure)
     ekf = _beside_fourier(seen[1].estimate(pair.ekf.name, pair.structure), fourier, _listed(seen[0].unseen))
-    if pair.vane:
-        return fourier, ekf
-    return _without_vane(fourier, rough), _without_vane(ekf, rough)
+    if not pair.vane:
+        fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
+    if pair.lacking:
+        fourier, ekf = _without_surfaces(pair, fourier), _without_surfaces(pair, ekf)
+    return fourier, ekf
+
+
+def _without_surfaces(pair: Pair, estimate: Estimate) -> Estimate:
+    """An estimate that says which surfaces the flight has not."""
+    why = why_lacking(pair.lacking)
+    return replace(estimate, reason=f"{why}; {estimate.reason}" if estimate.reason else why)
 
 
 def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
