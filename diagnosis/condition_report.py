@@ -81,6 +81,12 @@ class Conditioned:
     corrected: SampleBlock | None = None
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no step has found anything."""
+        parts = (self.delays, self.servos, self.air, self.path, self.static, self.centre)
+        return not any(parts)
+
 
 def condition(
     flight: FlightTable, aircraft: Aircraft, second_imu: Path | None, track: Track = untracked

@@ -195,6 +195,11 @@ class VehicleReadings(ABC):
         return made
 
     @property
+    def solved(self) -> bool:
+        """Whether there has been a solution."""
+        return self._memory.latest is not None
+
+    @property
     def pending_worst(self) -> PendingWorst | None:
         """The latest solution beside what is expected, where nobody has asked yet which derivative is furthest."""
         solution = self._memory.latest
