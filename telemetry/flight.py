@@ -215,8 +215,14 @@ def _unused(raw: RawTable, rules: ChannelMap) -> tuple[str, ...]:
         for name in raw.columns
         if name not in CHANNEL_INDEX
         and not mentions(mentioned, name)
-        and not ("euler_" in mentioned and mentions(mentioned, name.rpartition("[")[0] or name))
+        and not ("euler_" in mentioned and _vector_is_mentioned(mentioned, name))
     )
+
+
+def _vector_is_mentioned(text: str, name: str) -> bool:
+    """Whether the vector that a column is a part of stands in a text, its topic with or without an instance."""
+    vector = name.rpartition("[")[0]
+    return bool(vector) and any(mentions(text, form) for form in (vector, vector.replace("[0].", ".")))
 
 
 def _command_of(surface: str) -> str:

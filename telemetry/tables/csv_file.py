@@ -92,7 +92,7 @@ def _utf16(data: bytes) -> str | None:
     if half < 4:
         return None
     for encoding, low, high in (("utf-16-le", head[0::2], head[1::2]), ("utf-16-be", head[1::2], head[0::2])):
-        if high.count(0) > 0.9 * half and b"\0" not in low and low.isascii():
+        if high.count(0) > 0.9 * half and b"\0" not in low:
             return encoding
     return None
 

@@ -130,9 +130,11 @@ class _Rows:
         if self._count < 2 or not self._numeric:
             return 0.0
         held = {k for row in self._body.values() for k, cell in enumerate(row) if cell}
+        named = {k for row in self._cells.values() if self._fits(row) for k, cell in enumerate(row) if cell}
+        missing = self._count - len(named)  # no line has anything there, not even a name
         share = len(self._body) / max(len(self._cells), 1)
         preferred = 1.0 if self._delimiter != BLANKS else 0.99
-        return preferred * share * (2 * len(self._numeric) - len(held) + 1e-3 * len(held))
+        return preferred * share * (2 * len(self._numeric) - len(held) + 1e-3 * len(held) - 0.05 * missing)
 
     def layout(self) -> Layout:
         """The layout by this delimiter."""
@@ -172,6 +174,7 @@ class _Rows:
             plain,
             key=lambda at: (
                 _units_fraction(at[1]) >= _UNITS_FRACTION,
+                any(map(self._is_value, at[1])),
                 _COMMENT.match(self._lines[at[0]]) is not None,
                 -at[0] if _COMMENT.match(self._lines[at[0]]) else at[0],
             ),
