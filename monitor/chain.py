@@ -36,6 +36,7 @@ from wingwatch.estimators import (
 from wingwatch.monitor.air_watch import AirState, AirWatch, PendingAir
 from wingwatch.monitor.lacking_surfaces import (
     derivatives_by,
+    disturbed_by,
     lacking_surfaces,
     missing_beside,
     why_lacking,
@@ -174,7 +175,9 @@ class Chain:
             if lacking:
                 self.absent[", ".join(derivatives_by(structure, lacking))] = why_lacking(lacking)
                 self._zeros = np.array([CHANNEL_INDEX[channel] for channel in lacking])
-            pairs.append(replace(_pair(aircraft, structure, prior, kinds, vane), lacking=lacking))
+            disturbed = disturbed_by(aircraft, structure, lacking)
+            pair = _pair(aircraft, structure, prior, kinds, vane)
+            pairs.append(replace(pair, lacking=lacking, disturbed=disturbed))
         self.supervisor = Supervisor(pairs)
         self.redundancy = RedundancyWatch(aircraft, present, kinds)
 

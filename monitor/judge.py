@@ -34,7 +34,6 @@ from wingwatch.monitor.comparison import (
     log_bayes_direction,
     natural_size,
 )
-from wingwatch.monitor.lacking_surfaces import known_beside, of_known
 from wingwatch.monitor.supervision import ModeSolution
 
 __all__ = ["Judge", "JudgeConfig", "JudgeState", "Verdict", "largest_change"]
@@ -193,9 +192,6 @@ class Judge:
             mode.reconstructed
         ):  # the Fourier form takes the velocity's noise for its own: the filter alone is valid
             by_fourier = by_filter
-        if mode.pair.lacking:
-            known = known_beside(mode.structure, mode.pair.lacking)
-            by_fourier, by_filter = of_known(by_fourier, known), of_known(by_filter, known)
         both = Evidence(*(np.stack(parts) for parts in zip(by_fourier, by_filter, strict=True)))
         return ModeBlock(both, expected, covariance, mode.rough)
 

@@ -1,7 +1,8 @@
 """Surfaces that a flight does without: a flying wing has no rudder, some gliders have no ailerons.
 
 The structure is estimated all the same, with a column of zeros in the place of the surface. Nothing is learned of the
-derivatives by it, so they are ``not_observable`` and nothing is compared on them.
+derivatives by it, so they are ``not_observable`` and nothing is compared on them. Nor is it on equations in which the
+aircraft file has the surface act: whoever flew may have moved it.
 """
 
 from collections.abc import Collection, Sequence
@@ -14,10 +15,10 @@ from wingwatch.telemetry import INPUT_CHANNELS, missing_for
 
 __all__ = [
     "derivatives_by",
+    "disturbed_by",
     "known_beside",
     "lacking_surfaces",
     "missing_beside",
-    "of_known",
     "why_lacking",
 ]
 
@@ -58,32 +59,55 @@ def derivatives_by(structure: ModeStructure, channels: Sequence[str]) -> tuple[s
     return tuple(s for s in structure.derivatives if s.partition("_")[2] in inputs)
 
 
-def known_beside(structure: ModeStructure, channels: Sequence[str]) -> Array:
-    """1 for each derivative of the structure, 0 for those by the surfaces of these channels, (k,)."""
-    lacking = derivatives_by(structure, channels)
-    return np.array([0.0 if symbol in lacking else 1.0 for symbol in structure.derivatives])
+def disturbed_by(aircraft: Aircraft, structure: ModeStructure, channels: Sequence[str]) -> tuple[str, ...]:
+    """Derivatives of the equations in which these surfaces act by the aircraft file.
 
-
-def of_known(evidence: tuple[Array, Array, Array], known: Array) -> tuple[Array, Array, Array]:
-    """Information (k, k), vector and bias (k,) without the derivatives that ``known`` has 0 for.
-
-    What estimators have of a column of zeros is rounding, and no evidence.
+    A surface that the aircraft has and the flight has not may have moved, and the other columns take up what it did.
+    In roll a rudder counts from a tenth of the ailerons' effect on.
     """
-    information, vector, bias = evidence
-    return information * np.outer(known, known), vector * known, bias * known
+    rows = {
+        equation
+        for channel in channels
+        for equation, table in _TABLES.items()
+        if _acts(aircraft, table, channel.removesuffix("_rad"))
+    }
+    return tuple(s for s in structure.derivatives if s.partition("_")[0] in rows)
 
 
-def why_lacking(channels: Sequence[str]) -> str:
+def known_beside(structure: ModeStructure, left_out: Collection[str]) -> Array:
+    """1 for each derivative of the structure, 0 for those that are left out, (k,)."""
+    return np.array([0.0 if symbol in left_out else 1.0 for symbol in structure.derivatives])
+
+
+def why_lacking(channels: Sequence[str], disturbed: Collection[str] = ()) -> str:
     """One clause for the operator."""
     names = " and no ".join(channel.removesuffix("_rad") for channel in channels)
-    return f"the flight has no {names}"
+    said = f"the flight has no {names}"
+    if not disturbed:
+        return said
+    rows = " and ".join(sorted({symbol.partition("_")[0] for symbol in disturbed}))
+    return (
+        f"{said}, which the aircraft file has: the {rows} derivatives take up what it did and are compared with "
+        "nothing (coefficients of 0 state that the aircraft has none)"
+    )
+
+
+_TABLES = {"y": "CY", "l": "Cl", "n": "Cn"}
+_LITTLE = 0.1
+
+
+def _acts(aircraft: Aircraft, table: str, surface: str) -> bool:
+    """Whether a surface matters in an equation by the file; without coefficients all but a rudder's roll do."""
+    coefficients = aircraft.coefficients
+    if coefficients is None:
+        return not (table == "Cl" and surface == "rudder")
+    values = getattr(coefficients, table)
+    least = _LITTLE * abs(values.aileron) if table == "Cl" and surface == "rudder" else 0.0
+    return bool(abs(getattr(values, surface)) > least)
 
 
 def _without_effect(aircraft: Aircraft, surface: str) -> bool:
     """Whether the file's coefficients state that a surface does nothing in roll, yaw and side force."""
-    coefficients = aircraft.coefficients
-    if coefficients is None:
-        return False
-    return all(
-        getattr(table, surface) == 0.0 for table in (coefficients.CY, coefficients.Cl, coefficients.Cn)
+    return aircraft.coefficients is not None and not any(
+        _acts(aircraft, t, surface) for t in _TABLES.values()
     )

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_flights import demo_block, run, without
+from cli_flights import ROOT, demo_block, run, without
 from numpy.typing import NDArray
 
-from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, write_flight
+from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, read_table, write_flight
 
 CALL = ["--aircraft", "aerosonde"]
 Values = NDArray[np.float64]
@@ -25,6 +25,29 @@ def single(values: Values) -> Values:
 def milliseconds(values: Values) -> Values:
     values[:, 0] = np.round(1000.0 * values[:, 0])
     return values
+
+
+def test_a_wing_whose_file_has_no_rudder_is_compared_in_roll_and_yaw(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    text = (ROOT / "aircraft" / "library" / "aerosonde.toml").read_text()
+    for effect in ("rudder = 0.19", "rudder = 0.0024", "rudder = -0.069"):
+        assert effect in text
+        text = text.replace(effect, "rudder = 0.0")
+    (tmp_path / "wing.toml").write_text(text)
+    call = ["--aircraft", tmp_path / "wing.toml"]
+    flight = tmp_path / "flight.csv"
+    run(capsys, ["simulate", *call, "--seconds", "60", "--seed", "3", "--out", flight])
+    table = read_table(flight)
+    block = SampleBlock.from_columns({n: c for n, c in table.columns.items() if "rudder" not in n})
+    write_flight(block, flight)
+    result = run(capsys, ["estimate", flight, *call, "--json"]).json
+    rows = result["estimators"]["fourier"]["lateral"]["derivatives"]
+    assert {rows[symbol]["outcome"] for symbol in ("l_p", "l_xi", "n_v", "n_r")} == {"converged"}
+    assert rows["n_v"]["value"] == pytest.approx(0.686, abs=4.0 * rows["n_v"]["standard_error"])
+    ran = run(capsys, ["monitor", flight, *call, "--json"])
+    assert ran.json["alerts"] == []
+    assert ran.err == ""
 
 
 def vane_in_degrees(values: Values) -> Values:
@@ -125,6 +148,9 @@ def test_without_a_rudder_the_roll_is_estimated_and_nothing_said_of_the_rudder(
             row = rows[symbol]
             assert row["outcome"] in ("converged", "settling")
             assert abs(row["value"] - {"l_p": -20.2, "l_xi": -114.7}[symbol]) < 4.0 * row["standard_error"]
+        # the demonstration's rudder moves, and nothing says how
+        assert {rows[symbol]["outcome"] for symbol in ("n_v", "n_r", "y_v")} <= {"rejected", "not_observable"}
+        assert "y derivatives take up what it did" in modes["lateral"]["reason"]
         assert modes["lateral"]["reason"].startswith("the flight has no rudder")
     watched = run(capsys, ["monitor", tmp_path / "wing.csv", *CALL, "--json"]).json
     assert watched["alerts"] == []
