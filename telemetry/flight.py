@@ -264,6 +264,9 @@ def _demand_required(raw: RawTable, unused: tuple[str, ...], given: Collection[s
     close = [(name, get_close_matches(name, unused, n=1)) for name in missing]
     hints = [f"does {name} come from {found[0]}?" for name, found in close if found]
     advice = f"; {' '.join(hints)}" if hints else f" (the file has {_listed(unused)})" if unused else ""
+    if "time_s" in missing and raw.stamps:
+        source = " + ".join(f"'{name}'" if " " in name else name for name in raw.stamps[:2])
+        advice = f', as time_s = {{ source = "{source}" }}{advice}'
     said = f"{raw.source}: no values for {', '.join(named)}: name their columns in a channel map{advice}"
     raise FlightError(_with_columns(said, raw))
 

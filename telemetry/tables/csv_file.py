@@ -65,7 +65,7 @@ def read_csv(source: str, data: bytes) -> RawTable:
     units = dict(zip(layout.names, layout.units, strict=False)) if layout.units else _bracketed(layout.names)
     return make_table(
         source, "csv", columns, found.ignored, [*notes, *found.notes],
-        {name: unit for name, unit in units.items() if unit and name not in doubled}, doubled, found.stamps,
+        {name: unit for name, unit in units.items() if unit and name not in found.stamps}, doubled, found.stamps,
     )  # fmt: skip
 
 

@@ -24,7 +24,9 @@ _COMMENT = re.compile(r"\s*(?:#|%|//|!|\*)+\s*")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _NUMBER_LIKE = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+|[+-]?\d{1,3}(?:\.\d{3})*,\d+")
 _LINES = 400
-_UNITS_FRACTION = 0.6
+_UNITS_FRACTION, _UNITS_ABOVE = 0.6, 0.3
+"""Fractions of units among the fields of a line: from which on it names no columns, and from which on a line above the
+names gives their units."""
 
 
 class LayoutError(ValueError):
@@ -198,12 +200,17 @@ class _Rows:
         return None
 
     def _units(self, above: Sequence[int], names_at: int, count: int) -> tuple[int, tuple[str, ...]]:
+        """The row of units: below the names the one with the most units that are known, else one above them."""
+        best: tuple[str, ...] = ()
+        at, fraction = -1, 0.0
         for i in above:
             cells = self._heading(i)
-            if i == names_at or cells is None or _units_fraction(cells) < _UNITS_FRACTION:
+            if i == names_at or cells is None:
                 continue
-            return i, tuple((cells + [""] * count)[:count])
-        return -1, ()
+            found = _units_fraction(cells) + (1.0 if i > names_at else 0.0)
+            if _units_fraction(cells) and found > max(fraction, _UNITS_ABOVE):
+                best, at, fraction = tuple((cells + [""] * count)[:count]), i, found
+        return at, best
 
     def _refuse_unlike(self, above: Sequence[int]) -> None:
         """Names that are fewer or more than the fields of the rows.

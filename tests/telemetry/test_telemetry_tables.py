@@ -157,6 +157,28 @@ def test_a_row_that_is_neither_names_nor_units_is_named(tmp_path: Path) -> None:
     )
 
 
+def test_loggers_of_the_field_are_read(tmp_path: Path) -> None:
+    toa5 = (
+        '"TOA5","CR6","CR6","123","CR6.Std","CPU:x","1","t"\n"TIMESTAMP","RECORD","p","q"\n"TS","RN","deg/s","rad/s"\n'
+        '"","","Avg","Smp"\n"2020-01-01 10:00:00.02",0,1.5,2.5\n"2020-01-01 10:00:00.04",1,1.6,2.6\n'
+    )
+    table = read_table(write(tmp_path / "toa5.csv", toa5))
+    assert table.columns["p"].tolist() == [1.5, 1.6]
+    assert (table.units["p"], table.units["q"]) == ("deg/s", "rad/s")
+    np.testing.assert_allclose(table.columns["TIMESTAMP"], [0.0, 0.02])
+    cockpit = (
+        '#airframe_info, log_version="1.00", airframe_name="X"\n#yyy-mm-dd, hh:mm:ss, hh:mm, ident, degrees, kt, g\n'
+        "  Lcl Date, Lcl Time, UTCOfst, AtvWpt, Latitude, TAS, NormAc\n"
+        "2020-01-01, 10:00:00,  -07:00,  ABC,  40.5, 100.5, 0.02\n"
+        "2020-01-01, 10:00:01,  -07:00,  ABC,  40.6, 100.6, 0.03\n"
+    )
+    table = read_table(write(tmp_path / "cockpit.csv", cockpit))
+    assert table.columns["TAS"].tolist() == [100.5, 100.6]
+    assert (table.units["Latitude"], table.units["TAS"], table.units["NormAc"]) == ("degrees", "kt", "g")
+    with pytest.raises(FlightError, match=r"time_s = \{ source = \"'Lcl Date' \+ 'Lcl Time'\" \}"):
+        load_flight(tmp_path / "cockpit.csv")
+
+
 def test_unlike_columns_of_one_name_are_refused_where_they_are_used(tmp_path: Path) -> None:
     write_columns(tmp_path / "a.csv", flight_columns(20))
     head, *rows = (tmp_path / "a.csv").read_text().splitlines()
