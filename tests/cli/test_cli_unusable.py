@@ -155,6 +155,7 @@ def test_without_a_rudder_the_roll_is_estimated_and_nothing_said_of_the_rudder(
     watched = run(capsys, ["monitor", tmp_path / "wing.csv", *CALL, "--json"]).json
     assert watched["alerts"] == []
     assert "rudder" not in watched["reason"]
+    assert not any("rudder" in f"{row['cause']} {row['input']}" for row in watched["could_see"])
     assert run(capsys, ["estimate", tmp_path / "wing.csv", *CALL, "--convention", "american"]).code == 0
     other = run(capsys, ["estimate", tmp_path / "whole.csv", *CALL, "--json"]).json
     assert other["not_estimated"] == {"dutch_roll": "part of the lateral structure"}
