@@ -78,7 +78,7 @@ def unwrapped(time_s: Array) -> tuple[Array, tuple[str, ...]]:
         if period is None or (np.abs(after) > max(usual, MAX_GAP_S)).any():
             continue
         shift[known[k + 1] :] += period
-        names[_WRAPS[period]] = names.get(_WRAPS[period], 0) + 1
+        names[f"{_WRAPS[period]}, {period:.10g} s"] = names.get(f"{_WRAPS[period]}, {period:.10g} s", 0) + 1
     notes = tuple(
         f"the clock ({name}) began anew {'once' if times == 1 else f'{times} times'}: its stamps are counted on"
         for name, times in names.items()

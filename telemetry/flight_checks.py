@@ -7,7 +7,13 @@ from numpy.typing import NDArray
 
 from wingwatch.telemetry.clock import ClockError, TimeSource, check_clock, unwrapped
 from wingwatch.telemetry.maps import ChannelEntry, ChannelMap
-from wingwatch.telemetry.mixed_rates import DEFAULT_CLOCK, is_sparse, join_rates
+from wingwatch.telemetry.mixed_rates import (
+    DEFAULT_CLOCK,
+    is_sparse,
+    join_rates,
+    slowest_clock,
+    without_slow_vanes,
+)
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS, Channel
 from wingwatch.telemetry.units import units_of
 
@@ -52,8 +58,10 @@ def settled(
     clock = rules.clock or DEFAULT_CLOCK
     if is_sparse(found, required, clock):
         commands = {name for name in found if name.endswith("_command_rad") or kinds.get(name) == "command"}
+        found, left_out = without_slow_vanes(found)
+        clock = rules.clock or slowest_clock(found)
         found, said = join_rates(found, clock, commands, rules.max_gap_s)
-        notes, other = (*notes, said), {}
+        notes, other = (*notes, *left_out, said), {}
     entry = rules.channels.get("time_s") or ChannelEntry(source="time_s")
     factor = units_of("s")[entry.unit].factor if entry.unit else 1.0
     signal = found.get(clock, found["time_s"])

@@ -5,15 +5,20 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.aircraft.vocabulary import SURFACES
 from wingwatch.telemetry.sample import LEAPING_CHANNELS, MAX_GAP_S
 from wingwatch.telemetry.shown_later import SAME_STAMP_S
 
-__all__ = ["DEFAULT_CLOCK", "is_sparse", "join_rates"]
+__all__ = ["DEFAULT_CLOCK", "is_sparse", "join_rates", "slowest_clock", "without_slow_vanes"]
 
 Array = NDArray[np.float64]
 
 DEFAULT_CLOCK = "pitch_rate_rad_s"
-"""Channel whose stamps the table takes, unless a map names another: that of the angular rates."""
+"""Channel whose stamps the table takes, where no vane or surface is slower: that of the angular rates."""
+
+_VANES = ("angle_of_attack_rad", "sideslip_rad")
+_LEAST_HZ = 8.0
+"""Of a clock: below it the modes of interest are not resolved."""
 
 _WHOLE = 0.5
 _FASTER = 1.5
@@ -34,6 +39,36 @@ def is_sparse(columns: Mapping[str, Array], required: Sequence[str], clock: str)
     rows = np.isfinite(columns[clock])
     whole = np.logical_and.reduce([np.isfinite(columns[name][rows]) for name in there])
     return float(np.mean(whole)) < _WHOLE
+
+
+def without_slow_vanes(columns: Mapping[str, Array]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """The columns without vanes that read less than ``_LEAST_HZ``, and a clause for each."""
+    slow = [name for name in _VANES if name in columns and _rate_hz(columns, name) < _LEAST_HZ]
+    notes = tuple(
+        f"{name} has {_rate_hz(columns, name):.3g} Hz, too slow for these modes: left out" for name in slow
+    )
+    return {name: column for name, column in columns.items() if name not in slow}, notes
+
+
+def slowest_clock(columns: Mapping[str, Array]) -> str:
+    """The channel whose stamps a joined table takes: that of the slowest vane or surface.
+
+    A state that is interpolated up to a faster clock lags and is damped, and derivatives by it are wrong without a
+    sign; at its own rate their errors are wide and true. The command of a surface that is read does not count.
+    Surfaces slower than ``_LEAST_HZ`` are held or interpolated all the same, and without a slower channel the clock is
+    ``DEFAULT_CLOCK``.
+    """
+    read = [f"{surface}_rad" for surface in SURFACES if f"{surface}_rad" in columns]
+    commands = [f"{surface}_command_rad" for surface in SURFACES if f"{surface}_rad" not in read]
+    rates = {name: _rate_hz(columns, name) for name in (*_VANES, *read, *commands) if name in columns}
+    usual = _rate_hz(columns, DEFAULT_CLOCK) / _FASTER
+    slower = {name: hz for name, hz in rates.items() if _LEAST_HZ <= hz < usual}
+    return min(slower, key=lambda name: slower[name]) if slower else DEFAULT_CLOCK
+
+
+def _rate_hz(columns: Mapping[str, Array], name: str) -> float:
+    step_s = _step_s(columns["time_s"][np.isfinite(columns[name])])
+    return 1.0 / step_s if step_s > 0.0 else 0.0
 
 
 def join_rates(

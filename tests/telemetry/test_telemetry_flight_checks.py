@@ -116,7 +116,7 @@ class TestMixedRates:
             (tuple(n for n in dense if "rate" in n or "force" in n), 1, 0.0),
             (("roll_rad", "pitch_rad"), 2, 0.003 if offsets else 0.0),
             (("airspeed_true_m_s", "altitude_m"), 5, 0.007 if offsets else 0.0),
-            (("elevator_command_rad",), 3, 0.001 if offsets else 0.0),
+            (("elevator_command_rad",), 1, 0.001 if offsets else 0.0),
         ]
         pieces = []
         for names, every, lag_s in topics:
@@ -145,6 +145,25 @@ class TestMixedRates:
         held = flight.block.column("elevator_command_rad")[inner]
         assert set(np.unique(held)) <= set(np.unique(dense["elevator_command_rad"]))
         assert any("joined at the stamps of pitch_rate_rad_s" in note for note in flight.report.notes)
+
+    def test_takes_the_stamps_of_a_slower_vane_and_leaves_out_one_too_slow(self, tmp_path: Path) -> None:
+        dense, sparse = self.table()
+        vane = np.isfinite(sparse["airspeed_true_m_s"])
+        with_vane = {**sparse, "angle_of_attack_rad": np.where(vane, 0.05, np.nan)}
+        flight = load(tmp_path, with_vane)
+        np.testing.assert_allclose(np.diff(flight.block.time_s), 0.1, atol=1e-9)
+        filtered = flight.block.column("yaw_rate_rad_s")[2:-2]
+        expected = np.interp(flight.block.time_s, dense["time_s"], dense["yaw_rate_rad_s"])[2:-2]
+        np.testing.assert_allclose(filtered, expected, atol=2e-3)
+        named = load(tmp_path, with_vane, parse_map('format = 1\nclock = "yaw_rate_rad_s"'))
+        assert len(named.block) == 1000
+        slow = np.flatnonzero(vane)[::4]
+        flight = load(
+            tmp_path, {**sparse, "sideslip_rad": np.where(np.isin(np.arange(vane.size), slow), 0.0, np.nan)}
+        )
+        assert "sideslip_rad" not in flight.block.present
+        assert any("sideslip_rad has 2.5 Hz" in note for note in flight.report.notes)
+        assert len(flight.block) == 1000
 
     def test_bridges_no_gap(self, tmp_path: Path) -> None:
         _, sparse = self.table()
