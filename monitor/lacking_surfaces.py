@@ -18,11 +18,15 @@ __all__ = [
     "disturbed_by",
     "known_beside",
     "lacking_surfaces",
+    "marginal",
     "missing_beside",
     "why_lacking",
 ]
 
 Array = NDArray[np.float64]
+
+_ROUNDING, _SINGULAR = 1e-12, 1e-10
+"""Fractions of the largest: of a derivative's own information, below which it is rounding; and of an eigenvalue."""
 
 
 def lacking_surfaces(
@@ -77,6 +81,32 @@ def disturbed_by(aircraft: Aircraft, structure: ModeStructure, channels: Sequenc
 def known_beside(structure: ModeStructure, left_out: Collection[str]) -> Array:
     """1 for each derivative of the structure, 0 for those that are left out, (k,)."""
     return np.array([0.0 if symbol in left_out else 1.0 for symbol in structure.derivatives])
+
+
+def marginal(information: Array, vectors: Array, known: Array) -> tuple[Array, Array]:
+    """What evidence says of the known derivatives whatever the others are: J_kk - J_ko J_oo^+ J_ok, zero elsewhere.
+
+    Args:
+        information: J, (k, k).
+        vectors: h, and what else transforms like it, (n, k).
+        known: of ``known_beside``.
+    """
+    size = np.sqrt(np.maximum(np.diagonal(information), 0.0))
+    size[size < _ROUNDING * size.max(initial=0.0)] = 0.0
+    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
+    scaled = information * np.outer(inverse, inverse)
+    kept, other = known > 0.0, known == 0.0
+    solve = scaled[np.ix_(kept, other)] @ np.linalg.pinv(
+        scaled[np.ix_(other, other)], rcond=_SINGULAR, hermitian=True
+    )
+    found, moved = np.zeros_like(information), np.zeros_like(vectors)
+    inside = scaled[np.ix_(kept, kept)] - solve @ scaled[np.ix_(other, kept)]
+    w, u = np.linalg.eigh(0.5 * (inside + inside.T))
+    inside = (u * np.maximum(w, 0.0)) @ u.T  # rounding can make a direction's information negative
+    found[np.ix_(kept, kept)] = 0.5 * (inside + inside.T) * np.outer(size[kept], size[kept])
+    normal = vectors * inverse
+    moved[:, kept] = (normal[:, kept] - normal[:, other] @ solve.T) * size[kept]
+    return found, moved
 
 
 def why_lacking(channels: Sequence[str], disturbed: Collection[str] = ()) -> str:

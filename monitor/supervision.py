@@ -48,7 +48,7 @@ from wingwatch.estimators import (
 from wingwatch.monitor.calm_air import follow_calm, is_calm, surface_moved
 from wingwatch.monitor.causes import UNEXPLAINED
 from wingwatch.monitor.comparison import MODEL_ERROR
-from wingwatch.monitor.lacking_surfaces import derivatives_by, known_beside, why_lacking
+from wingwatch.monitor.lacking_surfaces import derivatives_by, known_beside, marginal, why_lacking
 from wingwatch.monitor.roughness import (
     ROUGHNESS,
     follow_motions,
@@ -524,12 +524,13 @@ def _of_known(
     block: BlockEvidence | None, gained: tuple[Array, Array] | None, known: Array
 ) -> tuple[BlockEvidence | None, tuple[Array, Array] | None]:
     """Evidence without that of a column of zeros, which is rounding, and of what a surface did unseen."""
-    both = np.outer(known, known)
     if block is not None:
-        block = replace(
-            block, information=block.information * both, vector=block.vector * known, bias=block.bias * known
-        )
-    return block, None if gained is None else (gained[0] * both, gained[1] * known)
+        information, vectors = marginal(block.information, np.stack([block.vector, block.bias]), known)
+        block = replace(block, information=information, vector=vectors[0], bias=vectors[1])
+    if gained is not None:
+        information, vectors = marginal(gained[0], gained[1][None], known)
+        gained = information, vectors[0]
+    return block, gained
 
 
 def _without_surfaces(pair: Pair, estimate: Estimate) -> Estimate:

@@ -90,11 +90,14 @@ class _Found:
             self.ignored.append(f"{name} (matrix {' x '.join(map(str, value.shape))})")
 
     def rows(self) -> int | None:
-        """The length that most columns have, None without any."""
+        """The length that most vectors have, or that of a matrix which holds more than these; None without any."""
         votes = Counter(len(vector) for vector in self._vectors.values())
+        usual = votes.most_common(1)[0][0] if votes else 0
+        held = {usual: usual * votes[usual]} if votes else {}
         for matrix in self._matrices.values():
-            votes[max(matrix.shape)] += min(matrix.shape)
-        return max(votes, key=lambda n: (votes[n], n)) if votes else None
+            rows = max(matrix.shape)
+            held[rows] = held.get(rows, 0) + matrix.size
+        return max(held, key=lambda n: held[n]) if held else None
 
     def columns(self, rows: int) -> dict[str, Array]:
         """Columns of that length; the rest is named among what is ignored."""

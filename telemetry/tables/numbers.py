@@ -71,6 +71,9 @@ def numbers_of(named: Iterable[tuple[str, Any]], decimal_comma: bool = False) ->
             numbers, good, bad = _numbers_in_text(cells, decimal_comma)
             if good >= max(bad, 1):
                 found.columns.append((name, numbers))
+                if _is_ambiguous(cells):
+                    meant = "decimal" if decimal_comma else "those of thousands"
+                    found.notes.append(f"commas in {name} are taken for {meant}")
                 without_number += [f"{name} {bad}"] if bad else []
             elif (stamps := stamps_in_text(cells)) is not None:
                 _take_stamps(found, name, stamps)
@@ -111,6 +114,13 @@ def _numbers_in_text(cells: list[str | None], decimal_comma: bool) -> tuple[Arra
 def _only_decimal(cell: str) -> bool:
     """Whether a comma in the cell can be nothing but a decimal one."""
     return "," in cell and not _THOUSANDS_COMMAS.fullmatch(cell)
+
+
+def _is_ambiguous(cells: list[str | None]) -> bool:
+    """Whether every comma could stand before thousands as well as before decimals."""
+    held = [cell for cell in cells if cell and "," in cell]
+    whole = all(re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in held)
+    return bool(held) and whole
 
 
 def _number(cell: str, thousands: bool) -> float | None:

@@ -1,5 +1,6 @@
 """Which surfaces a flight can do without, and what of its derivatives is then left out."""
 
+import numpy as np
 import pytest
 
 from wingwatch.aircraft import DUTCH_ROLL, LATERAL, SHORT_PERIOD, Aircraft, load_aircraft
@@ -9,6 +10,7 @@ from wingwatch.monitor.lacking_surfaces import (
     disturbed_by,
     known_beside,
     lacking_surfaces,
+    marginal,
     missing_beside,
     why_lacking,
 )
@@ -53,6 +55,29 @@ def test_what_an_unseen_rudder_may_have_done_is_left_out() -> None:
     assert disturbed_by(without_effect(AEROSONDE, "rudder"), LATERAL, lacking) == ()
     assert why_lacking(lacking) == "the flight has no rudder"
     assert "n and y derivatives" in why_lacking(lacking, disturbed)
+
+
+def test_the_evidence_of_what_is_known_is_the_marginal_one() -> None:
+    draw = np.random.default_rng(3)
+    rows = draw.normal(size=(40, 4)) * np.array([1.0, 100.0, 0.01, 0.0])
+    information, vector = rows.T @ rows, draw.normal(size=4) * np.array([1.0, 100.0, 0.01, 0.0])
+    found, moved = marginal(information, vector[None], np.array([1.0, 0.0, 1.0, 0.0]))
+    covariance = np.linalg.inv(information[:3, :3])
+    whole = covariance @ vector[:3]
+    np.testing.assert_allclose(np.linalg.inv(found[::2, ::2]), covariance[::2, ::2], rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.solve(found[::2, ::2], moved[0, ::2]), whole[::2], rtol=1e-9)
+    assert not found[1].any()
+    assert not moved[0, [1, 3]].any()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_marginal_evidence_is_never_negative(seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    rows = draw.normal(size=(3, 6)) * 10.0 ** draw.integers(-6, 6, 6)  # fewer rows than derivatives
+    known = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 1.0])
+    found, _ = marginal(rows.T @ rows, draw.normal(size=(1, 6)), known)
+    assert (np.diagonal(found) >= 0.0).all()
+    np.testing.assert_array_equal(found, found.T)
 
 
 def test_nothing_is_wanted_from_a_surface_that_is_not_there() -> None:

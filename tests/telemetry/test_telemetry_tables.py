@@ -104,8 +104,9 @@ def test_columns_of_whole_numbers_beside_decimal_commas_stay_what_they_are(tmp_p
 
 
 def test_thousands_of_an_english_table_are_no_decimals(tmp_path: Path) -> None:
-    columns = read_table(write(tmp_path / "a.csv", "t;h\n0.5;1,250\n1.0;12,750\n1.5;900\n")).columns
-    assert columns["h"].tolist() == [1250.0, 12750.0, 900.0]
+    table = read_table(write(tmp_path / "a.csv", "t;h\n0.5;1,250\n1.0;12,750\n1.5;900\n"))
+    assert table.columns["h"].tolist() == [1250.0, 12750.0, 900.0]
+    assert table.notes == ("commas in h are taken for those of thousands",)
 
 
 def test_decimal_commas_between_commas_are_named(tmp_path: Path) -> None:
@@ -358,6 +359,14 @@ class TestMatlab:
         np.testing.assert_array_equal(
             read_table(tmp_path / "b.mat").columns["imu[1].gyro"], self.matrix[:, 1]
         )
+
+    def test_small_matrices_and_vectors_do_not_say_how_many_rows_there_are(self, tmp_path: Path) -> None:
+        log = {"t": np.arange(600.0), "q": np.arange(600.0), "calibration": np.eye(12)}
+        scipy.io.savemat(tmp_path / "a.mat", {"log": log})
+        assert sorted(read_table(tmp_path / "a.mat").columns) == ["q", "t"]
+        parts = {name: np.ones(3) for name in ("inertia", "place", "cg", "axis")}
+        scipy.io.savemat(tmp_path / "b.mat", {"fdata": self.matrix, **parts})
+        assert sorted(read_table(tmp_path / "b.mat").columns) == [f"fdata[{k}]" for k in range(4)]
 
     def test_a_flight_is_read_from_a_matrix_by_a_map(self, tmp_path: Path) -> None:
         columns = flight_columns(50)
