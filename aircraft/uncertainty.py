@@ -57,6 +57,11 @@ HANDBOOK_STANDARD_ERROR_FLOOR: Mapping[str, float] = {
 """Smallest standard error by coefficient: weak ones are often published as a round zero."""
 
 
+LEAST_STANDARD_ERROR = 0.001
+"""Of a coefficient by which alone a derivative would be known exactly: a hundredth of a weak surface's effect, per rad.
+Nothing is known exactly, and a covariance without it is singular."""
+
+
 def coefficient_standard_error(coefficients: Coefficients, name: str) -> float:
     """Standard error of one coefficient (``CL_alpha``): the larger of its relative share and its floor.
 
@@ -84,7 +89,8 @@ def derivative_standard_errors(
 
     First-order propagation: each coefficient is moved by one standard error at the fixed trim, the changes
     of the derivatives are added as squares (coefficients taken as independent). The errors of the moments
-    also stand for those of the inertias, which publications state without any.
+    also stand for those of the inertias, which publications state without any. A derivative that would have no error at
+    all, as by the rudder of a flying wing, has that of ``LEAST_STANDARD_ERROR`` of its coefficients.
 
     Raises:
         AircraftDataError, TrimError: as ``linearised_derivatives``.
@@ -92,12 +98,20 @@ def derivative_standard_errors(
     at = trim(aircraft, condition)
     coefficients = aircraft.need_coefficients("a-priori standard errors")
     base = linearised_at(aircraft, condition, structure, at)
-    variance = dict.fromkeys(structure.derivatives, 0.0)
-    for name, value in coefficients.items():
-        error = coefficient_standard_error(coefficients, name)
-        if error == 0.0:
-            continue
-        moved = aircraft.model_copy(update={"coefficients": coefficients.with_value(name, value + error)})
-        for symbol, other in linearised_at(moved, condition, structure, at).items():
-            variance[symbol] += (other - base[symbol]) ** 2
-    return {symbol: math.sqrt(v) for symbol, v in variance.items()}
+    errors = {name: coefficient_standard_error(coefficients, name) for name, _ in coefficients.items()}
+
+    def variances(errors: Mapping[str, float]) -> dict[str, float]:
+        variance = dict.fromkeys(structure.derivatives, 0.0)
+        for name, value in coefficients.items():
+            if not (error := errors.get(name, 0.0)):
+                continue
+            moved = aircraft.model_copy(update={"coefficients": coefficients.with_value(name, value + error)})
+            for symbol, other in linearised_at(moved, condition, structure, at).items():
+                variance[symbol] += (other - base[symbol]) ** 2
+        return variance
+
+    found = variances(errors)
+    if not all(found.values()):
+        least = variances({name: LEAST_STANDARD_ERROR for name, error in errors.items() if not error})
+        found = {symbol: v or least[symbol] for symbol, v in found.items()}
+    return {symbol: math.sqrt(v) for symbol, v in found.items()}

@@ -29,6 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
     found = condition(flight, aircraft, arguments.second_imu, Progress().track)
     if not found.samples:
         raise CommandError(f"{flight.source}: the cleaner accepted no sample ({found.cleaning_text})")
+    if found.is_empty:
+        raise CommandError(f"{flight.source}: nothing could be found out: {'; '.join(found.notes)}")
     if out is not None and found.corrected is not None:
         write_flight(found.corrected, out)
     if arguments.json:

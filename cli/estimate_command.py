@@ -1,8 +1,9 @@
-"""`wingwatch estimate`: derivatives of a recorded flight, or of several together."""
+"""`wingwatch estimate`: derivatives of a recorded flight, of several together, or of a folder's, one line each."""
 
 import argparse
 from collections.abc import Mapping, Sequence
 from math import isfinite, nan
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -14,13 +15,19 @@ from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.estimate_history import HistoryWriter
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import Watched, watch
+from wingwatch.cli.furthest import furthest
 from wingwatch.cli.joined_flights import joined
+from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
 from wingwatch.monitor import VehicleMonitor
-from wingwatch.telemetry import FlightTable, load_flight
+from wingwatch.telemetry import FlightTable, load_flight, load_map
 
-__all__ = ["run"]
+__all__ = ["estimated", "run"]
+
+_DIFFERS = 3.0
+"""Standard errors by which a derivative is off what is expected, from which on a line says so."""
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -36,6 +43,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandError(
             f"{option} is for estimators of the whole flight; add --estimator {' or '.join(OFFLINE_ESTIMATORS)}"
         )
+    if is_many(arguments.flights):
+        return _run_many(arguments)
     history = None
     if arguments.history is not None:
         history = HistoryWriter(arguments.history, arguments.estimator, arguments.convention)
@@ -43,24 +52,72 @@ def run(arguments: argparse.Namespace) -> int:
     check_convention(aircraft, arguments.convention)
     flight = joined([load_flight(path, arguments.map) for path in arguments.flights])
     if whole:
-        _run_offline(arguments, flight, aircraft)
-        return 0
-    watched = watch(flight, aircraft, Progress(), listener=history)
-    if history is not None:
-        history.close()
-    result = _result(watched, arguments)
+        result, monitor, counted = _offline(flight, aircraft, arguments)
+        structures = list(next(iter(result["estimators"].values())))
+    else:
+        counted = watch(flight, aircraft, _progress(arguments), listener=history)
+        if history is not None:
+            history.close()
+        refuse_unusable(counted)
+        result, monitor = _result(counted, arguments), counted.monitor
+        structures = [s.name for s in monitor.chain.structures]
     if arguments.json:
         write_json(result)
     else:
-        structures = [s.name for s in watched.monitor.chain.structures]
-        _show(page(), result, watched.monitor, watched.flight.source, watched.cleaning_text, structures)
+        _show(page(), result, monitor, flight.source, counted.cleaning_text, structures)
     return 0
 
 
-def _run_offline(arguments: argparse.Namespace, flight: FlightTable, aircraft: Aircraft) -> None:
+def _progress(arguments: argparse.Namespace) -> Progress:
+    return Progress(getattr(arguments, "progress", True))
+
+
+def _run_many(arguments: argparse.Namespace) -> int:
+    """One line a flight, the one furthest from what is expected first."""
+    if arguments.history is not None:
+        raise CommandError(
+            f"--history {arguments.history} is for one flight, and a folder is named; leave it out"
+        )
+    check_convention(load_aircraft(arguments.aircraft), arguments.convention)
+    if arguments.map is not None:
+        load_map(arguments.map)
+    results = each_flight(estimated, flight_files(arguments.flights), arguments)
+    lines = sorted(
+        ((furthest(result), result) for result in results), key=lambda one: _order(*one), reverse=True
+    )
+    if arguments.json:
+        write_json([result for _, result in lines])
+        return end_of_many(results)
+    console = page()
+    for (z, text), result in lines:
+        state = "not judged" if "error" in result else "differs" if z > _DIFFERS else "as expected"
+        print_line(console, state if "error" in result or text else "not observable", result, text)
+    return end_of_many(results)
+
+
+def estimated(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
+    """The JSON object of one of many flights."""
+    aircraft, table = load_aircraft(arguments.aircraft), load_flight(flight, arguments.map)
+    if arguments.estimator in OFFLINE_ESTIMATORS:
+        return _offline(table, aircraft, arguments)[0]
+    watched = watch(table, aircraft, _progress(arguments))
+    refuse_unusable(watched)
+    return _result(watched, arguments)
+
+
+def _order(found: tuple[float, str], result: Mapping[str, Any]) -> tuple[float, float]:
+    """Those that differ first, then those that could not be judged, then the rest."""
+    if "error" in result:
+        return 1.0, 0.0
+    return 2.0 if found[0] > _DIFFERS else 0.0, found[0]
+
+
+def _offline(
+    flight: FlightTable, aircraft: Aircraft, arguments: argparse.Namespace
+) -> tuple[dict[str, Any], VehicleMonitor, Watched]:
     """By an estimator that takes the flight whole."""
     solved = estimate_offline(
-        flight, aircraft, arguments.estimator, Progress().track,
+        flight, aircraft, arguments.estimator, _progress(arguments).track,
         structures=arguments.structure, form=arguments.form or "accelerometer",
     )  # fmt: skip
     counted = Watched(solved.monitor, flight, ())
@@ -74,10 +131,7 @@ def _run_offline(arguments: argparse.Namespace, flight: FlightTable, aircraft: A
         "not_estimated": dict(solved.absent),
         "cleaning": counted.cleaning,
     }
-    if arguments.json:
-        write_json(result)
-        return
-    _show(page(), result, solved.monitor, flight.source, counted.cleaning_text, list(solved.modes))
+    return result, solved.monitor, counted
 
 
 def _result(watched: Watched, arguments: argparse.Namespace) -> dict[str, Any]:

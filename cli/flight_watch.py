@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.baselines import Envelope, Reference
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.flight_clocks import Clock, clocks_of
 from wingwatch.cli.progress import Progress
 from wingwatch.monitor import AlertView, MonitorStart, Report, VehicleMemory, VehicleMonitor
 from wingwatch.telemetry import FlightTable, SampleBlock, load_flight
@@ -25,7 +25,7 @@ PIECE = 10
 Listener = Callable[[VehicleMonitor, Report], None]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Watched:
     """What watching a flight led to.
 
@@ -34,19 +34,24 @@ class Watched:
         flight: the flight.
         alerts: each alert as it stood last, in the order in which they were raised.
         conditions: by alert, the flight condition of the evidence.
+        clock_numbers: by alert, which of ``clocks`` its times are of, counted from 0.
     """
 
     monitor: VehicleMonitor
     flight: FlightTable
     alerts: tuple[AlertView, ...]
     conditions: Mapping[str, FlightCondition] = field(default_factory=dict)
+    clock_numbers: Mapping[str, int] = field(default_factory=dict)
+
+    @cached_property
+    def clocks(self) -> tuple[Clock, ...]:
+        """The clocks of the accepted samples, in the order of the rows."""
+        return clocks_of(self.flight.block)
 
     @property
     def duration_s(self) -> float:
-        """Time from the first to the last stamp of the flight's rows that have one."""
-        stamps = self.flight.block.time_s
-        finite = stamps[np.isfinite(stamps)]
-        return float(finite.max() - finite.min()) if finite.size else 0.0
+        """Time from the first to the last accepted sample, of all clocks together."""
+        return sum(clock.to_s - clock.from_s for clock in self.clocks)
 
     @property
     def cleaning(self) -> dict[str, Any]:
@@ -106,6 +111,7 @@ def watch(
         reasons = "; ".join(f"{name}: {why}" for name, why in monitor.chain.absent.items())
         raise CommandError(f"{flight.source}: no mode can be estimated ({reasons})")
     alerts: dict[str, AlertView] = {}
+    clock_numbers: dict[str, int] = {}
     conditions: dict[str, FlightCondition] = {}
     for piece in progress.track(list(_pieces(flight.block)), "watching the flight"):
         report = monitor.feed(piece)
@@ -115,10 +121,11 @@ def watch(
                 conditions[alert.id] = (
                     block.condition
                 )  # a piece holds one solution, so this is the evidence's block
+            clock_numbers.setdefault(alert.id, monitor.cleaner.report.events.get("clock_change", 0))
             alerts[alert.id] = alert
         if listener is not None:
             listener(monitor, report)
-    return Watched(monitor, flight, tuple(alerts.values()), conditions)
+    return Watched(monitor, flight, tuple(alerts.values()), conditions, clock_numbers)
 
 
 def _pieces(block: SampleBlock) -> Iterator[SampleBlock]:

@@ -1,16 +1,17 @@
-"""`wingwatch monitor`: status and alerts of a recorded flight."""
+"""`wingwatch monitor`: status and alerts of a recorded flight, or of many, one line each."""
 
 import argparse
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from wingwatch.aircraft import Convention
+from wingwatch.aircraft import Convention, load_aircraft
 from wingwatch.api import (
     AlertDocument,
     CandidateDocument,
@@ -21,10 +22,13 @@ from wingwatch.api import (
 )
 from wingwatch.cli.baseline import Baseline, read_baseline
 from wingwatch.cli.convention import check_convention, in_convention
+from wingwatch.cli.flight_clocks import clocks_text, on_clock
 from wingwatch.cli.flight_watch import Watched, load, watch
+from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.pages.texts import number, probability_text
-from wingwatch.telemetry import check_name
+from wingwatch.telemetry import check_name, load_map
 
 __all__ = ["run"]
 
@@ -32,29 +36,86 @@ _Rows = list[dict[str, Any]]
 """Evidence of one alert, a row a derivative."""
 
 _ERRORS = ("standard_error", "expected", "expected_standard_error")
+_LEVELS = ("watch", "warning", "critical")
+_STATES = ("healthy", "stale", "not_observable", "unknown", "degraded")  # the best first
 _SIZELESS = ("surface_stuck", "sensor_freeze")  # there or not
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
-    fleet, vehicle = check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
-    flight, aircraft = load(arguments.flight, arguments.map, arguments.aircraft)
+    check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
+    if len(arguments.flights) > 1 or is_many(arguments.flights):
+        return _run_many(arguments)
+    watched = _watched(arguments.flights[0], arguments)
+    found = _found(watched, arguments)
+    if arguments.json:
+        write_json(_result(watched, *found) | {"convention": arguments.convention})
+    else:
+        _show(page(), watched, *found)
+    return 0
+
+
+def _run_many(arguments: argparse.Namespace) -> int:
+    """One line a flight, the worst first."""
+    check_convention(load_aircraft(arguments.aircraft), arguments.convention)
+    if arguments.map is not None:
+        load_map(arguments.map)
+    results = each_flight(judged, flight_files(arguments.flights), arguments)
+    results.sort(key=_badness, reverse=True)
+    if arguments.json:
+        write_json(results)
+    else:
+        console = page()
+        for result in results:
+            print_line(console, result.get("status", "not judged"), result, _line(result))
+    return end_of_many(results)
+
+
+def judged(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
+    """The JSON object of one of many flights."""
+    watched = _watched(flight, arguments)
+    return _result(watched, *_found(watched, arguments)) | {"convention": arguments.convention}
+
+
+def _badness(result: Mapping[str, Any]) -> tuple[float, ...]:
+    """By the worst alert still in force, then any alert, then what could not be judged, then the state."""
+    if "error" in result:
+        return (0.0, 1.0, 0.0)
+    levels = [_LEVELS.index(a["level"]) + (0.5 if a["cleared_s"] is None else 0.0) for a in result["alerts"]]
+    state = _STATES.index(result["status"]) if result["status"] in _STATES else 0
+    return (1.0 + max(levels), float(len(levels)), float(state)) if levels else (0.0, 0.0, float(state))
+
+
+def _line(result: Mapping[str, Any]) -> str:
+    if "error" in result:
+        return str(result["error"]).removeprefix(f"{result['flight']}: ")
+    seen = f"{result['observable_s']:.0f} of {result['duration_s']:.0f} s observable"
+    alerts = [f"{a['level']} at {a['raised_s']:.1f} s: {a['text']}" for a in result["alerts"]]
+    return f"{' '.join(alerts) or result['reason']} ({seen})"
+
+
+def _watched(path: Path, arguments: argparse.Namespace) -> Watched:
+    flight, aircraft = load(path, arguments.map, arguments.aircraft)
     check_convention(aircraft, arguments.convention)
     baseline = Baseline()
     if arguments.baseline is not None:
-        baseline = read_baseline(arguments.baseline, fleet, vehicle, aircraft)
+        baseline = read_baseline(arguments.baseline, arguments.fleet, arguments.vehicle, aircraft)
     watched = watch(
-        flight, aircraft, Progress(), fleet=fleet, vehicle=vehicle,
+        flight, aircraft, Progress(getattr(arguments, "progress", True)),
+        fleet=arguments.fleet, vehicle=arguments.vehicle,
         references=baseline.references, envelopes=baseline.envelopes,
     )  # fmt: skip
+    refuse_unusable(watched)
+    return watched
+
+
+def _found(
+    watched: Watched, arguments: argparse.Namespace
+) -> tuple[list[AlertDocument], Mapping[str, _Rows], list[CouldSeeDocument]]:
+    """Alerts, their evidence by id, and what the flight could have shown."""
     alerts = [alert_document(alert) for alert in watched.alerts]
     could_see = could_see_documents(watched.monitor.could_see())
-    evidence = {alert.id: _evidence(alert, watched, arguments.convention) for alert in alerts}
-    if arguments.json:
-        write_json(_result(watched, alerts, evidence, could_see) | {"convention": arguments.convention})
-    else:
-        _show(page(), watched, alerts, evidence, could_see)
-    return 0
+    return alerts, {alert.id: _evidence(alert, watched, arguments.convention) for alert in alerts}, could_see
 
 
 def _evidence(alert: AlertDocument, watched: Watched, convention: str) -> _Rows:
@@ -92,11 +153,16 @@ def _result(
     return {
         "duration_s": watched.duration_s,
         "observable_s": monitor.observable_s,
+        "clocks": [asdict(clock) for clock in watched.clocks],
         "status": str(monitor.state),
         "reason": monitor.reason,
         "basis": monitor.basis,
         "basis_text": monitor.basis_text,
-        "alerts": [alert.model_dump(mode="json") | {"evidence": evidence[alert.id]} for alert in alerts],
+        "alerts": [
+            alert.model_dump(mode="json")
+            | {"evidence": evidence[alert.id], "clock": watched.clock_numbers.get(alert.id, 0)}
+            for alert in alerts
+        ],
         "could_see": [one.model_dump(mode="json") for one in could_see],
         "air": air_document(monitor.air).model_dump(mode="json") if monitor.air else None,
         "cleaning": watched.cleaning,
@@ -122,18 +188,21 @@ def _show(
         console.print(f"At the end {escape(monitor.air.text)}.")
     if not alerts:
         console.print("No alert.")
+    if said := clocks_text(watched.clocks):
+        console.print(said)
     for alert in alerts:
-        _show_alert(console, alert, evidence[alert.id])
+        clock = on_clock(watched.clock_numbers.get(alert.id, 0)) if len(watched.clocks) > 1 else ""
+        _show_alert(console, alert, evidence[alert.id], clock)
     if could_see:
         console.print("What this flight could have shown")
         console.print(_could_see_table(could_see))
 
 
-def _show_alert(console: Console, alert: AlertDocument, evidence: _Rows) -> None:
+def _show_alert(console: Console, alert: AlertDocument, evidence: _Rows, clock: str = "") -> None:
     part = "" if alert.channel is None else f" ({escape(alert.channel)})"
     until = "" if alert.cleared_s is None else f", cleared at {alert.cleared_s:.1f} s"
     console.print(
-        f"[bold]{alert.level} {alert.id}[/]{part} raised at {alert.raised_s:.1f} s{until}: {escape(alert.text)}"
+        f"[bold]{alert.level} {alert.id}[/]{part} raised at {alert.raised_s:.1f} s{clock}{until}: {escape(alert.text)}"
     )
     if alert.candidates:
         console.print(f"Possible causes: {escape('; '.join(map(_candidate, alert.candidates)))}")

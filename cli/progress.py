@@ -18,10 +18,14 @@ _PLAIN_WIDTH = 130
 
 
 class Progress:
-    """Shows how far a long task is, where standard error is a terminal."""
+    """Shows how far a long task is, where standard error is a terminal.
 
-    def __init__(self) -> None:
-        self._console = Console(stderr=True)
+    Args:
+        shown: whether it does at all; one of several processes shows nothing.
+    """
+
+    def __init__(self, shown: bool = True) -> None:
+        self._console = Console(stderr=True, force_terminal=None if shown else False)
 
     def track(self, items: Sequence[T], what: str) -> Iterator[T]:
         """The items one by one, with a bar."""

@@ -38,6 +38,7 @@ PATH_S = 600.0
 _CERTAIN = 3.0
 """A delay takes the stated one's place where they differ by more than so many standard errors."""
 
+_LEAST_AIRSPEED_M_S = 1.0
 _FORCES = tuple(f"specific_force_{axis}_m_s2" for axis in "xyz")
 
 
@@ -80,6 +81,12 @@ class Conditioned:
     centre: tuple[Parameter, ...] = ()
     corrected: SampleBlock | None = None
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no step has found anything."""
+        segments = self.static is not None and self.static.segments > 0
+        return not any((self.delays, self.servos, self.air, self.path, segments, self.centre))
 
 
 def condition(
@@ -161,6 +168,11 @@ class _Steps:
 
     def path(self) -> None:
         """Biases and scale errors."""
+        speed_m_s = self._aligned.column("airspeed_true_m_s")
+        if speed_m_s.size and float(np.median(speed_m_s)) < _LEAST_AIRSPEED_M_S:
+            raise ValueError(
+                f"the airspeed is mostly below {_LEAST_AIRSPEED_M_S:g} m/s: it is wrong, or on the ground"
+            )
         stamps = self._aligned.time_s
         part = SampleBlock(self._aligned.values[stamps <= stamps[:1] + PATH_S])
         if len(part) < len(self._aligned):

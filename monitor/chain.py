@@ -6,7 +6,7 @@ changes nothing.
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,11 +34,18 @@ from wingwatch.estimators import (
     padded,
 )
 from wingwatch.monitor.air_watch import AirState, AirWatch, PendingAir
+from wingwatch.monitor.lacking_surfaces import (
+    derivatives_by,
+    disturbed_by,
+    lacking_surfaces,
+    missing_beside,
+    why_lacking,
+)
 from wingwatch.monitor.redundancy import RedundancyWatch
 from wingwatch.monitor.solution_times import find_due
 from wingwatch.monitor.state_codec import detached
 from wingwatch.monitor.supervision import Lane, ModeSolution, Pair, PairState, Supervisor
-from wingwatch.telemetry import INPUT_CHANNELS, SampleBlock, missing_for
+from wingwatch.telemetry import CHANNEL_INDEX, INPUT_CHANNELS, SampleBlock
 from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = [
@@ -146,13 +153,14 @@ class Chain:
         given = envelopes or {}
         self.envelopes: dict[str, Envelope] = {}
         self.absent: dict[str, str] = {}
+        self._zeros = np.empty(0, dtype=np.intp)
         self._air = AirWatch(aircraft)
         pairs: list[Pair] = []
         for structure in STRUCTURES_WATCHED:
             if structure is DUTCH_ROLL and LATERAL.name in self.envelopes:
                 self.absent[structure.name] = "part of the lateral structure"
                 continue
-            missing = missing_for(structure, present)
+            missing = missing_beside(aircraft, structure, present)
             if missing:
                 self.absent[structure.name] = f"missing {', '.join(missing)}"
                 continue
@@ -163,7 +171,13 @@ class Chain:
                 continue
             self.envelopes[structure.name] = envelope
             vane = _VANE[structure.states[0]] in present
-            pairs.append(_pair(aircraft, structure, prior, kinds, vane))
+            lacking = lacking_surfaces(aircraft, structure, present)
+            if lacking:
+                self.absent[", ".join(derivatives_by(structure, lacking))] = why_lacking(lacking)
+                self._zeros = np.array([CHANNEL_INDEX[channel] for channel in lacking])
+            disturbed = disturbed_by(aircraft, structure, lacking)
+            pair = _pair(aircraft, structure, prior, kinds, vane)
+            pairs.append(replace(pair, lacking=lacking, disturbed=disturbed))
         self.supervisor = Supervisor(pairs)
         self.redundancy = RedundancyWatch(aircraft, present, kinds)
 
@@ -248,6 +262,9 @@ class Chain:
                     k = next(dues[n], None)
                     end = len(blocks[n]) if k is None else k + 1
                     values = blocks[n].values[starts[n] : end]
+                    if self._zeros.size:
+                        values = values.copy()
+                        values[:, self._zeros] = 0.0
                     if len(values):
                         self._air.take(states[n].air, values)
                     if k is not None:
@@ -329,6 +346,7 @@ def _pair(
     value = prior.value - offsets(structure, condition.airspeed_true_m_s, condition.angle_of_attack_rad)
     error = np.sqrt(np.diagonal(prior.covariance))
     natural = np.maximum(np.abs(value), 2.0 * error)
+    natural[natural == 0.0] = 1.0  # of a surface without effect, about which nothing is known either
     told = tuple(kinds.get(INPUT_CHANNELS[u], "position") == "command" for u in structure.inputs)
     sensors = aircraft.sensors
     imu = sensors.imu_position_m

@@ -1,11 +1,12 @@
 """What a flight could have shown: by cause the smallest size that would have been noticed, and what would show more."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 from wingwatch.monitor.redundancy import Hypothesis
 from wingwatch.monitor.views import CouldSeeView
 
-__all__ = ["could_see"]
+__all__ = ["beside_lacking", "could_see"]
 
 _AIRFRAME_INPUT: Mapping[str, str] = {
     "icing": "a doublet of the elevator",
@@ -60,6 +61,16 @@ def could_see(
             unit = hypothesis.unit.replace("1", "")
             found[key] = CouldSeeView(*key, size, unit, inputs if help_needed else "")
     return tuple(found.values())
+
+
+def beside_lacking(rows: Sequence[CouldSeeView], lacking: Collection[str]) -> tuple[CouldSeeView, ...]:
+    """The table of a flight that has not these surfaces, by column: nothing is said of them or wanted from them."""
+    names = [channel.removesuffix("_rad") for channel in lacking]
+    kept = [row for row in rows if row.cause not in {f"{name}_effectiveness" for name in names}]
+    return tuple(
+        replace(row, input="") if any(row.input.endswith(f"of the {name}") for name in names) else row
+        for row in kept
+    )
 
 
 _MOST: Mapping[str, float] = {"": 1.0, "s": 1.0, "rad": 1.0, "rad/s": 1.0, "m/s2": 20.0}

@@ -9,9 +9,10 @@ from wingwatch.aircraft import DUTCH_ROLL, LATERAL, Aircraft, ModeStructure
 from wingwatch.baselines import Envelope, apriori_envelope
 from wingwatch.monitor.chain import STRUCTURES_WATCHED, Chain
 from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.lacking_surfaces import missing_beside
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.vehicle import MonitorStart, VehicleMonitor, surface_kinds
-from wingwatch.telemetry import AircraftMessage, derivations, missing_for
+from wingwatch.telemetry import AircraftMessage, derivations
 
 __all__ = ["MonitorMaker"]
 
@@ -63,7 +64,9 @@ class MonitorMaker:
         self._take_prepared()
         known_type, apriori = self._apriori.get(place, (None, {}))
         known = apriori if known_type == aircraft else {}
-        lacking = tuple(s.name for s in _watched([*given, *derivations(given)]) if s.name not in known)
+        lacking = tuple(
+            s.name for s in _watched(aircraft, [*given, *derivations(given)]) if s.name not in known
+        )
         if not lacking:
             return True
         if (failed := self._prepared.get((place, lacking))) is not None and failed.done():
@@ -132,9 +135,9 @@ def _type_of(aircraft: Aircraft, configuration: str) -> _Type:
     return aircraft.name, configuration, mass_kg, aircraft.cg_shift_m
 
 
-def _watched(present: Sequence[str]) -> list[ModeStructure]:
+def _watched(aircraft: Aircraft, present: Sequence[str]) -> list[ModeStructure]:
     """Structures that a chain estimates from these channels, where the aircraft's file gives an expectation."""
-    found = [s for s in STRUCTURES_WATCHED if not missing_for(s, present)]
+    found = [s for s in STRUCTURES_WATCHED if not missing_beside(aircraft, s, present)]
     return [s for s in found if s is not DUTCH_ROLL or LATERAL not in found]
 
 

@@ -21,6 +21,7 @@ Fourier form and filter read the same signals and know nothing of each other. Ea
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 from weakref import finalize
 
@@ -47,6 +48,7 @@ from wingwatch.estimators import (
 from wingwatch.monitor.calm_air import follow_calm, is_calm, surface_moved
 from wingwatch.monitor.causes import UNEXPLAINED
 from wingwatch.monitor.comparison import MODEL_ERROR
+from wingwatch.monitor.lacking_surfaces import derivatives_by, known_beside, marginal, why_lacking
 from wingwatch.monitor.roughness import (
     ROUGHNESS,
     follow_motions,
@@ -83,13 +85,15 @@ ROUGH_MEMORY_S = 80.0
 """Twice the estimators' memory: after it they have forgotten six sevenths of what gusts taught them unseen."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Pair:
     """Both estimators of one structure, and the signals that both read.
 
     Attributes:
         vane: whether one measures the velocity; else it is reconstructed.
         force_noise_variance: of the accelerometer, m2/s4; 0 where it is not known.
+        lacking: channels of surfaces that the flight has not; their columns are zeros.
+        disturbed: derivatives of the equations in which these may have acted unseen.
     """
 
     structure: ModeStructure
@@ -98,6 +102,15 @@ class Pair:
     ekf: EkfEstimator
     vane: bool
     force_noise_variance: float
+    lacking: tuple[str, ...] = ()
+    disturbed: tuple[str, ...] = ()
+
+    @cached_property
+    def known(self) -> Array | None:
+        """1 for each derivative of which there is evidence, 0 where a surface lacks, (k,); None where none does."""
+        if not self.lacking:
+            return None
+        return known_beside(self.structure, {*derivatives_by(self.structure, self.lacking), *self.disturbed})
 
 
 @dataclass(slots=True)
@@ -489,9 +502,10 @@ def _read(
     solutions = []
     for m, (i, is_rough, compared) in enumerate(zip(*map(_listed, (places, rough, comparable)), strict=True)):
         block = pair.fourier.evidence(state.fourier, i) if i in gained else None
-        solutions.append(
-            ModeSolution(pair, (fourier.of(m), ekf.of(m)), block, gained.get(i), is_rough, compared)
-        )
+        learned = gained.get(i)
+        if (known := pair.known) is not None:
+            block, learned = _of_known(block, learned, known)
+        solutions.append(ModeSolution(pair, (fourier.of(m), ekf.of(m)), block, learned, is_rough, compared))
     return solutions
 
 
@@ -499,9 +513,35 @@ def _with_standing(pair: Pair, seen: tuple[Standing, Standing], rough: bool) -> 
     """Both estimates with the standing that each has beside the other."""
     fourier = seen[0].estimate(pair.fourier.name, pair.structure)
     ekf = _beside_fourier(seen[1].estimate(pair.ekf.name, pair.structure), fourier, _listed(seen[0].unseen))
-    if pair.vane:
-        return fourier, ekf
-    return _without_vane(fourier, rough), _without_vane(ekf, rough)
+    if not pair.vane:
+        fourier, ekf = _without_vane(fourier, rough), _without_vane(ekf, rough)
+    if pair.lacking:
+        fourier, ekf = _without_surfaces(pair, fourier), _without_surfaces(pair, ekf)
+    return fourier, ekf
+
+
+def _of_known(
+    block: BlockEvidence | None, gained: tuple[Array, Array] | None, known: Array
+) -> tuple[BlockEvidence | None, tuple[Array, Array] | None]:
+    """Evidence without that of a column of zeros, which is rounding, and of what a surface did unseen."""
+    if block is not None:
+        information, vectors = marginal(block.information, np.stack([block.vector, block.bias]), known)
+        block = replace(block, information=information, vector=vectors[0], bias=vectors[1])
+    if gained is not None:
+        information, vectors = marginal(gained[0], gained[1][None], known)
+        gained = information, vectors[0]
+    return block, gained
+
+
+def _without_surfaces(pair: Pair, estimate: Estimate) -> Estimate:
+    """An estimate that says which surfaces the flight has not, and rejects what they disturbed."""
+    why = why_lacking(pair.lacking, pair.disturbed)
+    outcomes = tuple(
+        Outcome.REJECTED if symbol in pair.disturbed and outcome is not Outcome.NOT_OBSERVABLE else outcome
+        for symbol, outcome in zip(pair.structure.derivatives, estimate.outcomes, strict=True)
+    )
+    reason = f"{why}; {estimate.reason}" if estimate.reason else why
+    return replace(estimate, outcomes=outcomes, reason=reason)
 
 
 def _without_vane(estimate: Estimate, rough: bool) -> Estimate:

@@ -23,7 +23,7 @@ from wingwatch.monitor.chain import (
     nominal_condition,
 )
 from wingwatch.monitor.comparison import Coordinates, natural_size
-from wingwatch.monitor.could_see import could_see
+from wingwatch.monitor.could_see import beside_lacking, could_see
 from wingwatch.monitor.flight_regime import FlightRegime
 from wingwatch.monitor.furthest import furthest
 from wingwatch.monitor.judge import Judge
@@ -421,7 +421,9 @@ class VehicleMonitor(VehicleReadings):
             return ()
         if self._could_see is None or not 0.0 <= now_s - self._could_see[0] < _COULD_SEE_S:
             airframe = self.judge.smallest_seen(self._judge_state) if self._compared else {}
-            self._could_see = now_s, could_see(airframe, self._relations.could_see())
+            rows = could_see(airframe, self._relations.could_see())
+            lacking = {c for pair in self.chain.supervisor.pairs.values() for c in pair.lacking}
+            self._could_see = now_s, beside_lacking(rows, lacking)
         return self._could_see[1]
 
     def view(self, state: VehicleState | None = None) -> VehicleView:

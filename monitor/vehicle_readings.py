@@ -14,6 +14,7 @@ from wingwatch.monitor.blocks import BlockView
 from wingwatch.monitor.chain import Chain, ChainState, Solution, condition_of
 from wingwatch.monitor.furthest import PendingWorst
 from wingwatch.monitor.judge import Judge, JudgeConfig, JudgeState, Verdict
+from wingwatch.monitor.lacking_surfaces import derivatives_by
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import WatchMemory
 from wingwatch.monitor.positions import Position
@@ -186,7 +187,17 @@ class VehicleReadings(ABC):
         """The contract's object of one mode by one estimator, beside what is expected at its condition."""
         values = dict(zip(estimate.structure.derivatives, estimate.value.tolist(), strict=True))
         quantities = mode_quantities(estimate.structure, values, estimate.covariance)
-        return mode_object(estimate, self._expected_now(estimate), quantities)
+        made = mode_object(estimate, self._expected_now(estimate), quantities)
+        lacking = self.chain.supervisor.pairs[estimate.structure.name].lacking
+        for symbol in derivatives_by(estimate.structure, lacking):
+            row = made["derivatives"][symbol]  # what the estimators started from is no estimate
+            made["derivatives"][symbol] = {**row, "value": np.nan, "standard_error": np.nan}
+        return made
+
+    @property
+    def solved(self) -> bool:
+        """Whether there has been a solution."""
+        return self._memory.latest is not None
 
     @property
     def pending_worst(self) -> PendingWorst | None:

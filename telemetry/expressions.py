@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ExpressionError", "canonical_name", "evaluate", "evaluate_filter"]
+from wingwatch.telemetry.quaternion import euler_heading, euler_pitch, euler_roll
+
+__all__ = ["ExpressionError", "canonical_name", "evaluate", "evaluate_filter", "parts_of"]
 
 _MAX_CHARACTERS = 300
 _ARITHMETIC: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -27,6 +29,11 @@ _COMPARISON: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.LtE: operator.le,
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
+}
+_QUATERNION: Mapping[str, Callable[..., Any]] = {
+    "euler_roll": euler_roll,
+    "euler_pitch": euler_pitch,
+    "euler_heading": euler_heading,
 }
 _TOPIC_WITHOUT_INSTANCE = re.compile(r"(\w+)\.(.+)")
 
@@ -48,7 +55,9 @@ def evaluate(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[n
     such a name stands in quotes.
 
     Args:
-        text: numbers, columns, ``+ - * / **`` and parentheses, at most 300 characters.
+        text: numbers, columns, ``+ - * / **``, parentheses, and ``euler_roll``, ``euler_pitch``, ``euler_heading``
+            of a quaternion, in rad: of the columns ``q[0]`` to ``q[3]`` as ``euler_roll(q)``, of four as
+            ``euler_roll(qw, qx, qy, qz)`` (``telemetry.quaternion``); at most 300 characters.
         columns: equal-length columns by name.
 
     Returns:
@@ -62,6 +71,35 @@ def evaluate(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[n
     with np.errstate(all="ignore"):
         value = _Evaluator(columns).number(_parse(text))
     return np.array(np.broadcast_to(value, _shape(columns)), dtype=np.float64)
+
+
+def parts_of(text: str, columns: Mapping[str, NDArray[np.float64]]) -> tuple[set[str], list[float], bool]:
+    """What an expression is made of: its columns, its numbers, and whether a function of a quaternion is in it.
+
+    Raises:
+        ExpressionError: it cannot be read.
+    """
+    if text in columns:
+        return {text}, [], False
+    canonical = {canonical_name(name): name for name in columns}
+    names: set[str] = set()
+    numbers: list[float] = []
+    calls = False
+    waiting: list[ast.AST] = [_parse(text)]
+    while waiting:
+        node = waiting.pop()
+        calls |= isinstance(node, ast.Call)
+        match node:
+            case ast.Constant(value=str() as name):
+                names.add(canonical.get(canonical_name(name), name))
+            case ast.Constant(value=int() | float() as value):
+                numbers.append(float(value))
+            case ast.Name() | ast.Attribute() | ast.Subscript():
+                name = _column_name(node)
+                names.add(canonical.get(canonical_name(name), name))
+            case _:
+                waiting += ast.iter_child_nodes(node)
+    return names & set(columns), numbers, calls
 
 
 def evaluate_filter(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
@@ -113,7 +151,30 @@ class _Evaluator:
                 return self.number(operand)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
                 return _ARITHMETIC[type(op)](self.number(left), self.number(right))
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _QUATERNION:
+                return _QUATERNION[name](*self._quaternion(name, arguments))
         raise _refused(node)
+
+    def _quaternion(self, function: str, arguments: list[ast.expr]) -> list[Any]:
+        """The four parts, scalar first: given one by one, or those of one vector."""
+        if len(arguments) == 4:
+            return [self.number(argument) for argument in arguments]
+        if len(arguments) == 1:
+            match arguments[0]:
+                case ast.Constant(value=str() as vector):
+                    pass
+                case node:
+                    vector = _column_name(node)
+            names = [f"{vector}[{k}]" for k in range(4)]
+            if all(canonical_name(name) in self._columns for name in names):
+                return [self._column(name) for name in names]
+            raise ExpressionError(
+                f"{function}({vector}) needs the columns {', '.join(names)}, scalar first; "
+                f"four columns of other names are written {function}(qw, qx, qy, qz)"
+            )
+        raise ExpressionError(
+            f"{function} takes one quaternion, {function}(q), or its four parts, {function}(qw, qx, qy, qz)"
+        )
 
     def condition(self, node: ast.expr) -> Any:
         match node:
@@ -170,7 +231,7 @@ def _finite(value: int | float) -> np.float64:
 def _refused(node: ast.expr) -> ExpressionError:
     return ExpressionError(
         f"{ast.unparse(node)[:80]!r} is not allowed in an expression: "
-        "use columns, numbers, + - * / ** and parentheses"
+        f"use columns, numbers, + - * / **, parentheses and {', '.join(_QUATERNION)}"
     )
 
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.aircraft.vocabulary import SURFACE_OF_INPUT
 from wingwatch.telemetry.completion import complete, derivations
-from wingwatch.telemetry.maps import ChannelMap, apply_map, load_map
+from wingwatch.telemetry.flight_checks import FlightError, settled
+from wingwatch.telemetry.maps import ChannelMap, MapError, apply_map, load_map, mentions
 from wingwatch.telemetry.readers import RawTable, read_table
 from wingwatch.telemetry.sample import (
     CHANNEL_INDEX,
@@ -59,10 +60,6 @@ _ELSEWHERE: Mapping[str, str] = {
     "aileron_rad": "or aileron_command_rad, or aileron_left_rad and aileron_right_rad",
     "rudder_rad": "or rudder_command_rad",
 }
-
-
-class FlightError(ValueError):
-    """A file that is a table but no flight; one sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,13 +135,18 @@ def load_flight(path: Path, channel_map: ChannelMap | Path | None = None) -> Fli
     rules = load_map(channel_map) if isinstance(channel_map, Path) else channel_map
     rules = ChannelMap(format=1) if rules is None else rules
     unused = _unused(raw, rules)
-    _demand_required(raw, unused, {*raw.columns, *rules.channels})
-    mapped = apply_map(rules, raw.columns)
+    _demand_required(raw, unused, {*raw.columns, *raw.doubled, *rules.channels})
+    try:
+        mapped = apply_map(rules, raw.columns, raw.units, raw.doubled, raw.stamps)
+    except MapError as problem:
+        raise MapError(_with_columns(f"{path}: {problem}", raw)) from None
     rows = np.flatnonzero(mapped.keep)
     if rows.size == 0:
         raise FlightError(f"{path}: the map's window and filter leave none of the {len(raw)} rows")
     columns = {name: column[rows] for name, column in mapped.columns.items()}
     kinds = _command_kinds(columns, rules)
+    other = {name: raw.columns[name][rows] for name in unused}
+    columns, noticed = settled(str(path), columns, rules, kinds, other, REQUIRED_CHANNELS)
     given = [name for name, column in columns.items() if np.isfinite(column).any()]
     made = derivations(given)
     block = complete(SampleBlock.from_columns(columns), given)
@@ -153,8 +155,19 @@ def load_flight(path: Path, channel_map: ChannelMap | Path | None = None) -> Fli
         if name in made and name not in kinds:
             kinds[name] = "command" if made[name] == (_command_of(name),) else "position"
     quality = _quality(block, rules, made)
-    report = FlightReport(len(raw), int(rows.size), unused, raw.ignored, raw.notes)
+    notes = (*raw.notes, *mapped.notes, *noticed)
+    report = FlightReport(len(raw), int(rows.size), unused, raw.ignored, notes)
     return FlightTable(block, kinds, quality, str(path), report)
+
+
+def _with_columns(text: str, raw: RawTable) -> str:
+    """The sentence, with what a person needs who names columns of a file without names."""
+    numbered = not any(not name.isdigit() for name in raw.columns)
+    return (
+        f"{text}; no line of the file names its columns: they are 1 to {len(raw.columns)}"
+        if numbered
+        else text
+    )
 
 
 def missing_for(structure: ModeStructure, present: Collection[str]) -> tuple[str, ...]:
@@ -197,18 +210,19 @@ def write_flight(block: SampleBlock, path: Path) -> None:
 
 def _unused(raw: RawTable, rules: ChannelMap) -> tuple[str, ...]:
     mentioned = " ".join([*(entry.source for entry in rules.channels.values()), rules.rows.filter or ""])
-    return tuple(name for name in raw.columns if name not in CHANNEL_INDEX and not _mentions(mentioned, name))
+    return tuple(
+        name
+        for name in raw.columns
+        if name not in CHANNEL_INDEX
+        and not mentions(mentioned, name)
+        and not ("euler_" in mentioned and _vector_is_mentioned(mentioned, name))
+    )
 
 
-def _mentions(text: str, name: str) -> bool:
-    """Whether a column's name stands in a text as a word of its own."""
-    start = text.find(name)
-    while start >= 0:
-        around = text[max(start - 1, 0) : start] + text[start + len(name) : start + len(name) + 1]
-        if not any(c.isalnum() or c == "_" for c in around):
-            return True
-        start = text.find(name, start + 1)
-    return False
+def _vector_is_mentioned(text: str, name: str) -> bool:
+    """Whether the vector that a column is a part of stands in a text, its topic with or without an instance."""
+    vector = name.rpartition("[")[0]
+    return bool(vector) and any(mentions(text, form) for form in (vector, vector.replace("[0].", ".")))
 
 
 def _command_of(surface: str) -> str:
@@ -250,9 +264,11 @@ def _demand_required(raw: RawTable, unused: tuple[str, ...], given: Collection[s
     close = [(name, get_close_matches(name, unused, n=1)) for name in missing]
     hints = [f"does {name} come from {found[0]}?" for name, found in close if found]
     advice = f"; {' '.join(hints)}" if hints else f" (the file has {_listed(unused)})" if unused else ""
-    raise FlightError(
-        f"{raw.source}: no values for {', '.join(named)}: name their columns in a channel map{advice}"
-    )
+    if "time_s" in missing and raw.stamps:
+        source = " + ".join(f"'{name}'" if " " in name else name for name in raw.stamps[:2])
+        advice = f', as time_s = {{ source = "{source}" }}{advice}'
+    said = f"{raw.source}: no values for {', '.join(named)}: name their columns in a channel map{advice}"
+    raise FlightError(_with_columns(said, raw))
 
 
 def _listed(names: tuple[str, ...], most: int = 8) -> str:

@@ -1,7 +1,7 @@
 """Channel maps: how any table becomes a flight table, so that nobody edits logs (contract "flight table")."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -11,12 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from wingwatch.telemetry.column_units import UnitError, stated_unit
 from wingwatch.telemetry.expressions import ExpressionError, evaluate, evaluate_filter
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS, MAX_GAP_S
 from wingwatch.telemetry.shown_later import SAME_STAMP_S, shown_later
 from wingwatch.telemetry.units import SERVO_UNITS, allowed_units, units_of
 
-__all__ = ["ChannelEntry", "ChannelMap", "MapError", "RowSelection", "load_map", "parse_map", "undelayed"]
+__all__ = [
+    "ChannelEntry",
+    "ChannelMap",
+    "MapError",
+    "RowSelection",
+    "apply_map",
+    "load_map",
+    "mentions",
+    "parse_map",
+    "undelayed",
+]
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
 _Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -135,10 +146,12 @@ class MappedColumns:
     Attributes:
         columns: by channel, shape (rows,).
         keep: rows of the window and filter, shape (rows,).
+        notes: units that were taken from the file, one clause each.
     """
 
     columns: Mapping[str, NDArray[np.float64]]
     keep: NDArray[np.bool_]
+    notes: tuple[str, ...] = ()
 
 
 def parse_map(text: str, name: str = "channel map") -> ChannelMap:
@@ -186,19 +199,45 @@ def _sentence(problem: ValidationError) -> str:
     return f"{where} = {first['input']!r}: {said}" if where else said
 
 
-def apply_map(channel_map: ChannelMap, table: Mapping[str, NDArray[np.float64]]) -> MappedColumns:
+def apply_map(
+    channel_map: ChannelMap,
+    table: Mapping[str, NDArray[np.float64]],
+    units: Mapping[str, str] | None = None,
+    doubled: Collection[str] = (),
+    stamps: Collection[str] = (),
+) -> MappedColumns:
     """Every channel that a table yields under a map.
 
     Args:
         channel_map: the map; an empty one passes columns that carry a channel's name.
         table: columns of equal length by name.
+        units: by column, as the file states them; taken where an entry says none.
+        doubled: names that several columns of the file share, refused where they are used.
+        stamps: columns that were dates or times, which are in seconds whatever the file writes.
 
     Raises:
-        MapError: an expression that cannot be read, a column that is not there, or no time stamps.
+        MapError: an expression that cannot be read, a column that is not there, a unit that cannot be, or no time
+            stamps.
     """
-    columns = {name: np.array(table[name], dtype=np.float64) for name in CHANNEL_INDEX if name in table}
-    for name, entry in channel_map.channels.items():
-        columns[name] = _channel(name, entry, table)
+    notes: list[str] = []
+    converted: dict[str, list[str]] = {}
+    columns: dict[str, NDArray[np.float64]] = {}
+    entries = {name: ChannelEntry(source=name) for name in CHANNEL_INDEX if name in table or name in doubled}
+    for name, entry in {**entries, **channel_map.channels}.items():
+        _refuse_doubled(name, entry.source, table, doubled)
+        if entry.unit is None or name not in channel_map.channels:
+            entry = _in_stated_unit(name, entry, table, units or {}, notes)
+            if entry.unit is not None:
+                converted.setdefault(entry.unit, []).append(entry.source)
+        elif entry.source in stamps and entry.unit != "s":
+            raise MapError(
+                f"channel {name}: {entry.source} is a date or a time, read in seconds: leave its unit out"
+            )
+        given = name in channel_map.channels or entry.unit is not None
+        columns[name] = _channel(name, entry, table) if given else np.array(table[name], dtype=np.float64)
+    if converted:
+        each = "; ".join(f"{', '.join(sources)} from {unit}" for unit, sources in converted.items())
+        notes.append(f"converted by the units that the file states: {each}")
     if "time_s" not in columns:
         raise MapError(
             "the table has no time_s: name its time column in a channel map, as time_s = { source = ... }"
@@ -210,7 +249,48 @@ def apply_map(channel_map: ChannelMap, table: Mapping[str, NDArray[np.float64]])
         if entry.delay_s != 0.0:
             held = _is_command(name, entry)
             columns[name] = undelayed(time_s, columns[name], entry.delay_s, channel_map.max_gap_s, held)
-    return MappedColumns(columns, _rows(channel_map.rows, time_s, table))
+    return MappedColumns(columns, _rows(channel_map.rows, time_s, table), tuple(notes))
+
+
+def _refuse_doubled(
+    channel: str, source: str, table: Mapping[str, NDArray[np.float64]], doubled: Collection[str]
+) -> None:
+    """A column of which there are several cannot be meant."""
+    if source in table or not doubled:
+        return
+    for name in doubled:
+        if mentions(source, name):
+            raise MapError(
+                f"channel {channel}: the file has several columns {name!r} that differ; rename all but one"
+            )
+
+
+def _in_stated_unit(
+    name: str,
+    entry: ChannelEntry,
+    table: Mapping[str, NDArray[np.float64]],
+    units: Mapping[str, str],
+    notes: list[str],
+) -> ChannelEntry:
+    """The entry with the unit that the file states of its source."""
+    try:
+        unit, said = stated_unit(name, entry.source, entry.scale, table, units)
+    except (UnitError, ExpressionError) as problem:
+        raise MapError(f"channel {name}: {problem}") from None
+    if said:
+        notes.append(said)
+    return entry if unit is None else entry.model_copy(update={"unit": unit})
+
+
+def mentions(text: str, name: str) -> bool:
+    """Whether a column's name stands in a text as a word of its own."""
+    start = text.find(name)
+    while start >= 0:
+        around = text[max(start - 1, 0) : start] + text[start + len(name) : start + len(name) + 1]
+        if not any(c.isalnum() or c == "_" for c in around):
+            return True
+        start = text.find(name, start + 1)
+    return False
 
 
 def _is_command(name: str, entry: ChannelEntry) -> bool:

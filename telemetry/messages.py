@@ -4,6 +4,7 @@ Payloads come from strangers: whatever the bytes, decoding gives a message or a 
 a machine can count and a sentence a person can read. Schema: ``proto/wingwatch/v1/vehicle.proto``.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -45,6 +46,8 @@ _SENSORS_FIELDS = ("sequence", "stream", "columns")
 _SHOWN_CHARACTERS = 60
 _NUMBER_TYPES = {float, int, type(None)}
 # protobuf's own JSON writes these numbers as text
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+_NOT_JSON_NUMBER = re.compile(rb"(?<![\w\"])-?(?:nan|NaN|NAN|inf|Infinity|None)\b")
 _NUMBER_WORDS: Mapping[Any, float] = {"NaN": np.nan, "Infinity": np.inf, "-Infinity": -np.inf}
 
 
@@ -346,13 +349,25 @@ def _numbers(name: str, column: list[Any]) -> list[Any]:
 
 def _json_object(payload: bytes, what: str) -> dict[str, Any]:
     try:
-        value = orjson.loads(payload)
-    except orjson.JSONDecodeError:
-        text = f"the {what} is not valid JSON (a missing value is null, not NaN)"
-        raise MessageError("malformed", text) from None
+        value = orjson.loads(payload.removeprefix(_BYTE_ORDER_MARK))
+    except orjson.JSONDecodeError as problem:
+        raise MessageError(
+            "malformed", f"the {what} is not valid JSON ({_json_fault(payload, problem)})"
+        ) from None
     if not isinstance(value, dict):
         raise MessageError("malformed", f"the {what} must be a JSON object, not {_shown(value)}")
     return value
+
+
+def _json_fault(payload: bytes, problem: orjson.JSONDecodeError) -> str:
+    """Why a text is no JSON, the usual mistakes first."""
+    if b"\0" in payload[:4] or payload[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "it is UTF-16 or UTF-32; send UTF-8"
+    if not payload.strip():
+        return "it is empty"
+    if _NOT_JSON_NUMBER.search(payload):
+        return "a missing value is null, not NaN"
+    return f"{problem.msg}, at character {problem.pos}"
 
 
 def _unknown_field(name: str, what: str, allowed: Any) -> MessageError:

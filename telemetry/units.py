@@ -1,12 +1,13 @@
 """Units that logs use, and their way to the unit of a flight-table channel: SI, for latitude and longitude degrees."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 
-__all__ = ["Unit", "SERVO_UNITS", "UNITS", "allowed_units", "units_of"]
+__all__ = ["Unit", "SERVO_UNITS", "UNITS", "allowed_units", "known_unit", "unit_in_brackets", "units_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,3 +82,57 @@ def units_of(si: str) -> Mapping[str, Unit]:
 def allowed_units(si: str) -> tuple[str, ...]:
     """Names of the units that convert to a channel's unit, servo signals among them for angles and fractions."""
     return tuple(units_of(si)) + (SERVO_UNITS if si in ("rad", "") else ())
+
+
+_SPELLINGS: Mapping[str, tuple[str, ...]] = {
+    "s": ("sec", "secs", "second", "seconds"),
+    "ms": ("msec", "millisecond", "milliseconds"),
+    "us": ("µs", "μs", "usec", "microsecond", "microseconds"),
+    "ns": ("nsec", "nanosecond", "nanoseconds"),
+    "min": ("minute", "minutes"),
+    "m/s": ("mps", "m s-1", "m s^-1", "meter/s", "meters/s", "m/sec"),
+    "cm/s": ("cm/sec",),
+    "km/h": ("kph", "kmh", "km/hr"),
+    "kt": ("kts", "kn", "knot", "knots"),
+    "mph": ("mi/h",),
+    "ft/s": ("fps", "ft/sec"),
+    "ft/min": ("fpm",),
+    "rad/s": ("rad/sec", "rad s-1", "rad s^-1", "rads/s", "rps"),
+    "deg/s": ("°/s", "º/s", "deg/sec", "degs/s", "dps", "degree/s", "degrees/s", "deg s-1", "°/sec"),
+    "m/s2": ("m/s^2", "m/s²", "m/s/s", "m/s**2", "mps2", "m/sec^2", "m s-2", "m s^-2"),
+    "g": ("gs", "g's", "gee"),
+    "ft/s2": ("ft/s^2", "ft/s²", "ft/s/s", "fps2"),
+    "rad": ("radian", "radians", "rads"),
+    "deg": ("°", "º", "degs", "degree", "degrees"),
+    "m": ("meter", "meters", "metre", "metres"),
+    "km": ("kilometer", "kilometers", "kilometre", "kilometres"),
+    "ft": ("feet", "foot", "ft msl", "ft baro"),
+    "kg/m3": ("kg/m^3", "kg/m³"),
+    "g/cm3": ("g/cm^3", "g/cm³"),
+    "slug/ft3": ("slug/ft^3", "slug/ft³", "slugs/ft3"),
+    "degC": ("°c", "ºc", "c", "deg c", "celsius"),
+    "degF": ("°f", "ºf", "f", "deg f", "fahrenheit"),
+    "K": ("kelvin",),
+    "%": ("percent", "pct"),
+    "pwm": ("usec pwm", "pwm us"),
+}
+"""Other spellings in logs, in small letters."""
+
+_BY_SPELLING = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings} | {
+    name.lower(): name for name in (*UNITS, "norm", "pwm")
+}
+_BRACKETS = re.compile(r"\S.*?\s*[(\[]\s*([^()\[\]]+?)\s*[)\]]")
+
+
+def known_unit(text: str) -> str | None:
+    """The name of a unit by what a log writes: ``deg/s`` for ``[°/s]``; None where it is none that is known."""
+    bare = text.strip().strip("[](){}").strip()
+    return bare if bare in UNITS else _BY_SPELLING.get(" ".join(bare.lower().split()))
+
+
+def unit_in_brackets(name: str) -> str | None:
+    """The unit that a column's name ends with, as in ``gyro x [deg/s]``; a number in brackets is an index."""
+    match = _BRACKETS.fullmatch(name)
+    if match is None or match[1].isdigit():
+        return None
+    return known_unit(match[1])

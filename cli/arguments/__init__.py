@@ -27,6 +27,7 @@ examples:
   wingwatch simulate --aircraft aerosonde --effect icing:0.15@60+30 --seconds 150 --out flight.csv
   wingwatch estimate flight.csv --aircraft aerosonde --history estimates.csv
   wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml --json
+  wingwatch monitor logs/ --aircraft aerosonde --jobs 4
   wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet
   wingwatch diagnose flight.csv --aircraft aerosonde --report report.html
   wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png

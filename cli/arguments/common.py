@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
+from wingwatch.cli.arguments.values import job_count
+
 __all__ = [
     "CommandParser",
     "Commands",
@@ -13,6 +15,7 @@ __all__ = [
     "add_commands",
     "add_convention",
     "add_flight",
+    "add_jobs",
 ]
 
 _CONVENTIONS = ("concise", "dimensional", "british", "american")
@@ -69,6 +72,16 @@ def add_aircraft_and_map(parser: argparse.ArgumentParser) -> None:
         "--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file"
     )
     parser.add_argument("--map", type=Path, metavar="MAP", help="channel map (TOML)")
+
+
+def add_jobs(parser: argparse.ArgumentParser) -> None:
+    """In how many processes many flights are judged."""
+    parser.add_argument(
+        "--jobs",
+        type=job_count,
+        metavar="N",
+        help="flights at a time, of a folder (default: as many as there are processors)",
+    )
 
 
 def add_convention(parser: argparse.ArgumentParser) -> None:

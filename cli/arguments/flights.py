@@ -8,6 +8,7 @@ from wingwatch.cli.arguments.common import (
     add_command,
     add_convention,
     add_flight,
+    add_jobs,
 )
 from wingwatch.cli.arguments.values import replay_speed
 
@@ -32,9 +33,11 @@ def add_estimate(commands: Commands) -> None:
         metavar="FLIGHT",
         type=Path,
         nargs="+",
-        help="CSV, Parquet or MATLAB file; several are one after another, with common derivatives",
+        help="CSV, Parquet or MATLAB file; several are one after another, with common derivatives; of a folder, each "
+        "flight is one line by itself, the one furthest from what is expected first",
     )
     add_aircraft_and_map(parser)
+    add_jobs(parser)
     add_convention(parser)
     parser.add_argument(
         "--estimator",
@@ -78,9 +81,18 @@ def add_monitor(commands: Commands) -> None:
         commands,
         "monitor",
         "status and alerts of a recorded flight, by the code that runs live",
-        "wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml",
+        "wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml\n"
+        "  wingwatch monitor logs/ --aircraft aerosonde --jobs 4",
     )
-    add_flight(parser)
+    parser.add_argument(
+        "flights",
+        metavar="FLIGHT",
+        type=Path,
+        nargs="+",
+        help="CSV, Parquet or MATLAB file; of several, or of a folder, each is one line by itself, the worst first",
+    )
+    add_aircraft_and_map(parser)
+    add_jobs(parser)
     add_convention(parser)
     parser.add_argument(
         "--baseline",

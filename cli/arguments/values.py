@@ -3,7 +3,7 @@
 import argparse
 import math
 
-__all__ = ["positive", "replay_speed", "row_count", "wind"]
+__all__ = ["job_count", "positive", "replay_speed", "row_count", "wind"]
 
 
 def positive(text: str) -> float:
@@ -15,6 +15,13 @@ def positive(text: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a number above 0")
     return value
+
+
+def job_count(text: str) -> int:
+    """A whole number from 1."""
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 10_000):
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a whole number from 1")
+    return int(text)
 
 
 def row_count(text: str) -> int:

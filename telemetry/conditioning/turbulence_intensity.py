@@ -38,6 +38,8 @@ GUST_CHANNELS = (
 VANES = ("angle_of_attack_rad", "sideslip_rad")
 """At least one of them, too: of the vertical and of the lateral gust."""
 
+_LEAST_AIRSPEED_M_S = 1.0
+
 _COMPONENTS = (("vertical", "down", VANES[0]), ("lateral", "across", VANES[1]))
 
 
@@ -119,7 +121,7 @@ def turbulence_intensity(block: SampleBlock, config: AirConfig | None = None) ->
         config: what is supposed.
 
     Raises:
-        ValueError: no vane at all, a needed channel is missing or no window is long enough.
+        ValueError: no vane at all, a needed channel is missing, no window is long enough, or no airspeed.
     """
     c = AirConfig() if config is None else config
     there = [part for part in _COMPONENTS if part[2] in block.present]
@@ -175,7 +177,10 @@ def _component(identity: str, columns: Columns, bins: Bins, c: AirConfig) -> _Co
     omega, window = bins.omega_rad_s, bins.step_s * float(np.sum(bins.taper**2))
     moved = bins.of_rate(detrended(measured))
     length_m = c.vertical_length_m if identity == "down" else c.lateral_length_m
-    gust_time = length_m / float(np.mean(columns["airspeed_true_m_s"]))
+    airspeed_m_s = float(np.mean(columns["airspeed_true_m_s"]))
+    if airspeed_m_s < _LEAST_AIRSPEED_M_S:
+        raise ValueError(f"the airspeed is {airspeed_m_s:.3g} m/s on average: gusts show in flight only")
+    gust_time = length_m / airspeed_m_s
     found = fit_gust(np.abs(moved - bins.of(rate - np.mean(rate))) ** 2, identity, columns, bins, gust_time)
     sigma, seen = found.sigma_m_s, found.seen
     inside = (omega >= 2.0 * math.pi * c.mode_band_hz[0]) & (omega <= 2.0 * math.pi * c.mode_band_hz[1])

@@ -171,11 +171,15 @@ def test_monitor_compares_with_the_databases_expectations_where_it_has_some(
 def test_what_is_missing_for_one_mode_leaves_the_others(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    path = tmp_path / "no_rudder.csv"
-    write_flight(without(demo_block("healthy", 20.0), "rudder_rad", "rudder_command_rad"), path)
+    path = tmp_path / "no_lateral_surface.csv"
+    lateral = [f"{surface}{end}" for surface in ("aileron", "rudder") for end in ("_rad", "_command_rad")]
+    write_flight(without(demo_block("healthy", 20.0), *lateral), path)
     result = run(capsys, ["estimate", path, "--aircraft", "aerosonde", "--json"]).json
     assert set(result["estimators"]["fourier"]) == {SHORT_PERIOD.name}
-    assert result["not_estimated"] == dict.fromkeys(("dutch_roll", "lateral"), "missing rudder_rad")
+    assert result["not_estimated"] == {
+        "lateral": "missing aileron_rad, rudder_rad",
+        "dutch_roll": "missing rudder_rad",
+    }
     assert (
         "dutch_roll is not estimated: missing rudder_rad"
         in run(capsys, ["estimate", path, "--aircraft", "aerosonde"]).out

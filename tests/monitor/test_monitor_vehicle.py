@@ -108,8 +108,9 @@ def test_how_samples_are_cut_changes_nothing() -> None:
 def test_missing_channels_are_named_not_guessed() -> None:
     block = _flight(seconds=20.0)
     values = block.values.copy()
-    values[:, CHANNEL_INDEX["rudder_rad"]] = np.nan
-    values[:, CHANNEL_INDEX["rudder_command_rad"]] = np.nan
+    for surface in ("aileron", "rudder"):
+        values[:, CHANNEL_INDEX[f"{surface}_rad"]] = np.nan
+        values[:, CHANNEL_INDEX[f"{surface}_command_rad"]] = np.nan
     monitor = _monitor(SampleBlock(values))
     monitor.feed(SampleBlock(values))
     found = monitor.derivatives()

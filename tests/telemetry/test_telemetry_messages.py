@@ -464,3 +464,27 @@ def test_the_real_flight_through_messages_is_the_flight_from_the_file(encoding: 
         SampleBlock.concatenate([message.block for message in messages]).values, values, equal_nan=True
     )
     assert messages[0].given == tuple(name for name in CHANNEL_NAMES if name in columns)
+
+
+@pytest.mark.parametrize(
+    ("payload", "said"),
+    [
+        (b'{"sequence": 0, "columns": {"time_s": [0.0, NaN]}}', "a missing value is null, not NaN"),
+        (b'{"sequence": 0, "columns": {"time_s": [0.0, -inf]}}', "a missing value is null, not NaN"),
+        (b'{"sequence": 0, "columns": {"time_s": [0.0,]}}', "at character"),
+        (b'{"sequence": 0', "at character"),
+        ('{"sequence": 0}'.encode("utf-16"), "it is UTF-16 or UTF-32; send UTF-8"),
+        (b" ", "it is empty"),
+    ],
+)
+def test_what_is_no_json_is_named_by_its_own_fault(payload: bytes, said: str) -> None:
+    with pytest.raises(MessageError) as caught:
+        decode_sensors(payload, JSON)
+    assert caught.value.reason == "malformed"
+    assert said in str(caught.value)
+
+
+def test_a_byte_order_mark_before_json_does_no_harm() -> None:
+    payload = b'\xef\xbb\xbf{"sequence": 3, "columns": {"time_s": [0.5]}}'
+    assert decode_sensors(payload, JSON).block.time_s.tolist() == [0.5]
+    assert decode_aircraft(b'\xef\xbb\xbf{"aircraft": "aerosonde"}', JSON).aircraft == "aerosonde"
