@@ -16,6 +16,7 @@ from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import Watched, watch
 from wingwatch.cli.joined_flights import joined
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import FlightTable, load_flight
@@ -41,7 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
         history = HistoryWriter(arguments.history, arguments.estimator, arguments.convention)
     aircraft = load_aircraft(arguments.aircraft)
     check_convention(aircraft, arguments.convention)
-    flight = joined([load_flight(path, arguments.map) for path in arguments.flights])
+    flight = joined(
+        [load_flight(path, arguments.map, surface_travel(aircraft)) for path in arguments.flights]
+    )
     if whole:
         _run_offline(arguments, flight, aircraft)
         return 0

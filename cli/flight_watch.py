@@ -11,6 +11,7 @@ from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.baselines import Envelope, Reference
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import Progress
+from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.monitor import AlertView, MonitorStart, Report, VehicleMemory, VehicleMonitor
 from wingwatch.telemetry import FlightTable, SampleBlock, load_flight
 
@@ -72,7 +73,7 @@ class Watched:
 def load(path: Path, channel_map: Path | None, aircraft: str) -> tuple[FlightTable, Aircraft]:
     """The flight and its aircraft; the aircraft first, since it is quicker to be wrong about."""
     known = load_aircraft(aircraft)
-    return load_flight(path, channel_map), known
+    return load_flight(path, channel_map, surface_travel(known)), known
 
 
 def watch(

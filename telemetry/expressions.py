@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ExpressionError", "canonical_name", "evaluate", "evaluate_filter"]
+__all__ = ["ExpressionError", "canonical_name", "evaluate", "evaluate_filter", "named_columns"]
 
 _MAX_CHARACTERS = 300
 _ARITHMETIC: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -28,6 +28,7 @@ _COMPARISON: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
 }
+_FUNCTIONS: Mapping[str, Callable[[Any], Any]] = {"sin": np.sin, "cos": np.cos}
 _TOPIC_WITHOUT_INSTANCE = re.compile(r"(\w+)\.(.+)")
 
 
@@ -41,6 +42,33 @@ def canonical_name(name: str) -> str:
     return f"{match[1]}[0].{match[2]}" if match else name
 
 
+def named_columns(text: str) -> tuple[str, ...]:
+    """Columns that an expression or a condition reads, each once, by their canonical names.
+
+    Raises:
+        ExpressionError: it cannot be read.
+    """
+    names: dict[str, None] = {}
+    _collect(_parse(text), names)
+    return tuple(names)
+
+
+def _collect(node: ast.AST, names: dict[str, None]) -> None:
+    match node:
+        case ast.Call(func=ast.Name(id=function), args=[quaternion]) if function in _EULER:
+            names.update(dict.fromkeys(_elements(_column_name(quaternion))))
+        case ast.Call(args=arguments):
+            for argument in arguments:
+                _collect(argument, names)
+        case ast.Constant(value=str() as name):
+            names[canonical_name(name)] = None
+        case ast.Name() | ast.Attribute() | ast.Subscript():
+            names[canonical_name(_column_name(node))] = None
+        case _:
+            for child in ast.iter_child_nodes(node):
+                _collect(child, names)
+
+
 def evaluate(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """The value of an expression, row by row.
 
@@ -48,7 +76,9 @@ def evaluate(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[n
     such a name stands in quotes.
 
     Args:
-        text: numbers, columns, ``+ - * / **`` and parentheses, at most 300 characters.
+        text: numbers, columns, ``+ - * / **``, parentheses, ``sin`` and ``cos`` of an angle in rad, and
+            ``euler_roll(q)``, ``euler_pitch(q)``, ``euler_heading(q)`` in rad of a quaternion whose elements are the
+            columns ``q[0]`` (real) to ``q[3]``; at most 300 characters.
         columns: equal-length columns by name.
 
     Returns:
@@ -113,6 +143,10 @@ class _Evaluator:
                 return self.number(operand)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
                 return _ARITHMETIC[type(op)](self.number(left), self.number(right))
+            case ast.Call(func=ast.Name(id=function), args=[argument], keywords=[]) if function in _FUNCTIONS:
+                return _FUNCTIONS[function](self.number(argument))
+            case ast.Call(func=ast.Name(id=function), args=[quaternion], keywords=[]) if function in _EULER:
+                return _EULER[function](*map(self._column, _elements(_column_name(quaternion))))
         raise _refused(node)
 
     def condition(self, node: ast.expr) -> Any:
@@ -144,6 +178,28 @@ class _Evaluator:
         return column
 
 
+def _elements(quaternion: str) -> list[str]:
+    return [canonical_name(f"{quaternion}[{i}]") for i in range(4)]
+
+
+def _euler_roll(w: Any, x: Any, y: Any, z: Any) -> Any:
+    return np.arctan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z)
+
+
+def _euler_pitch(w: Any, x: Any, y: Any, z: Any) -> Any:
+    return np.arcsin(np.clip(2.0 * (w * y - x * z) / (w * w + x * x + y * y + z * z), -1.0, 1.0))
+
+
+def _euler_heading(w: Any, x: Any, y: Any, z: Any) -> Any:
+    return np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+
+
+_EULER: Mapping[str, Callable[..., Any]] = {
+    "euler_roll": _euler_roll, "euler_pitch": _euler_pitch, "euler_heading": _euler_heading,
+}  # fmt: skip
+"""Attitude of a quaternion (earth to body axes, real part first)."""
+
+
 def _column_name(node: ast.expr) -> str:
     match node:
         case ast.Name(id=name):
@@ -170,7 +226,7 @@ def _finite(value: int | float) -> np.float64:
 def _refused(node: ast.expr) -> ExpressionError:
     return ExpressionError(
         f"{ast.unparse(node)[:80]!r} is not allowed in an expression: "
-        "use columns, numbers, + - * / ** and parentheses"
+        "use columns, numbers, + - * / **, parentheses, sin, cos, euler_roll, euler_pitch and euler_heading"
     )
 
 

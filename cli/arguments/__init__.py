@@ -37,7 +37,8 @@ examples:
   wingwatch access uav1 uav2 --out access.json5
   wingwatch store backup data/wingwatch.db --out copy.db
 
-A flight is a CSV, Parquet or MATLAB file. A channel map (TOML) names its columns where they are not called as
+A flight is a CSV, Parquet or MATLAB file, or an autopilot's log (PX4's .ulg, ArduPilot's .bin and .log, .tlog).
+A channel map (TOML) names its columns where they are not called as
 the flight table has them. `wingwatch COMMAND --help` says more about each command.
 """
 

@@ -32,7 +32,7 @@ def add_estimate(commands: Commands) -> None:
         metavar="FLIGHT",
         type=Path,
         nargs="+",
-        help="CSV, Parquet or MATLAB file; several are one after another, with common derivatives",
+        help="CSV, Parquet or MATLAB file, or an autopilot's log; several are one after another, with common derivatives",
     )
     add_aircraft_and_map(parser)
     add_convention(parser)
