@@ -7,7 +7,7 @@ __all__ = ["surface_travel"]
 
 
 def surface_travel(aircraft: Aircraft) -> dict[str, float]:
-    """Deflection at full travel by channel, rad: the position limits of the aircraft file, of surfaces that have one."""
+    """Deflection at full travel by channel, rad: position limits of the aircraft file, where it has them."""
     found = {f"{surface}_rad": getattr(aircraft.actuators, surface) for surface in SURFACES}
     return {
         channel: actuator.position_limit_rad

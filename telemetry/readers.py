@@ -15,12 +15,14 @@ import pyarrow.parquet as pq
 import scipy
 from numpy.typing import NDArray
 
+from wingwatch.telemetry.hdf5_columns import Hdf5Error, hdf5_columns
+
 __all__ = ["RawTable", "TableError", "read_table"]
 
 _PARQUET_MAGIC = b"PAR1"
 _MATLAB_5_MAGIC = b"MATLAB 5.0 MAT-file"
 _HDF5_MAGICS = (b"\x89HDF", b"MATLAB 7.3")
-_FORMATS = "CSV, Parquet and MATLAB .mat (version 5 to 7)"
+_FORMATS = "CSV, Parquet and MATLAB .mat (version 5 to 7.3)"
 _DELIMITERS = ",;\t"
 _MAX_BLOCK_BYTES = 2**31 - 1  # one block, so that a column has one type; the reader counts in 32 bits
 
@@ -70,7 +72,7 @@ def read_table(path: Path) -> RawTable:
     if data.startswith(_MATLAB_5_MAGIC):
         return _read_matlab(str(path), data)
     if data.startswith(_HDF5_MAGICS):
-        raise TableError(f"{path}: this is a MATLAB 7.3 (HDF5) file: save it again with save(..., '-v7')")
+        return _read_hdf5(str(path), data)
     if b"\0" in data[:4096]:
         raise TableError(f"{path}: the format is not known; {_FORMATS} can be read")
     return _read_csv(str(path), data)
@@ -212,6 +214,14 @@ def _read_matlab(source: str, data: bytes) -> RawTable:
     rows = Counter(len(vector) for vector in vectors.values()).most_common(1)[0][0]
     columns = {name: vector for name, vector in vectors.items() if len(vector) == rows}
     ignored += [f"{name} ({len(v)} values)" for name, v in vectors.items() if len(v) != rows]
+    return _table(source, "matlab", columns, ignored, [])
+
+
+def _read_hdf5(source: str, data: bytes) -> RawTable:
+    try:
+        columns, ignored = hdf5_columns(data)
+    except Hdf5Error as problem:
+        raise TableError(f"{source}: {problem}") from None
     return _table(source, "matlab", columns, ignored, [])
 
 

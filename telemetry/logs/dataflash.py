@@ -223,9 +223,9 @@ def _topics(form: _Format, rows: NDArray[np.void], scaled: bool) -> Iterable[Top
 
 def _stamps(form: _Format, rows: NDArray[np.void]) -> NDArray[np.float64] | None:
     """Seconds since boot; the field ``TimeMS`` of old GPS records is the receiver's time of the week."""
-    for name, unit in (("TimeUS", 1e-6), ("T", 1e-3), ("TimeMS", 1e-3)):
+    for name, unit in (("TimeUS", 1e6), ("T", 1e3), ("TimeMS", 1e3)):
         if name in form.columns and (name != "T" or form.name.startswith("GPS")):
-            return rows[name].astype(np.float64) * unit
+            return rows[name].astype(np.float64) / unit
     return None
 
 

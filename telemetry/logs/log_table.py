@@ -76,6 +76,11 @@ class LogTable:
     rows_read: int
     notes: tuple[str, ...]
 
+    @property
+    def flight_s(self) -> float:
+        """How long the longest time in the air is."""
+        return max((one.duration_s for one in self.intervals), default=0.0)
+
 
 def map_for(
     log: AutopilotLog, channel_map: ChannelMap | None, travel_rad: Mapping[str, float] | None
@@ -116,7 +121,7 @@ def log_table(
     log: AutopilotLog,
     channel_map: ChannelMap | None = None,
     travel_rad: Mapping[str, float] | None = None,
-    fractions: bool = False,
+    describing: bool = False,
 ) -> LogTable:
     """The longest flight in a log.
 
@@ -124,7 +129,8 @@ def log_table(
         log: as read.
         channel_map: of the user; the ready one of the autopilot without.
         travel_rad: deflections at full travel by channel.
-        fractions: surfaces without a travel stay fractions of it, for showing; else that is an error.
+        describing: for showing what is there: surfaces without a travel stay fractions of it, and a log without a
+            flight is taken whole; else both are errors.
 
     Raises:
         LogError: a multicopter, no map, no clock, never airborne, or surfaces without travel.
@@ -136,7 +142,7 @@ def log_table(
             "derivatives of fixed-wing aircraft are estimated, so give a log of one"
         )
     full = with_surfaces(log)
-    if fractions:
+    if describing:
         travel_rad = {**dict.fromkeys(SURFACE_CHANNELS, 1.0), **(travel_rad or {})}
     rules, notes = map_for(full, channel_map, travel_rad)
     stated = ready_map(full)[0] if channel_map is None else channel_map
@@ -147,12 +153,18 @@ def log_table(
         raise LogError(f"{log.source}: {clock.key}, whose stamps the table takes, has no readings")
     said = (*full.notes, *notes)
     refused: LogError | None = None
+    best: LogTable | None = None
     for index in _longest_first(clock, runs)[:_MOST_RUNS]:
         try:
-            return _table_of_run(full, rules, reader, _Run(clock, runs, index, said, stated))
+            found = _table_of_run(full, rules, reader, _Run(clock, runs, index, said, stated, describing))
         except LogError as problem:
             refused = refused or problem
-    raise refused or LogError(f"{log.source}: no flight in the log")
+            continue
+        if best is None or found.flight_s > best.flight_s:
+            best = found
+    if best is None:
+        raise refused or LogError(f"{log.source}: no flight in the log")
+    return best
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +176,7 @@ class _Run:
     index: int
     notes: tuple[str, ...]
     stated: ChannelMap
+    describing: bool
 
     @property
     def time_s(self) -> Array:
@@ -202,7 +215,7 @@ def _table_of_run(log: AutopilotLog, rules: ChannelMap, reader: ChannelReader, r
     for name, reading in readings.items():
         if reading is not None:
             columns[name] = _on(reading, stamps, table_hz)
-    kept, intervals, cut = _cut(log, rules, columns, reader)
+    kept, intervals, cut = _cut(log, rules, columns, reader, run.describing)
     if not kept.any():
         raise LogError(f"{log.source}: the map's window and filter leave none of the {stamps.size} rows")
     notes = [*run.notes, *reader.clock_notes(), *_jump_notes(run), *cut]
@@ -229,7 +242,11 @@ def _on(reading: Reading, stamps: Array, table_hz: float) -> Array:
 
 
 def _cut(
-    log: AutopilotLog, rules: ChannelMap, columns: Mapping[str, Array], reader: ChannelReader
+    log: AutopilotLog,
+    rules: ChannelMap,
+    columns: Mapping[str, Array],
+    reader: ChannelReader,
+    describing: bool,
 ) -> tuple[NDArray[np.bool_], tuple[Interval, ...], list[str]]:
     """Rows of the flight, the times in the air, and what is to be said of them."""
     time_s = columns["time_s"]
@@ -244,6 +261,8 @@ def _cut(
         low, high = rules.rows.from_s, rules.rows.to_s
         kept &= (time_s >= (-np.inf if low is None else low)) & (time_s <= (np.inf if high is None else high))
         return kept, intervals, []
+    if not intervals and describing:
+        return kept, (), ["it was never airborne"]
     if not intervals:
         top = float(np.nanmax(speed)) if np.isfinite(speed).any() else 0.0
         raise LogError(
@@ -325,10 +344,11 @@ def _jump_notes(run: _Run) -> list[str]:
 
 
 def _doubts(rules: ChannelMap, facts: Mapping[str, ChannelFacts]) -> list[str]:
-    notes = []
-    for name in ("airspeed_true_m_s", "airspeed_indicated_m_s"):
-        if name in facts and facts[name].quality == "derived":
-            notes.append(f"{name} is derived by the autopilot ({facts[name].source}), not measured")
+    notes = [
+        f"{name} is derived by the autopilot ({facts[name].source}), not measured"
+        for name in ("airspeed_true_m_s", "airspeed_indicated_m_s")
+        if name in facts and facts[name].quality == "derived"
+    ]
     for name, fact in facts.items():
         gap = rules.channels[name].max_gap_s or rules.max_gap_s
         if fact.rate_hz and 1.0 / fact.rate_hz > gap:

@@ -185,4 +185,4 @@ def _bridged(channel: str, entry: ChannelEntry, topic: Topic, values: Array) -> 
     readings = without_repeats(Readings(topic.time_s[longest], values[longest], False), MAX_GAP_S)
     rate = rate_hz(readings.time_s)
     gap = min(_GAP_STEPS / rate, _MOST_GAP_S) if rate > 0.0 else MAX_GAP_S
-    return entry if gap <= MAX_GAP_S else entry.model_copy(update={"max_gap_s": round(gap, 2)})
+    return entry if gap < 1.01 * MAX_GAP_S else entry.model_copy(update={"max_gap_s": round(gap, 2)})

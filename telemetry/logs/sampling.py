@@ -57,12 +57,14 @@ def without_repeats(readings: Readings, max_gap_s: float) -> Readings:
     new = np.concatenate(([True], np.diff(readings.values) != 0.0))
     if np.mean(new) > _MOSTLY or new.sum() < 3:
         return readings
-    kept = np.zeros(new.size, dtype=np.bool_)
-    last_s = -np.inf
-    for i, time_s in enumerate(readings.time_s):
-        if new[i] or time_s - last_s > 0.8 * max_gap_s:
-            kept[i], last_s = True, time_s
+    kept, time_s = new.copy(), readings.time_s
     kept[-1] = True
+    last_s = time_s[0]
+    for i in range(1, new.size):
+        if not kept[i] and time_s[i + 1] - last_s > max_gap_s:
+            kept[i] = True
+        if kept[i]:
+            last_s = time_s[i]
     return Readings(readings.time_s[kept], readings.values[kept], False, readings.period)
 
 

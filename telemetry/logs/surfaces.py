@@ -1,8 +1,8 @@
 """Surfaces out of servo outputs: what each autopilot's own parameters say of its outputs, undone.
 
 The result is one more topic, ``surfaces``, whose fields ``elevator``, ``aileron`` and ``rudder`` are fractions of full
-travel, -1 to 1, in the autopilots' sense: positive raises the nose, rolls to the right, yaws to the right. Mixed surfaces
-are taken apart into the angles that they share (elevons: half of the sum and of the difference).
+travel, -1 to 1, in the autopilots' sense: positive raises the nose, rolls to the right, yaws to the right. Mixed
+surfaces are taken apart into the angles that they share (elevons: half of the sum and of the difference).
 """
 
 import re

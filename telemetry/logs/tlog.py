@@ -129,7 +129,7 @@ def _packets(decoder: Any, data: bytes, lost: _Lost) -> Iterator[tuple[float, An
             if message is not None:
                 attempts = 0
                 if message.get_type() != "BAD_DATA":
-                    yield stamp * 1e-6, message
+                    yield stamp / 1e6, message
                 at = start + length
                 continue
         if attempts > _MOST_ATTEMPTS:
@@ -165,9 +165,9 @@ def _numbers(message: Any) -> dict[str, float]:
 def _boot_s(values: dict[str, float]) -> float:
     """What the vehicle's clock says, NaN where the message carries no stamp of it (Unix time is none)."""
     if "time_boot_ms" in values:
-        return values["time_boot_ms"] * 1e-3
+        return values["time_boot_ms"] / 1e3
     stamp = values.get("time_usec", 0.0)
-    return stamp * 1e-6 if 0.0 < stamp < _EARLIEST_US else np.nan
+    return stamp / 1e6 if 0.0 < stamp < _EARLIEST_US else np.nan
 
 
 def _topics(rows: dict[str, _Rows]) -> dict[str, Topic]:

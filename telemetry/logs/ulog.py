@@ -80,7 +80,7 @@ def _topic(read: Any) -> Topic | None:
     sampled = fields.get("timestamp_sample")
     if sampled is not None and sampled.all() and not str(read.name).startswith("actuator"):
         stamps = sampled  # when it was measured; the other says when it was sent, perhaps once more
-    return Topic(str(read.name), int(read.multi_id), stamps * 1e-6, fields)
+    return Topic(str(read.name), int(read.multi_id), stamps / 1e6, fields)
 
 
 def _vehicle(topics: dict[str, Topic], parameters: dict[str, float]) -> str:

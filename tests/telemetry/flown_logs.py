@@ -1,7 +1,9 @@
-"""A simulated flight as autopilots would have logged it: their topics, rates, units and signs, with time on the ground."""
+"""A simulated flight as autopilots would have logged it: their topics, rates, units and signs, time on the ground."""
 
 import functools
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from written_logs import Flash, FlashTopic, Ulog, UlogTopic
 from wingwatch.simulation import demo_fleet, simulate
 from wingwatch.telemetry import SampleBlock
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 TRAVEL_RAD = 0.3927  # the aerosonde file's
 GROUND_S = 12.0
@@ -31,6 +33,8 @@ SERVOS: Mapping[str, tuple[int, int, int, int, int]] = {
 
 REVERSED = ("ELEVATOR",)
 
+_IMU = "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,GH,AH"
+
 
 def ardupilot_parameters() -> dict[str, float]:
     parameters: dict[str, float] = {}
@@ -47,9 +51,10 @@ def ardupilot_parameters() -> dict[str, float]:
 
 
 @functools.cache
-def flown(seconds: float = 60.0) -> SampleBlock:
+def flown(seconds: float = 60.0, noise: bool = True) -> SampleBlock:
+    """The demonstration's healthy aircraft: doublets of all surfaces every 20 s."""
     scenario = next(s for s in demo_fleet() if s.name == "healthy")
-    return simulate(scenario, seconds)
+    return simulate(replace(scenario, noise=noise), seconds)
 
 
 def on_the_ground_first(block: SampleBlock, seconds: float = GROUND_S) -> dict[str, Array]:
@@ -127,8 +132,10 @@ def px4_log(columns: Mapping[str, Array], servo_every: int = 1) -> Ulog:
             topic("actuator_servos", servo_every, [("float", "control", servos)]),
             topic("actuator_motors", servo_every, [("float", "control", motors)]),
             topic("vehicle_gps_position", 10, [
-                ("double", "latitude_deg", columns["latitude_deg"]), ("double", "longitude_deg", columns["longitude_deg"]),
-                ("float", "vel_n_m_s", columns["velocity_north_m_s"]), ("float", "vel_e_m_s", columns["velocity_east_m_s"]),
+                ("double", "latitude_deg", columns["latitude_deg"]),
+                ("double", "longitude_deg", columns["longitude_deg"]),
+                ("float", "vel_n_m_s", columns["velocity_north_m_s"]),
+                ("float", "vel_e_m_s", columns["velocity_east_m_s"]),
                 ("float", "vel_d_m_s", columns["velocity_down_m_s"]),
             ]),
         ],
@@ -168,17 +175,19 @@ def ardupilot_log(columns: Mapping[str, Array], servo_every: int = 1) -> Flash:
     north, east = columns["velocity_north_m_s"], columns["velocity_east_m_s"]
     return Flash(
         [
-            topic("IMU", "QBffffffBB", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,GH,AH", 1, [zero, *imu, one, one]),
-            topic("IMU", "QBffffffBB", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,GH,AH", 1, [one, *(9 * c for c in imu), one, one]),
+            topic("IMU", "QBffffffBB", _IMU, 1, [zero, *imu, one, one]),
+            topic("IMU", "QBffffffBB", _IMU, 1, [one, *(9 * c for c in imu), one, one]),
             topic("ATT", "Qfff", "TimeUS,Roll,Pitch,Yaw", 2, degrees),
             topic("ARSP", "QBfBB", "TimeUS,I,Airspeed,H,U", 5, [zero, calibrated(columns), one, one]),
             topic("BARO", "QBffcB", "TimeUS,I,Alt,Press,Temp,H", 5, [
-                zero, columns["altitude_m"] - columns["altitude_m"][0], pressure_pa(columns["altitude_m"]), 4600 * one, one,
+                zero, columns["altitude_m"] - columns["altitude_m"][0], pressure_pa(columns["altitude_m"]),
+                4600 * one, one,
             ]),
             topic("RCOU", "QHHHH", "TimeUS,C1,C2,C3,C4", servo_every, [outputs[n] for n in SERVOS]),
             topic("GPS", "QBBLLeffff", "TimeUS,I,Status,Lat,Lng,Alt,Spd,GCrs,VZ,Yaw", 10, [
                 zero, 3 * one, np.round(columns["latitude_deg"] * 1e7), np.round(columns["longitude_deg"] * 1e7),
-                np.round(columns["altitude_m"] * 100), np.hypot(north, east), np.degrees(np.arctan2(east, north)) % 360.0,
+                np.round(columns["altitude_m"] * 100), np.hypot(north, east),
+                np.degrees(np.arctan2(east, north)) % 360.0,
                 columns["velocity_down_m_s"], zero,
             ]),
         ],
