@@ -133,6 +133,7 @@ class _Mapped:
     columns: dict[str, NDArray[np.float64]]
     rules: ChannelMap
     report: FlightReport
+    absent: str = ""
 
 
 def load_flight(
@@ -163,7 +164,7 @@ def load_flight(
     given = [name for name, column in columns.items() if np.isfinite(column).any()]
     made = derivations(given)
     block = complete(SampleBlock.from_columns(columns), given)
-    _demand_required(source, mapped.report.unused, given)
+    _demand_required(source, mapped.report.unused, given, mapped.absent)
     for name in SURFACE_CHANNELS:
         if name in made and name not in kinds:
             kinds[name] = "command" if made[name] == (_command_of(name),) else "position"
@@ -189,7 +190,8 @@ def _read_log(path: Path, channel_map: ChannelMap | None, travel_rad: Mapping[st
     rates = {name: facts.rate_hz for name, facts in table.channels.items()}
     kept = int(table.columns["time_s"].size)
     report = FlightReport(table.rows_read, kept, (), (), table.notes, rates)
-    return _Mapped(dict(table.columns), table.rules, report)
+    absent = "; ".join(note for note in table.notes if "taken for absent" in note or " left out: " in note)
+    return _Mapped(dict(table.columns), table.rules, report, absent)
 
 
 def missing_for(structure: ModeStructure, present: Collection[str]) -> tuple[str, ...]:
@@ -276,7 +278,7 @@ def _quality(
     return quality
 
 
-def _demand_required(source: str, unused: tuple[str, ...], given: Collection[str]) -> None:
+def _demand_required(source: str, unused: tuple[str, ...], given: Collection[str], absent: str = "") -> None:
     made = derivations(given)
     missing = [name for name in REQUIRED_CHANNELS if name not in given and name not in made]
     if not missing:
@@ -284,6 +286,8 @@ def _demand_required(source: str, unused: tuple[str, ...], given: Collection[str
     named = [f"{name} ({_ELSEWHERE[name]})" if name in _ELSEWHERE else name for name in missing]
     close = [(name, get_close_matches(name, unused, n=1)) for name in missing]
     hints = [f"does {name} come from {found[0]}?" for name, found in close if found]
+    if absent:
+        hints.append(absent)
     advice = f"; {' '.join(hints)}" if hints else f" (the file has {_listed(unused)})" if unused else ""
     raise FlightError(
         f"{source}: no values for {', '.join(named)}: name their columns in a channel map{advice}"

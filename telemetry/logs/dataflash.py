@@ -27,7 +27,7 @@ _CODES: Mapping[str, tuple[str, float]] = {
 }  # fmt: skip
 """Type and unit of each letter of a format; unit 0 for text and arrays, which are no columns."""
 
-_INSTANCES = ("I", "Instance", "C")
+_INSTANCES = ("I", "Inst", "Instance", "C")
 _FIRMWARES = ("ArduPlane", "ArduCopter", "ArduRover", "ArduSub", "Blimp", "AntennaTracker")
 _VEHICLES = {
     "ArduPlane": "fixed wing", "ArduCopter": "multicopter", "ArduRover": "rover", "ArduSub": "submarine",
@@ -122,9 +122,8 @@ def _learn(record: bytes, formats: dict[int, _Format], lengths: dict[int, int]) 
 
 def is_dataflash_text(data: bytes) -> bool:
     """Whether a file's beginning is that of a log as text: lines of FMT among the first."""
-    head = data[:8192]
-    lines = [line.strip() for line in head.split(b"\n")]
-    return b"\0" not in head and any(line.startswith(b"FMT,") and line.count(b",") >= 5 for line in lines)
+    lines = [line.strip() for line in data[:8192].split(b"\n")]
+    return sum(line.startswith(b"FMT,") and line.count(b",") >= 5 for line in lines) >= 2
 
 
 def read_dataflash_text(source: str, data: bytes) -> AutopilotLog:

@@ -10,6 +10,8 @@ __all__ = ["AutopilotLog", "LogError", "Topic", "topic_key"]
 
 Array = NDArray[np.float64]
 
+_LARGEST = 1e6
+
 
 class LogError(ValueError):
     """An autopilot log that cannot be read or holds no flight; one sentence."""
@@ -68,6 +70,11 @@ class AutopilotLog:
     topics: Mapping[str, Topic]
     parameters: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def number(self, parameter: str, otherwise: int = 0) -> int:
+        """A parameter that counts or names something; what it is otherwise where absent or no such number."""
+        value = self.parameters.get(parameter, float(otherwise))
+        return int(value) if abs(value) < _LARGEST else otherwise
 
     def get(self, name: str, instance: int = 0) -> Topic | None:
         """A topic, None where the log has none."""

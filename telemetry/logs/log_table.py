@@ -293,10 +293,10 @@ def _column(columns: Mapping[str, Array], name: str) -> Array:
 
 
 def _speed(log: AutopilotLog, columns: Mapping[str, Array]) -> Array | None:
-    """Through the air, over the ground where that is not known; 0 while a VTOL hovers. None where neither is known."""
+    """Through the air or over the ground, the faster one; 0 while a VTOL hovers. None where neither is known."""
     air = columns.get("airspeed_true_m_s", columns.get("airspeed_indicated_m_s"))
     ground = np.hypot(_column(columns, "velocity_north_m_s"), _column(columns, "velocity_east_m_s"))
-    speed = ground if air is None else np.where(np.isfinite(air), air, ground)
+    speed = ground if air is None else np.fmax(air, ground)  # a pitot may fail in flight
     if not np.isfinite(speed).any():
         return None
     status = log.get("vehicle_status")

@@ -1,5 +1,7 @@
 """An autopilot log from a file, by its first bytes and never by its name."""
 
+import struct
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from wingwatch.telemetry.logs.dataflash import (
@@ -15,6 +17,11 @@ from wingwatch.telemetry.logs.ulog import ULOG_MAGIC, read_ulog
 __all__ = ["is_autopilot_log", "read_autopilot_log"]
 
 _HEAD_BYTES = 8192
+_READERS: Mapping[str, Callable[[str, bytes], AutopilotLog]] = {
+    "ulog": read_ulog, "dataflash": read_dataflash, "dataflash-text": read_dataflash_text, "tlog": read_tlog,
+}  # fmt: skip
+_OF_DAMAGE = (KeyError, IndexError, TypeError, OverflowError, MemoryError, UnicodeError, struct.error)
+"""What bytes that are none of the format's can still raise in a reader that checks them."""
 
 
 def is_autopilot_log(path: Path) -> bool:
@@ -46,13 +53,10 @@ def read_autopilot_log(path: Path) -> AutopilotLog:
         data = path.read_bytes()
     except OSError as problem:
         raise LogError(f"{path}: cannot be read: {problem.strerror}") from None
-    match _format(data[:_HEAD_BYTES]):
-        case "ulog":
-            return read_ulog(str(path), data)
-        case "dataflash":
-            return read_dataflash(str(path), data)
-        case "dataflash-text":
-            return read_dataflash_text(str(path), data)
-        case "tlog":
-            return read_tlog(str(path), data)
-    raise LogError(f"{path}: the file is no autopilot log that is known")
+    read = _READERS.get(_format(data[:_HEAD_BYTES]) or "")
+    if read is None:
+        raise LogError(f"{path}: the file is no autopilot log that is known")
+    try:
+        return read(str(path), data)
+    except _OF_DAMAGE as problem:
+        raise LogError(f"{path}: the log is damaged ({type(problem).__name__}); copy it again") from None

@@ -16,7 +16,8 @@ _FASTER = 1.2  # times the table's rate, from where a channel is filtered before
 _CORNER = 0.35  # of the table's rate; passed twice, 37 dB are left out at half of it and more above
 _ORDER = 6
 _RUN_STEPS = 2.5  # usual steps; a longer one ends a run, and nothing is filtered across
-_MOSTLY = 0.5
+_MOSTLY = 0.8
+_FEWEST = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +49,19 @@ def decimated(time_s: Array, most_hz: float) -> Array:
 
 
 def without_repeats(readings: Readings, max_gap_s: float) -> Readings:
-    """Without readings that only repeat the one before, where most of a state's readings do.
+    """Without readings that only repeat the one before, where a state changes at every k-th reading as a clock does.
 
-    A repeated reading stays where nothing else would be left for ``max_gap_s``: it says that the value holds.
+    A value that rests within its resolution changes now and then; its readings all count. A repeated reading stays
+    where nothing else would be left for ``max_gap_s``: it says that the value holds.
     """
-    if readings.held or readings.values.size < 3:
+    if readings.held or readings.values.size < _FEWEST:
         return readings
     new = np.concatenate(([True], np.diff(readings.values) != 0.0))
-    if np.mean(new) > _MOSTLY or new.sum() < 3:
+    every = np.diff(np.flatnonzero(new))
+    if every.size < 3:
+        return readings
+    usual = float(np.median(every))
+    if usual < 2.0 or np.mean((np.abs(every - usual) <= 1.0) & (every > 1)) < _MOSTLY:
         return readings
     kept, time_s = new.copy(), readings.time_s
     kept[-1] = True

@@ -21,6 +21,7 @@ SURFACES_TOPIC = "surfaces"
 Array = NDArray[np.float64]
 
 _FULL_ANGLE = 4500.0
+_MOST_SURFACES = 16
 _THROTTLE = 70
 _FUNCTIONS: Mapping[int, Mapping[str, float]] = {
     4: {"aileron": 1.0}, 19: {"elevator": 1.0}, 21: {"rudder": 1.0},
@@ -92,7 +93,7 @@ def _ardupilot(log: AutopilotLog) -> tuple[Topic | None, list[str]]:
             if log.parameters.get(key, 0.0):
                 return None, [f"surfaces are mixed by {key}, which is not undone: name them in a channel map"]
         channels = {name: f"{sent.name}.{name}" for name in sent.fields}
-        outputs = [o for o in _outputs(log.parameters) if f"{prefix}{o.number}{suffix}" in channels]
+        outputs = [o for o in _outputs(log) if f"{prefix}{o.number}{suffix}" in channels]
         if outputs:
             return _from_outputs(sent, outputs, prefix, suffix)
     demands = log.get("AETR")
@@ -123,19 +124,19 @@ def _from_outputs(sent: Topic, outputs: list[_Output], prefix: str, suffix: str)
     return _topic(sent.time_s, fields), [f"{s} is commanded by {' and '.join(w)}" for s, w in words.items()]
 
 
-def _outputs(parameters: Mapping[str, float]) -> list[_Output]:
+def _outputs(log: AutopilotLog) -> list[_Output]:
     """Outputs with a function that is known; of logs before 2017 by RCn_ and RCMAP_ parameters."""
-    found = []
+    found, parameters = [], log.parameters
     if any(re.fullmatch(r"SERVO\d+_FUNCTION", name) for name in parameters):
         for number in range(1, 33):
-            function = int(parameters.get(f"SERVO{number}_FUNCTION", 0))
+            function = log.number(f"SERVO{number}_FUNCTION")
             found.append(_output(parameters, f"SERVO{number}", number, function, "REVERSED", 1.0))
     else:
         main = {"ROLL": 4, "PITCH": 19, "THROTTLE": _THROTTLE, "YAW": 21}
         defaults = {"ROLL": 1, "PITCH": 2, "THROTTLE": 3, "YAW": 4}
-        functions = {int(parameters.get(f"RCMAP_{n}", defaults[n])): f for n, f in main.items()}
+        functions = {log.number(f"RCMAP_{n}", defaults[n]): f for n, f in main.items()}
         for number in range(1, 17):
-            function = int(parameters.get(f"RC{number}_FUNCTION", 0)) or functions.get(number, 0)
+            function = log.number(f"RC{number}_FUNCTION") or functions.get(number, 0)
             found.append(_output(parameters, f"RC{number}", number, function, "REV", -1.0))
     return [output for output in found if output is not None]
 
@@ -178,8 +179,8 @@ def _allocated(log: AutopilotLog, servos: Topic) -> tuple[Topic, list[str]] | No
     """By the types and torques of PX4's control allocation; None where it has no surfaces."""
     parts: dict[str, list[Array]] = {}
     words: dict[str, list[str]] = {}
-    for number in range(int(log.parameters.get("CA_SV_CS_COUNT", 0))):
-        kind = int(log.parameters.get(f"CA_SV_CS{number}_TYPE", 0))
+    for number in range(min(log.number("CA_SV_CS_COUNT"), _MOST_SURFACES)):
+        kind = log.number(f"CA_SV_CS{number}_TYPE")
         control = servos.fields.get(f"control[{number}]")
         for surface in _TYPES.get(kind, ()) if control is not None else ():
             torque = log.parameters.get(f"CA_SV_CS{number}_TRQ_{_AXES[surface]}", 0.0)

@@ -21,6 +21,7 @@ _MOST_BYTES = 10_000  # of a message; more is damage
 _MULTICOPTERS = frozenset((2, 3, 4, 13, 14, 15, 29, 35))
 _VTOLS = frozenset(range(19, 26))
 _FIXED_WING = 1
+_SAYS_FIXED_WING = 2.0
 
 
 def read_ulog(source: str, data: bytes) -> AutopilotLog:
@@ -44,8 +45,8 @@ def read_ulog(source: str, data: bytes) -> AutopilotLog:
     topics = {topic.key: topic for topic in map(_topic, log.data_list) if topic is not None}
     if not topics:
         raise LogError(f"{source}: the ULog file holds no samples that can be read; copy it again")
-    parameters = {name: float(value) for name, value in log.initial_parameters.items()}
-    parameters |= {name: float(value) for _, name, value in log.changed_parameters}
+    named = [*log.initial_parameters.items(), *((name, value) for _, name, value in log.changed_parameters)]
+    parameters = {name: float(value) for name, value in named if isinstance(value, int | float)}
     infos = log.msg_info_dict
     firmware = " ".join(str(infos[key]) for key in ("sys_name", "ver_sw_release", "ver_sw") if key in infos)
     autopilot = "px4" if str(infos.get("sys_name", "PX4")).upper().startswith("PX4") else ""
@@ -89,16 +90,15 @@ def _vehicle(topics: dict[str, Topic], parameters: dict[str, float]) -> str:
     if status is not None and status.fields.get("is_vtol", np.zeros(1)).any():
         return "vtol"
     kind = parameters.get("MAV_TYPE")
-    if kind is not None:
-        kind = int(kind)
+    types = set() if status is None else set(status.fields.get("vehicle_type", np.zeros(0)).tolist())
+    if kind is not None and types != {_SAYS_FIXED_WING}:
         return (
             "multicopter" if kind in _MULTICOPTERS
             else "vtol" if kind in _VTOLS
             else "fixed wing" if kind == _FIXED_WING
-            else f"MAV_TYPE {kind}"
+            else f"MAV_TYPE {kind:g}"
         )  # fmt: skip
-    types = set() if status is None else set(status.fields.get("vehicle_type", np.zeros(0)).tolist())
-    return {(1.0,): "multicopter", (2.0,): "fixed wing"}.get(tuple(types), "")
+    return {(1.0,): "multicopter", (_SAYS_FIXED_WING,): "fixed wing"}.get(tuple(types), "")
 
 
 def _lost(log: Any, data: bytes, said: str) -> list[str]:

@@ -149,6 +149,13 @@ class TestRates:
         assert np.abs(smooth - sine(stamps, 0.5)).max() < 0.0125  # the chord of a sine
         assert np.abs(sampled(Readings(time_s, slow, False), stamps, 0.5) - sine(stamps, 0.5)).max() > 0.1
 
+    def test_a_coarse_value_that_changes_now_and_then_keeps_its_readings(self) -> None:
+        time_s = steps(2000, 0.02)
+        coarse = np.round(20.0 * sine(time_s, 0.03)) / 20.0 + np.round(sine(time_s, 0.4) ** 31)
+        assert np.mean(np.diff(coarse) != 0.0) < 0.3
+        readings = Readings(time_s, coarse, False)
+        assert without_repeats(readings, 0.5) is readings
+
     def test_a_value_that_rests_has_no_gap(self) -> None:
         time_s = steps(500, 0.02)
         values = np.where(time_s < 4.0, sine(time_s, 0.5), 0.3)
