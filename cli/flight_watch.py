@@ -62,6 +62,7 @@ class Watched:
             "unused_columns": list(read.unused),
             "unreadable_columns": list(read.ignored),
             "notes": list(read.notes),
+            **({"rates_hz": dict(read.rates_hz)} if read.rates_hz else {}),
         }
 
     @property

@@ -19,6 +19,8 @@ class AirborneLimits:
         speed_m_s: slower is on the ground, whatever the aircraft.
         speed_fraction: of the speed usual in this log, below which it is on the ground, too.
         height_m: that an interval must reach above the ground, where the log has some time on the ground.
+        clear_m: above the ground from where it is off the ground; an interval begins and ends there.
+        margin_s: cut off at take-off and landing, which are no free flight; not where a log begins or ends in flight.
         shortest_s: a shorter interval is none.
         bridged_s: a shorter time below the speed ends no interval.
         impact_m_s2: a specific force beyond this in the last seconds of an interval ends it.
@@ -28,6 +30,8 @@ class AirborneLimits:
     speed_m_s: float = 6.0
     speed_fraction: float = 0.5
     height_m: float = 5.0
+    clear_m: float = 2.0
+    margin_s: float = 1.0
     shortest_s: float = 5.0
     bridged_s: float = 2.0
     impact_m_s2: float = 100.0
@@ -73,13 +77,20 @@ def airborne_intervals(
     least = max(limits.speed_m_s, limits.speed_fraction * float(np.percentile(moving, 75)))
     fast = speed >= least
     altitude = _smooth(time_s, _filled(altitude_m))
+    ground = altitude[~fast & np.isfinite(altitude)]
+    above = altitude - (float(np.percentile(ground, 5)) if ground.size else np.nan)
     found = []
     for first, last in _runs(time_s, fast, limits.bridged_s):
         last = _before_impact(time_s, force_m_s2, first, last, limits)
-        if time_s[last] - time_s[first] < limits.shortest_s:
-            continue
-        if _rises(altitude, ~fast, first, last, limits.height_m):
-            found.append(Interval(float(time_s[first]), float(time_s[last])))
+        if np.isfinite(above[first : last + 1]).any():  # else nothing says where the ground is
+            if np.max(above[first : last + 1]) < limits.height_m:
+                continue
+            clear = first + np.flatnonzero(above[first : last + 1] >= limits.clear_m)
+            first, last = int(clear[0]), int(clear[-1])
+        low = time_s[first] + (limits.margin_s if first > 0 else 0.0)
+        high = time_s[last] - (limits.margin_s if last < time_s.size - 1 else 0.0)
+        if high - low >= limits.shortest_s:
+            found.append(Interval(float(low), float(high)))
     return tuple(found)
 
 
@@ -120,12 +131,3 @@ def _before_impact(time_s: Array, force_m_s2: Array, first: int, last: int, limi
     with np.errstate(invalid="ignore"):
         hard = np.flatnonzero(late & (force_m_s2[first : last + 1] > limits.impact_m_s2))
     return first + max(int(hard[0]) - 1, 0) if hard.size else last
-
-
-def _rises(altitude: Array, slow: NDArray[np.bool_], first: int, last: int, height_m: float) -> bool:
-    """Whether an interval leaves the level of the time on the ground; true where there is none to tell by."""
-    ground = altitude[slow & np.isfinite(altitude)]
-    highest = float(np.max(altitude[first : last + 1]))
-    if ground.size == 0 or not np.isfinite(highest):
-        return True
-    return highest - float(np.percentile(ground, 5)) >= height_m

@@ -26,14 +26,8 @@ _LINK = "mavlink.toml"
 _RECEIVERS = ("IMU", "ARSP", "BARO", "GPS")
 _HEALTH = {"IMU": ("GH", "AH"), "ARSP": ("H", "Health"), "BARO": ("H", "Health"), "GPS": ()}
 _MOST_INSTANCES = 4
-_MAY_BE_ZERO = (
-    "throttle",
-    "elevator_rad",
-    "aileron_rad",
-    "rudder_rad",
-    "roll_demand_rad",
-    "pitch_demand_rad",
-)
+_DEAD_AT_ZERO = ("airspeed_", "altitude_", "latitude_", "longitude_", "specific_force_")
+"""Channels that a working sensor does not leave at exactly 0 from the first message to the last."""
 _SLOW = ("airspeed_", "altitude_", "velocity_", "latitude_", "longitude_")
 _GAP_STEPS = 2.5
 _MOST_GAP_S = 3.0
@@ -127,7 +121,7 @@ def _consider(log: AutopilotLog, candidate: _Candidate, in_use: Mapping[str, str
         return
     if candidate.where is not None and not _holds(log, topic, _filled(candidate.where, in_use)):
         return
-    if candidate.channel not in _MAY_BE_ZERO and not finite.any():
+    if candidate.channel.startswith(_DEAD_AT_ZERO) and not finite.any():
         chosen.notes[f"{source} reads exactly 0 throughout and is taken for absent"] = None
         return
     entry = ChannelEntry.model_validate({**candidate.entry, "source": source})

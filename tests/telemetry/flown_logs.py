@@ -176,7 +176,7 @@ def ardupilot_log(columns: Mapping[str, Array], servo_every: int = 1) -> Flash:
     return Flash(
         [
             topic("IMU", "QBffffffBB", _IMU, 1, [zero, *imu, one, one]),
-            topic("IMU", "QBffffffBB", _IMU, 1, [one, *(9 * c for c in imu), one, one]),
+            topic("IMU", "QBffffffBB", _IMU, 1, [one, *(7 * c for c in imu), one, one]),
             topic("ATT", "Qfff", "TimeUS,Roll,Pitch,Yaw", 2, degrees),
             topic("ARSP", "QBfBB", "TimeUS,I,Airspeed,H,U", 5, [zero, calibrated(columns), one, one]),
             topic("BARO", "QBffcB", "TimeUS,I,Alt,Press,Temp,H", 5, [

@@ -30,6 +30,7 @@ Columns = Mapping[str, Array]
 TRAVEL = dict.fromkeys(("elevator_rad", "aileron_rad", "rudder_rad"), TRAVEL_RAD)
 SECONDS = 30.0
 TAKE_OFF_S = START_S + GROUND_S
+MARGIN_S = 1.0  # cut off after take-off
 
 
 def columns(**changes: Array) -> dict[str, Array]:
@@ -157,7 +158,7 @@ class TestAirspeed:
             failed["time_s"] > TAKE_OFF_S + 15.0, 0.0, failed["airspeed_true_m_s"]
         )
         flight = load(tmp_path / "a.ulg", px4_log(failed))
-        assert flight.block.time_s[-1] == pytest.approx(TAKE_OFF_S + SECONDS, abs=0.3)
+        assert flight.block.time_s[-1] == pytest.approx(TAKE_OFF_S + SECONDS, abs=1.5)
 
     def test_px4_ground_speed_minus_wind_is_derived(self, tmp_path: Path) -> None:
         made = px4_log(columns())
@@ -186,21 +187,21 @@ def test_an_estimators_incidence_is_no_vane(tmp_path: Path) -> None:
 
 
 def test_the_lowest_instance_that_works_is_read(tmp_path: Path) -> None:
-    """The log's second IMU reads nine times too much; with the first one unhealthy it is still the one that is left."""
-    truth = flown(SECONDS).column("pitch_rate_rad_s")
+    """The second IMU reads seven times too much; with the first one unhealthy it is still the one that is left."""
+    truth = flown(SECONDS).column("pitch_rate_rad_s")[60:]
     first = load(tmp_path / "a.bin", ardupilot_log(columns())).block.column("pitch_rate_rad_s")
     assert np.abs(first).max() == pytest.approx(np.abs(truth).max(), rel=1e-6)
     ill = changed(ardupilot_log(columns()), "IMU", lambda r: (*r[:8], 0, r[9]) if r[1] == 0 else r)
     second = load(tmp_path / "b.bin", ill).block.column("pitch_rate_rad_s")
-    assert np.abs(second).max() == pytest.approx(9.0 * np.abs(truth).max(), rel=1e-6)
+    assert np.abs(second).max() == pytest.approx(7.0 * np.abs(truth).max(), rel=1e-6)
 
 
 def test_a_map_chooses_another_instance_and_another_clock(tmp_path: Path) -> None:
     text = 'format = 1\nclock = "roll_rad"\n[channels]\n' + "\n".join(
         f'{name} = {{ source = "{source}" }}'
         for name, source in {
-            "roll_rate_rad_s": "IMU[1].GyrX / 9", "pitch_rate_rad_s": "IMU[1].GyrY / 9",
-            "yaw_rate_rad_s": "IMU[1].GyrZ / 9", "specific_force_x_m_s2": "IMU.AccX",
+            "roll_rate_rad_s": "IMU[1].GyrX / 7", "pitch_rate_rad_s": "IMU[1].GyrY / 7",
+            "yaw_rate_rad_s": "IMU[1].GyrZ / 7", "specific_force_x_m_s2": "IMU.AccX",
             "specific_force_y_m_s2": "IMU.AccY", "specific_force_z_m_s2": "IMU.AccZ",
             "airspeed_indicated_m_s": "ARSP.Airspeed", "altitude_m": "GPS.Alt",
         }.items()
@@ -215,7 +216,7 @@ def test_a_map_chooses_another_instance_and_another_clock(tmp_path: Path) -> Non
     assert np.abs(flight.block.column("pitch_rate_rad_s")).max() <= np.abs(truth).max() * 1.000001
     assert "elevator_rad" in flight.block.present
     with pytest.raises(MapError, match=r"the log has no column 'IMU\[0\].GyroY'; it has IMU\[0\].GyrX"):
-        load(tmp_path / "a.bin", ardupilot_log(columns()), text.replace("IMU[1].GyrY / 9", "IMU.GyroY"))
+        load(tmp_path / "a.bin", ardupilot_log(columns()), text.replace("IMU[1].GyrY / 7", "IMU.GyroY"))
     with pytest.raises(MapError, match="a clock of its own"):
         load(tmp_path / "a.bin", ardupilot_log(columns()), text + '\ntime_s = { source = "IMU.GyrX" }')
 
@@ -314,9 +315,9 @@ class TestAirborne:
         self, tmp_path: Path, suffix: str, log: Callable[[Columns], Ulog | Flash]
     ) -> None:
         flight = load(tmp_path / f"a.{suffix}", log(columns()))
-        assert flight.block.time_s[0] == pytest.approx(TAKE_OFF_S, abs=0.3)
+        assert flight.block.time_s[0] == pytest.approx(TAKE_OFF_S + MARGIN_S, abs=0.2)
         left = flight.report.rows_read - flight.report.rows_kept
-        assert left == pytest.approx(GROUND_S * 50, abs=15)
+        assert left == pytest.approx((GROUND_S + MARGIN_S) * 50, abs=10)
         assert any(note == f"{left} rows before and after are left out" for note in flight.report.notes)
 
     def test_an_aircraft_that_never_flew_is_a_sentence(self, tmp_path: Path) -> None:
@@ -349,15 +350,15 @@ class TestAirborne:
         crashed["altitude_m"] = np.where(after, 880.0, crashed["altitude_m"])
         flight = load(tmp_path / "a.bin", ardupilot_log(crashed))
         assert flight.block.time_s[-1] < crash
-        assert flight.block.time_s[-1] > crash - 0.2
+        assert flight.block.time_s[-1] > crash - MARGIN_S - 0.2
 
     def test_of_two_flights_the_longer_is_read_and_the_other_is_said(self, tmp_path: Path) -> None:
         first, second = on_the_ground_first(flown(15.0)), on_the_ground_first(flown(SECONDS))
         both = {n: np.concatenate((first[n], second[n])) for n in first}
         both["time_s"] = 30.0 + 0.02 * np.arange(both["time_s"].size)
         flight = load(tmp_path / "a.ulg", px4_log(both))
-        assert flight.block.time_s[-1] - flight.block.time_s[0] == pytest.approx(SECONDS, abs=0.4)
-        assert any(re.match(r"also airborne from 4[12]\.\d to 5[67]\.", note) for note in flight.report.notes)
+        assert flight.block.time_s[-1] - flight.block.time_s[0] == pytest.approx(SECONDS - MARGIN_S, abs=0.2)
+        assert any(re.match(r"also airborne from 4[23]\.\d to 5[56]\.", note) for note in flight.report.notes)
 
     def test_the_maps_window_has_the_last_word(self, tmp_path: Path) -> None:
         path = tmp_path / "a.bin"
@@ -368,7 +369,7 @@ class TestAirborne:
         assert (flight.block.time_s[0], flight.block.time_s[-1]) == pytest.approx((31.0, 50.0))
         filtered = map_text(rules).replace("[channels]", '[rows]\nfilter = "ARSP.Airspeed > 5"\n[channels]')
         assert len(load_flight(path, parse_map(filtered), TRAVEL).block) == pytest.approx(
-            SECONDS * 50, abs=15
+            (SECONDS - MARGIN_S) * 50, abs=10
         )
 
 

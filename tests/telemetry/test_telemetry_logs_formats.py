@@ -275,3 +275,17 @@ def test_a_missing_library_is_a_sentence_with_its_extra(
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(LogError, match=rf"need {library}.*install wingwatch with its extra logs"):
         load_flight(path)
+
+
+def test_logs_of_2014_have_milliseconds_and_the_receivers_own_time(tmp_path: Path) -> None:
+    """``TimeMS`` of GPS is the time of the week then, and ``T`` the time since boot; angles are in hundredths."""
+    attitude = [(5_000 + 20 * i, -1234 + i, 4500) for i in range(50)]
+    receiver = [(3, 302_400_000 + 200 * i, 1800, 58_612, 5_100 + 200 * i) for i in range(5)]
+    topics = [
+        FlashTopic("ATT", "Icc", "TimeMS,Roll,Pitch", attitude),
+        FlashTopic("GPS", "BIHeI", "Status,TimeMS,Week,Alt,T", receiver),
+    ]
+    log = read(tmp_path / "a.bin", Flash(topics, firmware="ArduPlane V3.1.1").encode())
+    assert log.topics["ATT[0]"].time_s.tolist() == [row[0] / 1e3 for row in attitude]
+    assert log.topics["ATT[0]"].fields["Roll"].tolist() == [row[1] * 0.01 for row in attitude]
+    np.testing.assert_allclose(log.topics["GPS[0]"].time_s, [5.1, 5.3, 5.5, 5.7, 5.9])
