@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 __all__ = ["AirborneLimits", "Interval", "airborne_intervals"]
 
@@ -108,7 +108,7 @@ def _smooth(time_s: Array, values: Array) -> Array:
     if time_s.size < 3:
         return values
     width = min(1 + 2 * int(0.5 / max(float(np.median(np.diff(time_s))), 1e-3)), 1 + 2 * (time_s.size // 2))
-    smooth: Array = median_filter(values, size=max(width, 1), mode="nearest")
+    smooth: Array = scipy.ndimage.median_filter(values, size=max(width, 1), mode="nearest")
     return smooth
 
 

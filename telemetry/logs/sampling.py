@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from wingwatch.telemetry.shown_later import SAME_STAMP_S
 
@@ -83,12 +83,12 @@ def low_passed(readings: Readings, table_hz: float) -> Readings:
     if readings.held or table_hz <= 0.0 or rate < _FASTER * table_hz:
         return readings
     values = _unwrapped(readings)
-    sections = butter(_ORDER, _CORNER * table_hz, fs=rate, output="sos")
+    sections = scipy.signal.butter(_ORDER, _CORNER * table_hz, fs=rate, output="sos")
     breaks = np.flatnonzero(np.diff(readings.time_s) > _RUN_STEPS / rate) + 1
     shortest = int(3.0 * rate / (_CORNER * table_hz)) + 3 * (2 * len(sections) + 1)
     for run in np.split(np.arange(values.size), breaks):
         if run.size > shortest:
-            values[run] = sosfiltfilt(sections, values[run], padlen=min(shortest, run.size - 1))
+            values[run] = scipy.signal.sosfiltfilt(sections, values[run], padlen=min(shortest, run.size - 1))
     return Readings(readings.time_s, values, False, readings.period)
 
 

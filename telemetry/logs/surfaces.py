@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 _FULL_ANGLE = 4500.0
 _MOST_SURFACES = 16
 _THROTTLE = 70
+_OLD_MIXING = ("ELEVON_OUTPUT", "ELEVON_MIXING", "VTAIL_OUTPUT", "FLAPERON_OUTPUT")
 _FUNCTIONS: Mapping[int, Mapping[str, float]] = {
     4: {"aileron": 1.0}, 19: {"elevator": 1.0}, 21: {"rudder": 1.0},
     77: {"elevator": 1.0, "aileron": -1.0}, 78: {"elevator": 1.0, "aileron": 1.0},
@@ -89,7 +90,7 @@ def _ardupilot(log: AutopilotLog) -> tuple[Topic | None, list[str]]:
     if sent is None:
         sent, prefix, suffix = log.get("SERVO_OUTPUT_RAW"), "servo", "_raw"
     if sent is not None:
-        for key in ("ELEVON_OUTPUT", "VTAIL_OUTPUT"):
+        for key in _OLD_MIXING:
             if log.parameters.get(key, 0.0):
                 return None, [f"surfaces are mixed by {key}, which is not undone: name them in a channel map"]
         channels = {name: f"{sent.name}.{name}" for name in sent.fields}

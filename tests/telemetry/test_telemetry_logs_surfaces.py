@@ -108,10 +108,11 @@ def test_logs_before_2017_have_their_servos_under_the_inputs_names(tmp_path: Pat
     assert flight.block.column("throttle")[100] == pytest.approx(0.5)
 
 
-def test_old_mixing_that_is_not_undone_is_said(tmp_path: Path) -> None:
-    flight = with_servos(tmp_path / "a.bin", {"ELEVON_OUTPUT": 1.0}, (1500, 1500))
+@pytest.mark.parametrize("key", ["ELEVON_OUTPUT", "ELEVON_MIXING", "VTAIL_OUTPUT", "FLAPERON_OUTPUT"])
+def test_old_mixing_that_is_not_undone_is_said(tmp_path: Path, key: str) -> None:
+    flight = with_servos(tmp_path / "a.bin", {key: 1.0}, (1500, 1500))
     assert not any(name in flight.block.present for name in SURFACES)
-    assert any("ELEVON_OUTPUT" in note for note in flight.report.notes)
+    assert any(key in note for note in flight.report.notes)
 
 
 def test_demands_serve_where_outputs_are_not_logged(tmp_path: Path) -> None:
