@@ -1,5 +1,6 @@
 """Telemetry logs of ground stations: MAVLink packets, each behind the microseconds of the station's clock."""
 
+import re
 import struct
 from collections import Counter
 from collections.abc import Iterator
@@ -18,6 +19,9 @@ _MAGICS = (0xFD, 0xFE)
 _OVERHEAD = {0xFD: 12, 0xFE: 8}
 _SIGNATURE_BYTES = 13
 _MOST_ATTEMPTS = 200_000  # packets begun in vain, after which the rest is taken for garbage
+
+_BEGINNING = re.compile(rb"(?s)\x00[\x03-\x0e].{6}[\xfd\xfe]")
+"""A stamp of this century, and what a packet begins with."""
 
 _AUTOPILOTS = {3: "ardupilot", 12: "px4"}
 _MULTICOPTERS, _VTOLS = frozenset((2, 3, 4, 13, 14, 15, 29, 35)), frozenset(range(19, 26))
@@ -135,9 +139,8 @@ def _packets(decoder: Any, data: bytes, lost: _Lost) -> Iterator[tuple[float, An
         if attempts > _MOST_ATTEMPTS:
             lost.damaged += len(data) - at
             return
-        # a stamp of this century begins with a zero byte
-        found = data.find(b"\0", at + 1)
-        after = len(data) if found < 0 else found
+        found = _BEGINNING.search(data, at + 1)
+        after = len(data) if found is None else found.start()
         lost.damaged += after - at
         at = after
     lost.cut = lost.cut or at < len(data)

@@ -1,7 +1,8 @@
 """PX4's ULog files."""
 
 import contextlib
-import struct
+import re
+from dataclasses import dataclass, field
 from io import BytesIO, StringIO
 from typing import Any
 
@@ -14,9 +15,11 @@ __all__ = ["ULOG_MAGIC", "read_ulog"]
 ULOG_MAGIC = b"ULog\x01\x12\x35"
 
 _HEADER_BYTES = 16
-_SYNC = bytes((0x2F, 0x73, 0x13, 0x20, 0x25, 0x0C, 0xBB, 0x12))
-_MESSAGES = frozenset(b"BFIMPQARDLCSO")
 _MOST_BYTES = 10_000  # of a message; more is damage
+_LEAST_BYTES = {**dict.fromkeys(b"BFIMPQARLCSO", 1), ord("D"): 10}
+"""By type of message, what one has at least: samples have a number and a stamp."""
+_BEGINNING = re.compile(rb"(?s)(?=.[\x00-\x27][BFIMPQARDLCSO])")
+_BELIEVED = 4
 
 _MULTICOPTERS = frozenset((2, 3, 4, 13, 14, 15, 29, 35))
 _VTOLS = frozenset(range(19, 26))
@@ -36,10 +39,10 @@ def read_ulog(source: str, data: bytes) -> AutopilotLog:
         raise LogError(
             f"{source}: ULog files need pyulog, which is not installed; install wingwatch with its extra logs"
         ) from None
-    said = StringIO()
+    said, framing = StringIO(), _framing(data)
     try:
         with contextlib.redirect_stdout(said):  # the library prints its warnings there
-            log = ULog(BytesIO(data))
+            log = ULog(BytesIO(_repaired(data, framing)))
     except Exception as problem:  # a damaged file makes the library raise almost anything
         raise LogError(f"{source}: the ULog file is damaged ({_words(problem)}); copy it again") from None
     topics = {topic.key: topic for topic in map(_topic, log.data_list) if topic is not None}
@@ -59,7 +62,7 @@ def read_ulog(source: str, data: bytes) -> AutopilotLog:
         firmware,
         topics,
         parameters,
-        tuple(_lost(log, data, said.getvalue())),
+        tuple(_lost(log, framing, said.getvalue())),
     )
 
 
@@ -101,35 +104,99 @@ def _vehicle(topics: dict[str, Topic], parameters: dict[str, float]) -> str:
     return {(1.0,): "multicopter", (_SAYS_FIXED_WING,): "fixed wing"}.get(tuple(types), "")
 
 
-def _lost(log: Any, data: bytes, said: str) -> list[str]:
+def _lost(log: Any, framing: "_Framing", said: str) -> list[str]:
     """What the file lost on its way: logger's dropouts, a truncated end, bytes that are no messages."""
     notes = []
     if log.dropouts:
         seconds = sum(dropout.duration for dropout in log.dropouts) * 1e-3
         notes.append(f"the logger dropped samples {len(log.dropouts)} times, {seconds:.1f} s in all")
-    unreadable, where, cut = _framing(data)
-    if unreadable:
-        notes.append(f"{unreadable} bytes from byte {where} on are damaged, the samples in them are lost")
+    if framing.damaged:
+        notes.append(
+            f"{framing.damaged} bytes from byte {framing.first_damaged} on are damaged, the samples in them are lost"
+        )
     elif log.file_corruption or "orrupt" in said:
         notes.append("the file is damaged in places, samples are lost")
-    if cut:
-        notes.append(f"the file ends within a message: it is cut short by {cut} bytes or more")
+    if framing.lacking:
+        notes.append(f"the file ends within a message: it is cut short by {framing.lacking} bytes or more")
     return notes
 
 
-def _framing(data: bytes) -> tuple[int, int, int]:
-    """Walk the messages: bytes outside any, the first of them, and how many the last message lacks."""
-    at, unreadable, first = _HEADER_BYTES, 0, 0
-    while at + 3 <= len(data):
-        size, kind = struct.unpack_from("<HB", data, at)
-        if kind in _MESSAGES and 0 < size <= _MOST_BYTES:
-            if at + 3 + size > len(data):
-                return unreadable, first, at + 3 + size - len(data)
-            at += 3 + size
+@dataclass(slots=True)
+class _Framing:
+    """Where a file's messages stand.
+
+    Attributes:
+        spans: first and last byte of each run of messages, the latter excluded.
+        damaged: bytes outside any.
+        first_damaged: the first of them.
+        lacking: bytes that the last message would need and the file has not.
+    """
+
+    spans: list[tuple[int, int]] = field(default_factory=list)
+    damaged: int = 0
+    first_damaged: int = 0
+    lacking: int = 0
+
+
+def _framing(data: bytes) -> _Framing:
+    """Walk the messages; behind damage a few must follow one another before they are believed."""
+    found, at, start = _Framing(), _HEADER_BYTES, _HEADER_BYTES
+    length = len(data)
+    while at + 3 <= length:
+        least, size = _LEAST_BYTES.get(data[at + 2], _MOST_BYTES), data[at] | data[at + 1] << 8
+        end = at + 3 + size if least <= size < _MOST_BYTES else 0  # as _end, without a call for each message
+        if end and end <= len(data):
+            at = end
             continue
-        found = data.find(_SYNC, at)
-        after = len(data) if found < 0 else found - 3
-        first = first or at
-        unreadable += max(after - at, 1)
-        at = max(after, at + 1)
-    return unreadable, first, 3 + at - len(data) if at < len(data) else 0
+        if end and not _follows(data, at):
+            found.lacking = end - len(data)
+            break
+        found.spans.append((start, at))
+        found.first_damaged = found.first_damaged or at
+        after = _next(data, at + 1)
+        found.damaged += after - at
+        at = start = after
+    else:
+        found.lacking = 3 + at - len(data) if at < len(data) else 0
+    found.spans.append((start, min(at, len(data))))
+    return found
+
+
+def _end(data: bytes, at: int) -> int:
+    """Where a message ends that begins here, which may be beyond the file; 0 where none does."""
+    if at + 3 > len(data):
+        return 0
+    least, size = _LEAST_BYTES.get(data[at + 2], _MOST_BYTES), data[at] | data[at + 1] << 8
+    return at + 3 + size if least <= size < _MOST_BYTES else 0
+
+
+def _follows(data: bytes, at: int) -> bool:
+    """Whether later bytes of the file look like messages again, so that a message too long for it is damage."""
+    return _next(data, at + 1) < len(data)
+
+
+def _next(data: bytes, at: int) -> int:
+    """The next place from where several messages follow one another; the file's end where there is none."""
+    for candidate in _BEGINNING.finditer(data, at):
+        place = candidate.start()
+        for _ in range(_BELIEVED):
+            place = _end(data, place)
+            if not place or place > len(data):
+                break
+        else:
+            return candidate.start()
+    return len(data)
+
+
+def _repaired(data: bytes, framing: _Framing) -> bytes:
+    """The messages alone. The library would try every damaged byte, which takes minutes for a few megabytes; offsets
+    of appended data, which no longer hold, are cleared."""
+    if not framing.damaged:
+        return data
+    kept = bytearray(data[:_HEADER_BYTES])
+    for start, end in framing.spans:
+        kept += data[start:end]
+    if kept[_HEADER_BYTES + 2 : _HEADER_BYTES + 3] == b"B":
+        size = kept[_HEADER_BYTES] | kept[_HEADER_BYTES + 1] << 8
+        kept[_HEADER_BYTES + 3 : _HEADER_BYTES + 3 + size] = bytes(size)
+    return bytes(kept)

@@ -236,6 +236,23 @@ def test_ten_megabytes_of_noise_behind_a_good_header_are_one_sentence(
     assert capfd.readouterr().out == ""
 
 
+@pytest.mark.parametrize("byte", [b"\x00", b"\xff", b"\xfd"])
+def test_ten_megabytes_of_one_byte_behind_a_good_file_cost_seconds(tmp_path: Path, byte: bytes) -> None:
+    """A library that tries every byte took half a minute over some of these."""
+    for name, good in (
+        ("a.ulg", ulog().encode()),
+        ("a.bin", flash().encode()),
+        ("a.tlog", b"".join(tlog_packets())),
+    ):
+        path = tmp_path / name
+        path.write_bytes(good + byte * 10_000_000)
+        began = time.monotonic()
+        log = read_autopilot_log(path)
+        assert time.monotonic() - began < 5.0
+        assert log.notes
+        assert len(log.topics) >= 2
+
+
 def test_noise_in_the_middle_of_a_good_file_never_crashes(tmp_path: Path) -> None:
     for seed in range(12):
         rng = np.random.default_rng(seed)
