@@ -6,6 +6,7 @@ from pathlib import Path
 from wingwatch import diagnosis
 from wingwatch.aircraft import Aircraft
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.diagnosis import Diagnosis
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
 
@@ -24,7 +25,7 @@ def diagnose_file(
     """Read, clean and diagnose.
 
     Args:
-        flight: CSV, Parquet or MATLAB file.
+        flight: CSV, Parquet or MATLAB file, or an autopilot's log.
         channel_map: of the flight, and of the other where ``validate_map`` is not given.
         validate: another flight, on which the gain is judged; parts of the first without.
         progress: called with what is being done and the fraction done.
@@ -34,12 +35,14 @@ def diagnose_file(
     Raises:
         CommandError: a flight of which no sample is accepted.
         DiagnosisError: the flight cannot be diagnosed.
-        TableError, MapError, FlightError: a file that cannot be read.
+        TableError, LogError, MapError, FlightError: a file that cannot be read.
     """
     if progress is not None:
         progress("reading the flight", 0.0)
-    table = load_flight(flight, channel_map)
-    other = None if validate is None else load_flight(validate, validate_map or channel_map)
+    table = load_flight(flight, channel_map, surface_travel(aircraft))
+    other = None
+    if validate is not None:
+        other = load_flight(validate, validate_map or channel_map, surface_travel(aircraft))
     return diagnosis.diagnose(
         _cleaned(table),
         aircraft,

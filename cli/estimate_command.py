@@ -19,6 +19,7 @@ from wingwatch.cli.furthest import furthest
 from wingwatch.cli.joined_flights import joined
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
 from wingwatch.monitor import VehicleMonitor
@@ -50,7 +51,9 @@ def run(arguments: argparse.Namespace) -> int:
         history = HistoryWriter(arguments.history, arguments.estimator, arguments.convention)
     aircraft = load_aircraft(arguments.aircraft)
     check_convention(aircraft, arguments.convention)
-    flight = joined([load_flight(path, arguments.map) for path in arguments.flights])
+    flight = joined(
+        [load_flight(path, arguments.map, surface_travel(aircraft)) for path in arguments.flights]
+    )
     if whole:
         result, monitor, counted = _offline(flight, aircraft, arguments)
         structures = list(next(iter(result["estimators"].values())))
@@ -97,7 +100,8 @@ def _run_many(arguments: argparse.Namespace) -> int:
 
 def estimated(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     """The JSON object of one of many flights."""
-    aircraft, table = load_aircraft(arguments.aircraft), load_flight(flight, arguments.map)
+    aircraft = load_aircraft(arguments.aircraft)
+    table = load_flight(flight, arguments.map, surface_travel(aircraft))
     if arguments.estimator in OFFLINE_ESTIMATORS:
         return _offline(table, aircraft, arguments)[0]
     watched = watch(table, aircraft, _progress(arguments))

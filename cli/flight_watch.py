@@ -11,6 +11,7 @@ from wingwatch.baselines import Envelope, Reference
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_clocks import Clock, clocks_of
 from wingwatch.cli.progress import Progress
+from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.monitor import AlertView, MonitorStart, Report, VehicleMemory, VehicleMonitor
 from wingwatch.telemetry import FlightTable, SampleBlock, load_flight
 
@@ -66,6 +67,7 @@ class Watched:
             "unused_columns": list(read.unused),
             "unreadable_columns": list(read.ignored),
             "notes": list(read.notes),
+            **({"rates_hz": dict(read.rates_hz)} if read.rates_hz else {}),
         }
 
     @property
@@ -77,7 +79,7 @@ class Watched:
 def load(path: Path, channel_map: Path | None, aircraft: str) -> tuple[FlightTable, Aircraft]:
     """The flight and its aircraft; the aircraft first, since it is quicker to be wrong about."""
     known = load_aircraft(aircraft)
-    return load_flight(path, channel_map), known
+    return load_flight(path, channel_map, surface_travel(known)), known
 
 
 def watch(

@@ -14,6 +14,7 @@ from rich.markup import escape
 
 from wingwatch.cli.faults import CommandError, blame, say
 from wingwatch.cli.progress import Progress
+from wingwatch.telemetry.logs import is_autopilot_log
 
 __all__ = ["each_flight", "end_of_many", "flight_files", "is_many", "print_line"]
 
@@ -21,7 +22,7 @@ Judge = Callable[[Path, argparse.Namespace], dict[str, Any]]
 """One flight's JSON object, for a process of its own: a function of a module."""
 
 SUFFIXES = (
-    ".csv", ".tsv", ".asc", ".dat", ".parquet", ".pq", ".mat", ".ulg", ".bin", ".mcap", ".h5", ".hdf5",
+    ".csv", ".tsv", ".asc", ".dat", ".parquet", ".pq", ".mat", ".ulg", ".bin", ".tlog", ".h5", ".hdf5",
 )  # fmt: skip
 """Of files that are taken for flights in a folder; a file that is named itself may have any."""
 
@@ -47,7 +48,7 @@ def flight_files(paths: Sequence[Path]) -> list[Path]:
         inside = sorted(
             file
             for file in path.rglob("*")
-            if file.suffix.lower() in SUFFIXES and not _is_hidden(file, path) and file.is_file()
+            if not _is_hidden(file, path) and file.is_file() and _is_flight(file)
         )
         if not inside:
             raise CommandError(
@@ -55,6 +56,12 @@ def flight_files(paths: Sequence[Path]) -> list[Path]:
             )
         found |= dict.fromkeys(inside)
     return list(found)
+
+
+def _is_flight(file: Path) -> bool:
+    """By its suffix; programs of all kinds write ``.log``, and only that of an autopilot is one."""
+    suffix = file.suffix.lower()
+    return suffix in SUFFIXES or (suffix == ".log" and is_autopilot_log(file))
 
 
 def _is_hidden(file: Path, folder: Path) -> bool:

@@ -12,6 +12,7 @@ from wingwatch.aircraft import library_names, load_aircraft
 from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.link_settings import security_of
 from wingwatch.cli.progress import Progress, write_json
+from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.telemetry import (
     AircraftMessage,
     FlightPublisher,
@@ -32,7 +33,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     fleet, vehicle = check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
     aircraft = AircraftMessage(aircraft=_announced(arguments.aircraft))
-    flight = load_flight(arguments.flight, arguments.map)
+    travel_rad = surface_travel(load_aircraft(arguments.aircraft))
+    flight = load_flight(arguments.flight, arguments.map, travel_rad)
     security = security_of(arguments, os.environ)
     began_s = time.monotonic()
     with (

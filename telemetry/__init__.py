@@ -35,6 +35,7 @@ from wingwatch.telemetry.keys import (
     vehicle_key,
 )
 from wingwatch.telemetry.link_security import LinkSecurity, LinkSecurityError
+from wingwatch.telemetry.logs.log import LogError
 from wingwatch.telemetry.maps import ChannelEntry, ChannelMap, MapError, RowSelection, load_map, parse_map
 from wingwatch.telemetry.messages import (
     JSON,
@@ -89,6 +90,7 @@ __all__ = [
     "FlightReport",
     "FlightTable",
     "load_flight",
+    "LogError",
     "missing_for",
     "write_flight",
     "Aligner",

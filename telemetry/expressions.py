@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wingwatch.telemetry.quaternion import euler_heading, euler_pitch, euler_roll
 
-__all__ = ["ExpressionError", "canonical_name", "evaluate", "evaluate_filter", "parts_of"]
+__all__ = ["ExpressionError", "canonical_name", "evaluate", "evaluate_filter", "named_columns", "parts_of"]
 
 _MAX_CHARACTERS = 300
 _ARITHMETIC: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -35,6 +35,7 @@ _QUATERNION: Mapping[str, Callable[..., Any]] = {
     "euler_pitch": euler_pitch,
     "euler_heading": euler_heading,
 }
+_FUNCTIONS: Mapping[str, Callable[[Any], Any]] = {"sin": np.sin, "cos": np.cos}
 _TOPIC_WITHOUT_INSTANCE = re.compile(r"(\w+)\.(.+)")
 
 
@@ -48,6 +49,43 @@ def canonical_name(name: str) -> str:
     return f"{match[1]}[0].{match[2]}" if match else name
 
 
+def named_columns(text: str) -> tuple[str, ...]:
+    """Columns that an expression or a condition reads, each once, by their canonical names.
+
+    Raises:
+        ExpressionError: it cannot be read.
+    """
+    names: dict[str, None] = {}
+    _collect(_parse(text), names)
+    return tuple(names)
+
+
+def _collect(node: ast.AST, names: dict[str, None]) -> None:
+    match node:
+        case ast.Call(func=ast.Name(id=function), args=[vector]) if function in _QUATERNION:
+            names.update(dict.fromkeys(canonical_name(name) for name in _elements(vector)))
+        case ast.Call(args=arguments):
+            for argument in arguments:
+                _collect(argument, names)
+        case ast.Constant(value=str() as name):
+            names[canonical_name(name)] = None
+        case ast.Name() | ast.Attribute() | ast.Subscript():
+            names[canonical_name(_column_name(node))] = None
+        case _:
+            for child in ast.iter_child_nodes(node):
+                _collect(child, names)
+
+
+def _elements(vector: ast.expr) -> list[str]:
+    """The columns of a quaternion that is one vector, scalar first."""
+    match vector:
+        case ast.Constant(value=str() as name):
+            pass
+        case node:
+            name = _column_name(node)
+    return [f"{name}[{k}]" for k in range(4)]
+
+
 def evaluate(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     """The value of an expression, row by row.
 
@@ -55,9 +93,10 @@ def evaluate(text: str, columns: Mapping[str, NDArray[np.float64]]) -> NDArray[n
     such a name stands in quotes.
 
     Args:
-        text: numbers, columns, ``+ - * / **``, parentheses, and ``euler_roll``, ``euler_pitch``, ``euler_heading``
-            of a quaternion, in rad: of the columns ``q[0]`` to ``q[3]`` as ``euler_roll(q)``, of four as
-            ``euler_roll(qw, qx, qy, qz)`` (``telemetry.quaternion``); at most 300 characters.
+        text: numbers, columns, ``+ - * / **``, parentheses, ``sin`` and ``cos`` of an angle in rad, ``euler_roll``,
+            ``euler_pitch``, ``euler_heading`` of a quaternion, in rad: of the columns ``q[0]`` to ``q[3]`` as
+            ``euler_roll(q)``, of four as ``euler_roll(qw, qx, qy, qz)`` (``telemetry.quaternion``); at most 300
+            characters.
         columns: equal-length columns by name.
 
     Returns:
@@ -153,6 +192,8 @@ class _Evaluator:
                 return _ARITHMETIC[type(op)](self.number(left), self.number(right))
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _QUATERNION:
                 return _QUATERNION[name](*self._quaternion(name, arguments))
+            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in _FUNCTIONS:
+                return _FUNCTIONS[name](self.number(argument))
         raise _refused(node)
 
     def _quaternion(self, function: str, arguments: list[ast.expr]) -> list[Any]:
@@ -160,16 +201,11 @@ class _Evaluator:
         if len(arguments) == 4:
             return [self.number(argument) for argument in arguments]
         if len(arguments) == 1:
-            match arguments[0]:
-                case ast.Constant(value=str() as vector):
-                    pass
-                case node:
-                    vector = _column_name(node)
-            names = [f"{vector}[{k}]" for k in range(4)]
+            names = _elements(arguments[0])
             if all(canonical_name(name) in self._columns for name in names):
                 return [self._column(name) for name in names]
             raise ExpressionError(
-                f"{function}({vector}) needs the columns {', '.join(names)}, scalar first; "
+                f"{function}({names[0].removesuffix('[0]')}) needs the columns {', '.join(names)}, scalar first; "
                 f"four columns of other names are written {function}(qw, qx, qy, qz)"
             )
         raise ExpressionError(
@@ -231,7 +267,7 @@ def _finite(value: int | float) -> np.float64:
 def _refused(node: ast.expr) -> ExpressionError:
     return ExpressionError(
         f"{ast.unparse(node)[:80]!r} is not allowed in an expression: "
-        f"use columns, numbers, + - * / **, parentheses and {', '.join(_QUATERNION)}"
+        f"use columns, numbers, + - * / **, parentheses, {', '.join([*_FUNCTIONS, *_QUATERNION])}"
     )
 
 

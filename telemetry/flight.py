@@ -1,7 +1,7 @@
 """A whole flight: a file read, mapped and completed into the flight table, and written back."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
@@ -16,7 +16,9 @@ from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.aircraft.vocabulary import SURFACE_OF_INPUT
 from wingwatch.telemetry.completion import complete, derivations
 from wingwatch.telemetry.flight_checks import FlightError, settled
-from wingwatch.telemetry.maps import ChannelMap, MapError, apply_map, load_map, mentions
+from wingwatch.telemetry.logs.log_table import log_table
+from wingwatch.telemetry.logs.reading import is_autopilot_log, read_autopilot_log
+from wingwatch.telemetry.maps import ChannelMap, MapError, apply_map, load_map, mentions, with_travel
 from wingwatch.telemetry.readers import RawTable, read_table
 from wingwatch.telemetry.sample import (
     CHANNEL_INDEX,
@@ -72,6 +74,7 @@ class FlightReport:
         unused: columns that are no channel and that the map does not name.
         ignored: columns that could not be read as a vector of numbers, each with the reason.
         notes: what was lost or doubtful, one clause each.
+        rates_hz: of an autopilot's log, the rate of new readings by channel; the table's rate is another.
     """
 
     rows_read: int
@@ -79,6 +82,7 @@ class FlightReport:
     unused: tuple[str, ...]
     ignored: tuple[str, ...]
     notes: tuple[str, ...]
+    rates_hz: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
@@ -119,21 +123,56 @@ class FlightTable:
         return tuple(name for name in self.block.present if name not in commands)
 
 
-def load_flight(path: Path, channel_map: ChannelMap | Path | None = None) -> FlightTable:
-    """A flight from a CSV, Parquet or MATLAB file.
+@dataclass(frozen=True, slots=True)
+class _Mapped:
+    """A file's channels under a map, rows of the flight alone, before completion."""
+
+    columns: dict[str, NDArray[np.float64]]
+    rules: ChannelMap
+    report: FlightReport
+    absent: str = ""
+    raw: RawTable | None = None
+
+
+def load_flight(
+    path: Path,
+    channel_map: ChannelMap | Path | None = None,
+    full_deflection_rad: Mapping[str, float] | None = None,
+) -> FlightTable:
+    """A flight from a CSV, Parquet or MATLAB file, or from an autopilot's log (ULog, DataFlash, telemetry log).
 
     Args:
-        path: the file.
-        channel_map: a map, its file, or None for a file that already carries the channels' names.
+        path: the file; its first bytes say what it is.
+        channel_map: a map, its file, or None for a file that already carries the channels' names and for a log of PX4
+            or ArduPilot.
+        full_deflection_rad: the aircraft's deflection at full travel by channel (``elevator_rad`` ...), for servo
+            signals whose map does not state it; a log's surfaces need it.
 
     Raises:
         TableError: the file cannot be read as a table.
+        LogError: the file cannot be read as a log, or holds no flight of a fixed-wing aircraft.
         MapError: the map cannot be read or does not fit the table.
         FlightError: no row is left, or a required channel is missing.
     """
-    raw = read_table(path)
     rules = load_map(channel_map) if isinstance(channel_map, Path) else channel_map
-    rules = ChannelMap(format=1) if rules is None else rules
+    read = _read_log if is_autopilot_log(path) else _read_columns
+    mapped = read(path, rules, full_deflection_rad or {})
+    columns, rules, source = mapped.columns, mapped.rules, str(path)
+    kinds = _command_kinds(columns, rules)
+    given = [name for name, column in columns.items() if np.isfinite(column).any()]
+    made = derivations(given)
+    block = complete(SampleBlock.from_columns(columns), given)
+    _demand_required(mapped.raw or source, mapped.report.unused, given, mapped.absent)
+    for name in SURFACE_CHANNELS:
+        if name in made and name not in kinds:
+            kinds[name] = "command" if made[name] == (_command_of(name),) else "position"
+    quality = _quality(block, rules, made)
+    return FlightTable(block, kinds, quality, source, mapped.report)
+
+
+def _read_columns(path: Path, channel_map: ChannelMap | None, travel_rad: Mapping[str, float]) -> _Mapped:
+    raw = read_table(path)
+    rules = with_travel(channel_map or ChannelMap(format=1), travel_rad)
     unused = _unused(raw, rules)
     _demand_required(raw, unused, {*raw.columns, *raw.doubled, *rules.channels})
     try:
@@ -144,20 +183,22 @@ def load_flight(path: Path, channel_map: ChannelMap | Path | None = None) -> Fli
     if rows.size == 0:
         raise FlightError(f"{path}: the map's window and filter leave none of the {len(raw)} rows")
     columns = {name: column[rows] for name, column in mapped.columns.items()}
-    kinds = _command_kinds(columns, rules)
     other = {name: raw.columns[name][rows] for name in unused}
+    kinds = _command_kinds(columns, rules)
     columns, noticed = settled(str(path), columns, rules, kinds, other, REQUIRED_CHANNELS)
-    given = [name for name, column in columns.items() if np.isfinite(column).any()]
-    made = derivations(given)
-    block = complete(SampleBlock.from_columns(columns), given)
-    _demand_required(raw, unused, given)
-    for name in SURFACE_CHANNELS:
-        if name in made and name not in kinds:
-            kinds[name] = "command" if made[name] == (_command_of(name),) else "position"
-    quality = _quality(block, rules, made)
     notes = (*raw.notes, *mapped.notes, *noticed)
-    report = FlightReport(len(raw), int(rows.size), unused, raw.ignored, notes)
-    return FlightTable(block, kinds, quality, str(path), report)
+    return _Mapped(
+        columns, rules, FlightReport(len(raw), int(rows.size), unused, raw.ignored, notes), raw=raw
+    )
+
+
+def _read_log(path: Path, channel_map: ChannelMap | None, travel_rad: Mapping[str, float]) -> _Mapped:
+    table = log_table(read_autopilot_log(path), channel_map, travel_rad)
+    rates = {name: facts.rate_hz for name, facts in table.channels.items()}
+    kept = int(table.columns["time_s"].size)
+    report = FlightReport(table.rows_read, kept, (), (), table.notes, rates)
+    absent = "; ".join(note for note in table.notes if "taken for absent" in note or " left out: " in note)
+    return _Mapped(dict(table.columns), table.rules, report, absent)
 
 
 def _with_columns(text: str, raw: RawTable) -> str:
@@ -255,7 +296,10 @@ def _quality(
     return quality
 
 
-def _demand_required(raw: RawTable, unused: tuple[str, ...], given: Collection[str]) -> None:
+def _demand_required(
+    source: RawTable | str, unused: tuple[str, ...], given: Collection[str], absent: str = ""
+) -> None:
+    """Refuses channels without which there is no flight; ``absent`` says what a log had and what became of it."""
     made = derivations(given)
     missing = [name for name in REQUIRED_CHANNELS if name not in given and name not in made]
     if not missing:
@@ -263,12 +307,16 @@ def _demand_required(raw: RawTable, unused: tuple[str, ...], given: Collection[s
     named = [f"{name} ({_ELSEWHERE[name]})" if name in _ELSEWHERE else name for name in missing]
     close = [(name, get_close_matches(name, unused, n=1)) for name in missing]
     hints = [f"does {name} come from {found[0]}?" for name, found in close if found]
+    if absent:
+        hints.append(absent)
     advice = f"; {' '.join(hints)}" if hints else f" (the file has {_listed(unused)})" if unused else ""
-    if "time_s" in missing and raw.stamps:
-        source = " + ".join(f"'{name}'" if " " in name else name for name in raw.stamps[:2])
-        advice = f', as time_s = {{ source = "{source}" }}{advice}'
-    said = f"{raw.source}: no values for {', '.join(named)}: name their columns in a channel map{advice}"
-    raise FlightError(_with_columns(said, raw))
+    said = f"no values for {', '.join(named)}: name their columns in a channel map"
+    if isinstance(source, str):
+        raise FlightError(f"{source}: {said}{advice}")
+    if "time_s" in missing and source.stamps:
+        stamp = " + ".join(f"'{name}'" if " " in name else name for name in source.stamps[:2])
+        advice = f', as time_s = {{ source = "{stamp}" }}{advice}'
+    raise FlightError(_with_columns(f"{source.source}: {said}{advice}", source))
 
 
 def _listed(names: tuple[str, ...], most: int = 8) -> str:

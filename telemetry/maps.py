@@ -23,10 +23,13 @@ __all__ = [
     "MapError",
     "RowSelection",
     "apply_map",
+    "channel_values",
+    "is_command",
     "load_map",
     "mentions",
     "parse_map",
     "undelayed",
+    "with_travel",
 ]
 
 _Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -68,9 +71,11 @@ class ChannelEntry(_Part):
         delay_s: how much the source lags; the flight table takes the value the source shows that much later.
         kind: whether a surface channel is a measured position or a command.
         quality: whether it was measured or derived by the logging system.
-        full_deflection_rad: angle at full travel, for the units ``norm`` and ``pwm``.
+        full_deflection_rad: angle at full travel, for the units ``norm`` and ``pwm``; where none is written that of
+            the aircraft counts (``with_travel``).
         neutral: servo signal at zero deflection.
         span: servo signal from neutral to full travel.
+        max_gap_s: of this channel, in place of the map's.
     """
 
     source: _Text
@@ -83,6 +88,7 @@ class ChannelEntry(_Part):
     full_deflection_rad: _Positive | None = None
     neutral: _Finite | None = None
     span: _Positive | None = None
+    max_gap_s: _Positive | None = None
 
 
 class ChannelMap(_Part):
@@ -131,8 +137,7 @@ def _check_entry(name: str, entry: ChannelEntry) -> None:
         raise ValueError(
             f"channel {name} has {min(given)}, which only the units {' and '.join(SERVO_UNITS)} take"
         )
-    wanted = set() if not servo else {"full_deflection_rad"} if si == "rad" else set()
-    wanted |= {"neutral", "span"} if entry.unit == "pwm" else set()
+    wanted = {"neutral", "span"} if entry.unit == "pwm" else set()
     if missing := sorted(wanted - given):
         raise ValueError(f"channel {name} in {entry.unit} needs {' and '.join(missing)}")
     if name == "time_s" and entry.delay_s != 0.0:
@@ -199,6 +204,27 @@ def _sentence(problem: ValidationError) -> str:
     return f"{where} = {first['input']!r}: {said}" if where else said
 
 
+def with_travel(channel_map: ChannelMap, travel_rad: Mapping[str, float]) -> ChannelMap:
+    """The map with the aircraft's deflections at full travel where it has servo signals and states none.
+
+    Args:
+        channel_map: any map.
+        travel_rad: deflection at full travel by channel, such as ``elevator_rad``; that of a surface's position
+            counts for its command and its halves.
+    """
+    channels = dict(channel_map.channels)
+    for name, entry in channel_map.channels.items():
+        travel = travel_rad.get(name) or travel_rad.get(f"{name.split('_')[0]}_rad")
+        if travel is not None and _lacks_travel(name, entry):
+            channels[name] = entry.model_copy(update={"full_deflection_rad": travel})
+    return channel_map.model_copy(update={"channels": channels})
+
+
+def _lacks_travel(name: str, entry: ChannelEntry) -> bool:
+    angle = CHANNELS[CHANNEL_INDEX[name]].unit == "rad"
+    return angle and entry.unit in SERVO_UNITS and entry.full_deflection_rad is None
+
+
 def apply_map(
     channel_map: ChannelMap,
     table: Mapping[str, NDArray[np.float64]],
@@ -234,7 +260,9 @@ def apply_map(
                 f"channel {name}: {entry.source} is a date or a time, read in seconds: leave its unit out"
             )
         given = name in channel_map.channels or entry.unit is not None
-        columns[name] = _channel(name, entry, table) if given else np.array(table[name], dtype=np.float64)
+        columns[name] = (
+            channel_values(name, entry, table) if given else np.array(table[name], dtype=np.float64)
+        )
     if converted:
         each = "; ".join(f"{', '.join(sources)} from {unit}" for unit, sources in converted.items())
         notes.append(f"converted by the units that the file states: {each}")
@@ -247,8 +275,10 @@ def apply_map(
     time_s = columns["time_s"]
     for name, entry in channel_map.channels.items():
         if entry.delay_s != 0.0:
-            held = _is_command(name, entry)
-            columns[name] = undelayed(time_s, columns[name], entry.delay_s, channel_map.max_gap_s, held)
+            held = is_command(name, entry)
+            columns[name] = undelayed(
+                time_s, columns[name], entry.delay_s, entry.max_gap_s or channel_map.max_gap_s, held
+            )
     return MappedColumns(columns, _rows(channel_map.rows, time_s, table), tuple(notes))
 
 
@@ -293,11 +323,25 @@ def mentions(text: str, name: str) -> bool:
     return False
 
 
-def _is_command(name: str, entry: ChannelEntry) -> bool:
+def is_command(name: str, entry: ChannelEntry) -> bool:
+    """Whether a channel's readings hold until the next one."""
     return entry.kind == "command" or name.endswith("_command_rad")
 
 
-def _channel(name: str, entry: ChannelEntry, table: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+def channel_values(
+    name: str, entry: ChannelEntry, table: Mapping[str, NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """A channel in its own unit as an entry makes it of a table's columns, row by row, its delay still in it.
+
+    Raises:
+        MapError: an expression that cannot be read, a column that is not there, or no deflection at full travel.
+    """
+    if _lacks_travel(name, entry):
+        surface = name.split("_")[0]
+        raise MapError(
+            f"channel {name} in {entry.unit} needs full_deflection_rad: write it into the map, or state "
+            f"[actuators.{surface}] position_limit_rad in the aircraft file"
+        )
     try:
         raw = evaluate(entry.source, table)
     except ExpressionError as problem:

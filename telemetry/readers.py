@@ -3,14 +3,15 @@
 from pathlib import Path
 
 from wingwatch.telemetry.tables.csv_file import is_text, read_csv
+from wingwatch.telemetry.tables.hdf5_columns import Hdf5Error, hdf5_columns
 from wingwatch.telemetry.tables.matlab_file import MATLAB_5_MAGIC, read_matlab
 from wingwatch.telemetry.tables.parquet_file import PARQUET_MAGIC, read_parquet
-from wingwatch.telemetry.tables.raw_table import RawTable, TableError
+from wingwatch.telemetry.tables.raw_table import RawTable, TableError, make_table
 
 __all__ = ["RawTable", "TableError", "read_table"]
 
 _HDF5_MAGICS = (b"\x89HDF", b"MATLAB 7.3")
-_FORMATS = "CSV, Parquet and MATLAB .mat (version 5 to 7)"
+_FORMATS = "CSV, Parquet and MATLAB .mat (version 5 to 7.3)"
 _MARKS = b"\xef\xbb\xbf\xff\xfe \t\r\n\0"
 
 
@@ -33,9 +34,17 @@ def read_table(path: Path) -> RawTable:
     if data.startswith(MATLAB_5_MAGIC):
         return read_matlab(str(path), data)
     if data.startswith(_HDF5_MAGICS):
-        raise TableError(f"{path}: this is a MATLAB 7.3 (HDF5) file: save it again with save(..., '-v7')")
+        return _read_hdf5(str(path), data)
     if not is_text(data):
         raise TableError(f"{path}: the format is not known; {_FORMATS} can be read")
     if not data.strip(_MARKS):
         raise TableError(f"{path}: the file is empty")
     return read_csv(str(path), data)
+
+
+def _read_hdf5(source: str, data: bytes) -> RawTable:
+    try:
+        columns, ignored = hdf5_columns(data)
+    except Hdf5Error as problem:
+        raise TableError(f"{source}: {problem}") from None
+    return make_table(source, "matlab", columns, ignored, [])

@@ -7,6 +7,7 @@ from wingwatch.cli.arguments.flights import (
     add_condition,
     add_diagnose,
     add_estimate,
+    add_log,
     add_monitor,
     add_publish,
 )
@@ -16,7 +17,7 @@ from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_si
 __all__ = ["build_parser"]
 
 _COMMANDS = (
-    add_demo, add_serve, add_publish, add_simulate, add_estimate, add_monitor, add_condition, add_diagnose,
+    add_demo, add_serve, add_publish, add_simulate, add_log, add_estimate, add_monitor, add_condition, add_diagnose,
     add_design_input, add_study, add_baseline, add_token, add_access, add_store,
 )  # fmt: skip
 """In the order of the help."""
@@ -25,6 +26,7 @@ _EXAMPLES = """\
 examples:
   wingwatch demo
   wingwatch simulate --aircraft aerosonde --effect icing:0.15@60+30 --seconds 150 --out flight.csv
+  wingwatch log flight.ulg --write-map map.toml
   wingwatch estimate flight.csv --aircraft aerosonde --history estimates.csv
   wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml --json
   wingwatch monitor logs/ --aircraft aerosonde --jobs 4
@@ -38,7 +40,8 @@ examples:
   wingwatch access uav1 uav2 --out access.json5
   wingwatch store backup data/wingwatch.db --out copy.db
 
-A flight is a CSV, Parquet or MATLAB file. A channel map (TOML) names its columns where they are not called as
+A flight is a CSV, Parquet or MATLAB file, or an autopilot's log (PX4's .ulg, ArduPilot's .bin and .log, .tlog).
+A channel map (TOML) names its columns where they are not called as
 the flight table has them. `wingwatch COMMAND --help` says more about each command.
 """
 

@@ -62,7 +62,9 @@ def add_commands(commands: Commands, name: str, does: str, examples: str, dest: 
 
 def add_flight(parser: argparse.ArgumentParser) -> None:
     """A flight file, the aircraft that flew it, and its channel map."""
-    parser.add_argument("flight", metavar="FLIGHT", type=Path, help="CSV, Parquet or MATLAB file")
+    parser.add_argument(
+        "flight", metavar="FLIGHT", type=Path, help="CSV, Parquet or MATLAB file, or an autopilot's log"
+    )
     add_aircraft_and_map(parser)
 
 

@@ -12,7 +12,7 @@ from wingwatch.cli.arguments.common import (
 )
 from wingwatch.cli.arguments.values import replay_speed
 
-__all__ = ["add_condition", "add_diagnose", "add_estimate", "add_monitor", "add_publish"]
+__all__ = ["add_condition", "add_diagnose", "add_estimate", "add_log", "add_monitor", "add_publish"]
 
 _STRUCTURES = (
     "short_period", "short_period_alpha", "phugoid", "longitudinal", "longitudinal_throttle", "dutch_roll",
@@ -33,8 +33,8 @@ def add_estimate(commands: Commands) -> None:
         metavar="FLIGHT",
         type=Path,
         nargs="+",
-        help="CSV, Parquet or MATLAB file; several are one after another, with common derivatives; of a folder, each "
-        "flight is one line by itself, the one furthest from what is expected first",
+        help="CSV, Parquet or MATLAB file, or an autopilot's log; several are one after another, with common "
+        "derivatives; of a folder, each flight is one line by itself, the one furthest from what is expected first",
     )
     add_aircraft_and_map(parser)
     add_jobs(parser)
@@ -72,6 +72,35 @@ def add_estimate(commands: Commands) -> None:
         type=Path,
         metavar="OUT",
         help="write every estimate of fourier and ekf over time to OUT (.csv or .parquet)",
+    )
+
+
+def add_log(commands: Commands) -> None:
+    """``wingwatch log``."""
+    parser = add_command(
+        commands,
+        "log",
+        "what a log holds before anyone writes a map: channels, rates, gaps, what is missing, which modes it serves",
+        "wingwatch log flight.ulg\n"
+        "  wingwatch log 00000042.BIN --aircraft my_aircraft.toml --write-map map.toml\n"
+        "  wingwatch log flight.tlog --json",
+    )
+    parser.add_argument(
+        "file",
+        metavar="FILE",
+        type=Path,
+        help="PX4's .ulg, ArduPilot's .bin or .log, a .tlog; CSV, Parquet or MATLAB",
+    )
+    parser.add_argument(
+        "--map", type=Path, metavar="MAP", help="channel map (TOML; default: the autopilot's)"
+    )
+    parser.add_argument(
+        "--aircraft",
+        metavar="A",
+        help="name in the library, or path of an aircraft file: what angle its surfaces have at full travel",
+    )
+    parser.add_argument(
+        "--write-map", type=Path, metavar="OUT.toml", help="write the map the log is read by, to be edited"
     )
 
 

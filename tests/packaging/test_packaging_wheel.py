@@ -84,6 +84,7 @@ def test_the_wheel_holds_every_file_of_the_packages_and_no_other(wheel: Path) ->
         ("wingwatch/api/pages/", ".css"),
         ("wingwatch/api/pages/", ".js"),
         ("wingwatch/baselines/migrations/versions/", ".py"),
+        ("wingwatch/telemetry/logs/ready/", ".toml"),
         ("wingwatch/telemetry/protocol/", "_pb2.py"),
         ("wingwatch/", "py.typed"),
     ],

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from wingwatch.telemetry import MapError, load_map, parse_map
-from wingwatch.telemetry.expressions import ExpressionError, evaluate, evaluate_filter
-from wingwatch.telemetry.maps import apply_map
+from wingwatch.telemetry.expressions import ExpressionError, evaluate, evaluate_filter, named_columns
+from wingwatch.telemetry.maps import apply_map, with_travel
 from wingwatch.telemetry.units import UNITS
 
 TABLE = {
@@ -244,10 +244,6 @@ class TestDelay:
             "channel latitude_deg has unit 'norm'; allowed: deg, rad",
         ),
         (
-            'format = 1\n[channels]\nelevator_rad = { source = "q", unit = "norm" }',
-            "needs full_deflection_rad",
-        ),
-        (
             'format = 1\n[channels]\nelevator_rad = { source = "q", unit = "pwm", full_deflection_rad = 1 }',
             "needs neutral and span",
         ),
@@ -266,6 +262,48 @@ def test_a_bad_map_is_one_sentence(text: str, said: str) -> None:
         parse_map(text, "my.toml")
     assert str(caught.value).startswith("my.toml: ")
     assert said in str(caught.value)
+
+
+def test_a_quaternion_gives_its_angles_and_other_calls_are_refused() -> None:
+    roll, pitch, heading = 0.3, -0.4, 2.5
+    half = [np.exp(0.5j * angle) for angle in (heading, pitch, roll)]
+    (ch, sh), (cp, sp), (cr, sr) = ((h.real, h.imag) for h in half)
+    elements = (
+        cr * cp * ch + sr * sp * sh, sr * cp * ch - cr * sp * sh, cr * sp * ch + sr * cp * sh,
+        cr * cp * sh - sr * sp * ch,
+    )  # fmt: skip
+    for sign in (1.0, -1.0):  # a quaternion and its negative are one attitude
+        table = {f"att[0].q[{i}]": np.full(2, sign * value) for i, value in enumerate(elements)}
+        for name, angle in (("roll", roll), ("pitch", pitch), ("heading", heading)):
+            np.testing.assert_allclose(evaluate(f"euler_{name}(att.q)", table), angle, atol=1e-12)
+    assert evaluate("2 * sin(a) + cos(0)", {"a": np.array([0.0, 1.0])})[1] == pytest.approx(
+        2 * np.sin(1.0) + 1.0
+    )
+    assert named_columns("euler_roll(att.q) + IMU.GyrX * sin(b)") == (
+        "att[0].q[0]", "att[0].q[1]", "att[0].q[2]", "att[0].q[3]", "IMU[0].GyrX", "b"
+    )  # fmt: skip
+    for text in ("open(a)", "sin(a, a)", "sin(a=a)", "a.real(a)", "sin(sin)", "euler_roll(a + a)"):
+        with pytest.raises(ExpressionError):
+            evaluate(text, {"a": np.zeros(2)})
+
+
+def test_a_servo_signal_takes_the_travel_of_its_aircraft_where_the_map_states_none() -> None:
+    table = {"time_s": np.arange(3.0), "e": np.array([-1.0, 0.0, 0.5]), "a": np.array([0.1, 0.2, 0.3])}
+    text = 'format = 1\n[channels]\nelevator_rad = { source = "e", unit = "norm" }\n'
+    stated = parse_map(text + 'aileron_rad = { source = "a", unit = "norm", full_deflection_rad = 0.3 }')
+    with pytest.raises(
+        MapError, match=r"channel elevator_rad in norm needs full_deflection_rad: .*actuators.elev"
+    ):
+        apply_map(stated, table)
+    full = with_travel(stated, {"elevator_rad": 0.4, "aileron_rad": 0.9})
+    columns = apply_map(full, table).columns
+    assert columns["elevator_rad"].tolist() == [-0.4, 0.0, 0.2]
+    np.testing.assert_allclose(columns["aileron_rad"], [0.03, 0.06, 0.09])
+    command = parse_map('format = 1\n[channels]\nrudder_command_rad = { source = "e", unit = "norm" }')
+    np.testing.assert_allclose(
+        apply_map(with_travel(command, {"rudder_rad": 0.5}), table).columns["rudder_command_rad"],
+        [-0.5, 0.0, 0.25],
+    )
 
 
 def test_a_map_that_does_not_fit_its_table_says_which_channel_and_column() -> None:

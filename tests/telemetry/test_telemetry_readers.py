@@ -143,10 +143,6 @@ class TestMatlab:
             with pytest.raises(TableError, match=r"log.mat: the MATLAB file (is truncated|holds no vector)"):
                 read_table(write(path, whole[:length]))
 
-    def test_version_7_3_is_named_with_the_way_out(self, tmp_path: Path) -> None:
-        with pytest.raises(TableError, match="-v7"):
-            read_table(write(tmp_path / "a.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + b"\0" * 500))
-
 
 def test_a_missing_file_and_a_folder_are_named(tmp_path: Path) -> None:
     with pytest.raises(TableError, match=r"none.csv: there is no such file"):
