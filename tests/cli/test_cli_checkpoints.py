@@ -71,7 +71,7 @@ def test_damaged_cut_and_foreign_files_cost_one_sentence_each_and_nothing_else(
     paths = sorted(tmp_path.iterdir())
     data = [path.read_bytes() for path in paths]
     paths[0].write_bytes(data[0][:-100])
-    paths[1].write_bytes(data[1].replace(b"wingwatch-checkpoint 2", b"wingwatch-checkpoint 9", 1))
+    paths[1].write_bytes(data[1].replace(b"wingwatch-checkpoint 3", b"wingwatch-checkpoint 9", 1))
     broken = bytearray(data[2])
     broken[len(broken) // 2] ^= 1
     paths[2].write_bytes(broken)

@@ -228,7 +228,7 @@ def test_a_checkpoint_is_small_and_says_what_it_is(cases: dict[str, Case]) -> No
         monitor.feed(piece)
     data = as_bytes(monitor, case.flight.present)
     assert len(data) < 800_000
-    assert data.startswith(b"wingwatch-checkpoint 2 ")
+    assert data.startswith(b"wingwatch-checkpoint 3 ")
     assert data.partition(b"\n")[0].endswith(b" f/v")
 
 
