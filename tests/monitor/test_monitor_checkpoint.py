@@ -245,8 +245,8 @@ def test_damaged_and_foreign_checkpoints_are_refused_with_a_clause() -> None:
         data[: len(data) // 2]: "checksum",
         data + b"x": "checksum",
         data[:-1] + bytes([data[-1] ^ 1]): "checksum",
-        b" ".join((magic, b"3", layout, checksum, name)) + b"\n" + state: "in another form",
-        b" ".join((magic, b"2", b"0" * 16, checksum, name)) + b"\n" + state: "in another form",
+        b" ".join((magic, b"2", layout, checksum, name)) + b"\n" + state: "in another form",
+        b" ".join((magic, b"3", b"0" * 16, checksum, name)) + b"\n" + state: "in another form",
     }
     for bad, words in foreign.items():
         with pytest.raises(CheckpointError, match=words):
