@@ -23,13 +23,16 @@ from wingwatch.monitor.redundancy.evidence import (
 )
 from wingwatch.monitor.redundancy.hypotheses import USED_BY, Hypothesis, recovery_from
 from wingwatch.monitor.redundancy.layout import (
+    AIRSPEED,
     ALPHA,
     BETA,
+    EAST,
     FLOORS,
     FLOW,
     GUST_FELT,
     GUSTY,
     LIFT,
+    NORTH,
     PRIORS,
     RELATIONS,
     ROLLING,
@@ -94,6 +97,8 @@ _COLOURED = 1e3
 _OUT_OF_MEASURE = 1e30
 _N, _ROWS = len(RELATIONS), len(ROWS)
 _FLOW = list(FLOW)
+_SAME_GUSTS = [AIRSPEED, NORTH, EAST]
+"""The gusts along the path move all of them: where all are there, each says half of what it would alone."""
 _TELLS_AIR = np.isin(np.arange(_N), _FLOW)
 _FEELS_AIR = np.array(ROWS) >= LIFT
 """Rows whose errors are white from sample to sample, not over ten seconds: in air rougher than moderate their segments'
@@ -192,10 +197,15 @@ class RedundancyWatch:
         drift = np.array([RELATIONS[i].drift for i in ROWS])
         drift[_N:] = self._rough_drift[list(GUSTY)]
         self._drift = drift
+        self._least_scatter = np.where(
+            np.isin(ROWS, _SAME_GUSTS) & self.model.active[_SAME_GUSTS].all(), 2.0, 1.0
+        )
 
     def init(self) -> RedundancyState:
         """Before the first sample."""
-        return RedundancyState(new_memory(self._drift), new_segment())
+        state = RedundancyState(new_memory(self._drift), new_segment())
+        state.reference.scatter[:] = self._least_scatter
+        return state
 
     def feed(self, state: RedundancyState, block: SampleBlock) -> Iterable[Second]:
         """Take in clean samples; yields what each segment that ends in them leads to."""
@@ -384,7 +394,7 @@ class RedundancyWatch:
         followed = scatter[said] * (1.0 + seconds / _SCATTER_S * (score[said] - 1.0))
         drift = state.memory.scalar[:, DRIFT]
         rough = max(1.0, float(np.max(drift[_FLOW] / self._rough_drift[_FLOW], initial=1.0)))
-        least = np.where(_FEELS_AIR, rough, 1.0)
+        least = self._least_scatter * np.where(_FEELS_AIR, rough, 1.0)
         scatter[said] = np.maximum(least[said], followed)
 
     def _thin_out(self, state: RedundancyState, which: Flags, quiet: bool) -> None:
