@@ -222,7 +222,7 @@ class RedundancyBook:
             return self._grown(state, known, best, second)
         if (airframe_alarmed or self.state.active) and best.hypothesis.kind == "unexplained":
             return []
-        if airframe_alarmed and best.hypothesis.is_of_airframe:
+        if airframe_alarmed and (best.hypothesis.is_of_airframe or _is_like_drag(best.hypothesis)):
             return []
         late = best.hypothesis.late
         clear = probability >= (CORRECTED if late else CLEAR) and best.hypothesis.cause != "unknown"
@@ -288,6 +288,11 @@ class RedundancyBook:
             text=text, evidence=(), channel=h.channel or None,
             candidates=candidates if len(candidates) > 1 or h.cause == "drag" else (),
         )  # fmt: skip
+
+
+def _is_like_drag(hypothesis: Hypothesis) -> bool:
+    """Whether growing drag, as of ice, would be taken for it: less thrust, or an accelerometer off along x."""
+    return hypothesis.cause == "thrust_loss" or hypothesis.channel == "specific_force_x_m_s2"
 
 
 def _hidden(cause: str, channel: str) -> str:
