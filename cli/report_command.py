@@ -43,19 +43,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _result(content: FlightContent, out: Path, size: int) -> dict[str, Any]:
     """What ``monitor`` and ``estimate`` give, and the fit of each manoeuvre."""
-    found = watched_object(
-        content.watched,
-        list(content.alerts),
-        {k: list(v) for k, v in content.evidence.items()},
-        list(content.could_see),
-    )
+    found = watched_object(content.watched, content.alerts, content.evidence, content.could_see)
     fit = [
         {
             "structure": one.structure, "from_s": float(one.time_s[0]), "to_s": float(one.time_s[-1]),
             "estimator": one.estimator, "surface_rms_rad": one.moved_rad,
             "channels": {
                 channel.name: {
-                    "r_squared": channel.r_squared, "tic": channel.tic, "r_squared_expected": channel.r_squared_expected,
+                    "r_squared": channel.r_squared, "tic": channel.tic,
+                    "r_squared_expected": channel.r_squared_expected,
                 }
                 for channel in one.channels
             },

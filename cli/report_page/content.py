@@ -47,9 +47,9 @@ class FlightContent:
     clean: SampleBlock
     course: Course
     derivatives: Mapping[str, Any]
-    alerts: Sequence[AlertDocument]
-    evidence: Mapping[str, Sequence[Mapping[str, Any]]]
-    could_see: Sequence[CouldSeeDocument]
+    alerts: list[AlertDocument]
+    evidence: Mapping[str, list[dict[str, Any]]]
+    could_see: list[CouldSeeDocument]
     quantities: Mapping[str, Mapping[str, Sequence[ModeQuantity]]]
     manoeuvres: Sequence[PredictedManoeuvre] = ()
     not_predicted: Sequence[str] = ()

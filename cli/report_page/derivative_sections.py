@@ -30,8 +30,8 @@ def derivatives_section(c: FlightContent) -> str:
     """Section 4."""
     parts = [
         paragraph(
-            "Lines are estimates, bands their 95 % intervals. A line begins where the derivative becomes observable, and "
-            "has a gap where it is not."
+            "Lines are estimates, bands their 95 % intervals. A line begins where the derivative becomes "
+            "observable, and has a gap where it is not."
         ),
         key(
             ("after", "Fourier estimator"), ("before", "filter (ekf)"), ("quiet", "expected, 95 %"),
@@ -87,8 +87,8 @@ def modes_section(c: FlightContent) -> str:
     rows = []
     for courses in c.quantities.values():
         for estimator, quantities in courses.items():
-            for mode in dict.fromkeys(q.mode for q in quantities):
-                rows.append(_mode_row(estimator, mode, [q for q in quantities if q.mode == mode]))
+            names = dict.fromkeys(q.mode for q in quantities)
+            rows += [_mode_row(estimator, mode, [q for q in quantities if q.mode == mode]) for mode in names]
     rows.sort(key=lambda row: row[0])
     if not rows:
         return section("modes", "5. Modes", paragraph("No mode is known at the end of the flight."))
@@ -104,7 +104,8 @@ def modes_section(c: FlightContent) -> str:
         "modes", "5. Modes",
         table(("mode", "estimator", "natural frequency, rad/s", "damping ratio", "time constant, s"), rows),
         paragraph(
-            "At the end of the flight, with standard errors. A negative damping ratio or time constant is a divergence.",
+            "At the end of the flight, with standard errors. A negative damping ratio or time constant is a "
+            "divergence.",
             "legend",
         ),
         grid(charts),

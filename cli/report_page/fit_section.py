@@ -34,9 +34,9 @@ def fit_section(c: FlightContent) -> str:
     names = dict.fromkeys(one.structure for one in c.manoeuvres)
     parts = [_of_mode([one for one in c.manoeuvres if one.structure == name]) for name in names]
     said = paragraph(
-        "The linear model flies open loop through still air by the measured surfaces, with the derivatives as they were "
-        "known at the end of the manoeuvre (one that was not observable as expected). R2 is the part of the measured "
-        "variation that it follows: 100 % is perfect, below 0 worse than no model. Gusts, which no model knows, lower it."
+        "The linear model flies open loop through still air by the measured surfaces, with the derivatives known at "
+        "the end of the manoeuvre; one that was not observable is taken as expected. R2 is the part of the measured "
+        "variation that the model follows: 100 % is perfect, below 0 is worse than no model. Gusts lower it."
     )
     left = items(f"{spaced(note[:1].upper() + note[1:])}." for note in c.not_predicted)
     if not parts:
