@@ -51,7 +51,7 @@ def _result(content: FlightContent, out: Path, size: int) -> dict[str, Any]:
             "channels": {
                 channel.name: {
                     "r_squared": channel.r_squared, "tic": channel.tic,
-                    "r_squared_expected": channel.r_squared_expected,
+                    "r_squared_expected": channel.r_squared_expected, "left_over_noise": channel.over_noise,
                 }
                 for channel in one.channels
             },

@@ -4,6 +4,7 @@ The model flies open loop through still air by the measured surfaces. Its initia
 accelerometer biases are fitted by least squares, as output error has them; derivatives are not.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from wingwatch.estimators.batch.output_error_problem import (
     problem_of,
     start_at,
 )
+from wingwatch.estimators.batch.regression import common_forces, sensor_noise
 from wingwatch.monitor.chain import nominal_condition
 from wingwatch.telemetry import INPUT_CHANNELS, FlightTable, SampleBlock
 
@@ -32,6 +34,10 @@ Array = NDArray[np.float64]
 _LEAST_RAD = 2e-3
 _OF_LARGEST = 0.3
 """A window is a manoeuvre where a surface moves by so much (rms), and by this part of its largest window."""
+
+
+_TRIM_S = 2.0
+"""What is slower is trim."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +65,8 @@ class MotionChannel:
         estimated, expected: of the model by the derivatives estimated and expected; NaN where they are not known.
         r_squared, r_squared_expected: part of the measured variation that each of them follows.
         tic: Theil's coefficient of the first.
+        over_noise: rms of what the first leaves over that of the sensor's own noise; 1 is perfect, NaN where the noise
+            is not known.
     """
 
     name: str
@@ -68,6 +76,7 @@ class MotionChannel:
     r_squared: float
     r_squared_expected: float
     tic: float
+    over_noise: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +84,7 @@ class PredictedManoeuvre:
     """One manoeuvre of one structure.
 
     Attributes:
-        moved_rad: rms of the surface that moved most.
+        moved_rad: rms of the surface that moved most, slow trim left out.
         estimator: whose derivatives were taken.
     """
 
@@ -127,7 +136,7 @@ def _of_structure(
         raise ValueError(f"missing {', '.join(missing)}")
     shape = flight_form(flight, aircraft, nominal, form, analysis_band_hz(aircraft, structure))
     parts = flight_manoeuvres(structure, shape, [block])
-    moved = np.array([part.inputs.std(axis=0) for part in parts]).reshape(len(parts), -1)
+    moved = np.array([_moved(part) for part in parts]).reshape(len(parts), -1)
     least = np.maximum(_LEAST_RAD, _OF_LARGEST * moved.max(axis=0, initial=0.0))
     found = []
     for part, size in zip(parts, moved, strict=True):
@@ -139,6 +148,15 @@ def _of_structure(
     if not found:
         raise ValueError("no surface of it moved enough while its derivatives were known")
     return found
+
+
+def _moved(part: Manoeuvre) -> Array:
+    """Rms of each input about its running mean: an autopilot that trims a climb excites nothing."""
+    length = max(3, min(len(part), round(_TRIM_S / part.dt)))
+    window = np.ones(length) / length
+    norm = np.convolve(np.ones(len(part)), window, mode="same")
+    slow = [np.convolve(column, window, mode="same")[: len(part)] / norm for column in part.inputs.T]
+    return np.asarray(np.sqrt(np.mean((part.inputs - np.column_stack(slow)) ** 2, axis=0)))
 
 
 def _with_resting_surfaces(clean: SampleBlock, structure: ModeStructure) -> SampleBlock:
@@ -157,6 +175,9 @@ def _predicted(part: Manoeuvre, derivatives: Derivatives, moved_rad: float) -> P
         _flown(problem, _referred(part, value, derivatives.condition))
         for value in (derivatives.value, derivatives.expected)
     )
+    noise = sensor_noise([part], common_forces([part]))
+    ns = len(part.config.structure.states)
+    noise = np.concatenate([noise[:ns], noise[ns:][problem.forces]])
     channels = []
     for c, name in enumerate(channel_names(problem)):
         if not problem.used[0][:, c].all():
@@ -167,6 +188,7 @@ def _predicted(part: Manoeuvre, derivatives: Derivatives, moved_rad: float) -> P
             MotionChannel(
                 name, measured, estimated[:, c], expected[:, c], r_squared,
                 _fit(name, measured, expected[:, c])[0], tic,
+                _over(measured - estimated[:, c], float(noise[c])),
             )
         )  # fmt: skip
     return PredictedManoeuvre(
@@ -203,6 +225,12 @@ def _flown(problem: Problem, theta: Array) -> Array:
         parameters[problem.place(0)] += step
         point = evaluate(problem, parameters)
     return point.outputs[0]
+
+
+def _over(left: Array, noise_variance: float) -> float:
+    """Rms over that of the noise."""
+    size = float(np.std(left))
+    return size / math.sqrt(noise_variance) if noise_variance > 0.0 and math.isfinite(size) else math.nan
 
 
 def _fit(name: str, measured: Array, predicted: Array) -> tuple[float, float]:

@@ -17,9 +17,9 @@ __all__ = ["Band", "Chart", "Line", "Mark", "Strip", "chart_html", "grid", "stri
 
 Array = NDArray[np.float64]
 
-WIDTH, HEIGHT = 420, 190
-_LEFT, _RIGHT, _TOP, _BOTTOM = 54, 10, 6, 24
-_ROW, _LABEL = 16, 74
+WIDTH, HEIGHT = 340, 165
+_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 6, 24
+_ROW, _LABEL = 15, 52
 _MOST_POINTS = 320
 
 
@@ -173,7 +173,7 @@ class _Frame:
         """The lower axis."""
         width, height = self._size
         parts = []
-        for value in _ticks(*self._x, 5):
+        for value in _ticks(*self._x, 4):
             x = self.x(value)
             parts.append(f'<path class="rule" d="M{x:.1f} 0V{height}"/>')
             if x < width - 34 or not unit:

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import ModeStructure
 from wingwatch.diagnosis.predicted_motion import Derivatives
+from wingwatch.estimators import offsets, referred_scale
 from wingwatch.monitor import Report, VehicleMonitor
 
-__all__ = ["Course", "ModeCourse"]
+__all__ = ["ESTIMATOR_NAMES", "Course", "ModeCourse"]
 
 Array = NDArray[np.float64]
 
-ESTIMATORS = ("fourier", "ekf")
+ESTIMATOR_NAMES = {"fourier": "Fourier estimator", "ekf": "filter"}
 INSTANTS = 300
 """At most so many of a flight."""
 
@@ -38,6 +39,29 @@ class ModeCourse:
         """One number of a derivative over time; NaN where it is not known."""
         rows = (one["derivatives"][symbol].get(key) for one in self.objects)
         return np.array([np.nan if value is None else value for value in rows], dtype=np.float64)
+
+    @property
+    def usual_condition(self) -> tuple[float, float, float, float]:
+        """Median condition of the estimates, as ``Estimate`` has it."""
+        known = np.array(self.conditions)
+        known = known[np.isfinite(known[:, :3]).all(axis=1)]
+        airspeed, altitude, density, alpha = np.median(known, axis=0) if len(known) else np.full(4, np.nan)
+        return float(airspeed), float(altitude), float(density), float(alpha)
+
+    def referred(self, symbol: str, condition: tuple[float, float, float, float]) -> dict[str, Array]:
+        """Numbers of a derivative over time as they would be at one condition: its changes are then the aircraft's."""
+        airspeed, _, density, alpha = condition
+        place = self.structure.derivatives.index(symbol)
+        at = np.array(self.conditions)
+        scale = referred_scale(self.structure, at[:, 0], at[:, 2], (airspeed, density))[:, place]
+        moved = offsets(self.structure, at[:, 0], at[:, 3])[:, place]
+        there = float(offsets(self.structure, airspeed, alpha)[place])
+        found = {}
+        for key in ("value", "expected"):
+            found[key] = (self.derivative(symbol, key) - moved) / scale + there
+            error = "standard_error" if key == "value" else "expected_standard_error"
+            found[error] = self.derivative(symbol, error) / scale
+        return found
 
     def outcomes(self, symbol: str) -> list[str]:
         """Of a derivative over time."""

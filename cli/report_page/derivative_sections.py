@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import MODEL_DERIVATIVES, ModeQuantity
 from wingwatch.cli.alert_texts import spaced
 from wingwatch.cli.report_page.content import FlightContent
-from wingwatch.cli.report_page.course import ModeCourse
+from wingwatch.cli.report_page.course import ESTIMATOR_NAMES, ModeCourse
 from wingwatch.cli.report_page.flight_sections import key
 from wingwatch.pages.chart import Band, Chart, Line, Mark, chart_html, grid
 from wingwatch.pages.markup import paragraph, section, table
@@ -22,7 +22,6 @@ Array = NDArray[np.float64]
 
 TWO_SIDED_95 = 1.96
 KINDS = {"fourier": "after", "ekf": "before"}
-NAMES = {"fourier": "Fourier", "ekf": "filter"}
 _SHOWN = ("converged", "settling")
 
 
@@ -31,7 +30,8 @@ def derivatives_section(c: FlightContent) -> str:
     parts = [
         paragraph(
             "Lines are estimates, bands their 95 % intervals. A line begins where the derivative becomes "
-            "observable, and has a gap where it is not."
+            "observable, and has a gap where it is not. All are referred to one airspeed and density, "
+            "so what changes is the aircraft; the table at the end has them where they were measured."
         ),
         key(
             ("after", "Fourier estimator"), ("before", "filter (ekf)"), ("quiet", "expected, 95 %"),
@@ -40,7 +40,13 @@ def derivatives_section(c: FlightContent) -> str:
     ]  # fmt: skip
     for name, courses in c.course.modes.items():
         symbols = next(iter(courses.values())).structure.derivatives
+        airspeed, _, density, _ = next(iter(courses.values())).usual_condition
         parts.append(f"<h3>{spaced(name).capitalize()}</h3>")
+        parts.append(
+            paragraph(
+                f"At {number(airspeed)} m/s and {number(density)} kg/m³, the flight's median.", "legend"
+            )
+        )
         parts.append(grid(_derivative_chart(c, courses, symbol) for symbol in symbols))
     return section("derivatives", "4. Derivatives over time", *parts)
 
@@ -51,35 +57,45 @@ def _derivative_chart(c: FlightContent, courses: Mapping[str, ModeCourse], symbo
     lines, bands, ends = [], [], []
     first = next(iter(courses.values()))
     time_s = np.array(first.time_s)
-    expected, spread = (first.derivative(symbol, k) for k in ("expected", "expected_standard_error"))
-    low, high = expected - TWO_SIDED_95 * spread, expected + TWO_SIDED_95 * spread
+    condition = first.usual_condition
+    found = first.referred(symbol, condition)
+    expected, spread = found["expected"], TWO_SIDED_95 * found["expected_standard_error"]
+    low, high = expected - spread, expected + spread
     bands.append(Band(time_s, low, high, "quiet"))
     lines.append(Line(time_s, expected, "quiet"))
-    ends += [low, high]
+    ends.append(expected)
     for estimator, course in courses.items():
         at_s = np.array(course.time_s)
         shown = np.array([outcome in _SHOWN for outcome in course.outcomes(symbol)])
-        value = np.where(shown, course.derivative(symbol, "value"), np.nan)
-        error = TWO_SIDED_95 * course.derivative(symbol, "standard_error")
+        found = course.referred(symbol, condition)
+        value = np.where(shown, found["value"], np.nan)
+        error = TWO_SIDED_95 * found["standard_error"]
         bands.append(Band(at_s, value - error, value + error, KINDS[estimator]))
         lines.append(Line(at_s, value, KINDS[estimator]))
         late = slice(len(at_s) // 10, None)
         ends += [(value - error)[late], (value + error)[late]]
     chart = Chart(
-        symbol, known.unit, lines, bands, tuple(Mark(a.raised_s) for a in c.alerts), c.span_s, _limits(ends),
+        symbol, known.unit, lines, bands, tuple(Mark(a.raised_s) for a in c.alerts), c.span_s,
+        _limits(ends, (low, high)),
         described=known.meaning,
     )  # fmt: skip
     return chart_html(chart)
 
 
-def _limits(columns: Sequence[Array]) -> tuple[float, float] | None:
-    """What nearly all of it spans: a first interval that is ten times wider must not flatten the rest."""
+def _limits(columns: Sequence[Array], around: Sequence[Array] = ()) -> tuple[float, float] | None:
+    """What nearly all of the columns span, for a first interval that is ten times wider must not flatten the rest.
+
+    What lies ``around`` is shown as far as it leaves them a third of the height.
+    """
     values = np.concatenate(columns)
     values = values[np.isfinite(values)]
     if not values.size:
         return None
     low, high = np.percentile(values, (3.0, 97.0))
-    return float(low), float(high)
+    size = high - low
+    wide = np.concatenate([(low, high), *around])
+    wide = wide[np.isfinite(wide)]
+    return float(max(low - size, wide.min())), float(min(high + size, wide.max()))
 
 
 def modes_section(c: FlightContent) -> str:
@@ -118,7 +134,7 @@ def _mode_row(estimator: str, mode: str, quantities: Sequence[ModeQuantity]) -> 
         return " and ".join(with_error(q.value, q.standard_error) for q in found) or "-"
 
     return (
-        spaced(mode), NAMES[estimator], text("natural_frequency_rad_s"), text("damping_ratio"),
+        spaced(mode), ESTIMATOR_NAMES[estimator], text("natural_frequency_rad_s"), text("damping_ratio"),
         text("time_constant_s", "time_constant_1_s", "time_constant_2_s"),
     )  # fmt: skip
 
@@ -163,7 +179,10 @@ def table_section(c: FlightContent) -> str:
             "unit",
             "outcome",
         )
-        parts += [f"<h3>{spaced(structure).capitalize()}</h3>", table(head, rows)]
+        parts += [
+            f"<h3>{spaced(structure).capitalize()}</h3>",
+            f'<div class="symbols">{table(head, rows)}</div>',
+        ]
     return section("table", "Derivatives at the end of the flight", *parts, _meanings(c))
 
 
@@ -171,7 +190,7 @@ def _row(symbol: str, estimator: str, row: Mapping[str, Any]) -> tuple[str, ...]
     numbers = (row.get(k) for k in ("value", "standard_error", "expected", "expected_standard_error"))
     value, error, expected, spread = (math.nan if n is None else float(n) for n in numbers)
     return (
-        symbol, NAMES[estimator], number(value, 4), number(error, 2), number(expected, 4), number(spread, 2),
+        symbol, ESTIMATOR_NAMES[estimator], number(value, 4), number(error, 2), number(expected, 4), number(spread, 2),
         str(row["unit"]), spaced(row["outcome"]),
     )  # fmt: skip
 

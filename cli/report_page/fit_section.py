@@ -7,11 +7,12 @@ import numpy as np
 
 from wingwatch.cli.alert_texts import spaced
 from wingwatch.cli.report_page.content import FlightContent
-from wingwatch.cli.report_page.derivative_sections import NAMES
+from wingwatch.cli.report_page.course import ESTIMATOR_NAMES
 from wingwatch.cli.report_page.flight_sections import key
 from wingwatch.diagnosis.predicted_motion import MotionChannel, PredictedManoeuvre
 from wingwatch.pages.chart import Chart, Line, chart_html, grid
 from wingwatch.pages.markup import items, paragraph, section, table
+from wingwatch.pages.texts import number
 
 __all__ = ["fit_section"]
 
@@ -36,7 +37,8 @@ def fit_section(c: FlightContent) -> str:
     said = paragraph(
         "The linear model flies open loop through still air by the measured surfaces, with the derivatives known at "
         "the end of the manoeuvre; one that was not observable is taken as expected. R2 is the part of the measured "
-        "variation that the model follows: 100 % is perfect, below 0 is worse than no model. Gusts lower it."
+        "variation that the model follows: 100 % is perfect, below 0 is worse than no model. Gusts "
+        "lower it, and so does the sensor's noise: what is left over that noise is 1 where the fit is perfect."
     )
     left = items(f"{spaced(note[:1].upper() + note[1:])}." for note in c.not_predicted)
     if not parts:
@@ -53,14 +55,19 @@ def _of_mode(manoeuvres: Sequence[PredictedManoeuvre]) -> str:
     head = ["manoeuvre", "surface, rms", "estimator"]
     channels = [channel.name for channel in kept[0].channels]
     for name in channels:
-        head += [f"{_named(name)}, R2", "expected"]
+        head += [f"{_named(name)}, R2 (as expected)", "left over noise"]
     rows = [_row(one, channels) for one in kept]
-    more = len(manoeuvres) - len(kept)
     chosen = list(dict.fromkeys((0, len(kept) // 2, len(kept) - 1)))
-    charts = [_chart(kept[k], channel) for k in chosen for channel in kept[k].channels]
-    return f"<h3>{spaced(manoeuvres[0].structure).capitalize()}</h3>{grid(charts)}{table(head, rows)}" + (
-        paragraph(f"and {more} more in which the surfaces moved less", "legend") if more > 0 else ""
-    )
+    charts = "".join(_charts(kept[k]) for k in chosen)
+    more = len(manoeuvres) - len(kept)
+    left = paragraph(f"and {more} more in which the surfaces moved less", "legend") if more > 0 else ""
+    title = spaced(manoeuvres[0].structure).capitalize()
+    return f'<h3>{title}</h3>{charts}<div class="symbols">{table(head, rows)}</div>{left}'
+
+
+def _charts(one: PredictedManoeuvre) -> str:
+    said = f"{_when(one)}, derivatives by the {ESTIMATOR_NAMES.get(one.estimator, one.estimator)}"
+    return paragraph(said, "legend") + grid(_chart(one, channel) for channel in one.channels)
 
 
 def _named(name: str) -> str:
@@ -72,13 +79,14 @@ def _row(one: PredictedManoeuvre, channels: Sequence[str]) -> tuple[str, ...]:
     cells = []
     for name in channels:
         channel = found.get(name)
-        cells += (
-            ["-", "-"]
-            if channel is None
-            else [_percent(channel.r_squared), _percent(channel.r_squared_expected)]
-        )
+        cells += ["-", "-"] if channel is None else _cells(channel)
     moved = f"{math.degrees(one.moved_rad):.1f} deg"
-    return (_when(one), moved, NAMES.get(one.estimator, one.estimator), *cells)
+    return (_when(one), moved, ESTIMATOR_NAMES.get(one.estimator, one.estimator), *cells)
+
+
+def _cells(channel: MotionChannel) -> list[str]:
+    both = f"{_percent(channel.r_squared)} ({_percent(channel.r_squared_expected)})"
+    return [both, number(channel.over_noise, 2)]
 
 
 def _percent(part: float) -> str:
@@ -104,5 +112,5 @@ def _chart(one: PredictedManoeuvre, channel: MotionChannel) -> str:
     ends = [(float(y.min()), float(y.max())) for y in known if y.size]
     low = max(min(a for a, _ in ends), float(measured.min()) - room)
     high = min(max(b for _, b in ends), float(measured.max()) + room)
-    title = f"{name.capitalize()}, {_when(one)}: R2 {_percent(channel.r_squared)}"
-    return chart_html(Chart(title, unit, lines, y_range=(low, high)))
+    said = f"{unit}, R2 {_percent(channel.r_squared)}".removeprefix(", ")
+    return chart_html(Chart(name.capitalize(), said, lines, y_range=(low, high)))

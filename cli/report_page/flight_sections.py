@@ -104,9 +104,9 @@ def _track(c: FlightContent) -> tuple[str, str]:
     east = _EARTH_M * (longitude - longitude[0]) * math.cos(float(latitude.mean()))
     every = max(1, north.size // 1500)
     chart = Chart(
-        "Track from the first position", "m north over m east",
+        "Track from the first position", "m, north is up",
         (Line(east[::every], north[::every]), Line(east[:1], north[:1], "dots")),
-        x_unit="m", square=True, described="North is up; the dot is the start.",
+        x_unit="m", square=True, described="The dot is the start.",
     )  # fmt: skip
     return chart_html(chart), ""
 

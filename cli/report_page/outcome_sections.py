@@ -4,19 +4,20 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from wingwatch.api import AlertDocument
+from wingwatch.api import AlertDocument, CouldSeeDocument
 from wingwatch.cli.alert_texts import candidate_text, plus_minus, smallest_size_text, spaced
 from wingwatch.cli.flight_clocks import on_clock
 from wingwatch.cli.report_page.content import FlightContent
-from wingwatch.cli.report_page.course import ModeCourse
+from wingwatch.cli.report_page.course import ESTIMATOR_NAMES, ModeCourse
 from wingwatch.cli.report_page.flight_sections import key, surface_charts
+from wingwatch.diagnosis.summary import display
 from wingwatch.pages.chart import Strip, grid, strips_html
 from wingwatch.pages.markup import items, paragraph, section, table
 
 __all__ = ["excited_section", "headline", "outcome_section"]
 
 _KINDS = {"converged": "good", "settling": "way", "not_observable": "none", "rejected": "bad"}
-ESTIMATOR_NAMES = {"fourier": "Fourier", "ekf": "filter"}
+_MOST_EVIDENCE = 8
 
 
 def headline(c: FlightContent) -> tuple[str, str]:
@@ -26,15 +27,15 @@ def headline(c: FlightContent) -> tuple[str, str]:
         state = spaced(str(monitor.state))
         return f"No alert; {state}", f"{_sentence(monitor.reason)} {monitor.basis_text}"
     worst = max(c.alerts, key=lambda one: ("watch", "warning", "critical").index(one.level))
-    more = f" ({len(c.alerts)} alerts)" if len(c.alerts) > 1 else ""
-    return f"{worst.level.capitalize()} at {worst.raised_s:.0f} s: {worst.text}{more}", monitor.basis_text
+    more = f"{len(c.alerts)} alerts were raised. " if len(c.alerts) > 1 else ""
+    return f"{worst.level.capitalize()}: {worst.text}", f"{more}{monitor.basis_text}"
 
 
 def outcome_section(c: FlightContent) -> str:
     """Section 2."""
     monitor = c.watched.monitor
     state = (
-        f"At the end {spaced(str(monitor.state))}: {_sentence(monitor.reason)} "
+        f"State at the end: {spaced(str(monitor.state))}. {_sentence(monitor.reason)} "
         f"{monitor.observable_s:.0f} of {c.watched.duration_s:.0f} s were observable."
     )
     cards = "".join(_alert(c, alert) for alert in c.alerts)
@@ -76,9 +77,12 @@ def _evidence(rows: Sequence[Mapping[str, Any]]) -> str:
             "-" if row["z"] is None else f"{row['z']:.1f}",
             str(row["unit"]),
         )
-        for row in rows
+        for row in rows[:_MOST_EVIDENCE]
     ]
-    return table(("derivative", "estimate", "expected", "standard errors apart", "unit"), cells)
+    head = ("derivative", "estimate", "expected", "standard errors apart", "unit")
+    more = len(rows) - len(cells)
+    left = paragraph(f"and {more} more that are less far from what is expected", "legend") if more > 0 else ""
+    return f'<div class="symbols">{table(head, cells)}</div>{left}'
 
 
 def _could_see(c: FlightContent) -> list[str]:
@@ -97,13 +101,25 @@ def _could_see(c: FlightContent) -> list[str]:
         parts.append(items(texts))
     if seen:
         parts.append("<h3>Smallest change that would have been noticed, in the last minutes</h3>")
-        rows = [(spaced(one.cause), _part(one.channel), smallest_size_text(one)) for one in seen]
-        parts.append(table(("cause", "part", "smallest size"), rows))
+        by_part: dict[str, list[str]] = {}
+        for one in seen:
+            by_part.setdefault(_part(one.channel), []).append(_size(one))
+        parts.append(
+            table(
+                ("part", "cause and smallest size"),
+                [(part, "; ".join(texts)) for part, texts in by_part.items()],
+            )
+        )
     return parts
 
 
+def _size(one: CouldSeeDocument) -> str:
+    text = smallest_size_text(one)
+    return f"{spaced(one.cause)} {'(any)' if text == 'seen' else text}"
+
+
 def _part(channel: str | None) -> str:
-    return "the airframe" if channel is None else channel.removesuffix("_rad").replace("_", " ")
+    return "the airframe" if channel is None else display(channel).name
 
 
 def excited_section(c: FlightContent) -> str:
@@ -162,7 +178,7 @@ def _reasons(c: FlightContent) -> list[str]:
                 for names in mode["confounded"]
             )
             lines.append(
-                f"{_mode_name(name)} by the {ESTIMATOR_NAMES.get(estimator, estimator)} estimator is "
+                f"{_mode_name(name)} by the {ESTIMATOR_NAMES.get(estimator, estimator)} is "
                 f"{spaced(mode['outcome'])} at the end{reason}{left}{together}."
             )
     lines += [
@@ -176,4 +192,5 @@ def _mode_name(name: str) -> str:
 
 
 def _sentence(text: str) -> str:
-    return text if text.endswith((".", "?")) else f"{text}."
+    text = text if text.endswith((".", "?")) else f"{text}."
+    return text[0].upper() + text[1:]
