@@ -12,11 +12,14 @@ from wingwatch.diagnosis.predicted_motion import Derivatives
 from wingwatch.estimators import offsets, referred_scale
 from wingwatch.monitor import Report, VehicleMonitor
 
-__all__ = ["ESTIMATOR_NAMES", "Course", "ModeCourse"]
+__all__ = ["ESTIMATOR_NAMES", "IN_SENTENCES", "Course", "ModeCourse"]
 
 Array = NDArray[np.float64]
 
-ESTIMATOR_NAMES = {"fourier": "Fourier estimator", "ekf": "filter"}
+ESTIMATOR_NAMES = {"fourier": "Fourier", "ekf": "filter"}
+"""Of tables."""
+
+IN_SENTENCES = {"fourier": "Fourier estimator", "ekf": "filter"}
 INSTANTS = 300
 """At most so many of a flight."""
 

@@ -101,10 +101,14 @@ def _limits(columns: Sequence[Array], around: Sequence[Array] = ()) -> tuple[flo
 def modes_section(c: FlightContent) -> str:
     """Section 5."""
     rows = []
-    for courses in c.quantities.values():
+    for structure, courses in c.quantities.items():
         for estimator, quantities in courses.items():
+            outcome = c.derivatives["estimators"][estimator][structure]["outcome"]
             names = dict.fromkeys(q.mode for q in quantities)
-            rows += [_mode_row(estimator, mode, [q for q in quantities if q.mode == mode]) for mode in names]
+            rows += [
+                _mode_row(estimator, mode, [q for q in quantities if q.mode == mode], outcome)
+                for mode in names
+            ]
     rows.sort(key=lambda row: row[0])
     if not rows:
         return section("modes", "5. Modes", paragraph("No mode is known at the end of the flight."))
@@ -118,7 +122,7 @@ def modes_section(c: FlightContent) -> str:
     ]
     return section(
         "modes", "5. Modes",
-        table(("mode", "estimator", "natural frequency, rad/s", "damping ratio", "time constant, s"), rows),
+        table(("mode", "estimator", "natural frequency, rad/s", "damping ratio", "time constant, s", "outcome"), rows),
         paragraph(
             "At the end of the flight, with standard errors. A negative damping ratio or time constant is a "
             "divergence.",
@@ -128,14 +132,14 @@ def modes_section(c: FlightContent) -> str:
     )  # fmt: skip
 
 
-def _mode_row(estimator: str, mode: str, quantities: Sequence[ModeQuantity]) -> tuple[str, ...]:
+def _mode_row(estimator: str, mode: str, quantities: Sequence[ModeQuantity], outcome: str) -> tuple[str, ...]:
     def text(*names: str) -> str:
         found = [q for q in quantities if q.name in names and math.isfinite(q.value)]
         return " and ".join(with_error(q.value, q.standard_error) for q in found) or "-"
 
     return (
         spaced(mode), ESTIMATOR_NAMES[estimator], text("natural_frequency_rad_s"), text("damping_ratio"),
-        text("time_constant_s", "time_constant_1_s", "time_constant_2_s"),
+        text("time_constant_s", "time_constant_1_s", "time_constant_2_s"), spaced(outcome),
     )  # fmt: skip
 
 

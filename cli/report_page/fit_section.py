@@ -7,7 +7,7 @@ import numpy as np
 
 from wingwatch.cli.alert_texts import spaced
 from wingwatch.cli.report_page.content import FlightContent
-from wingwatch.cli.report_page.course import ESTIMATOR_NAMES
+from wingwatch.cli.report_page.course import ESTIMATOR_NAMES, IN_SENTENCES
 from wingwatch.cli.report_page.flight_sections import key
 from wingwatch.diagnosis.predicted_motion import MotionChannel, PredictedManoeuvre
 from wingwatch.pages.chart import Chart, Line, chart_html, grid
@@ -66,7 +66,7 @@ def _of_mode(manoeuvres: Sequence[PredictedManoeuvre]) -> str:
 
 
 def _charts(one: PredictedManoeuvre) -> str:
-    said = f"{_when(one)}, derivatives by the {ESTIMATOR_NAMES.get(one.estimator, one.estimator)}"
+    said = f"{_when(one)}, derivatives by the {IN_SENTENCES.get(one.estimator, one.estimator)}"
     return paragraph(said, "legend") + grid(_chart(one, channel) for channel in one.channels)
 
 

@@ -147,11 +147,11 @@ def _cleaning(c: FlightContent) -> list[str]:
     steps = np.diff(c.clean.time_s)
     gaps = steps[steps > MAX_GAP_S]
     lines = [f"{part[0].upper()}{part[1:]}." for part in c.watched.cleaning_text.split("; ") if part]
-    lines.append(
-        f"{gaps.size} gaps of more than {MAX_GAP_S:g} s, the longest {gaps.max():.3g} s; nothing is bridged over them."
-        if gaps.size
-        else f"No gap of more than {MAX_GAP_S:g} s."
-    )
+    if gaps.size:
+        which = f"{gaps.size} gap{'s' if gaps.size > 1 else ''} of more than {MAX_GAP_S:g} s"
+        lines.append(f"{which}, the longest {gaps.max():.3g} s; nothing is bridged over them.")
+    else:
+        lines.append(f"No gap of more than {MAX_GAP_S:g} s.")
     return lines
 
 

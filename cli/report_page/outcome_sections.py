@@ -7,8 +7,9 @@ from typing import Any
 from wingwatch.api import AlertDocument, CouldSeeDocument
 from wingwatch.cli.alert_texts import candidate_text, plus_minus, smallest_size_text, spaced
 from wingwatch.cli.flight_clocks import on_clock
+from wingwatch.cli.furthest import furthest
 from wingwatch.cli.report_page.content import FlightContent
-from wingwatch.cli.report_page.course import ESTIMATOR_NAMES, ModeCourse
+from wingwatch.cli.report_page.course import IN_SENTENCES, ModeCourse
 from wingwatch.cli.report_page.flight_sections import key, surface_charts
 from wingwatch.diagnosis.summary import display
 from wingwatch.pages.chart import Strip, grid, strips_html
@@ -40,6 +41,8 @@ def outcome_section(c: FlightContent) -> str:
     )
     cards = "".join(_alert(c, alert) for alert in c.alerts)
     parts = [paragraph(state), paragraph(monitor.basis_text), cards or paragraph("No alert.")]
+    if (far := furthest(c.derivatives))[0] > 0.0:
+        parts.append(paragraph(f"Furthest from what is expected: {far[1].partition('; ')[0]}."))
     if monitor.unseen_surfaces:
         unseen = ", ".join(name.removesuffix("_rad") for name in monitor.unseen_surfaces)
         parts.append(paragraph(f"Not shown to work in this flight: {unseen}."))
@@ -97,7 +100,8 @@ def _could_see(c: FlightContent) -> list[str]:
         texts = []
         for one in unseen:
             helps = f"; {one.input} would help" if one.input else ""
-            texts.append(f"{spaced(one.cause)} of {_part(one.channel)}{helps}")
+            where = "" if one.channel is None else f" of {_part(one.channel)}"
+            texts.append(f"{spaced(one.cause)}{where}{helps}")
         parts.append(items(texts))
     if seen:
         parts.append("<h3>Smallest change that would have been noticed, in the last minutes</h3>")
@@ -178,7 +182,7 @@ def _reasons(c: FlightContent) -> list[str]:
                 for names in mode["confounded"]
             )
             lines.append(
-                f"{_mode_name(name)} by the {ESTIMATOR_NAMES.get(estimator, estimator)} is "
+                f"{_mode_name(name)} by the {IN_SENTENCES.get(estimator, estimator)} is "
                 f"{spaced(mode['outcome'])} at the end{reason}{left}{together}."
             )
     lines += [
