@@ -176,7 +176,7 @@ class _Frame:
         for value in _ticks(*self._x, 4):
             x = self.x(value)
             parts.append(f'<path class="rule" d="M{x:.1f} 0V{height}"/>')
-            if x < width - 34 or not unit:
+            if x < width - 26 or not unit:
                 parts.append(f'<text class="mid" x="{x:.1f}" y="{height + 17}">{_text(value)}</text>')
         parts.append(f'<text class="end" x="{width}" y="{height + 17}">{escape(unit)}</text>')
         return "".join(parts)

@@ -31,7 +31,8 @@ def derivatives_section(c: FlightContent) -> str:
         paragraph(
             "Lines are estimates, bands their 95 % intervals. A line begins where the derivative becomes "
             "observable, and has a gap where it is not. All are referred to one airspeed and density, "
-            "so what changes is the aircraft; the table at the end has them where they were measured."
+            "so what changes is the aircraft; the table at the end has them where they were measured. What is expected "
+            "is the aircraft file's until enough has been learned of this very aircraft."
         ),
         key(
             ("after", "Fourier estimator"), ("before", "filter (ekf)"), ("quiet", "expected, 95 %"),

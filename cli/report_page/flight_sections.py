@@ -212,8 +212,13 @@ def _conditioned(c: FlightContent) -> list[str]:
 
 def _parameters(rows: Sequence[Parameter]) -> str:
     return table(
-        ("", "found", "unit", ""), [(p.name.replace("_", " "), _parameter(p), p.unit, p.reason) for p in rows]
+        ("", "found", "unit", ""), [(_parameter_name(p.name), _parameter(p), p.unit, p.reason) for p in rows]
     )
+
+
+def _parameter_name(name: str) -> str:
+    what, of, channel = name.partition(" of ")
+    return f"{what} of {display(channel).name}" if of else name.replace("_", " ")
 
 
 def _parameter(p: Parameter) -> str:

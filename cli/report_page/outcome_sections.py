@@ -42,7 +42,10 @@ def outcome_section(c: FlightContent) -> str:
     cards = "".join(_alert(c, alert) for alert in c.alerts)
     parts = [paragraph(state), paragraph(monitor.basis_text), cards or paragraph("No alert.")]
     if (far := furthest(c.derivatives))[0] > 0.0:
-        parts.append(paragraph(f"Furthest from what is expected: {far[1].partition('; ')[0]}."))
+        said = far[1].partition("; ")[0]
+        for name, words in IN_SENTENCES.items():
+            said = said.replace(f" by {name},", f" by the {words},")
+        parts.append(paragraph(f"Furthest from what is expected at the end: {said}."))
     if monitor.unseen_surfaces:
         unseen = ", ".join(name.removesuffix("_rad") for name in monitor.unseen_surfaces)
         parts.append(paragraph(f"Not shown to work in this flight: {unseen}."))
