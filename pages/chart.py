@@ -22,6 +22,9 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 46, 8, 6, 24
 _ROW, _LABEL = 15, 52
 _MOST_POINTS = 320
 
+_LONG = 1e5
+"""From so many seconds on, as of a clock since 1970, an axis counts from its own start."""
+
 
 @dataclass(frozen=True, slots=True)
 class Line:
@@ -173,12 +176,14 @@ class _Frame:
         """The lower axis."""
         width, height = self._size
         parts = []
-        for value in _ticks(*self._x, 4):
-            x = self.x(value)
+        first = self._x[0] if abs(self._x[0]) >= _LONG else 0.0
+        for value in _ticks(self._x[0] - first, self._x[1] - first, 4):
+            x = self.x(first + value)
             parts.append(f'<path class="rule" d="M{x:.1f} 0V{height}"/>')
-            if x < width - 26 or not unit:
+            if x < width - (80 if first else 26) or not unit:
                 parts.append(f'<text class="mid" x="{x:.1f}" y="{height + 17}">{_text(value)}</text>')
-        parts.append(f'<text class="end" x="{width}" y="{height + 17}">{escape(unit)}</text>')
+        said = f"{unit} from start" if first else unit
+        parts.append(f'<text class="end" x="{width}" y="{height + 17}">{escape(said)}</text>')
         return "".join(parts)
 
     def line(self, line: Line) -> str:
@@ -238,9 +243,10 @@ def _extent(columns: Sequence[Array]) -> tuple[float, float]:
 
 def _padded(ends: tuple[float, float], part: float) -> tuple[float, float]:
     low, high = ends
-    room = max(part * (high - low), 1e-9 * max(abs(low), abs(high)), 1e-12)
-    if high - low < 1e-9 * max(abs(low), abs(high), 1e-3):
-        room = max(0.05 * abs(low), 1e-3)
+    size = max(abs(low), abs(high))
+    room = part * (high - low)
+    if high - low <= 1e-12 * size or size == 0.0:
+        room = max(0.05 * size, 1e-3)
     return low - room, high + room
 
 

@@ -43,6 +43,13 @@ def test_a_level_line_and_no_line_have_axes(value: float) -> None:
     assert "<text" in html
 
 
+def test_a_clock_since_1970_is_counted_from_the_start() -> None:
+    html = chart_html(Chart("y", lines=[Line(1.7e9 + TIME_S[:6000], TIME_S[:6000])]))
+    assert "s from start" in html
+    assert ">50<" in html
+    assert "e+09" not in html
+
+
 def test_a_map_has_one_scale() -> None:
     html = chart_html(Chart("way", lines=[Line(np.array([0.0, 100.0]), np.array([0.0, 10.0]))], square=True))
     ((x0, y0), (x1, y1)) = [tuple(map(float, p.split())) for p in paths(html, "line ink")[0][1:].split("L")]
