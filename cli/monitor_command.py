@@ -1,7 +1,6 @@
 """`wingwatch monitor`: status and alerts of a recorded flight, or of many, one line each."""
 
 import argparse
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -14,12 +13,12 @@ from rich.table import Table
 from wingwatch.aircraft import Convention, load_aircraft
 from wingwatch.api import (
     AlertDocument,
-    CandidateDocument,
     CouldSeeDocument,
     air_document,
     alert_document,
     could_see_documents,
 )
+from wingwatch.cli.alert_texts import candidate_text, plus_minus, smallest_size_text, spaced
 from wingwatch.cli.baseline import Baseline, read_baseline
 from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.flight_clocks import clocks_text, on_clock
@@ -27,10 +26,9 @@ from wingwatch.cli.flight_watch import Watched, load, watch
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.unusable import refuse_unusable
-from wingwatch.pages.texts import number, probability_text
 from wingwatch.telemetry import check_name, load_map
 
-__all__ = ["run"]
+__all__ = ["alerts_of", "judged", "run", "watched_object"]
 
 _Rows = list[dict[str, Any]]
 """Evidence of one alert, a row a derivative."""
@@ -38,7 +36,6 @@ _Rows = list[dict[str, Any]]
 _ERRORS = ("standard_error", "expected", "expected_standard_error")
 _LEVELS = ("watch", "warning", "critical")
 _STATES = ("healthy", "stale", "not_observable", "unknown", "degraded")  # the best first
-_SIZELESS = ("surface_stuck", "sensor_freeze")  # there or not
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -47,9 +44,9 @@ def run(arguments: argparse.Namespace) -> int:
     if len(arguments.flights) > 1 or is_many(arguments.flights):
         return _run_many(arguments)
     watched = _watched(arguments.flights[0], arguments)
-    found = _found(watched, arguments)
+    found = alerts_of(watched, arguments.convention)
     if arguments.json:
-        write_json(_result(watched, *found) | {"convention": arguments.convention})
+        write_json(watched_object(watched, *found) | {"convention": arguments.convention})
     else:
         _show(page(), watched, *found)
     return 0
@@ -74,7 +71,9 @@ def _run_many(arguments: argparse.Namespace) -> int:
 def judged(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     """The JSON object of one of many flights."""
     watched = _watched(flight, arguments)
-    return _result(watched, *_found(watched, arguments)) | {"convention": arguments.convention}
+    return watched_object(watched, *alerts_of(watched, arguments.convention)) | {
+        "convention": arguments.convention
+    }
 
 
 def _badness(result: Mapping[str, Any]) -> tuple[float, ...]:
@@ -109,13 +108,13 @@ def _watched(path: Path, arguments: argparse.Namespace) -> Watched:
     return watched
 
 
-def _found(
-    watched: Watched, arguments: argparse.Namespace
+def alerts_of(
+    watched: Watched, convention: str
 ) -> tuple[list[AlertDocument], Mapping[str, _Rows], list[CouldSeeDocument]]:
     """Alerts, their evidence by id, and what the flight could have shown."""
     alerts = [alert_document(alert) for alert in watched.alerts]
     could_see = could_see_documents(watched.monitor.could_see())
-    return alerts, {alert.id: _evidence(alert, watched, arguments.convention) for alert in alerts}, could_see
+    return alerts, {alert.id: _evidence(alert, watched, convention) for alert in alerts}, could_see
 
 
 def _evidence(alert: AlertDocument, watched: Watched, convention: str) -> _Rows:
@@ -143,12 +142,13 @@ def _evidence(alert: AlertDocument, watched: Watched, convention: str) -> _Rows:
     return rows
 
 
-def _result(
+def watched_object(
     watched: Watched,
     alerts: list[AlertDocument],
     evidence: Mapping[str, _Rows],
     could_see: list[CouldSeeDocument],
 ) -> dict[str, Any]:
+    """The JSON object of a flight, of what ``alerts_of`` gives."""
     monitor = watched.monitor
     return {
         "duration_s": watched.duration_s,
@@ -205,15 +205,9 @@ def _show_alert(console: Console, alert: AlertDocument, evidence: _Rows, clock: 
         f"[bold]{alert.level} {alert.id}[/]{part} raised at {alert.raised_s:.1f} s{clock}{until}: {escape(alert.text)}"
     )
     if alert.candidates:
-        console.print(f"Possible causes: {escape('; '.join(map(_candidate, alert.candidates)))}")
+        console.print(f"Possible causes: {escape('; '.join(map(candidate_text, alert.candidates)))}")
     if evidence:
         console.print(_table(evidence))
-
-
-def _candidate(one: CandidateDocument) -> str:
-    where = "" if one.channel is None else f" of {one.channel}"
-    probability = math.nan if one.probability is None else one.probability
-    return f"{_words(one.cause)}{where}, probability {probability_text(probability)}"
 
 
 def _could_see_table(could_see: list[CouldSeeDocument]) -> Table:
@@ -221,17 +215,11 @@ def _could_see_table(could_see: list[CouldSeeDocument]) -> Table:
     for name in ("cause", "part", "smallest size", "input that would help"):
         table.add_column(name, justify="right" if name == "smallest size" else "left")
     for one in could_see:
-        seen = _smallest_size(one)
+        seen = smallest_size_text(one)
         table.add_row(
-            _words(one.cause), escape(one.channel or "airframe"), escape(seen), escape(one.input or "-")
+            spaced(one.cause), escape(one.channel or "airframe"), escape(seen), escape(one.input or "-")
         )
     return table
-
-
-def _smallest_size(one: CouldSeeDocument) -> str:
-    if one.smallest_size is None:
-        return "not seen"
-    return "seen" if one.cause in _SIZELESS else f"{number(one.smallest_size)} {one.unit}".rstrip()
 
 
 def _table(evidence: _Rows) -> Table:
@@ -241,16 +229,8 @@ def _table(evidence: _Rows) -> Table:
     for part in evidence:
         table.add_row(
             part.get("name", part["derivative"]),
-            _number(part["estimate"], part["standard_error"]),
-            _number(part["expected"], part["expected_standard_error"]),
+            plus_minus(part["estimate"], part["standard_error"]),
+            plus_minus(part["expected"], part["expected_standard_error"]),
             "-" if part["z"] is None else f"{part['z']:.1f}",
         )
     return table
-
-
-def _number(value: float | None, error: float | None) -> str:
-    return "-" if value is None or error is None else f"{value:.4g} ± {error:.2g}"
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

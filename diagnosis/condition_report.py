@@ -90,7 +90,11 @@ class Conditioned:
 
 
 def condition(
-    flight: FlightTable, aircraft: Aircraft, second_imu: Path | None, track: Track = untracked
+    flight: FlightTable,
+    aircraft: Aircraft,
+    second_imu: Path | None,
+    track: Track = untracked,
+    path_s: float = PATH_S,
 ) -> Conditioned:
     """Every step on one flight.
 
@@ -99,11 +103,12 @@ def condition(
         aircraft: where its sensors sit, their noise and delays, its mass and size.
         second_imu: a channel map of the same file whose specific forces are those of a second accelerometer triad.
         track: shows the steps.
+        path_s: from how much of the flight sensor errors are found; time and memory grow with it.
     """
     cleaner = Cleaner()
     clean = cleaner.clean(flight.block).block
     result = Conditioned(len(clean), f"{flight.report.text}; {cleaner.report.text}")
-    run = _Steps(flight, aircraft, clean, second_imu, result)
+    run = _Steps(flight, aircraft, clean, second_imu, result, path_s)
     steps = (run.delays, run.servos, run.air, run.path, run.static, run.centre)
     for step in track(steps, "conditioning"):
         try:
@@ -124,9 +129,10 @@ class _Steps:
         clean: SampleBlock,
         second_imu: Path | None,
         result: Conditioned,
+        path_s: float,
     ) -> None:
         self._flight, self._aircraft, self._clean = flight, aircraft, clean
-        self._second_imu, self._result = second_imu, result
+        self._second_imu, self._result, self._path_s = second_imu, result, path_s
         self._vane = aircraft.sensors.vane_position_m
         self._imu = aircraft.sensors.imu_position_m
         self._stated: Mapping[str, float] = aircraft.sensors.delay_s
@@ -174,9 +180,9 @@ class _Steps:
                 f"the airspeed is mostly below {_LEAST_AIRSPEED_M_S:g} m/s: it is wrong, or on the ground"
             )
         stamps = self._aligned.time_s
-        part = SampleBlock(self._aligned.values[stamps <= stamps[:1] + PATH_S])
+        part = SampleBlock(self._aligned.values[stamps <= stamps[:1] + self._path_s])
         if len(part) < len(self._aligned):
-            self._result.notes.append(f"path: sensor errors are those of the first {PATH_S:.0f} s")
+            self._result.notes.append(f"path: sensor errors are those of the first {self._path_s:.0f} s")
         self._result.path = reconstruct_path(
             part,
             PathConfig(self._vane, self._imu, self._aircraft.sensors.noise_std, gust_std_m_s=self._gusts()),

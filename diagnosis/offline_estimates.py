@@ -48,7 +48,7 @@ from wingwatch.monitor.chain import nominal_condition
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.telemetry import FlightTable, SampleBlock
 
-__all__ = ["OFFLINE_ESTIMATORS", "OfflineEstimates", "estimate_offline"]
+__all__ = ["OFFLINE_ESTIMATORS", "OfflineEstimates", "estimate_offline", "flight_form"]
 
 OFFLINE_ESTIMATORS = ("equation-error", "frequency-equation-error", "output-error", "filter-error")
 
@@ -141,7 +141,7 @@ def _estimated(
         raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]")
     solved = solved_as(structure)
     band_hz = analysis_band_hz(aircraft, solved)
-    shape = _form(flight, aircraft, nominal, form, band_hz)
+    shape = flight_form(flight, aircraft, nominal, form, band_hz)
     if estimator == "filter-error":
         shape = replace(shape, window_s=max(shape.window_s, _FILTER_WINDOW_S))
     parts = flight_manoeuvres(structure, shape, [clean])
@@ -157,13 +157,14 @@ def _estimated(
     return _mode(aircraft, apriori_envelope(aircraft, structure), estimate, fit)
 
 
-def _form(
+def flight_form(
     flight: FlightTable,
     aircraft: Aircraft,
     nominal: FlightCondition,
     form: Form,
     band_hz: tuple[float, float],
 ) -> FlightForm:
+    """How a flight of an aircraft becomes manoeuvres; derivatives are referred to its nominal condition."""
     commanded = {u for u, name in SURFACE_OF_INPUT.items() if flight.kinds.get(f"{name}_rad") == "command"}
     servos = {u: getattr(aircraft.actuators, name) for u, name in SURFACE_OF_INPUT.items()}
     return FlightForm(

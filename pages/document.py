@@ -11,11 +11,9 @@ from wingwatch.pages.picture import Figure
 
 __all__ = ["Pictures", "document"]
 
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
-    "base-uri 'none'; form-action 'none'"
-)
-"""The page's own vow that it fetches nothing; browsers hold it to that."""
+_STILL = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+_POLICY = f"{_STILL}; script-src 'unsafe-inline'; img-src data: blob:"
+"""The page's own vow that it fetches nothing, and without plotly that it runs nothing; browsers hold it to that."""
 
 
 class Pictures:
@@ -43,7 +41,15 @@ class Pictures:
 
 
 def document(
-    *, title: str, kind: str, answer: str, lead: str, about: str, body: str, pictures: Pictures, style: str
+    *,
+    title: str,
+    kind: str,
+    answer: str,
+    lead: str,
+    about: str,
+    body: str,
+    style: str,
+    pictures: Pictures | None = None,
 ) -> str:
     """The whole page.
 
@@ -52,22 +58,35 @@ def document(
         kind: what sort of page it is, above the answer.
         answer, lead, about: the heading, the sentence below it, and what the page is about; plain texts.
         body: sections as HTML.
-        pictures: placed in the body.
         style: rules of this kind of page beside those of all.
+        pictures: drawn by plotly, placed in the body; without them the page has no script.
     """
     return "".join(
         [
             '<!doctype html><html lang="en"><head><meta charset="utf-8">',
-            f'<meta http-equiv="Content-Security-Policy" content="{escape(_POLICY)}">',
+            f'<meta http-equiv="Content-Security-Policy" content="{escape(_STILL if pictures is None else _POLICY)}">',
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f"<title>{escape(title)}</title><style>{_own('page.css')}{style}</style></head><body>",
             f'<header><p class="soft">{escape(kind)}</p><h1>{escape(answer)}</h1>',
             f"{paragraph(lead, 'lead')}{paragraph(about, 'soft')}</header>",
-            "<noscript><p>The pictures need JavaScript; every figure in them stands in the tables too.</p></noscript>",
+            "" if pictures is None else _NO_SCRIPT,
             f"<main>{body}</main>",
-            f'<script type="application/json" id="figures">{_figures(pictures.figures)}</script>',
-            f"<script>{_plotly()}</script><script>{_own('page.js')}</script></body></html>\n",
+            "" if pictures is None else _drawn(pictures),
+            "</body></html>\n",
         ]
+    )
+
+
+_NO_SCRIPT = (
+    "<noscript><p>The pictures need JavaScript; every figure in them stands in the tables too.</p></noscript>"
+)
+
+
+def _drawn(pictures: Pictures) -> str:
+    """The pictures' data and the scripts that draw them."""
+    return (
+        f'<script type="application/json" id="figures">{_figures(pictures.figures)}</script>'
+        f"<script>{_plotly()}</script><script>{_own('page.js')}</script>"
     )
 
 

@@ -10,6 +10,7 @@ from wingwatch.cli.arguments.flights import (
     add_log,
     add_monitor,
     add_publish,
+    add_report,
 )
 from wingwatch.cli.arguments.serving import add_access, add_baseline, add_serve, add_store, add_token
 from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_simulate, add_study
@@ -18,7 +19,7 @@ __all__ = ["build_parser"]
 
 _COMMANDS = (
     add_demo, add_serve, add_publish, add_simulate, add_log, add_estimate, add_monitor, add_condition, add_diagnose,
-    add_design_input, add_study, add_baseline, add_token, add_access, add_store,
+    add_report, add_design_input, add_study, add_baseline, add_token, add_access, add_store,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -32,6 +33,7 @@ examples:
   wingwatch monitor logs/ --aircraft aerosonde --jobs 4
   wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet
   wingwatch diagnose flight.csv --aircraft aerosonde --report report.html
+  wingwatch report flight.ulg --aircraft my_aircraft.toml --out report.html
   wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
   wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml

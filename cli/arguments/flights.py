@@ -12,7 +12,15 @@ from wingwatch.cli.arguments.common import (
 )
 from wingwatch.cli.arguments.values import replay_speed
 
-__all__ = ["add_condition", "add_diagnose", "add_estimate", "add_log", "add_monitor", "add_publish"]
+__all__ = [
+    "add_condition",
+    "add_diagnose",
+    "add_estimate",
+    "add_log",
+    "add_monitor",
+    "add_publish",
+    "add_report",
+]
 
 _STRUCTURES = (
     "short_period", "short_period_alpha", "phugoid", "longitudinal", "longitudinal_throttle", "dutch_roll",
@@ -227,3 +235,16 @@ def add_diagnose(commands: Commands) -> None:
         metavar="OUT.toml",
         help="write the extended aircraft file; nothing where none is offered",
     )
+
+
+def add_report(commands: Commands) -> None:
+    """``wingwatch report``."""
+    parser = add_command(
+        commands,
+        "report",
+        "what a recorded flight came to, as one page for a colleague: alerts, derivatives, modes, fit, sensors",
+        "wingwatch report flight.ulg --aircraft my_aircraft.toml --out report.html\n"
+        "  wingwatch report flight.mat --aircraft ultrastick25e --map thor75.toml --out report.html",
+    )
+    add_flight(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="REPORT.html", help="the page to write")
