@@ -1,4 +1,4 @@
-"""How often the relations alone raise a false alert, how soon they see a fault, over flights drawn as studies draw them.
+"""How often relations alone raise a false alert, how soon they see a fault, in flights drawn as studies draw them.
 
 The monitor's other half, the derivatives, is left out: an hour of flight takes a quarter of a minute.
 
