@@ -1,0 +1,121 @@
+"""All checks of a flight's channels against one another, before anything is estimated.
+
+They are after units, signs, exchanged axes, missing gravity and repeated readings: factors of -1, 57.3, 9.81 or 0. A
+scale that is off by a tenth, a bias or a late channel is the monitor's to find. Nothing is decided where the flight
+does not show it.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.aircraft import Aircraft
+from wingwatch.telemetry.maps import ChannelEntry
+from wingwatch.telemetry.plausibility.attitude import attitude_findings
+from wingwatch.telemetry.plausibility.extremes import clipped_findings, stuck_findings
+from wingwatch.telemetry.plausibility.finding import Finding, Standing
+from wingwatch.telemetry.plausibility.forces import gravity_findings, turn_findings
+from wingwatch.telemetry.plausibility.holds import hold_of
+from wingwatch.telemetry.plausibility.lift import lift_findings
+from wingwatch.telemetry.plausibility.lines import Lines
+from wingwatch.telemetry.plausibility.response import response_findings
+from wingwatch.telemetry.sample import LEAPING_CHANNELS, SampleBlock
+
+__all__ = ["check_flight"]
+
+Array = NDArray[np.float64]
+
+_MOTION = (
+    "time_s", "airspeed_true_m_s", "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s", "specific_force_x_m_s2",
+    "specific_force_y_m_s2", "specific_force_z_m_s2", "roll_rad", "pitch_rad", "altitude_m",
+)  # fmt: skip
+_BESIDE = (
+    "heading_rad", "angle_of_attack_rad", "sideslip_rad", "elevator_rad", "aileron_rad", "rudder_rad",
+    "air_density_kg_m3",
+)  # fmt: skip
+_SURFACES = ("elevator_rad", "aileron_rad", "rudder_rad")
+_VANES = ("angle_of_attack_rad", "sideslip_rad")
+_RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
+_HARDLY = 0.05
+"""Fraction of rows without a reading from which on an optional channel is not looked at."""
+_SLOWEST_S = 0.11
+_LEAST_ROWS = 200
+
+
+def check_flight(
+    block: SampleBlock,
+    kinds: Mapping[str, str],
+    aircraft: Aircraft | None = None,
+    entries: Mapping[str, ChannelEntry] | None = None,
+) -> tuple[Finding, ...]:
+    """Every channel that shows something, the refusals first.
+
+    Args:
+        block: clean samples.
+        kinds: ``position`` or ``command`` of the surfaces.
+        aircraft: whose lift and surfaces are known; without one they are not judged.
+        entries: by channel, what the user's map says.
+    """
+    columns = _columns(block)
+    time_s = columns["time_s"]
+    if time_s.size < _LEAST_ROWS or not 0.0 < float(np.median(np.diff(time_s))) < _SLOWEST_S:
+        return ()
+    lines = Lines(entries or {})
+    stated_s = {} if aircraft is None else aircraft.sensors.delay_s
+    found = attitude_findings(columns, lines, stated_s)
+    wrong = _refused(found)
+    # each check rests on what the ones before it found right, so that one cause is one finding
+    if not wrong & {"roll_rad", "pitch_rad"}:
+        found += gravity_findings(columns, lines)
+        if not _refused(found):
+            found += turn_findings(columns, lines)
+    if "specific_force_z_m_s2" not in _refused(found):
+        airspeed = any(one.channel == "airspeed_true_m_s" for one in found)
+        found += lift_findings(columns, None if airspeed else aircraft, lines)
+    if aircraft is not None and not _refused(found) & {*_RATES, *_VANES, "airspeed_true_m_s"}:
+        found += response_findings(columns, kinds, aircraft, lines)
+    found += [*_held(columns, kinds, lines), *clipped_findings(columns), *stuck_findings(columns)]
+    order = (Standing.REFUSAL, Standing.WARNING, Standing.RIGHT)
+    return tuple(sorted(found, key=lambda one: order.index(one.standing)))
+
+
+def _refused(found: list[Finding]) -> set[str]:
+    return {one.channel for one in found if one.standing is Standing.REFUSAL}
+
+
+def _columns(block: SampleBlock) -> dict[str, Array]:
+    """Channels on the rows that have all of them; an optional channel that hardly is there is none."""
+    present = set(block.present)
+    names = [name for name in _MOTION if name in present]
+    if len(names) < len(_MOTION):
+        return {"time_s": np.empty(0)}
+    values = {name: block.column(name) for name in (*names, *(n for n in _BESIDE if n in present))}
+    whole = np.logical_and.reduce([np.isfinite(values[name]) for name in names])
+    for name in [n for n in values if n in _BESIDE]:
+        there = np.isfinite(values[name])
+        if float(np.mean(there)) < 1.0 - _HARDLY:
+            del values[name]
+        else:
+            whole &= there
+    columns = {name: np.asarray(column[whole]) for name, column in values.items()}
+    return {name: np.unwrap(c) if name in LEAPING_CHANNELS else c for name, c in columns.items()}
+
+
+def _held(columns: Mapping[str, Array], kinds: Mapping[str, str], lines: Lines) -> list[Finding]:
+    """Surfaces and sensors of the fast motion that repeat each reading."""
+    time_s = columns["time_s"]
+    found = []
+    for name in (*_SURFACES, *_VANES, *_RATES, *(n for n in _MOTION if "force" in n)):
+        if name not in columns or (hold := hold_of(time_s, columns[name])) is None:
+            continue
+        surface = name in _SURFACES
+        text = (
+            f"{name} is new in every {hold.rows:.3g}th row only ({hold.rate_hz:.3g} Hz in a table of "
+            f"{hold.table_hz:.3g} Hz), so it comes late by half of that"
+        )
+        commanded = name.removesuffix("_rad") + "_command_rad"
+        clock = commanded if kinds.get(name) == "command" and name not in lines.entries else name
+        standing = Standing.REFUSAL if surface else Standing.WARNING
+        found.append(Finding(standing, name, "held", hold.rate_hz, 0.0, "Hz", text, f'clock = "{clock}"'))
+    return found
