@@ -8,7 +8,7 @@ __all__ = ["unit_of_airspeed"]
 
 AIRSPEED = "airspeed_true_m_s"
 _UNITS = ("km/h", "ft/s", "mph", "kt")
-_NEAR = 0.12
+_NEAR = 0.15
 """How far a factor may be off that of a unit, relative to it."""
 _DOUBTFUL = 1.6
 """Factor from 1 from which on an airspeed that stands for no unit is doubtful."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.telemetry.plausibility.finding import Finding, Standing
 from wingwatch.telemetry.plausibility.lines import Lines
 from wingwatch.telemetry.plausibility.spans import Spans, regress
@@ -34,6 +35,9 @@ _LATE_S = 0.03
 _TIMES = 6.0
 _ALIKE, _UNLIKE = 0.8, 0.2
 """Fractions of an attitude's changes that another rate explains and its own one does not, where axes are exchanged."""
+
+_PATH_S, _LEAST_SPANS, _TOGETHER = 4.0, 8, 0.5
+"""Spans in which the path flown says which of attitude and rate has the wrong sign, and the correlation that does."""
 
 _RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 _PAIRS = (("roll_rad", _RATES[0]), ("pitch_rad", _RATES[1]), ("heading_rad", _RATES[2]))
@@ -136,8 +140,10 @@ def _judged(
             Finding(refused[0], channel, refused[1], *measured, text, lines.in_unit(channel, unit, float(sign)))
         ]
     if turned and size < _OFF and size > 1.0 / _OFF:
-        channel = s.attitude if _attitude_is_turned(columns, s.attitude) else s.rate
-        text = f"{said}: the sign of {channel} is turned"
+        channel = _turned(columns, s)
+        doubt = "" if channel else f", or that of {s.attitude}: the flight does not say which"
+        channel = channel or s.rate
+        text = f"{said}: the sign of {channel} is turned{doubt}"
         return [Finding(refused[0], channel, refused[1], *measured, text, lines.turned(channel))]
     if turned or not 1.0 / _OFF < size < _OFF:
         return [Finding(Standing.WARNING, s.rate, "slope", *measured, f"{said}: they do not fit")]
@@ -162,17 +168,24 @@ def _close(size: float, wanted: float) -> bool:
     return 1.0 / _NEAR < size / wanted < _NEAR
 
 
-def _attitude_is_turned(columns: Mapping[str, Array], attitude: str) -> bool:
-    """Whether the path says that it is the attitude whose sign is turned: an aircraft turns to where it banks, and
-    climbs with its nose up."""
-    spans = Spans.of(columns["time_s"], 4.0)
-    if len(spans.first) < 5:
-        return False
-    bank, turn = spans.integral(np.sin(columns["roll_rad"])), spans.integral(columns["yaw_rate_rad_s"])
-    if attitude == "pitch_rad":
-        bank, turn = spans.integral(np.sin(columns["pitch_rad"])), spans.change(columns["altitude_m"])
-    together = _correlation(bank, turn)
-    return together > 0.5 if attitude == "heading_rad" else together < -0.5
+def _turned(columns: Mapping[str, Array], s: _Slope) -> str:
+    """Which of attitude and rate has the wrong sign, by the path flown: an aircraft turns to where it banks, and its
+    path bends as it pitches, -V q = a_z + g cos(theta) cos(phi). Empty where the flight does not say."""
+    spans = Spans.of(columns["time_s"], _PATH_S)
+    if len(spans.first) < _LEAST_SPANS:
+        return ""
+    if s.attitude == "pitch_rad":
+        weight = GRAVITY_M_S2 * np.cos(columns["pitch_rad"]) * np.cos(columns["roll_rad"])
+        bent = -spans.integral(columns["specific_force_z_m_s2"] + weight)
+        together = _correlation(spans.integral(columns["pitch_rate_rad_s"]), bent)
+        rate_is_right, attitude_is_right = together > _TOGETHER, together < -_TOGETHER
+    else:
+        bank, turn = spans.integral(np.sin(columns["roll_rad"])), spans.integral(columns["yaw_rate_rad_s"])
+        together = _correlation(bank, turn)
+        fits, contradicts = together > _TOGETHER, together < -_TOGETHER
+        by_yaw = s.attitude == "heading_rad"
+        rate_is_right, attitude_is_right = (fits, contradicts) if by_yaw else (contradicts, fits)
+    return s.attitude if rate_is_right else s.rate if attitude_is_right else ""
 
 
 def _correlation(one: Array, other: Array) -> float:

@@ -34,6 +34,7 @@ _BESIDE = (
     "heading_rad", "angle_of_attack_rad", "sideslip_rad", "elevator_rad", "aileron_rad", "rudder_rad",
     "air_density_kg_m3",
 )  # fmt: skip
+_AIRSPEED = "airspeed_true_m_s"
 _SURFACES = ("elevator_rad", "aileron_rad", "rudder_rad")
 _VANES = ("angle_of_attack_rad", "sideslip_rad")
 _RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
@@ -63,19 +64,25 @@ def check_flight(
         return ()
     lines = Lines(entries or {})
     stated_s = {} if aircraft is None else aircraft.sensors.delay_s
+    stuck = stuck_findings(columns)
+    frozen = any(one.channel == _AIRSPEED for one in stuck)
     found = attitude_findings(columns, lines, stated_s)
     wrong = _refused(found)
     # each check rests on what the ones before it found right, so that one cause is one finding
     if not wrong & {"roll_rad", "pitch_rad"}:
         found += gravity_findings(columns, lines)
-        if not _refused(found):
+        if not _refused(found) and not frozen:
             found += turn_findings(columns, lines)
     if "specific_force_z_m_s2" not in _refused(found):
-        airspeed = any(one.channel == "airspeed_true_m_s" for one in found)
-        found += lift_findings(columns, None if airspeed else aircraft, lines)
-    if aircraft is not None and not _refused(found) & {*_RATES, *_VANES, "airspeed_true_m_s"}:
-        found += response_findings(columns, kinds, aircraft, lines)
-    found += [*_held(columns, kinds, lines), *clipped_findings(columns), *stuck_findings(columns)]
+        known = frozen or any(one.channel == _AIRSPEED for one in found)
+        found += lift_findings(columns, None if known else aircraft, lines)
+    held = _held(columns, kinds, lines)
+    if aircraft is not None and not _refused(found) & {*_RATES, *_VANES, _AIRSPEED}:
+        right = {one.channel for one in found if one.check == "slope" and one.standing is Standing.RIGHT}
+        moving = {name: c for name, c in columns.items() if name not in {one.channel for one in held}}
+        if right <= set(moving):
+            found += response_findings(moving, right, kinds, aircraft, lines)
+    found += [*held, *clipped_findings(columns), *stuck]
     order = (Standing.REFUSAL, Standing.WARNING, Standing.RIGHT)
     return tuple(sorted(found, key=lambda one: order.index(one.standing)))
 

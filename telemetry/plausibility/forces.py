@@ -6,6 +6,8 @@ left is the change of vertical speed over the flight, divided by its length. In 
     a_y + g cos(theta) sin(phi) = k (r V - p V sin(theta)) + dv/dt
 
 with k the factor from the recorded airspeed to the true one; dv/dt is noise, for sideslip ends about where it began.
+The bank is the instrument, k = sum(bank force) / sum(bank turn): yaw rates that gusts make go with no bank, so they do
+not make k too small.
 """
 
 from collections.abc import Mapping
@@ -17,7 +19,7 @@ from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.telemetry.plausibility.airspeed_units import unit_of_airspeed
 from wingwatch.telemetry.plausibility.finding import Finding, Standing
 from wingwatch.telemetry.plausibility.lines import Lines
-from wingwatch.telemetry.plausibility.spans import Spans, regress
+from wingwatch.telemetry.plausibility.spans import Spans
 
 __all__ = ["gravity_findings", "turn_findings"]
 
@@ -25,10 +27,16 @@ Array = NDArray[np.float64]
 
 _LEAST_S = 20.0
 _MEAN_S = 5.0
-_TURN_S = 4.0
-_LEAST_TURN_M_S = 8.0
-"""Root mean square of r V over a span of turns: what a bank of 12 degrees gives."""
+_TURN_S = 8.0
+_LEAST_BANK, _LEAST_TURNS, _LEAST_SPANS = 0.2, 3, 10
+"""Mean sine of the bank in a span of turns, and how many such spans and how many of all kinds there must be."""
+_KNOWN, _EXPLAINED = 0.05, 0.9
+_GUSTS = 0.05
+"""Relative error of the factor that gusts make beside what spans show of it."""
 _AT_REST, _IN_G, _NEAR = 0.5, 0.4, 2.5
+"""How near the mean must be to 0, to 1 g in g, and to 9.81 m/s2, in m/s2."""
+_WIDE, _NARROW = 0.6, 0.1
+"""Largest standard errors of a mean near 0 and of one near 1, which in g hardly scatters."""
 _Z = "specific_force_z_m_s2"
 
 
@@ -56,10 +64,10 @@ def gravity_findings(columns: Mapping[str, Array], lines: Lines) -> list[Finding
     if abs(mean - GRAVITY_M_S2) < _NEAR:
         text = f"{said}: {_Z} is positive up"
         return [Finding(Standing.REFUSAL, _Z, *measured, text, lines.turned(_Z))]
-    if abs(mean) < _AT_REST and error < 0.2:
+    if abs(mean) < _AT_REST and error < _WIDE:
         text = f"{said}: gravity has been taken out of the accelerometers"
         return [Finding(Standing.REFUSAL, _Z, *measured, text, lines.with_gravity())]
-    if abs(abs(mean) - 1.0) < _IN_G and error < 0.1:
+    if abs(abs(mean) - 1.0) < _IN_G and error < _NARROW:
         up = mean > 0.0
         text = f"{said}: {_Z} is in g" + (" and positive up" if up else "")
         written = [lines.in_unit(f"specific_force_{axis}_m_s2", "g") for axis in ("x", "y")]
@@ -86,13 +94,17 @@ def turn_findings(columns: Mapping[str, Array], lines: Lines) -> list[Finding]:
     spans = Spans.of(columns["time_s"], _TURN_S)
     speed, roll, pitch = (columns[name] for name in ("airspeed_true_m_s", "roll_rad", "pitch_rad"))
     rate = columns["yaw_rate_rad_s"] - columns["roll_rate_rad_s"] * np.sin(pitch)
-    turn = spans.integral(rate * speed)
-    force = spans.integral(
-        columns["specific_force_y_m_s2"] + GRAVITY_M_S2 * np.cos(pitch) * np.sin(roll)
-    )
-    if not len(turn) or float(np.sqrt(np.mean(force**2))) < _LEAST_TURN_M_S:
+    turn, bank = spans.integral(rate * speed), spans.integral(GRAVITY_M_S2 * np.cos(pitch) * np.sin(roll))
+    force = spans.integral(columns["specific_force_y_m_s2"]) + bank
+    turning = np.abs(bank) > _LEAST_BANK * GRAVITY_M_S2 * _TURN_S
+    if len(turn) < _LEAST_SPANS or int(np.count_nonzero(turning)) < _LEAST_TURNS:
         return []
-    fit = regress(force, [turn], spans.groups)
-    if fit is None or fit.explained < 0.8 or not 0.0 < fit.standard_error[0] < 0.05 * fit.value[0]:
+    slope = float(bank @ turn)
+    if slope == 0.0:
         return []
-    return unit_of_airspeed(float(fit.value[0]), float(fit.standard_error[0]), "turns", lines)
+    factor = float(bank @ force) / slope
+    left = force - factor * turn
+    error = float(np.sqrt(np.sum((bank * left) ** 2))) / abs(slope)
+    if not 0.0 < error < _KNOWN * factor or float(np.sum(left**2)) > (1.0 - _EXPLAINED) * float(np.sum(force**2)):
+        return []
+    return unit_of_airspeed(factor, float(np.hypot(error, _GUSTS * factor)), "turns", lines)

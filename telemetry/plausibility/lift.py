@@ -25,6 +25,9 @@ _EXPLAINED, _TIMES = 0.5, 10.0
 _LIFT_ERROR = 0.1
 """Of the airspeed that lift needs, relative: angle of attack, lift coefficient and mass are known no better."""
 _LIFT_NEAR = 0.2
+_PARTS = 4
+"""Parts of the flight that must need the same airspeed."""
+_LEAST_LIFT = 0.1
 _LEAST_SPEED = 0.2
 """Fraction of the median airspeed below which rows do not count."""
 
@@ -73,13 +76,17 @@ def _airspeed(columns: Mapping[str, Array], aircraft: Aircraft, lines: Lines) ->
     density = columns.get("air_density_kg_m3")
     if mass is None or geometry is None or coefficients is None or density is None:
         return []
-    alpha = columns[_ALPHA]
-    lift = coefficients.CL.zero + coefficients.CL.alpha * alpha
-    carried = float(np.median(-columns["specific_force_z_m_s2"])) * mass.mass_kg
-    made = float(
-        np.median(0.5 * density * columns["airspeed_true_m_s"] ** 2 * geometry.wing_area_m2 * lift)
-    )
-    if carried <= 0.0 or made <= 0.0 or float(np.median(lift)) < 0.1:
+    lift = coefficients.CL.zero + coefficients.CL.alpha * columns[_ALPHA]
+    carried = -columns["specific_force_z_m_s2"] * mass.mass_kg
+    made = 0.5 * density * columns["airspeed_true_m_s"] ** 2 * geometry.wing_area_m2 * lift
+    parts = [
+        (float(np.median(one)), float(np.median(other)))
+        for one, other in zip(np.array_split(carried, _PARTS), np.array_split(made, _PARTS), strict=True)
+    ]
+    if any(one <= 0.0 or other <= 0.0 for one, other in parts) or float(np.median(lift)) < _LEAST_LIFT:
         return []
-    factor = float(np.sqrt(carried / made))
+    factors = np.sqrt([one / other for one, other in parts])
+    factor = float(np.median(factors))
+    if float(np.ptp(factors)) > 2.0 * _LIFT_ERROR * factor:  # a fault that came in flight is no unit
+        return []
     return unit_of_airspeed(factor, _LIFT_ERROR * factor, "lift", lines, _LIFT_NEAR)

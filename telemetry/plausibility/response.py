@@ -3,10 +3,11 @@
     dq/dt = m_w W + m_q q + m_eta eta      dp/dt = l_p p + l_xi xi      dr/dt = n_v v + n_r r + n_zeta zeta
 
 integrated over a span. Without manoeuvres the autopilot's reaction to gusts could pass for a response of the other
-sign; what counts is therefore as large as the aircraft file's, many standard errors, and most of the motion.
+sign; what counts is therefore a good part of what the aircraft file says, many standard errors, and a good part of the
+motion. A surface that is shown late seems turned where the mode is quick, so it is tried at several delays.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,14 +16,17 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import Aircraft
 from wingwatch.telemetry.plausibility.finding import Finding, Standing
 from wingwatch.telemetry.plausibility.lines import Lines
-from wingwatch.telemetry.plausibility.spans import Spans, regress
+from wingwatch.telemetry.plausibility.spans import Fit, Spans, regress
 
 __all__ = ["response_findings"]
 
 Array = NDArray[np.float64]
 
-_SPAN_S = 0.2
-_EXPLAINED, _TIMES, _SIZE = 0.4, 10.0, 0.3
+_SPAN_S = 0.1
+_EXPLAINED, _TIMES, _SIZE = 0.3, 8.0, 0.3
+_LAGS_S = (-0.05, 0.0, 0.05, 0.1, 0.15, 0.2)
+_RIVAL = 0.7
+"""Fraction of what is explained at the best delay from which on another delay may be the right one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +47,13 @@ _AXES = (
 
 
 def response_findings(
-    columns: Mapping[str, Array], kinds: Mapping[str, str], aircraft: Aircraft, lines: Lines
+    columns: Mapping[str, Array], right: Collection[str], kinds: Mapping[str, str], aircraft: Aircraft, lines: Lines
 ) -> list[Finding]:
-    """Signs of the surfaces. The rates are right.
+    """Signs of the surfaces whose rates are known to be right.
 
     Args:
         columns: finite, (n,) each.
+        right: rates that fit the attitude.
         kinds: ``position`` or ``command`` of the surfaces.
         aircraft: whose effectiveness is known.
         lines: writes lines of the map.
@@ -56,7 +61,7 @@ def response_findings(
     spans = Spans.of(columns["time_s"], _SPAN_S)
     found: list[Finding] = []
     for axis in _AXES:
-        if axis.surface not in columns:
+        if axis.surface not in columns or axis.rate not in right:
             continue
         expected = _expected(axis, columns, aircraft)
         if expected < 0.0:
@@ -67,10 +72,12 @@ def response_findings(
 def _judged(
     axis: _Axis, expected: float, columns: Mapping[str, Array], kinds: Mapping[str, str], spans: Spans, lines: Lines
 ) -> list[Finding]:
-    parts = [spans.integral(columns[axis.surface]), spans.integral(columns[axis.rate]), spans.length_s]
-    parts += [spans.integral(columns[name]) for name in axis.beside if name in columns]
-    fit = regress(spans.change(columns[axis.rate]), parts, spans.groups)
-    if fit is None or not np.isfinite(fit.value[0]):
+    fits = [fit for lag_s in _LAGS_S if (fit := _fit(axis, columns, spans, lag_s)) is not None]
+    if not fits:
+        return []
+    fit = max(fits, key=lambda one: one.explained)
+    rivals = [one for one in fits if one.explained > _RIVAL * fit.explained]
+    if len({float(np.sign(one.value[0])) for one in rivals}) > 1:
         return []
     value, error = float(fit.value[0]), float(fit.standard_error[0])
     if abs(value) < _TIMES * error or abs(value) < _SIZE * abs(expected) or fit.explained < _EXPLAINED:
@@ -82,6 +89,16 @@ def _judged(
     channel = _channel(axis.surface, kinds, lines)
     text = f"{said}: the sign of {channel} is turned"
     return [Finding(Standing.REFUSAL, *measured, text, lines.turned(channel))]
+
+
+def _fit(axis: _Axis, columns: Mapping[str, Array], spans: Spans, lag_s: float) -> Fit | None:
+    """The regression with the surface as it is shown ``lag_s`` later."""
+    time_s, surface = columns["time_s"], columns[axis.surface]
+    earlier = surface if lag_s == 0.0 else np.interp(time_s + lag_s, time_s, surface)
+    parts = [spans.integral(earlier), spans.integral(columns[axis.rate]), spans.length_s]
+    parts += [spans.integral(columns[name]) for name in axis.beside if name in columns]
+    fit = regress(spans.change(columns[axis.rate]), parts, spans.groups)
+    return fit if fit is not None and np.isfinite(fit.value[0]) else None
 
 
 def _channel(surface: str, kinds: Mapping[str, str], lines: Lines) -> str:
