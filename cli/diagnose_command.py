@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress().follow() as progress:
         found = diagnose_file(
             arguments.flight, aircraft, arguments.map, arguments.validate, progress,
-            validate_map=arguments.validate_map,
+            validate_map=arguments.validate_map, accepted=arguments.accept_implausible,
         )  # fmt: skip
         if arguments.report is not None:
             progress("writing the report", 1.0)

@@ -1,14 +1,17 @@
 """A flight file against the simulation of its aircraft: files in, a diagnosis out."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from wingwatch import diagnosis
 from wingwatch.aircraft import Aircraft
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.plausible import checked
 from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.diagnosis import Diagnosis
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
+from wingwatch.telemetry.plausibility import Standing
 
 __all__ = ["diagnose_file"]
 
@@ -21,6 +24,7 @@ def diagnose_file(
     progress: Callable[[str, float], None] | None = None,
     source: str = "",
     validate_map: Path | None = None,
+    accepted: bool | None = None,
 ) -> Diagnosis:
     """Read, clean and diagnose.
 
@@ -31,9 +35,10 @@ def diagnose_file(
         progress: called with what is being done and the fraction done.
         source: what the flight is called; its path if empty.
         validate_map: of the other flight.
+        accepted: whether flights whose channels contradict each other are diagnosed; None where that cannot be asked.
 
     Raises:
-        CommandError: a flight of which no sample is accepted.
+        CommandError: a flight of which no sample is accepted, or whose channels contradict each other.
         DiagnosisError: the flight cannot be diagnosed.
         TableError, LogError, MapError, FlightError: a file that cannot be read.
     """
@@ -43,7 +48,14 @@ def diagnose_file(
     other = None
     if validate is not None:
         other = load_flight(validate, validate_map or channel_map, surface_travel(aircraft))
-    return diagnosis.diagnose(
+    doubts = [
+        f"{one.source}: {finding.sentence}"
+        for one in (table, other)
+        if one is not None
+        for finding in checked(one, aircraft, accepted)
+        if finding.standing is not Standing.RIGHT
+    ]
+    found = diagnosis.diagnose(
         _cleaned(table),
         aircraft,
         kinds=table.kinds,
@@ -52,6 +64,7 @@ def diagnose_file(
         source=source or str(flight),
         progress=progress,
     )
+    return replace(found, notes=(*found.notes, *doubts)) if doubts else found
 
 
 def _cleaned(table: FlightTable) -> SampleBlock:

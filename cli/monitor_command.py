@@ -25,10 +25,12 @@ from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.flight_clocks import clocks_text, on_clock
 from wingwatch.cli.flight_watch import Watched, load, watch
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
+from wingwatch.cli.plausible import checked, for_json, show_doubts
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.pages.texts import number, probability_text
 from wingwatch.telemetry import check_name, load_map
+from wingwatch.telemetry.plausibility import Finding
 
 __all__ = ["run"]
 
@@ -46,12 +48,15 @@ def run(arguments: argparse.Namespace) -> int:
     check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
     if len(arguments.flights) > 1 or is_many(arguments.flights):
         return _run_many(arguments)
-    watched = _watched(arguments.flights[0], arguments)
+    watched, findings = _watched(arguments.flights[0], arguments)
     found = _found(watched, arguments)
     if arguments.json:
-        write_json(_result(watched, *found) | {"convention": arguments.convention})
+        said = {"convention": arguments.convention, "plausibility": for_json(findings)}
+        write_json(_result(watched, *found) | said)
     else:
-        _show(page(), watched, *found)
+        console = page()
+        _show(console, watched, *found)
+        show_doubts(console, findings)
     return 0
 
 
@@ -73,8 +78,9 @@ def _run_many(arguments: argparse.Namespace) -> int:
 
 def judged(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     """The JSON object of one of many flights."""
-    watched = _watched(flight, arguments)
-    return _result(watched, *_found(watched, arguments)) | {"convention": arguments.convention}
+    watched, findings = _watched(flight, arguments)
+    said = {"convention": arguments.convention, "plausibility": for_json(findings)}
+    return _result(watched, *_found(watched, arguments)) | said
 
 
 def _badness(result: Mapping[str, Any]) -> tuple[float, ...]:
@@ -94,9 +100,10 @@ def _line(result: Mapping[str, Any]) -> str:
     return f"{' '.join(alerts) or result['reason']} ({seen})"
 
 
-def _watched(path: Path, arguments: argparse.Namespace) -> Watched:
+def _watched(path: Path, arguments: argparse.Namespace) -> tuple[Watched, tuple[Finding, ...]]:
     flight, aircraft = load(path, arguments.map, arguments.aircraft)
     check_convention(aircraft, arguments.convention)
+    findings = checked(flight, aircraft, arguments.accept_implausible)
     baseline = Baseline()
     if arguments.baseline is not None:
         baseline = read_baseline(arguments.baseline, arguments.fleet, arguments.vehicle, aircraft)
@@ -106,7 +113,7 @@ def _watched(path: Path, arguments: argparse.Namespace) -> Watched:
         references=baseline.references, envelopes=baseline.envelopes,
     )  # fmt: skip
     refuse_unusable(watched)
-    return watched
+    return watched, findings
 
 
 def _found(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from wingwatch.cli.arguments.common import (
     Commands,
+    add_accept_implausible,
     add_aircraft_and_map,
     add_command,
     add_convention,
@@ -37,6 +38,7 @@ def add_estimate(commands: Commands) -> None:
         "derivatives; of a folder, each flight is one line by itself, the one furthest from what is expected first",
     )
     add_aircraft_and_map(parser)
+    add_accept_implausible(parser)
     add_jobs(parser)
     add_convention(parser)
     parser.add_argument(
@@ -121,6 +123,7 @@ def add_monitor(commands: Commands) -> None:
         help="CSV, Parquet or MATLAB file; of several, or of a folder, each is one line by itself, the worst first",
     )
     add_aircraft_and_map(parser)
+    add_accept_implausible(parser)
     add_jobs(parser)
     add_convention(parser)
     parser.add_argument(
@@ -206,6 +209,7 @@ def add_diagnose(commands: Commands) -> None:
         "wingwatch diagnose flight.mat --aircraft ultrastick25e --map thor75.toml --report report.html",
     )
     add_flight(parser)
+    add_accept_implausible(parser)
     parser.add_argument(
         "--validate",
         type=Path,

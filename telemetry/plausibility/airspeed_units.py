@@ -14,7 +14,9 @@ _DOUBTFUL = 1.6
 """Factor from 1 from which on an airspeed that stands for no unit is doubtful."""
 
 
-def unit_of_airspeed(factor: float, error: float, from_what: str, lines: Lines, near: float = _NEAR) -> list[Finding]:
+def unit_of_airspeed(
+    factor: float, error: float, from_what: str, lines: Lines, near: float = _NEAR
+) -> list[Finding]:
     """The finding for a factor.
 
     Args:

@@ -137,7 +137,9 @@ def _judged(
         channel, unit = (s.rate, "rad/s") if in_degrees else (s.attitude, "deg")
         text = f"{said}: {channel} is in {unit}" + (" and its sign is turned" if turned else "")
         return [
-            Finding(refused[0], channel, refused[1], *measured, text, lines.in_unit(channel, unit, float(sign)))
+            Finding(
+                refused[0], channel, refused[1], *measured, text, lines.in_unit(channel, unit, float(sign))
+            )
         ]
     if turned and size < _OFF and size > 1.0 / _OFF:
         channel = _turned(columns, s)

@@ -16,7 +16,7 @@ from wingwatch.telemetry.plausibility.attitude import attitude_findings
 from wingwatch.telemetry.plausibility.extremes import clipped_findings, stuck_findings
 from wingwatch.telemetry.plausibility.finding import Finding, Standing
 from wingwatch.telemetry.plausibility.forces import gravity_findings, turn_findings
-from wingwatch.telemetry.plausibility.holds import hold_of
+from wingwatch.telemetry.plausibility.holds import Hold, hold_of
 from wingwatch.telemetry.plausibility.lift import lift_findings
 from wingwatch.telemetry.plausibility.lines import Lines
 from wingwatch.telemetry.plausibility.response import response_findings
@@ -38,6 +38,7 @@ _AIRSPEED = "airspeed_true_m_s"
 _SURFACES = ("elevator_rad", "aileron_rad", "rudder_rad")
 _VANES = ("angle_of_attack_rad", "sideslip_rad")
 _RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
+_SENSORS = (*_VANES, *_RATES, *(name for name in _MOTION if "force" in name))
 _HARDLY = 0.05
 """Fraction of rows without a reading from which on an optional channel is not looked at."""
 _SLOWEST_S = 0.11
@@ -76,13 +77,13 @@ def check_flight(
     if "specific_force_z_m_s2" not in _refused(found):
         known = frozen or any(one.channel == _AIRSPEED for one in found)
         found += lift_findings(columns, None if known else aircraft, lines)
-    held = _held(columns, kinds, lines)
+    held = _held(columns)
     if aircraft is not None and not _refused(found) & {*_RATES, *_VANES, _AIRSPEED}:
         right = {one.channel for one in found if one.check == "slope" and one.standing is Standing.RIGHT}
-        moving = {name: c for name, c in columns.items() if name not in {one.channel for one in held}}
+        moving = {name: c for name, c in columns.items() if name not in held}
         if right <= set(moving):
             found += response_findings(moving, right, kinds, aircraft, lines)
-    found += [*held, *clipped_findings(columns), *stuck]
+    found += [*_held_findings(held, kinds, lines), *clipped_findings(columns), *stuck]
     order = (Standing.REFUSAL, Standing.WARNING, Standing.RIGHT)
     return tuple(sorted(found, key=lambda one: order.index(one.standing)))
 
@@ -109,20 +110,27 @@ def _columns(block: SampleBlock) -> dict[str, Array]:
     return {name: np.unwrap(c) if name in LEAPING_CHANNELS else c for name, c in columns.items()}
 
 
-def _held(columns: Mapping[str, Array], kinds: Mapping[str, str], lines: Lines) -> list[Finding]:
+def _held(columns: Mapping[str, Array]) -> dict[str, Hold]:
     """Surfaces and sensors of the fast motion that repeat each reading."""
-    time_s = columns["time_s"]
+    held = {n: hold_of(columns["time_s"], columns[n]) for n in (*_SURFACES, *_SENSORS) if n in columns}
+    return {name: hold for name, hold in held.items() if hold is not None}
+
+
+def _held_findings(held: Mapping[str, Hold], kinds: Mapping[str, str], lines: Lines) -> list[Finding]:
+    """One finding for the surfaces together, whose line takes the rows of the slowest, and one for the sensors."""
     found = []
-    for name in (*_SURFACES, *_VANES, *_RATES, *(n for n in _MOTION if "force" in n)):
-        if name not in columns or (hold := hold_of(time_s, columns[name])) is None:
+    for group, standing in ((_SURFACES, Standing.REFUSAL), (_SENSORS, Standing.WARNING)):
+        names = [name for name in held if name in group]
+        if not names:
             continue
-        surface = name in _SURFACES
+        slowest = min(names, key=lambda name: held[name].rate_hz)
+        hold = held[slowest]
         text = (
-            f"{name} is new in every {hold.rows:.3g}th row only ({hold.rate_hz:.3g} Hz in a table of "
-            f"{hold.table_hz:.3g} Hz), so it comes late by half of that"
+            f"{' and '.join(names)} repeat each value, {slowest} for {hold.rows:.3g} rows ({hold.rate_hz:.3g} Hz in "
+            f"a table of {hold.table_hz:.3g} Hz), and so come late"
         )
-        commanded = name.removesuffix("_rad") + "_command_rad"
-        clock = commanded if kinds.get(name) == "command" and name not in lines.entries else name
-        standing = Standing.REFUSAL if surface else Standing.WARNING
-        found.append(Finding(standing, name, "held", hold.rate_hz, 0.0, "Hz", text, f'clock = "{clock}"'))
+        command = slowest.removesuffix("_rad") + "_command_rad"
+        clock = command if kinds.get(slowest) == "command" and slowest not in lines.entries else slowest
+        line = f'clock = "{clock}"'
+        found.append(Finding(standing, slowest, "held", hold.rate_hz, 0.0, "Hz", text, line))
     return found

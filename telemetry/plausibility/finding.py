@@ -43,7 +43,7 @@ class Finding:
     def sentence(self) -> str:
         """The clause with the line to write."""
         lines = " and ".join(self.line.splitlines())
-        return f"{self.text}: write {lines}" if lines else self.text
+        return f"{self.text}: write {lines} into the channel map" if lines else self.text
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""

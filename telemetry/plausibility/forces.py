@@ -105,6 +105,8 @@ def turn_findings(columns: Mapping[str, Array], lines: Lines) -> list[Finding]:
     factor = float(bank @ force) / slope
     left = force - factor * turn
     error = float(np.sqrt(np.sum((bank * left) ** 2))) / abs(slope)
-    if not 0.0 < error < _KNOWN * factor or float(np.sum(left**2)) > (1.0 - _EXPLAINED) * float(np.sum(force**2)):
+    if not 0.0 < error < _KNOWN * factor or float(np.sum(left**2)) > (1.0 - _EXPLAINED) * float(
+        np.sum(force**2)
+    ):
         return []
     return unit_of_airspeed(factor, float(np.hypot(error, _GUSTS * factor)), "turns", lines)

@@ -57,7 +57,11 @@ class Lines:
         for axis, term in terms.items():
             channel = f"specific_force_{axis}_m_s2"
             entry = self.entry(channel)
-            plain = entry.unit in (None, "m/s2") and (entry.scale, entry.offset, entry.delay_s) == (1.0, 0.0, 0.0)
+            plain = entry.unit in (None, "m/s2") and (entry.scale, entry.offset, entry.delay_s) == (
+                1.0,
+                0.0,
+                0.0,
+            )
             if not (plain and roll and pitch):
                 return ""
             written.append(_written(channel, entry.model_copy(update={"source": f"{entry.source} {term}"})))

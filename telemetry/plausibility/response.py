@@ -47,7 +47,11 @@ _AXES = (
 
 
 def response_findings(
-    columns: Mapping[str, Array], right: Collection[str], kinds: Mapping[str, str], aircraft: Aircraft, lines: Lines
+    columns: Mapping[str, Array],
+    right: Collection[str],
+    kinds: Mapping[str, str],
+    aircraft: Aircraft,
+    lines: Lines,
 ) -> list[Finding]:
     """Signs of the surfaces whose rates are known to be right.
 
@@ -70,7 +74,12 @@ def response_findings(
 
 
 def _judged(
-    axis: _Axis, expected: float, columns: Mapping[str, Array], kinds: Mapping[str, str], spans: Spans, lines: Lines
+    axis: _Axis,
+    expected: float,
+    columns: Mapping[str, Array],
+    kinds: Mapping[str, str],
+    spans: Spans,
+    lines: Lines,
 ) -> list[Finding]:
     fits = [fit for lag_s in _LAGS_S if (fit := _fit(axis, columns, spans, lag_s)) is not None]
     if not fits:
@@ -111,7 +120,9 @@ def _expected(axis: _Axis, columns: Mapping[str, Array], aircraft: Aircraft) -> 
     """The surface's effectiveness at the flight's airspeed, in 1/s2; 0 where the file does not say it."""
     mass, geometry, coefficients = aircraft.mass, aircraft.geometry, aircraft.coefficients
     if mass is None or geometry is None or coefficients is None:
-        stated = [c.derivatives[axis.symbol].value for c in aircraft.conditions if axis.symbol in c.derivatives]
+        stated = [
+            c.derivatives[axis.symbol].value for c in aircraft.conditions if axis.symbol in c.derivatives
+        ]
         return float(np.median(stated)) if stated else 0.0
     coefficient, length, inertia = {
         "m_eta": (coefficients.Cm.elevator, geometry.mean_chord_m, mass.inertia_y_kg_m2),

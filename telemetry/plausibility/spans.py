@@ -70,7 +70,8 @@ class Spans:
     @property
     def groups(self) -> NDArray[np.int64]:
         """Number of the group that each span belongs to."""
-        return np.floor_divide(self.time_s[self.first] - self.time_s[0], _GROUP_S).astype(np.int64)
+        number: NDArray[np.int64] = ((self.time_s[self.first] - self.time_s[0]) // _GROUP_S).astype(np.int64)
+        return number
 
 
 @dataclass(frozen=True, slots=True)
