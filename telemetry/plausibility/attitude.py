@@ -30,7 +30,7 @@ _OFF = 1.6
 """Factor from 1 from which on a slope that stands for nothing is doubtful."""
 _KNOWN = 0.1
 """Largest standard error relative to the slope where something is decided."""
-_EXPLAINED = 0.5
+_EXPLAINED = 0.1
 _LATE_S = 0.03
 _TIMES = 6.0
 _ALIKE, _UNLIKE = 0.8, 0.2

@@ -42,6 +42,7 @@ _SENSORS = (*_VANES, *_RATES, *(name for name in _MOTION if "force" in name))
 _HARDLY = 0.05
 """Fraction of rows without a reading from which on an optional channel is not looked at."""
 _SLOWEST_S = 0.11
+_LEAST_HZ = 9.0
 _LEAST_ROWS = 200
 
 
@@ -132,5 +133,7 @@ def _held_findings(held: Mapping[str, Hold], kinds: Mapping[str, str], lines: Li
         command = slowest.removesuffix("_rad") + "_command_rad"
         clock = command if kinds.get(slowest) == "command" and slowest not in lines.entries else slowest
         line = f'clock = "{clock}"'
+        if hold.rate_hz < _LEAST_HZ:
+            text, line = f"{text}: too slow for these modes (10 Hz at least), log them faster", ""
         found.append(Finding(standing, slowest, "held", hold.rate_hz, 0.0, "Hz", text, line))
     return found

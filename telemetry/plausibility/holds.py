@@ -78,6 +78,10 @@ def new_rows(time_s: Array, values: Array, hold: Hold) -> NDArray[np.int64]:
         hold: of this channel.
     """
     new = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0.0) + 1, [values.size]])
-    step = max(2, round(hold.rows))
-    rows = [np.arange(a, b, step) for a, b in zip(new[:-1].tolist(), new[1:].tolist(), strict=True)]
+    length = np.diff(new)
+    parts = np.maximum(np.rint(length / hold.rows), 1.0).astype(np.int64)
+    rows = [
+        begin + (np.arange(count) * size) // count
+        for begin, size, count in zip(new[:-1].tolist(), length.tolist(), parts.tolist(), strict=True)
+    ]
     return np.concatenate(rows).astype(np.int64)
