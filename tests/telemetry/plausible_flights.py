@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import load_aircraft
-from wingwatch.simulation import Scenario, doublet_schedule, parse_effect, patrol, simulate
+from wingwatch.simulation import Manoeuvre, Scenario, doublet_schedule, parse_effect, patrol, simulate
 from wingwatch.simulation import three_two_one_one_schedule as steps
 from wingwatch.telemetry import CHANNEL_INDEX, Cleaner, SampleBlock
 from wingwatch.telemetry.plausibility import Finding, check_flight
@@ -28,7 +28,7 @@ def flown(
     known = load_aircraft(aircraft)
     assert known.envelope is not None
     at = known.envelope.cruise
-    manoeuvres = {
+    manoeuvres: tuple[Manoeuvre, ...] = {
         "doublets": (doublet_schedule(known, at),),
         "both": (doublet_schedule(known, at),),
         "steps": tuple(steps(known, at)),
