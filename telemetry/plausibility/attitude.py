@@ -8,7 +8,7 @@ that comes late shows its change over the span, with the lag as coefficient.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,13 @@ def attitude_findings(
         slope = _slope(columns, spans, attitude, rate)
         if slope is not None:
             found += _judged(slope, columns, lines, stated_delay_s)
+    if "heading_rad" not in columns and (slope := _slope(columns, spans, "pitch_rad", _RATES[2])) is not None:
+        only_unit = replace(slope, lag_error_s=np.inf)
+        found += [
+            one
+            for one in _judged(only_unit, columns, lines, stated_delay_s)
+            if one.channel == _RATES[2] and one.standing is not Standing.WARNING
+        ]
     return found
 
 
@@ -95,6 +102,10 @@ def _regressors(columns: Mapping[str, Array], attitude: str) -> tuple[Array, Arr
 
 def _slope(columns: Mapping[str, Array], spans: Spans, attitude: str, rate: str) -> _Slope | None:
     own, others = _regressors(columns, attitude)
+    if (
+        attitude == "pitch_rad" and rate == _RATES[2]
+    ):  # in turns pitch says of the yaw rate what heading would
+        own, others = others, own
     parts = [spans.integral(own), spans.change(own), spans.integral(others), spans.length_s]
     fit = regress(spans.change(columns[attitude]), parts, spans.groups)
     if fit is None or not np.isfinite(fit.value[:2]).all() or fit.value[0] == 0.0:
@@ -176,6 +187,8 @@ def _turned(columns: Mapping[str, Array], s: _Slope) -> str:
     spans = Spans.of(columns["time_s"], _PATH_S)
     if len(spans.first) < _LEAST_SPANS:
         return ""
+    if s.attitude == "pitch_rad" and s.rate == _RATES[2]:
+        return s.rate
     if s.attitude == "pitch_rad":
         weight = GRAVITY_M_S2 * np.cos(columns["pitch_rad"]) * np.cos(columns["roll_rad"])
         bent = -spans.integral(columns["specific_force_z_m_s2"] + weight)

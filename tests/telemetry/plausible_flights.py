@@ -28,17 +28,17 @@ def flown(
     known = load_aircraft(aircraft)
     assert known.envelope is not None
     at = known.envelope.cruise
-    manoeuvres: tuple[Manoeuvre, ...] = {
+    known_manoeuvres: dict[str, tuple[Manoeuvre, ...]] = {
         "doublets": (doublet_schedule(known, at),),
         "both": (doublet_schedule(known, at),),
         "steps": tuple(steps(known, at)),
-    }.get(manoeuvre, ())
+    }
     return simulate(
         Scenario(
             known,
             at.airspeed_true_m_s,
             at.altitude_m,
-            manoeuvres,
+            known_manoeuvres.get(manoeuvre, ()),
             (parse_effect(effect),) if effect else (),
             air,  # type: ignore[arg-type]
             seed,

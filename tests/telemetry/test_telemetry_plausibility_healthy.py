@@ -4,8 +4,9 @@ import time
 
 import pytest
 from plausible_flights import AIRCRAFT, DEG, findings, flown, times
+from telemetry_flights import THOR75, THOR75_MAP
 
-from wingwatch.telemetry import SampleBlock
+from wingwatch.telemetry import SampleBlock, load_flight, parse_map
 from wingwatch.telemetry.plausibility import Standing
 
 FAULTS = (
@@ -48,6 +49,26 @@ def test_short_slow_and_empty_flights_decide_nothing() -> None:
     block = flown("aerosonde", "both", "none")
     for rows in (slice(0, 0), slice(0, 1), slice(0, 150), slice(0, None, 50)):
         assert findings(SampleBlock(block.values[rows]), "aerosonde") == ()
+
+
+@pytest.mark.skipif(not THOR75.exists(), reason="the measured flight is not here")
+@pytest.mark.parametrize(
+    ("factor", "names", "refused"),
+    [
+        (1.0, ("roll_rad",), []),
+        (DEG, ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"), ["pitch", "roll", "yaw"]),
+        (-1.0, ("pitch_rate_rad_s",), ["pitch"]),
+        (-1.0, ("specific_force_z_m_s2",), ["specific"]),
+        (3.6, ("airspeed_true_m_s",), ["airspeed"]),
+        (-1.0, ("angle_of_attack_rad",), ["angle"]),
+        (-1.0, ("aileron_rad",), ["aileron"]),
+    ],
+)
+def test_a_measured_flight(factor: float, names: tuple[str, ...], refused: list[str]) -> None:
+    block = load_flight(THOR75, parse_map(THOR75_MAP)).block
+    found = findings(block, "ultrastick25e", times(factor, *names))
+    doubts = [one for one in found if one.standing is not Standing.RIGHT]
+    assert sorted(one.channel.split("_")[0] for one in doubts) == refused
 
 
 def test_ten_minutes_cost_less_than_a_second() -> None:
