@@ -97,7 +97,11 @@ def _line(result: Mapping[str, Any]) -> str:
         return str(result["error"]).removeprefix(f"{result['flight']}: ")
     seen = f"{result['observable_s']:.0f} of {result['duration_s']:.0f} s observable"
     alerts = [f"{a['level']} at {a['raised_s']:.1f} s: {a['text']}" for a in result["alerts"]]
-    return f"{' '.join(alerts) or result['reason']} ({seen})"
+    doubts = [
+        f"{one['channel']} {one['check']}" for one in result["plausibility"] if one["standing"] != "right"
+    ]
+    doubtful = f"; doubtful: {', '.join(doubts)}" if doubts else ""
+    return f"{' '.join(alerts) or result['reason']} ({seen}{doubtful})"
 
 
 def _watched(path: Path, arguments: argparse.Namespace) -> tuple[Watched, tuple[Finding, ...]]:

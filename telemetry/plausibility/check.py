@@ -42,7 +42,9 @@ _SENSORS = (*_VANES, *_RATES, *(name for name in _MOTION if "force" in name))
 _HARDLY = 0.05
 """Fraction of rows without a reading from which on an optional channel is not looked at."""
 _SLOWEST_S = 0.11
-_LEAST_HZ = 9.0
+_LEAST_HZ, _SLOW_HZ = 9.0, 30.0
+"""True rates below which a held channel helps nobody, and below which it comes late by what matters: autopilots command
+at 50 Hz, in tables of any rate."""
 _LEAST_ROWS = 200
 
 
@@ -107,14 +109,21 @@ def _columns(block: SampleBlock) -> dict[str, Array]:
             del values[name]
         else:
             whole &= there
-    columns = {name: np.asarray(column[whole]) for name, column in values.items()}
+    rows = _longest_clock(values["time_s"], np.flatnonzero(whole))
+    columns = {name: np.asarray(column[rows]) for name, column in values.items()}
     return {name: np.unwrap(c) if name in LEAPING_CHANNELS else c for name, c in columns.items()}
+
+
+def _longest_clock(time_s: Array, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Of the rows the longest part whose stamps rise: a clock may have been set back in flight."""
+    back = np.flatnonzero(np.diff(time_s[rows]) <= 0.0) + 1
+    return max(np.split(rows, back), key=len) if back.size else rows
 
 
 def _held(columns: Mapping[str, Array]) -> dict[str, Hold]:
     """Surfaces and sensors of the fast motion that repeat each reading."""
     held = {n: hold_of(columns["time_s"], columns[n]) for n in (*_SURFACES, *_SENSORS) if n in columns}
-    return {name: hold for name, hold in held.items() if hold is not None}
+    return {name: hold for name, hold in held.items() if hold is not None and hold.rate_hz < _SLOW_HZ}
 
 
 def _held_findings(held: Mapping[str, Hold], kinds: Mapping[str, str], lines: Lines) -> list[Finding]:

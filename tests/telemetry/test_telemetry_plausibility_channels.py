@@ -167,3 +167,14 @@ def test_lines_keep_what_the_users_map_says() -> None:
     assert (
         one_of(by_sign, Standing.REFUSAL).line == f'{Z} = {{ source = "acc z", scale = -2, offset = -0.5 }}'
     )
+
+
+def test_commands_of_fifty_hertz_in_a_faster_table_are_right() -> None:
+    block = flown("aerosonde", "doublets", "light")
+    values = np.repeat(block.values, 2, axis=0)
+    values[:, 0] = block.values[0, 0] + 0.01 * np.arange(len(values))
+    steps = np.arange(len(values) - 1)
+    sensors = [i for i in range(1, values.shape[1]) if i not in {CHANNEL_INDEX[name] for name in SURFACES}]
+    for i in sensors:  # between its neighbours, so that surfaces alone are held
+        values[1:-1:2, i] = 0.5 * (values[steps[0:-1:2], i] + values[steps[0:-1:2] + 2, i])
+    assert not [one for one in findings(SampleBlock(values), "aerosonde") if one.check == "held"]

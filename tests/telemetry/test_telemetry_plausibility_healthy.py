@@ -2,11 +2,12 @@
 
 import time
 
+import numpy as np
 import pytest
 from plausible_flights import AIRCRAFT, DEG, findings, flown, times
 from telemetry_flights import THOR75, THOR75_MAP
 
-from wingwatch.telemetry import SampleBlock, load_flight, parse_map
+from wingwatch.telemetry import CHANNELS, SampleBlock, load_flight, parse_map
 from wingwatch.telemetry.plausibility import Standing
 
 FAULTS = (
@@ -49,6 +50,32 @@ def test_short_slow_and_empty_flights_decide_nothing() -> None:
     block = flown("aerosonde", "both", "none")
     for rows in (slice(0, 0), slice(0, 1), slice(0, 150), slice(0, None, 50)):
         assert findings(SampleBlock(block.values[rows]), "aerosonde") == ()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_any_clean_samples_are_taken(seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    values = np.full((700, len(CHANNELS)), np.nan)
+    for i, channel in enumerate(CHANNELS):
+        low, high = max(channel.low, -1e4), min(channel.high, 1e4)
+        kinds = [
+            draw.uniform(low, high, 700),
+            np.full(700, draw.choice([0.0, low, high])),
+            np.repeat(draw.uniform(low, high, 100), 7),
+            np.where(draw.uniform(size=700) < 0.3, np.nan, draw.uniform(low, high, 700)),
+            1e-9 * draw.normal(size=700).clip(low, high),
+        ]
+        values[:, i] = kinds[draw.integers(len(kinds))]
+    values[:, 0] = np.cumsum(draw.choice([0.0, 0.02, 0.02, 0.02, 0.6, -30.0 if seed % 2 else 0.02], 700))
+    for one in findings(SampleBlock(values), draw.choice(AIRCRAFT)):
+        assert one.text
+
+
+def test_a_clock_that_was_set_back_is_judged_by_its_longest_part() -> None:
+    values = flown("aerosonde", "both", "none").values.copy()
+    values[2000:, 0] -= 500.0
+    found = findings(SampleBlock(values), "aerosonde", times(-1.0, "specific_force_z_m_s2"))
+    assert [one.channel for one in found if one.standing is Standing.REFUSAL] == ["specific_force_z_m_s2"]
 
 
 @pytest.mark.skipif(not THOR75.exists(), reason="the measured flight is not here")
