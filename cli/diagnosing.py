@@ -11,7 +11,7 @@ from wingwatch.cli.plausible import checked
 from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.diagnosis import Diagnosis
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
-from wingwatch.telemetry.plausibility import Standing
+from wingwatch.telemetry.plausibility import Finding, Standing
 
 __all__ = ["diagnose_file"]
 
@@ -25,8 +25,8 @@ def diagnose_file(
     source: str = "",
     validate_map: Path | None = None,
     accepted: bool | None = None,
-) -> Diagnosis:
-    """Read, clean and diagnose.
+) -> tuple[Diagnosis, tuple[Finding, ...]]:
+    """Read, check, clean and diagnose; what the channels of the flight say of one another comes with the answer.
 
     Args:
         flight: CSV, Parquet or MATLAB file, or an autopilot's log.
@@ -48,11 +48,12 @@ def diagnose_file(
     other = None
     if validate is not None:
         other = load_flight(validate, validate_map or channel_map, surface_travel(aircraft))
+    findings = checked(table, aircraft, accepted)
+    beside = () if other is None else checked(other, aircraft, accepted)
     doubts = [
-        f"{one.source}: {finding.sentence}"
-        for one in (table, other)
-        if one is not None
-        for finding in checked(one, aircraft, accepted)
+        f"{name}: {finding.sentence}"
+        for name, part in ((source or str(flight), findings), (str(validate), beside))
+        for finding in part
         if finding.standing is not Standing.RIGHT
     ]
     found = diagnosis.diagnose(
@@ -64,7 +65,7 @@ def diagnose_file(
         source=source or str(flight),
         progress=progress,
     )
-    return replace(found, notes=(*found.notes, *doubts)) if doubts else found
+    return (replace(found, notes=(*found.notes, *doubts)) if doubts else found), findings
 
 
 def _cleaned(table: FlightTable) -> SampleBlock:

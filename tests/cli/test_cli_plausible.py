@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_flights import demo_block, run
+from numpy.typing import NDArray
 
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock, write_flight
 
@@ -28,6 +29,15 @@ def written(folder: Path, factor: float, names: tuple[str, ...]) -> Path:
         values[:, CHANNEL_INDEX[name]] *= factor
     write_flight(SampleBlock(values), folder / "flight.csv")
     return folder / "flight.csv"
+
+
+def with_held_surfaces() -> NDArray[np.float64]:
+    values = demo_block("healthy", 60.0).values.copy()
+    for name in SURFACES:
+        for channel in (name, name.replace("_rad", "_command_rad")):
+            column = values[:, CHANNEL_INDEX[channel]]
+            column[:] = np.repeat(column[::5], 5)[: len(column)]
+    return values
 
 
 @pytest.mark.parametrize("command", ["estimate", "monitor", "diagnose"])
@@ -63,6 +73,13 @@ def test_what_is_accepted_is_a_warning(
     )
 
 
+def test_a_diagnosis_that_goes_on_says_so(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    write_flight(SampleBlock(with_held_surfaces()), tmp_path / "flight.csv")
+    result = run(capsys, ["diagnose", tmp_path / "flight.csv", *CALL, WAY_ON, "--json"]).json
+    assert any("10 Hz in a table of 50 Hz" in note for note in result["notes"])
+    assert "refusal" in {one["standing"] for one in result["plausibility"]}
+
+
 def test_one_of_a_folder_is_a_line_with_its_sentence(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, flight: Path
 ) -> None:
@@ -89,12 +106,7 @@ def test_condition_shows_every_channel_and_goes_on(
 def test_surfaces_that_are_held_are_thinned_by_the_line_that_is_given(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    values = demo_block("healthy", 60.0).values.copy()
-    for name in SURFACES:
-        for channel in (name, name.replace("_rad", "_command_rad")):
-            column = values[:, CHANNEL_INDEX[channel]]
-            column[:] = np.repeat(column[::5], 5)[: len(column)]
-    write_flight(SampleBlock(values), tmp_path / "flight.csv")
+    write_flight(SampleBlock(with_held_surfaces()), tmp_path / "flight.csv")
     said = run(capsys, ["estimate", tmp_path / "flight.csv", *CALL]).sentence
     assert "10 Hz in a table of 50 Hz" in said
     assert 'write clock = "elevator_rad" into the channel map' in said
