@@ -11,11 +11,13 @@ from rich.table import Table
 
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import load
+from wingwatch.cli.plausible import findings_of, for_json
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.diagnosis.condition_report import Conditioned, condition
 from wingwatch.diagnosis.static_derivatives import StaticDerivatives
 from wingwatch.telemetry import write_flight
 from wingwatch.telemetry.conditioning import AirQuality, Parameter
+from wingwatch.telemetry.plausibility import Finding, Standing
 
 __all__ = ["run"]
 
@@ -33,10 +35,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandError(f"{flight.source}: nothing could be found out: {'; '.join(found.notes)}")
     if out is not None and found.corrected is not None:
         write_flight(found.corrected, out)
+    findings = findings_of(flight, aircraft)
     if arguments.json:
-        write_json(_result(found, out))
+        write_json(_result(found, out) | {"plausibility": for_json(findings)})
     else:
-        _show(page(), found, flight.source, aircraft.name, out)
+        console = page()
+        _show(console, found, flight.source, aircraft.name, out)
+        _show_findings(console, findings)
     return 0
 
 
@@ -134,6 +139,20 @@ def _show(console: Console, found: Conditioned, source: str, aircraft: str, out:
         console.print(escape(note))
     if out is not None:
         console.print(f"corrected flight in {escape(str(out))}")
+
+
+def _show_findings(console: Console, findings: tuple[Finding, ...]) -> None:
+    """Every channel that can be judged by the others, and the lines that would mend what is not right."""
+    if not findings:
+        return
+    table = _titled("channels against one another", ("channel", "check", "found", "unit", ""))
+    for one in findings:
+        found = f"{one.measured:.4g} ± {one.standard_error:.2g}" if math.isfinite(one.measured) else "-"
+        table.add_row(one.channel, one.check, found, one.unit, str(one.standing))
+    console.print(table)
+    for one in findings:
+        if one.standing is not Standing.RIGHT:
+            console.print(f"  {escape(one.sentence)}", soft_wrap=True)
 
 
 def _delays(found: Conditioned) -> Table:

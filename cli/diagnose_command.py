@@ -9,6 +9,7 @@ from wingwatch.cli.diagnose_page import show
 from wingwatch.cli.diagnosing import diagnose_file
 from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.output_files import check_output
+from wingwatch.cli.plausible import for_json
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.diagnosis import Diagnosis, as_json, write_report
 from wingwatch.diagnosis.summary import cause_title, parameter_text
@@ -23,9 +24,9 @@ def run(arguments: argparse.Namespace) -> int:
     _check(arguments)
     aircraft = load_aircraft(arguments.aircraft)
     with Progress().follow() as progress:
-        found = diagnose_file(
+        found, findings = diagnose_file(
             arguments.flight, aircraft, arguments.map, arguments.validate, progress,
-            validate_map=arguments.validate_map,
+            validate_map=arguments.validate_map, accepted=arguments.accept_implausible,
         )  # fmt: skip
         if arguments.report is not None:
             progress("writing the report", 1.0)
@@ -33,7 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     model = _write_model(found, arguments.model)
     if arguments.json:
         files = {"report": _name(arguments.report), "model_file": _name(model)}
-        write_json(as_json(found) | files)
+        write_json(as_json(found) | files | {"plausibility": for_json(findings)})
         return 0
     console = page()
     show(console, found)

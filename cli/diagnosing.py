@@ -1,14 +1,17 @@
 """A flight file against the simulation of its aircraft: files in, a diagnosis out."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from wingwatch import diagnosis
 from wingwatch.aircraft import Aircraft
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.plausible import checked
 from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.diagnosis import Diagnosis
 from wingwatch.telemetry import Cleaner, FlightTable, SampleBlock, load_flight
+from wingwatch.telemetry.plausibility import Finding, Standing
 
 __all__ = ["diagnose_file"]
 
@@ -21,8 +24,9 @@ def diagnose_file(
     progress: Callable[[str, float], None] | None = None,
     source: str = "",
     validate_map: Path | None = None,
-) -> Diagnosis:
-    """Read, clean and diagnose.
+    accepted: bool | None = None,
+) -> tuple[Diagnosis, tuple[Finding, ...]]:
+    """Read, check, clean and diagnose; what the channels of the flight say of one another comes with the answer.
 
     Args:
         flight: CSV, Parquet or MATLAB file, or an autopilot's log.
@@ -31,9 +35,10 @@ def diagnose_file(
         progress: called with what is being done and the fraction done.
         source: what the flight is called; its path if empty.
         validate_map: of the other flight.
+        accepted: whether flights whose channels contradict each other are diagnosed; None where that cannot be asked.
 
     Raises:
-        CommandError: a flight of which no sample is accepted.
+        CommandError: a flight of which no sample is accepted, or whose channels contradict each other.
         DiagnosisError: the flight cannot be diagnosed.
         TableError, LogError, MapError, FlightError: a file that cannot be read.
     """
@@ -43,7 +48,15 @@ def diagnose_file(
     other = None
     if validate is not None:
         other = load_flight(validate, validate_map or channel_map, surface_travel(aircraft))
-    return diagnosis.diagnose(
+    findings = checked(table, aircraft, accepted)
+    beside = () if other is None else checked(other, aircraft, accepted)
+    doubts = [
+        f"{name}: {finding.sentence}"
+        for name, part in ((source or str(flight), findings), (str(validate), beside))
+        for finding in part
+        if finding.standing is not Standing.RIGHT
+    ]
+    found = diagnosis.diagnose(
         _cleaned(table),
         aircraft,
         kinds=table.kinds,
@@ -52,6 +65,7 @@ def diagnose_file(
         source=source or str(flight),
         progress=progress,
     )
+    return (replace(found, notes=(*found.notes, *doubts)) if doubts else found), findings
 
 
 def _cleaned(table: FlightTable) -> SampleBlock:

@@ -63,7 +63,7 @@ def _of_upload(folder: Path, name: str, progress: Callable[[str, float], None]) 
 
     channel_map = folder / MAP if (folder / MAP).exists() else None
     aircraft = load_aircraft(folder / AIRCRAFT)
-    found = diagnose_file(folder / FLIGHT, aircraft, channel_map, progress=progress, source=name)
+    found, _ = diagnose_file(folder / FLIGHT, aircraft, channel_map, progress=progress, source=name)
     write_report(found, folder / REPORT)
     return as_json(found)
 

@@ -18,6 +18,7 @@ from wingwatch.cli.flight_watch import Watched, watch
 from wingwatch.cli.furthest import furthest
 from wingwatch.cli.joined_flights import joined
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
+from wingwatch.cli.plausible import checked, for_json, show_doubts
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.cli.unusable import refuse_unusable
@@ -54,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     flight = joined(
         [load_flight(path, arguments.map, surface_travel(aircraft)) for path in arguments.flights]
     )
+    findings = checked(flight, aircraft, arguments.accept_implausible)
     if whole:
         result, monitor, counted = _offline(flight, aircraft, arguments)
         structures = list(next(iter(result["estimators"].values())))
@@ -65,9 +67,11 @@ def run(arguments: argparse.Namespace) -> int:
         result, monitor = _result(counted, arguments), counted.monitor
         structures = [s.name for s in monitor.chain.structures]
     if arguments.json:
-        write_json(result)
+        write_json(result | {"plausibility": for_json(findings)})
     else:
-        _show(page(), result, monitor, flight.source, counted.cleaning_text, structures)
+        console = page()
+        _show(console, result, monitor, flight.source, counted.cleaning_text, structures)
+        show_doubts(console, findings)
     return 0
 
 
@@ -102,11 +106,12 @@ def estimated(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     """The JSON object of one of many flights."""
     aircraft = load_aircraft(arguments.aircraft)
     table = load_flight(flight, arguments.map, surface_travel(aircraft))
+    said = {"plausibility": for_json(checked(table, aircraft, arguments.accept_implausible))}
     if arguments.estimator in OFFLINE_ESTIMATORS:
-        return _offline(table, aircraft, arguments)[0]
+        return _offline(table, aircraft, arguments)[0] | said
     watched = watch(table, aircraft, _progress(arguments))
     refuse_unusable(watched)
-    return _result(watched, arguments)
+    return _result(watched, arguments) | said
 
 
 def _order(found: tuple[float, str], result: Mapping[str, Any]) -> tuple[float, float]:

@@ -49,6 +49,7 @@ def joined(flights: Sequence[FlightTable]) -> FlightTable:
         {name: quality for name, quality in first.quality.items() if name in common},
         ", ".join(f.source for f in flights),
         _together([f.report for f in flights]),
+        first.entries,
     )
 
 

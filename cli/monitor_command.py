@@ -24,9 +24,11 @@ from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.flight_clocks import clocks_text, on_clock
 from wingwatch.cli.flight_watch import Watched, load, watch
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
+from wingwatch.cli.plausible import checked, for_json, show_doubts
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.telemetry import check_name, load_map
+from wingwatch.telemetry.plausibility import Finding
 
 __all__ = ["alerts_of", "judged", "run", "watched_object"]
 
@@ -43,12 +45,15 @@ def run(arguments: argparse.Namespace) -> int:
     check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
     if len(arguments.flights) > 1 or is_many(arguments.flights):
         return _run_many(arguments)
-    watched = _watched(arguments.flights[0], arguments)
+    watched, findings = _watched(arguments.flights[0], arguments)
     found = alerts_of(watched, arguments.convention)
     if arguments.json:
-        write_json(watched_object(watched, *found) | {"convention": arguments.convention})
+        said = {"convention": arguments.convention, "plausibility": for_json(findings)}
+        write_json(watched_object(watched, *found) | said)
     else:
-        _show(page(), watched, *found)
+        console = page()
+        _show(console, watched, *found)
+        show_doubts(console, findings)
     return 0
 
 
@@ -70,10 +75,9 @@ def _run_many(arguments: argparse.Namespace) -> int:
 
 def judged(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     """The JSON object of one of many flights."""
-    watched = _watched(flight, arguments)
-    return watched_object(watched, *alerts_of(watched, arguments.convention)) | {
-        "convention": arguments.convention
-    }
+    watched, findings = _watched(flight, arguments)
+    said = {"convention": arguments.convention, "plausibility": for_json(findings)}
+    return watched_object(watched, *alerts_of(watched, arguments.convention)) | said
 
 
 def _badness(result: Mapping[str, Any]) -> tuple[float, ...]:
@@ -90,12 +94,17 @@ def _line(result: Mapping[str, Any]) -> str:
         return str(result["error"]).removeprefix(f"{result['flight']}: ")
     seen = f"{result['observable_s']:.0f} of {result['duration_s']:.0f} s observable"
     alerts = [f"{a['level']} at {a['raised_s']:.1f} s: {a['text']}" for a in result["alerts"]]
-    return f"{' '.join(alerts) or result['reason']} ({seen})"
+    doubts = [
+        f"{one['channel']} {one['check']}" for one in result["plausibility"] if one["standing"] != "right"
+    ]
+    doubtful = f"; doubtful: {', '.join(doubts)}" if doubts else ""
+    return f"{' '.join(alerts) or result['reason']} ({seen}{doubtful})"
 
 
-def _watched(path: Path, arguments: argparse.Namespace) -> Watched:
+def _watched(path: Path, arguments: argparse.Namespace) -> tuple[Watched, tuple[Finding, ...]]:
     flight, aircraft = load(path, arguments.map, arguments.aircraft)
     check_convention(aircraft, arguments.convention)
+    findings = checked(flight, aircraft, arguments.accept_implausible)
     baseline = Baseline()
     if arguments.baseline is not None:
         baseline = read_baseline(arguments.baseline, arguments.fleet, arguments.vehicle, aircraft)
@@ -105,7 +114,7 @@ def _watched(path: Path, arguments: argparse.Namespace) -> Watched:
         references=baseline.references, envelopes=baseline.envelopes,
     )  # fmt: skip
     refuse_unusable(watched)
-    return watched
+    return watched, findings
 
 
 def alerts_of(

@@ -11,6 +11,7 @@ import zenoh
 from wingwatch.aircraft import library_names, load_aircraft
 from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.link_settings import security_of
+from wingwatch.cli.plausible import findings_of
 from wingwatch.cli.progress import Progress, write_json
 from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.telemetry import (
@@ -22,6 +23,7 @@ from wingwatch.telemetry import (
     load_flight,
     open_session,
 )
+from wingwatch.telemetry.plausibility import Standing
 
 __all__ = ["run"]
 
@@ -33,8 +35,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     fleet, vehicle = check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
     aircraft = AircraftMessage(aircraft=_announced(arguments.aircraft))
-    travel_rad = surface_travel(load_aircraft(arguments.aircraft))
-    flight = load_flight(arguments.flight, arguments.map, travel_rad)
+    known = load_aircraft(arguments.aircraft)
+    flight = load_flight(arguments.flight, arguments.map, surface_travel(known))
+    for finding in findings_of(flight, known):
+        if finding.standing is not Standing.RIGHT:
+            say(f"{flight.source}: {finding.sentence}")
     security = security_of(arguments, os.environ)
     began_s = time.monotonic()
     with (

@@ -1,6 +1,7 @@
 """`wingwatch report`: what a recorded flight came to, as one page for a colleague."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +9,13 @@ from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import load
 from wingwatch.cli.monitor_command import watched_object
 from wingwatch.cli.output_files import check_output
+from wingwatch.cli.plausible import checked, for_json, show_doubts
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.report_page.content import FlightContent, collect
 from wingwatch.cli.report_page.outcome_sections import headline
 from wingwatch.cli.report_page.report_page import report_html
 from wingwatch.pages.whole_file import write_whole
+from wingwatch.telemetry.plausibility import Standing
 
 __all__ = ["run"]
 
@@ -27,16 +30,20 @@ def run(arguments: argparse.Namespace) -> int:
     if any(out.resolve() == path.resolve() for path in inputs):
         raise CommandError(f"--out {out} is a file that is read; give another name")
     flight, aircraft = load(arguments.flight, arguments.map, arguments.aircraft)
+    findings = checked(flight, aircraft, arguments.accept_implausible)
+    doubts = tuple(one.sentence for one in findings if one.standing is not Standing.RIGHT)
+    flight = replace(flight, report=replace(flight.report, notes=(*flight.report.notes, *doubts)))
     content = collect(flight, aircraft, Progress())
     text = report_html(content)
     write_whole(out, text)
     if arguments.json:
-        write_json(_result(content, out, len(text.encode())))
+        write_json(_result(content, out, len(text.encode())) | {"plausibility": for_json(findings)})
         return 0
     console = page()
     answer, lead = headline(content)
     console.print(answer, style="bold", markup=False)
     console.print(lead, markup=False)
+    show_doubts(console, findings)
     console.print(f"report in {out}", markup=False)
     return 0
 

@@ -269,6 +269,7 @@ class FleetMonitor:
                 try:
                     if isinstance(report, Exception):
                         raise report
+                    self._rings.look(known)
                     news = self._digest(*key, known, report)
                 except Exception as error:  # it must neither end the watch of others nor pass for health
                     self._context.note_fault(*key, known, error)

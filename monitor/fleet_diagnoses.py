@@ -42,7 +42,7 @@ class AlertFlight:
 
 
 class FleetRings:
-    """Keeps the latest samples of every vehicle that is watched.
+    """Keeps the latest samples of every vehicle that is watched, and looks now and then whether they can be.
 
     Args:
         names: channels that are kept; without any nothing is.
@@ -59,6 +59,14 @@ class FleetRings:
             present = set(block.present)
             known.ring = SampleRing([name for name in self._names if name in present])
         known.ring.add(block)
+
+    def look(self, known: KnownVehicle) -> None:
+        """Check the channels of a vehicle against one another where it is time for that."""
+        now_s = None if known.monitor is None else known.monitor.last_sample_time_s
+        if known.ring is None or known.loading is None or now_s is None:
+            return
+        if known.contradictions.due(now_s):
+            known.contradictions.look(known.ring, known.loading.aircraft, surface_kinds(known.given))
 
 
 def alert_flight(context: FleetContext, alert_id: str) -> AlertFlight | None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.monitor.contradictions import Contradictions
 from wingwatch.monitor.loading import Loading, loading_of
 from wingwatch.monitor.ownership import Ownership
 from wingwatch.monitor.pace import Pace
@@ -60,6 +61,7 @@ class KnownVehicle:
         checkpoint_s: when its state was handed over to be saved; unsaved: whether it has changed since; urgent: whether
             that is to be saved at once.
         ring: its latest samples; None where none are kept.
+        contradictions: what its channels say of one another.
     """
 
     message: AircraftMessage | None = None
@@ -96,6 +98,7 @@ class KnownVehicle:
     unsaved: bool = False
     urgent: bool = False
     ring: SampleRing | None = None
+    contradictions: Contradictions = field(default_factory=Contradictions)
 
     def count(self, reason: str, times: int = 1) -> None:
         """Count what was not used."""
@@ -144,7 +147,7 @@ class KnownVehicle:
             self.earlier.update(self.monitor.counts)
         self.monitor, self.recalled, self.recall_s = None, False, None
         self.given, self.settings, self.late, self.unsaved, self.urgent = (), "", False, False, False
-        self.ring = None
+        self.ring, self.contradictions = None, Contradictions()
         self.drop_held()
 
     def hold(self, message: SensorsMessage) -> int:
@@ -188,12 +191,17 @@ class KnownVehicle:
     def standing(self, now_s: float, stale_s: float) -> tuple[VehicleState, str | None]:
         """State, and its reason where that is not the monitor's own.
 
-        An alert stands through silence and faults; neither passes for health.
+        An alert stands through silence and faults; neither passes for health. Channels that contradict each other do
+        not either.
         """
         faulty = now_s - self.fault_s <= FAULT_SHOWN_S
         blind = self.fault_text if faulty else LEFT_OUT if self.left_out else None
         if self.monitor is not None and self.monitor.state is VehicleState.DEGRADED:
-            return VehicleState.DEGRADED, f"{self.monitor.reason} Meanwhile {blind}" if blind else None
+            meanwhile = blind or self._contradiction
+            return (
+                VehicleState.DEGRADED,
+                f"{self.monitor.reason} Meanwhile {meanwhile}" if meanwhile else None,
+            )
         if blind:
             return VehicleState.UNKNOWN, blind
         if self.monitor is None:
@@ -202,7 +210,15 @@ class KnownVehicle:
             if now_s - self.refused_s <= stale_s:
                 return VehicleState.STALE, "messages arrive, but none that can be used: see the counts"
             return VehicleState.STALE, "no samples are arriving"
+        if self._contradiction:
+            return VehicleState.NOT_OBSERVABLE, self._contradiction
         return self.monitor.state, None
+
+    @property
+    def _contradiction(self) -> str:
+        """Channels that contradict each other in one clause; empty where none do."""
+        said = self.contradictions.text
+        return f"its channels contradict each other: {said}" if said else ""
 
     @property
     def fault_text(self) -> str:

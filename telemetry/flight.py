@@ -18,7 +18,15 @@ from wingwatch.telemetry.completion import complete, derivations
 from wingwatch.telemetry.flight_checks import FlightError, settled
 from wingwatch.telemetry.logs.log_table import log_table
 from wingwatch.telemetry.logs.reading import is_autopilot_log, read_autopilot_log
-from wingwatch.telemetry.maps import ChannelMap, MapError, apply_map, load_map, mentions, with_travel
+from wingwatch.telemetry.maps import (
+    ChannelEntry,
+    ChannelMap,
+    MapError,
+    apply_map,
+    load_map,
+    mentions,
+    with_travel,
+)
 from wingwatch.telemetry.readers import RawTable, read_table
 from wingwatch.telemetry.sample import (
     CHANNEL_INDEX,
@@ -105,6 +113,7 @@ class FlightTable:
         quality: for each channel present, whether it was measured or derived.
         source: the file it came from.
         report: what reading used and left.
+        entries: by channel, what the map says of it.
     """
 
     block: SampleBlock
@@ -112,6 +121,7 @@ class FlightTable:
     quality: Mapping[str, Quality]
     source: str
     report: FlightReport
+    entries: Mapping[str, ChannelEntry] = field(default_factory=dict)
 
     @property
     def wire_columns(self) -> tuple[str, ...]:
@@ -167,7 +177,7 @@ def load_flight(
         if name in made and name not in kinds:
             kinds[name] = "command" if made[name] == (_command_of(name),) else "position"
     quality = _quality(block, rules, made)
-    return FlightTable(block, kinds, quality, source, mapped.report)
+    return FlightTable(block, kinds, quality, source, mapped.report, rules.channels)
 
 
 def _read_columns(path: Path, channel_map: ChannelMap | None, travel_rad: Mapping[str, float]) -> _Mapped:

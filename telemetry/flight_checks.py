@@ -14,6 +14,7 @@ from wingwatch.telemetry.mixed_rates import (
     slowest_clock,
     without_slow_vanes,
 )
+from wingwatch.telemetry.plausibility.holds import hold_of, new_rows
 from wingwatch.telemetry.sample import CHANNEL_INDEX, CHANNELS, Channel
 from wingwatch.telemetry.units import units_of
 
@@ -62,6 +63,10 @@ def settled(
         clock = rules.clock or slowest_clock(found)
         found, said = join_rates(found, clock, commands, rules.max_gap_s)
         notes, other = (*notes, *left_out, said), {}
+    elif rules.clock is not None and (rows := _new_rows(found, rules.clock)) is not None:
+        found = {name: column[rows] for name, column in found.items()}
+        other = {name: column[rows] for name, column in other.items()}
+        notes = (*notes, f"{rows.size} rows in which {rules.clock} is new are taken")
     entry = rules.channels.get("time_s") or ChannelEntry(source="time_s")
     factor = units_of("s")[entry.unit].factor if entry.unit else 1.0
     signal = found.get(clock, found["time_s"])
@@ -73,6 +78,14 @@ def settled(
     for name in found:
         _check_range(source, name, found[name], rules)
     return found, notes
+
+
+def _new_rows(columns: Mapping[str, Array], clock: str) -> NDArray[np.int64] | None:
+    """Rows in which the clock's channel is new, where it repeats its values; None where it does not."""
+    whole = np.flatnonzero(np.isfinite(columns["time_s"]) & np.isfinite(columns[clock]))
+    time_s, values = columns["time_s"][whole], columns[clock][whole]
+    hold = hold_of(time_s, values)
+    return None if hold is None else whole[new_rows(time_s, values, hold)]
 
 
 def _without_placeholders(columns: dict[str, Array], required: Sequence[str]) -> list[str]:

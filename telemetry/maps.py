@@ -96,7 +96,8 @@ class ChannelMap(_Part):
 
     Attributes:
         format: version of this file format.
-        clock: channel whose stamps the table takes; a table of one clock has no choice, so only checked.
+        clock: channel whose stamps the table takes; of a table of one clock the rows in which that channel is new,
+            where it repeats its values.
         max_gap_s: nothing is interpolated or held across a longer gap.
         rows: window and filter.
         channels: entries by flight-table channel; they override columns that carry a channel's name.

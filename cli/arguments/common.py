@@ -10,6 +10,7 @@ from wingwatch.cli.arguments.values import job_count
 __all__ = [
     "CommandParser",
     "Commands",
+    "add_accept_implausible",
     "add_aircraft_and_map",
     "add_command",
     "add_commands",
@@ -74,6 +75,16 @@ def add_aircraft_and_map(parser: argparse.ArgumentParser) -> None:
         "--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file"
     )
     parser.add_argument("--map", type=Path, metavar="MAP", help="channel map (TOML)")
+
+
+def add_accept_implausible(parser: argparse.ArgumentParser) -> None:
+    """Going on with a flight whose channels contradict each other."""
+    parser.add_argument(
+        "--accept-implausible",
+        action="store_true",
+        help="go on although channels contradict each other (units, signs, gravity, repeated readings): "
+        "the refusals become warnings",
+    )
 
 
 def add_jobs(parser: argparse.ArgumentParser) -> None:

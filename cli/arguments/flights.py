@@ -4,6 +4,7 @@ from pathlib import Path
 
 from wingwatch.cli.arguments.common import (
     Commands,
+    add_accept_implausible,
     add_aircraft_and_map,
     add_command,
     add_convention,
@@ -45,6 +46,7 @@ def add_estimate(commands: Commands) -> None:
         "derivatives; of a folder, each flight is one line by itself, the one furthest from what is expected first",
     )
     add_aircraft_and_map(parser)
+    add_accept_implausible(parser)
     add_jobs(parser)
     add_convention(parser)
     parser.add_argument(
@@ -129,6 +131,7 @@ def add_monitor(commands: Commands) -> None:
         help="CSV, Parquet or MATLAB file; of several, or of a folder, each is one line by itself, the worst first",
     )
     add_aircraft_and_map(parser)
+    add_accept_implausible(parser)
     add_jobs(parser)
     add_convention(parser)
     parser.add_argument(
@@ -214,6 +217,7 @@ def add_diagnose(commands: Commands) -> None:
         "wingwatch diagnose flight.mat --aircraft ultrastick25e --map thor75.toml --report report.html",
     )
     add_flight(parser)
+    add_accept_implausible(parser)
     parser.add_argument(
         "--validate",
         type=Path,
@@ -247,4 +251,5 @@ def add_report(commands: Commands) -> None:
         "  wingwatch report flight.mat --aircraft ultrastick25e --map thor75.toml --out report.html",
     )
     add_flight(parser)
+    add_accept_implausible(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="REPORT.html", help="the page to write")

@@ -271,7 +271,9 @@ def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untype
         -r * cos,
         -q * cos * secant,
     )  # of p and q by r, of r by q
-    if abs(row[_THETA]) > STEEP_RAD:  # Euler's equations say little of bank and heading: they begin anew afterwards
+    if (
+        abs(row[_THETA]) > STEEP_RAD
+    ):  # Euler's equations say little of bank and heading: they begin anew afterwards
         to.rate[ROLL] = to.rate[HEADING] = math.nan
     for relation in (ROLL, PITCH, HEADING):
         to.d[relation, 3] = 1.0

@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 TABLE_HZ = 100.0
 """Rate of a table at most: no mode of an aircraft lies near a half of it."""
 
+_HELD_HZ, _LEAST_HZ = 30.0, 9.0
+"""Surfaces logged less often than the first are the clock themselves (held in a faster table, m_w of the Aerosonde came
+out up to twelve standard errors off), but not below the second, where no mode is left."""
 _MOST_RUNS = 5
 _CLOCKS = ("pitch_rate_rad_s", "roll_rate_rad_s", "yaw_rate_rad_s", "specific_force_z_m_s2", "roll_rad")
 _FIXED_WING = 2.0
@@ -196,6 +199,8 @@ def _clock(log: AutopilotLog, rules: ChannelMap, reader: ChannelReader) -> Topic
             "channel time_s: an autopilot log has a clock of its own; leave the entry out, and name with "
             "clock = ... the channel whose stamps the table takes"
         )
+    if rules.clock is None and (slow := _slow_surface(rules, reader)) is not None:
+        return slow
     names = [rules.clock] if rules.clock is not None else [*_CLOCKS, *rules.channels]
     for name in names:
         if name in rules.channels:
@@ -204,6 +209,14 @@ def _clock(log: AutopilotLog, rules: ChannelMap, reader: ChannelReader) -> Topic
     raise LogError(
         f"{log.source}: the log has no {wanted}, whose stamps the table takes; name them in a channel map"
     )
+
+
+def _slow_surface(rules: ChannelMap, reader: ChannelReader) -> Topic | None:
+    """The topic of the slowest surface, where commands held in a faster table would not be those that were given."""
+    topics = [reader.topic(name) for name in SURFACE_CHANNELS if name in rules.channels]
+    rates = [rate_hz(topic.time_s) for topic in topics]
+    slow = [(rate, k) for k, rate in enumerate(rates) if _LEAST_HZ <= rate < _HELD_HZ]
+    return topics[min(slow)[1]] if slow else None
 
 
 def _table_of_run(log: AutopilotLog, rules: ChannelMap, reader: ChannelReader, run: _Run) -> LogTable:

@@ -19,7 +19,15 @@ Array = NDArray[np.float64]
 _PERIODS = {
     "roll_rad": 2.0 * np.pi, "heading_rad": 2.0 * np.pi, "roll_demand_rad": 2.0 * np.pi, "longitude_deg": 360.0,
 }  # fmt: skip
-_HELD = ("airspeed_true_m_s", "airspeed_indicated_m_s", "throttle", "roll_demand_rad", "pitch_demand_rad", "airspeed_demand_m_s", "altitude_demand_m")
+_HELD = (
+    "airspeed_true_m_s",
+    "airspeed_indicated_m_s",
+    "throttle",
+    "roll_demand_rad",
+    "pitch_demand_rad",
+    "airspeed_demand_m_s",
+    "altitude_demand_m",
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,6 +91,7 @@ def test_json_is_the_contracts_object_and_the_files_are_written(
     ]
     result = run(capsys, arguments).json
     assert (result.pop("report"), result.pop("model_file")) == (str(report), str(model))
+    assert {one["standing"] for one in result.pop("plausibility")} == {"right"}
     assert result == json.loads(json.dumps(as_json(FOUND)))
     assert report.read_text().startswith("<!doctype html>")
     assert load_aircraft(model) == FOUND.model
