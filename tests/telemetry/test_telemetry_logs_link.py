@@ -63,22 +63,25 @@ def test_a_flight_over_a_link_is_what_flew(tmp_path: Path) -> None:
     path, truth = tmp_path / "flight.tlog", flown(20.0, noise=False)
     path.write_bytes(link_log(on_the_ground_first(truth)))
     flight = load_flight(path, None, TRAVEL)
-    rows = np.searchsorted(flight.block.time_s, 42.0 + truth.time_s[50:-50] - 0.001)
+    time_s = flight.block.time_s
+    # the surfaces come ten times a second and are the clock; what is faster is low-pass filtered
+    assert np.median(np.diff(time_s)) == pytest.approx(0.1, abs=1e-6)
+    inside = (time_s > 43.0) & (time_s < 42.0 + truth.time_s[-1] - 1.0)
+
+    def flown_(name: str) -> np.ndarray:
+        return np.asarray(np.interp(time_s[inside] - 42.0, truth.time_s, truth.column(name)))
+
     for name, limit in {
-        "pitch_rate_rad_s": 1e-7, "roll_rad": 1e-7, "specific_force_z_m_s2": 0.006, "airspeed_true_m_s": 0.05,
+        "pitch_rate_rad_s": 0.01, "roll_rad": 0.005, "specific_force_z_m_s2": 0.2, "airspeed_true_m_s": 0.05,
         "altitude_m": 0.05,
     }.items():  # fmt: skip
-        error = np.abs(flight.block.column(name)[rows] - truth.column(name)[50:-50])
-        assert np.nanmax(error) < limit, name
-    # surfaces come ten times a second and hold; where they rest they are exact to half a microsecond
+        error = np.abs(flight.block.column(name)[inside] - flown_(name))
+        assert np.nanmedian(error) < limit, name
     for surface in ("elevator", "aileron", "rudder"):
-        error = flight.block.column(f"{surface}_rad")[rows] - truth.column(f"{surface}_command_rad")[50:-50]
-        assert np.nanmedian(np.abs(error)) < 1e-3
-        seen, flown_ = (
-            flight.block.column(f"{surface}_rad")[rows],
-            truth.column(f"{surface}_command_rad")[50:-50],
-        )
-        assert np.corrcoef(seen, flown_)[0, 1] > 0.6
+        given = truth.column(f"{surface}_command_rad")
+        last = np.searchsorted(truth.time_s, time_s[inside] - 42.0 + 0.001, side="right") - 1
+        error = np.abs(flight.block.column(f"{surface}_rad")[inside] - given[last])
+        assert np.nanmax(error) < 1e-3, surface
     assert flight.quality["airspeed_indicated_m_s"] == "derived"  # the packet does not say what is behind it
     assert flight.kinds["elevator_rad"] == "command"
     assert np.nanmedian(flight.block.column("throttle")) == pytest.approx(0.78)
