@@ -410,7 +410,8 @@ class VehicleMonitor(VehicleReadings):
         if self.unseen_surfaces and self.says_something:
             return self._surfaces.text(self._memory.surfaces)
         if self.state is VehicleState.NOT_OBSERVABLE:
-            return "; ".join(latest.modes[s.name].why_not_compared for s in self._compared)
+            reasons = (latest.modes[s.name].why_not_compared for s in self._compared)
+            return "; ".join(dict.fromkeys(reasons))  # one that is of all modes is said once
         return "no change against what is expected"
 
     def could_see(self) -> Sequence[CouldSeeView]:
