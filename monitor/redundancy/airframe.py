@@ -20,7 +20,7 @@ from wingwatch.estimators.kernels.hot import whole
 from wingwatch.monitor.redundancy.layout import ALPHA, COLUMNS, LIFT, PITCHING, ROLLING, SIDE, YAWING
 from wingwatch.telemetry import CHANNEL_INDEX
 
-__all__ = ["ATTACHED_RAD", "COARSE", "SMOOTHED_S", "forces_and_moments"]
+__all__ = ["ATTACHED_RAD", "COARSE", "forces_and_moments"]
 
 _P, _Q, _R = (CHANNEL_INDEX[f"{a}_rate_rad_s"] for a in ("roll", "pitch", "yaw"))
 _V, _RHO = CHANNEL_INDEX["airspeed_true_m_s"], CHANNEL_INDEX["air_density_kg_m3"]
@@ -32,8 +32,8 @@ COARSE = 0.1
 exponential that lasts for a sample is misjudged by 0.08 of it."""
 _SHOWN = 5.0
 """Standard deviations of a reading's noise from which a rate shows its damping, and incidence its slope."""
-SMOOTHED_S = 2.0
-"""Over so long a usual reading is a mean."""
+USUAL_S = 60.0
+"""Over so long the usual incidence is a mean: of two seconds, its own noise would still be a column."""
 
 
 @whole
@@ -68,7 +68,7 @@ def _regressors(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-de
         y = model.coefficients[SIDE - LIFT]
         force = flow[18] / flow[13] - y[2] * lat[2] - y[3] * lat[3] - y[4] * lat[4] - y[5] * lat[5]
         lat[1] = force / y[1]
-    late, part = memory.late_flow, 1.0 - math.exp(-dt / SMOOTHED_S)
+    late, part = memory.late_flow, 1.0 - math.exp(-dt / USUAL_S)
     for k in range(2):
         now = lon[1] if k == 0 else lat[1]
         column, usual = late[k, 1], late[k, 2]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2
 from wingwatch.estimators.kernels.hot import whole
-from wingwatch.monitor.redundancy.airframe import ATTACHED_RAD, COARSE, SMOOTHED_S, forces_and_moments
+from wingwatch.monitor.redundancy.airframe import ATTACHED_RAD, COARSE, forces_and_moments
 from wingwatch.monitor.redundancy.layout import (
     AIRSPEED,
     ALPHA,
@@ -64,7 +64,7 @@ SEGMENT_S = 1.0
 HELD_S = 0.35
 """A reading that repeats for less is one of a slower sensor; one that repeats for longer counts as a reading."""
 
-TURNED_S = 0.3
+SMOOTHED_S, TURNED_S = 2.0, 0.3
 LATER_S = 0.05
 MANOEUVRE = 5.0
 """Standard deviations of noise from which a rate or an acceleration shows a scale, a delay or a reading that does not
