@@ -296,3 +296,14 @@ def test_bad_arguments_get_one_sentence(
     name: str, arguments: list[str], words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:  # fmt: skip
     assert words in refusal(load(name), arguments, monkeypatch, capsys)
+
+
+def test_relations_alone_are_watched_in_drawn_flights(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    relations = load("relations")
+    monkeypatch.setattr(sys, "argv", ["relations.py", "--flights", "3", "--seconds", "70", "--all"])
+    relations.main()
+    said = capsys.readouterr().out
+    assert len(re.findall(r"healthy .* never ", said)) == 3
+    assert "false   0 in" in said
