@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from wingwatch.telemetry.tables.csv_file import is_text, read_csv
-from wingwatch.telemetry.tables.hdf5_columns import Hdf5Error, hdf5_columns
+from wingwatch.telemetry.tables.hdf5_file import read_hdf5
 from wingwatch.telemetry.tables.matlab_file import MATLAB_5_MAGIC, read_matlab
 from wingwatch.telemetry.tables.parquet_file import PARQUET_MAGIC, read_parquet
-from wingwatch.telemetry.tables.raw_table import RawTable, TableError, make_table
+from wingwatch.telemetry.tables.raw_table import RawTable, TableError
 
 __all__ = ["RawTable", "TableError", "read_table"]
 
@@ -34,17 +34,9 @@ def read_table(path: Path) -> RawTable:
     if data.startswith(MATLAB_5_MAGIC):
         return read_matlab(str(path), data)
     if data.startswith(_HDF5_MAGICS):
-        return _read_hdf5(str(path), data)
+        return read_hdf5(str(path), data)
     if not is_text(data):
         raise TableError(f"{path}: the format is not known; {_FORMATS} can be read")
     if not data.strip(_MARKS):
         raise TableError(f"{path}: the file is empty")
     return read_csv(str(path), data)
-
-
-def _read_hdf5(source: str, data: bytes) -> RawTable:
-    try:
-        columns, ignored = hdf5_columns(data)
-    except Hdf5Error as problem:
-        raise TableError(f"{source}: {problem}") from None
-    return make_table(source, "matlab", columns, ignored, [])

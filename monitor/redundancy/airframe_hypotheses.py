@@ -213,10 +213,8 @@ def _in_coefficients(airframe: _Airframe, h: Hypothesis) -> Hypothesis:
     moved = _as_coefficients(airframe, h)
     if moved is not None:
         effects = airframe.effects(moved, _LINEAR_SPREAD)
-        own = h.channel in (
-            "angle_of_attack_rad",
-            "sideslip_rad",
-        )  # nothing else tells a vane's bias in gusts
+        # nothing else tells a vane's bias in gusts
+        own = h.channel in ("angle_of_attack_rad", "sideslip_rad")
         return with_effects(h, {i: replace(e, proves=own) for i, e in effects.items() if i not in h.effects})
     spoilt = _SPOILS.get(h.channel, ()) if h.effects else ()
     return with_effects(h, _anything(spoilt, h.size_std or 1.0))

@@ -271,9 +271,8 @@ def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untype
         -r * cos,
         -q * cos * secant,
     )  # of p and q by r, of r by q
-    if (
-        abs(row[_THETA]) > STEEP_RAD
-    ):  # Euler's equations say little of bank and heading: they begin anew afterwards
+    # Euler's equations say little of bank and heading there: their filters begin anew afterwards
+    if abs(row[_THETA]) > STEEP_RAD:
         to.rate[ROLL] = to.rate[HEADING] = math.nan
     for relation in (ROLL, PITCH, HEADING):
         to.d[relation, 3] = 1.0
@@ -372,9 +371,8 @@ def _axial(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     push = thrust_n(model.propulsion, min(1.0, max(0.0, row[_THROTTLE])), v, density) / c[0]
     drag, induced = per_kg * c[4], per_kg * c[6] * normal * normal
     to.z[AXIAL] = fx - (push - drag - per_kg * c[5] * normal - induced)
-    if (
-        not ATTACHED_RAD[0] <= flow[16] <= ATTACHED_RAD[1]
-    ):  # no polynomial of the normal force describes it there
+    # beyond straight lift no polynomial of the normal force describes it
+    if not ATTACHED_RAD[0] <= flow[16] <= ATTACHED_RAD[1]:
         to.z[AXIAL] = math.nan
     ratio, throttle = (smooth / v) ** 2, memory.clock[_THROTTLE_SMOOTH]
     drag, induced = drag * ratio, induced / ratio

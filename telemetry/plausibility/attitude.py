@@ -102,9 +102,8 @@ def _regressors(columns: Mapping[str, Array], attitude: str) -> tuple[Array, Arr
 
 def _slope(columns: Mapping[str, Array], spans: Spans, attitude: str, rate: str) -> _Slope | None:
     own, others = _regressors(columns, attitude)
-    if (
-        attitude == "pitch_rad" and rate == _RATES[2]
-    ):  # in turns pitch says of the yaw rate what heading would
+    # in turns pitch says of the yaw rate what heading would
+    if attitude == "pitch_rad" and rate == _RATES[2]:
         own, others = others, own
     parts = [spans.integral(own), spans.change(own), spans.integral(others), spans.length_s]
     fit = regress(spans.change(columns[attitude]), parts, spans.groups)

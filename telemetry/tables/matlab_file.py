@@ -1,7 +1,7 @@
 """MATLAB files up to version 7: vectors, matrices, structs, arrays of structs."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from io import BytesIO
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wingwatch.telemetry.tables.raw_table import RawTable, TableError, first_line, make_table
 from wingwatch.telemetry.units import unit_in_brackets
 
-__all__ = ["MATLAB_5_MAGIC", "read_matlab"]
+__all__ = ["MATLAB_5_MAGIC", "read_matlab", "table_of"]
 
 MATLAB_5_MAGIC = b"MATLAB 5.0 MAT-file"
 
@@ -42,19 +42,35 @@ def read_matlab(source: str, data: bytes) -> RawTable:
         raise TableError(
             f"{source}: the MATLAB file is truncated or damaged ({first_line(problem)}); copy it again"
         ) from None
-    found = _Found()
     kept = {name: value for name, value in variables.items() if not name.startswith("__")}
-    leaves = [leaf for name, value in kept.items() for leaf in _leaves(name, value)]
+    opaque = any(_is_opaque(value) for value in variables.values()) or "__function_workspace__" in variables
+    return table_of(source, [leaf for name, value in kept.items() for leaf in _leaves(name, value)], opaque)
+
+
+def table_of(
+    source: str, leaves: Sequence[tuple[str, Any]], opaque: bool = False, what: str = "MATLAB"
+) -> RawTable:
+    """The table of what a file holds, by full names such as ``log.imu.q``.
+
+    Args:
+        source: the file.
+        leaves: arrays and other values.
+        opaque: whether the file has objects that cannot be read.
+        what: kind of the file.
+
+    Raises:
+        TableError: no vector of numbers is among them.
+    """
+    found = _Found()
     fields = Counter(name.rpartition(".")[2] for name, _ in leaves)
     for name, value in leaves:
         field = name.rpartition(".")[2]
         found.take(field if fields[field] == 1 else name, value)
-    opaque = any(_is_opaque(value) for value in variables.values()) or "__function_workspace__" in variables
     rows = found.rows()
     if rows is None:
         advice = f": it holds a table or another object; {_TABLE_ADVICE}" if opaque else ""
         raise TableError(
-            f"{source}: the MATLAB file holds no vector of numbers, alone or in a struct{advice}"
+            f"{source}: the {what} file holds no vector of numbers, alone or in a struct{advice}"
         )
     columns = found.columns(rows)
     notes = [f"a table or another object of the file is not read: {_TABLE_ADVICE}"] if opaque else []

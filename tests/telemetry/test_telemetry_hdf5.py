@@ -43,17 +43,17 @@ def test_a_struct_of_vectors_is_a_table_and_the_rest_is_listed(tmp_path: Path) -
         {
             "flight": {"time": np.arange(5.0)[:, None], "q": q[None, :], "name": "thor", "inner": {"h": np.ones(5)}},
             "#refs#": {"a": np.arange(5.0)},
-            "slow": np.arange(3.0), "mass": 2.5, "matrix": np.ones((5, 2)),
+            "slow": np.arange(3.0), "mass": 2.5, "matrix": np.arange(1.0, 11.0).reshape(5, 2),
         },
     )  # fmt: skip
     table = read_table(path)
     assert table.format == "matlab"
-    assert sorted(table.columns) == ["h", "q", "time"]
+    assert sorted(table.columns) == ["h", "matrix[0]", "matrix[1]", "q", "time"]
+    assert table.columns["matrix[1]"].tolist() == [2.0, 4.0, 6.0, 8.0, 10.0]
     assert table.columns["q"].tolist() == q.tolist()
     assert table.columns["time"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert sorted(table.ignored) == [
         "mass (scalar)",
-        "matrix (matrix 5 x 2)",
         "name (no numbers)",
         "slow (3 values)",
     ]
