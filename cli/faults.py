@@ -38,6 +38,7 @@ def _loaded_sentence_types() -> tuple[type[BaseException], ...]:
         "wingwatch.telemetry.maps": ("MapError",),
         "wingwatch.telemetry.flight": ("FlightError",),
         "wingwatch.telemetry.logs.log": ("LogError",),
+        "wingwatch.telemetry.recording.recording_file": ("RecordingError",),
         "wingwatch.telemetry.keys": ("KeyNameError",),
         "wingwatch.telemetry.zenoh_link": ("LinkError",),
         "wingwatch.telemetry.link_security": ("LinkSecurityError",),

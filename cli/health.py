@@ -17,6 +17,7 @@ from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.processor_time import ProcessorTimes
 from wingwatch.cli.pump import Pump
+from wingwatch.cli.recorder import COUNTED, Recorder
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenRegister
 from wingwatch.monitor import FleetMonitor, default_settings
@@ -47,6 +48,7 @@ class Parts:
     diagnoses: DiagnosisJobs
     alert_diagnoses: AlertDiagnoses | None
     refusals: Mapping[str, int]
+    recorder: Recorder | None = None
 
 
 class Health:
@@ -84,6 +86,7 @@ class Health:
             "links": {**parts.refusals, "foreign_alerts": parts.outputs.foreign_alerts},
             "connections": parts.http.counts,
             "alert_diagnoses": {} if parts.alert_diagnoses is None else dict(parts.alert_diagnoses.counts),
+            "recording": dict.fromkeys(COUNTED, 0) if parts.recorder is None else parts.recorder.counts,
         }
 
     def figures(self) -> ServiceFigures:
@@ -124,6 +127,7 @@ class Health:
             "queries": QueueView(outputs["queries"]),
             "diagnoses": QueueView(parts.diagnoses.waiting),
             "alert_diagnoses": QueueView(parts.diagnoses.alerts_waiting),
+            "recording": QueueView(0 if parts.recorder is None else parts.recorder.waiting),
         }
 
     def _links(self) -> Mapping[str, int]:

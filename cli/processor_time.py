@@ -13,6 +13,7 @@ STAGES: Mapping[str, str] = {
     "wingwatch-recall": "recall",
     "wingwatch-checkpoints": "checkpoints",
     "wingwatch-outputs": "publish",
+    "wingwatch-recorder": "record",
     "wingwatch-http": "http",
     "wingwatch-diagnoses": "diagnoses",
     "wingwatch-alert-diagnoses": "diagnoses",

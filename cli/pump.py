@@ -4,13 +4,13 @@ import gc
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from wingwatch.cli.delays import DelayHistogram
 from wingwatch.cli.kernels import KernelError, Preparation
 from wingwatch.cli.loops import Loop
 from wingwatch.monitor import FleetMonitor
-from wingwatch.telemetry import SensorSubscriber
+from wingwatch.telemetry import InboundMessage, SensorSubscriber
 
 __all__ = ["Pump"]
 
@@ -27,6 +27,7 @@ class Pump:
 
     Args:
         preparation: waited for first; messages that arrive meanwhile stay in the subscriber's queue.
+        record: called with messages before the monitor is; it returns at once.
 
     Attributes:
         faults: messages on which the monitor failed; that is a fault of the program, and the watch goes on.
@@ -41,7 +42,9 @@ class Pump:
         arrived: threading.Event,
         preparation: Preparation,
         clock: Callable[[], float] = time.monotonic,
+        record: Callable[[Sequence[InboundMessage]], None] | None = None,
     ) -> None:
+        self._record = record
         self._subscriber = subscriber
         self._monitor = monitor
         self._arrived = arrived
@@ -110,6 +113,8 @@ class Pump:
             while full and not self._ending:
                 messages = self._subscriber.drain(_GATHERED, self._monitor.has_enough)
                 self._since_s = self._clock()
+                if self._record is not None:
+                    self._record(messages)
                 self._safely(self._monitor.receive_all, messages)
                 self._since_s, now_s = None, self._clock()
                 for message in messages:

@@ -34,6 +34,7 @@ from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_change import RING_CHANNELS
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
+from wingwatch.cli.faults import CommandError
 from wingwatch.cli.hangar import Hangar
 from wingwatch.cli.health import Health, Parts, connected, waiting_for
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
@@ -42,6 +43,8 @@ from wingwatch.cli.link_settings import link_security
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.patient import PatientHistory
 from wingwatch.cli.pump import Pump
+from wingwatch.cli.recorded_ports import RecordedCheckpoints, RecordedStore
+from wingwatch.cli.recorder import Recorder
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenFile, TokenRegister
@@ -150,13 +153,18 @@ def _fleet(
     outputs: ZenohOutputs,
     wall_clock: Callable[[], float],
     checkpoints: CheckpointFolder,
+    recorder: Recorder | None,
 ) -> FleetMonitor:
     """The fleet's monitor, resumed; what has changed is saved at the end."""
+    ports = FleetPorts(store, outputs, checkpoints)
+    if recorder is not None:
+        recorded = RecordedCheckpoints(checkpoints, recorder, wall_clock)
+        ports = FleetPorts(RecordedStore(store, recorder), outputs, recorded)
     monitor = FleetMonitor(
         hangar.find,
         time.monotonic,
         lambda: uuid4().hex,
-        FleetPorts(store, outputs, checkpoints),
+        ports,
         FleetSettings(
             stale_s=settings.stale_s,
             excite=settings.excite,
@@ -214,36 +222,54 @@ def running_service(
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link)))
         _tune_interpreter(stack)
-        monitor = _fleet(stack, settings, hangar, store, outputs, wall_clock, checkpoints)
+        recorder = _recorder(stack, settings, wall_clock)
+        monitor = _fleet(stack, settings, hangar, store, outputs, wall_clock, checkpoints, recorder)
         outputs.answer_from(monitor)
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
         outputs.ask_through(subscriber.ask_aircraft)
         preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
-        pump = Pump(subscriber, monitor, arrived, preparation)
+        record = None if recorder is None else recorder.messages
+        pump = Pump(subscriber, monitor, arrived, preparation, record=record)
         jobs = stack.enter_context(DiagnosisJobs(hangar.find))
-        app = create_app(
-            monitor,
-            lambda: service.readiness(),
-            PatientHistory(database),
-            __version__,
-            AppSettings(
-                access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
-                counters=lambda: service.counters(), figures=lambda: service.figures(),
-                problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
-            ),
+        shown = AppSettings(
+            access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
+            counters=lambda: service.counters(), figures=lambda: service.figures(),
+            problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
         )  # fmt: skip
+        app = create_app(monitor, lambda: service.readiness(), PatientHistory(database), __version__, shown)
         http = HttpServer(app, listening, tls=tls)
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
             diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs), refusals=refusals or {},
+            recorder=recorder,
         )  # fmt: skip
         service: Service = Service(parts)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)
         yield service
+
+
+def _recorder(stack: ExitStack, settings: ServeSettings, wall_clock: Callable[[], float]) -> Recorder | None:
+    """What records, where that is wanted.
+
+    Raises:
+        CommandError: the folder cannot be written.
+    """
+    if settings.record is None:
+        return None
+    try:
+        recorder = stack.enter_context(Recorder(settings.record, settings.recording.limits, wall_clock))
+    except OSError as error:
+        reason = (error.strerror or "it cannot be written").lower()
+        raise CommandError(
+            f"--record {settings.record}: {reason}; give a folder that can be written"
+        ) from None
+    for path in settings.aircraft:
+        recorder.attach(f"aircraft/{path.name}", path.read_bytes())
+    return recorder
 
 
 def _alerts_diagnosed(

@@ -14,8 +14,9 @@ from wingwatch.baselines import Retention
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.link_settings import LinkTable
 from wingwatch.cli.logs import LogFormat
+from wingwatch.cli.recorder import RecordingLimits
 
-__all__ = ["DATABASE_VARIABLE", "HistoryTable", "ServeSettings", "serve_settings"]
+__all__ = ["DATABASE_VARIABLE", "HistoryTable", "RecordingTable", "ServeSettings", "serve_settings"]
 
 DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 """Environment variable; empty counts as not set. It goes before the file's ``database``."""
@@ -23,9 +24,9 @@ DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 _MOST_BYTES = 100_000
 _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
-    "log_format", "excite", "diagnose_alerts",
+    "log_format", "excite", "diagnose_alerts", "record",
 )  # fmt: skip
-_PATHS = ("data", "certificate", "private_key")
+_PATHS = ("data", "certificate", "private_key", "record")
 
 
 class HistoryTable(BaseModel):
@@ -53,6 +54,30 @@ class HistoryTable(BaseModel):
         )
 
 
+class RecordingTable(BaseModel):
+    """How much of recordings is kept.
+
+    Attributes:
+        file_mb, file_minutes: a file ends at this size or age.
+        most_gb: of all files in the folder; the oldest are removed.
+        keep_days: files that ended longer ago are removed.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    file_mb: Annotated[float, Field(ge=1.0, le=1e5)] = 256.0
+    file_minutes: Annotated[float, Field(ge=0.1, le=1e5)] = 60.0
+    most_gb: Annotated[float, Field(ge=0.001, le=1e6)] = 20.0
+    keep_days: Annotated[float, Field(gt=0.0, le=1e5)] = 30.0
+
+    @property
+    def limits(self) -> RecordingLimits:
+        """In bytes and seconds."""
+        return RecordingLimits(
+            1e6 * self.file_mb, 60.0 * self.file_minutes, 1e9 * self.most_gb, 86_400.0 * self.keep_days
+        )
+
+
 class ServeSettings(BaseModel):
     """What a service needs to start.
 
@@ -72,6 +97,7 @@ class ServeSettings(BaseModel):
         history: how long the history of derivatives is kept.
         excite: whether inputs that would help are proposed; excite_minutes: least time between two for a vehicle.
         diagnose_alerts: whether alerts of the airframe or of unclear cause are diagnosed.
+        record: folder of recordings (MCAP); none are made without. recording: how much of them is kept.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -94,6 +120,8 @@ class ServeSettings(BaseModel):
     excite: Annotated[bool, Field(strict=True)] = False
     excite_minutes: Annotated[float, Field(ge=1.0, le=1440.0)] = 5.0
     diagnose_alerts: Annotated[bool, Field(strict=True)] = True
+    record: Path | None = None
+    recording: RecordingTable = RecordingTable()
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from wingwatch.telemetry.recording.reading import is_recording
+from wingwatch.telemetry.recording.recorded_flight import read_recording
 from wingwatch.telemetry.tables.csv_file import is_text, read_csv
 from wingwatch.telemetry.tables.hdf5_file import read_hdf5
 from wingwatch.telemetry.tables.matlab_file import MATLAB_5_MAGIC, read_matlab
@@ -11,7 +13,7 @@ from wingwatch.telemetry.tables.raw_table import RawTable, TableError
 __all__ = ["RawTable", "TableError", "read_table"]
 
 _HDF5_MAGICS = (b"\x89HDF", b"MATLAB 7.3")
-_FORMATS = "CSV, Parquet and MATLAB .mat (version 5 to 7.3)"
+_FORMATS = "CSV, Parquet, MATLAB .mat (version 5 to 7.3) and MCAP"
 _MARKS = b"\xef\xbb\xbf\xff\xfe \t\r\n\0"
 
 
@@ -20,6 +22,7 @@ def read_table(path: Path) -> RawTable:
 
     Raises:
         TableError: the file is missing, unreadable, empty, truncated, damaged or of no known format.
+        RecordingError: a recording that cannot be read, or holds several vehicles.
     """
     try:
         data = Path(path).read_bytes()
@@ -35,6 +38,8 @@ def read_table(path: Path) -> RawTable:
         return read_matlab(str(path), data)
     if data.startswith(_HDF5_MAGICS):
         return read_hdf5(str(path), data)
+    if is_recording(data[:64]):
+        return read_recording(path)
     if not is_text(data):
         raise TableError(f"{path}: the format is not known; {_FORMATS} can be read")
     if not data.strip(_MARKS):

@@ -10,6 +10,7 @@ from wingwatch.cli.arguments.flights import (
     add_log,
     add_monitor,
     add_publish,
+    add_replay,
     add_report,
 )
 from wingwatch.cli.arguments.serving import add_access, add_baseline, add_serve, add_store, add_token
@@ -18,8 +19,8 @@ from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_si
 __all__ = ["build_parser"]
 
 _COMMANDS = (
-    add_demo, add_serve, add_publish, add_simulate, add_log, add_estimate, add_monitor, add_condition, add_diagnose,
-    add_report, add_design_input, add_study, add_baseline, add_token, add_access, add_store,
+    add_demo, add_serve, add_publish, add_replay, add_simulate, add_log, add_estimate, add_monitor, add_condition,
+    add_diagnose, add_report, add_design_input, add_study, add_baseline, add_token, add_access, add_store,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -38,6 +39,8 @@ examples:
   wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
+  wingwatch serve --record recordings
+  wingwatch replay recordings
   wingwatch token create lead --scope operate
   wingwatch access uav1 uav2 --out access.json5
   wingwatch store backup data/wingwatch.db --out copy.db

@@ -20,6 +20,7 @@ __all__ = [
     "add_log",
     "add_monitor",
     "add_publish",
+    "add_replay",
     "add_report",
 ]
 
@@ -205,6 +206,44 @@ def add_publish(commands: Commands) -> None:
     parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
     parser.add_argument(
         "--user", help="in place of a certificate; its password is read from WINGWATCH_ZENOH_PASSWORD"
+    )
+
+
+def add_replay(commands: Commands) -> None:
+    """``wingwatch replay``."""
+    parser = add_command(
+        commands,
+        "replay",
+        "what wingwatch serve --record wrote, through the whole chain once more, beside what came of it then",
+        "wingwatch replay recordings/ --speed max",
+    )
+    parser.add_argument(
+        "recording",
+        metavar="RECORDING",
+        type=Path,
+        nargs="+",
+        help="MCAP files of one run of a service, or their folder (of several runs in it the latest)",
+    )
+    parser.add_argument(
+        "--speed",
+        type=replay_speed,
+        default=None,
+        metavar="1.0|max",
+        help="relative to the recording, or max: as fast as it can be computed (default: max)",
+    )
+    parser.add_argument(
+        "--aircraft",
+        action="append",
+        type=Path,
+        default=[],
+        metavar="FILE",
+        help="aircraft file in the place of the one that the recording carries; may be repeated",
+    )
+    parser.add_argument(
+        "--tables",
+        type=Path,
+        metavar="DIR",
+        help="write what each vehicle sent as a flight (Parquet) into DIR, and replay nothing",
     )
 
 

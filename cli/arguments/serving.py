@@ -1,5 +1,6 @@
 """Commands of the service, of who may use it, and of its database."""
 
+import argparse
 from collections.abc import Callable
 from pathlib import Path
 
@@ -99,6 +100,17 @@ def add_serve(commands: Commands) -> None:
         action="store_false",
         default=None,
         help="do not look into alerts by simulation, in a process of its own at low priority",
+    )
+    _add_serve_outputs(parser)
+
+
+def _add_serve_outputs(parser: argparse.ArgumentParser) -> None:
+    """What a service writes beside its database."""
+    parser.add_argument(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="record what vehicles send and what is said of them into MCAP files in DIR, for wingwatch replay",
     )
     parser.add_argument(
         "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"

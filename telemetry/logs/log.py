@@ -53,7 +53,7 @@ class AutopilotLog:
 
     Attributes:
         source: the file.
-        format: ``ulog``, ``dataflash``, ``dataflash-text`` or ``tlog``.
+        format: ``ulog``, ``dataflash``, ``dataflash-text``, ``tlog`` or ``mcap``.
         autopilot: ``px4``, ``ardupilot`` or empty where the log does not say.
         vehicle: ``fixed wing``, ``multicopter``, ``vtol``, another word, or empty where the log does not say.
         firmware: the autopilot's own words about itself.

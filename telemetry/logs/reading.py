@@ -11,14 +11,17 @@ from wingwatch.telemetry.logs.dataflash import (
     read_dataflash_text,
 )
 from wingwatch.telemetry.logs.log import AutopilotLog, LogError
+from wingwatch.telemetry.logs.mcap_log import read_mcap
 from wingwatch.telemetry.logs.tlog import is_tlog, read_tlog
 from wingwatch.telemetry.logs.ulog import ULOG_MAGIC, read_ulog
+from wingwatch.telemetry.recording.reading import MCAP_MAGIC, is_recording
 
 __all__ = ["is_autopilot_log", "read_autopilot_log"]
 
 _HEAD_BYTES = 8192
 _READERS: Mapping[str, Callable[[str, bytes], AutopilotLog]] = {
     "ulog": read_ulog, "dataflash": read_dataflash, "dataflash-text": read_dataflash_text, "tlog": read_tlog,
+    "mcap": read_mcap,
 }  # fmt: skip
 _OF_DAMAGE = (KeyError, IndexError, TypeError, OverflowError, MemoryError, UnicodeError, struct.error)
 """What bytes that are none of the format's can still raise in a reader that checks them."""
@@ -40,6 +43,8 @@ def _format(head: bytes) -> str | None:
         return "dataflash"
     if is_tlog(head):
         return "tlog"
+    if head.startswith(MCAP_MAGIC):
+        return None if is_recording(head) else "mcap"
     return "dataflash-text" if is_dataflash_text(head) else None
 
 
