@@ -5,13 +5,14 @@ have no check sum, so damage is found by records that do not follow one another.
 """
 
 import struct
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.telemetry.logs.log import AutopilotLog, LogError, Topic
+from wingwatch.telemetry.logs.log import AutopilotLog, Columns, LogError, Topic
 
 __all__ = ["DATAFLASH_MAGIC", "is_dataflash_text", "read_dataflash", "read_dataflash_text"]
 
@@ -19,6 +20,7 @@ DATAFLASH_MAGIC = b"\xa3\x95"
 
 _FORMAT_TYPE, _FORMAT_BYTES = 128, 89
 _HEADER_BYTES = 3
+_AT_ONCE = 65_536  # records
 _CODES: Mapping[str, tuple[str, float]] = {
     "b": ("i1", 1.0), "B": ("u1", 1.0), "M": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0), "i": ("<i4", 1.0),
     "I": ("<u4", 1.0), "q": ("<i8", 1.0), "Q": ("<u8", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0), "g": ("<f2", 1.0),
@@ -67,17 +69,28 @@ def read_dataflash(source: str, data: bytes) -> AutopilotLog:
         form = formats.get(kind)
         if form is None:
             continue
-        size = form.dtype.itemsize
-        rows = whole[np.asarray(found)[:, None] + np.arange(_HEADER_BYTES, _HEADER_BYTES + size)]
-        records[form.name] = (form, np.ascontiguousarray(rows).view(form.dtype)[:, 0])
+        records[form.name] = (form, _gathered(whole, np.frombuffer(found, dtype=np.int64), form.dtype))
     return _log(source, "dataflash", records, notes)
 
 
-def _walk(data: bytes) -> tuple[dict[int, _Format], dict[int, list[int]], list[str]]:
+def _gathered(
+    whole: NDArray[np.uint8], places: NDArray[np.int64], dtype: np.dtype[np.void]
+) -> NDArray[np.void]:
+    """Records of one type, a part at a time: the places of single bytes take eight times as much memory as they."""
+    size = dtype.itemsize
+    offsets = np.arange(_HEADER_BYTES, _HEADER_BYTES + size)
+    rows = np.empty((places.size, size), dtype=np.uint8)
+    for first in range(0, places.size, _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        rows[some] = whole[places[some, None] + offsets]
+    return rows.view(dtype)[:, 0]
+
+
+def _walk(data: bytes) -> "tuple[dict[int, _Format], dict[int, array[int]], list[str]]":
     """Formats and the places of the records by type, and what was lost."""
     formats: dict[int, _Format] = {}
     lengths = {_FORMAT_TYPE: _FORMAT_BYTES}
-    places: dict[int, list[int]] = {}
+    places: "dict[int, array[int]]" = {}
     at, lost, breaks, cut, in_step = 0, 0, 0, False, True
     while at + _HEADER_BYTES <= len(data):
         length = lengths.get(data[at + 2], 0) if data.startswith(DATAFLASH_MAGIC, at) else 0
@@ -91,7 +104,9 @@ def _walk(data: bytes) -> tuple[dict[int, _Format], dict[int, list[int]], list[s
             if kind == _FORMAT_TYPE:
                 _learn(data[at + _HEADER_BYTES : end], formats, lengths)
             else:
-                places.setdefault(kind, []).append(at)
+                if kind not in places:
+                    places[kind] = array("q")
+                places[kind].append(at)
             at, in_step = end, True
             continue
         found = data.find(DATAFLASH_MAGIC, at + 1)
@@ -203,21 +218,14 @@ def _topics(form: _Format, rows: NDArray[np.void], scaled: bool) -> Iterable[Top
     if time_s is None:
         return
     units = {name: _CODES[code][1] for name, code in zip(form.columns, form.codes, strict=True)}
-    fields = {
-        name: rows[name].astype(np.float64) * (unit if scaled else 1.0)
-        for name, unit in units.items()
-        if unit and name not in ("TimeUS", "TimeMS")
-    }
-    by = next((name for name in _INSTANCES if name in fields and form.columns.index(name) <= 1), None)
-    numbers = np.zeros(rows.size) if by is None else fields[by]
+    names = [name for name, unit in units.items() if unit and name not in ("TimeUS", "TimeMS")]
+    by = next((name for name in _INSTANCES if name in names and form.columns.index(name) <= 1), None)
+    numbers = np.zeros(rows.size) if by is None else rows[by].astype(np.float64)
     for number in np.unique(numbers[np.isfinite(numbers)]):
         of = numbers == number
-        yield Topic(
-            form.name,
-            int(number),
-            time_s[of],
-            {name: column[of] for name, column in fields.items() if name != by},
-        )
+        own = rows if of.all() else rows[of]
+        kept = {name: own[name] for name in names if name != by}
+        yield Topic(form.name, int(number), time_s[of], Columns(kept, units if scaled else None))
 
 
 def _stamps(form: _Format, rows: NDArray[np.void]) -> NDArray[np.float64] | None:

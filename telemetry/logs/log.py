@@ -1,12 +1,13 @@
 """An autopilot's log as every reader hands it on: topics with stamps of their own, parameters, what was lost."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["AutopilotLog", "LogError", "Topic", "topic_key"]
+__all__ = ["AutopilotLog", "Columns", "LogError", "Topic", "topic_key"]
 
 Array = NDArray[np.float64]
 
@@ -20,6 +21,31 @@ class LogError(ValueError):
 def topic_key(name: str, instance: int) -> str:
     """What a topic is called in expressions: ``IMU[0]``."""
     return f"{name}[{instance}]"
+
+
+class Columns(Mapping[str, Array]):
+    """Columns kept as the file has them and given as float64 in their unit each time one is asked for.
+
+    A log is mostly what nobody asks for, and a column of single bytes is eight times as large in float64.
+
+    Args:
+        kept: numeric columns by name, of one length.
+        units: by name, what a column is multiplied with; 1 where not named.
+    """
+
+    def __init__(self, kept: Mapping[str, NDArray[Any]], units: Mapping[str, float] | None = None) -> None:
+        self._kept, self._units = kept, units or {}
+
+    def __getitem__(self, name: str) -> Array:
+        column = np.asarray(self._kept[name], dtype=np.float64)
+        unit = self._units.get(name, 1.0)
+        return column if unit == 1.0 else column * unit
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._kept)
+
+    def __len__(self) -> int:
+        return len(self._kept)
 
 
 @dataclass(frozen=True, slots=True)

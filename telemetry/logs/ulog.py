@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wingwatch.telemetry.logs.log import AutopilotLog, LogError, Topic
+from wingwatch.telemetry.logs.log import AutopilotLog, Columns, LogError, Topic
 
 __all__ = ["ULOG_MAGIC", "read_ulog"]
 
@@ -75,11 +75,13 @@ def _topic(read: Any) -> Topic | None:
     columns = read.data
     if "timestamp" not in columns:
         return None
-    fields = {
-        str(name): np.array(column, dtype=np.float64)
-        for name, column in columns.items()
-        if name != "timestamp" and np.asarray(column).dtype.kind in "biuf"
-    }
+    fields = Columns(
+        {
+            str(name): np.asarray(column)
+            for name, column in columns.items()
+            if name != "timestamp" and np.asarray(column).dtype.kind in "biuf"
+        }
+    )
     stamps = np.array(columns["timestamp"], dtype=np.float64)
     sampled = fields.get("timestamp_sample")
     if sampled is not None and sampled.all() and not str(read.name).startswith("actuator"):
