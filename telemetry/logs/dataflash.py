@@ -197,15 +197,15 @@ def _values(row: Sequence[str], dtype: "np.dtype[np.void]") -> tuple[float | byt
 
 
 def _log(source: str, form: str, records: Records, notes: list[str]) -> AutopilotLog:
+    firmware, parameters = _firmware(records), _parameters(records)
+    kind = next((name for name in _FIRMWARES if name.lower() in firmware.lower()), "")
     topics: dict[str, Topic] = {}
-    for described, rows in records.values():
+    for name in list(records):
+        described, rows = records.pop(name)  # those of several instances are copied, and need not be there twice
         for topic in _topics(described, rows, scaled=form == "dataflash"):
             topics[topic.key] = topic
     if not topics:
         raise LogError(f"{source}: the DataFlash log holds no records that can be read; copy it again")
-    firmware = _firmware(records)
-    kind = next((name for name in _FIRMWARES if name.lower() in firmware.lower()), "")
-    parameters = _parameters(records)
     vehicle = (
         "vtol" if kind == "ArduPlane" and parameters.get("Q_ENABLE", 0.0) > 0.0 else _VEHICLES.get(kind, "")
     )
