@@ -19,7 +19,7 @@ __all__ = ["BLANKS", "Layout", "LayoutError", "find_layout", "split_line"]
 BLANKS = " "
 """The delimiter of columns that stand apart by blanks or tabs, one or more."""
 
-_DELIMITERS = (",", ";", "\t")
+_DELIMITERS = (",", ";", "\t", "|")
 _COMMENT = re.compile(r"\s*(?:#|%|//|!|\*)+\s*")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _NUMBER_LIKE = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+|[+-]?\d{1,3}(?:\.\d{3})*,\d+")

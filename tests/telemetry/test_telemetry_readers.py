@@ -18,7 +18,7 @@ def write(path: Path, data: str | bytes) -> Path:
 
 
 class TestCsv:
-    @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+    @pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])
     @pytest.mark.parametrize("line_end", ["\n", "\r\n"])
     def test_columns_are_read_whatever_the_delimiter(
         self, tmp_path: Path, delimiter: str, line_end: str

@@ -52,7 +52,7 @@ def same_rows(path: Path, names: tuple[str, ...] = NAMES) -> None:
         "// remark\n\n% another, with, commas\n",
     ],
 )
-@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "|"])
 def test_the_header_is_found_below_what_stands_above_it(tmp_path: Path, above: str, delimiter: str) -> None:
     lines = [delimiter.join(NAMES), *text_of(ROWS, delimiter)]
     same_rows(write(tmp_path / "a.csv", above + "\n".join(lines) + "\n"))
@@ -89,7 +89,7 @@ def test_an_empty_last_cell_is_a_missing_value_beside_rows_with_a_comma_too_many
     np.testing.assert_array_equal(table.columns["r"], [3.0, np.nan, 5.0])
 
 
-@pytest.mark.parametrize("delimiter", [";", "\t", "   "])
+@pytest.mark.parametrize("delimiter", [";", "\t", "|", "   "])
 def test_decimal_commas_are_numbers(tmp_path: Path, delimiter: str) -> None:
     lines = [delimiter.join(NAMES), *text_of(ROWS, delimiter, ",")]
     same_rows(write(tmp_path / "a.csv", "\n".join(lines) + "\n"))
