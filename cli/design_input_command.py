@@ -29,6 +29,7 @@ from wingwatch.aircraft import (
 from wingwatch.cli.asked_condition import asked_condition
 from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.output_files import PICTURES
 from wingwatch.cli.progress import page, write_json
 from wingwatch.input_design import (
     INPUT_KINDS,
@@ -45,7 +46,6 @@ from wingwatch.input_design import (
 
 __all__ = ["Designed", "run"]
 
-_PLOTS = (".png", ".pdf", ".svg")
 _ENERGY_REFERENCE = "doublet"
 
 _Rows = dict[str, dict[str, Any]]
@@ -124,7 +124,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise CommandError(f"--amplitude {arguments.amplitude:g}: give more than 0 and less than 90 degrees")
     for option, path, suffixes in (
         ("--out", arguments.out, (".csv",)),
-        ("--plot", arguments.plot, _PLOTS),
+        ("--plot", arguments.plot, PICTURES),
     ):
         if path is None:
             continue

@@ -12,17 +12,22 @@ from rich.table import Table
 
 from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.cli.convention import check_convention, in_convention
+from wingwatch.cli.design_input_plot import need_matplotlib
 from wingwatch.cli.estimate_history import HistoryWriter
+from wingwatch.cli.estimate_model import save_model
+from wingwatch.cli.estimate_plot import draw_fit
+from wingwatch.cli.estimate_validation import Validation, as_json, fitted_of, show_validation, validated
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import Watched, watch
 from wingwatch.cli.furthest import furthest
 from wingwatch.cli.joined_flights import joined
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
+from wingwatch.cli.output_files import PICTURES, check_output
 from wingwatch.cli.plausible import checked, for_json, show_doubts
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.cli.unusable import refuse_unusable
-from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
+from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, OfflineEstimates, estimate_offline
 from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import FlightTable, load_flight, load_map
 
@@ -47,6 +52,15 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if is_many(arguments.flights):
         return _run_many(arguments)
+    check_output("--save", arguments.save, (".toml",))
+    check_output("--plot", arguments.plot, PICTURES)
+    if arguments.plot is not None:
+        need_matplotlib()
+    return _run_one(arguments, whole)
+
+
+def _run_one(arguments: argparse.Namespace, whole: bool) -> int:
+    """One flight, or several as one."""
     history = None
     if arguments.history is not None:
         history = HistoryWriter(arguments.history, arguments.estimator, arguments.convention)
@@ -56,9 +70,11 @@ def run(arguments: argparse.Namespace) -> int:
         [load_flight(path, arguments.map, surface_travel(aircraft)) for path in arguments.flights]
     )
     findings = checked(flight, aircraft, arguments.accept_implausible)
+    other = None if arguments.validate is None else _other_flight(arguments, aircraft)
     if whole:
-        result, monitor, counted = _offline(flight, aircraft, arguments)
-        structures = list(next(iter(result["estimators"].values())))
+        result, solved, counted = _offline(flight, aircraft, arguments)
+        monitor, structures = solved.monitor, list(solved.modes)
+        fitted = fitted_of({arguments.estimator: solved.modes})
     else:
         counted = watch(flight, aircraft, _progress(arguments), listener=history)
         if history is not None:
@@ -66,13 +82,46 @@ def run(arguments: argparse.Namespace) -> int:
         refuse_unusable(counted)
         result, monitor = _result(counted, arguments), counted.monitor
         structures = [s.name for s in monitor.chain.structures]
+        fitted = fitted_of(_chosen(monitor.derivatives()["estimators"], arguments))
+    judged = None if other is None else validated(fitted, other, aircraft)
+    if arguments.plot is not None:
+        _plot(arguments, judged or validated(fitted, flight, aircraft), flight.source)
+    unsaved = () if arguments.save is None else save_model(arguments.save, aircraft, fitted, flight.source)
     if arguments.json:
-        write_json(result | {"plausibility": for_json(findings)})
-    else:
-        console = page()
-        _show(console, result, monitor, flight.source, counted.cleaning_text, structures)
-        show_doubts(console, findings)
+        more = {} if judged is None else {"validation": as_json(judged, arguments.validate)}
+        if arguments.save is not None:
+            more["saved"] = {"file": str(arguments.save), "left_out": list(unsaved)}
+        write_json(result | {"plausibility": for_json(findings)} | more)
+        return 0
+    console = page()
+    _show(console, result, monitor, flight.source, counted.cleaning_text, structures)
+    show_doubts(console, findings)
+    if judged is not None:
+        show_validation(console, judged, arguments.validate)
+    if arguments.plot is not None:
+        console.print(f"the picture is in {escape(str(arguments.plot))}", soft_wrap=True)
+    if arguments.save is not None:
+        console.print(f"derivatives are in {escape(str(arguments.save))}", soft_wrap=True)
+        for text in unsaved:
+            console.print(f"not saved: {escape(text)}", soft_wrap=True)
     return 0
+
+
+def _plot(arguments: argparse.Namespace, judged: Validation, source: str) -> None:
+    """The manoeuvres of the other flight, or of the flight itself, as a picture."""
+    if not judged.manoeuvres:
+        raise CommandError(
+            f"--plot {arguments.plot}: there is no manoeuvre to draw; {'; '.join(judged.notes)}"
+        )
+    on = source if arguments.validate is None else f"{source} judged on {arguments.validate}"
+    draw_fit(arguments.plot, f"Measured and predicted motion: {on}", judged.manoeuvres)
+
+
+def _other_flight(arguments: argparse.Namespace, aircraft: Aircraft) -> FlightTable:
+    """The flight on which derivatives are judged."""
+    flight = load_flight(arguments.validate, arguments.map, surface_travel(aircraft))
+    checked(flight, aircraft, arguments.accept_implausible)
+    return flight
 
 
 def _progress(arguments: argparse.Namespace) -> Progress:
@@ -81,6 +130,13 @@ def _progress(arguments: argparse.Namespace) -> Progress:
 
 def _run_many(arguments: argparse.Namespace) -> int:
     """One line a flight, the one furthest from what is expected first."""
+    for option, given in (
+        ("--validate", arguments.validate),
+        ("--save", arguments.save),
+        ("--plot", arguments.plot),
+    ):
+        if given is not None:
+            raise CommandError(f"{option} {given} is for one flight, and a folder is named; leave it out")
     if arguments.history is not None:
         raise CommandError(
             f"--history {arguments.history} is for one flight, and a folder is named; leave it out"
@@ -123,7 +179,7 @@ def _order(found: tuple[float, str], result: Mapping[str, Any]) -> tuple[float, 
 
 def _offline(
     flight: FlightTable, aircraft: Aircraft, arguments: argparse.Namespace
-) -> tuple[dict[str, Any], VehicleMonitor, Watched]:
+) -> tuple[dict[str, Any], OfflineEstimates, Watched]:
     """By an estimator that takes the flight whole."""
     solved = estimate_offline(
         flight, aircraft, arguments.estimator, _progress(arguments).track,
@@ -140,18 +196,27 @@ def _offline(
         "not_estimated": dict(solved.absent),
         "cleaning": counted.cleaning,
     }
-    return result, solved.monitor, counted
+    return result, solved, counted
 
 
 def _result(watched: Watched, arguments: argparse.Namespace) -> dict[str, Any]:
     """The contract's object, of one estimator or of all."""
-    monitor, chosen = watched.monitor, arguments.estimator
+    monitor = watched.monitor
     result = {**monitor.derivatives(), "convention": arguments.convention, "cleaning": watched.cleaning}
-    estimators = result["estimators"] if chosen is None else {chosen: result["estimators"][chosen]}
     result["estimators"] = in_convention(
-        estimators, monitor.aircraft, arguments.convention, monitor.configuration, monitor.view().condition
+        _chosen(result["estimators"], arguments),
+        monitor.aircraft,
+        arguments.convention,
+        monitor.configuration,
+        monitor.view().condition,
     )
     return result
+
+
+def _chosen(estimators: Mapping[str, Any], arguments: argparse.Namespace) -> Mapping[str, Any]:
+    """Of one estimator, or of all."""
+    name = arguments.estimator
+    return estimators if name is None else {name: estimators[name]}
 
 
 def _show(

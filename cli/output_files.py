@@ -6,7 +6,10 @@ from pathlib import Path
 
 from wingwatch.cli.faults import CommandError
 
-__all__ = ["check_output"]
+__all__ = ["PICTURES", "check_output"]
+
+PICTURES = (".png", ".pdf", ".svg")
+"""Suffixes of pictures."""
 
 
 def check_output(option: str, out: Path | None, suffixes: Sequence[str]) -> None:

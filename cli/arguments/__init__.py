@@ -30,6 +30,7 @@ examples:
   wingwatch simulate --aircraft aerosonde --effect icing:0.15@60+30 --seconds 150 --out flight.csv
   wingwatch log flight.ulg --write-map map.toml
   wingwatch estimate flight.csv --aircraft aerosonde --history estimates.csv
+  wingwatch estimate first.csv --aircraft aerosonde --validate second.csv --save identified.toml
   wingwatch monitor flight.mat --aircraft ultrastick25e --map thor75.toml --json
   wingwatch monitor logs/ --aircraft aerosonde --jobs 4
   wingwatch condition flight.csv --aircraft aerosonde --out corrected.parquet

@@ -1,5 +1,6 @@
 """Commands that take a recorded flight."""
 
+import argparse
 from pathlib import Path
 
 from wingwatch.cli.arguments.common import (
@@ -83,6 +84,29 @@ def add_estimate(commands: Commands) -> None:
         type=Path,
         metavar="OUT",
         help="write every estimate of fourier and ekf over time to OUT (.csv or .parquet)",
+    )
+    _add_estimate_outputs(parser)
+
+
+def _add_estimate_outputs(parser: argparse.ArgumentParser) -> None:
+    """What comes of an estimate beside its table."""
+    parser.add_argument(
+        "--validate",
+        type=Path,
+        metavar="FLIGHT2",
+        help="judge the derivatives on another flight: the linear model with them flies its manoeuvres open loop",
+    )
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        metavar="PICTURE",
+        help="measured and predicted motion by manoeuvre, and what is left (.png, .svg or .pdf; extra plot)",
+    )
+    parser.add_argument(
+        "--save",
+        type=Path,
+        metavar="OUT.toml",
+        help="write an aircraft file with the derivatives as identified entries at the flight's condition",
     )
 
 

@@ -90,7 +90,7 @@ def _walk(data: bytes) -> "tuple[dict[int, _Format], dict[int, array[int]], list
     """Formats and the places of the records by type, and what was lost."""
     formats: dict[int, _Format] = {}
     lengths = {_FORMAT_TYPE: _FORMAT_BYTES}
-    places: "dict[int, array[int]]" = {}
+    places: dict[int, array[int]] = {}
     at, lost, breaks, cut, in_step = 0, 0, 0, False, True
     while at + _HEADER_BYTES <= len(data):
         length = lengths.get(data[at + 2], 0) if data.startswith(DATAFLASH_MAGIC, at) else 0
@@ -201,7 +201,9 @@ def _log(source: str, form: str, records: Records, notes: list[str]) -> Autopilo
     kind = next((name for name in _FIRMWARES if name.lower() in firmware.lower()), "")
     topics: dict[str, Topic] = {}
     for name in list(records):
-        described, rows = records.pop(name)  # those of several instances are copied, and need not be there twice
+        described, rows = records.pop(
+            name
+        )  # those of several instances are copied, and need not be there twice
         for topic in _topics(described, rows, scaled=form == "dataflash"):
             topics[topic.key] = topic
     if not topics:
