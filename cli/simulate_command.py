@@ -14,11 +14,13 @@ from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.cli.asked_condition import asked_condition
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.cli.sampled_input import sampled_input
 from wingwatch.simulation import (
     FleetSimulation,
     Manoeuvre,
     Multisine,
     Route,
+    Sampled,
     Scenario,
     doublet_schedule,
     effect_text,
@@ -35,6 +37,8 @@ __all__ = ["run"]
 _SUFFIXES = (".csv", ".parquet")
 _DEFAULT_MANOEUVRES = ("doublet",)
 _PIECE = 500
+_SECONDS, _AFTER_INPUT_S = 60.0, 10.0
+"""Length of a flight that is not told: at least so long, and so long beyond an input."""
 _MOST_SAMPLES = 2_000_000
 """Half a gigabyte; eleven hours at 50 Hz."""
 _UNSENSED = "pitch_demand_rad"
@@ -44,11 +48,13 @@ _UNSENSED = "pitch_demand_rad"
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     _check_files(arguments.out, arguments.truth)
-    samples = _samples(arguments.seconds, arguments.rate)
-    names = _manoeuvre_names(arguments.manoeuvre)
+    given, input_s = ((), 0.0) if arguments.input is None else sampled_input(arguments.input)
+    seconds = arguments.seconds if arguments.seconds is not None else max(_SECONDS, input_s + _AFTER_INPUT_S)
+    samples = _samples(seconds, arguments.rate)
+    names = _manoeuvre_names(arguments.manoeuvre, None if arguments.input is None else ("none",))
     aircraft = load_aircraft(arguments.aircraft)
     try:
-        scenario = _scenario(arguments, aircraft, names)
+        scenario = _scenario(arguments, aircraft, names, given)
         simulation = FleetSimulation([scenario], arguments.rate)
     except ValueError as error:  # what cannot be trimmed, flown or parsed, each in one sentence
         raise CommandError(" ".join(str(error).split())) from None
@@ -93,8 +99,8 @@ def _samples(seconds: float, rate_hz: float) -> int:
     return samples
 
 
-def _manoeuvre_names(asked: list[str] | None) -> tuple[str, ...]:
-    names = tuple(dict.fromkeys(asked or _DEFAULT_MANOEUVRES))
+def _manoeuvre_names(asked: list[str] | None, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
+    names = tuple(dict.fromkeys(asked or default or _DEFAULT_MANOEUVRES))
     if "none" in names and len(names) > 1:
         raise CommandError(
             f"--manoeuvre none beside {', '.join(n for n in names if n != 'none')}; leave one out"
@@ -102,14 +108,16 @@ def _manoeuvre_names(asked: list[str] | None) -> tuple[str, ...]:
     return tuple(n for n in names if n != "none")
 
 
-def _scenario(arguments: argparse.Namespace, aircraft: Aircraft, names: tuple[str, ...]) -> Scenario:
+def _scenario(
+    arguments: argparse.Namespace, aircraft: Aircraft, names: tuple[str, ...], given: tuple[Sampled, ...]
+) -> Scenario:
     condition = asked_condition(arguments, aircraft)
     speed, origin = arguments.wind
     return Scenario(
         aircraft,
         condition.airspeed_true_m_s,
         condition.altitude_m,
-        manoeuvres=tuple(m for name in names for m in _manoeuvres(name, aircraft, condition)),
+        manoeuvres=(*given, *(m for name in names for m in _manoeuvres(name, aircraft, condition))),
         effects=tuple(parse_effect(text) for text in arguments.effect),
         turbulence=arguments.turbulence,
         turbulence_model=arguments.turbulence_model,
@@ -162,6 +170,7 @@ def _result(
         "airspeed_true_m_s": scenario.airspeed_true_m_s,
         "altitude_m": scenario.altitude_m,
         "manoeuvres": list(names),
+        "input": None if arguments.input is None else str(arguments.input),
         "relative_peak_factors": {
             surface: factor
             for m in scenario.manoeuvres
@@ -191,6 +200,8 @@ def _show(console: Console, result: dict[str, Any]) -> None:
         f"turbulence {result['turbulence']}, seed {result['seed']}"
     )
     console.print(f"manoeuvres: {', '.join(result['manoeuvres']) or 'none'}")
+    if result["input"] is not None:
+        console.print(f"input: {escape(result['input'])}")
     if result["relative_peak_factors"]:
         factors = ", ".join(f"{s} {f:.2f}" for s, f in result["relative_peak_factors"].items())
         console.print(f"relative peak factors of the multisine: {factors}")

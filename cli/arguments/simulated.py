@@ -18,6 +18,7 @@ _INPUT_KINDS = (
 _SIMULATE_EXAMPLES = """\
 wingwatch simulate --aircraft aerosonde --out healthy.parquet
   wingwatch simulate --aircraft aerosonde --seconds 150 --effect icing:0.15@60+30 --out iced.csv --truth iced.json
+  wingwatch simulate --aircraft aerosonde --input input.csv --out flown.csv
   wingwatch simulate --aircraft ultrastick25e --seconds 600 --manoeuvre patrol --turbulence light --wind 5@270 \\
       --effect sensor_bias[pitch_rate_rad_s]:0.01@120 --effect thrust_loss:0.2@300 --seed 7 --out patrol.parquet"""
 
@@ -86,7 +87,7 @@ def add_simulate(commands: Commands) -> None:
     add("--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file")
     add("--out", required=True, type=Path, metavar="FLIGHT", help="flight table to write (.csv or .parquet)")
     add("--truth", type=Path, metavar="FILE", help="write the truth to FILE (JSON)")
-    add("--seconds", type=float, default=60.0, help="length of the flight (default: %(default)g)")
+    add("--seconds", type=float, help="length of the flight (default: 60, and 10 beyond an --input)")
     add("--rate", type=float, default=50.0, metavar="HZ", help="samples a second (default: %(default)g)")
     add("--airspeed", type=float, metavar="M_S", help="true airspeed (default: the aircraft's cruise)")
     add("--altitude", type=float, metavar="M", help="altitude (default: the aircraft's cruise)")
@@ -96,6 +97,13 @@ def add_simulate(commands: Commands) -> None:
         choices=("doublet", "3211", "multisine", "patrol", "none"),
         help="excitation of elevator, aileron and rudder over and over; patrol: a circuit with turns, climbs and "
         "speed changes in place of straight flight; may be repeated, as for doublets on a patrol (default: doublet)",
+    )
+    add(
+        "--input",
+        type=Path,
+        metavar="FILE",
+        help="deflections from trim over time_s, as design-input writes them, or the surfaces of a flight table; added "
+        "to what the autopilot commands, in place of manoeuvres that are not asked for",
     )
     add("--turbulence", choices=("none", "light", "moderate", "severe"), default="none", help="MIL-F-8785C")
     add("--turbulence-model", choices=("dryden", "von-karman"), default="dryden", help="form of its spectra")

@@ -10,6 +10,7 @@ from wingwatch.simulation.manoeuvres.multisine import (
     multisine,
 )
 from wingwatch.simulation.manoeuvres.rows import EXCITATION_COLUMNS, Surface, excitation, excitation_rows
+from wingwatch.simulation.manoeuvres.sampled import Sampled
 from wingwatch.simulation.manoeuvres.sweep import Sweep
 from wingwatch.simulation.manoeuvres.three_two_one_one import (
     ThreeTwoOneOne,
@@ -22,6 +23,7 @@ __all__ = [
     "EXCITATION_COLUMNS",
     "Manoeuvre",
     "Multisine",
+    "Sampled",
     "Surface",
     "Sweep",
     "ThreeTwoOneOne",
@@ -32,4 +34,4 @@ __all__ = [
     "three_two_one_one_schedule",
 ]
 
-Manoeuvre = Doublet | DoubletSchedule | ThreeTwoOneOne | Multisine | Sweep
+Manoeuvre = Doublet | DoubletSchedule | ThreeTwoOneOne | Multisine | Sampled | Sweep
