@@ -14,6 +14,7 @@ from wingwatch.cli.alert_diagnoses import AlertDiagnoses
 from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
+from wingwatch.cli.notifications import Notifications
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.processor_time import ProcessorTimes
 from wingwatch.cli.pump import Pump
@@ -46,6 +47,7 @@ class Parts:
     tokens: TokenRegister
     diagnoses: DiagnosisJobs
     alert_diagnoses: AlertDiagnoses | None
+    notifications: Notifications | None
     refusals: Mapping[str, int]
 
 
@@ -66,9 +68,13 @@ class Health:
         return self._problems(self._database_problem())
 
     def problems(self) -> Mapping[str, str | None]:
-        """The same without asking the database; it returns at once."""
-        store = self._parts.store
-        return self._problems(_ended(store) or waiting_for(store))
+        """The same without asking the database, and with what keeps alerts from people; it returns at once.
+
+        A receiver that does not answer is no reason to take the service out of use: it is ready all the same.
+        """
+        store, notifications = self._parts.store, self._parts.notifications
+        problems = self._problems(_ended(store) or waiting_for(store))
+        return {**problems, "notifications": None if notifications is None else notifications.problem}
 
     def counters(self) -> Mapping[str, Mapping[str, int]]:
         """What each part dropped or failed on."""
@@ -84,6 +90,7 @@ class Health:
             "links": {**parts.refusals, "foreign_alerts": parts.outputs.foreign_alerts},
             "connections": parts.http.counts,
             "alert_diagnoses": {} if parts.alert_diagnoses is None else dict(parts.alert_diagnoses.counts),
+            "notifications": {} if parts.notifications is None else dict(parts.notifications.counts),
         }
 
     def figures(self) -> ServiceFigures:
@@ -106,7 +113,11 @@ class Health:
             "outputs": parts.outputs.loop, "diagnoses": parts.diagnoses.loop,
             "alert_diagnoses": parts.diagnoses.alert_loop,
         }  # fmt: skip
-        return {f"restarts_{name}": loop.restarts for name, loop in loops.items()}
+        notifying = 0 if parts.notifications is None else parts.notifications.restarts
+        return {
+            **{f"restarts_{name}": loop.restarts for name, loop in loops.items()},
+            "restarts_notifications": notifying,
+        }
 
     def _queues(self) -> Mapping[str, QueueView]:
         parts = self._parts
@@ -124,6 +135,7 @@ class Health:
             "queries": QueueView(outputs["queries"]),
             "diagnoses": QueueView(parts.diagnoses.waiting),
             "alert_diagnoses": QueueView(parts.diagnoses.alerts_waiting),
+            **({} if parts.notifications is None else parts.notifications.queues),
         }
 
     def _links(self) -> Mapping[str, int]:

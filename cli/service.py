@@ -39,13 +39,16 @@ from wingwatch.cli.health import Health, Parts, connected, waiting_for
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
 from wingwatch.cli.kernels import KernelCompiler, Preparation
 from wingwatch.cli.link_settings import link_security
+from wingwatch.cli.notifications import Notifications, NotifyingOutputs
+from wingwatch.cli.notify_settings import channel_plans
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.patient import PatientHistory
 from wingwatch.cli.pump import Pump
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenFile, TokenRegister
-from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings
+from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings, Outputs
+from wingwatch.notifications import Clocks
 from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
 
 __all__ = ["Parts", "Pump", "Service", "running_service"]
@@ -147,7 +150,7 @@ def _fleet(
     settings: ServeSettings,
     hangar: Hangar,
     store: DatabaseStore,
-    outputs: ZenohOutputs,
+    outputs: Outputs,
     wall_clock: Callable[[], float],
     checkpoints: CheckpointFolder,
 ) -> FleetMonitor:
@@ -213,8 +216,10 @@ def running_service(
         link = ZenohSettings.for_service(settings.listen, settings.connect, security)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link)))
+        notifications = _notifications(stack, settings, listening, wall_clock)
         _tune_interpreter(stack)
-        monitor = _fleet(stack, settings, hangar, store, outputs, wall_clock, checkpoints)
+        told = outputs if notifications is None else NotifyingOutputs(outputs, notifications)
+        monitor = _fleet(stack, settings, hangar, store, told, wall_clock, checkpoints)
         outputs.answer_from(monitor)
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
@@ -237,9 +242,12 @@ def running_service(
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
-            diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs), refusals=refusals or {},
+            diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs),
+            notifications=notifications, refusals=refusals or {},
         )  # fmt: skip
         service: Service = Service(parts)
+        if notifications is not None:
+            notifications.begin(monitor)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)
@@ -251,6 +259,24 @@ def _alerts_diagnosed(
 ) -> AlertDiagnoses | None:
     """What has alerts diagnosed, where that is wanted."""
     return stack.enter_context(AlertDiagnoses(monitor, jobs)) if settings.diagnose_alerts else None
+
+
+def _notifications(
+    stack: ExitStack, settings: ServeSettings, listening: socket.socket, wall_clock: Callable[[], float]
+) -> Notifications | None:
+    """What says alerts to people, where any channel is set.
+
+    Raises:
+        CommandError: a channel cannot be set up.
+    """
+    if not settings.notify.channels:
+        return None
+    host = next((name for name in settings.name), settings.host)
+    scheme = "http" if settings.certificate is None else "https"
+    shown = f"[{host}]" if ":" in host else host
+    url = f"{scheme}://{shown}:{listening.getsockname()[1]}"
+    plans = channel_plans(settings.notify, os.environ, url)
+    return stack.enter_context(Notifications(plans, settings.outboxes, Clocks(wall=wall_clock)))
 
 
 def _access(settings: ServeSettings, listening: socket.socket, tokens: TokenRegister) -> AccessSettings:
