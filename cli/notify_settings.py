@@ -138,16 +138,21 @@ class ChannelPlan:
     """A channel that is set up, and how it is to be used.
 
     Attributes:
+        kind: ``webhook``, ``apprise`` or ``statustext``.
         name: for log and health; file: of what it has still to say, without folder.
-        says_aircraft: whether its notices name the vehicle's aircraft, which takes a look at the fleet.
     """
 
+    kind: str
     name: str
     file: str
     channel: Channel
     selection: Selection
     patience: Patience
-    says_aircraft: bool
+
+    @property
+    def says_aircraft(self) -> bool:
+        """Whether its notices name the vehicle's aircraft, which takes a look at the fleet."""
+        return self.kind != "statustext"
 
 
 def channel_plans(table: NotifyTable, environment: Mapping[str, str], external_url: str) -> list[ChannelPlan]:
@@ -160,26 +165,35 @@ def channel_plans(table: NotifyTable, environment: Mapping[str, str], external_u
         CommandError: a secret that is not there, an address that cannot be used, a library that is missing.
     """
     plans: list[ChannelPlan] = []
-    numbers: dict[str, int] = {}
-    for kind, one in table.channels:
-        numbers[kind] = numbers.get(kind, 0) + 1
-        where = f"[[notify.{kind}]] number {numbers[kind]}"
-        name = one.name or f"{kind}{numbers[kind]}"
-        if name in {plan.name for plan in plans}:
-            raise CommandError(f"{where}: the name {name!r} is taken; give another")
-        try:
-            channel, leads_to = _set_up(one, name, environment, table.external_url or external_url)
-        except ChannelError as error:
-            raise CommandError(f"{where}: {error}") from None
-        except CommandError as error:
-            raise CommandError(f"{where}: {error}") from None
-        mark = hashlib.sha256(leads_to.encode()).hexdigest()[:8]
-        file = f"{kind}-{one.name or mark}"
-        file += f"-{numbers[kind]}" if any(plan.file == f"{file}.json" for plan in plans) else ""
-        selection = Selection(one.least_level, one.fleets, one.vehicles, one.steps)
-        patience = Patience(keep_s=3600.0 * one.keep_hours)
-        plans.append(ChannelPlan(name, f"{file}.json", channel, selection, patience, kind != "statustext"))
+    try:
+        for kind, one in table.channels:
+            number = sum(plan.kind == kind for plan in plans) + 1
+            try:
+                plans.append(_plan(kind, number, one, plans, environment, table.external_url or external_url))
+            except (ChannelError, CommandError) as error:
+                raise CommandError(f"[[notify.{kind}]] number {number}: {error}") from None
+    except CommandError:
+        for plan in plans:
+            plan.channel.close()
+        raise
     return plans
+
+
+def _plan(
+    kind: str, number: int, table: _ChannelTable, earlier: Sequence[ChannelPlan], environment: Mapping[str, str],
+    external_url: str,
+) -> ChannelPlan:  # fmt: skip
+    name = table.name or f"{kind}{number}"
+    if name in {plan.name for plan in earlier}:
+        raise CommandError(f"the name {name!r} is taken; give another")
+    channel, leads_to = _set_up(table, name, environment, external_url)
+    # The order in the file may change, and then a channel goes on with what it had to say: its file is called by its
+    # name, else by where it leads.
+    file = f"{kind}-{table.name or hashlib.sha256(leads_to.encode()).hexdigest()[:8]}"
+    file += f"-{number}" if f"{file}.json" in {plan.file for plan in earlier} else ""
+    selection = Selection(table.least_level, table.fleets, table.vehicles, table.steps)
+    patience = Patience(keep_s=3600.0 * table.keep_hours)
+    return ChannelPlan(kind, name, f"{file}.json", channel, selection, patience)
 
 
 def _set_up(

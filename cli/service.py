@@ -271,10 +271,9 @@ def _notifications(
     """
     if not settings.notify.channels:
         return None
-    host = next((name for name in settings.name), settings.host)
-    scheme = "http" if settings.certificate is None else "https"
-    shown = f"[{host}]" if ":" in host else host
-    url = f"{scheme}://{shown}:{listening.getsockname()[1]}"
+    address, port, *_ = listening.getsockname()
+    host = next(iter(settings.name), f"[{address}]" if ":" in address else address)
+    url = f"{'http' if settings.certificate is None else 'https'}://{host}:{port}"
     plans = channel_plans(settings.notify, os.environ, url)
     return stack.enter_context(Notifications(plans, settings.outboxes, Clocks(wall=wall_clock)))
 

@@ -57,7 +57,8 @@ class Patience:
     Attributes:
         first_s, most_s: wait after the first failure, doubled by each further one up to the latter; each wait is drawn
             between half of that and all of it, so that many senders do not come back at once.
-        keep_s: a notice older than this is given up.
+        keep_s: a notice that has waited for longer is given up; after a restart it waits anew. The wall clock is not
+            asked: a small computer may begin in 1970 and find the time and the network together.
     """
 
     first_s: float = 1.0
@@ -111,7 +112,8 @@ class Dispatcher:
         self._new: deque[Callable[[], object]] = deque()
         self._event, self._ending = threading.Event(), False
         self._failures, self._due_s = 0, float("-inf")
-        self._since_s: float | None = clocks.monotonic() if outbox.waiting else None
+        self._since: dict[str, float] = {}
+        self._since_s: float | None = None
         self._why, self._refusal = "", ""
         self._unheard = 0
         self._counts = dict.fromkeys(("delivered", "retried", "refused", "expired"), 0)
@@ -210,17 +212,17 @@ class Dispatcher:
                     self._follow(alert)
             except Exception:  # one version that cannot be said must not keep the next from being
                 _LOG.exception("%s cannot say what has happened to an alert", self.name)
-        while (
-            self._outbox.waiting
-            and self._outbox.waiting[0].at_s < self._clocks.wall() - self._patience.keep_s
-        ):
-            gone = self._outbox.waiting.popleft()
+        self._look_at_ages()
+
+    def _look_at_ages(self) -> None:
+        """Give up what has waited too long, and note how long the oldest of the rest has."""
+        waiting, now_s = self._outbox.waiting, self._clocks.monotonic()
+        self._since = {notice.key: self._since.get(notice.key, now_s) for notice in waiting}
+        while waiting and now_s - self._since[waiting[0].key] > self._patience.keep_s:
+            gone = waiting.popleft()
             self._counts["expired"] += 1
             _LOG.warning("%s gives up a notice of alert %s: it is too old", self.name, gone.alert["id"])
-        if not self._outbox.waiting:
-            self._since_s = None
-        elif self._since_s is None:
-            self._since_s = self._clocks.monotonic()
+        self._since_s = self._since[waiting[0].key] if waiting else None
 
     def _follow(self, alert: AlertView) -> None:
         before = self._outbox.said.get(alert.id)
@@ -258,7 +260,6 @@ class Dispatcher:
         self._outbox.waiting.popleft()
         self._counts[result] += 1
         self._failures, self._due_s, self._why = 0, float("-inf"), ""
-        self._since_s = self._clocks.monotonic() if self._outbox.waiting else None
 
     def _failed(self, error: Exception, about: tuple[str, str, str]) -> None:
         known = isinstance(error, NotDeliveredError)

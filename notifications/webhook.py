@@ -4,15 +4,14 @@ import base64
 import hashlib
 import hmac
 import http.client
+import socket
 import ssl
+import threading
 import time
-import urllib.error
-import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
-from email.message import Message
 from pathlib import Path
-from typing import IO, Any
 from urllib.parse import unquote, urlsplit, urlunsplit
 
 import orjson
@@ -37,7 +36,7 @@ class WebhookSettings:
         receiver: what the document calls its receiver.
         external_url: where people find the status page.
         authority: PEM file of the certificates that are trusted, where the system's are not to be.
-        timeout_s: that connecting, sending and each read may take.
+        timeout_s: that connecting may take, and all that comes after it.
     """
 
     url: str = field(repr=False)
@@ -48,17 +47,8 @@ class WebhookSettings:
     timeout_s: float = 10.0
 
 
-class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """A redirect is an answer like another: what is signed for one host goes to no other."""
-
-    def redirect_request(
-        self, req: urllib.request.Request, fp: IO[bytes], code: int, msg: str, headers: Message, newurl: str
-    ) -> None:  # fmt: skip
-        return None
-
-
 class WebhookChannel:
-    """Calls one webhook.
+    """Calls one webhook, over a connection of its own each time. Redirects are not followed, proxies not used.
 
     Args:
         settings: of it.
@@ -72,33 +62,41 @@ class WebhookChannel:
 
     def __init__(self, settings: WebhookSettings, wall_clock: Callable[[], float] = time.time) -> None:
         self._settings, self._wall_clock = settings, wall_clock
-        self._url, self.place, self._headers = _taken_apart(settings.url)
-        handlers: list[Any] = [_NoRedirect()]
-        if self._url.startswith("https:"):
-            handlers.append(urllib.request.HTTPSHandler(context=_context(settings.authority)))
-        self._opener = urllib.request.build_opener(*handlers)
+        self._address = _taken_apart(settings.url)
+        self.place = self._address.place
+        self._context = _context(settings.authority) if self._address.is_https else None
 
     def send(self, notice: Notice) -> None:
-        """Post a notice; what the receiver says beside its status is not read."""
+        """Post a notice; of the answer nothing but status and ``Retry-After`` is looked at."""
         settings = self._settings
         document = alertmanager_document(notice, settings.receiver, settings.external_url)
         body = orjson.dumps(document)
-        request = urllib.request.Request(self._url, body, self._headers_of(notice, body), method="POST")
-        try:
-            with self._opener.open(request, timeout=settings.timeout_s):
-                return
-        except urllib.error.HTTPError as answer:
-            with answer:
-                raise _of_answer(answer) from None
-        except (OSError, http.client.HTTPException) as error:
-            raise NotDeliveredError(_reason(error)) from None
+        late: list[bool] = []
+        with closing(self._connection()) as connection:
+            try:
+                connection.connect()
+                with _ended_after(settings.timeout_s, connection, late):
+                    connection.request("POST", self._address.target, body, self._headers_of(notice, body))
+                    answer = connection.getresponse()
+            except (OSError, http.client.HTTPException) as error:
+                raise NotDeliveredError(_reason(TimeoutError() if late else error)) from None
+        if not 200 <= answer.status < 300:
+            raise _of_answer(answer.status, answer.headers.get("Retry-After", ""))
 
     def close(self) -> None:
-        """There is nothing to close: each call has a connection of its own."""
+        """There is nothing to close."""
+
+    def _connection(self) -> http.client.HTTPConnection:
+        address, timeout_s = self._address, self._settings.timeout_s
+        if self._context is None:
+            return http.client.HTTPConnection(address.host, address.port, timeout=timeout_s)
+        return http.client.HTTPSConnection(
+            address.host, address.port, timeout=timeout_s, context=self._context
+        )
 
     def _headers_of(self, notice: Notice, body: bytes) -> dict[str, str]:
         headers = {
-            **self._headers,
+            **self._address.headers,
             "Content-Type": "application/json",
             "User-Agent": "wingwatch",
             "Idempotency-Key": notice.key,
@@ -110,13 +108,49 @@ class WebhookChannel:
         return headers
 
 
+@dataclass(frozen=True, slots=True)
+class _Address:
+    """A URL taken apart; ``target`` and ``headers`` may be secret."""
+
+    is_https: bool
+    host: str
+    port: int | None
+    target: str
+    headers: Mapping[str, str]
+
+    @property
+    def place(self) -> str:
+        """Scheme and host."""
+        return (
+            f"{'https' if self.is_https else 'http'}://{f'[{self.host}]' if ':' in self.host else self.host}"
+        )
+
+
 def signature(secret: bytes, timestamp: str, body: bytes) -> str:
     """``sha256=`` and the HMAC in hexadecimal of the time stamp, a full stop and the body."""
     return f"sha256={hmac.new(secret, timestamp.encode() + b'.' + body, hashlib.sha256).hexdigest()}"
 
 
-def _taken_apart(url: str) -> tuple[str, str, dict[str, str]]:
-    """The address to call, what may be shown of it, and the header for the user in it."""
+@contextmanager
+def _ended_after(seconds: float, connection: http.client.HTTPConnection, late: list[bool]) -> Iterator[None]:
+    """What is done within ends after so long, however slowly the other side sends; ``late`` is filled then."""
+
+    def end() -> None:
+        late.append(True)
+        with suppress(OSError):
+            connection.sock.shutdown(socket.SHUT_RDWR)
+
+    timer = threading.Timer(seconds, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _taken_apart(url: str) -> _Address:
+    """The address to call, and the header for the user in it."""
     try:
         parts = urlsplit(url)
         port, host = parts.port, parts.hostname
@@ -124,17 +158,12 @@ def _taken_apart(url: str) -> tuple[str, str, dict[str, str]]:
         raise ChannelError("the address is no URL; give https://HOST/PATH") from None
     if parts.scheme not in ("http", "https") or not host or not url.isascii() or any(c <= " " for c in url):
         raise ChannelError("the address is not of the form https://HOST/PATH")
-    shown = f"[{host}]" if ":" in host else host
-    netloc = shown if port is None else f"{shown}:{port}"
     headers = {}
     if parts.username is not None:
         user = f"{unquote(parts.username)}:{unquote(parts.password or '')}"
         headers["Authorization"] = f"Basic {base64.b64encode(user.encode()).decode()}"
-    return (
-        urlunsplit((parts.scheme, netloc, parts.path or "/", parts.query, "")),
-        f"{parts.scheme}://{host}",
-        headers,
-    )
+    target = urlunsplit(("", "", parts.path or "/", parts.query, ""))
+    return _Address(parts.scheme == "https", host, port, target, headers)
 
 
 def _context(authority: Path | None) -> ssl.SSLContext:
@@ -145,12 +174,14 @@ def _context(authority: Path | None) -> ssl.SSLContext:
         raise ChannelError(f"{authority}: no certificates (PEM) can be read from it") from None
 
 
-def _of_answer(answer: urllib.error.HTTPError) -> NotDeliveredError | RefusedError:
-    """What an answer other than success means: 408, 425, 429 and 5xx are for now, the rest is for ever."""
-    status = answer.code
+def _of_answer(status: int, wish: str) -> NotDeliveredError | RefusedError:
+    """What an answer other than success means: 408, 425, 429 and 5xx are for now, the rest is for ever.
+
+    Args:
+        wish: the header ``Retry-After``; only seconds are understood.
+    """
     said = f"answered {status}"
     if status >= 500 or status in _TRY_AGAIN:
-        wish = answer.headers.get("Retry-After", "")
         return NotDeliveredError(said, min(float(wish), _LONGEST_WISH_S) if wish.isdecimal() else None)
     if 300 <= status < 400:
         return RefusedError(f"{said}, a redirect, which is not followed: set the address that it leads to")
@@ -159,11 +190,10 @@ def _of_answer(answer: urllib.error.HTTPError) -> NotDeliveredError | RefusedErr
 
 def _reason(error: Exception) -> str:
     """Why there was no answer, without what the error quotes of the address."""
-    inner = error.reason if isinstance(error, urllib.error.URLError) else error
-    if isinstance(inner, TimeoutError):
+    if isinstance(error, TimeoutError):
         return "no answer in time"
-    if isinstance(inner, ssl.SSLCertVerificationError):
-        return f"its certificate is not accepted ({inner.verify_message})"
-    if isinstance(inner, OSError) and inner.strerror:
-        return inner.strerror.lower()
-    return type(inner).__name__
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return f"its certificate is not accepted ({error.verify_message})"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror.lower()
+    return f"no answer that HTTP knows ({type(error).__name__})"
