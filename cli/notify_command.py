@@ -9,7 +9,7 @@ from wingwatch.cli.faults import CommandError
 from wingwatch.cli.notify_settings import ChannelPlan, channel_plans
 from wingwatch.cli.progress import write_json
 from wingwatch.cli.settings import file_settings
-from wingwatch.notifications import NotDeliveredError, RefusedError, test_notice
+from wingwatch.notifications import NotDeliveredError, RefusedError, trial_notice
 
 __all__ = ["run"]
 
@@ -51,7 +51,7 @@ def _chosen(plans: list[ChannelPlan], channel: str | None) -> list[ChannelPlan]:
 def _tried(plan: ChannelPlan) -> dict[str, Any]:
     problem = None
     try:
-        plan.channel.send(test_notice(time.time()))
+        plan.channel.send(trial_notice(time.time()))
     except (NotDeliveredError, RefusedError) as error:
         problem = str(error)
     except Exception as error:  # what a library raises may quote the address

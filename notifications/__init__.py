@@ -7,7 +7,7 @@ said in an ``Outbox`` over restarts, and delivers it in order. Why it is done so
 from wingwatch.notifications.apprise_channel import AppriseChannel
 from wingwatch.notifications.channel import Channel, ChannelError, NotDeliveredError, RefusedError
 from wingwatch.notifications.dispatcher import Clocks, Dispatcher, Patience, Selection
-from wingwatch.notifications.notice import ALL_STEPS, Notice, Step, test_notice
+from wingwatch.notifications.notice import ALL_STEPS, Notice, Step, trial_notice
 from wingwatch.notifications.outbox import Outbox
 from wingwatch.notifications.statustext import StatustextChannel, StatustextSettings
 from wingwatch.notifications.webhook import WebhookChannel, WebhookSettings
@@ -16,7 +16,7 @@ __all__ = [
     "Notice",
     "Step",
     "ALL_STEPS",
-    "test_notice",
+    "trial_notice",
     "Channel",
     "ChannelError",
     "NotDeliveredError",

@@ -37,8 +37,8 @@ class AppriseChannel:
             ) from None
         self._apprise: Any = apprise
         self._secrets = _parts(url)
-        scheme = url.partition("://")[0]
-        self.place = scheme if re.fullmatch(r"[a-zA-Z0-9]{1,30}", scheme) else "unknown"
+        scheme = re.match(r"([a-zA-Z0-9]{1,30})://", url)  # what follows may be a secret, the host as well
+        self.place = scheme[1] if scheme else "unknown"
         _mute()
         service = apprise.Apprise.instantiate(url, suppress_exceptions=True)
         if service is None:
@@ -76,11 +76,12 @@ class AppriseChannel:
 
 
 def _mute() -> None:
-    """Apprise's own log names addresses, so it goes nowhere; what it says of a call comes with the call's result."""
-    logger = logging.getLogger("apprise")
-    logger.propagate = False
-    if not any(isinstance(one, logging.NullHandler) for one in logger.handlers):
-        logger.addHandler(logging.NullHandler())
+    """What apprise and its HTTP client log names addresses, so it goes nowhere; a call's result has what is needed."""
+    for name in ("apprise", "urllib3"):
+        logger = logging.getLogger(name)
+        logger.propagate = False
+        if not any(isinstance(one, logging.NullHandler) for one in logger.handlers):
+            logger.addHandler(logging.NullHandler())
 
 
 def _parts(url: str) -> list[str]:

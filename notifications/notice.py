@@ -2,14 +2,14 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Self
 
 from wingwatch.api import alert_document
 from wingwatch.monitor import AlertState, AlertView
 
-__all__ = ["ALL_STEPS", "Notice", "Said", "Step", "notice_of", "said_of", "steps_of", "test_notice"]
+__all__ = ["ALL_STEPS", "Notice", "Said", "Step", "notice_of", "said_of", "steps_of", "trial_notice"]
 
 
 class Step(StrEnum):
@@ -73,13 +73,9 @@ class Notice:
     was_cause: str = ""
     test: bool = False
 
-    def as_json(self) -> dict[str, Any]:
-        """As it is kept in a file."""
-        return asdict(self)
-
     @classmethod
     def from_json(cls, kept: Mapping[str, Any]) -> Self:
-        """From a file.
+        """From what ``orjson`` has made of one.
 
         Raises:
             TypeError, KeyError, ValueError: it is none.
@@ -149,7 +145,7 @@ def notice_of(
     )  # fmt: skip
 
 
-def test_notice(at_s: float) -> Notice:
+def trial_notice(at_s: float) -> Notice:
     """What ``wingwatch notify test`` sends: marked as a test, of a vehicle that does not exist.
 
     Args:

@@ -6,7 +6,6 @@ The file is written beside the old one, brought to the disk and put in its place
 import logging
 import os
 from collections import deque
-from dataclasses import asdict
 from pathlib import Path
 
 import orjson
@@ -67,13 +66,7 @@ class Outbox:
 
     def save(self) -> None:
         """Write the file where anything has changed; a failure is noted and tried again by the next call."""
-        content = orjson.dumps(
-            {
-                "form": _FORM,
-                "said": {name: asdict(one) for name, one in self.said.items()},
-                "waiting": [notice.as_json() for notice in self.waiting],
-            }
-        )
+        content = orjson.dumps({"form": _FORM, "said": self.said, "waiting": list(self.waiting)})
         if content == self._kept:
             return
         try:

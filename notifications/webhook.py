@@ -77,11 +77,14 @@ class WebhookChannel:
                 connection.connect()
                 with _ended_after(settings.timeout_s, connection, late):
                     connection.request("POST", self._address.target, body, self._headers_of(notice, body))
-                    answer = connection.getresponse()
+                    with connection.getresponse() as answer:
+                        status, wish = answer.status, answer.headers.get("Retry-After", "")
             except (OSError, http.client.HTTPException) as error:
                 raise NotDeliveredError(_reason(TimeoutError() if late else error)) from None
-        if not 200 <= answer.status < 300:
-            raise _of_answer(answer.status, answer.headers.get("Retry-After", ""))
+        if late:  # what was cut off looks like an answer that has ended
+            raise NotDeliveredError(_reason(TimeoutError()))
+        if not 200 <= status < 300:
+            raise _of_answer(status, wish)
 
     def close(self) -> None:
         """There is nothing to close."""
