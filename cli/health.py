@@ -74,7 +74,7 @@ class Health:
         """
         store, notifications = self._parts.store, self._parts.notifications
         problems = self._problems(_ended(store) or waiting_for(store))
-        return {**problems, "notifications": None if notifications is None else notifications.problem}
+        return problems if notifications is None else {**problems, "notifications": notifications.problem}
 
     def counters(self) -> Mapping[str, Mapping[str, int]]:
         """What each part dropped or failed on."""

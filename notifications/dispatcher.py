@@ -195,6 +195,7 @@ class Dispatcher:
             if self._channel.keeps_first:
                 self._outbox.save()
             self._send()
+            self._outbox.save()
             self._take_in()
         self._outbox.save()
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import orjson
 import pytest
@@ -21,7 +22,7 @@ def bench(tmp_path: Path) -> Bench:
 
 
 def test_each_step_of_an_alert_is_said_once(bench: Bench) -> None:
-    lives = (
+    lives: tuple[dict[str, Any], ...] = (
         {},
         {"size": 0.2},  # no step
         {"level": "critical"},
@@ -114,7 +115,7 @@ def test_a_version_that_cannot_be_made_keeps_no_other_from_being_said(bench: Ben
     assert bench.channel.steps == ["a1 raised"]
 
 
-def notice_at(bench: Bench, **changes: object) -> Notice:
+def notice_at(bench: Bench, **changes: Any) -> Notice:
     bench.hear(**changes)
     return bench.channel.taken[-1]
 
