@@ -2,8 +2,9 @@
 
 A whole service with its database on the disk runs in this process; alerts of as many vehicles are handed to its
 ledger one at a time, at drawn moments, as a vehicle's monitor hands them over. A commit counts when the database's
-method has returned, a text when all of its chunks have arrived, a webhook when its body has. With ``--vehicles`` so
-many simulated aircraft are watched at 50 Hz meanwhile, which takes the interpreter and the disk as a fleet does.
+method has returned, a text when all of its chunks have arrived, a webhook when its body has; ``announced`` is when the
+monitor hands the alert to the channels, which waits for the samples in hand. With ``--vehicles`` so many simulated
+aircraft are watched at 50 Hz meanwhile, which takes the interpreter and the disk as a fleet does.
 
 Run: python benchmarks/notifications.py [--alerts 50] [--vehicles 0] [--seed 1]
 """
@@ -18,7 +19,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -29,9 +30,11 @@ from pymavlink.dialects.v20 import common
 from rich.console import Console
 from rich.table import Table
 
+from wingwatch.api import KernelsView
 from wingwatch.baselines import Database
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO
 from wingwatch.cli.kernels import KernelCompiler
+from wingwatch.cli.notifications import Notifications
 from wingwatch.cli.notify_settings import NotifyTable
 from wingwatch.cli.service import Service, running_service
 from wingwatch.cli.settings import ServeSettings
@@ -51,7 +54,7 @@ class Times:
 
     def __init__(self) -> None:
         self.committed: dict[str, float] = {}
-        self.received: dict[str, dict[str, float]] = {"STATUSTEXT": {}, "webhook": {}}
+        self.received: dict[str, dict[str, float]] = {"announced": {}, "STATUSTEXT": {}, "webhook": {}}
         self._news = threading.Condition()
 
     def note(self, way: str, vehicle: str) -> None:
@@ -121,17 +124,41 @@ def hook(times: Times) -> Iterator[int]:
 
 
 @contextmanager
-def noted_commits(times: Times) -> Iterator[None]:
-    """The database notes when it has an alert."""
-    plain = Database.save_alert
+def noted(times: Times) -> Iterator[None]:
+    """The database notes when it has an alert, the notifications when they hear of it."""
+    save_plainly, hear_plainly = Database.save_alert, Notifications.hear
 
     def save(self: Database, alert: Any) -> None:
-        plain(self, alert)
+        save_plainly(self, alert)
         times.committed.setdefault(alert.vehicle, time.monotonic())
 
-    Database.save_alert = save  # type: ignore[method-assign]
+    def hear(self: Notifications, news: Callable[[], Any]) -> None:
+        times.note("announced", news().vehicle)
+        hear_plainly(self, news)
+
+    Database.save_alert, Notifications.hear = save, hear  # type: ignore[method-assign]
     yield
-    Database.save_alert = plain  # type: ignore[method-assign]
+    Database.save_alert, Notifications.hear = save_plainly, hear_plainly  # type: ignore[method-assign]
+
+
+class Idle:
+    """The preparation of a service that takes no samples in."""
+
+    def __init__(self) -> None:
+        self._end = threading.Event()
+
+    def prepare(self) -> bool:
+        """Nothing, until the end."""
+        self._end.wait()
+        return False
+
+    def view(self) -> KernelsView | None:
+        """There is nothing to say."""
+        return None
+
+    def stop(self) -> None:
+        """The end."""
+        self._end.set()
 
 
 def alert_of(vehicle: str) -> AlertView:
@@ -158,7 +185,7 @@ def measured(count: int, vehicles: int, seed: int) -> Times:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         ports = stack.enter_context(station(times)), stack.enter_context(hook(times))
-        stack.enter_context(noted_commits(times))
+        stack.enter_context(noted(times))
         table = {
             "statustext": [{"connect": f"udpout:127.0.0.1:{ports[0]}"}],
             "webhook": [{"url": f"http://127.0.0.1:{ports[1]}/"}],
@@ -172,7 +199,7 @@ def measured(count: int, vehicles: int, seed: int) -> Times:
             diagnose_alerts=False,
         )
         service = stack.enter_context(
-            running_service(settings, preparation=KernelCompiler(DEMO, AT_FIRST_USE))
+            running_service(settings, preparation=KernelCompiler(DEMO, AT_FIRST_USE) if vehicles else Idle())
         )
         if vehicles:
             while not service.pump.wait(1.0):
@@ -205,6 +232,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args(argv)
+    if not 1 <= options.alerts <= 1000:
+        parser.error(f"--alerts is {options.alerts}; give 1 to 1000")
+    if not 0 <= options.vehicles <= 200:
+        parser.error(f"--vehicles is {options.vehicles}; give 0 to 200")
     times = measured(options.alerts, options.vehicles, options.seed)
     title = f"{options.alerts} alerts, {options.vehicles} aircraft watched: ms from commit to reception"
     table = Table("way", "median", "nine in ten within", "longest", title=title)

@@ -4,6 +4,7 @@ import base64
 import hashlib
 import hmac
 import http.server
+import re
 import ssl
 import threading
 import time
@@ -104,6 +105,25 @@ def test_the_signature_is_of_timestamp_and_body(notice: Notice) -> None:
     assert headers["X-Wingwatch-Timestamp"] == "1700000000"
     assert headers["Content-Type"] == "application/json"
     assert not [name for name in unsigned if name.startswith("X-Wingwatch")]
+
+
+def test_the_documents_own_example_verifies_a_call_once(notice: Notice) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "security.md").read_text()
+    (example,) = re.findall(r"```python\n(import hashlib, hmac, time\n.*?)```", text, re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(example, names)
+    with http_receiver() as receiver:
+        settings = WebhookSettings(receiver.url, SECRET, "ops", "http://wing")
+        for clock in (time.time, time.time, lambda: time.time() - 400.0):
+            WebhookChannel(settings, clock).send(notice)
+    seen: set[str] = set()
+    first, again, late = receiver.got
+    headers, body = first
+    assert not names["is_ours"](headers, body + b" ", SECRET, seen)
+    assert not names["is_ours"](headers, body, b"another", seen)
+    assert not names["is_ours"](*late, SECRET, seen)
+    assert names["is_ours"](headers, body, SECRET, seen)
+    assert not names["is_ours"](*again, SECRET, seen)
 
 
 @pytest.mark.parametrize("status", [400, 401, 404, 410, 422])
