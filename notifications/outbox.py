@@ -16,7 +16,7 @@ __all__ = ["MOST_SAID", "MOST_WAITING", "Outbox"]
 
 _LOG = logging.getLogger(__name__)
 MOST_WAITING = 256
-"""Notices that wait: of a few kilobytes each, so the file stays below about a megabyte. The oldest gives way."""
+"""Notices that wait: of a few kilobytes each, so the file stays below about a megabyte."""
 MOST_SAID = 2000
 """Alerts that are followed; the one followed longest gives way."""
 _MOST_BYTES = 16_000_000
@@ -55,14 +55,20 @@ class Outbox:
             self.said.pop(next(iter(self.said)))
 
     def add(self, notice: Notice) -> None:
-        """Let a notice wait; where there is no room the oldest goes."""
+        """Let a notice wait; where there is no room the oldest goes of whose alert a later one waits, else the oldest."""
         self.waiting.append(notice)
         while len(self.waiting) > MOST_WAITING:
-            gone = self.waiting.popleft()
+            gone = self._least_missed()
+            self.waiting.remove(gone)
             self.dropped += 1
             _LOG.warning(
                 "no room for a notice of alert %s (%s): it is dropped", gone.alert["id"], gone.steps[0]
             )
+
+    def _least_missed(self) -> Notice:
+        newest = {notice.alert["id"]: notice.key for notice in self.waiting}
+        outdated = (notice for notice in self.waiting if newest[notice.alert["id"]] != notice.key)
+        return next(outdated, self.waiting[0])
 
     def save(self) -> None:
         """Write the file where anything has changed; a failure is noted and tried again by the next call."""

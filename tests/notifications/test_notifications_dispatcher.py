@@ -97,6 +97,16 @@ def test_the_queue_is_bounded_and_the_oldest_gives_way(path: Path) -> None:
     assert bench.outbox.waiting[0].alert["id"] == "a10"
 
 
+def test_where_there_is_no_room_the_newest_of_each_alert_stays(path: Path) -> None:
+    bench = Bench(path, Recorder(fails=NOT_NOW))
+    for level in ("watch", "warning", "critical"):
+        for k in range(MOST_WAITING // 2):
+            bench.dispatcher.hear(partial(replace, ICING, id=f"a{k}", level=level))
+    bench.dispatcher.look()
+    kept = [(notice.alert["id"], notice.alert["level"]) for notice in bench.outbox.waiting]
+    assert kept == [(f"a{k}", level) for level in ("warning", "critical") for k in range(MOST_WAITING // 2)]
+
+
 def test_a_restart_goes_on_where_it_was_and_says_nothing_twice(path: Path) -> None:
     first = Bench(path)
     first.hear()
