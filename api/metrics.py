@@ -92,7 +92,6 @@ _SEEDED: Mapping[str, tuple[str, ...]] = {
         "faults", "store", "checkpoint", "vehicles_forgotten", "too_many_vehicles", "events_forgotten",
         "alerts_forgotten",
     ),
-    "notifications": ("delivered", "retried", "refused", "expired", "dropped"),
 }  # fmt: skip
 """Counters that their part leaves out while they are 0; a series that appears with 1 shows no increase."""
 

@@ -47,7 +47,7 @@ class Parts:
     tokens: TokenRegister
     diagnoses: DiagnosisJobs
     alert_diagnoses: AlertDiagnoses | None
-    notifications: Notifications | None
+    notifications: Notifications
     refusals: Mapping[str, int]
 
 
@@ -72,9 +72,9 @@ class Health:
 
         A receiver that does not answer is no reason to take the service out of use: it is ready all the same.
         """
-        store, notifications = self._parts.store, self._parts.notifications
+        store = self._parts.store
         problems = self._problems(_ended(store) or waiting_for(store))
-        return problems if notifications is None else {**problems, "notifications": notifications.problem}
+        return {**problems, "notifications": self._parts.notifications.problem}
 
     def counters(self) -> Mapping[str, Mapping[str, int]]:
         """What each part dropped or failed on."""
@@ -90,7 +90,7 @@ class Health:
             "links": {**parts.refusals, "foreign_alerts": parts.outputs.foreign_alerts},
             "connections": parts.http.counts,
             "alert_diagnoses": {} if parts.alert_diagnoses is None else dict(parts.alert_diagnoses.counts),
-            "notifications": {} if parts.notifications is None else dict(parts.notifications.counts),
+            "notifications": parts.notifications.counts,
         }
 
     def figures(self) -> ServiceFigures:
@@ -113,11 +113,8 @@ class Health:
             "outputs": parts.outputs.loop, "diagnoses": parts.diagnoses.loop,
             "alert_diagnoses": parts.diagnoses.alert_loop,
         }  # fmt: skip
-        notifying = 0 if parts.notifications is None else parts.notifications.restarts
-        return {
-            **{f"restarts_{name}": loop.restarts for name, loop in loops.items()},
-            "restarts_notifications": notifying,
-        }
+        restarts = {f"restarts_{name}": loop.restarts for name, loop in loops.items()}
+        return {**restarts, "restarts_notifications": parts.notifications.restarts}
 
     def _queues(self) -> Mapping[str, QueueView]:
         parts = self._parts
@@ -135,7 +132,7 @@ class Health:
             "queries": QueueView(outputs["queries"]),
             "diagnoses": QueueView(parts.diagnoses.waiting),
             "alert_diagnoses": QueueView(parts.diagnoses.alerts_waiting),
-            **({} if parts.notifications is None else parts.notifications.queues),
+            **parts.notifications.queues,
         }
 
     def _links(self) -> Mapping[str, int]:

@@ -121,6 +121,12 @@ def _tls(settings: ServeSettings) -> ssl.SSLContext | None:
     return read_certificate(settings.certificate, settings.private_key)
 
 
+def _link(settings: ServeSettings) -> ZenohSettings:
+    """How Zenoh is reached, and what protects it."""
+    security = link_security(settings.zenoh, os.environ)
+    return ZenohSettings.for_service(settings.listen, settings.connect, security)
+
+
 def _resume(monitor: FleetMonitor, checkpoints: CheckpointFolder) -> None:
     """At the start: every vehicle goes on from its checkpoint; says how long that took."""
     began_s, spent_s = time.monotonic(), time.thread_time()
@@ -212,14 +218,13 @@ def running_service(
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
         store = stack.enter_context(DatabaseStore(database, wall_clock, settings.history.retention))
         checkpoints = stack.enter_context(CheckpointFolder(settings.checkpoints, wall_clock))
-        security = link_security(settings.zenoh, os.environ)
-        link = ZenohSettings.for_service(settings.listen, settings.connect, security)
+        link = _link(settings)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link)))
         notifications = _notifications(stack, settings, listening, wall_clock)
         _tune_interpreter(stack)
-        told = outputs if notifications is None else NotifyingOutputs(outputs, notifications)
-        monitor = _fleet(stack, settings, hangar, store, told, wall_clock, checkpoints)
+        announced = NotifyingOutputs(outputs, notifications)
+        monitor = _fleet(stack, settings, hangar, store, announced, wall_clock, checkpoints)
         outputs.answer_from(monitor)
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
@@ -227,27 +232,21 @@ def running_service(
         preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
         pump = Pump(subscriber, monitor, arrived, preparation)
         jobs = stack.enter_context(DiagnosisJobs(hangar.find))
-        app = create_app(
-            monitor,
-            lambda: service.readiness(),
-            PatientHistory(database),
-            __version__,
-            AppSettings(
-                access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
-                counters=lambda: service.counters(), figures=lambda: service.figures(),
-                problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
-            ),
+        asked = AppSettings(
+            access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
+            counters=lambda: service.counters(), figures=lambda: service.figures(),
+            problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
         )  # fmt: skip
+        app = create_app(monitor, lambda: service.readiness(), PatientHistory(database), __version__, asked)
         http = HttpServer(app, listening, tls=tls)
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
-            diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs),
-            notifications=notifications, refusals=refusals or {},
+            diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs), refusals=refusals or {},
+            notifications=notifications,
         )  # fmt: skip
         service: Service = Service(parts)
-        if notifications is not None:
-            notifications.begin(monitor)
+        notifications.begin(monitor)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)
@@ -263,14 +262,12 @@ def _alerts_diagnosed(
 
 def _notifications(
     stack: ExitStack, settings: ServeSettings, listening: socket.socket, wall_clock: Callable[[], float]
-) -> Notifications | None:
-    """What says alerts to people, where any channel is set.
+) -> Notifications:
+    """What says alerts to people, on the channels that are set.
 
     Raises:
         CommandError: a channel cannot be set up.
     """
-    if not settings.notify.channels:
-        return None
     address, port, *_ = listening.getsockname()
     host = next(iter(settings.name), f"[{address}]" if ":" in address else address)
     url = f"{'http' if settings.certificate is None else 'https'}://{host}:{port}"

@@ -55,7 +55,7 @@ class Outbox:
             self.said.pop(next(iter(self.said)))
 
     def add(self, notice: Notice) -> None:
-        """Let a notice wait; where there is no room the oldest goes of whose alert a later one waits, else the oldest."""
+        """Let a notice wait; without room the oldest goes of whose alert a later one waits, else the oldest."""
         self.waiting.append(notice)
         while len(self.waiting) > MOST_WAITING:
             gone = self._least_missed()
