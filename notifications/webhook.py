@@ -102,6 +102,7 @@ class WebhookChannel:
             **self._address.headers,
             "Content-Type": "application/json",
             "User-Agent": "wingwatch",
+            "Connection": "close",
             "Idempotency-Key": notice.key,
         }
         if self._settings.secret:
