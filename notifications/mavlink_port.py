@@ -10,6 +10,7 @@ __all__ = ["MavlinkPort"]
 
 _PLACE = re.compile(r"(udpout|udp|tcp):(\[[0-9a-fA-F:.]+\]|[^\s:\[\]/@]+):(\d{1,5})")
 _TIMEOUT_S = 2.0
+_A_READ, _MOST_READS = 65_536, 1000
 
 
 class MavlinkPort:
@@ -39,8 +40,7 @@ class MavlinkPort:
             OSError: they could not be sent, or a machine says that nobody listens there.
         """
         try:
-            opened = self._socket = self._socket or self._opened()
-            opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)  # of earlier packets: forgotten
+            opened = self._socket = self._usable() or self._opened()
             for packet in packets:
                 opened.sendall(packet)
             if error := opened.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
@@ -48,6 +48,24 @@ class MavlinkPort:
         except OSError:
             self.close()
             raise
+
+    def _usable(self) -> socket.socket | None:
+        """What is open, what has come in thrown away; None where nothing is, or the other side has ended it."""
+        opened = self._socket
+        if opened is None:
+            return None
+        opened.setblocking(False)
+        try:
+            for _ in range(_MOST_READS):
+                if not opened.recv(_A_READ) and self._kind is socket.SOCK_STREAM:
+                    raise ConnectionResetError
+        except BlockingIOError:
+            pass
+        except OSError:  # that of earlier packets, too
+            self.close()
+            return None
+        opened.settimeout(_TIMEOUT_S)
+        return opened
 
     def close(self) -> None:
         """Close what is open."""

@@ -81,21 +81,23 @@ class StatustextChannel:
         self._beats.start()
 
     def send(self, notice: Notice) -> None:
-        """Send a text; it has arrived for all that UDP says."""
-        alert = notice.alert
-        system = self._system(alert["fleet"], alert["vehicle"])
-        name = "" if system is not None else str(alert["vehicle"])
-        text = chunks(short_text(notice, name))
+        """Send a text; it has arrived for all that UDP says. A test goes to every system that is named."""
+        alert, settings = notice.alert, self._settings
+        system = settings.systems.get(
+            f"{alert['fleet']}/{alert['vehicle']}", settings.systems.get(alert["vehicle"])
+        )
+        text = chunks(short_text(notice, "" if system is not None else str(alert["vehicle"])))
+        sources = sorted({*settings.systems.values()}) if notice.test else ()
         with self._lock:
             self._number = self._number % 0xFFFF + 1
             number = self._number if len(text) > 1 else 0
-            source = system or self._settings.system
-            packets = partial(self._packets, source, _severity(notice), text, number)
-            try:
-                self._port.send(*packets())
-            except OSError as error:
-                raise NotDeliveredError((error.strerror or type(error).__name__).lower()) from None
-            self._again.append((time.monotonic() + _BEAT_S, packets))
+            for source in sources or (system or settings.system,):
+                packets = partial(self._packets, source, _severity(notice), text, number)
+                try:
+                    self._port.send(*packets())
+                except OSError as error:
+                    raise NotDeliveredError((error.strerror or type(error).__name__).lower()) from None
+                self._again.append((time.monotonic() + _BEAT_S, packets))
 
     def close(self) -> None:
         """Send what is to be sent once more now, and end the heartbeat."""
@@ -104,10 +106,6 @@ class StatustextChannel:
         with self._lock:
             self._repeat(float("inf"))
             self._port.close()
-
-    def _system(self, fleet: str, vehicle: str) -> int | None:
-        systems = self._settings.systems
-        return systems.get(f"{fleet}/{vehicle}", systems.get(vehicle))
 
     def _packets(self, system: int, severity: int, text: list[bytes], number: int) -> list[bytes]:
         link = self._links[system]
@@ -121,15 +119,12 @@ class StatustextChannel:
         while not self._ended.is_set():
             with self._lock:
                 self._repeat(time.monotonic())
-                self._safely(
-                    lambda: [
-                        _packed(
-                            link, link.heartbeat_encode(_ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE)
-                        )
-                        for link in self._links.values()
-                    ]
-                )
+                self._safely(self._heartbeats)
             self._ended.wait(_BEAT_S)
+
+    def _heartbeats(self) -> list[bytes]:
+        kind = _ONBOARD_CONTROLLER, _NO_AUTOPILOT, 0, 0, _ACTIVE
+        return [_packed(link, link.heartbeat_encode(*kind)) for link in self._links.values()]
 
     def _repeat(self, until_s: float) -> None:
         while self._again and self._again[0][0] <= until_s:
@@ -141,6 +136,8 @@ class StatustextChannel:
             self._port.send(*packets())
         except OSError as error:
             _LOG.debug("%s: %s", self.place, error)
+        except Exception:  # the heartbeat must not end; notices say what fails in them
+            _LOG.debug("%s: a packet cannot be made", self.place, exc_info=True)
 
 
 def chunks(text: str) -> list[bytes]:

@@ -2,7 +2,9 @@
 
 import http.server
 import json
+import queue
 import socket
+import socketserver
 import ssl
 import threading
 from collections.abc import Callable, Iterator
@@ -16,8 +18,15 @@ from wingwatch.notifications.dispatcher import Clocks, Dispatcher
 from wingwatch.notifications.outbox import Outbox
 
 __all__ = [
-    "ICING", "Bench", "HttpReceiver", "Recorder", "http_receiver", "udp_receiver",
-]  # fmt: skip
+    "ICING",
+    "NOT_NOW",
+    "Bench",
+    "HttpReceiver",
+    "Recorder",
+    "http_receiver",
+    "smtp_receiver",
+    "udp_receiver",
+]
 
 ICING = AlertView(
     id="a1", fleet="north", vehicle="uav1", kind="icing", cause="icing", level="warning", state=AlertState.ACTIVE,
@@ -145,6 +154,31 @@ def http_receiver(*answers: Any, context: ssl.SSLContext | None = None) -> Itera
     finally:
         server.shutdown()
         server.server_close()
+        thread.join()
+
+
+class _Smtp(socketserver.StreamRequestHandler):
+    """As much of SMTP as a mail needs that is sent without TLS and password."""
+
+    def handle(self) -> None:
+        self.wfile.write(b"220 here\r\n")
+        while words := self.rfile.readline().split():
+            if words[0].upper() == b"DATA":
+                self.wfile.write(b"354 go on\r\n")
+                self.server.mails.put(b"".join(iter(self.rfile.readline, b".\r\n")))  # type: ignore[attr-defined]
+            self.wfile.write(b"221 bye\r\n" if words[0].upper() == b"QUIT" else b"250 yes\r\n")
+
+
+@contextmanager
+def smtp_receiver() -> Iterator[tuple[int, "queue.Queue[bytes]"]]:
+    """A mail server on a free port of loopback: the port, and the mails."""
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), _Smtp) as server:
+        mails: queue.Queue[bytes] = queue.Queue()
+        server.mails = mails  # type: ignore[attr-defined]
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
+        thread.start()
+        yield server.server_address[1], mails
+        server.shutdown()
         thread.join()
 
 

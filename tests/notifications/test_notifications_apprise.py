@@ -1,5 +1,7 @@
 """Apprise against a server on loopback; what it says of addresses stays out of log and errors."""
 
+import email
+import email.policy
 import io
 import json
 import logging
@@ -8,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from receivers import Bench, http_receiver
+from receivers import Bench, http_receiver, smtp_receiver
 
 from wingwatch.monitor import AlertState
 from wingwatch.notifications import AppriseChannel, ChannelError, NotDeliveredError
@@ -46,6 +48,19 @@ def test_a_notice_arrives_with_title_text_and_kind(tmp_path: Path) -> None:
     assert [one["type"] for one in got] == ["warning", "failure", "info", "success"]
     assert got[0]["title"].startswith("uav1 (north), warning: Icing of severity 0.16 ± 0.02")
     assert "with 95 % confidence between 0.121 and 0.199" in got[0]["message"]
+
+
+def test_a_mail_arrives(tmp_path: Path) -> None:
+    bench = Bench(tmp_path / "o.json")
+    bench.hear()
+    with smtp_receiver() as (port, mails):
+        who = "from=wing@example.com&to=ops@example.com&mode=insecure"
+        AppriseChannel(f"mailto://127.0.0.1:{port}?{who}").send(bench.channel.taken[0])
+        mail = email.message_from_bytes(mails.get(timeout=20.0), policy=email.policy.default)
+    assert mail["subject"].startswith("uav1 (north), warning: Icing of severity 0.16 ± 0.02")
+    body = mail.get_body(("plain",))
+    assert body is not None
+    assert "with 95 % confidence between 0.121 and 0.199" in body.get_content()
 
 
 def test_a_failure_is_tried_again_and_shows_no_secret(

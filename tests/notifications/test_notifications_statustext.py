@@ -18,6 +18,7 @@ from wingwatch.notifications import (
     Notice,
     StatustextChannel,
     StatustextSettings,
+    trial_notice,
 )
 from wingwatch.notifications.statustext import chunks
 
@@ -137,6 +138,33 @@ def test_a_station_may_listen_on_tcp(tmp_path: Path) -> None:
                 opened.settimeout(20.0)
                 channel.send(replace(notices(tmp_path, {})[0]))
                 assert next(Station(opened).texts())[:2] == (3, 158)
+
+
+def test_a_station_that_has_gone_and_come_back_gets_what_is_said_then(tmp_path: Path) -> None:
+    notice = notices(tmp_path, {})[0]
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        settings = StatustextSettings(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+        with closing(StatustextChannel(settings)) as channel:
+            first, _ = server.accept()
+            first.sendall(b"what a station says" * 1000)
+            first.close()
+            channel.send(notice)
+            second, _ = server.accept()
+            with second:
+                second.settimeout(20.0)
+                assert next(Station(second).texts())[3].startswith("WARNING uav1")
+
+
+def test_a_test_goes_to_every_vehicle_that_is_named() -> None:
+    with udp_receiver() as opened:
+        settings = StatustextSettings(f"udpout:127.0.0.1:{opened.getsockname()[1]}", {"uav1": 3, "uav2": 9})
+        with closing(StatustextChannel(settings)) as channel:
+            channel.send(trial_notice(0.0))
+            texts = Station(opened).texts()
+            got = [next(texts) for _ in range(2)]
+    assert [(system, text) for system, _, _, text in got] == [
+        (system, "TEST of wingwatch. No vehicle is concerned.") for system in (3, 9)
+    ]
 
 
 @pytest.mark.parametrize(
