@@ -49,6 +49,7 @@ _COUNTERS: Mapping[str, tuple[str, str, str]] = {
     "checkpoints": ("checkpoints", "result", "Saved states of vehicles, by what became of them."),
     "alert_diagnoses": ("alert_diagnoses", "result", "Alerts by what became of their diagnosis."),
     "recording": ("recording", "result", "What was recorded, and what was not."),
+    "notifications": ("notifications", "result", "Notices to people, by what became of them."),
     "outputs": ("outputs_dropped", "kind", "What was not published over Zenoh."),
     "links": ("zenoh_refused", "kind", "What Zenoh's access rules refused, where the service keeps them."),
     "access": ("http_requests_refused", "reason", "Requests that were refused before they reached a route."),

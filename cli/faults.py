@@ -46,6 +46,7 @@ def _loaded_sentence_types() -> tuple[type[BaseException], ...]:
         "wingwatch.diagnosis.measured": ("DiagnosisError",),
         "wingwatch.studies.grid": ("StudyError",),
         "wingwatch.api.server": ("AddressError", "CertificateError"),
+        "wingwatch.notifications.channel": ("ChannelError",),
     }
     return tuple(
         getattr(sys.modules[module], name)

@@ -14,6 +14,7 @@ from wingwatch.cli.alert_diagnoses import AlertDiagnoses
 from wingwatch.cli.checkpoints import CheckpointFolder
 from wingwatch.cli.database_probe import DatabaseProbe
 from wingwatch.cli.diagnosis_jobs import DiagnosisJobs
+from wingwatch.cli.notifications import Notifications
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.processor_time import ProcessorTimes
 from wingwatch.cli.pump import Pump
@@ -47,6 +48,7 @@ class Parts:
     tokens: TokenRegister
     diagnoses: DiagnosisJobs
     alert_diagnoses: AlertDiagnoses | None
+    notifications: Notifications
     refusals: Mapping[str, int]
     recorder: Recorder | None = None
 
@@ -68,9 +70,17 @@ class Health:
         return self._problems(self._database_problem())
 
     def problems(self) -> Mapping[str, str | None]:
-        """The same without asking the database; it returns at once."""
+        """The same without asking the database, with what keeps alerts from people and recordings from the disk; it
+        returns at once.
+
+        A receiver that does not answer, or a full disk of recordings, is no reason to take the service out of use: it is
+        ready all the same.
+        """
         store = self._parts.store
-        return self._problems(_ended(store) or waiting_for(store))
+        problems = self._problems(_ended(store) or waiting_for(store))
+        recorder = self._parts.recorder
+        recording = None if recorder is None else recorder.problem or recorder.loop.problem
+        return {**problems, "notifications": self._parts.notifications.problem, "recording": recording}
 
     def counters(self) -> Mapping[str, Mapping[str, int]]:
         """What each part dropped or failed on."""
@@ -87,6 +97,7 @@ class Health:
             "connections": parts.http.counts,
             "alert_diagnoses": {} if parts.alert_diagnoses is None else dict(parts.alert_diagnoses.counts),
             "recording": dict.fromkeys(COUNTED, 0) if parts.recorder is None else parts.recorder.counts,
+            "notifications": parts.notifications.counts,
         }
 
     def figures(self) -> ServiceFigures:
@@ -109,7 +120,8 @@ class Health:
             "outputs": parts.outputs.loop, "diagnoses": parts.diagnoses.loop,
             "alert_diagnoses": parts.diagnoses.alert_loop,
         }  # fmt: skip
-        return {f"restarts_{name}": loop.restarts for name, loop in loops.items()}
+        restarts = {f"restarts_{name}": loop.restarts for name, loop in loops.items()}
+        return {**restarts, "restarts_notifications": parts.notifications.restarts}
 
     def _queues(self) -> Mapping[str, QueueView]:
         parts = self._parts
@@ -128,6 +140,7 @@ class Health:
             "diagnoses": QueueView(parts.diagnoses.waiting),
             "alert_diagnoses": QueueView(parts.diagnoses.alerts_waiting),
             "recording": QueueView(0 if parts.recorder is None else parts.recorder.waiting),
+            **parts.notifications.queues,
         }
 
     def _links(self) -> Mapping[str, int]:

@@ -18,6 +18,7 @@ STAGES: Mapping[str, str] = {
     "wingwatch-diagnoses": "diagnoses",
     "wingwatch-alert-diagnoses": "diagnoses",
     "wingwatch-alert-watch": "diagnoses",
+    "wingwatch-notify": "notify",
 }
 """What each long-lived thread does, by its name."""
 

@@ -40,6 +40,8 @@ from wingwatch.cli.health import Health, Parts, connected, waiting_for
 from wingwatch.cli.kernel_steps import AT_FIRST_USE, LIVE
 from wingwatch.cli.kernels import KernelCompiler, Preparation
 from wingwatch.cli.link_settings import link_security
+from wingwatch.cli.notifications import Notifications, NotifyingOutputs
+from wingwatch.cli.notify_settings import channel_plans
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.patient import PatientHistory
 from wingwatch.cli.pump import Pump
@@ -48,7 +50,8 @@ from wingwatch.cli.recorder import Recorder
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
 from wingwatch.cli.tokens import TokenFile, TokenRegister
-from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings
+from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings, Outputs
+from wingwatch.notifications import Clocks
 from wingwatch.telemetry import SensorSubscriber, ZenohSettings, open_session
 
 __all__ = ["Parts", "Pump", "Service", "running_service"]
@@ -121,6 +124,12 @@ def _tls(settings: ServeSettings) -> ssl.SSLContext | None:
     return read_certificate(settings.certificate, settings.private_key)
 
 
+def _link(settings: ServeSettings) -> ZenohSettings:
+    """How Zenoh is reached, and what protects it."""
+    security = link_security(settings.zenoh, os.environ)
+    return ZenohSettings.for_service(settings.listen, settings.connect, security)
+
+
 def _resume(monitor: FleetMonitor, checkpoints: CheckpointFolder) -> None:
     """At the start: every vehicle goes on from its checkpoint; says how long that took."""
     began_s, spent_s = time.monotonic(), time.thread_time()
@@ -150,7 +159,7 @@ def _fleet(
     settings: ServeSettings,
     hangar: Hangar,
     store: DatabaseStore,
-    outputs: ZenohOutputs,
+    outputs: Outputs,
     wall_clock: Callable[[], float],
     checkpoints: CheckpointFolder,
     recorder: Recorder | None,
@@ -217,13 +226,14 @@ def running_service(
         database = stack.enter_context(open_database(settings.where, busy_timeout_s=_DATABASE_PATIENCE_S))
         store = stack.enter_context(DatabaseStore(database, wall_clock, settings.history.retention))
         checkpoints = stack.enter_context(CheckpointFolder(settings.checkpoints, wall_clock))
-        security = link_security(settings.zenoh, os.environ)
-        link = ZenohSettings.for_service(settings.listen, settings.connect, security)
+        link = _link(settings)
         session = stack.enter_context(open_session(link))
         outputs = stack.enter_context(ZenohOutputs(session, lambda: connected(session, link)))
+        notifications = _notifications(stack, settings, listening, wall_clock)
         _tune_interpreter(stack)
         recorder = _recorder(stack, settings, wall_clock)
-        monitor = _fleet(stack, settings, hangar, store, outputs, wall_clock, checkpoints, recorder)
+        announced = NotifyingOutputs(outputs, notifications)
+        monitor = _fleet(stack, settings, hangar, store, announced, wall_clock, checkpoints, recorder)
         outputs.answer_from(monitor)
         arrived = threading.Event()
         subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
@@ -232,20 +242,21 @@ def running_service(
         record = None if recorder is None else recorder.messages
         pump = Pump(subscriber, monitor, arrived, preparation, record=record)
         jobs = stack.enter_context(DiagnosisJobs(hangar.find))
-        shown = AppSettings(
+        asked = AppSettings(
             access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
             counters=lambda: service.counters(), figures=lambda: service.figures(),
             problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
         )  # fmt: skip
-        app = create_app(monitor, lambda: service.readiness(), PatientHistory(database), __version__, shown)
+        app = create_app(monitor, lambda: service.readiness(), PatientHistory(database), __version__, asked)
         http = HttpServer(app, listening, tls=tls)
         parts = Parts(
             http=http, monitor=monitor, probe=DatabaseProbe(database.check), store=store, checkpoints=checkpoints,
             session=session, link=link, subscriber=subscriber, outputs=outputs, pump=pump, tokens=tokens,
             diagnoses=jobs, alert_diagnoses=_alerts_diagnosed(stack, settings, monitor, jobs), refusals=refusals or {},
-            recorder=recorder,
+            notifications=notifications, recorder=recorder,
         )  # fmt: skip
         service: Service = Service(parts)
+        notifications.begin(monitor)
         stack.callback(pump.stop)
         pump.start()
         stack.enter_context(http)
@@ -277,6 +288,21 @@ def _alerts_diagnosed(
 ) -> AlertDiagnoses | None:
     """What has alerts diagnosed, where that is wanted."""
     return stack.enter_context(AlertDiagnoses(monitor, jobs)) if settings.diagnose_alerts else None
+
+
+def _notifications(
+    stack: ExitStack, settings: ServeSettings, listening: socket.socket, wall_clock: Callable[[], float]
+) -> Notifications:
+    """What says alerts to people, on the channels that are set.
+
+    Raises:
+        CommandError: a channel cannot be set up.
+    """
+    address, port, *_ = listening.getsockname()
+    host = next(iter(settings.name), f"[{address}]" if ":" in address else address)
+    url = f"{'http' if settings.certificate is None else 'https'}://{host}:{port}"
+    plans = channel_plans(settings.notify, os.environ, url)
+    return stack.enter_context(Notifications(plans, settings.outboxes, Clocks(wall=wall_clock)))
 
 
 def _access(settings: ServeSettings, listening: socket.socket, tokens: TokenRegister) -> AccessSettings:

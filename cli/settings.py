@@ -2,10 +2,12 @@
 
 import argparse
 import hashlib
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Self
+from types import MappingProxyType
+from typing import Annotated, Any, Self, get_args
 from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
@@ -14,9 +16,17 @@ from wingwatch.baselines import Retention
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.link_settings import LinkTable
 from wingwatch.cli.logs import LogFormat
+from wingwatch.cli.notify_settings import NotifyTable
 from wingwatch.cli.recorder import RecordingLimits
 
-__all__ = ["DATABASE_VARIABLE", "HistoryTable", "RecordingTable", "ServeSettings", "serve_settings"]
+__all__ = [
+    "DATABASE_VARIABLE",
+    "HistoryTable",
+    "RecordingTable",
+    "ServeSettings",
+    "file_settings",
+    "serve_settings",
+]
 
 DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 """Environment variable; empty counts as not set. It goes before the file's ``database``."""
@@ -26,6 +36,7 @@ _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
     "log_format", "excite", "diagnose_alerts", "record",
 )  # fmt: skip
+_SECRET = re.compile(r"(^|\.)(url|secret)[a-z_]*$")
 _PATHS = ("data", "certificate", "private_key", "record")
 
 
@@ -95,6 +106,7 @@ class ServeSettings(BaseModel):
         zenoh: certificates, user and access rules of Zenoh's links.
         log_format: of what is written to standard error.
         history: how long the history of derivatives is kept.
+        notify: on which channels alerts are said to people.
         excite: whether inputs that would help are proposed; excite_minutes: least time between two for a vehicle.
         diagnose_alerts: whether alerts of the airframe or of unclear cause are diagnosed.
         record: folder of recordings (MCAP); none are made without. recording: how much of them is kept.
@@ -117,6 +129,7 @@ class ServeSettings(BaseModel):
     log_format: LogFormat = "text"
     zenoh: LinkTable = LinkTable()
     history: HistoryTable = HistoryTable()
+    notify: NotifyTable = NotifyTable()
     excite: Annotated[bool, Field(strict=True)] = False
     excite_minutes: Annotated[float, Field(ge=1.0, le=1440.0)] = 5.0
     diagnose_alerts: Annotated[bool, Field(strict=True)] = True
@@ -146,6 +159,11 @@ class ServeSettings(BaseModel):
             return self.data / _folder_of(self.where)
         return Path(f"{self.where}.checkpoints")
 
+    @property
+    def outboxes(self) -> Path:
+        """Folder of what channels have still to say."""
+        return self.data / "notifications"
+
 
 def _folder_of(url: str) -> str:
     """A name for what belongs to a database of that URL, whoever logs in there."""
@@ -162,23 +180,33 @@ def serve_settings(arguments: argparse.Namespace, environment: Mapping[str, str]
     Raises:
         CommandError: a file that cannot be read, a key that is not known, a value that is not allowed.
     """
-    path: Path | None = arguments.config
+    given = {name: getattr(arguments, name) for name in _FLAGS}
+    flags = {
+        name: tuple(one) if isinstance(one, list) else one for name, one in given.items() if one is not None
+    }
+    return file_settings(arguments.config, environment, flags)
+
+
+def file_settings(
+    path: Path | None, environment: Mapping[str, str], flags: Mapping[str, Any] = MappingProxyType({})
+) -> ServeSettings:
+    """The same for a command that takes the service's file and has no flags of its own.
+
+    Raises:
+        CommandError: as ``serve_settings``.
+    """
     values = {} if path is None else _read(path)
     if environment.get(DATABASE_VARIABLE):
         values["database"] = environment[DATABASE_VARIABLE]
-    for name in _FLAGS:
-        given = getattr(arguments, name)
-        if given is not None:
-            values[name] = tuple(given) if isinstance(given, list) else given
+    values |= flags
     try:
         settings = ServeSettings.model_validate(values)
     except ValidationError as error:
         raise CommandError(_sentence(error, path)) from None
-    return (
-        settings
-        if path is None
-        else settings.model_copy(update={"zenoh": settings.zenoh.beside(path.parent)})
-    )
+    if path is None:
+        return settings
+    tables = {"zenoh": settings.zenoh.beside(path.parent), "notify": settings.notify.beside(path.parent)}
+    return settings.model_copy(update=tables)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -205,6 +233,18 @@ def _sentence(error: ValidationError, path: Path | None) -> str:
     key = ".".join(str(part) for part in first["loc"])
     where = "" if path is None else f"--config {path}: "
     if first["type"] == "extra_forbidden":
-        return f"{where}{key} is no setting; known are {', '.join(ServeSettings.model_fields)}"
+        return f"{where}{key} is no setting; known are {', '.join(_known(first['loc'][:-1]))}"
     message = first["msg"].removeprefix("Input should be ").removeprefix("a ")
-    return f"{where}{key} is {first['input']!r}; allowed is {message[0].lower()}{message[1:]}"
+    given = "not shown, for it may be a secret" if _SECRET.search(key) else repr(first["input"])
+    return f"{where}{key} is {given}; allowed is {message[0].lower()}{message[1:]}"
+
+
+def _known(table: Sequence[int | str]) -> Collection[str]:
+    """The settings of a table, by its place in the file."""
+    model: type[BaseModel] = ServeSettings
+    for name in table:
+        if isinstance(name, str) and name in model.model_fields:
+            kind = model.model_fields[name].annotation
+            inner = next(iter(get_args(kind)), kind)
+            model = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else model
+    return model.model_fields

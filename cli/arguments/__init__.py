@@ -13,7 +13,14 @@ from wingwatch.cli.arguments.flights import (
     add_replay,
     add_report,
 )
-from wingwatch.cli.arguments.serving import add_access, add_baseline, add_serve, add_store, add_token
+from wingwatch.cli.arguments.serving import (
+    add_access,
+    add_baseline,
+    add_notify,
+    add_serve,
+    add_store,
+    add_token,
+)
 from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_simulate, add_study
 
 __all__ = ["build_parser"]
@@ -21,6 +28,7 @@ __all__ = ["build_parser"]
 _COMMANDS = (
     add_demo, add_serve, add_publish, add_replay, add_simulate, add_log, add_estimate, add_monitor, add_condition,
     add_diagnose, add_report, add_design_input, add_study, add_baseline, add_token, add_access, add_store,
+    add_notify,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -45,6 +53,7 @@ examples:
   wingwatch token create lead --scope operate
   wingwatch access uav1 uav2 --out access.json5
   wingwatch store backup data/wingwatch.db --out copy.db
+  wingwatch notify test --config service.toml
 
 A flight is a CSV, Parquet or MATLAB file, or an autopilot's log (PX4's .ulg, ArduPilot's .bin and .log, .tlog).
 A channel map (TOML) names its columns where they are not called as

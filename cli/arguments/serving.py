@@ -7,7 +7,7 @@ from pathlib import Path
 from wingwatch.cli.arguments.common import Commands, add_command, add_commands, add_convention
 from wingwatch.cli.arguments.values import positive, row_count
 
-__all__ = ["add_access", "add_baseline", "add_serve", "add_store", "add_token"]
+__all__ = ["add_access", "add_baseline", "add_notify", "add_serve", "add_store", "add_token"]
 
 _TOKEN_EXAMPLES = """\
 wingwatch token create lead --scope operate
@@ -181,6 +181,24 @@ def add_store(commands: Commands) -> None:
             add("--out", type=Path, required=True, metavar="FILE", help="the copy; it must not exist yet")
         if action == "prune":
             _add_retention(add)
+
+
+def add_notify(commands: Commands) -> None:
+    """``wingwatch notify``."""
+    example = "wingwatch notify test --config service.toml"
+    does = "the channels on which a service says alerts to people: try them"
+    actions = add_commands(commands, "notify", does, f"{example} --channel webhook1", "action")
+    add = add_command(
+        actions, "test", "send a notice, marked as a test, through each channel", example
+    ).add_argument
+    add(
+        "--config",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="settings of the service (TOML), with [notify]",
+    )
+    add("--channel", metavar="N", help="only this one, by its name or number from 1 (default: all)")
 
 
 def _add_retention(add: Callable[..., object]) -> None:

@@ -92,7 +92,7 @@ def test_every_part_shows_its_counters(service: Service) -> None:
     counters = httpx.get(f"{service.url}/v1/status").json()["counters"]
     assert set(counters) == {
         "messages", "intake", "monitor", "loop", "store", "checkpoints", "outputs", "links", "connections", "access",
-        "events", "alert_diagnoses", "recording",
+        "events", "alert_diagnoses", "recording", "notifications",
     }  # fmt: skip
 
 

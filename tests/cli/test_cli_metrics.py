@@ -192,5 +192,5 @@ def test_a_folder_that_is_not_used_yet_waits_for_nothing(tmp_path: Path) -> None
 def test_a_service_in_order_says_so(service: Service) -> None:
     problems: dict[str, Any] = {part: said for part, said in service.problems().items() if said is not None}
     assert set(problems) == {"estimators"}
-    assert set(service.problems()) == set(service.readiness())
+    assert set(service.problems()) == {*service.readiness(), "notifications", "recording"}
     assert service.monitor.figures().solutions == 0

@@ -49,6 +49,7 @@ BREACHES = (
     ("monitor", "import wingwatch.api", "layers, never upwards"),
     ("monitor", "import wingwatch.simulation", "nothing on the live path sees the simulation's truth"),
     ("api", "import wingwatch.simulation", "nothing on the live path sees the simulation's truth"),
+    ("notifications", "import wingwatch.cli", "layers, never upwards"),
     ("simulation", "import wingwatch.estimators", "simulation knows only aircraft and the sample"),
     ("simulation", "import wingwatch.telemetry.maps", "simulation knows only aircraft and the sample"),
     ("estimators", "import time", "numbers come from no web, no network, no clock and no log"),
