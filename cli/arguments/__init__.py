@@ -12,14 +12,15 @@ from wingwatch.cli.arguments.flights import (
     add_publish,
     add_report,
 )
+from wingwatch.cli.arguments.links import add_bridge
 from wingwatch.cli.arguments.serving import add_access, add_baseline, add_serve, add_store, add_token
 from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_simulate, add_study
 
 __all__ = ["build_parser"]
 
 _COMMANDS = (
-    add_demo, add_serve, add_publish, add_simulate, add_log, add_estimate, add_monitor, add_condition, add_diagnose,
-    add_report, add_design_input, add_study, add_baseline, add_token, add_access, add_store,
+    add_demo, add_serve, add_publish, add_bridge, add_simulate, add_log, add_estimate, add_monitor, add_condition,
+    add_diagnose, add_report, add_design_input, add_study, add_baseline, add_token, add_access, add_store,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -38,6 +39,7 @@ examples:
   wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
+  wingwatch bridge mavlink --connect udp:127.0.0.1:14550 --vehicle uav1 --aircraft my_aircraft.toml
   wingwatch token create lead --scope operate
   wingwatch access uav1 uav2 --out access.json5
   wingwatch store backup data/wingwatch.db --out copy.db

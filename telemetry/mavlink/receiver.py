@@ -30,11 +30,13 @@ class RoundTrip:
         system: number of the vehicle's system.
         asked_ns: the question's own stamp, sent back.
         vehicle_ns: what the vehicle's clock said.
+        received_s: when the answer came, on the receiver's clock.
     """
 
     system: int
     asked_ns: int
     vehicle_ns: int
+    received_s: float
 
 
 @dataclass(slots=True)
@@ -176,7 +178,7 @@ class LinkReceiver:
         if layout.name == TIMESYNC:
             record = np.frombuffer(packet.payload, dtype=layout.dtype)[0]
             if record["tc1"] != 0 and len(self.round_trips) < _MOST_SOURCES:
-                self.round_trips.append(RoundTrip(system.number, int(record["ts1"]), int(record["tc1"])))
+                self.round_trips.append(RoundTrip(system.number, int(record["ts1"]), int(record["tc1"]), received_s))
             return
         system.vehicle.accept(packet, received_s)
         restarts = system.vehicle.clock.restarts
