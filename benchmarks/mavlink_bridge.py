@@ -47,7 +47,13 @@ class Sent:
 def parameters() -> Iterator[tuple[str, float]]:
     """Of an aeroplane's servo outputs."""
     for number, function in SERVOS.items():
-        for name, value in {"FUNCTION": function, "MIN": 1000, "TRIM": 1500, "MAX": 2000, "REVERSED": 0}.items():
+        for name, value in {
+            "FUNCTION": function,
+            "MIN": 1000,
+            "TRIM": 1500,
+            "MAX": 2000,
+            "REVERSED": 0,
+        }.items():
             yield f"SERVO{number}_{name}", float(value)
 
 
@@ -77,7 +83,9 @@ class Sender:
             ]
         if k % max(1, rate // 5) == 0:
             messages.append(
-                dialect.MAVLink_global_position_int_message(ms, 500000000, 100000000, 900000, 9000, 10, 20, 0, 0)
+                dialect.MAVLink_global_position_int_message(
+                    ms, 500000000, 100000000, 900000, 9000, 10, 20, 0, 0
+                )
             )
         if k % rate == 0:
             messages.append(dialect.MAVLink_heartbeat_message(1, 3, 0, 0, 0, 3))
@@ -99,8 +107,8 @@ class Sender:
 def fly(pipe: Connection, endpoint: str, port: int, vehicles: int, seconds: float, rate_hz: float) -> None:
     """Router, subscriber and vehicles; sends what was sent and had through the pipe."""
     senders = [Sender(1 + i, rate_hz) for i in range(vehicles)]
-    flight = [[s.packets(k) for s in senders] for k in range(round(seconds * rate_hz))]
     first = [one for s in senders for one in s.first()]
+    flight = [[s.packets(k) for s in senders] for k in range(round(seconds * rate_hz))]
     samples, packets = 0, 0
 
     def count(sample: Any) -> None:
@@ -137,12 +145,14 @@ def run(vehicles: int, seconds: float, rate_hz: float) -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     names: dict[int | None, str] = {1 + i: f"v{i}" for i in range(vehicles)}
-    receiver = LinkReceiver(names, {name: TRAVEL for name in names.values()})
+    receiver = LinkReceiver(names, dict.fromkeys(names.values(), TRAVEL))
     aircraft = {name: AircraftMessage(aircraft="aerosonde") for name in names.values()}
     with open_connection("udpin:127.0.0.1:0") as link:
         assert link.address is not None
         flight = context.Process(
-            target=fly, args=(there, endpoint, link.address[1], vehicles, SETTLE_S + seconds, rate_hz), daemon=True
+            target=fly,
+            args=(there, endpoint, link.address[1], vehicles, SETTLE_S + seconds, rate_hz),
+            daemon=True,
         )
         flight.start()
         if not here.poll(PATIENCE_S * 4.0):
@@ -158,9 +168,11 @@ def run(vehicles: int, seconds: float, rate_hz: float) -> None:
             while time.monotonic() < begin_s + SETTLE_S:
                 bridge.step(requests)
             cpu_s, wall_s = time.process_time(), time.monotonic()
-            while not here.poll():
+            while time.monotonic() < wall_s + seconds:
                 bridge.step(requests)
             share = (time.process_time() - cpu_s) / (time.monotonic() - wall_s)
+            while not here.poll():
+                bridge.step(requests)
             here.recv()
             bridge.step(requests)
             bridge.finish()
@@ -170,7 +182,9 @@ def run(vehicles: int, seconds: float, rate_hz: float) -> None:
         flight.join(PATIENCE_S)
     made = sum(one["samples"] for one in report["vehicles"])
     lost = sum(one["packets_lost"] for one in report["vehicles"])
-    print(f"  {'packets sent, taken in, lost':<52}{sent.packets:10d}{report['link']['packets']:10d}{lost:10d}")
+    print(
+        f"  {'packets sent, taken in, lost':<52}{sent.packets:10d}{report['link']['packets']:10d}{lost:10d}"
+    )
     print(f"  {'samples made, had over Zenoh':<52}{made:10d}{sent.samples:10d}")
     print(f"  {'processor, of one core':<52}{100.0 * share:9.1f} %")
 
@@ -192,7 +206,9 @@ def parse_alone(vehicles: int, rate_hz: float) -> None:
     per_s = len(packets) / 10.0
     for label, cost_s in (("the bridge's reader", own_s), ("pymavlink's", peer_s)):
         each = cost_s / len(packets)
-        print(f"  {f'a packet by {label}, us; share of a core':<52}{1e6 * each:10.1f}{100.0 * each * per_s:9.1f} %")
+        print(
+            f"  {f'a packet by {label}, us; share of a core':<52}{1e6 * each:10.1f}{100.0 * each * per_s:9.1f} %"
+        )
 
 
 def main() -> None:

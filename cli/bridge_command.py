@@ -25,9 +25,9 @@ from wingwatch.telemetry.mavlink import LinkReceiver, LinkRequests, MavlinkConne
 
 __all__ = ["run"]
 
-_STEP_S = 0.2
+_STEP_S = 0.25
 _REPORT_S = 10.0
-_GATHER_S = 0.004
+_GATHER_S = 0.008
 """Pause between reads: a packet's time of arrival is known to so much, and many cost little more than one."""
 _SAMPLES_A_MESSAGE = 50
 _AT_ONCE = 1e9  # rate of samples whose moment has come
@@ -189,9 +189,13 @@ def _vehicles(named: Sequence[str], aircraft: Sequence[str]) -> _Vehicles:
         key = int(number) if equals else None
         if key in names:
             what = f"system {key}" if equals else "the first system heard"
-            raise CommandError(f"--vehicle {one}: {what} is {names[key]!r} already; write --vehicle SYSTEM=NAME")
+            raise CommandError(
+                f"--vehicle {one}: {what} is {names[key]!r} already; write --vehicle SYSTEM=NAME"
+            )
         if name in names.values():
-            raise CommandError(f"--vehicle {one}: two systems cannot both be {name!r}; give each a name of its own")
+            raise CommandError(
+                f"--vehicle {one}: two systems cannot both be {name!r}; give each a name of its own"
+            )
         names[key] = name
     given: dict[str, str] = {}
     for one in aircraft:
@@ -201,7 +205,9 @@ def _vehicles(named: Sequence[str], aircraft: Sequence[str]) -> _Vehicles:
         elif name not in names.values():
             raise CommandError(f"--aircraft {one}: no vehicle is called {name!r}; name it with --vehicle")
         if name in given:
-            raise CommandError(f"--aircraft {one}: {name or 'every vehicle'} has {given[name]} already; give one")
+            raise CommandError(
+                f"--aircraft {one}: {name or 'every vehicle'} has {given[name]} already; give one"
+            )
         given[name] = value
     for name in names.values():
         if name not in given and "" not in given:

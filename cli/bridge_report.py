@@ -103,5 +103,7 @@ def _vehicle_sentences(one: Mapping[str, Any]) -> list[str]:
     lines += [f"{name}: {hz} Hz: {', '.join(channels)}" for hz, channels in rates.items()]
     if one["missing"]:
         lines.append(f"{name}: missing: {', '.join(one['missing'])}")
-    lacking = [mode_sentence(mode, one["modes"][mode]) for mode in _SHOWN_MODES if one["modes"][mode]["missing"]]
+    lacking = [
+        mode_sentence(mode, one["modes"][mode]) for mode in _SHOWN_MODES if one["modes"][mode]["missing"]
+    ]
     return lines + [f"{name}: {sentence}" for sentence in lacking]

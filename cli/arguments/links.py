@@ -10,7 +10,9 @@ __all__ = ["add_bridge"]
 
 def add_bridge(commands: Commands) -> None:
     """``wingwatch bridge``."""
-    example = "wingwatch bridge mavlink --connect udp:127.0.0.1:14550 --vehicle uav1 --aircraft my_aircraft.toml"
+    example = (
+        "wingwatch bridge mavlink --connect udp:127.0.0.1:14550 --vehicle uav1 --aircraft my_aircraft.toml"
+    )
     links = add_commands(
         commands, "bridge", "publish vehicles that speak another protocol, live", example, dest="link"
     )

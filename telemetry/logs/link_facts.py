@@ -4,7 +4,15 @@ parameters."""
 import struct
 from collections.abc import Mapping
 
-__all__ = ["AUTOPILOTS", "NO_AUTOPILOT", "boot_s", "is_vehicle", "next_wrap_s", "parameter_value", "vehicle_word"]
+__all__ = [
+    "AUTOPILOTS",
+    "NO_AUTOPILOT",
+    "boot_s",
+    "is_vehicle",
+    "next_wrap_s",
+    "parameter_value",
+    "vehicle_word",
+]
 
 AUTOPILOTS: Mapping[int, str] = {3: "ardupilot", 12: "px4"}
 """By MAV_AUTOPILOT."""

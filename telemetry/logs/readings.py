@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wingwatch.telemetry.expressions import ExpressionError, named_columns
 from wingwatch.telemetry.logs.log import AutopilotLog, Topic
 from wingwatch.telemetry.logs.ready_map import fields_of
-from wingwatch.telemetry.logs.sampling import Readings, low_passed, sampled, without_repeats
+from wingwatch.telemetry.logs.sampling import Placement, Readings, low_passed, sampled, without_repeats
 from wingwatch.telemetry.logs.stamps import ClockRuns, clock_runs
 from wingwatch.telemetry.maps import ChannelEntry, ChannelMap, MapError, channel_values, is_command
 
@@ -60,13 +60,20 @@ def readings_of(
         MapError: the entry does not fit the columns.
     """
     made = channel_values(channel, entry, columns)
+    held, period = holds(channel, entry), _PERIODS.get(channel, 0.0)
     finite = np.isfinite(made)
-    if not finite.any():
-        return None
-    return Readings(time_s[finite], made[finite], holds(channel, entry), _PERIODS.get(channel, 0.0))
+    if finite.all() and finite.size:
+        return Readings(time_s, made, held, period)
+    return Readings(time_s[finite], made[finite], held, period) if finite.any() else None
 
 
-def on_stamps(reading: Reading, stamps: Array, table_hz: float, rate: float | None = None) -> Array:
+def on_stamps(
+    reading: Reading,
+    stamps: Array,
+    table_hz: float,
+    rate: float | None = None,
+    placement: Placement | None = None,
+) -> Array:
     """A channel at the table's stamps: filtered where it is faster, interpolated or held where it is slower.
 
     Args:
@@ -74,9 +81,10 @@ def on_stamps(reading: Reading, stamps: Array, table_hz: float, rate: float | No
         stamps: of the table, s.
         table_hz: their usual rate.
         rate: usual rate of the readings, where a part of them is all that is here.
+        placement: of the stamps among the readings, where it is known already.
     """
     smooth = low_passed(reading.readings, table_hz, rate)
-    return sampled(smooth, stamps + reading.delay_s, reading.max_gap_s)
+    return sampled(smooth, stamps + reading.delay_s, reading.max_gap_s, placement)
 
 
 class ChannelReader:

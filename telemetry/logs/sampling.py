@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from wingwatch.telemetry.shown_later import SAME_STAMP_S
 
 __all__ = [
+    "Placement",
     "Readings",
     "decimated",
     "is_faster",
     "low_passed",
     "news_of",
+    "placed",
     "rate_hz",
     "repeats",
     "sampled",
@@ -132,32 +134,62 @@ def _filter(table_hz: float, rate: float) -> Array:
     return sections
 
 
-def sampled(readings: Readings, wanted_s: Array, max_gap_s: float) -> Array:
-    """Values at other stamps: NaN before the first reading, after the last, and over longer gaps.
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where stamps lie among readings: the same for every channel of one topic.
 
-    Args:
-        readings: at least one.
-        wanted_s: shape (rows,).
-        max_gap_s: a state between two readings further apart has no value, nor a command held for longer.
-
-    Returns:
-        Shape (rows,); an angle that leaps within one period about zero.
+    Attributes:
+        left: reading that each stamp is at or after.
+        there: reading that it is at or before.
+        exact: stamps that are those of a reading.
+        weight: fraction of the way from one to the other.
+        known: stamps that have a value.
     """
-    time_s = readings.time_s
+
+    left: NDArray[np.int64]
+    there: NDArray[np.int64]
+    exact: NDArray[np.bool_]
+    weight: Array
+    known: NDArray[np.bool_]
+
+
+def placed(time_s: Array, wanted_s: Array, max_gap_s: float, held: bool) -> Placement:
+    """Where ``sampled`` reads the readings of these stamps."""
     right = np.searchsorted(time_s, wanted_s - SAME_STAMP_S, side="left")
     there = np.minimum(right, time_s.size - 1)
     exact = np.abs(time_s[there] - wanted_s) <= SAME_STAMP_S
     left = np.where(exact, there, right - 1)
     known = left >= 0
     left = np.maximum(left, 0)
-    if readings.held:
-        fresh = known & (wanted_s - time_s[left] <= max_gap_s)
-        return np.where(fresh, readings.values[left], np.nan)
-    values = _unwrapped(readings)
+    since = wanted_s - time_s[left]
+    if held:
+        return Placement(left, there, exact, since, known & (since <= max_gap_s))
     width = time_s[there] - time_s[left]
-    weight = np.divide(wanted_s - time_s[left], width, out=np.zeros_like(width), where=width > 0.0)
-    between = np.where(exact, values[there], values[left] + weight * (values[there] - values[left]))
-    result = np.where(known & (right < time_s.size) & (width <= max_gap_s), between, np.nan)
+    weight = np.divide(since, width, out=np.zeros_like(width), where=width > 0.0)
+    return Placement(left, there, exact, weight, known & (right < time_s.size) & (width <= max_gap_s))
+
+
+def sampled(
+    readings: Readings, wanted_s: Array, max_gap_s: float, placement: Placement | None = None
+) -> Array:
+    """Values at other stamps: NaN before the first reading, after the last, and over longer gaps.
+
+    Args:
+        readings: at least one.
+        wanted_s: shape (rows,).
+        max_gap_s: a state between two readings further apart has no value, nor a command held for longer.
+        placement: ``placed`` for these stamps, where it is known already.
+
+    Returns:
+        Shape (rows,); an angle that leaps within one period about zero.
+    """
+    at = placed(readings.time_s, wanted_s, max_gap_s, readings.held) if placement is None else placement
+    if readings.held:
+        return np.where(at.known, readings.values[at.left], np.nan)
+    values = _unwrapped(readings) if readings.period else readings.values
+    before, after = values[at.left], values[at.there]
+    between = np.where(at.exact, after, before + at.weight * (after - before))
+    result = np.where(at.known, between, np.nan)
     if not readings.period:
         return result
     folded = (result + readings.period / 2.0) % readings.period - readings.period / 2.0

@@ -68,7 +68,7 @@ class BootClock:
         """What a reading's stamp says of the clock."""
         delay = received_s - boot_s
         offset = self.offset_s
-        if offset == inf or -_AHEAD_S < delay - offset < _HELD_S and boot_s > self.newest_s - _BACK_S:
+        if offset == inf or (-_AHEAD_S < delay - offset < _HELD_S and boot_s > self.newest_s - _BACK_S):
             if self._doubtful:
                 self.off += len(self._doubtful)
                 self._doubtful.clear()

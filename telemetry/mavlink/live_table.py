@@ -8,12 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.telemetry.expressions import named_columns
+from wingwatch.telemetry.expressions import canonical_name, named_columns
 from wingwatch.telemetry.logs.log import AutopilotLog, LogError, topic_key
 from wingwatch.telemetry.logs.log_table import TABLE_HZ, map_for, table_clock
 from wingwatch.telemetry.logs.readings import ChannelReader, Reading, on_stamps, readings_of
 from wingwatch.telemetry.logs.ready_map import ready_map
-from wingwatch.telemetry.logs.sampling import Readings, decimated, is_faster, news_of, rate_hz, repeats
+from wingwatch.telemetry.logs.sampling import (
+    Placement,
+    Readings,
+    decimated,
+    is_faster,
+    news_of,
+    placed,
+    rate_hz,
+    repeats,
+)
 from wingwatch.telemetry.logs.surfaces import SURFACES_TOPIC, with_surfaces
 from wingwatch.telemetry.maps import ChannelEntry, ChannelMap, is_command
 from wingwatch.telemetry.mavlink.topic_buffer import TopicBuffer
@@ -102,7 +111,9 @@ class LivePlan:
         """With the channels of a former plan that this one passes over though their topics are ``alive``: a channel
         that lived is not absent when it rests."""
         topics = {*alive, *([_SURFACES_KEY] if any(topic_key(name, 0) in alive for name in _OUTPUTS) else [])}
-        kept = {n: one for n, one in former.channels.items() if n not in self.channels and one.topic in topics}
+        kept = {
+            n: one for n, one in former.channels.items() if n not in self.channels and one.topic in topics
+        }
         return replace(self, channels={**self.channels, **kept})
 
 
@@ -140,7 +151,12 @@ def live_plan(log: AutopilotLog, travel_rad: Mapping[str, float]) -> LivePlan:
         if reading is None:
             continue
         topic = reader.topic(name)
-        raw = readings_of(name, entry, topic.time_s, {n: topic.fields[n.partition("].")[2]] for n in named_columns(entry.source)})
+        raw = readings_of(
+            name,
+            entry,
+            topic.time_s,
+            {n: topic.fields[n.partition("].")[2]] for n in named_columns(entry.source)},
+        )
         rate = rate_hz(reading.readings.time_s)
         channels[name] = _LiveChannel(
             name, entry, topic.key, _places(entry.source), reading.max_gap_s, raw is not None and repeats(raw), rate,
@@ -162,11 +178,13 @@ def _rules(log: AutopilotLog, travel_rad: Mapping[str, float]) -> tuple[ChannelM
 
 
 def _places(source: str) -> dict[str, tuple[str, int | None]]:
-    """Field and element of each column that an expression reads."""
+    """Field and element of each column that an expression reads; a source that is one column keeps its own name, so
+    that nothing is to be parsed."""
     found: dict[str, tuple[str, int | None]] = {}
     for name in named_columns(source):
         field, bracket, element = name.partition("].")[2].partition("[")
-        found[name] = (field, int(element.rstrip("]")) if bracket else None)
+        key = source if canonical_name(source) == name else name
+        found[key] = (field, int(element.rstrip("]")) if bracket else None)
     return found
 
 
@@ -240,7 +258,9 @@ class LiveTable:
     def _buffer(self, key: str) -> TopicBuffer:
         return self._buffers[self._outputs_key() if key == _SURFACES_KEY else key]
 
-    def _fields(self, log: AutopilotLog, key: str, rows: NDArray[Any]) -> Mapping[str, NDArray[Any]] | NDArray[Any]:
+    def _fields(
+        self, log: AutopilotLog, key: str, rows: NDArray[Any]
+    ) -> Mapping[str, NDArray[Any]] | NDArray[Any]:
         """Readings of a topic by field, those of surfaces as the log's reader makes them."""
         if key != _SURFACES_KEY:
             return rows
@@ -259,6 +279,7 @@ class LiveTable:
     ) -> None:
         """Channels of one topic at the samples' stamps."""
         stamps = columns["time_s"]
+        places: dict[tuple[bool, float], Placement] = {}
         for one in channels:
             read = {
                 name: (fields[field] if element is None else fields[field][:, element]).astype(np.float64)
@@ -268,13 +289,27 @@ class LiveTable:
             if readings is None:
                 values = np.full(stamps.shape, np.nan)
             else:
-                values = self._sampled(one, readings, stamps)
+                values = self._sampled(one, readings, stamps, places if readings.time_s is time_s else {})
             columns[wire_name(one.name, one.entry)] = values
             if missing := int(np.count_nonzero(~np.isfinite(values))):
                 self.unbridged[one.name] = self.unbridged.get(one.name, 0) + missing
 
-    def _sampled(self, one: _LiveChannel, readings: Readings, stamps: Array) -> Array:
+    def _sampled(
+        self,
+        one: _LiveChannel,
+        readings: Readings,
+        stamps: Array,
+        places: dict[tuple[bool, float], Placement],
+    ) -> Array:
+        """A channel at the samples' stamps; ``places`` keeps where these lie among the readings of its topic."""
+        table_hz = self.plan.table_hz if one.filtered else 0.0
+        placement = None
         if one.repeats:
             readings = news_of(readings, one.max_gap_s)
-        table_hz = self.plan.table_hz if one.filtered else 0.0
-        return on_stamps(Reading(readings, one.entry.delay_s, one.max_gap_s), stamps, table_hz, one.rate_hz)
+        elif not one.entry.delay_s:
+            key = readings.held, one.max_gap_s
+            if key not in places:
+                places[key] = placed(readings.time_s, stamps, one.max_gap_s, readings.held)
+            placement = places[key]
+        reading = Reading(readings, one.entry.delay_s, one.max_gap_s)
+        return on_stamps(reading, stamps, table_hz, one.rate_hz, placement)

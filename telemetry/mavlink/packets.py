@@ -53,7 +53,14 @@ class PacketReader:
     def __init__(self, layouts: Mapping[int, Layout]) -> None:
         self._layouts = layouts
         self._rest = b""
-        names = ("packets", "packets_unknown", "packets_signed", "packets_version_1", "packets_damaged", "bytes_between")
+        names = (
+            "packets",
+            "packets_unknown",
+            "packets_signed",
+            "packets_version_1",
+            "packets_damaged",
+            "bytes_between",
+        )
         self.counts = dict.fromkeys(names, 0)
 
     def feed(self, data: bytes) -> list[Packet]:
@@ -114,5 +121,7 @@ class PacketReader:
             return None
         self.counts["packets_signed"] += flags
         self.counts["packets_version_1"] += data[at] == _V1
-        payload = data[begin : begin + min(size, layout.size)] if layout.wanted else b""  # fields of newer dialects
+        payload = (
+            data[begin : begin + min(size, layout.size)] if layout.wanted else b""
+        )  # fields of newer dialects
         return Packet(layout, system, component, sequence, payload.ljust(layout.size, b"\0"), checksum)

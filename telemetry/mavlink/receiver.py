@@ -78,7 +78,10 @@ class LinkReceiver:
     """
 
     def __init__(
-        self, names: Mapping[int | None, str], travel_rad: Mapping[str, Mapping[str, float]], patient: bool = True
+        self,
+        names: Mapping[int | None, str],
+        travel_rad: Mapping[str, Mapping[str, float]],
+        patient: bool = True,
     ) -> None:
         self._layouts = layouts()
         self._names = dict(names)
@@ -138,7 +141,9 @@ class LinkReceiver:
 
     def _new_system(self, packet: Packet) -> LinkSystem | None:
         """The system of a first heartbeat of a vehicle; None for packets of anybody else, which are counted."""
-        beats = packet.layout is not None and packet.layout.name == HEARTBEAT and packet.component == _AUTOPILOT
+        beats = (
+            packet.layout is not None and packet.layout.name == HEARTBEAT and packet.component == _AUTOPILOT
+        )
         if beats and packet.layout is not None:
             record = np.frombuffer(packet.payload, dtype=packet.layout.dtype)[0]
             beats = is_vehicle(int(record["type"]), int(record["autopilot"]))
@@ -178,12 +183,12 @@ class LinkReceiver:
         if layout.name == TIMESYNC:
             record = np.frombuffer(packet.payload, dtype=layout.dtype)[0]
             if record["tc1"] != 0 and len(self.round_trips) < _MOST_SOURCES:
-                self.round_trips.append(RoundTrip(system.number, int(record["ts1"]), int(record["tc1"]), received_s))
+                self.round_trips.append(
+                    RoundTrip(system.number, int(record["ts1"]), int(record["tc1"]), received_s)
+                )
             return
         system.vehicle.accept(packet, received_s)
         restarts = system.vehicle.clock.restarts
         if restarts != system.restarts:
             system.restarts = restarts
             sequence.restarted()
-
-

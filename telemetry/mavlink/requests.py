@@ -101,7 +101,9 @@ class LinkRequests:
 
     def _heartbeat(self) -> Any:
         dialect = self._dialect
-        return dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+        return dialect.MAVLink_heartbeat_message(
+            dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3
+        )
 
     def _put(self, message: Any, source: object) -> None:
         data = bytes(message.pack(self._writer))
@@ -143,7 +145,7 @@ class LinkRequests:
 
     def _rates(self, system: LinkSystem, rate_hz: float) -> Iterator[Any]:
         imu = _IMU.get(system.vehicle.heartbeat.autopilot, "RAW_IMU")
-        wanted = {name: rate_hz for name in (*_FAST, imu)} | {name: min(rate_hz, _SLOW_HZ) for name in _SLOW}
+        wanted = dict.fromkeys((*_FAST, imu), rate_hz) | {name: min(rate_hz, _SLOW_HZ) for name in _SLOW}
         for name, rate in wanted.items():
             number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
             yield self._dialect.MAVLink_command_long_message(
@@ -157,4 +159,3 @@ class LinkRequests:
                 clock = receiver.systems[trip.system].vehicle.clock
                 clock.round_trip(sent_s, min(now_s, trip.received_s), trip.vehicle_ns / 1e9)
         receiver.round_trips.clear()
-

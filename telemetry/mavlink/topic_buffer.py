@@ -38,7 +38,7 @@ class TopicBuffer:
         self.newest_s = -inf
         self._payloads: list[bytes] = []
         self._stamps: list[float] = []
-        self._rows: NDArray[Any] = np.zeros(0, dtype=layout.dtype)
+        self._data = b""
         self._time_s: Array = np.zeros(0)
 
     def add(self, stamp_s: float, payload: bytes) -> None:
@@ -61,14 +61,13 @@ class TopicBuffer:
     def since(self, from_s: float) -> tuple[Array, NDArray[Any]]:
         """Stamps and payloads from a time on; what is older is forgotten."""
         if self._payloads:
-            new = np.frombuffer(b"".join(self._payloads), dtype=self.layout.dtype)
-            self._rows = np.concatenate((self._rows, new))
+            self._data = b"".join((self._data, *self._payloads))
             self._time_s = np.concatenate((self._time_s, self._stamps))
             self._payloads, self._stamps = [], []
         first = max(int(np.searchsorted(self._time_s, from_s)), self._time_s.size - _MOST_KEPT)
         if first > 0:
-            self._rows, self._time_s = self._rows[first:], self._time_s[first:]
-        return self._time_s, self._rows
+            self._data, self._time_s = self._data[first * self.layout.size :], self._time_s[first:]
+        return self._time_s, np.frombuffer(self._data, dtype=self.layout.dtype)
 
     def topic(self, from_s: float) -> Topic:
         """The same as a log's topic, every field of it."""

@@ -21,7 +21,7 @@ __all__ = ["LinkVehicle", "Piece"]
 
 _FIRST_PLAN_S = 2.0
 _PARAMETERS_S = 10.0
-_PLAN_S = 5.0
+_PLAN_S = 15.0
 _AGAIN_S = 1.0
 _SILENT_S = 3.0
 _MOST_PARAMETERS = 4096
@@ -255,7 +255,11 @@ class LinkVehicle:
     def _plan(self, now_s: float) -> None:
         """Chooses sources and clock: at first, where topics come or go, and now and then."""
         waited_s = now_s - self.heartbeat.first_s
-        if not isfinite(self.clock.newest_s) or waited_s < _FIRST_PLAN_S or now_s - self._planned_s < _AGAIN_S:
+        if (
+            not isfinite(self.clock.newest_s)
+            or waited_s < _FIRST_PLAN_S
+            or now_s - self._planned_s < _AGAIN_S
+        ):
             return
         signature = frozenset(self._alive())
         if now_s < self._plan_due_s and signature == self._signature:
