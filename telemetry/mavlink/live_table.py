@@ -12,7 +12,7 @@ from wingwatch.telemetry.expressions import canonical_name, named_columns
 from wingwatch.telemetry.logs.log import AutopilotLog, LogError, topic_key
 from wingwatch.telemetry.logs.log_table import TABLE_HZ, map_for, table_clock
 from wingwatch.telemetry.logs.readings import ChannelReader, Reading, on_stamps, readings_of
-from wingwatch.telemetry.logs.ready_map import ready_map
+from wingwatch.telemetry.logs.ready_map import TAKEN_FOR_ABSENT, ready_map
 from wingwatch.telemetry.logs.sampling import (
     Placement,
     Readings,
@@ -40,8 +40,8 @@ WAIT_S = 2.0
 """A sample waits at most so long for the next reading of its slowest channel."""
 
 AHEAD_STEPS = 10.0
-"""Steps of the table that the low-pass filter looks ahead; what lies beyond moves it by less than a thousandth of what a
-reading there differs from its mirror image."""
+"""Steps of the table that the low-pass filter looks ahead; what lies beyond moves it by about a thousandth of what the
+signal moves there."""
 
 _RATE_TOLERANCE = 0.2
 _SURFACES_KEY = topic_key(SURFACES_TOPIC, 0)
@@ -90,6 +90,11 @@ class LivePlan:
     table_hz: float
     channels: Mapping[str, _LiveChannel]
     notes: tuple[str, ...]
+
+    @property
+    def awaits(self) -> bool:
+        """Whether a channel was taken for absent because it has read exactly 0 so far, as airspeed on the ground."""
+        return any(TAKEN_FOR_ABSENT in note for note in self.notes)
 
     @property
     def wire_columns(self) -> tuple[str, ...]:

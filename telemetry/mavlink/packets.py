@@ -53,15 +53,9 @@ class PacketReader:
     def __init__(self, layouts: Mapping[int, Layout]) -> None:
         self._layouts = layouts
         self._rest = b""
-        names = (
-            "packets",
-            "packets_unknown",
-            "packets_signed",
-            "packets_version_1",
-            "packets_damaged",
-            "bytes_between",
-        )
-        self.counts = dict.fromkeys(names, 0)
+        self._in_step = True  # whether a packet begins where the last one ended
+        kinds = ("", "_unknown", "_signed", "_version_1", "_damaged")
+        self.counts = dict.fromkeys((*(f"packets{kind}" for kind in kinds), "bytes_between"), 0)
 
     def feed(self, data: bytes) -> list[Packet]:
         """The packets that these bytes complete, in their order; never an exception, whatever the bytes."""
@@ -74,30 +68,25 @@ class PacketReader:
                 begin = _MAGIC.search(data, at)
                 after = end if begin is None else begin.start()
                 counts["bytes_between"] += after - at
-                at = after
+                at, self._in_step = after, False
                 continue
-            head = _HEAD[magic]
-            if end - at < head:
-                break
-            length = head + data[at + 1] + _CHECKSUM
-            if magic == _V2 and data[at + 2] & _SIGNED:
-                length += _SIGNATURE
+            length = _length(data, at)
             if end - at < length:
                 break
-            packet = self._packet(data, at, length)
+            packet = self._packet(data, at, self._in_step)
             if packet is None:
                 counts["packets_damaged"] += 1
                 counts["bytes_between"] += 1
-                at += 1
+                at, self._in_step = at + 1, False
                 continue
             found.append(packet)
-            at += length
+            at, self._in_step = at + length, True
         self._rest = data[at:]
         counts["packets"] += len(found)
         return found
 
-    def _packet(self, data: bytes, at: int, length: int) -> Packet | None:
-        """The packet that begins here; None where its checksum is wrong."""
+    def _packet(self, data: bytes, at: int, may_be_unknown: bool) -> Packet | None:
+        """The packet that begins here and is here as a whole; None where its checksum is wrong."""
         size = data[at + 1]
         if data[at] == _V2:
             flags, begin = data[at + 2], at + 10
@@ -110,8 +99,7 @@ class PacketReader:
         checksum = data[close] | data[close + 1] << 8
         layout = self._layouts.get(number)
         if layout is None or flags & ~_SIGNED:  # flags that nobody knows may change what the bytes mean
-            after = at + length
-            if after < len(data) and data[after] not in (_V1, _V2):
+            if not may_be_unknown or not self._is_framed(data, at):
                 return None
             self.counts["packets_unknown"] += 1
             return Packet(None, system, component, sequence, b"", checksum)
@@ -123,5 +111,27 @@ class PacketReader:
         self.counts["packets_version_1"] += data[at] == _V1
         payload = (
             data[begin : begin + min(size, layout.size)] if layout.wanted else b""
-        )  # fields of newer dialects
+        )  # newer ones are longer
         return Packet(layout, system, component, sequence, payload.ljust(layout.size, b"\0"), checksum)
+
+    def _is_framed(self, data: bytes, at: int) -> bool:
+        """Whether what nobody can check is a packet after all: another begins behind it, and none that can be checked
+        lies within it."""
+        after = at + _length(data, at)
+        if after < len(data) and data[after] not in (_V1, _V2):
+            return False
+        begins = (one.start() for one in _MAGIC.finditer(data, at + 1, after))
+        return not any(
+            one + _length(data, one) <= len(data) and self._packet(data, one, False) is not None
+            for one in begins
+        )
+
+
+def _length(data: bytes, at: int) -> int:
+    """Bytes of the packet that begins here; those of the head where not even that is here."""
+    magic = data[at]
+    head = _HEAD[magic]
+    if len(data) - at < head:
+        return head
+    signed = magic == _V2 and data[at + 2] & _SIGNED
+    return head + data[at + 1] + _CHECKSUM + (_SIGNATURE if signed else 0)

@@ -23,6 +23,7 @@ _FIRST_PLAN_S = 2.0
 _PARAMETERS_S = 10.0
 _PLAN_S = 15.0
 _AGAIN_S = 1.0
+_AWAITED_S = 2.0
 _SILENT_S = 3.0
 _MOST_PARAMETERS = 4096
 _SURFACE_PARAMETERS = ("SERVO", "RC", "CA_SV_CS", "PWM_", "ELEVON", "VTAIL", "FLAPERON")
@@ -268,19 +269,27 @@ class LinkVehicle:
         try:
             plan = live_plan(self._log(topics=True), self._travel_rad)
         except (LogError, MapError):
-            return  # nothing that could be the clock has come yet
+            self._plan_due_s = -inf  # nothing that could be the clock has come yet
+            return
         if self._table is None:
             surfaces = any(name in plan.channels for name in SURFACE_CHANNELS)
             if self._patient and not surfaces and waited_s < _PARAMETERS_S:
                 self._plan_due_s = -inf
                 return
             self._table = LiveTable(self._buffers, plan)
+            self._wait_for(plan)
             return
         former = self._table.plan
         plan = plan.with_kept(former, signature)
+        self._wait_for(plan)
         if not former.agrees(plan):
             self._make(now_s, final=False)
             self._table.plan = plan
+
+    def _wait_for(self, plan: LivePlan) -> None:
+        """A channel that may come to life is looked for sooner."""
+        if plan.awaits:
+            self._plan_due_s = min(self._plan_due_s, self._planned_s + _AWAITED_S)
 
     def _make(self, now_s: float, final: bool) -> None:
         table = self._table
