@@ -9,8 +9,6 @@ from wingwatch.telemetry.mavlink import LinkReceiver, LinkSystem
 
 __all__ = ["bridge_object", "bridge_sentences"]
 
-_SHOWN_MODES = ("short_period", "dutch_roll", "lateral", "phugoid")
-
 
 def bridge_object(
     receiver: LinkReceiver, messages: Mapping[str, int], seconds: float, interruptions: int
@@ -103,7 +101,5 @@ def _vehicle_sentences(one: Mapping[str, Any]) -> list[str]:
     lines += [f"{name}: {hz} Hz: {', '.join(channels)}" for hz, channels in rates.items()]
     if one["missing"]:
         lines.append(f"{name}: missing: {', '.join(one['missing'])}")
-    lacking = [
-        mode_sentence(mode, one["modes"][mode]) for mode in _SHOWN_MODES if one["modes"][mode]["missing"]
-    ]
+    lacking = [mode_sentence(mode, facts) for mode, facts in one["modes"].items() if facts["missing"]]
     return lines + [f"{name}: {sentence}" for sentence in lacking]
