@@ -119,7 +119,7 @@ def fly(pipe: Connection, endpoint: str, port: int, vehicles: int, seconds: floa
         open_session(ZenohSettings.for_service(listen=(endpoint,))) as session,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out,
     ):
-        subscriber = session.declare_subscriber("wingwatch/v1/*/*/sensors", count)
+        subscriber: Any = session.declare_subscriber("wingwatch/v1/*/*/sensors", count)
         pipe.send("ready")
         pipe.recv()
         address = ("127.0.0.1", port)

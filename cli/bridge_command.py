@@ -124,8 +124,7 @@ class Bridge:
 
     def step(self, requests: LinkRequests | None = None) -> None:
         """Takes in what has come, and publishes what is due."""
-        for arrival in self._link.read(_STEP_S / 2.0):
-            self._receiver.feed(arrival.data, arrival.received_s, arrival.source)
+        self._take_in(_STEP_S / 2.0)
         now_s = time.monotonic()
         if now_s < self._step_s:
             time.sleep(_GATHER_S)
@@ -137,13 +136,18 @@ class Bridge:
         self._say_once()
 
     def finish(self) -> None:
-        """Publishes what is left."""
+        """Takes in what waits, and publishes what is left."""
+        self._take_in(0.0)
         self._publish(time.monotonic(), final=True)
 
     def report(self) -> dict[str, Any]:
         """Counters of all so far."""
         seconds = time.monotonic() - self._began_s
         return bridge_object(self._receiver, self._messages, seconds, self._link.interruptions)
+
+    def _take_in(self, timeout_s: float) -> None:
+        for arrival in self._link.read(timeout_s):
+            self._receiver.feed(arrival.data, arrival.received_s, arrival.source)
 
     def _publish(self, now_s: float, final: bool = False) -> None:
         for system in self._receiver.systems.values():
