@@ -28,7 +28,7 @@ from wingwatch.telemetry.maps import ChannelEntry, ChannelMap, is_command
 from wingwatch.telemetry.mavlink.topic_buffer import TopicBuffer
 from wingwatch.telemetry.sample import CHANNEL_NAMES, SURFACE_CHANNELS, SampleBlock
 
-__all__ = ["HISTORY_S", "WAIT_S", "LivePlan", "LiveTable", "live_plan"]
+__all__ = ["HISTORY_S", "SILENT_S", "WAIT_S", "LivePlan", "LiveTable", "live_plan"]
 
 Array = NDArray[np.float64]
 Buffers = Mapping[str, TopicBuffer]
@@ -38,6 +38,9 @@ HISTORY_S = 6.0
 
 WAIT_S = 2.0
 """A sample waits at most so long for the next reading of its slowest channel."""
+
+SILENT_S = 3.0
+"""A topic that has not come for so long has ceased."""
 
 AHEAD_STEPS = 10.0
 """Steps of the table that the low-pass filter looks ahead; what lies beyond moves it by about a thousandth of what the
@@ -233,9 +236,14 @@ class LiveTable:
             return None
         columns: dict[str, Array] = {"time_s": stamps}
         for key, channels in self._by_topic().items():
-            time_s, rows = self._buffer(key).since(oldest_s)
+            buffer = self._buffer(key)
+            time_s, rows = buffer.since(oldest_s)
+            if not any(one.filtered or one.repeats for one in channels):  # then only what is near counts
+                near_s = stamps[0] - max(one.max_gap_s for one in channels)
+                first = max(int(np.searchsorted(time_s, near_s)) - 1, 0)
+                time_s, rows = time_s[first:], rows[first:]
             if time_s.size:
-                self._read(columns, channels, time_s, self._fields(log, key, rows))
+                self._read(columns, channels, time_s, self._fields(log, key, buffer, time_s, rows))
         return SampleBlock.from_columns(columns)
 
     def _due_s(self, newest_s: float) -> float:
@@ -254,23 +262,21 @@ class LiveTable:
         return found
 
     def _outputs_key(self) -> str:
-        """The topic that surfaces are made of."""
-        for name in _OUTPUTS:
-            if topic_key(name, 0) in self._buffers:
-                return topic_key(name, 0)
-        return topic_key(_OUTPUTS[0], 0)
+        """The topic that surfaces are made of: the first of those that still come."""
+        there = [key for name in _OUTPUTS if (key := topic_key(name, 0)) in self._buffers]
+        newest_s = max(self._buffers[key].newest_s for key in there)
+        return next(key for key in there if self._buffers[key].newest_s > newest_s - SILENT_S)
 
     def _buffer(self, key: str) -> TopicBuffer:
         return self._buffers[self._outputs_key() if key == _SURFACES_KEY else key]
 
     def _fields(
-        self, log: AutopilotLog, key: str, rows: NDArray[Any]
+        self, log: AutopilotLog, key: str, buffer: TopicBuffer, time_s: Array, rows: NDArray[Any]
     ) -> Mapping[str, NDArray[Any]] | NDArray[Any]:
         """Readings of a topic by field, those of surfaces as the log's reader makes them."""
         if key != _SURFACES_KEY:
             return rows
-        buffer = self._buffer(key)
-        topic = buffer.topic(-np.inf)
+        topic = buffer.topic_of(time_s, rows)
         found = with_surfaces(replace(log, topics={topic.key: topic})).get(SURFACES_TOPIC)
         lacking = np.full(rows.shape, np.nan)
         return defaultdict(lambda: lacking, {} if found is None else found.fields)

@@ -71,7 +71,10 @@ class TopicBuffer:
 
     def topic(self, from_s: float) -> Topic:
         """The same as a log's topic, every field of it."""
-        time_s, rows = self.since(from_s)
+        return self.topic_of(*self.since(from_s))
+
+    def topic_of(self, time_s: Array, rows: NDArray[Any]) -> Topic:
+        """Some of the payloads as a log's topic."""
         fields: dict[str, Array] = {}
         for name in rows.dtype.names or ():
             column = rows[name]

@@ -12,7 +12,7 @@ from wingwatch.telemetry.logs.log import AutopilotLog, LogError, topic_key
 from wingwatch.telemetry.maps import MapError
 from wingwatch.telemetry.mavlink.boot_clock import BootClock, Stamp
 from wingwatch.telemetry.mavlink.dialect import HEARTBEAT, PARAM_VALUE, Layout
-from wingwatch.telemetry.mavlink.live_table import HISTORY_S, LivePlan, LiveTable, live_plan
+from wingwatch.telemetry.mavlink.live_table import HISTORY_S, SILENT_S, LivePlan, LiveTable, live_plan
 from wingwatch.telemetry.mavlink.packets import Packet
 from wingwatch.telemetry.mavlink.topic_buffer import TopicBuffer
 from wingwatch.telemetry.sample import SURFACE_CHANNELS, SampleBlock
@@ -24,7 +24,6 @@ _PARAMETERS_S = 10.0
 _PLAN_S = 15.0
 _AGAIN_S = 1.0
 _AWAITED_S = 2.0
-_SILENT_S = 3.0
 _MOST_PARAMETERS = 4096
 _SURFACE_PARAMETERS = ("SERVO", "RC", "CA_SV_CS", "PWM_", "ELEVON", "VTAIL", "FLAPERON")
 _NO_CHANNELS = frozenset(("SYSTEM_TIME",))
@@ -89,6 +88,7 @@ class LinkVehicle:
         self.heartbeat = _Heartbeat()
         self.counts = _Counts()
         self.streams = 1
+        self._surface_parameters: dict[str, float] = {}
         self._raw_parameters: dict[str, tuple[float, int]] = {}
         self._travel_rad = travel_rad
         self._patient = patient
@@ -213,17 +213,21 @@ class LinkVehicle:
         self.heartbeat.kind = int(record["type"])
         if autopilot != self.heartbeat.autopilot:  # it says how the parameters before it are to be read
             self.heartbeat.autopilot = autopilot
-            for name, value in self._raw_parameters.items():
-                self.parameters[name] = parameter_value(*value, autopilot)
+            for name in self._raw_parameters:
+                self._keep_parameter(name)
 
     def _set_parameter(self, record: Any) -> None:
         name = bytes(record["param_id"]).split(b"\0")[0].decode("ascii", "replace")
         if len(self._raw_parameters) < _MOST_PARAMETERS or name in self._raw_parameters:
             self._raw_parameters[name] = float(record["param_value"]), int(record["param_type"])
-            value = parameter_value(*self._raw_parameters[name], self.heartbeat.autopilot)
-            if name.startswith(_SURFACE_PARAMETERS) and self.parameters.get(name) != value:
-                self._plan_due_s = -inf
-            self.parameters[name] = value
+            self._keep_parameter(name)
+
+    def _keep_parameter(self, name: str) -> None:
+        value = parameter_value(*self._raw_parameters[name], self.heartbeat.autopilot)
+        self.parameters[name] = value
+        if name.startswith(_SURFACE_PARAMETERS) and self._surface_parameters.get(name) != value:
+            self._surface_parameters[name] = value
+            self._plan_due_s = -inf
 
     def _restart(self, received_s: float) -> None:
         """What is of the clock before goes out; then another stream begins."""
@@ -245,12 +249,11 @@ class LinkVehicle:
         newest_s = self.clock.newest_s
         found = {key: one.topic(newest_s - HISTORY_S) for key, one in self._alive().items()} if topics else {}
         name = self.heartbeat.autopilot
-        parameters = {k: v for k, v in self.parameters.items() if k.startswith(_SURFACE_PARAMETERS)}
         kind = vehicle_word(self.heartbeat.kind)
-        return AutopilotLog(self.name, "tlog", name, kind, name, found, parameters)
+        return AutopilotLog(self.name, "tlog", name, kind, name, found, self._surface_parameters)
 
     def _alive(self) -> dict[str, TopicBuffer]:
-        oldest_s = self.clock.newest_s - _SILENT_S
+        oldest_s = self.clock.newest_s - SILENT_S
         return {key: one for key, one in self._buffers.items() if one.newest_s > oldest_s}
 
     def _plan(self, now_s: float) -> None:

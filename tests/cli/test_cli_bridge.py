@@ -31,6 +31,7 @@ from wingwatch.telemetry import (
     decode_sensors,
     load_flight,
     open_session,
+    write_flight,
 )
 from wingwatch.telemetry.mavlink import Arrival, LinkReceiver, MavlinkConnection, open_connection
 from wingwatch.telemetry.zenoh_link import LinkError
@@ -238,6 +239,24 @@ def test_a_serial_line_is_read_and_written() -> None:
     finally:
         os.close(far)
         os.close(near)
+
+
+def test_telemetry_of_4_hz_is_not_observable_and_never_healthy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Surfaces move, and no mode can be resolved."""
+    block = flown(60.0)
+    columns = {name: np.array(block.column(name)) for name in block.present}
+    columns["time_s"] = 30.0 + 0.02 * np.arange(len(block))
+    slow = dict.fromkeys(("ATTITUDE", "SCALED_IMU", "SERVO_OUTPUT_RAW", "VFR_HUD", "SCALED_PRESSURE"), 12)
+    _, pieces = received(MavlinkVehicle(every=slow).flight(columns))
+    path = tmp_path / "slow.parquet"
+    write_flight(samples(pieces["uav1"]), path)
+    assert main(["monitor", str(path), "--aircraft", "aerosonde", "--json"]) == 0
+    found = orjson.loads(capsys.readouterr().out)
+    assert found["status"] == "not_observable"
+    assert found["reason"]
+    assert found["alerts"] == []
 
 
 def test_a_report_says_what_is_missing_and_who_is_not_named() -> None:
