@@ -18,8 +18,9 @@ import pytest
 
 pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
 
+from flown_logs import flown
 from loopback import free_endpoint, free_port
-from mavlink_links import LINK_S, TRAVEL, MavlinkVehicle
+from mavlink_links import LINK_S, TRAVEL, MavlinkVehicle, received, samples
 from test_telemetry_mavlink_link import in_flight
 
 from wingwatch.cli.bridge_report import bridge_object, bridge_sentences
