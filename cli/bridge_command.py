@@ -142,8 +142,8 @@ class Bridge:
 
     def report(self) -> dict[str, Any]:
         """Counters of all so far."""
-        seconds = time.monotonic() - self._began_s
-        return bridge_object(self._receiver, self._messages, seconds, self._link.interruptions)
+        now_s = time.monotonic()
+        return bridge_object(self._receiver, self._messages, self._began_s, now_s, self._link.interruptions)
 
     def _take_in(self, timeout_s: float) -> None:
         for arrival in self._link.read(timeout_s):

@@ -10,24 +10,28 @@ from wingwatch.telemetry.mavlink import LinkReceiver, LinkSystem
 __all__ = ["bridge_object", "bridge_sentences"]
 
 
+_SILENT_S = 5.0
+
+
 def bridge_object(
-    receiver: LinkReceiver, messages: Mapping[str, int], seconds: float, interruptions: int
+    receiver: LinkReceiver, messages: Mapping[str, int], began_s: float, now_s: float, interruptions: int = 0
 ) -> dict[str, Any]:
     """Counters of all so far.
 
     Args:
         receiver: of the link.
         messages: published, by vehicle.
-        seconds: since the link was opened.
+        began_s: when the link was opened, on the receiver's clock.
+        now_s: on the same clock.
         interruptions: how often the link was broken.
     """
     return {
-        "seconds": seconds,
+        "seconds": now_s - began_s,
         "link": receiver.counts() | {"interruptions": interruptions},
         "not_heard": list(receiver.waiting()),
         "not_named": {str(number): packets for number, packets in receiver.others.items()},
         "vehicles": [
-            _vehicle(system, messages.get(system.vehicle.name, 0))
+            _vehicle(system, messages.get(system.vehicle.name, 0)) | {"silent_s": now_s - system.heard_s}
             for _, system in sorted(receiver.systems.items())
         ],
     }
@@ -97,7 +101,9 @@ def _vehicle_sentences(one: Mapping[str, Any]) -> list[str]:
     rates: dict[str, list[str]] = {}
     for channel, rate in one["rates_hz"].items():
         rates.setdefault(f"{rate:.3g}", []).append(channel)
-    lines = [f"{name}: {one['samples']} samples at {one['sample_rate_hz']:.3g} Hz; {lost}{clock}"]
+    silent = f"{name}: nothing has come for {one['silent_s']:.0f} s"
+    lines = [silent] if one["silent_s"] > _SILENT_S else []
+    lines += [f"{name}: {one['samples']} samples at {one['sample_rate_hz']:.3g} Hz; {lost}{clock}"]
     lines += [f"{name}: {hz} Hz: {', '.join(channels)}" for hz, channels in rates.items()]
     if one["missing"]:
         lines.append(f"{name}: missing: {', '.join(one['missing'])}")

@@ -224,6 +224,8 @@ class LiveTable:
             final: nothing more comes, so all are due.
         """
         plan, oldest_s = self.plan, newest_s - HISTORY_S - WAIT_S
+        if np.isfinite(self.last_s):  # a clock that leapt ahead leaves no sample behind
+            oldest_s = min(oldest_s, self.last_s - HISTORY_S)
         clock_s, _ = self._buffer(plan.clock).since(oldest_s)
         due_s = np.inf if final else self._due_s(newest_s)
         first, end = np.searchsorted(clock_s, (self.last_s, due_s), side="right")

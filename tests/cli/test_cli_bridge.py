@@ -26,7 +26,10 @@ from test_telemetry_mavlink_link import in_flight
 from wingwatch.cli.bridge_report import bridge_object, bridge_sentences
 from wingwatch.cli.main import main
 from wingwatch.telemetry import (
+    AircraftMessage,
+    FlightPublisher,
     SampleBlock,
+    SequenceTracker,
     ZenohSettings,
     decode_aircraft,
     decode_sensors,
@@ -267,12 +270,42 @@ def test_a_report_says_what_is_missing_and_who_is_not_named() -> None:
         receiver.feed(data, t)
         receiver.systems[1].vehicle.step(t) if t % 1.0 < 0.01 and 1 in receiver.systems else None
     receiver.feed(other.heartbeat(), 46.0)
-    report = bridge_object(receiver, {"uav1": 3}, 16.0, 0)
+    report = bridge_object(receiver, {"uav1": 3}, 30.0, 56.0)
     assert report["not_heard"] == ["uav4"]
     assert report["not_named"] == {"9": 1}
     [one] = report["vehicles"]
     assert {"elevator_rad", "angle_of_attack_rad"} <= set(one["missing"])
     assert one["clock_offset_by"] == "smallest delay"
+    assert one["silent_s"] == pytest.approx(10.0, abs=0.1)
     said = "\n".join(bridge_sentences(report))
     assert "uav1 (system 1): short_period: cannot be estimated without elevator_rad" in said
     assert "heard without a name: system 9" in said
+    assert "uav1 (system 1): nothing has come for 10 s" in said
+
+
+def test_a_vehicle_that_was_started_anew_is_another_stream_to_the_subscriber() -> None:
+    endpoint = free_endpoint()
+    _, pieces = received(MavlinkVehicle().flight(in_flight(4.0)))
+    first, again = pieces["uav1"][0], pieces["uav1"][0]
+    tracker, told = SequenceTracker(), []
+
+    def hear(sample: Any) -> None:
+        message = decode_sensors(sample.payload.to_bytes(), str(sample.encoding))
+        assert message.stream is not None
+        told.append((message.sequence, tracker.observe(message.sequence, message.stream, *message.span_s)))
+
+    with (
+        open_session(ZenohSettings.for_service(listen=(endpoint,))) as session,
+        open_session(ZenohSettings.for_vehicle((endpoint,))) as vehicle,
+        FlightPublisher(vehicle, "default", "uav1", AircraftMessage(aircraft="aerosonde")) as publisher,
+    ):
+        subscriber: Any = session.declare_subscriber("wingwatch/v1/*/*/sensors", hear)
+        sent = publisher.publish(first.block, None, columns=first.columns)
+        publisher.begin_stream()
+        sent += publisher.publish(again.block, None, columns=again.columns)
+        until(lambda: len(told) == sent)
+        subscriber.undeclare()
+    assert all(counts for _, counts in told)
+    assert [number for number, _ in told] == [*range(sent // 2), *range(sent // 2)]
+    assert tracker.counts["publisher_restarts"] == 1
+    assert tracker.counts["messages_lost"] == 0
