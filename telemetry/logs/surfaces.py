@@ -177,7 +177,9 @@ def _px4(log: AutopilotLog) -> tuple[Topic | None, list[str]]:
         ]
     servos = _px4_link(log)
     made = None if servos is None else _allocated(log, servos)
-    return made or (None, ["no servo output can be ascribed to a surface: name them in a channel map"])
+    if made is None:
+        return None, ["no servo output can be ascribed to a surface: name them in a channel map"]
+    return made[0], [*made[1], "the servo signals of port 0 are taken for PX4's main outputs (PWM_MAIN)"]
 
 
 def _px4_link(log: AutopilotLog) -> Topic | None:

@@ -9,7 +9,7 @@ import pytest
 
 dialect: Any = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
 
-from flown_logs import PX4_PARAMETERS, flown, on_the_ground_first  # noqa: E402
+from flown_logs import PX4_PARAMETERS, flown, on_the_ground_first, quaternion  # noqa: E402
 from mavlink_links import LINK_S, TRAVEL, Columns, MavlinkVehicle, Timed, received, samples  # noqa: E402
 
 from wingwatch.telemetry import SampleBlock, complete, load_flight  # noqa: E402
@@ -292,6 +292,41 @@ def test_px4_sends_its_surfaces_as_servo_signals() -> None:
             block.column(f"{name}_command_rad"), fraction * full * wave[rows], atol=0.002 * full
         ), name
     assert np.isfinite(block.column("altitude_m")).all()
+    plan = receiver.systems[1].vehicle.plan
+    assert plan is not None
+    assert any("taken for PX4's main outputs" in note for note in plan.notes)
+
+
+@pytest.mark.parametrize("name", ["ATTITUDE_QUATERNION", "ODOMETRY"])
+def test_attitude_may_come_as_a_quaternion(name: str) -> None:
+    vehicle, columns = MavlinkVehicle(), in_flight(8.0)
+    receiver = LinkReceiver({None: "uav1"}, {"uav1": TRAVEL})
+    for data in vehicle.first():
+        receiver.feed(data, 30.0)
+    q = quaternion(*(columns[n] for n in ("roll_rad", "pitch_rad", "heading_rad"))).tolist()
+    rates = np.stack([columns[f"{axis}_rate_rad_s"] for axis in ("roll", "pitch", "yaw")], axis=1).tolist()
+    pieces, none = [], [0.0] * 21
+    for k, t in enumerate(columns["time_s"].tolist()):
+        message = (
+            dialect.MAVLink_attitude_quaternion_message(round(t * 1e3), *q[k], *rates[k])
+            if name == "ATTITUDE_QUATERNION"
+            else dialect.MAVLink_odometry_message(
+                round(t * 1e6), 1, 12, 0, 0, 0, q[k], 0, 0, 0, *rates[k], none, none
+            )
+        )
+        receiver.feed(vehicle.packed(message), t)
+        servos = dialect.MAVLink_servo_output_raw_message(
+            round(t * 1e6), 0, 1500, 1500, 1500, 1500, 0, 0, 0, 0
+        )
+        receiver.feed(vehicle.packed(servos), t)
+        pieces += receiver.systems[1].vehicle.step(t) if k % 20 == 0 else []
+    block = samples(pieces)
+    rows = np.round((block.time_s - 30.0) / 0.02).astype(int)
+    assert len(block) > 300
+    for channel in ("roll_rad", "pitch_rad", "pitch_rate_rad_s"):
+        assert np.allclose(block.column(channel), columns[channel][rows], atol=1e-6), channel
+    turns = (block.column("heading_rad") - columns["heading_rad"][rows]) / (2.0 * np.pi)
+    assert np.allclose(turns, np.round(turns), atol=1e-6)
 
 
 def test_what_a_vehicle_is_asked() -> None:
