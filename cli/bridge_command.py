@@ -5,7 +5,6 @@ import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from threading import Event
 from typing import Any
@@ -109,7 +108,6 @@ class Bridge:
     ) -> None:
         self._link, self._receiver, self._session = link, receiver, session
         self._fleet, self._aircraft = fleet, aircraft
-        self._stack = ExitStack()
         self._publishers: dict[str, FlightPublisher] = {}
         self._streams: dict[str, int] = {}
         self._messages: dict[str, int] = {}
@@ -120,7 +118,8 @@ class Bridge:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._stack.close()
+        for publisher in self._publishers.values():
+            publisher.close()
 
     def step(self, requests: LinkRequests | None = None) -> None:
         """Takes in what has come, and publishes what is due."""
@@ -152,19 +151,20 @@ class Bridge:
     def _publish(self, now_s: float, final: bool = False) -> None:
         for system in self._receiver.systems.values():
             for piece in system.vehicle.step(now_s, final):
-                self._put(system.vehicle.name, piece)
+                self.put(system.vehicle.name, piece)
 
-    def _put(self, name: str, piece: Piece) -> None:
+    def put(self, name: str, piece: Piece) -> None:
+        """Publishes samples of a vehicle; another stream is another publisher."""
+        if name in self._publishers and self._streams[name] != piece.stream:
+            self._publishers.pop(
+                name
+            ).close()  # it leaves, so that its name is free for the vehicle started anew
         publisher = self._publishers.get(name)
         if publisher is None:
-            made = FlightPublisher(
+            publisher = self._publishers[name] = FlightPublisher(
                 self._session, self._fleet, name, self._aircraft[name], samples_per_message=_SAMPLES_A_MESSAGE
             )
-            publisher = self._publishers[name] = self._stack.enter_context(made)
             self._streams[name] = piece.stream
-        if self._streams[name] != piece.stream:
-            self._streams[name] = piece.stream
-            publisher.begin_stream()
         sent = publisher.publish(piece.block, _AT_ONCE, columns=piece.columns, receiver_timeout_s=0.0)
         self._messages[name] = self._messages.get(name, 0) + sent
 

@@ -68,7 +68,6 @@ class FlightPublisher:
         # Drawn, not read from a clock: one without a battery starts at the same time whenever it starts.
         self._stream = secrets.randbits(_STREAM_BITS)
         self._lock = Lock()
-        self._aircraft = aircraft
         self._aircraft_payload = self._encoded(aircraft)
         self._sensors = session.declare_publisher(
             self._sensors_key, encoding=PROTOBUF, congestion_control=zenoh.CongestionControl.DROP
@@ -99,14 +98,8 @@ class FlightPublisher:
     def announce(self, aircraft: AircraftMessage) -> None:
         """Says what the vehicle is, now and to whoever asks later: for a change of load or configuration."""
         with self._lock:
-            self._aircraft = aircraft
             self._aircraft_payload = self._encoded(aircraft)
         self._put_aircraft()
-
-    def begin_stream(self) -> None:
-        """Counts messages from 0 again under another stream number: for a vehicle whose clock began anew."""
-        self._sequence, self._stream = 0, secrets.randbits(_STREAM_BITS)
-        self.announce(self._aircraft)
 
     def wait_for_receiver(self, timeout_s: float) -> bool:
         """Waits until somebody subscribes this vehicle's sensors; whether somebody does."""

@@ -23,13 +23,14 @@ from loopback import free_endpoint, free_port
 from mavlink_links import LINK_S, TRAVEL, MavlinkVehicle, received, samples
 from test_telemetry_mavlink_link import in_flight
 
+from wingwatch.cli.bridge_command import Bridge
 from wingwatch.cli.bridge_report import bridge_object, bridge_sentences
 from wingwatch.cli.main import main
 from wingwatch.telemetry import (
     AircraftMessage,
-    FlightPublisher,
+    InboundMessage,
     SampleBlock,
-    SequenceTracker,
+    SensorSubscriber,
     ZenohSettings,
     decode_aircraft,
     decode_sensors,
@@ -283,29 +284,38 @@ def test_a_report_says_what_is_missing_and_who_is_not_named() -> None:
     assert "uav1 (system 1): nothing has come for 10 s" in said
 
 
-def test_a_vehicle_that_was_started_anew_is_another_stream_to_the_subscriber() -> None:
-    endpoint = free_endpoint()
-    _, pieces = received(MavlinkVehicle().flight(in_flight(4.0)))
-    first, again = pieces["uav1"][0], pieces["uav1"][0]
-    tracker, told = SequenceTracker(), []
-
-    def hear(sample: Any) -> None:
-        message = decode_sensors(sample.payload.to_bytes(), str(sample.encoding))
-        assert message.stream is not None
-        told.append((message.sequence, tracker.observe(message.sequence, message.stream, *message.span_s)))
-
+def test_a_vehicle_that_was_started_anew_is_taken_at_once() -> None:
+    """It leaves and comes again, so a service does not refuse it as a second vehicle of its name."""
+    endpoint, sent = free_endpoint(), MavlinkVehicle()
+    before = list(sent.flight(in_flight(4.0, from_s=500.0)))
+    sent.link.seq = 0
+    packets = [*before, *((t + 502.0, data) for t, data in sent.flight(in_flight(4.0, from_s=2.0)))]
+    _, pieces = received(packets)
+    assert {piece.stream for piece in pieces["uav1"]} == {1, 2}
+    aircraft = {"uav1": AircraftMessage(aircraft="aerosonde")}
+    came: list[InboundMessage] = []
     with (
         open_session(ZenohSettings.for_service(listen=(endpoint,))) as session,
+        SensorSubscriber(session, time.monotonic) as subscriber,
         open_session(ZenohSettings.for_vehicle((endpoint,))) as vehicle,
-        FlightPublisher(vehicle, "default", "uav1", AircraftMessage(aircraft="aerosonde")) as publisher,
+        open_connection("udpin:127.0.0.1:0") as link,
+        Bridge(link, LinkReceiver({}, {}), vehicle, "default", aircraft) as bridge,
     ):
-        subscriber: Any = session.declare_subscriber("wingwatch/v1/*/*/sensors", hear)
-        sent = publisher.publish(first.block, None, columns=first.columns)
-        publisher.begin_stream()
-        sent += publisher.publish(again.block, None, columns=again.columns)
-        until(lambda: len(told) == sent)
-        subscriber.undeclare()
-    assert all(counts for _, counts in told)
-    assert [number for number, _ in told] == [*range(sent // 2), *range(sent // 2)]
-    assert tracker.counts["publisher_restarts"] == 1
-    assert tracker.counts["messages_lost"] == 0
+        for piece in pieces["uav1"]:
+            bridge.put("uav1", piece)
+
+        def all_came() -> bool:
+            came.extend(subscriber.drain(10_000))
+            blocks = [decode_sensors(m.payload, m.encoding).block for m in came if m.stream == "sensors"]
+            return sum(map(len, blocks)) == len(samples(pieces["uav1"]))
+
+        until(all_came)
+    kinds = [message.stream for message in came]
+    assert kinds.count("aircraft") == 2
+    left, second = kinds.index("left"), len(kinds) - 1 - kinds[::-1].index("aircraft")
+    assert left < second  # its name is free before the vehicle comes again
+    sensors = [decode_sensors(m.payload, m.encoding) for m in came if m.stream == "sensors"]
+    assert len({message.stream for message in sensors}) == 2
+    assert np.array_equal(
+        SampleBlock.concatenate([m.block for m in sensors]).time_s, samples(pieces["uav1"]).time_s
+    )
