@@ -251,7 +251,7 @@ def test_telemetry_of_4_hz_is_not_observable_and_never_healthy(
 ) -> None:
     """Surfaces move, and no mode can be resolved."""
     block = flown(60.0)
-    columns = {name: np.array(block.column(name)) for name in block.present}
+    columns: dict[str, np.ndarray] = {n: np.array(block.column(n)) for n in block.present}
     columns["time_s"] = 30.0 + 0.02 * np.arange(len(block))
     slow = dict.fromkeys(("ATTITUDE", "SCALED_IMU", "SERVO_OUTPUT_RAW", "VFR_HUD", "SCALED_PRESSURE"), 12)
     _, pieces = received(MavlinkVehicle(every=slow).flight(columns))
