@@ -142,10 +142,6 @@ class LinkVehicle:
         """Rate of new readings by channel, as planned."""
         return {} if self.plan is None else {n: one.rate_hz for n, one in self.plan.channels.items()}
 
-    def readings(self) -> dict[str, int]:
-        """Readings by topic since the stream began."""
-        return {key: buffer.total for key, buffer in self._buffers.items()}
-
     def dropped(self) -> dict[str, int]:
         """Readings dropped, by the reason."""
         buffers = self._buffers.values()
@@ -156,10 +152,6 @@ class LinkVehicle:
             "readings_unplaced": self.counts.unplaced,
             "readings_overflow": self.counts.overflow + sum(one.overflow for one in buffers),
         }
-
-    def has_surfaces(self) -> bool:
-        """Whether the plan has any surface."""
-        return self.plan is not None and any(name in self.plan.channels for name in SURFACE_CHANNELS)
 
     # -- messages ------------------------------------------------------------------------------
 
