@@ -11,21 +11,19 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from wingwatch.aircraft import STRUCTURES, load_aircraft
+from wingwatch.aircraft import load_aircraft
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.output_files import check_output
 from wingwatch.cli.progress import page, write_json
 from wingwatch.cli.surface_travel import surface_travel
+from wingwatch.cli.usable_channels import mode_sentence, usable
 from wingwatch.pages.whole_file import write_whole
 from wingwatch.telemetry import (
     CHANNEL_INDEX,
     CHANNELS,
-    REQUIRED_CHANNELS,
     ChannelMap,
     RowSelection,
-    derivations,
     load_map,
-    missing_for,
     read_table,
 )
 from wingwatch.telemetry.logs import (
@@ -44,7 +42,6 @@ from wingwatch.telemetry.units import SERVO_UNITS
 
 __all__ = ["run"]
 
-_VANES = ("angle_of_attack_rad", "sideslip_rad")
 _FRACTION = "of full travel"
 
 
@@ -125,7 +122,7 @@ def _log_object(log: AutopilotLog, table: LogTable | None, travel: Mapping[str, 
         "airborne": [{"from_s": one.from_s, "to_s": one.to_s} for one in table.intervals],
         "rows": int(table.columns["time_s"].size),
         "channels": channels,
-        **_usable({"time_s", *table.channels}),
+        **usable({"time_s", *table.channels}),
         "notes": list(table.notes),
     }
 
@@ -148,18 +145,6 @@ def _unit(name: str, rules: ChannelMap, travel: Mapping[str, float]) -> str:
     entry = with_travel(rules, travel).channels.get(name)
     servo = entry is not None and entry.unit in SERVO_UNITS and entry.full_deflection_rad is None
     return _FRACTION if servo and unit == "rad" else unit
-
-
-def _usable(given: Collection[str]) -> dict[str, Any]:
-    """What is missing, and what modes the rest is good for."""
-    present = {*given, *derivations(given)}
-    modes = {name: list(missing_for(structure, present)) for name, structure in STRUCTURES.items()}
-    wanted = (*REQUIRED_CHANNELS, "elevator_rad", "aileron_rad", "rudder_rad", *_VANES)
-    return {
-        "missing": [name for name in wanted if name not in present],
-        "modes": {name: {"can_be_estimated": not lacks, "missing": lacks} for name, lacks in modes.items()},
-        "reconstructed": [name for name in _VANES if name not in present],
-    }
 
 
 def _table_object(file: Path, rules: ChannelMap | None, travel: Mapping[str, float]) -> dict[str, Any]:
@@ -188,7 +173,7 @@ def _table_object(file: Path, rules: ChannelMap | None, travel: Mapping[str, flo
         "columns": [
             {"column": name, **_range(v)} for name, v in raw.columns.items() if name not in CHANNEL_INDEX
         ],
-        **_usable(set(named)),
+        **usable(set(named)),
         "notes": [*raw.notes, *(f"not readable: {one}" for one in raw.ignored)],
     }
 
@@ -230,10 +215,7 @@ def _show(console: Console, result: Mapping[str, Any]) -> None:
     if result.get("missing"):
         console.print(f"missing: {', '.join(result['missing'])}")
     for name, mode in result.get("modes", {}).items():
-        lacks = ", ".join(mode["missing"])
-        console.print(
-            f"{name}: {'can be estimated' if mode['can_be_estimated'] else f'cannot be estimated without {lacks}'}"
-        )
+        console.print(mode_sentence(name, mode))
     if result.get("reconstructed") and any(m["can_be_estimated"] for m in result["modes"].values()):
         console.print("without vanes the velocities are reconstructed from the accelerometers")
     if result.get("reason"):

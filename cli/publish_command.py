@@ -4,12 +4,12 @@ import argparse
 import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import zenoh
 
-from wingwatch.aircraft import library_names, load_aircraft
-from wingwatch.cli.faults import CommandError, say
+from wingwatch.aircraft import load_aircraft
+from wingwatch.cli.announced_aircraft import announced
+from wingwatch.cli.faults import say
 from wingwatch.cli.link_settings import security_of
 from wingwatch.cli.plausible import findings_of
 from wingwatch.cli.progress import Progress, write_json
@@ -34,7 +34,7 @@ _LISTENER_S = 3.0
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
     fleet, vehicle = check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
-    aircraft = AircraftMessage(aircraft=_announced(arguments.aircraft))
+    aircraft = AircraftMessage(aircraft=announced(arguments.aircraft))
     known = load_aircraft(arguments.aircraft)
     flight = load_flight(arguments.flight, arguments.map, surface_travel(known))
     for finding in findings_of(flight, known):
@@ -61,20 +61,6 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         print(f"{len(flight.block)} samples in {messages} messages handed over in {seconds:.1f} s")
     return 0
-
-
-def _announced(aircraft: str) -> str:
-    """The name a vehicle announces: that of the library or the one its file states."""
-    is_file = Path(aircraft).suffix == ".toml" or "/" in aircraft
-    name = load_aircraft(Path(aircraft)).name if is_file else aircraft
-    if name not in library_names():
-        if not is_file:
-            known = ", ".join(library_names())
-            raise CommandError(
-                f"aircraft {name!r} is not in the library, which has {known}; give the path of its file"
-            )
-        say(f"the service must have been started with --aircraft {aircraft}: it is not in the library")
-    return name
 
 
 def _publish(

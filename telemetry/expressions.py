@@ -5,6 +5,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ class ExpressionError(ValueError):
     """An expression that cannot be read or names a column the table lacks; one clause."""
 
 
+@lru_cache(maxsize=1024)
 def canonical_name(name: str) -> str:
     """A column's name with its topic's instance written out: ``IMU.GyrY`` becomes ``IMU[0].GyrY``."""
     match = _TOPIC_WITHOUT_INSTANCE.fullmatch(name)
@@ -159,6 +161,7 @@ def _shape(columns: Mapping[str, NDArray[np.float64]]) -> tuple[int, ...]:
     return next(iter(columns.values())).shape
 
 
+@lru_cache(maxsize=512)  # a live link evaluates the same few several times a second; nobody changes a tree
 def _parse(text: str) -> ast.expr:
     if len(text) > _MAX_CHARACTERS:
         raise ExpressionError(f"an expression of {len(text)} characters is longer than {_MAX_CHARACTERS}")

@@ -13,6 +13,7 @@ from wingwatch.cli.arguments.flights import (
     add_replay,
     add_report,
 )
+from wingwatch.cli.arguments.links import add_bridge
 from wingwatch.cli.arguments.serving import (
     add_access,
     add_baseline,
@@ -26,9 +27,9 @@ from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_si
 __all__ = ["build_parser"]
 
 _COMMANDS = (
-    add_demo, add_serve, add_publish, add_replay, add_simulate, add_log, add_estimate, add_monitor, add_condition,
-    add_diagnose, add_report, add_design_input, add_study, add_baseline, add_token, add_access, add_store,
-    add_notify,
+    add_demo, add_serve, add_publish, add_bridge, add_replay, add_simulate, add_log, add_estimate, add_monitor,
+    add_condition, add_diagnose, add_report, add_design_input, add_study, add_baseline, add_token, add_access,
+    add_store, add_notify,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -48,6 +49,7 @@ examples:
   wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max
+  wingwatch bridge mavlink --connect udp:127.0.0.1:14550 --vehicle uav1 --aircraft my_aircraft.toml
   wingwatch serve --record recordings
   wingwatch replay recordings
   wingwatch token create lead --scope operate

@@ -17,6 +17,7 @@ __all__ = [
     "add_convention",
     "add_flight",
     "add_jobs",
+    "add_link_security",
 ]
 
 _CONVENTIONS = ("concise", "dimensional", "british", "american")
@@ -105,4 +106,19 @@ def add_convention(parser: argparse.ArgumentParser) -> None:
         default="concise",
         help="what derivatives, their standard errors and expectations are given in; the others than concise need "
         "[geometry] and [mass] of the aircraft file (default: %(default)s)",
+    )
+
+
+def add_link_security(parser: argparse.ArgumentParser) -> None:
+    """What protects the Zenoh link of a vehicle."""
+    parser.add_argument(
+        "--authority",
+        type=Path,
+        metavar="FILE",
+        help="for tls/ endpoints: whose certificates are trusted (PEM)",
+    )
+    parser.add_argument("--certificate", type=Path, metavar="FILE", help="the vehicle's own (PEM)")
+    parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
+    parser.add_argument(
+        "--user", help="in place of a certificate; its password is read from WINGWATCH_ZENOH_PASSWORD"
     )

@@ -11,6 +11,7 @@ from wingwatch.cli.arguments.common import (
     add_convention,
     add_flight,
     add_jobs,
+    add_link_security,
 )
 from wingwatch.cli.arguments.values import replay_speed
 
@@ -220,17 +221,7 @@ def add_publish(commands: Commands) -> None:
         metavar="1.0|max",
         help="speed relative to the time stamps, or max: as fast as it is taken, nothing lost (default: 1.0)",
     )
-    parser.add_argument(
-        "--authority",
-        type=Path,
-        metavar="FILE",
-        help="for tls/ endpoints: whose certificates are trusted (PEM)",
-    )
-    parser.add_argument("--certificate", type=Path, metavar="FILE", help="the vehicle's own (PEM)")
-    parser.add_argument("--private-key", type=Path, metavar="FILE", help="of the certificate (PEM)")
-    parser.add_argument(
-        "--user", help="in place of a certificate; its password is read from WINGWATCH_ZENOH_PASSWORD"
-    )
+    add_link_security(parser)
 
 
 def add_replay(commands: Commands) -> None:

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from wingwatch.telemetry.expressions import ExpressionError, evaluate_filter, named_columns
 from wingwatch.telemetry.logs.airborne import Interval, airborne_intervals
 from wingwatch.telemetry.logs.log import AutopilotLog, LogError, Topic
-from wingwatch.telemetry.logs.readings import ChannelReader, Reading
+from wingwatch.telemetry.logs.readings import ChannelReader, Reading, on_stamps
 from wingwatch.telemetry.logs.ready_map import ready_map
-from wingwatch.telemetry.logs.sampling import decimated, low_passed, rate_hz, sampled
+from wingwatch.telemetry.logs.sampling import decimated, rate_hz
 from wingwatch.telemetry.logs.stamps import ClockRuns
 from wingwatch.telemetry.logs.surfaces import with_surfaces
 from wingwatch.telemetry.maps import ChannelMap, MapError, with_travel
 from wingwatch.telemetry.sample import SURFACE_CHANNELS
 from wingwatch.telemetry.units import SERVO_UNITS
 
-__all__ = ["TABLE_HZ", "ChannelFacts", "LogTable", "log_table", "map_for"]
+__all__ = ["TABLE_HZ", "ChannelFacts", "LogTable", "log_table", "map_for", "table_clock"]
 
 Array = NDArray[np.float64]
 
@@ -150,7 +150,7 @@ def log_table(
     rules, notes = map_for(full, channel_map, travel_rad)
     stated = ready_map(full)[0] if channel_map is None else channel_map
     reader = ChannelReader(full, rules)
-    clock = _clock(full, rules, reader)
+    clock = table_clock(full, rules, reader)
     runs = reader.runs(clock)
     if not runs.runs:
         raise LogError(f"{log.source}: {clock.key}, whose stamps the table takes, has no readings")
@@ -192,8 +192,18 @@ def _longest_first(clock: Topic, runs: ClockRuns) -> list[int]:
     return [int(i) for i in np.argsort(-np.array(lengths), kind="stable")]
 
 
-def _clock(log: AutopilotLog, rules: ChannelMap, reader: ChannelReader) -> Topic:
-    """The topic whose stamps the table takes."""
+def table_clock(log: AutopilotLog, rules: ChannelMap, reader: ChannelReader) -> Topic:
+    """The topic whose stamps the table takes: that of surfaces at 9 to 30 Hz, else of the angular rates.
+
+    Args:
+        log: with its surfaces.
+        rules: the map.
+        reader: of both.
+
+    Raises:
+        LogError: the log has no channel that can be the clock.
+        MapError: the map names a clock that does not fit the log.
+    """
     if "time_s" in rules.channels:
         raise MapError(
             "channel time_s: an autopilot log has a clock of its own; leave the entry out, and name with "
@@ -227,7 +237,7 @@ def _table_of_run(log: AutopilotLog, rules: ChannelMap, reader: ChannelReader, r
     columns: dict[str, Array] = {"time_s": stamps}
     for name, reading in readings.items():
         if reading is not None:
-            columns[name] = _on(reading, stamps, table_hz)
+            columns[name] = on_stamps(reading, stamps, table_hz)
     kept, intervals, cut = _cut(log, rules, columns, reader, run.describing)
     if not kept.any():
         raise LogError(f"{log.source}: the map's window and filter leave none of the {stamps.size} rows")
@@ -247,11 +257,6 @@ def _table_of_run(log: AutopilotLog, rules: ChannelMap, reader: ChannelReader, r
         {name: column[kept] for name, column in columns.items()},
         run.stated, facts, float(clock_s[-1] - clock_s[0]), intervals, stamps.size, tuple(dict.fromkeys(notes)),
     )  # fmt: skip
-
-
-def _on(reading: Reading, stamps: Array, table_hz: float) -> Array:
-    smooth = low_passed(reading.readings, table_hz)
-    return sampled(smooth, stamps + reading.delay_s, reading.max_gap_s)
 
 
 def _cut(

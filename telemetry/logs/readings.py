@@ -1,5 +1,6 @@
 """Channels read from a log's topics, each on the stamps of its own messages."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,11 +9,11 @@ from numpy.typing import NDArray
 from wingwatch.telemetry.expressions import ExpressionError, named_columns
 from wingwatch.telemetry.logs.log import AutopilotLog, Topic
 from wingwatch.telemetry.logs.ready_map import fields_of
-from wingwatch.telemetry.logs.sampling import Readings, sampled, without_repeats
+from wingwatch.telemetry.logs.sampling import Placement, Readings, low_passed, sampled, without_repeats
 from wingwatch.telemetry.logs.stamps import ClockRuns, clock_runs
 from wingwatch.telemetry.maps import ChannelEntry, ChannelMap, MapError, channel_values, is_command
 
-__all__ = ["ChannelReader", "Reading"]
+__all__ = ["ChannelReader", "Reading", "holds", "on_stamps", "readings_of"]
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,47 @@ class Reading:
     readings: Readings
     delay_s: float
     max_gap_s: float
+
+
+def holds(channel: str, entry: ChannelEntry) -> bool:
+    """Whether a reading of a channel counts until the next one: commands, and what an autopilot works out."""
+    return is_command(channel, entry) or channel in _HELD
+
+
+def readings_of(
+    channel: str, entry: ChannelEntry, time_s: Array, columns: Mapping[str, Array]
+) -> Readings | None:
+    """A channel as an entry makes it of columns of one topic; None without a finite value.
+
+    Raises:
+        MapError: the entry does not fit the columns.
+    """
+    made = channel_values(channel, entry, columns)
+    held, period = holds(channel, entry), _PERIODS.get(channel, 0.0)
+    finite = np.isfinite(made)
+    if finite.all() and finite.size:
+        return Readings(time_s, made, held, period)
+    return Readings(time_s[finite], made[finite], held, period) if finite.any() else None
+
+
+def on_stamps(
+    reading: Reading,
+    stamps: Array,
+    table_hz: float,
+    rate: float | None = None,
+    placement: Placement | None = None,
+) -> Array:
+    """A channel at the table's stamps: filtered where it is faster, interpolated or held where it is slower.
+
+    Args:
+        reading: of the channel.
+        stamps: of the table, s.
+        table_hz: their usual rate.
+        rate: usual rate of the readings, where a part of them is all that is here.
+        placement: of the stamps among the readings, where it is known already.
+    """
+    smooth = low_passed(reading.readings, table_hz, rate)
+    return sampled(smooth, stamps + reading.delay_s, reading.max_gap_s, placement)
 
 
 class ChannelReader:
@@ -88,7 +130,7 @@ class ChannelReader:
         found = self._found(channel, entry)
         base = self.topic(channel)
         gap = entry.max_gap_s or self._rules.max_gap_s
-        held = is_command(channel, entry) or channel in _HELD
+        held = holds(channel, entry)
         rows = self._rows(base, clock, index)
         if rows is None:
             self.left_out[channel] = f"{base.key} has no reading during the run that is read"
@@ -105,12 +147,10 @@ class ChannelReader:
             columns[name] = sampled(
                 Readings(topic.time_s[other], values[other], held), base.time_s[rows], gap
             )
-        made = channel_values(channel, entry, columns)
-        finite = np.isfinite(made)
-        if not finite.any():
+        readings = readings_of(channel, entry, base.time_s[rows], columns)
+        if readings is None:
             self.left_out[channel] = f"{entry.source} has no finite value"
             return None
-        readings = Readings(base.time_s[rows][finite], made[finite], held, _PERIODS.get(channel, 0.0))
         return Reading(without_repeats(readings, gap), entry.delay_s, gap)
 
     def held(self, name: str, time_s: Array) -> Array:

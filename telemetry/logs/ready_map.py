@@ -17,9 +17,12 @@ from wingwatch.telemetry.logs.stamps import clock_runs
 from wingwatch.telemetry.maps import ChannelEntry, ChannelMap
 from wingwatch.telemetry.sample import MAX_GAP_S
 
-__all__ = ["fields_of", "ready_map"]
+__all__ = ["TAKEN_FOR_ABSENT", "fields_of", "ready_map"]
 
 Array = NDArray[np.float64]
+
+TAKEN_FOR_ABSENT = "taken for absent"
+"""What the note on a channel says that reads nothing."""
 
 _MAPS = {"px4": "px4.toml", "ardupilot": "ardupilot.toml"}
 _LINK = "mavlink.toml"
@@ -122,7 +125,7 @@ def _consider(log: AutopilotLog, candidate: _Candidate, in_use: Mapping[str, str
     if candidate.where is not None and not _holds(log, topic, _filled(candidate.where, in_use)):
         return
     if candidate.channel.startswith(_DEAD_AT_ZERO) and not finite.any():
-        chosen.notes[f"{source} reads exactly 0 throughout and is taken for absent"] = None
+        chosen.notes[f"{source} reads exactly 0 throughout and is {TAKEN_FOR_ABSENT}"] = None
         return
     entry = ChannelEntry.model_validate({**candidate.entry, "source": source})
     chosen.channels[candidate.channel] = _bridged(candidate.channel, entry, topic, values)

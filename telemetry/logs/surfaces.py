@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 _FULL_ANGLE = 4500.0
 _MOST_SURFACES = 16
 _THROTTLE = 70
+_FIRST_SERVO = 201  # PX4's output functions: servo 1
+_BEYOND = 1.5  # of full travel: a signal that holds a disarmed servo off
 _OLD_MIXING = ("ELEVON_OUTPUT", "ELEVON_MIXING", "VTAIL_OUTPUT", "FLAPERON_OUTPUT")
 _FUNCTIONS: Mapping[int, Mapping[str, float]] = {
     4: {"aileron": 1.0}, 19: {"elevator": 1.0}, 21: {"rudder": 1.0},
@@ -173,7 +175,35 @@ def _px4(log: AutopilotLog) -> tuple[Topic | None, list[str]]:
         return _topic(torque.time_s, fields), [
             "surfaces are vehicle_torque_setpoint, before allocation and trims"
         ]
-    return None, ["no servo output can be ascribed to a surface: name them in a channel map"]
+    servos = _px4_link(log)
+    made = None if servos is None else _allocated(log, servos)
+    if made is None:
+        return None, ["no servo output can be ascribed to a surface: name them in a channel map"]
+    return made[0], [*made[1], "the servo signals of port 0 are taken for PX4's main outputs (PWM_MAIN)"]
+
+
+def _px4_link(log: AutopilotLog) -> Topic | None:
+    """The allocation's outputs out of the signals that PX4 sends over its link; None where nothing says what they are.
+
+    PX4 puts an output from -1 to 1 linearly between the minimum and the maximum of its signal.
+    """
+    name, first = "servo{}_raw", 1
+    sent = log.get("SERVO_OUTPUT_RAW")
+    if sent is None:
+        name, first = "actuator[{}]", 0
+        sent = log.get("ACTUATOR_OUTPUT_STATUS")
+    fields: dict[str, Array] = {}
+    for number in range(1, _MOST_SURFACES + 1):
+        servo = log.number(f"PWM_MAIN_FUNC{number}") - _FIRST_SERVO
+        low, high = (log.parameters.get(f"PWM_MAIN_{end}{number}", 0.0) for end in ("MIN", "MAX"))
+        signal = None if sent is None else sent.fields.get(name.format(number - 1 + first))
+        if not 0 <= servo < _MOST_SURFACES or signal is None or not high > low:
+            continue
+        value = (2.0 * signal - low - high) / (high - low)
+        turned = log.number("PWM_MAIN_REV") >> (number - 1) & 1
+        value = np.where((signal > 0.0) & (np.abs(value) <= _BEYOND), -value if turned else value, np.nan)
+        fields[f"control[{servo}]"] = value
+    return Topic("actuator_servos", 0, sent.time_s, fields) if sent is not None and fields else None
 
 
 def _allocated(log: AutopilotLog, servos: Topic) -> tuple[Topic, list[str]] | None:

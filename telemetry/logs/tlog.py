@@ -9,6 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from wingwatch.telemetry.logs.link_facts import (
+    AUTOPILOTS,
+    boot_s,
+    is_vehicle,
+    next_wrap_s,
+    parameter_value,
+    vehicle_word,
+)
 from wingwatch.telemetry.logs.log import AutopilotLog, LogError, Topic, topic_key
 
 __all__ = ["is_tlog", "read_tlog"]
@@ -23,9 +31,8 @@ _MOST_ATTEMPTS = 200_000  # packets begun in vain, after which the rest is taken
 _BEGINNING = re.compile(rb"(?s)\x00[\x03-\x0e].{6}[\xfd\xfe]")
 """A stamp of this century, and what a packet begins with."""
 
-_AUTOPILOTS = {3: "ardupilot", 12: "px4"}
-_MULTICOPTERS, _VTOLS = frozenset((2, 3, 4, 13, 14, 15, 29, 35)), frozenset(range(19, 26))
-_GROUND_STATION = 6
+_AUTOPILOT_COMPONENT = 1
+_SERVOS = "SERVO_OUTPUT_RAW"
 
 
 def is_tlog(data: bytes) -> bool:
@@ -44,11 +51,10 @@ class _Rows:
     boot_s: list[float] = field(default_factory=list)
     columns: dict[str, list[float]] = field(default_factory=dict)
 
-    def add(self, received_s: float, message: Any) -> None:
+    def add(self, received_s: float, stamp_s: float, values: dict[str, float]) -> None:
         """One more message."""
-        values = _numbers(message)
         self.received_s.append(received_s)
-        self.boot_s.append(_boot_s(values))
+        self.boot_s.append(stamp_s)
         for name, value in values.items():
             self.columns.setdefault(name, [np.nan] * (len(self.received_s) - 1)).append(value)
         for column in self.columns.values():
@@ -72,17 +78,28 @@ def read_tlog(source: str, data: bytes) -> AutopilotLog:
         ) from None
     decoder = ardupilotmega.MAVLink(None)
     by_system: dict[int, dict[str, _Rows]] = {}
-    parameters: dict[int, dict[str, float]] = {}
+    parameters: dict[int, dict[str, tuple[float, int]]] = {}
     kinds: dict[int, Counter[tuple[int, int]]] = {}
+    boots: dict[int, float] = {}
     lost = _Lost()
     for received_s, message in _packets(decoder, data, lost):
         system, name = message.get_srcSystem(), message.get_type()
-        if name == "HEARTBEAT" and message.type != _GROUND_STATION and message.get_srcComponent() == 1:
+        if message.get_srcComponent() != _AUTOPILOT_COMPONENT:
+            continue  # gimbals and companions send attitudes of their own
+        if name == "HEARTBEAT" and is_vehicle(message.type, message.autopilot):
             kinds.setdefault(system, Counter())[message.autopilot, message.type] += 1
         if name == "PARAM_VALUE":
-            parameters.setdefault(system, {})[message.param_id] = float(message.param_value)
-        else:
-            by_system.setdefault(system, {}).setdefault(name, _Rows()).add(received_s, message)
+            value = float(message.param_value), int(message.param_type)
+            parameters.setdefault(system, {})[message.param_id] = value
+            continue
+        values = _numbers(message)
+        stamp_s = boot_s(values.get("time_boot_ms"), values.get("time_usec"))
+        if name == _SERVOS:
+            stamp_s = next_wrap_s(stamp_s, boots.get(system, np.nan))
+        elif np.isfinite(stamp_s):
+            boots[system] = stamp_s
+        key = topic_key(name, int(values.get("port", 0.0)) if name == _SERVOS else 0)
+        by_system.setdefault(system, {}).setdefault(key, _Rows()).add(received_s, stamp_s, values)
     if not kinds:
         raise LogError(f"{source}: the telemetry log holds no heartbeat of a vehicle; record it with one")
     system = max(kinds, key=lambda one: kinds[one].total())
@@ -90,15 +107,10 @@ def read_tlog(source: str, data: bytes) -> AutopilotLog:
     notes = lost.notes()
     if len(kinds) > 1:
         notes.append(f"{len(kinds)} vehicles are in the log, system {system} is read")
-    vehicle = (
-        "multicopter" if kind in _MULTICOPTERS
-        else "vtol" if kind in _VTOLS
-        else "fixed wing" if kind == 1
-        else f"MAV_TYPE {kind}"
-    )  # fmt: skip
     topics = _topics(by_system.get(system, {}))
-    name = _AUTOPILOTS.get(autopilot, "")
-    return AutopilotLog(source, "tlog", name, vehicle, name, topics, parameters.get(system, {}), tuple(notes))
+    name = AUTOPILOTS.get(autopilot, "")
+    known = {key: parameter_value(*value, name) for key, value in parameters.get(system, {}).items()}
+    return AutopilotLog(source, "tlog", name, vehicle_word(kind), name, topics, known, tuple(notes))
 
 
 @dataclass(slots=True)
@@ -165,14 +177,6 @@ def _numbers(message: Any) -> dict[str, float]:
     return values
 
 
-def _boot_s(values: dict[str, float]) -> float:
-    """What the vehicle's clock says, NaN where the message carries no stamp of it (Unix time is none)."""
-    if "time_boot_ms" in values:
-        return values["time_boot_ms"] / 1e3
-    stamp = values.get("time_usec", 0.0)
-    return stamp / 1e6 if 0.0 < stamp < _EARLIEST_US else np.nan
-
-
 def _topics(rows: dict[str, _Rows]) -> dict[str, Topic]:
     """Each name a topic; stations' stamps become the vehicle's by the delay of the link's quickest packet."""
     delays = [
@@ -182,9 +186,10 @@ def _topics(rows: dict[str, _Rows]) -> dict[str, Topic]:
     ]
     offset = min((float(delay.min()) for delay in delays if delay.size), default=0.0)
     topics = {}
-    for name, one in rows.items():
+    for key, one in rows.items():
         boot = np.array(one.boot_s)
         stamps = boot if np.isfinite(boot).all() else np.array(one.received_s) - offset
-        fields = {key: np.array(column) for key, column in one.columns.items()}
-        topics[topic_key(name, 0)] = Topic(name, 0, stamps, fields)
+        fields = {name: np.array(column) for name, column in one.columns.items()}
+        name, _, instance = key.removesuffix("]").partition("[")
+        topics[key] = Topic(name, int(instance), stamps, fields)
     return topics
