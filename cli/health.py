@@ -73,8 +73,8 @@ class Health:
         """The same without asking the database, with what keeps alerts from people and recordings from the disk; it
         returns at once.
 
-        A receiver that does not answer, or a full disk of recordings, is no reason to take the service out of use: it is
-        ready all the same.
+        A receiver that does not answer, or a full disk of recordings, is no reason to take the service out of use: it
+        is ready all the same.
         """
         store = self._parts.store
         problems = self._problems(_ended(store) or waiting_for(store))
