@@ -104,6 +104,8 @@ from wingwatch.aircraft.modes import (
     natural_frequency_and_damping,
     state_matrix,
 )
+from wingwatch.aircraft.plausible_file import FileCheck, check_file
+from wingwatch.aircraft.plausible_finding import FileFinding
 from wingwatch.aircraft.saving import aircraft_toml
 from wingwatch.aircraft.state_space import KnownTerms, change_form, form_scale, known_terms, state_space
 from wingwatch.aircraft.structures import (
@@ -230,6 +232,9 @@ __all__ = [
     "natural_frequency_and_damping",
     "state_matrix",
     "analysis_band_hz",
+    "FileCheck",
+    "FileFinding",
+    "check_file",
     "ICING_FACTORS",
     "ICING_SEVERITY_MAX",
     "IcingKind",
