@@ -96,6 +96,7 @@ from wingwatch.aircraft.linearisation import (
     trimmed,
 )
 from wingwatch.aircraft.loading import AircraftFileError, library_names, load_aircraft, parse_aircraft
+from wingwatch.aircraft.making import Dimensions, aircraft_like, empirical_aircraft
 from wingwatch.aircraft.mass_and_balance import american_map, at_loading, carried
 from wingwatch.aircraft.modes import (
     ModeQuantity,
@@ -232,6 +233,9 @@ __all__ = [
     "natural_frequency_and_damping",
     "state_matrix",
     "analysis_band_hz",
+    "Dimensions",
+    "aircraft_like",
+    "empirical_aircraft",
     "FileCheck",
     "FileFinding",
     "check_file",

@@ -40,8 +40,10 @@ from wingwatch.aircraft.coefficients import (
 
 __all__ = [
     "ERRORS_BY_TAIL",
+    "INERTIA_ERRORS",
     "LIKENESS_ERRORS",
     "LIKENESS_FLOORS",
+    "LIKENESS_INERTIA_ERRORS",
     "RADII_OVER_SPAN",
     "TYPICAL",
     "TYPICAL_ERRORS",
@@ -49,6 +51,8 @@ __all__ = [
     "empirical_coefficients",
     "empirical_values",
     "wing_lift_slope",
+    "with_inertia_errors",
+    "with_tied_errors",
 ]
 
 _TAIL_ASPECT, _FIN_ASPECT = 4.0, 1.5
@@ -118,32 +122,42 @@ ERRORS_BY_TAIL: Mapping[bool, Mapping[str, float]] = {
     },
 }
 LIKENESS_ERRORS: Mapping[str, float] = {
-    "CD_min": 0.64,
-    "CD_oswald": 0.6,
-    "CL_alpha": 0.3,
-    "CL_q": 0.78,
-    "CY_beta": 0.62,
-    "CY_r": 0.47,
-    "CY_rudder": 0.38,
-    "Cl_aileron": 0.47,
-    "Cl_beta": 1.3,
-    "Cl_p": 0.2,
-    "Cm_alpha": 0.71,
-    "Cm_elevator": 0.49,
-    "Cm_q": 1,
-    "Cn_beta": 0.8,
-    "Cn_r": 0.84,
-    "Cn_rudder": 0.63,
+    "CD_min": 0.85,
+    "CD_oswald": 0.78,
+    "CL_alpha": 0.33,
+    "CL_q": 1.2,
+    "CY_beta": 0.83,
+    "CY_r": 0.55,
+    "CY_rudder": 0.43,
+    "Cl_aileron": 0.57,
+    "Cl_p": 0.21,
+    "Cm_alpha": 0.95,
+    "Cm_elevator": 0.57,
+    "Cm_q": 2,
+    "Cn_beta": 1.5,
+    "Cn_r": 1.6,
+    "Cn_rudder": 0.84,
 }
 LIKENESS_FLOORS: Mapping[str, float] = {
     "CL_elevator": 0.55,
     "CL_zero": 0.21,
     "CY_aileron": 0.12,
     "CY_p": 0.1,
+    "Cl_beta": 0.057,
     "Cl_r": 0.14,
     "Cl_rudder": 0.018,
     "Cn_aileron": 0.026,
     "Cn_p": 0.098,
+}
+INERTIA_ERRORS: Mapping[str, float] = {
+    "x": 0.7,
+    "y": 0.44,
+    "z": 0.57,
+}
+LIKENESS_INERTIA_ERRORS: Mapping[str, float] = {
+    "x": 1.6,
+    "y": 0.89,
+    "z": 1,
 }
 RADII_OVER_SPAN: Mapping[str, float] = {
     "x": 0.15,
@@ -160,6 +174,43 @@ def wing_lift_slope(aspect: float) -> float:
 def _flap_effectiveness(fraction: float) -> float:
     """Change of incidence per flap angle by the flap's fraction of the chord, thin-aerofoil theory (Glauert)."""
     return 2.0 / math.pi * (math.sqrt(fraction * (1.0 - fraction)) + math.asin(math.sqrt(fraction)))
+
+
+_TIED: Mapping[str, str] = {"CL_alphadot": "CL_q", "Cm_alphadot": "Cm_q", "Cm_zero": "Cm_alpha"}
+"""Coefficients that are another's times what is known well."""
+_REST = 0.5
+"""Relative error of what nothing here speaks of, as in ``uncertainty``."""
+
+
+def with_tied_errors(relative: Mapping[str, float]) -> dict[str, float]:
+    """The table of relative errors of an aircraft file: those given, those of what follows from them, and the rest."""
+    tied = {name: relative[of] for name, of in _TIED.items()}
+    return {"default": _REST, **dict.fromkeys(TYPICAL_ERRORS, 0.0), **tied, **relative}
+
+
+_AXIS: Mapping[str, str] = {"Cl": "x", "Cm": "y", "Cn": "z"}
+
+
+def with_inertia_errors(coefficients: Coefficients, errors: Mapping[str, float]) -> Coefficients:
+    """The moments' errors with those of the moments of inertia, which they stand for too (``uncertainty``).
+
+    Args:
+        coefficients: with tables of errors that name every coefficient in one of them.
+        errors: relative, of the moments of inertia about x, y, z; an axis that is stated is absent.
+    """
+    relative, floor = dict(coefficients.relative_standard_error), dict(coefficients.standard_error_floor)
+    for name, value in coefficients.items():
+        error = errors.get(_AXIS.get(name.split("_", 1)[0], ""))
+        if error is None:
+            continue
+        if name in floor:
+            floor[name] = math.hypot(floor[name], error * value, error * floor[name])
+        else:
+            own = relative.get(name, relative["default"])
+            relative[name] = math.hypot(own, error, own * error)  # of a product of two that err independently
+    return coefficients.model_copy(
+        update={"relative_standard_error": relative, "standard_error_floor": floor}
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,6 +313,6 @@ def empirical_coefficients(
         Cl=DirectionalCoefficients(**tables["Cl"]),
         Cm=PitchCoefficients(**tables["Cm"]),
         Cn=DirectionalCoefficients(**tables["Cn"]),
-        relative_standard_error={"default": 0.0, **relative},
+        relative_standard_error=with_tied_errors(relative),
         standard_error_floor={"default": 0.0, **TYPICAL_ERRORS},
     )

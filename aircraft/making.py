@@ -6,6 +6,7 @@ coefficient, so at V = V' sqrt((m/S) / (m'/S')), the same angle of attack.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from wingwatch.aircraft.aircraft_file import (
@@ -21,10 +22,14 @@ from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.aircraft.coefficients import Coefficients
 from wingwatch.aircraft.condition import FlightCondition
 from wingwatch.aircraft.empirical import (
+    INERTIA_ERRORS,
     LIKENESS_ERRORS,
     LIKENESS_FLOORS,
+    LIKENESS_INERTIA_ERRORS,
     RADII_OVER_SPAN,
     empirical_coefficients,
+    with_inertia_errors,
+    with_tied_errors,
 )
 from wingwatch.aircraft.linearisation import TrimError, trim
 
@@ -88,8 +93,8 @@ def scaled_inertias(known: Dimensions, from_mass: Mass | None = None, from_span_
     x, y, z, xz = (g if v is None else v for v, g in zip(known.inertias_kg_m2, guess, strict=True))
     if xz * xz >= x * z:
         raise AircraftDataError(
-            f"an inertia_xz of {xz:g} kg m2 does not go with inertia_x of {x:g} and inertia_z of {z:g}: its square must "
-            "be below their product; state all of them"
+            f"an inertia_xz of {xz:g} kg m2 does not go with inertia_x of {x:g} and inertia_z of {z:g}: its square "
+            "must be below their product; state all of them"
         )
     return Mass(
         mass_kg=known.mass_kg, inertia_x_kg_m2=x, inertia_y_kg_m2=y, inertia_z_kg_m2=z, inertia_xz_kg_m2=xz
@@ -112,8 +117,8 @@ def envelope_about(known: Dimensions, airspeed_m_s: float) -> EnvelopeLimits:
     slowest = _pressure_airspeed(known, _SLOW_LIFT_COEFFICIENT)
     if airspeed_m_s <= slowest:
         raise AircraftDataError(
-            f"at {airspeed_m_s:g} m/s a mass of {known.mass_kg:g} kg on {known.geometry.wing_area_m2:g} m2 needs a lift "
-            f"coefficient of {(slowest / airspeed_m_s) ** 2:.3g}, near a stall or beyond; give an airspeed above "
+            f"at {airspeed_m_s:g} m/s a mass of {known.mass_kg:g} kg on {known.geometry.wing_area_m2:g} m2 needs a "
+            f"lift coefficient of {(slowest / airspeed_m_s) ** 2:.3g}, near a stall or beyond; give an airspeed above "
             f"{slowest:.3g} m/s, or check mass and wing area"
         )
     return EnvelopeLimits(
@@ -149,14 +154,16 @@ def empirical_aircraft(known: Dimensions, static_margin: float | None = None) ->
         format=1,
         name=known.name,
         description=(
-            "Coefficients from dimensions by the empirical formulas of Jameson (2013), tables B.1 and B.2; rolling moments "
-            "by lifting-line theory; the rest means of known aircraft. Errors: scatter of known aircraft about the same "
-            f"formulas. {_inertia_words(known)} Thrust is twice the drag of cruise, an assumption."
+            "Coefficients from dimensions by the empirical formulas of Jameson (2013), tables B.1 and B.2; rolling "
+            "moments by lifting-line theory; the rest means of known aircraft. Errors: scatter of known aircraft about "
+            f"the same formulas. {_inertia_words(known)} Thrust is twice the drag of cruise, an assumption."
         ),
         geometry=known.geometry,
         mass=scaled_inertias(known),
         envelope=envelope_about(known, airspeed),
-        coefficients=empirical_coefficients(known.geometry, lift, static_margin),
+        coefficients=with_inertia_errors(
+            empirical_coefficients(known.geometry, lift, static_margin), _unstated(known, INERTIA_ERRORS)
+        ),
     )
     return _flyable(made)
 
@@ -199,14 +206,23 @@ def aircraft_like(known: Dimensions, other: Aircraft) -> Aircraft:
         sensors=Sensors.model_validate(other.sensors.model_dump() | places),
         actuators=other.actuators,
         envelope=envelope_about(known, airspeed),
-        coefficients=_as_different(coefficients),
+        coefficients=with_inertia_errors(
+            _as_different(coefficients), _unstated(known, LIKENESS_INERTIA_ERRORS)
+        ),
     )
     return _flyable(made)
 
 
+def _unstated(known: Dimensions, errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors of the moments of inertia that are not stated."""
+    return {
+        axis: errors[axis] for axis, value in zip("xyz", known.inertias_kg_m2, strict=False) if value is None
+    }
+
+
 def _as_different(coefficients: Coefficients) -> Coefficients:
     """With the errors of what two aircraft differ by."""
-    errors = {"relative_standard_error": {"default": 0.0, **LIKENESS_ERRORS}}
+    errors = {"relative_standard_error": with_tied_errors(LIKENESS_ERRORS)}
     floors = {"standard_error_floor": {"default": 0.0, **LIKENESS_FLOORS}}
     return Coefficients.model_validate(coefficients.model_dump() | errors | floors)
 

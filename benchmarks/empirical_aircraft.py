@@ -47,7 +47,7 @@ MEANS = (
     "CL_zero", "CD_min", "CD_oswald", "CY_p", "CY_aileron", "Cl_beta", "Cl_aileron", "Cl_rudder", "Cn_aileron",
 )  # fmt: skip
 """What no formula gives."""
-WEAK = ("CL_zero", "CY_p", "CY_aileron", "Cl_r", "Cl_rudder", "Cn_p", "Cn_aileron", "CL_elevator")
+WEAK = ("Cl_beta", "CL_zero", "CY_p", "CY_aileron", "Cl_r", "Cl_rudder", "Cn_p", "Cn_aileron", "CL_elevator")
 """Of either sign or next to nothing in some aircraft: their errors are absolute."""
 SKIPPED = ("CL_alphadot", "Cm_alphadot", "Cm_zero", "CD_CL_at_min", "CD_elevator", "CD_aileron", "CD_rudder")
 """Not modelled in most sets, or a matter of the trim."""
@@ -128,6 +128,21 @@ def radii() -> dict[str, float]:
     return dict(zip("xyz", np.mean(every, axis=0).tolist(), strict=True))
 
 
+def inertia_errors() -> dict[str, float]:
+    """Root mean square of said over true moment of inertia less one: moments over inertias err by that."""
+    every = [radii_of_gyration(k.aircraft.need_mass(""), k.geometry.span_m) for k in known()]
+    said = np.array([empirical.RADII_OVER_SPAN[axis] for axis in "xyz"])
+    missed = (said / np.array(every)) ** 2 - 1.0
+    return dict(zip("xyz", np.sqrt(np.mean(missed**2, axis=0)).tolist(), strict=True))
+
+
+def inertia_likeness() -> dict[str, float]:
+    """Root mean square over all pairs of what moments of inertia over mass and span squared differ by."""
+    every = np.array([radii_of_gyration(k.aircraft.need_mass(""), k.geometry.span_m) for k in known()])
+    pairs = np.array([(a / b) ** 2 - 1.0 for i, a in enumerate(every) for k, b in enumerate(every) if i != k])
+    return dict(zip("xyz", np.sqrt(np.mean(pairs**2, axis=0)).tolist(), strict=True))
+
+
 def bare(geometry: Geometry) -> Geometry:
     return Geometry(
         wing_area_m2=geometry.wing_area_m2, span_m=geometry.span_m, mean_chord_m=geometry.mean_chord_m
@@ -180,7 +195,7 @@ def likeness(differ: Callable[[float, float], float], names: Sequence[str]) -> d
     out = {}
     for name in sorted(names):
         values = [k.truth[name] for k in known() if abs(k.truth[name]) > LEAST]
-        pairs = [differ(a, b) for i, a in enumerate(values) for b in values[:i]]
+        pairs = [differ(a, b) for i, a in enumerate(values) for k, b in enumerate(values) if i != k]
         out[name] = math.sqrt(float(np.mean(np.square(pairs))))
     return out
 
@@ -192,10 +207,12 @@ def tables() -> dict[str, Mapping[str, float]]:
         "TYPICAL": typical(),
         "TYPICAL_TAIL": typical_tail(),
         "RADII_OVER_SPAN": radii(),
+        "INERTIA_ERRORS": inertia_errors(),
+        "LIKENESS_INERTIA_ERRORS": inertia_likeness(),
         "ERRORS_BY_TAIL[True]": formula_errors(True),
         "ERRORS_BY_TAIL[False]": formula_errors(False),
         "TYPICAL_ERRORS": absolute_errors(),
-        "LIKENESS_ERRORS": likeness(lambda a, b: math.log(a / b) if a * b > 0.0 else 1.0, strong),
+        "LIKENESS_ERRORS": likeness(lambda a, b: a / b - 1.0, strong),
         "LIKENESS_FLOORS": likeness(lambda a, b: a - b, WEAK),
     }
 

@@ -1,22 +1,21 @@
 """`wingwatch aircraft`: aircraft files written from what people have, checked, and handed on."""
 
 import argparse
-import math
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from wingwatch.aircraft import (
     STRUCTURES,
     Aircraft,
-    FileCheck,
     FlightCondition,
     check_file,
     library_names,
     load_aircraft,
 )
+from wingwatch.cli.aircraft_check import check_object, say_check
+from wingwatch.cli.aircraft_new import new_aircraft
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import page, write_json
 
@@ -25,7 +24,7 @@ __all__ = ["run"]
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
-    return {"list": _list, "show": _show, "check": _check}[arguments.action](arguments)
+    return {"list": _list, "show": _show, "check": _check, "new": new_aircraft}[arguments.action](arguments)
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -82,9 +81,9 @@ def _check(arguments: argparse.Namespace) -> int:
     aircraft = load_aircraft(arguments.file)
     found = check_file(aircraft, _asked(arguments))
     if arguments.json:
-        write_json(_check_object(aircraft, found))
+        write_json(check_object(aircraft, found))
     else:
-        _say_check(page(), aircraft, found)
+        say_check(page(), aircraft, found)
     if not found.usable:
         raise CommandError(
             f"{aircraft.name}: {next(f.text for f in found.findings if f.standing == 'refusal')}"
@@ -98,38 +97,3 @@ def _asked(arguments: argparse.Namespace) -> FlightCondition | None:
             raise CommandError("--altitude is given without --airspeed; give both")
         return None
     return FlightCondition(arguments.airspeed, arguments.altitude or 0.0)
-
-
-def _check_object(aircraft: Aircraft, found: FileCheck) -> dict[str, Any]:
-    rows = [
-        {
-            "check": f.check,
-            "key": f.key,
-            "value": _finite(f.value),
-            "unit": f.unit,
-            "low": _finite(f.low),
-            "high": _finite(f.high),
-            "standing": f.standing,
-            "text": f.text,
-        }
-        for f in found.findings
-    ]
-    return {
-        "aircraft": aircraft.name,
-        "usable": found.usable,
-        "findings": rows,
-        "not_checked": list(found.not_checked),
-    }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _say_check(console: Console, aircraft: Aircraft, found: FileCheck) -> None:
-    for one in found.findings:
-        console.print(escape(f"{one.standing}: {one.text}"), soft_wrap=True)
-    for text in found.not_checked:
-        console.print(escape(f"not checked: {text}"), soft_wrap=True)
-    if not found.findings:
-        console.print(escape(f"{aircraft.name}: nothing implausible"))

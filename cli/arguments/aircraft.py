@@ -1,6 +1,8 @@
 """Arguments of `wingwatch aircraft`: aircraft files from what people have."""
 
 import argparse
+import math
+from pathlib import Path
 
 from wingwatch.cli.arguments.common import Commands, add_command, add_commands
 from wingwatch.cli.arguments.values import positive
@@ -34,6 +36,62 @@ def add_aircraft(commands: Commands) -> None:
     )
     _add_file(check)
     _add_condition(check)
+    _add_new(
+        add_command(
+            actions,
+            "new",
+            "write an aircraft file from what you have",
+            "wingwatch aircraft new kite --span-m 2.1 --mass-kg 3.4 --area-m2 0.55 --airspeed 15 --out kite.toml",
+        )
+    )
+
+
+def _add_new(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("name", metavar="NAME", help="of the aircraft: letters a to z, digits, - and _")
+    add("--out", type=Path, required=True, metavar="FILE.toml", help="the aircraft file")
+    for name, what in _DIMENSIONS.items():
+        add(f"--{name}", type=positive, metavar="X", help=what)
+    add(
+        "--static-margin",
+        type=_number,
+        metavar="X",
+        help="neutral point behind the centre of gravity over the chord",
+    )
+    for axes in ("x", "y", "z"):
+        add(f"--inertia-{axes}", type=positive, metavar="KG_M2", help=f"moment of inertia about {axes}")
+    add("--inertia-xz", type=_number, metavar="KG_M2", help="product of inertia, the integral of x z dm")
+    add(
+        "--airspeed",
+        type=positive,
+        metavar="M_S",
+        help="usual true airspeed (default: at a lift coefficient of 0.5)",
+    )
+    add("--altitude", type=_number, default=0.0, metavar="M", help="usual altitude (default: %(default)g)")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--like", metavar="A", help="an aircraft of the library, or a file, that it is like")
+
+
+_DIMENSIONS = {
+    "span-m": "wing span, m",
+    "mass-kg": "mass of the whole aircraft, kg",
+    "area-m2": "wing area, m2",
+    "chord-m": "mean chord, m (default: area over span)",
+    "tail-area-m2": "area of the tail plane, m2",
+    "tail-arm-m": "its quarter chord behind the centre of gravity, m",
+    "fin-area-m2": "area of the fin, m2",
+    "fin-arm-m": "its quarter chord behind the centre of gravity, m (default: that of the tail)",
+}
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a number")
+    return value
 
 
 def _add_file(parser: argparse.ArgumentParser) -> None:
@@ -48,5 +106,5 @@ def _add_condition(parser: argparse.ArgumentParser) -> None:
         help="true airspeed (default: cruise of the file's [envelope])",
     )
     parser.add_argument(
-        "--altitude", type=float, metavar="M", help="altitude (default: that of cruise, else 0)"
+        "--altitude", type=_number, metavar="M", help="altitude (default: that of cruise, else 0)"
     )
