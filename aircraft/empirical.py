@@ -50,6 +50,8 @@ __all__ = [
     "TYPICAL_TAIL",
     "empirical_coefficients",
     "empirical_values",
+    "has_tail",
+    "to_digits",
     "wing_lift_slope",
     "with_inertia_errors",
     "with_tied_errors",
@@ -171,6 +173,11 @@ def wing_lift_slope(aspect: float) -> float:
     return 2.0 * math.pi * aspect / (2.0 + math.sqrt(aspect**2 + 4.0))
 
 
+def to_digits(value: float) -> float:
+    """To four digits, more than any of these is known to."""
+    return float(f"{value:.4g}")
+
+
 def _flap_effectiveness(fraction: float) -> float:
     """Change of incidence per flap angle by the flap's fraction of the chord, thin-aerofoil theory (Glauert)."""
     return 2.0 / math.pi * (math.sqrt(fraction * (1.0 - fraction)) + math.asin(math.sqrt(fraction)))
@@ -204,10 +211,11 @@ def with_inertia_errors(coefficients: Coefficients, errors: Mapping[str, float])
         if error is None:
             continue
         if name in floor:
-            floor[name] = math.hypot(floor[name], error * value, error * floor[name])
+            floor[name] = to_digits(math.hypot(floor[name], error * value, error * floor[name]))
         else:
             own = relative.get(name, relative["default"])
-            relative[name] = math.hypot(own, error, own * error)  # of a product of two that err independently
+            # of a product of two that err independently
+            relative[name] = to_digits(math.hypot(own, error, own * error))
     return coefficients.model_copy(
         update={"relative_standard_error": relative, "standard_error_floor": floor}
     )
@@ -301,7 +309,7 @@ def empirical_coefficients(
     tables: dict[str, dict[str, float]] = {}
     for name, value in values.items():
         table, key = name.split("_", 1)
-        tables.setdefault(table, {})[key] = value
+        tables.setdefault(table, {})[key] = to_digits(value)
     relative = dict(ERRORS_BY_TAIL[has_tail(geometry)])
     if static_margin is not None:
         relative["Cm_alpha"] = relative["CL_alpha"]

@@ -28,10 +28,12 @@ from wingwatch.aircraft.empirical import (
     LIKENESS_INERTIA_ERRORS,
     RADII_OVER_SPAN,
     empirical_coefficients,
+    to_digits,
     with_inertia_errors,
     with_tied_errors,
 )
 from wingwatch.aircraft.linearisation import TrimError, trim
+from wingwatch.aircraft.loading import load_aircraft
 
 __all__ = [
     "Dimensions",
@@ -47,6 +49,8 @@ CRUISE_LIFT_COEFFICIENT = 0.5
 _SLOW_LIFT_COEFFICIENT = 1.0
 _FAST = 1.4
 _HEIGHT_M = 3000.0
+_USUAL = "aerosonde"
+"""Of the library: whose sensor noise and servos are taken where none are known, assumptions there, too."""
 _THRUST_TO_DRAG = 2.0
 """Full throttle over the drag of cruise, where no engine is known: an assumption."""
 
@@ -85,7 +89,7 @@ def scaled_inertias(known: Dimensions, from_mass: Mass | None = None, from_span_
     """
     b2 = known.geometry.span_m**2
     if from_mass is None:
-        guess = [known.mass_kg * b2 * RADII_OVER_SPAN[axis] ** 2 for axis in "xyz"] + [0.0]
+        guess = [to_digits(known.mass_kg * b2 * RADII_OVER_SPAN[axis] ** 2) for axis in "xyz"] + [0.0]
     else:
         factor = known.mass_kg / from_mass.mass_kg * b2 / from_span_m**2
         own = ("inertia_x_kg_m2", "inertia_y_kg_m2", "inertia_z_kg_m2", "inertia_xz_kg_m2")
@@ -134,7 +138,7 @@ def with_thrust(aircraft: Aircraft) -> Aircraft:
     if aircraft.propulsion is not None or aircraft.envelope is None:
         return aircraft
     thrust = trim(aircraft, aircraft.envelope.cruise).thrust_n
-    engine = ConstantThrust(kind="constant_thrust", thrust_max_n=_THRUST_TO_DRAG * thrust)
+    engine = ConstantThrust(kind="constant_thrust", thrust_max_n=to_digits(_THRUST_TO_DRAG * thrust))
     return aircraft.model_copy(update={"propulsion": engine})
 
 
@@ -150,16 +154,20 @@ def empirical_aircraft(known: Dimensions, static_margin: float | None = None) ->
     """
     airspeed = known.airspeed_true_m_s or round(_pressure_airspeed(known, CRUISE_LIFT_COEFFICIENT), 1)
     lift = CRUISE_LIFT_COEFFICIENT * (_pressure_airspeed(known, CRUISE_LIFT_COEFFICIENT) / airspeed) ** 2
+    usual = load_aircraft(_USUAL)
     made = Aircraft(
         format=1,
         name=known.name,
         description=(
             "Coefficients from dimensions by the empirical formulas of Jameson (2013), tables B.1 and B.2; rolling "
             "moments by lifting-line theory; the rest means of known aircraft. Errors: scatter of known aircraft about "
-            f"the same formulas. {_inertia_words(known)} Thrust is twice the drag of cruise, an assumption."
+            f"the same formulas. {_inertia_words(known)} Sensor noise and servos are "
+            f"those of the library's {_USUAL}, thrust is twice the drag of cruise: assumptions, state your own."
         ),
         geometry=known.geometry,
         mass=scaled_inertias(known),
+        sensors=usual.sensors,
+        actuators=usual.actuators,
         envelope=envelope_about(known, airspeed),
         coefficients=with_inertia_errors(
             empirical_coefficients(known.geometry, lift, static_margin), _unstated(known, INERTIA_ERRORS)

@@ -1,6 +1,6 @@
 """How well dimensions alone tell an aircraft's coefficients: the errors of `wingwatch aircraft new`.
 
-    .venv/bin/python benchmarks/empirical_aircraft.py [--json]
+    .venv/bin/python benchmarks/empirical_aircraft.py [--json] [--flights 0]
 
 Reference aircraft: those of the library with coefficients (one Aerosonde), and straight-winged ones that come with
 JSBSim whose coefficients are their own, linearised at a lift coefficient of 0.45 (``jsbsim_reading``). Left out are
@@ -9,13 +9,17 @@ for all), which is empirical itself. A coefficient that a set has as 0 is not mo
 
 Prints, for ``wingwatch.aircraft.empirical``: means of what no formula gives; root mean square of truth over formula
 less one, with the tail stated and without; scatter of coefficients about their means; for an aircraft made like
-another, root mean square of what two aircraft differ by.
+another, root mean square of what two aircraft differ by. Then the Aerosonde beside a file from its dimensions:
+derivatives outside their 95 % intervals, and alerts of healthy flights monitored with that file (``--flights``).
 """
 
 import argparse
+import contextlib
+import io
 import json
 import math
 import sys
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -26,19 +30,29 @@ import numpy as np
 
 from wingwatch.aircraft import (
     GRAVITY_M_S2,
+    LATERAL,
+    SHORT_PERIOD,
     Aircraft,
+    Dimensions,
     FlightCondition,
     Geometry,
+    aircraft_toml,
+    derivative_standard_errors,
     empirical,
+    empirical_aircraft,
+    linearised_derivatives,
     load_aircraft,
     trim,
 )
 from wingwatch.aircraft.jsbsim_model import JsbsimModel
 from wingwatch.aircraft.jsbsim_reading import jsbsim_aircraft
 from wingwatch.aircraft.plausible_file import radii_of_gyration
+from wingwatch.cli.main import main as main_command
 
 LIBRARY = ("aerosonde", "twinotter", "ultrastick25e")
 BUNDLED = ("c172p", "c182", "c310", "J3Cub", "L17", "pa28", "pc7", "SGS", "T37", "fokker50")
+Z_95 = 1.96
+CRUISE = FlightCondition(25.0, 1000.0)
 LIFT_COEFFICIENT = 0.45
 ALTITUDE_M = 1000.0
 LEAST = 1e-6
@@ -217,6 +231,45 @@ def tables() -> dict[str, Mapping[str, float]]:
     }
 
 
+def from_dimensions(with_inertias: bool) -> Aircraft:
+    """The Aerosonde as a file from its span, area, chord and mass, on request with its moments of inertia."""
+    aircraft = load_aircraft("aerosonde")
+    mass = aircraft.need_mass("a comparison")
+    stated = (mass.inertia_x_kg_m2, mass.inertia_y_kg_m2, mass.inertia_z_kg_m2, mass.inertia_xz_kg_m2)
+    inertias = stated if with_inertias else (None, None, None, None)
+    geometry = aircraft.need_geometry("a comparison")
+    known = Dimensions("empirical", geometry, mass.mass_kg, inertias, CRUISE.airspeed_true_m_s, ALTITUDE_M)
+    return empirical_aircraft(known)
+
+
+def aerosonde_scores(with_inertias: bool) -> dict[str, float]:
+    """True less said over the stated error, by derivative of the short period and the lateral motion.
+
+    y_p is left out: it is the trim's own w, which every flight measures.
+    """
+    aircraft, made = load_aircraft("aerosonde"), from_dimensions(with_inertias)
+    out: dict[str, float] = {}
+    for structure in (SHORT_PERIOD, LATERAL):
+        truth, said = (linearised_derivatives(a, CRUISE, structure) for a in (aircraft, made))
+        errors = derivative_standard_errors(made, CRUISE, structure)
+        out |= {s: (truth[s] - said[s]) / errors[s] for s in structure.derivatives if s != "y_p"}
+    return out
+
+
+def alerts(aircraft: Aircraft, turbulence: str, seed: int) -> list[str]:
+    """Texts of the alerts of 150 s of healthy flight of the true Aerosonde, monitored with an aircraft file."""
+    with tempfile.TemporaryDirectory() as folder:
+        file, flight = Path(folder) / "a.toml", Path(folder) / "flight.parquet"
+        file.write_text(aircraft_toml(aircraft))
+        fly = ["simulate", "--aircraft", "aerosonde", "--seconds", "150", "--seed", str(seed), "--json"]
+        spoken = io.StringIO()
+        with contextlib.redirect_stdout(io.StringIO()):
+            main_command([*fly, "--turbulence", turbulence, "--out", str(flight)])
+        with contextlib.redirect_stdout(spoken):
+            main_command(["monitor", str(flight), "--aircraft", str(file), "--json"])
+    return [alert["text"] for alert in json.loads(spoken.getvalue())["alerts"]]
+
+
 def rounded(values: Mapping[str, float]) -> dict[str, float]:
     """To two digits, as the module has them."""
     return {name: float(f"{value:.2g}") for name, value in values.items()}
@@ -225,6 +278,9 @@ def rounded(values: Mapping[str, float]) -> dict[str, float]:
 def main() -> int:
     parser = argparse.ArgumentParser(description="Errors of coefficients from dimensions.")
     parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument(
+        "--flights", type=int, default=0, help="monitored flights of the Aerosonde, of each air"
+    )
     chosen = parser.parse_args()
     # Errors are of the means that stand in the module: after a change of those, run it twice.
     found = {name: rounded(values) for name, values in tables().items()}
@@ -240,6 +296,18 @@ def main() -> int:
         for key, value in values.items():
             print(f'    "{key}": {value:g},')
         print("}")
+    for with_inertias in (False, True):
+        scores = aerosonde_scores(with_inertias)
+        beyond = {s: round(z, 1) for s, z in scores.items() if abs(z) > Z_95}
+        words = "stated" if with_inertias else "by radii of gyration"
+        inside = len(scores) - len(beyond)
+        print(f"Aerosonde, inertias {words}: {inside} of {len(scores)} inside 95 %, beyond: {beyond}")
+        for air in ("none", "light", "moderate"):
+            raised = [alerts(from_dimensions(with_inertias), air, seed) for seed in range(chosen.flights)]
+            if found:
+                print(
+                    f"  {sum(map(bool, found))} of {len(found)} healthy flights in air {air} with an alert: {found}"
+                )
     return 0
 
 

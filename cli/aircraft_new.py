@@ -88,7 +88,5 @@ def _dimensions(arguments: argparse.Namespace) -> Dimensions:
 
 
 def _comment(arguments: argparse.Namespace, notes: list[str]) -> str:
-    lines = [
-        f"Written by `wingwatch aircraft new {arguments.name}`. Check it: `wingwatch aircraft check {arguments.out}`."
-    ]
-    return "\n".join([*lines, *notes])
+    head = f"Written by `wingwatch aircraft new {arguments.name}`; `wingwatch aircraft check` says what is implausible."
+    return "\n".join([head, *notes])
