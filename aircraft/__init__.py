@@ -85,6 +85,9 @@ from wingwatch.aircraft.icing import (
     icing_direction,
     icing_factor,
 )
+from wingwatch.aircraft.jsbsim_model import JsbsimError
+from wingwatch.aircraft.jsbsim_reading import jsbsim_aircraft
+from wingwatch.aircraft.jsbsim_writing import jsbsim_xml
 from wingwatch.aircraft.linearisation import (
     Trim,
     TrimError,
@@ -233,6 +236,9 @@ __all__ = [
     "natural_frequency_and_damping",
     "state_matrix",
     "analysis_band_hz",
+    "JsbsimError",
+    "jsbsim_aircraft",
+    "jsbsim_xml",
     "Dimensions",
     "aircraft_like",
     "empirical_aircraft",

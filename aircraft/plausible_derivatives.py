@@ -36,10 +36,6 @@ _SIGNED: Mapping[str, tuple[int, str]] = {
     "Cn_rudder": (-1, "the trailing edge left must yaw left; turn the signs of all coefficients by rudder"),
 }  # fmt: skip
 """Sign of a stable aeroplane in this project's convention, and what another sign means."""
-_CONCISE_SIGNED: Mapping[str, int] = {
-    "z_w": -1, "m_w": -1, "m_q": -1, "m_eta": -1, "y_v": -1, "n_v": 1, "n_r": -1, "n_zeta": -1, "l_v": -1, "l_p": -1,
-    "l_xi": -1,
-}  # fmt: skip
 _KINEMATIC: Mapping[str, int] = {"z_q": 1, "y_r": -1}
 _KINEMATIC_RANGE = (0.7, 1.3)
 """z_q and -y_r over the forward velocity: 1 but for mean chord or span times a derivative over the mass."""
@@ -121,7 +117,7 @@ def condition_findings(aircraft: Aircraft) -> Iterator[FileFinding]:
     for i, entry in enumerate(aircraft.conditions):
         for symbol, derivative in entry.derivatives.items():
             key, unit = f"conditions.{i}.derivatives.{symbol}", _unit(symbol)
-            sign = _CONCISE_SIGNED.get(symbol, 0)
+            sign = DERIVATIVES[symbol].sign if symbol in DERIVATIVES else 0
             if sign and derivative.value * sign < 0.0:
                 bound = "above" if sign > 0 else "below"
                 text = (

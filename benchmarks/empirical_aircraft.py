@@ -304,10 +304,9 @@ def main() -> int:
         print(f"Aerosonde, inertias {words}: {inside} of {len(scores)} inside 95 %, beyond: {beyond}")
         for air in ("none", "light", "moderate"):
             raised = [alerts(from_dimensions(with_inertias), air, seed) for seed in range(chosen.flights)]
-            if found:
-                print(
-                    f"  {sum(map(bool, found))} of {len(found)} healthy flights in air {air} with an alert: {found}"
-                )
+            if raised:
+                some = sum(map(bool, raised))
+                print(f"  {some} of {len(raised)} healthy flights in air {air} with an alert: {raised}")
     return 0
 
 
