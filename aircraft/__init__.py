@@ -49,6 +49,8 @@ from wingwatch.aircraft.atmosphere import (
     isa_temperature_k,
     true_from_indicated,
 )
+from wingwatch.aircraft.avl_file import AvlError, read_avl_mass, read_avl_run
+from wingwatch.aircraft.avl_reading import avl_coefficients
 from wingwatch.aircraft.coefficients import (
     Coefficients,
     DirectionalCoefficients,
@@ -99,7 +101,7 @@ from wingwatch.aircraft.linearisation import (
     trimmed,
 )
 from wingwatch.aircraft.loading import AircraftFileError, library_names, load_aircraft, parse_aircraft
-from wingwatch.aircraft.making import Dimensions, aircraft_like, empirical_aircraft
+from wingwatch.aircraft.making import Dimensions, aircraft_like, empirical_aircraft, known_aircraft
 from wingwatch.aircraft.mass_and_balance import american_map, at_loading, carried
 from wingwatch.aircraft.modes import (
     ModeQuantity,
@@ -128,9 +130,11 @@ from wingwatch.aircraft.structures import (
     STRUCTURES,
     ModeStructure,
 )
+from wingwatch.aircraft.tangent import with_stated_derivatives
 from wingwatch.aircraft.thrust import ThrustSlopes, propulsion_thrust_n, thrust_slopes
 from wingwatch.aircraft.uncertainty import (
     coefficient_standard_error,
+    derivative_covariance,
     derivative_standard_errors,
 )
 from wingwatch.aircraft.vocabulary import (
@@ -230,6 +234,7 @@ __all__ = [
     "derived_from",
     "reduced",
     "coefficient_standard_error",
+    "derivative_covariance",
     "derivative_standard_errors",
     "ModeQuantity",
     "mode_quantities",
@@ -239,6 +244,12 @@ __all__ = [
     "JsbsimError",
     "jsbsim_aircraft",
     "jsbsim_xml",
+    "with_stated_derivatives",
+    "AvlError",
+    "read_avl_run",
+    "read_avl_mass",
+    "avl_coefficients",
+    "known_aircraft",
     "Dimensions",
     "aircraft_like",
     "empirical_aircraft",

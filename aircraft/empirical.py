@@ -37,6 +37,11 @@ from wingwatch.aircraft.coefficients import (
     LiftCoefficients,
     PitchCoefficients,
 )
+from wingwatch.aircraft.uncertainty import (
+    HANDBOOK_RELATIVE_STANDARD_ERROR,
+    HANDBOOK_STANDARD_ERROR_FLOOR,
+    coefficient_standard_error,
+)
 
 __all__ = [
     "ERRORS_BY_TAIL",
@@ -202,20 +207,21 @@ def with_inertia_errors(coefficients: Coefficients, errors: Mapping[str, float])
     """The moments' errors with those of the moments of inertia, which they stand for too (``uncertainty``).
 
     Args:
-        coefficients: with tables of errors that name every coefficient in one of them.
+        coefficients: with their own errors, those of ``uncertainty`` where they state none.
         errors: relative, of the moments of inertia about x, y, z; an axis that is stated is absent.
     """
-    relative, floor = dict(coefficients.relative_standard_error), dict(coefficients.standard_error_floor)
+    relative = dict(coefficients.relative_standard_error or HANDBOOK_RELATIVE_STANDARD_ERROR)
+    floor = dict(coefficients.standard_error_floor or HANDBOOK_STANDARD_ERROR_FLOOR)
     for name, value in coefficients.items():
         error = errors.get(_AXIS.get(name.split("_", 1)[0], ""))
-        if error is None:
+        if error is None or value == 0.0:
             continue
+        own = coefficient_standard_error(coefficients, name)
+        total = math.hypot(own, error * value, error * own)  # of a product of two that err independently
         if name in floor:
-            floor[name] = to_digits(math.hypot(floor[name], error * value, error * floor[name]))
+            floor[name] = to_digits(total)
         else:
-            own = relative.get(name, relative["default"])
-            # of a product of two that err independently
-            relative[name] = to_digits(math.hypot(own, error, own * error))
+            relative[name] = to_digits(total / abs(value))
     return coefficients.model_copy(
         update={"relative_standard_error": relative, "standard_error_floor": floor}
     )

@@ -97,7 +97,8 @@ def _balance(root: ET.Element, aircraft: Aircraft) -> None:
     m = aircraft.need_mass(_PURPOSE)
     balance = ET.SubElement(root, "mass_balance", {"negated_crossproduct_inertia": "true"})
     for tag, value in (
-        ("ixx", m.inertia_x_kg_m2), ("iyy", m.inertia_y_kg_m2), ("izz", m.inertia_z_kg_m2), ("ixz", -m.inertia_xz_kg_m2),
+        ("ixx", m.inertia_x_kg_m2), ("iyy", m.inertia_y_kg_m2), ("izz", m.inertia_z_kg_m2),
+        ("ixz", -m.inertia_xz_kg_m2),
     ):  # fmt: skip
         ET.SubElement(balance, tag, {"unit": "SLUG*FT2"}).text = repr(value / (SLUG * FT**2))
     ET.SubElement(balance, "emptywt", {"unit": "LBS"}).text = repr(m.mass_kg / POUND)

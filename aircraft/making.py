@@ -39,6 +39,7 @@ __all__ = [
     "Dimensions",
     "aircraft_like",
     "empirical_aircraft",
+    "known_aircraft",
     "envelope_about",
     "scaled_inertias",
     "with_thrust",
@@ -172,6 +173,45 @@ def empirical_aircraft(known: Dimensions, static_margin: float | None = None) ->
         coefficients=with_inertia_errors(
             empirical_coefficients(known.geometry, lift, static_margin), _unstated(known, INERTIA_ERRORS)
         ),
+    )
+    return _flyable(made)
+
+
+def known_aircraft(
+    known: Dimensions,
+    coefficients: Coefficients,
+    description: str,
+    cg_shift_m: float = 0.0,
+    lift: float | None = None,
+) -> Aircraft:
+    """An aircraft whose coefficients another program has worked out.
+
+    Args:
+        known: its dimensions; moments of inertia that are not stated go by radii of gyration, and their errors into
+            those of the moments.
+        coefficients: [coefficients]; their errors are those of ``uncertainty``.
+        description: where they come from.
+        cg_shift_m: how far aft of the coefficients' point the centre of gravity lies.
+        lift: lift coefficient of level flight where ``known`` states no airspeed.
+
+    Raises:
+        AircraftDataError: dimensions that no level flight or no body has.
+    """
+    airspeed = known.airspeed_true_m_s or round(_pressure_airspeed(known, lift or CRUISE_LIFT_COEFFICIENT), 1)
+    usual = load_aircraft(_USUAL)
+    made = Aircraft(
+        format=1,
+        name=known.name,
+        description=(
+            f"{description} {_inertia_words(known)} Sensor noise and servos are those of the library's {_USUAL}, "
+            "thrust is twice the drag of cruise: assumptions, state your own."
+        ),
+        geometry=known.geometry,
+        mass=scaled_inertias(known).model_copy(update={"cg_shift_m": cg_shift_m}),
+        sensors=usual.sensors,
+        actuators=usual.actuators,
+        envelope=envelope_about(known, airspeed),
+        coefficients=with_inertia_errors(coefficients, _unstated(known, INERTIA_ERRORS)),
     )
     return _flyable(made)
 

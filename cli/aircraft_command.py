@@ -15,6 +15,7 @@ from wingwatch.aircraft import (
     load_aircraft,
 )
 from wingwatch.cli.aircraft_check import check_object, say_check
+from wingwatch.cli.aircraft_export import export_aircraft
 from wingwatch.cli.aircraft_new import new_aircraft
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.progress import page, write_json
@@ -24,7 +25,9 @@ __all__ = ["run"]
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
-    return {"list": _list, "show": _show, "check": _check, "new": new_aircraft}[arguments.action](arguments)
+    return {"list": _list, "show": _show, "check": _check, "new": new_aircraft, "export": export_aircraft}[
+        arguments.action
+    ](arguments)
 
 
 def _list(arguments: argparse.Namespace) -> int:

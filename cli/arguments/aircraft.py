@@ -44,6 +44,22 @@ def add_aircraft(commands: Commands) -> None:
             "wingwatch aircraft new kite --span-m 2.1 --mass-kg 3.4 --area-m2 0.55 --airspeed 15 --out kite.toml",
         )
     )
+    _add_export(
+        add_command(
+            actions,
+            "export",
+            "hand an aircraft file on, with standard errors as JSON or as an aircraft that JSBSim flies",
+            "wingwatch aircraft export my_aircraft.toml --to jsbsim --out my_aircraft.xml",
+        )
+    )
+
+
+def _add_export(parser: argparse.ArgumentParser) -> None:
+    _add_file(parser)
+    add = parser.add_argument
+    add("--to", choices=("json", "jsbsim"), required=True, help="JSON, or JSBSim's XML")
+    add("--out", type=Path, required=True, metavar="FILE", help="the file to write, .json or .xml")
+    _add_condition(parser)
 
 
 def _add_new(parser: argparse.ArgumentParser) -> None:
@@ -70,6 +86,32 @@ def _add_new(parser: argparse.ArgumentParser) -> None:
     add("--altitude", type=_number, default=0.0, metavar="M", help="usual altitude (default: %(default)g)")
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--like", metavar="A", help="an aircraft of the library, or a file, that it is like")
+    source.add_argument(
+        "--from-jsbsim",
+        type=Path,
+        metavar="FILE.xml",
+        help="an aircraft of JSBSim, at the trim of --airspeed",
+    )
+    source.add_argument("--from-avl", type=Path, metavar="FILE.st", help="what AVL's command ST wrote")
+    add(
+        "--mass-file",
+        type=Path,
+        metavar="FILE.mass",
+        help="AVL's mass file: mass, inertias, centre of gravity",
+    )
+    add(
+        "--length-unit-m",
+        type=positive,
+        metavar="M",
+        help="unit of AVL's geometry (default: Lunit of the mass file, else 1)",
+    )
+    add(
+        "--control",
+        action="append",
+        default=[],
+        metavar="SURFACE=NAME",
+        help="AVL's control variable of elevator, aileron or rudder where its name does not say it; may be repeated",
+    )
 
 
 _DIMENSIONS = {

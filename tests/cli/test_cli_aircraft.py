@@ -1,16 +1,29 @@
 """`aircraft`: files from what people have, checked, and handed on."""
 
+import json
+import math
 from pathlib import Path
 
 import pytest
+from avl_texts import st_text
 from cli_flights import run
 
 from wingwatch.aircraft import (
+    LATERAL,
+    SHORT_PERIOD,
+    ConditionEntry,
+    DerivativeEntry,
     FlightCondition,
+    Provenance,
     aircraft_toml,
+    at_loading,
     coefficient_standard_error,
+    derivative_standard_errors,
+    jsbsim_aircraft,
+    linearised_derivatives,
     load_aircraft,
     trim,
+    trimmed,
 )
 
 
@@ -83,7 +96,9 @@ def test_a_file_from_dimensions_is_plausible_and_wide(
     c = made.need_coefficients("a test")
     assert made.need_geometry("a test").mean_chord_m == pytest.approx(0.55 / 2.1)
     assert coefficient_standard_error(c, "Cm_q") > abs(c.Cm.q)
-    assert coefficient_standard_error(c, "Cl_p") == pytest.approx(0.2 * abs(c.Cl.p))
+    assert coefficient_standard_error(c, "Cl_p") == pytest.approx(
+        math.hypot(0.2, 0.7, 0.14) * abs(c.Cl.p), rel=1e-3
+    )
     assert trim(made, FlightCondition(15.0, 0.0)).elevator_rad == pytest.approx(0.0, abs=1e-3)
     assert "nothing implausible" in run(capsys, ["aircraft", "check", out]).out
 
@@ -188,3 +203,179 @@ def test_names_and_files_are_checked_first(tmp_path: Path, capsys: pytest.Captur
         in run(capsys, ["aircraft", "new", "My Kite", *KITE[3:], "--out", tmp_path / "x.toml"]).sentence
     )
     assert ".toml" in run(capsys, [*KITE, "--out", tmp_path / "x.json"]).sentence
+
+
+def test_json_has_values_errors_units_and_covariance(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, aircraft = tmp_path / "a.json", load_aircraft("aerosonde")
+    result = run(capsys, ["aircraft", "export", "aerosonde", "--to", "json", "--out", out, "--json"]).json
+    assert (result["aircraft"], result["to"]) == ("aerosonde", "json")
+    found = json.loads(out.read_text())
+    assert found["mass"]["inertia_y_kg_m2"] == 1.135
+    assert found["coefficients"]["values"]["Cm_q"] == {
+        "value": -38.21,
+        "standard_error": pytest.approx(7.642),
+    }
+    cruise = FlightCondition(25.0, 1000.0)
+    lateral = found["linearised"]["structures"]["lateral"]
+    assert lateral["order"] == list(LATERAL.derivatives)
+    values, errors = (
+        linearised_derivatives(aircraft, cruise, LATERAL),
+        derivative_standard_errors(aircraft, cruise, LATERAL),
+    )
+    for k, symbol in enumerate(lateral["order"]):
+        row = lateral["derivatives"][symbol]
+        assert row["value"] == values[symbol]
+        assert row["standard_error"] == pytest.approx(errors[symbol])
+        assert lateral["covariance"][k][k] == pytest.approx(errors[symbol] ** 2)
+    assert found["linearised"]["structures"]["short_period"]["derivatives"]["m_q"]["unit"] == "1/s"
+    run(capsys, ["aircraft", "export", "jetstream31", "--to", "json", "--out", out])
+    entry = json.loads(out.read_text())["conditions"][0]
+    assert entry["derivatives"]["m_q"] == {"value": -1.547, "standard_error": 0.46, "unit": "1/s"}
+
+
+def test_identified_derivatives_are_what_jsbsim_flies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A condition that flights have identified goes before the coefficients, drag and alphadot terms stay."""
+    aircraft = load_aircraft("aerosonde")
+    condition = trimmed(aircraft, FlightCondition(25.0, 1000.0))
+    values = linearised_derivatives(aircraft, condition, SHORT_PERIOD) | linearised_derivatives(
+        aircraft, condition, LATERAL
+    )
+    factors = {"m_q": 0.7, "z_w": 1.1, "m_eta": 0.8, "l_p": 0.9, "n_v": 1.3, "n_zeta": 0.6, "y_v": 1.2}
+    entry = ConditionEntry(
+        airspeed_true_m_s=25.0, altitude_m=1000.0, angle_of_attack_rad=condition.angle_of_attack_rad,
+        provenance=Provenance.IDENTIFIED,
+        derivatives={
+            s: DerivativeEntry(value=v * factors.get(s, 1.0), standard_error=0.1) for s, v in values.items()
+        },
+    )  # fmt: skip
+    file, out = tmp_path / "mine.toml", tmp_path / "mine" / "mine.xml"
+    out.parent.mkdir()
+    file.write_text(aircraft_toml(aircraft.model_copy(update={"conditions": (entry,), "name": "mine"})))
+    result = run(capsys, ["aircraft", "export", file, "--to", "jsbsim", "--out", out, "--json"]).json
+    assert "identified" in result["basis"]
+    back, _ = jsbsim_aircraft(out, "back", FlightCondition(25.0, 1000.0))
+    for structure in (SHORT_PERIOD, LATERAL):
+        found = linearised_derivatives(back, FlightCondition(25.0, 1000.0), structure)
+        for symbol, value in found.items():
+            stated = entry.derivatives[symbol].value
+            assert value == pytest.approx(stated, rel=0.01, abs=0.02), symbol
+
+
+def test_what_cannot_be_exported_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    to = ["--to", "jsbsim", "--out", tmp_path / "x.xml"]
+    assert "states no [geometry]" in run(capsys, ["aircraft", "export", "jetstream31", *to]).sentence
+    wrong = ["--to", "jsbsim", "--out", tmp_path / "x.json"]
+    assert ".xml" in run(capsys, ["aircraft", "export", "aerosonde", *wrong]).sentence
+
+
+def test_a_written_file_flies_and_is_watched_without_an_alert(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, flight = tmp_path / "kite.toml", tmp_path / "flight.parquet"
+    run(capsys, [*KITE, "--out", out])
+    flown = run(
+        capsys,
+        [
+            "simulate",
+            "--aircraft",
+            out,
+            "--seconds",
+            "45",
+            "--seed",
+            "1",
+            "--out",
+            flight,
+            "--json",
+        ],
+    )
+    assert not flown.json["lost"]
+    watched = run(capsys, ["monitor", flight, "--aircraft", out, "--json"]).json
+    assert watched["alerts"] == []
+    assert watched["observable_s"] > 30.0
+
+
+def test_an_aircraft_of_avl_with_its_mass_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    twin, out = load_aircraft("twinotter"), tmp_path / "twin.toml"
+    run_file, mass_file = tmp_path / "twin.st", tmp_path / "twin.mass"
+    run_file.write_text(st_text(twin, 0.05))
+    m = twin.need_mass("a test")
+    own = f"{m.inertia_x_kg_m2} {m.inertia_y_kg_m2} {m.inertia_z_kg_m2} 0.0 {m.inertia_xz_kg_m2}"
+    mass_file.write_text(f"{m.mass_kg} 0.694 0.0 -0.043 {own}\n")
+    options = ["--from-avl", run_file, "--airspeed", "65", "--altitude", "1500", "--out", out, "--json"]
+    result = run(capsys, ["aircraft", "new", "twin", *options, "--mass-file", mass_file]).json
+    assert result["findings"] == []
+    assert any("aileron is turned" in note for note in result["notes"])
+    made = load_aircraft(out)
+    assert made.need_mass("a test").inertia_xz_kg_m2 == pytest.approx(m.inertia_xz_kg_m2)
+    assert made.cg_shift_m == pytest.approx(0.2)  # Xref is 0.494
+    at = FlightCondition(65.0, 1500.0)
+    shifted = at_loading(twin, None, 0.2)
+    for structure in (SHORT_PERIOD, LATERAL):
+        said, known = (
+            linearised_derivatives(made, at, structure),
+            linearised_derivatives(shifted, at, structure),
+        )
+        for symbol, value in known.items():
+            assert said[symbol] == pytest.approx(value, rel=0.02, abs=0.02), symbol
+    result = run(capsys, ["aircraft", "new", "twin", *options, "--mass-kg", "4600"]).json
+    assert result["usable"]
+    assert (
+        load_aircraft(out).need_coefficients("a test").relative_standard_error["Cl_p"] > 0.7
+    )  # inertia guessed
+
+
+def test_an_aircraft_of_jsbsim_of_any_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Written here, so that every derivative is known; its file has another name than its folder."""
+    file, out = tmp_path / "plane.xml", tmp_path / "plane.toml"
+    run(capsys, ["aircraft", "export", "twinotter", "--to", "jsbsim", "--out", file])
+    at = ["--airspeed", "65", "--altitude", "1500"]
+    result = run(
+        capsys, ["aircraft", "new", "plane", "--from-jsbsim", file, *at, "--out", out, "--json"]
+    ).json
+    assert result["findings"] == []
+    assert any("without fuel" in note for note in result["notes"])
+    made, twin = load_aircraft(out), load_aircraft("twinotter")
+    condition = FlightCondition(65.0, 1500.0)
+    for structure in (SHORT_PERIOD, LATERAL):
+        known = linearised_derivatives(twin, condition, structure)
+        for symbol, value in linearised_derivatives(made, condition, structure).items():
+            assert value == pytest.approx(known[symbol], rel=0.01, abs=0.02), symbol
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "sentence"),
+    [
+        ("<fdm_config/>", [], "--airspeed is missing"),
+        ("<fdm_config/>", ["--airspeed", "20"], "has no <metrics>"),
+        ("no xml", ["--airspeed", "20"], "is not XML"),
+        ("<aircraft/>", ["--airspeed", "20"], "not JSBSim's <fdm_config>"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><fdm_config/>', ["--airspeed", "20"], "entities"),
+        ("<fdm_config/>", ["--airspeed", "20", "--mass-kg", "3"], "--mass-kg has no effect with --from-jsbsim"),
+        ("<fdm_config/>", ["--airspeed", "20", "--mass-file", "x"], "--mass-file goes with --from-avl alone"),
+        (
+            "<fdm_config><metrics/><mass_balance><location name='CG'/></mass_balance><aerodynamics><axis name='LIFT'>"
+            "<function><product><property>a/b</property></product></function></axis></aerodynamics></fdm_config>",
+            ["--airspeed", "20"], "plane.xml: ",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_no_aircraft_of_jsbsim_is_refused_in_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, options: list[str], sentence: str
+) -> None:
+    file = tmp_path / "plane.xml"
+    file.write_text(content)
+    arguments = ["aircraft", "new", "plane", "--from-jsbsim", file, *options, "--out", tmp_path / "a.toml"]
+    assert sentence in run(capsys, arguments).sentence
+
+
+def test_an_aircraft_of_avl_needs_a_mass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "twin.st"
+    file.write_text(st_text(load_aircraft("twinotter"), 0.05))
+    new = ["aircraft", "new", "twin", "--from-avl", file, "--out", tmp_path / "a.toml"]
+    assert "--mass-kg is missing" in run(capsys, new).sentence
+    assert "write SURFACE=NAME" in run(capsys, [*new, "--mass-kg", "5", "--control", "flap=a"]).sentence
+    assert "--span-m has no effect" in run(capsys, [*new, "--span-m", "5"]).sentence
