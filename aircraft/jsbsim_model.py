@@ -6,12 +6,13 @@ through the centre of gravity takes their place), flight control system, gear, s
 whole description with its fuel, where JSBSim can load that.
 """
 
+import io
 import math
 import os
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -41,18 +42,9 @@ class JsbsimError(ValueError):
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """JSBSim says what it dislikes on the process's own outputs, past Python's; here it is silent."""
-    kept = [os.dup(1), os.dup(2)]
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for target in (1, 2):
-            os.dup2(null, target)
+    """JSBSim says what it dislikes on Python's standard output and error; here it is silent."""
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         yield
-    finally:
-        for target, old in zip((1, 2), kept, strict=True):
-            os.dup2(old, target)
-            os.close(old)
-        os.close(null)
 
 
 def _engine() -> Any:
@@ -62,7 +54,7 @@ def _engine() -> Any:
     except ImportError:
         raise JsbsimError(
             "reading a JSBSim aircraft needs JSBSim itself, which is not installed; "
-            "install it with `pip install jsbsim` and try again"
+            "install wingwatch with its extra jsbsim"
         ) from None
     return jsbsim
 
@@ -169,11 +161,7 @@ class JsbsimModel:
         }
         made = {f.get("name", "") for f in tree.iter("function")}
         names = {n.lstrip("-") for n in names if n} - made
-        unknown = {
-            n
-            for n in names
-            if not manager.hasNode(n) and not n.startswith(("metrics/", "external_reactions/"))
-        }
+        unknown = {n for n in names if not manager.hasNode(n)}
         for name in sorted(unknown):
             self.notes.append(f"{name} is taken as 0: a system sets it that is left out")
         return unknown

@@ -74,6 +74,7 @@ def jsbsim_aircraft(path: Path, name: str, condition: FlightCondition) -> tuple[
         )
     eta = at.elevator_rad * slopes.elevator_sign
     aspect = aspect_ratio(geometry.span_m, geometry.wing_area_m2)
+    _check_lift(path, slopes.base, columns["alpha"], at.angle_of_attack_rad)
     coefficients = _coefficients(slopes.base, columns, at.angle_of_attack_rad, eta, aspect)
     notes = [*model.notes, *slopes.notes]
     aircraft = Aircraft(format=1, name=name, geometry=geometry, mass=model.mass, coefficients=coefficients)
@@ -198,6 +199,17 @@ class _Slopes:
     def base(self) -> Array:
         """CX CY CZ Cl Cm Cn of the trim."""
         return self._base
+
+
+def _check_lift(path: Path, base: Array, by_alpha: Array, alpha: float) -> None:
+    """Refuse a trim beyond the stall."""
+    cos, sin = math.cos(alpha), math.sin(alpha)
+    slope = by_alpha[0] * sin - by_alpha[2] * cos + base[0] * cos + base[2] * sin
+    if not slope > 0.0:
+        raise JsbsimError(
+            f"{path}: level flight there is at {math.degrees(alpha):.3g} degrees, where lift no longer grows with the "
+            "angle of attack; choose a higher --airspeed"
+        )
 
 
 def _coefficients(base: Array, by: dict[str, Array], alpha: float, eta: float, aspect: float) -> Coefficients:
