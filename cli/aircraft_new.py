@@ -29,6 +29,8 @@ def new_aircraft(arguments: argparse.Namespace) -> int:
     source = made_aircraft(arguments)
     made, notes = source.aircraft, list(source.notes)
     found = check_file(made)
+    if not found.usable:
+        raise CommandError(next(f.text for f in found.findings if f.standing == "refusal"))
     write_whole(arguments.out, aircraft_toml(made, _comment(arguments, notes)))
     result: dict[str, Any] = check_object(made, found)
     result |= {"file": str(arguments.out), "basis": source.basis, "notes": notes}

@@ -183,6 +183,10 @@ def test_inertias_of_an_aircraft_twice_as_large_go_with_mass_and_square_of_span(
             "its square must be below",
         ),
         (
+            ["--span-m", "2", "--mass-kg", "3", "--area-m2", "0.5", "--inertia-z", "9"],
+            "no body has more than 1",
+        ),
+        (
             ["--span-m", "2", "--mass-kg", "3", "--area-m2", "0.5", "--like", "jetstream31"],
             "states no [coefficients]",
         ),

@@ -14,6 +14,7 @@ from wingwatch.aircraft import (
     SHORT_PERIOD,
     Aircraft,
     EnvelopeLimits,
+    Sensors,
     aircraft_toml,
     jsbsim_aircraft,
     linearised_derivatives,
@@ -52,25 +53,31 @@ def test_derivatives_are_those_of_jsbsim_s_accelerations(name: str, tmp_path: Pa
 def test_a_flight_of_jsbsim_is_estimated_to_the_file_that_was_read_from_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Signs and units of file, flight and estimator are one: c172r, a doublet a surface, without noise."""
+    """Signs and units of file, flight and estimator are one: c172r, a doublet a surface, noise of a small UAV."""
     monkeypatch.setattr(bundled, "SECONDS", 24.0)
     subject = bundled.Subject("c172r")
     clean, _ = bundled.fly(subject)
     aircraft = as_file(subject.peer, tmp_path, "c172r").model_copy(
-        update={"envelope": EnvelopeLimits(airspeed_true_m_s=(50.0, 70.0), altitude_m=(0.0, 2000.0))}
+        update={
+            "envelope": EnvelopeLimits(airspeed_true_m_s=(50.0, 60.0), altitude_m=(0.0, 2000.0)),
+            "modes": subject.file(False, 0).modes,
+            "sensors": Sensors(noise_std=bundled.NOISE),
+        }
     )
     file, flight = tmp_path / "c172r.toml", tmp_path / "flight.csv"
     file.write_text(aircraft_toml(aircraft))
-    block = SampleBlock(clean)
+    block = SampleBlock(bundled.noisy(clean, np.random.default_rng(1)))
     columns = {name: block.column(name) for name in NAMES if np.isfinite(block.column(name)).all()}
     rows = np.column_stack(list(columns.values()))
     np.savetxt(flight, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.10g")
     assert main(["estimate", str(flight), "--aircraft", str(file), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["estimators"]["fourier"]
+    found = json.loads(capsys.readouterr().out)["estimators"]
     for structure, symbols in (
         (SHORT_PERIOD, ("z_w", "m_w", "m_q", "m_eta")), (LATERAL, ("l_p", "l_xi", "n_v", "n_zeta", "l_v", "n_r")),
     ):  # fmt: skip
         said = linearised_derivatives(aircraft, bundled.AIRCRAFT["c172r"], structure)
         for symbol in symbols:
-            row = found[structure.name]["derivatives"][symbol]
-            assert row["value"] == pytest.approx(said[symbol], rel=0.1), symbol
+            for estimator in ("fourier", "ekf"):
+                row = found[estimator][structure.name]["derivatives"][symbol]
+                assert row["value"] == pytest.approx(said[symbol], rel=0.1), symbol
+                assert abs(row["value"] - said[symbol]) < 3.0 * row["standard_error"], symbol
