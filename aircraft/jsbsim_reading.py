@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import root
 
 from wingwatch.aircraft.aerodynamics import aspect_ratio
 from wingwatch.aircraft.aircraft_file import Aircraft
@@ -96,7 +96,7 @@ def _trim(model: JsbsimModel, condition: FlightCondition) -> JsbsimTrim:
         return np.array(rates[[0, 2, 4]])
 
     for start in (0.03, 0.1, 0.0):
-        found = root(left, np.array([start, 0.0, 0.1]), tol=1e-12, options={"eps": 1e-6}).x
+        found = scipy.optimize.root(left, np.array([start, 0.0, 0.1]), tol=1e-12, options={"eps": 1e-6}).x
         if (
             float(np.abs(left(found)).max()) < _LEFT
             and abs(float(found[0])) < 0.5
