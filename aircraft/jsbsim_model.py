@@ -98,14 +98,15 @@ class JsbsimModel:
         """Mass properties of the whole description with its fuel, None where JSBSim does not load it."""
         fdm = self._jsbsim.FGFDMExec(None)
         fdm.set_debug_level(0)
-        with _quiet():
-            fdm.set_aircraft_path(str(path.resolve().parent.parent))
-            engines = path.resolve().parent / "Engines"
-            if not engines.is_dir():
-                engines = Path(self._jsbsim.get_default_root_dir()) / "engine"
+        folder = path.resolve().parent
+        engines = folder / "Engines"
+        if not engines.is_dir():
+            engines = Path(self._jsbsim.get_default_root_dir()) / "engine"
+        with tempfile.TemporaryDirectory() as temporary, _quiet():
+            _beside(path, Path(temporary) / path.stem)
+            fdm.set_aircraft_path(temporary)
             fdm.set_engine_path(str(engines))
-            named = path.resolve().parent.name == path.stem
-            loaded = named and _loads(fdm, path.stem)
+            loaded = _loads(fdm, path.stem)
         if not loaded:
             self.notes.append(
                 "mass, inertias and centre of gravity are without fuel: JSBSim does not load the whole file"
@@ -280,6 +281,19 @@ def _xml(path: Path) -> ET.Element:
         return ET.fromstring(raw)
     except ET.ParseError as error:
         raise JsbsimError(f"{path} is not XML: {error}; give JSBSim's aircraft file") from None
+
+
+def _beside(path: Path, folder: Path) -> None:
+    """The description without what it writes or listens to, in a new folder with links to what stands beside it."""
+    tree = _xml(path)
+    for tag in ("output", "input"):
+        for element in tree.findall(tag):
+            tree.remove(element)
+    folder.mkdir()
+    for other in path.resolve().parent.iterdir():
+        if other.name != path.name:
+            (folder / other.name).symlink_to(other)
+    ET.ElementTree(tree).write(folder / path.name)
 
 
 def _loads(fdm: Any, name: str) -> bool:
