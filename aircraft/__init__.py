@@ -49,6 +49,8 @@ from wingwatch.aircraft.atmosphere import (
     isa_temperature_k,
     true_from_indicated,
 )
+from wingwatch.aircraft.avl_file import AvlError, read_avl_mass, read_avl_run
+from wingwatch.aircraft.avl_reading import avl_coefficients
 from wingwatch.aircraft.coefficients import (
     Coefficients,
     DirectionalCoefficients,
@@ -85,6 +87,9 @@ from wingwatch.aircraft.icing import (
     icing_direction,
     icing_factor,
 )
+from wingwatch.aircraft.jsbsim_model import JsbsimError
+from wingwatch.aircraft.jsbsim_reading import jsbsim_aircraft
+from wingwatch.aircraft.jsbsim_writing import jsbsim_xml
 from wingwatch.aircraft.linearisation import (
     Trim,
     TrimError,
@@ -96,6 +101,7 @@ from wingwatch.aircraft.linearisation import (
     trimmed,
 )
 from wingwatch.aircraft.loading import AircraftFileError, library_names, load_aircraft, parse_aircraft
+from wingwatch.aircraft.making import Dimensions, aircraft_like, empirical_aircraft, known_aircraft
 from wingwatch.aircraft.mass_and_balance import american_map, at_loading, carried
 from wingwatch.aircraft.modes import (
     ModeQuantity,
@@ -104,6 +110,8 @@ from wingwatch.aircraft.modes import (
     natural_frequency_and_damping,
     state_matrix,
 )
+from wingwatch.aircraft.plausible_file import FileCheck, check_file
+from wingwatch.aircraft.plausible_finding import FileFinding
 from wingwatch.aircraft.saving import aircraft_toml
 from wingwatch.aircraft.state_space import KnownTerms, change_form, form_scale, known_terms, state_space
 from wingwatch.aircraft.structures import (
@@ -122,9 +130,11 @@ from wingwatch.aircraft.structures import (
     STRUCTURES,
     ModeStructure,
 )
+from wingwatch.aircraft.tangent import with_stated_derivatives
 from wingwatch.aircraft.thrust import ThrustSlopes, propulsion_thrust_n, thrust_slopes
 from wingwatch.aircraft.uncertainty import (
     coefficient_standard_error,
+    derivative_covariance,
     derivative_standard_errors,
 )
 from wingwatch.aircraft.vocabulary import (
@@ -224,12 +234,28 @@ __all__ = [
     "derived_from",
     "reduced",
     "coefficient_standard_error",
+    "derivative_covariance",
     "derivative_standard_errors",
     "ModeQuantity",
     "mode_quantities",
     "natural_frequency_and_damping",
     "state_matrix",
     "analysis_band_hz",
+    "JsbsimError",
+    "jsbsim_aircraft",
+    "jsbsim_xml",
+    "with_stated_derivatives",
+    "AvlError",
+    "read_avl_run",
+    "read_avl_mass",
+    "avl_coefficients",
+    "known_aircraft",
+    "Dimensions",
+    "aircraft_like",
+    "empirical_aircraft",
+    "FileCheck",
+    "FileFinding",
+    "check_file",
     "ICING_FACTORS",
     "ICING_SEVERITY_MAX",
     "IcingKind",

@@ -6,8 +6,10 @@ and a file's ``[coefficients.relative_standard_error]`` and ``[coefficients.stan
 them.
 """
 
-import math
 from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wingwatch.aircraft.aircraft_file import Aircraft
 from wingwatch.aircraft.coefficients import Coefficients
@@ -19,6 +21,7 @@ __all__ = [
     "HANDBOOK_RELATIVE_STANDARD_ERROR",
     "HANDBOOK_STANDARD_ERROR_FLOOR",
     "coefficient_standard_error",
+    "derivative_covariance",
     "derivative_standard_errors",
 ]
 
@@ -82,6 +85,23 @@ def _looked_up(stated: Mapping[str, float], handbook: Mapping[str, float], name:
     return handbook.get(name, handbook.get("default", 0.0))
 
 
+def derivative_covariance(
+    aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure
+) -> NDArray[np.float64]:
+    """Covariance of the concise derivatives, (k, k) in the order of ``structure.derivatives``.
+
+    First order, as ``derivative_standard_errors``: derivatives that one coefficient moves are correlated by it.
+
+    Raises:
+        AircraftDataError, TrimError: as ``linearised_derivatives``.
+    """
+    moves, least = _moves(aircraft, condition, structure)
+    missing = ~moves.any(axis=0)
+    spread = np.array(moves.T @ moves)
+    spread[missing, missing] = (least[:, missing] ** 2).sum(axis=0)
+    return spread
+
+
 def derivative_standard_errors(
     aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure
 ) -> dict[str, float]:
@@ -95,23 +115,33 @@ def derivative_standard_errors(
     Raises:
         AircraftDataError, TrimError: as ``linearised_derivatives``.
     """
+    moves, least = _moves(aircraft, condition, structure)
+    variance = (moves**2).sum(axis=0)
+    variance = np.where(variance == 0.0, (least**2).sum(axis=0), variance)
+    return dict(zip(structure.derivatives, np.sqrt(variance).tolist(), strict=True))
+
+
+def _moves(
+    aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Change of each derivative by one standard error of each coefficient, and by ``LEAST_STANDARD_ERROR`` of those
+    that have none, where one of the derivatives needs it; (coefficients, k) each."""
     at = trim(aircraft, condition)
     coefficients = aircraft.need_coefficients("a-priori standard errors")
     base = linearised_at(aircraft, condition, structure, at)
     errors = {name: coefficient_standard_error(coefficients, name) for name, _ in coefficients.items()}
 
-    def variances(errors: Mapping[str, float]) -> dict[str, float]:
-        variance = dict.fromkeys(structure.derivatives, 0.0)
+    def moved(errors: Mapping[str, float]) -> NDArray[np.float64]:
+        rows = [[0.0] * len(structure.derivatives)]
         for name, value in coefficients.items():
             if not (error := errors.get(name, 0.0)):
                 continue
-            moved = aircraft.model_copy(update={"coefficients": coefficients.with_value(name, value + error)})
-            for symbol, other in linearised_at(moved, condition, structure, at).items():
-                variance[symbol] += (other - base[symbol]) ** 2
-        return variance
+            other = aircraft.model_copy(update={"coefficients": coefficients.with_value(name, value + error)})
+            there = linearised_at(other, condition, structure, at)
+            rows.append([there[symbol] - base[symbol] for symbol in structure.derivatives])
+        return np.array(rows)
 
-    found = variances(errors)
-    if not all(found.values()):
-        least = variances({name: LEAST_STANDARD_ERROR for name, error in errors.items() if not error})
-        found = {symbol: v or least[symbol] for symbol, v in found.items()}
-    return {symbol: math.sqrt(v) for symbol, v in found.items()}
+    found = moved(errors)
+    if found.any(axis=0).all():
+        return found, np.zeros((1, len(structure.derivatives)))
+    return found, moved({name: LEAST_STANDARD_ERROR for name, error in errors.items() if not error})

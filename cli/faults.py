@@ -34,6 +34,8 @@ def _loaded_sentence_types() -> tuple[type[BaseException], ...]:
         "wingwatch.aircraft.loading": ("AircraftFileError",),
         "wingwatch.aircraft.aircraft_file": ("AircraftDataError",),
         "wingwatch.aircraft.linearisation": ("TrimError",),
+        "wingwatch.aircraft.jsbsim_model": ("JsbsimError",),
+        "wingwatch.aircraft.avl_file": ("AvlError",),
         "wingwatch.telemetry.readers": ("TableError",),
         "wingwatch.telemetry.maps": ("MapError",),
         "wingwatch.telemetry.flight": ("FlightError",),

@@ -2,6 +2,7 @@
 
 import argparse
 
+from wingwatch.cli.arguments.aircraft import add_aircraft
 from wingwatch.cli.arguments.common import CommandParser
 from wingwatch.cli.arguments.flights import (
     add_condition,
@@ -28,8 +29,8 @@ __all__ = ["build_parser"]
 
 _COMMANDS = (
     add_demo, add_serve, add_publish, add_bridge, add_replay, add_simulate, add_log, add_estimate, add_monitor,
-    add_condition, add_diagnose, add_report, add_design_input, add_study, add_baseline, add_token, add_access,
-    add_store, add_notify,
+    add_condition, add_diagnose, add_report, add_design_input, add_study, add_aircraft, add_baseline, add_token,
+    add_access, add_store, add_notify,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -46,6 +47,8 @@ examples:
   wingwatch diagnose flight.csv --aircraft aerosonde --report report.html
   wingwatch report flight.ulg --aircraft my_aircraft.toml --out report.html
   wingwatch design-input --aircraft aerosonde --mode short_period --kind multisine --plot input.png
+  wingwatch aircraft new kite --span-m 2.1 --mass-kg 3.4 --area-m2 0.55 --airspeed 18 --out kite.toml
+  wingwatch aircraft check my_aircraft.toml
   wingwatch baseline show data/wingwatch.db --aircraft aerosonde
   wingwatch serve --data data --aircraft my_aircraft.toml
   wingwatch publish flight.parquet --vehicle uav1 --aircraft aerosonde --rate max

@@ -122,7 +122,8 @@ def test_a_requirement_without_a_pin_is_one_sentence() -> None:
 
 def test_an_unknown_extra_names_those_there_are() -> None:
     with pytest.raises(
-        install.SetupError, match=r"no extra 'plots': choose among dask, dev, logs, notify, plot, postgres"
+        install.SetupError,
+        match=r"no extra 'plots': choose among dask, dev, jsbsim, logs, notify, plot, postgres",
     ):
         install.wanted_names(PYPROJECT, ["plots"])
 
