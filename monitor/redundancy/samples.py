@@ -491,6 +491,15 @@ def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-de
 
 
 @whole
+def _without_held_airspeed(row, memory, to):  # type: ignore[no-untyped-def]
+    """Velocity over the ground less airspeed is no new reading where the airspeed is that of a slower sensor, held: its
+    error would count as often as it is held."""
+    last = memory.scalar[AIRSPEED]
+    if row[_V] == last[_READING] and row[_T] - last[_SINCE_S] < HELD_S:
+        to.z[NORTH] = to.z[EAST] = np.nan
+
+
+@whole
 def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
     """Whether some relation's innovation is beyond its limit; nothing is changed."""
     z, rate = to.z, to.rate
@@ -574,6 +583,7 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
             forces_and_moments(row, dt, model, memory, flow, to)
         _ground(row, dt, memory, flow, to)
         _note_quick_motion(dt, memory, to)
+        _without_held_airspeed(row, memory, to)
         for i in range(_N):
             if model.active[i] and _MAY_REPEAT[i]:
                 _note_repeats(i, row[_OWN[i]], row[_T], memory, to)
