@@ -1,7 +1,7 @@
 """A whole flight: a file read, mapped and completed into the flight table, and written back."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
@@ -169,6 +169,8 @@ def load_flight(
     mapped = read(path, rules, full_deflection_rad or {})
     columns, rules, source = mapped.columns, mapped.rules, str(path)
     kinds = _command_kinds(columns, rules)
+    copies = [name for name in kinds if kinds[name] == "position" and _is_copy(columns, name)]
+    kinds |= dict.fromkeys(copies, "command")
     given = [name for name, column in columns.items() if np.isfinite(column).any()]
     made = derivations(given)
     block = complete(SampleBlock.from_columns(columns), given)
@@ -177,7 +179,9 @@ def load_flight(
         if name in made and name not in kinds:
             kinds[name] = "command" if made[name] == (_command_of(name),) else "position"
     quality = _quality(block, rules, made)
-    return FlightTable(block, kinds, quality, source, mapped.report, rules.channels)
+    said = [f"{name} is its command to the bit, and taken for that" for name in copies]
+    report = replace(mapped.report, notes=(*mapped.report.notes, *said))
+    return FlightTable(block, kinds, quality, source, report, rules.channels)
 
 
 def _read_columns(path: Path, channel_map: ChannelMap | None, travel_rad: Mapping[str, float]) -> _Mapped:
@@ -278,6 +282,15 @@ def _vector_is_mentioned(text: str, name: str) -> bool:
 
 def _command_of(surface: str) -> str:
     return surface.removesuffix("_rad") + "_command_rad"
+
+
+def _is_copy(columns: Mapping[str, NDArray[np.float64]], surface: str) -> bool:
+    """Whether a surface's position is no reading: a servo that moves is never where its command is, to the bit."""
+    position, command = columns[surface], columns.get(_command_of(surface))
+    if command is None or not np.array_equal(position, command, equal_nan=True):
+        return False
+    known = position[np.isfinite(position)]
+    return known.size > 0 and bool(np.ptp(known) > 0.0)
 
 
 def _command_kinds(columns: dict[str, NDArray[np.float64]], rules: ChannelMap) -> dict[str, Kind]:

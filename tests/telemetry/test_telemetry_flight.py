@@ -204,3 +204,26 @@ class TestThor75:
         with pytest.raises(FlightError) as caught:
             load_flight(THOR75)
         assert all(name in str(caught.value) for name in REQUIRED_CHANNELS)
+
+
+def test_a_position_that_is_its_command_to_the_bit_is_no_reading(tmp_path: Path) -> None:
+    block = SampleBlock.from_columns(
+        {
+            **{name: np.linspace(1.0, 2.0, 50) for name in REQUIRED_CHANNELS},
+            "time_s": 0.02 * np.arange(50),
+            "elevator_rad": np.sin(np.arange(50.0)) / 10.0,
+            "elevator_command_rad": np.sin(np.arange(50.0)) / 10.0,
+            "aileron_rad": np.sin(np.arange(50.0)) / 11.0,
+            "aileron_command_rad": np.sin(np.arange(50.0)) / 10.0,
+            "rudder_rad": np.zeros(50),
+            "rudder_command_rad": np.zeros(50),
+        }
+    )
+    path = tmp_path / "flight.csv"
+    write_flight(block, path)
+    flight = load_flight(path)
+    assert flight.kinds["elevator_rad"] == "command"
+    assert flight.kinds["aileron_rad"] == "position"
+    assert flight.kinds["rudder_rad"] == "position"  # one that rests says nothing either way
+    assert "elevator_rad" not in flight.wire_columns
+    assert "elevator_rad is its command to the bit, and taken for that" in flight.report.notes
