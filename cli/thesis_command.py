@@ -14,6 +14,7 @@ from rich.table import Table
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.output_files import check_output
 from wingwatch.cli.progress import Progress, page, write_json
+from wingwatch.studies.thesis.beyond import beyond_sections
 from wingwatch.studies.thesis.figures import FIGURES, Drawn, drawn
 from wingwatch.studies.thesis.printed import printed_pulses, printed_tables
 from wingwatch.studies.thesis.report import (
@@ -54,23 +55,29 @@ def run(arguments: argparse.Namespace) -> int:
     _check(arguments)
     if printed_pulses().number in arguments.table:
         return _show_pulses(arguments)
-    numbers = arguments.table or ([] if arguments.figure else list(printed_tables()))
+    part = arguments.figure or (arguments.beyond and arguments.report is None)
+    numbers = arguments.table or ([] if part else list(printed_tables()))
     found = [
         compared(printed_tables()[one], arguments.draws)
         for one in Progress(not arguments.json).track(numbers, "tables")
     ]
+    more = beyond_sections(arguments.draws) if arguments.beyond or _whole(arguments) else []
     figures = [drawn(one) for one in arguments.figure or (_IN_THE_REPORT if _whole(arguments) else ())]
     if arguments.report is not None:
-        write_report(sections_of(found, figures, ()), _about(arguments), arguments.report)
+        write_report(sections_of(found, figures, more), _about(arguments), arguments.report)
     if arguments.json:
-        write_json(_as_json(found, figures, arguments.draws))
+        write_json(_as_json(found, figures, more, arguments.draws))
     else:
-        _show(page(), found, figures if arguments.figure else [], full=bool(arguments.table))
+        console = page()
+        _show(console, found, figures if arguments.figure else [], full=bool(arguments.table))
+        for section in more:
+            _print(console, section)
     return 0
 
 
 def _whole(arguments: argparse.Namespace) -> bool:
-    return arguments.report is not None and not arguments.table
+    """Whether a report of everything is asked for."""
+    return arguments.report is not None and not arguments.table and not arguments.figure
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -103,7 +110,7 @@ def _order(one: str) -> tuple[int, ...]:
 def _about(arguments: argparse.Namespace) -> str:
     asked = "".join(
         f" --{option} {one}" for option in ("table", "figure") for one in getattr(arguments, option)
-    )
+    ) + (" --beyond" if arguments.beyond else "")
     return (
         f"Made by: wingwatch thesis{asked} --draws {arguments.draws} --report {arguments.report.name} (seeds 0 to "
         f"{arguments.draws - 1})"
@@ -112,9 +119,7 @@ def _about(arguments: argparse.Namespace) -> str:
 
 def _show_pulses(arguments: argparse.Namespace) -> int:
     if arguments.json:
-        grid = pulses_section().grid
-        assert grid is not None
-        write_json({"table": "7.1", "rows": [dict(zip(grid.head, row, strict=True)) for row in grid.rows]})
+        write_json({"table": printed_pulses().number, "rows": _rows(pulses_section().grid)})
     else:
         _print(page(), pulses_section())
     return 0
@@ -172,7 +177,13 @@ def _print(console: Console, one: Section) -> None:
         console.print(f"{note[:1].upper()}{note[1:]}.", style="dim", soft_wrap=True, markup=False)
 
 
-def _as_json(found: Sequence[Compared], figures: Sequence[Drawn], draws: int) -> dict[str, Any]:
+def _rows(grid: Grid | None) -> list[dict[str, str]]:
+    return [] if grid is None else [dict(zip(grid.head, row, strict=True)) for row in grid.rows]
+
+
+def _as_json(
+    found: Sequence[Compared], figures: Sequence[Drawn], more: Sequence[Section], draws: int
+) -> dict[str, Any]:
     return {
         "draws": draws,
         "coverage": coverage_sentence(found) if found else None,
@@ -198,5 +209,9 @@ def _as_json(found: Sequence[Compared], figures: Sequence[Drawn], draws: int) ->
                 "traces": [asdict(trace) for trace in one.traces],
             }
             for one in figures
+        ],
+        "beyond": [
+            {"name": one.name, "title": one.title, "text": " ".join(one.texts), "rows": _rows(one.grid)}
+            for one in more
         ],
     }

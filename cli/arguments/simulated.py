@@ -293,6 +293,11 @@ def add_thesis(commands: Commands) -> None:
     add("--table", action="append", default=[], metavar="N", help="in full, such as 7.3; may be repeated")
     add("--figure", action="append", default=[], metavar="N", help="such as 9.15; may be repeated")
     add(
+        "--beyond",
+        action="store_true",
+        help="what the thesis's methods could not do, on its plants: errors that hold, rough air, a lost effect",
+    )
+    add(
         "--draws",
         type=int,
         default=100,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wingwatch.aircraft import ModeStructure, natural_frequency_and_damping, state_matrix
 from wingwatch.estimators.batch.fit import channel_fit
-from wingwatch.simulation import linear_response
+from wingwatch.simulation import linear_response, state_rates
 from wingwatch.studies.thesis.methods import (
     BAND_HZ,
     WIDE_HZ,
@@ -82,6 +82,8 @@ class Outcome:
     Attributes:
         value, error: derivatives and their standard errors, (draws, 6).
         r_squared: of the two equations, percent, (draws, 2).
+        r_squared_clean: of the estimated model's state derivatives, flown from the surface alone, against those of the
+            plant without noise, percent, (draws, 2).
         theil: coefficient, bias, variance, covariance of the two states as predicted, (draws, 2, 4).
         frequency, frequency_error: natural and damped frequency and damping ratio, (draws, 3).
     """
@@ -89,6 +91,7 @@ class Outcome:
     value: Array
     error: Array
     r_squared: Array
+    r_squared_clean: Array
     theil: Array
     frequency: Array
     frequency_error: Array
@@ -127,6 +130,7 @@ def outcome(plant_name: str, name: str, draws: int) -> Outcome:
         np.array([a.value for a, *_ in found]),
         np.array([a.standard_error for a, *_ in found]),
         100.0 * np.array([a.r_squared for a, *_ in found]),
+        100.0 * np.array([_against_clean(flight, a.value) for a, *_ in found]),
         np.array([t for _, t, *_ in found]),
         np.array([f for *_, f, _ in found]),
         np.array([e for *_, e in found]),
@@ -156,6 +160,19 @@ def theil(record: Record, value: Array) -> Array:
         channel_fit(name, [record.states[:, k]], [predicted[:, k]]) for k, name in enumerate(structure.states)
     ]
     return np.array([(f.tic, f.bias, f.variance, f.covariance) for f in fits])
+
+
+def _against_clean(flight: Flown, value: Array) -> Array:
+    """R2 of the model's state derivatives against the plant's, neither with noise, (2,)."""
+    structure, surface = flight.plant.structure, flight.surface
+    rates = []
+    for derivatives in (flight.plant.derivatives, tuple(value.tolist())):
+        by_symbol = dict(zip(structure.derivatives, derivatives, strict=True))
+        with np.errstate(over="ignore", invalid="ignore"):
+            states = linear_response(structure, by_symbol, surface, 1.0 / RATE_HZ)
+            rates.append(state_rates(structure, by_symbol, states, surface))
+    own, model = rates
+    return np.asarray(1.0 - np.mean((model - own) ** 2, axis=0) / np.var(own, axis=0))
 
 
 def frequencies(structure: ModeStructure, answer: Answer) -> tuple[Array, Array]:

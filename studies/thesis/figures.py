@@ -46,7 +46,7 @@ class Figure:
             if self.equation is None
             else ("force", "moment")[self.equation] + " derivatives"
         )
-        return f"Figure {self.number}: {self.plant.replace('_', ' ')}, {self.case}, {what}"
+        return f"Figure {self.number}: {plants()[self.plant].title}, {self.case}, {what}"
 
 
 def _traces() -> list[Figure]:

@@ -50,6 +50,7 @@ SOLVE_EVERY = 25
 _CUTOFF_HZ = 4.0
 _FORGETTING_HZ = 25.0
 """Samples a second that the thesis's forgetting factor counts in."""
+_LIVE_MEMORY_S, _ENDLESS_S = 40.0, 1e9
 _START_AT, _WIDTH = 0.7, 3.0
 """Online estimators start 30 % off, with a prior three times as wide as a derivative's size."""
 _LAYOUT = SignalLayout(2, 1)
@@ -133,10 +134,20 @@ def _prior(plant: Plant) -> tuple[Array, Array]:
     return start, np.abs(truth)
 
 
-def online_estimator(plant: Plant, forgetting: float) -> FourierEstimator:
-    """The recursive Fourier estimator with the memory that a forgetting factor a sample of 25 Hz means."""
+def online_estimator(
+    plant: Plant, forgetting: float | None, *, accelerometer: bool = False
+) -> FourierEstimator:
+    """The recursive Fourier estimator with the memory that a forgetting factor a sample of 25 Hz means.
+
+    Args:
+        plant: gives structure and condition, and a prior 30 % off.
+        forgetting: the factor; None for the memory of the live chain.
+        accelerometer: whether the force equation rests on it, as live, rather than on the velocity's rate.
+    """
     start, size = _prior(plant)
-    memory_s = 1.0 / (_FORGETTING_HZ * (1.0 - forgetting)) if forgetting < 1.0 else 1e9
+    memory_s = _LIVE_MEMORY_S
+    if forgetting is not None:
+        memory_s = 1.0 / (_FORGETTING_HZ * (1.0 - forgetting)) if forgetting < 1.0 else _ENDLESS_S
     return FourierEstimator(
         FourierConfig(
             plant.structure,
@@ -146,16 +157,18 @@ def online_estimator(plant: Plant, forgetting: float) -> FourierEstimator:
             _reference(plant),
             memory_s=memory_s,
             held=(True,),
-            force_from_accelerometer=False,
+            force_from_accelerometer=accelerometer,
         )
     )
 
 
-def ekf_estimator(plant: Plant) -> EkfEstimator:
-    """The filter as the live chain runs it."""
+def ekf_estimator(plant: Plant, *, accelerometer: bool = False) -> EkfEstimator:
+    """The filter with the live chain's memory."""
     start, size = _prior(plant)
     return EkfEstimator(
-        EkfConfig(plant.structure, start, size, _reference(plant), held=(True,), use_accelerometer=False)
+        EkfConfig(
+            plant.structure, start, size, _reference(plant), held=(True,), use_accelerometer=accelerometer
+        )
     )
 
 

@@ -53,6 +53,11 @@ class Plant:
     is_the: str
 
     @property
+    def title(self) -> str:
+        """In words."""
+        return self.name.replace("_", " ").capitalize()
+
+    @property
     def by_symbol(self) -> dict[str, float]:
         """Derivatives by symbol."""
         return dict(zip(self.structure.derivatives, self.derivatives, strict=True))

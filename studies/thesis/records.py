@@ -143,14 +143,21 @@ def _late(column: Array, delay_s: float) -> Array:
     return np.concatenate([np.zeros(steps), column[:-steps]])
 
 
-def measured(flight: Flown, seed: int | None) -> Record:
-    """The record of a flight with white noise of a seed; without any where it is None."""
+def measured(flight: Flown, seed: int | None, loudness: Flown | None = None) -> Record:
+    """The record of a flight with white noise of a seed; without any where it is None.
+
+    Args:
+        flight: what was flown.
+        seed: of the noise.
+        loudness: the flight whose signals the noise is a fifth of, where it is another.
+    """
     plant = flight.plant
     states, force = flight.states, flight.force
     if seed is not None:
         rng = np.random.default_rng(seed)
-        states = states + flight.states.std(axis=0) / SIGNAL_TO_NOISE * rng.standard_normal(states.shape)
-        force = force + flight.force.std() / SIGNAL_TO_NOISE * rng.standard_normal(force.size)
+        signal = loudness or flight
+        states = states + signal.states.std(axis=0) / SIGNAL_TO_NOISE * rng.standard_normal(states.shape)
+        force = force + signal.force.std() / SIGNAL_TO_NOISE * rng.standard_normal(force.size)
     rows = np.zeros((len(states), _LAYOUT.columns))
     rows[:, 0] = np.arange(len(states)) / RATE_HZ
     rows[:, 1:3] = states

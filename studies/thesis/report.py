@@ -96,7 +96,7 @@ def summary_section(found: Sequence[Compared]) -> Section:
 def table_section(found: Compared) -> Section:
     """One table in full."""
     one = found.table
-    title = f"Table {one.number} (section {one.section}): {one.plant.name.replace('_', ' ')}, {one.about}"
+    title = f"Table {one.number} (section {one.section}): {one.plant.title}, {one.about}"
     return Section(f"table-{one.number}", title, (), grid_of(found), found.notes)
 
 

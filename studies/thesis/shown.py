@@ -8,7 +8,7 @@ from itertools import groupby
 import numpy as np
 
 from wingwatch.aircraft import doublet_pulse_s
-from wingwatch.studies.thesis.printed import printed_pulses
+from wingwatch.studies.thesis.printed import plants, printed_pulses
 from wingwatch.studies.thesis.tables import FIT, Z_95, Compared, Quantity
 
 __all__ = ["SUMMARY_HEAD", "Grid", "grid_of", "number", "pulses_grid", "summary_cells", "with_error"]
@@ -101,7 +101,7 @@ def _fit_figure(one: Quantity) -> str:
 def summary_cells(found: Compared) -> tuple[str, ...]:
     """One line of the summary."""
     table = found.table
-    shows = f"{table.plant.name.replace('_', ' ')}: {table.about}"
+    shows = f"{table.plant.title}: {table.about}"
     theirs, ours, apart = {"derivatives": _derivatives, "fit": _fit, "frequency": _frequency}[table.kind](
         [one for one in found.quantities if one.ours is not None]
     )
@@ -126,7 +126,7 @@ def summary_cells(found: Compared) -> tuple[str, ...]:
 
 
 def _derivatives(rows: Sequence[Quantity]) -> tuple[str, str, str]:
-    """Median error in percent of the truth, and how many are more than two joint errors apart."""
+    """Median error in percent of the truth, and how many are more than two joint errors apart; noisy cases alone."""
 
     def median(values: Sequence[float | None]) -> str:
         off = [
@@ -137,6 +137,7 @@ def _derivatives(rows: Sequence[Quantity]) -> tuple[str, str, str]:
         return f"median error {100.0 * float(np.median(off)):.2g} %"
 
     far = [one for one in rows if one.apart is not None]
+    rows = far or rows
     apart = (
         f"{sum(abs(one.apart or 0.0) > 2.0 for one in far)} of {len(far)} beyond 2 se" if far else "no noise"
     )
@@ -183,7 +184,7 @@ def pulses_grid() -> Grid:
     """Table 7.1 beside the width that ``wingwatch.aircraft`` gives for the printed frequency."""
     rows = [
         (
-            plant.replace("_", " "),
+            plants()[plant].title,
             number(frequency),
             f"{width:.4f}",
             f"{doublet_pulse_s(frequency):.4f}",

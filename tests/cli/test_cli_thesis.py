@@ -103,6 +103,27 @@ def test_printed_pulses_are_those_of_the_printed_frequencies(capsys: pytest.Capt
     assert all(abs(float(row["apart"].removesuffix(" %"))) < 0.05 for row in rows)
 
 
+def test_what_lies_beyond_the_thesis_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    parts = {
+        one["name"]: one["rows"]
+        for one in run(capsys, ["thesis", "--beyond", "--draws", "10", "--json"]).json["beyond"]
+    }
+    short = [row for row in parts["beyond-errors"] if row["plant"] == "short period"]
+    theirs, *ours = (float(row["truth in 95 %"].removesuffix(" %")) for row in short)
+    assert theirs < 80.0 < min(ours)
+    after = {
+        row["estimator"]: row["4 s after"] for row in parts["beyond-damage"] if row["plant"] == "short period"
+    }
+    assert float(after["Fourier, online"].removesuffix(" %")) < 5.0
+    assert float(after["thesis's recursion, factor 0.998"].removesuffix(" %")) > 10.0
+    air = {
+        row["estimator"]: row["median rms error"]
+        for row in parts["beyond-air"]
+        if row["plant"] == "short period"
+    }
+    assert float(air["Fourier, online"].removesuffix(" %")) < 5.0
+
+
 def test_printed_tables_are_whole() -> None:
     tables = printed_tables()
     sizes = {"derivatives": 6, "fit": 5, "frequency": 3}
