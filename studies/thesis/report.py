@@ -75,11 +75,15 @@ def coverage_sentence(found: Sequence[Compared]) -> str:
     left = (
         f"; the {cases - repeated} left out are in {', '.join(partly)}, where they say why" if partly else ""
     )
+    said = (
+        f"Result tables: {len(found)}, of the Aerosonde {len(found) - flown}, of the Jetstream {flown}, for whose flights "
+        f"a plant stands in. Of their {cases} cases {repeated} are repeated{left}."
+    )
+    if len(found) < len(printed_tables()):
+        return said
     return (
-        f"{len(found)} result tables, {len(found) - flown} of the Aerosonde and {flown} of the Jetstream, for whose "
-        f"flights a plant stands in: {repeated} of their "
-        f"{cases} cases are repeated{left}. Chapters 7 to 9 have {TABLES_IN_CHAPTERS} numbered tables; beside these "
-        "7.1 (widths of pulses), which is here too, and 7.12 (a list of sensors)."
+        f"{said} Chapters 7 to 9 have {TABLES_IN_CHAPTERS} numbered tables; beside these 7.1 (widths of pulses), which "
+        "is here too, and 7.12 (a list of sensors)."
     )
 
 

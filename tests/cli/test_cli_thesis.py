@@ -48,7 +48,7 @@ def test_what_cannot_be_repeated_says_why_and_is_counted(capsys: pytest.CaptureF
     assert (table["cases"], table["repeated"]) == (2, 1)
     assert any(note.startswith("not repeated: the roll derivatives") for note in table["notes"])
     assert any("not public" in note for note in table["notes"])
-    assert "1 result tables" in result["coverage"]
+    assert "Of their 2 cases 1 are repeated" in result["coverage"]
     assert [row["ours"] is None for row in table["quantities"]] == [False] * 5 + [True] * 5
 
 
