@@ -76,8 +76,8 @@ def coverage_sentence(found: Sequence[Compared]) -> str:
         f"; the {cases - repeated} left out are in {', '.join(partly)}, where they say why" if partly else ""
     )
     said = (
-        f"Result tables: {len(found)}, of the Aerosonde {len(found) - flown}, of the Jetstream {flown}, for whose flights "
-        f"a plant stands in. Of their {cases} cases {repeated} are repeated{left}."
+        f"Result tables: {len(found)}, of the Aerosonde {len(found) - flown}, of the Jetstream {flown}, for whose "
+        f"flights a plant stands in. Of their {cases} cases {repeated} are repeated{left}."
     )
     if len(found) < len(printed_tables()):
         return said
@@ -132,7 +132,7 @@ def sections_of(
     found: Sequence[Compared], figures: Sequence[Drawn], more: Sequence[Section]
 ) -> list[Section]:
     """The whole report in order."""
-    parts = [summary_section(found), *more]
+    parts = [*([summary_section(found)] if found else []), *more]
     if figures:
         parts.append(figure_section(figures))
     if len(found) == len(printed_tables()):

@@ -106,7 +106,7 @@ def test_printed_pulses_are_those_of_the_printed_frequencies(capsys: pytest.Capt
 def test_what_lies_beyond_the_thesis_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     parts = {
         one["name"]: one["rows"]
-        for one in run(capsys, ["thesis", "--beyond", "--draws", "10", "--json"]).json["beyond"]
+        for one in run(capsys, ["thesis", "--beyond", "--draws", "6", "--json"]).json["beyond"]
     }
     short = [row for row in parts["beyond-errors"] if row["plant"] == "short period"]
     theirs, *ours = (float(row["truth in 95 %"].removesuffix(" %")) for row in short)
