@@ -23,14 +23,14 @@ from wingwatch.cli.arguments.serving import (
     add_store,
     add_token,
 )
-from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_simulate, add_study
+from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_simulate, add_study, add_thesis
 
 __all__ = ["build_parser"]
 
 _COMMANDS = (
     add_demo, add_serve, add_publish, add_bridge, add_replay, add_simulate, add_log, add_estimate, add_monitor,
     add_condition, add_diagnose, add_report, add_design_input, add_study, add_aircraft, add_baseline, add_token,
-    add_access, add_store, add_notify,
+    add_access, add_store, add_notify, add_thesis,
 )  # fmt: skip
 """In the order of the help."""
 
@@ -59,6 +59,7 @@ examples:
   wingwatch access uav1 uav2 --out access.json5
   wingwatch store backup data/wingwatch.db --out copy.db
   wingwatch notify test --config service.toml
+  wingwatch thesis --table 7.3
 
 A flight is a CSV, Parquet or MATLAB file, or an autopilot's log (PX4's .ulg, ArduPilot's .bin and .log, .tlog).
 A channel map (TOML) names its columns where they are not called as

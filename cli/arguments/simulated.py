@@ -6,7 +6,7 @@ from pathlib import Path
 from wingwatch.cli.arguments.common import Commands, add_command, add_commands, add_convention
 from wingwatch.cli.arguments.values import wind
 
-__all__ = ["add_demo", "add_design_input", "add_simulate", "add_study"]
+__all__ = ["add_demo", "add_design_input", "add_simulate", "add_study", "add_thesis"]
 
 _DEMO_DATA = Path("data") / "demo"
 
@@ -43,6 +43,12 @@ wingwatch design-input --aircraft aerosonde --mode short_period --kind doublet
   wingwatch design-input --aircraft aerosonde --mode short_period --mode lateral --kind multisine --out input.csv \\
       --plot input.png
   wingwatch design-input --aircraft aerosonde --mode dutch_roll --compare"""
+
+_THESIS_EXAMPLES = """\
+wingwatch thesis
+  wingwatch thesis --table 7.3 --table 8.1
+  wingwatch thesis --figure 9.15
+  wingwatch thesis --report thesis.html"""
 
 
 def add_demo(commands: Commands) -> None:
@@ -273,3 +279,29 @@ def _add_study_show(studies: Commands) -> None:
         help="finished studies, taken together: healthy flights say how often an alert is false",
     )
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="write it as one page")
+
+
+def add_thesis(commands: Commands) -> None:
+    """``wingwatch thesis``."""
+    parser = add_command(
+        commands,
+        "thesis",
+        "result tables and figures of the thesis (Jameson 2013) as printed, beside ours on the same plants",
+        _THESIS_EXAMPLES,
+    )
+    add = parser.add_argument
+    add("--table", action="append", default=[], metavar="N", help="in full, such as 7.3; may be repeated")
+    add("--figure", action="append", default=[], metavar="N", help="such as 9.15; may be repeated")
+    add(
+        "--beyond",
+        action="store_true",
+        help="what the thesis's methods could not do, on its plants: errors that hold, rough air, a lost effect",
+    )
+    add(
+        "--draws",
+        type=int,
+        default=100,
+        metavar="N",
+        help="of noise in each case, seeds from 0 (default: %(default)s)",
+    )
+    add("--report", type=Path, metavar="FILE", help="write it as one page (.html) or as Markdown (.md)")

@@ -1,0 +1,1 @@
+"""The thesis beside us: its result tables as printed, and what wingwatch says on the same plants."""
