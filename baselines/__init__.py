@@ -54,7 +54,8 @@ from wingwatch.baselines.reference import Reference, posteriors
 
 if TYPE_CHECKING:
     from wingwatch.baselines.database import Database, DatabaseError, RefusedError, open_database
-    from wingwatch.baselines.ledger import BaselineContent, BaselineLedger
+    from wingwatch.baselines.ledger import BaselineContent, BaselineLedger, Teaching
+    from wingwatch.baselines.reverting import Reverted, Selection
 
 __all__ = [
     "Expectation",
@@ -97,12 +98,15 @@ __all__ = [
     "TaughtOverview",
     "BaselineLedger",
     "BaselineContent",
+    "Reverted",
+    "Selection",
+    "Teaching",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name in ("Database", "DatabaseError", "RefusedError", "open_database"):
         return getattr(import_module("wingwatch.baselines.database"), name)
-    if name in ("BaselineLedger", "BaselineContent"):
+    if name in ("BaselineLedger", "BaselineContent", "Teaching", "Reverted", "Selection"):
         return getattr(import_module("wingwatch.baselines.ledger"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

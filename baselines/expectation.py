@@ -190,6 +190,9 @@ class Envelope:
         neighbourhood: how far outside the points' hull lookups are still answered.
         absent: the sentence an envelope without points refuses with.
 
+    Attributes:
+        absent: that sentence.
+
     Raises:
         ValueError: an entry of another structure or configuration, or two at the same point.
     """
@@ -215,7 +218,7 @@ class Envelope:
         self.points = tuple(points)
         self.configuration = configuration
         self.neighbourhood = neighbourhood
-        self._absent = absent or f"nothing is expected of {structure.name} in {configuration!r} yet"
+        self.absent = absent or f"nothing is expected of {structure.name} in {configuration!r} yet"
         self._why_unscaled = ""
         if points:
             self._prepare()
@@ -234,7 +237,7 @@ class Envelope:
             points.append(replace(p, value=value, covariance=covariance, condition=condition))
         return Envelope(
             aircraft, self.structure, points, configuration=self.configuration,
-            neighbourhood=self.neighbourhood, absent=self._absent,
+            neighbourhood=self.neighbourhood, absent=self.absent,
         )  # fmt: skip
 
     def _prepare(self) -> None:
@@ -264,7 +267,7 @@ class Envelope:
         """A digest of the entries and of where they are trusted: envelopes of one aircraft that have the same give the
         same answers."""
         digest = blake2b(
-            repr((self.structure.name, self.configuration, self.neighbourhood, self._absent)).encode()
+            repr((self.structure.name, self.configuration, self.neighbourhood, self.absent)).encode()
         )
         for p in self.points:
             digest.update(repr((p.condition, str(p.provenance), p.source)).encode())
@@ -291,7 +294,7 @@ class Envelope:
     def lookup(self, condition: FlightCondition) -> Expectation | OutOfEnvelope:
         """The expectation at a flight condition, or why there is none; nothing is ever extrapolated."""
         if not self.points:
-            return OutOfEnvelope(self._absent)
+            return OutOfEnvelope(self.absent)
         if condition.configuration != self.configuration:
             return OutOfEnvelope(
                 f"the baseline of {self.structure.name} is for configuration {self.configuration!r}, "

@@ -175,6 +175,17 @@ class BaselineLedger:
             found = session.scalars(select(ReferenceRow.source).where(*standing))
             return tuple(one for one in found if one)
 
+    def all_sources(self, selection: Selection) -> tuple[str, ...]:
+        """Where what counts of all vehicles of an aircraft comes from."""
+        standing = (
+            ReferenceRow.aircraft == selection.aircraft,
+            ReferenceRow.configuration == selection.configuration,
+            ReferenceRow.withdrawn_by.is_(None),
+        )
+        with self._database.reading() as session:
+            found = session.scalars(select(ReferenceRow.source).where(*standing))
+            return tuple(one for one in found if one)
+
     def changes(self, after: int = 0, aircraft: str | None = None) -> tuple[ChangeRecord, ...]:
         """Changes with an id above ``after``, oldest first."""
         query = _of_aircraft(select(ChangeRow), ChangeRow, aircraft).where(ChangeRow.id > after)
@@ -232,11 +243,14 @@ class BaselineLedger:
                     stored += 1
             return stored
 
-    def revert(self, change: ChangeRecord, selection: Selection) -> Reverted:
+    def revert(self, change: ChangeRecord, selection: Selection, *, keep: bool = True) -> Reverted:
         """Take back the newest version: what it took the place of counts again.
 
         Of an aircraft the newest change's entries, or one entry. Of a vehicle the newest version of each structure, or
         all after ``selection.version``.
+
+        Args:
+            keep: whether it is done; else the answer only says what would be.
 
         Raises:
             ValueError: there is nothing to take back.
@@ -245,11 +259,18 @@ class BaselineLedger:
             one_writer(session.connection())
             row = put_change(session, change)
             if selection.vehicle is None:
-                return revert_entries(session, selection)
-            return revert_vehicle(session, selection, row.id)
+                found = revert_entries(session, selection)
+            else:
+                found = revert_vehicle(session, selection, row.id)
+            if not keep:
+                session.rollback()
+            return found
 
-    def remove(self, change: ChangeRecord, selection: Selection) -> Reverted:
+    def remove(self, change: ChangeRecord, selection: Selection, *, keep: bool = True) -> Reverted:
         """Remove entries with their history, or all that a vehicle taught.
+
+        Args:
+            keep: as for ``revert``.
 
         Raises:
             ValueError: there is none of it.
@@ -257,9 +278,11 @@ class BaselineLedger:
         with self._database.writing() as session:
             one_writer(session.connection())
             put_change(session, change)
-            if selection.vehicle is None:
-                return remove_entries(session, selection)
-            return remove_vehicle(session, selection)
+            act = remove_entries if selection.vehicle is None else remove_vehicle
+            found = act(session, selection)
+            if not keep:
+                session.rollback()
+            return found
 
 
 def _newest_ids() -> Any:

@@ -8,7 +8,7 @@ from sqlalchemy import delete, select, update
 from sqlalchemy.orm import Session
 
 from wingwatch.baselines.baseline_rows import cell_record, of_key, put_cell, taught
-from wingwatch.baselines.records import CellRecord, ChangeRecord
+from wingwatch.baselines.records import CellRecord, ChangeRecord, ReferenceKey
 from wingwatch.baselines.reference import Reference
 from wingwatch.baselines.tables import CellRow, ChangeRow, ExpectationRow, ReferenceRow
 
@@ -47,6 +47,19 @@ class Selection:
     vehicle: str | None = None
     entry: int | None = None
     version: int | None = None
+
+    def key(self, structure: str) -> ReferenceKey:
+        """Of what the vehicle taught of a structure."""
+        return ReferenceKey(
+            self.fleet or "default", self.vehicle or "", self.aircraft, self.configuration, structure
+        )
+
+    @property
+    def owner(self) -> str:
+        """Whose it is, for a person."""
+        if self.vehicle is None:
+            return f"aircraft {self.aircraft} ({self.configuration})"
+        return f"vehicle {self.fleet}/{self.vehicle}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 import argparse
 
+from wingwatch.cli.arguments.baseline import add_baseline
 from wingwatch.cli.arguments.common import CommandParser
 from wingwatch.cli.arguments.flights import (
     add_condition,
@@ -13,7 +14,7 @@ from wingwatch.cli.arguments.flights import (
     add_replay,
     add_report,
 )
-from wingwatch.cli.arguments.serving import add_access, add_baseline, add_serve, add_store, add_token
+from wingwatch.cli.arguments.serving import add_access, add_serve, add_store, add_token
 from wingwatch.cli.arguments.simulated import add_demo, add_design_input, add_simulate, add_study
 
 __all__ = ["build_parser"]
