@@ -36,6 +36,7 @@ __all__ = [
     "Neighbourhood",
     "OutOfEnvelope",
     "UNSCALED",
+    "WEAKEST_FIRST",
     "american",
     "concise",
     "empirical",
@@ -51,7 +52,8 @@ relative change of trim lift coefficient: what the library's linearised coeffici
 LIFT_PROPORTIONAL = frozenset(("l_r", "n_p"))
 """Derivatives that strip theory makes proportional to the lift coefficient: their share is 1."""
 
-_WEAKEST_FIRST = (Provenance.A_PRIORI, Provenance.EMPIRICAL, Provenance.IDENTIFIED)
+WEAKEST_FIRST = (Provenance.A_PRIORI, Provenance.EMPIRICAL, Provenance.IDENTIFIED)
+"""Provenances from the weakest to the strongest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +175,7 @@ def empirical(expectation: Expectation, reference: Reference, aircraft: Aircraft
         e.structure,
         value,
         covariance,
-        max(e.provenance, Provenance.EMPIRICAL, key=_WEAKEST_FIRST.index),
+        max(e.provenance, Provenance.EMPIRICAL, key=WEAKEST_FIRST.index),
         e.condition,
         f"{e.source}; with {reference.seconds:.0f} s of this aircraft's own flights",
     )
@@ -316,7 +318,7 @@ class Envelope:
             self.structure,
             value[0],
             covariance[0],
-            min((p.provenance for p in used), key=_WEAKEST_FIRST.index),
+            min((p.provenance for p in used), key=WEAKEST_FIRST.index),
             condition,
             "; ".join(dict.fromkeys(p.source for p in used)),
         )

@@ -124,11 +124,8 @@ class BaselineLedger:
                 cells = cells.where(CellRow.aircraft == aircraft)
             for *names, count, updated_s in session.execute(cells):
                 counts[ReferenceKey(*names)] = (count, updated_s)
-            newest = _of_aircraft(select(ReferenceRow), ReferenceRow, aircraft).where(
-                ReferenceRow.id.in_(_newest_ids())
-            )
             found = {}
-            for row in session.scalars(newest):
+            for row in _newest(session, aircraft):
                 record = reference_record(row)
                 found[record.key] = (record.reference.blocks, record.reference.seconds, record.updated_at_s)
         made = []
@@ -142,13 +139,11 @@ class BaselineLedger:
         """All that counts: current entries, newest versions of references, and cells."""
         entries = _of_aircraft(select(ExpectationRow), ExpectationRow, aircraft)
         entries = entries.where(ExpectationRow.superseded_by.is_(None)).order_by(ExpectationRow.id)
-        versions = _of_aircraft(select(ReferenceRow), ReferenceRow, aircraft)
-        versions = versions.where(ReferenceRow.id.in_(_newest_ids())).order_by(ReferenceRow.id)
         cells = _of_aircraft(select(CellRow), CellRow, aircraft).order_by(CellRow.updated_at_s, CellRow.id)
         with self._database.reading() as session:
             return BaselineContent(
                 tuple(map(expectation_record, session.scalars(entries))),
-                tuple(map(reference_record, session.scalars(versions))),
+                tuple(map(reference_record, sorted(_newest(session, aircraft), key=lambda row: row.id))),
                 tuple(map(cell_record, session.scalars(cells))),
             )
 
@@ -181,10 +176,10 @@ class BaselineLedger:
             ReferenceRow.aircraft == selection.aircraft,
             ReferenceRow.configuration == selection.configuration,
             ReferenceRow.withdrawn_by.is_(None),
+            ReferenceRow.source.is_not(None),
         )
         with self._database.reading() as session:
-            found = session.scalars(select(ReferenceRow.source).where(*standing))
-            return tuple(one for one in found if one)
+            return tuple(one or "" for one in session.scalars(select(ReferenceRow.source).where(*standing)))
 
     def changes(self, after: int = 0, aircraft: str | None = None) -> tuple[ChangeRecord, ...]:
         """Changes with an id above ``after``, oldest first."""
@@ -285,10 +280,12 @@ class BaselineLedger:
             return found
 
 
-def _newest_ids() -> Any:
-    """Ids of the versions that count."""
+def _newest(session: Session, aircraft: str | None) -> list[ReferenceRow]:
+    """The versions that count. Keys are read from the index alone, for rows are large and there are many versions."""
     key = tuple(getattr(ReferenceRow, name) for name in ReferenceKey.__dataclass_fields__)
-    return select(func.max(ReferenceRow.id)).where(ReferenceRow.withdrawn_by.is_(None)).group_by(*key)
+    keys = session.execute(_of_aircraft(select(*key).distinct(), ReferenceRow, aircraft))
+    rows = (newest_reference(session, ReferenceKey(*names)) for names in keys)
+    return [row for row in rows if row is not None]
 
 
 def _of_aircraft(query: Select[Any], table: Any, aircraft: str | None) -> Select[Any]:

@@ -161,6 +161,13 @@ class ReferenceRow(Base):
 
     __table_args__ = (
         Index("ix_reference_key", "fleet", "vehicle", "aircraft", "configuration", "structure", "id"),
+        Index(
+            "ix_reference_source",
+            "aircraft",
+            "configuration",
+            sqlite_where=text("source IS NOT NULL"),
+            postgresql_where=text("source IS NOT NULL"),
+        ),
     )
 
 

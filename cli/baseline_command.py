@@ -3,12 +3,12 @@
 import argparse
 import time
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import open_database
 from wingwatch.cli.baseline import check_exists
-from wingwatch.cli.baseline_changes import export, import_, learn, remove, revert
 from wingwatch.cli.baseline_objects import Asked, history_object, list_object, show_object
 from wingwatch.cli.baseline_pages import print_history, print_list, print_show
 from wingwatch.cli.baseline_plot import draw_surface, structure_with, surface_of
@@ -27,7 +27,11 @@ _Action = Callable[[argparse.Namespace], tuple[dict[str, Any], Callable[[], None
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
-    result, show = _ACTIONS[arguments.action](arguments)
+    act = _READING.get(arguments.action)
+    if act is None:
+        module, name = _CHANGING[arguments.action]  # what reads alone loads no more than it needs
+        act = getattr(import_module(f"wingwatch.cli.{module}"), name)
+    result, show = act(arguments)
     if arguments.json:
         write_json(result)
     else:
@@ -78,13 +82,13 @@ def _asked(arguments: argparse.Namespace) -> Asked:
     return Asked(aircraft, arguments.configuration, arguments.convention, fleet, vehicle, at)
 
 
-_ACTIONS: dict[str, _Action] = {
-    "list": _list,
-    "show": _show,
-    "history": _history,
-    "import": import_,
-    "export": export,
-    "learn": learn,
-    "revert": revert,
-    "delete": remove,
+_READING: dict[str, _Action] = {"list": _list, "show": _show, "history": _history}
+
+_CHANGING = {
+    "import": ("baseline_exchange", "import_"),
+    "export": ("baseline_exchange", "export"),
+    "learn": ("baseline_learn", "learn"),
+    "revert": ("baseline_revert", "revert"),
+    "delete": ("baseline_revert", "remove"),
 }
+"""Module and function by the name on the command line."""

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-__all__ = ["print_history", "print_list", "print_show", "utc"]
+__all__ = ["many", "print_history", "print_list", "print_show", "utc"]
 
 _WHOLE = 4
 """Entries of a structure that are printed with all their derivatives; more are a line each."""
@@ -185,3 +185,8 @@ def _table(title: str, *columns: str) -> Table:
     for column in columns:
         table.add_column(column, justify="right" if column in right else "left")
     return table
+
+
+def many(number: int, what: str) -> str:
+    """A number of things."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"

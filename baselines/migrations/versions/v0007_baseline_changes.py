@@ -30,11 +30,19 @@ def upgrade() -> None:
     op.add_column("expectation", sa.Column("change_id", _KEY, nullable=True))
     op.add_column("reference", sa.Column("source", sa.Text, nullable=True))
     op.add_column("reference", sa.Column("change_id", _KEY, nullable=True))
+    op.create_index(
+        "ix_reference_source",
+        "reference",
+        ["aircraft", "configuration"],
+        sqlite_where=sa.text("source IS NOT NULL"),
+        postgresql_where=sa.text("source IS NOT NULL"),
+    )
     op.add_column("reference", sa.Column("withdrawn_by", _KEY, nullable=True))
 
 
 def downgrade() -> None:
     """Drop them."""
+    op.drop_index("ix_reference_source", "reference")
     with op.batch_alter_table("reference") as reference:
         for name in ("source", "change_id", "withdrawn_by"):
             reference.drop_column(name)
