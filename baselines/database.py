@@ -59,6 +59,7 @@ from wingwatch.baselines.tables import (
     ActionRow,
     AlertRow,
     CellRow,
+    ChangeRow,
     ExpectationRow,
     HistoryEntry,
     ReferenceRow,
@@ -68,6 +69,8 @@ __all__ = ["Database", "DatabaseError", "RefusedError", "open_database"]
 
 MAX_PAGE = 1000
 """Most alerts on one page."""
+
+_OWNER = ("fleet", "vehicle", "aircraft", "configuration")
 
 _MOST_FLIGHTS = 10_000
 """Vehicles whose present flight is remembered; that of another is read."""
@@ -174,12 +177,20 @@ class Database:
         with self.reading() as session:
             return tuple(expectation_record(row) for row in session.scalars(query))
 
-    def save_reference(self, key: ReferenceKey, reference: Reference, updated_at_s: float) -> None:
+    def save_reference(
+        self, key: ReferenceKey, reference: Reference, updated_at_s: float, after: int | None = None
+    ) -> None:
         """Store a new version; the last ``MAX_REFERENCE_HISTORY`` versions stay as its history.
 
         The newest version again changes nothing: whoever does not know whether it was stored may repeat it.
+
+        Args:
+            after: the change of the baseline that the reference rests on. Where what the vehicle taught has been
+                changed since, nothing is stored: the change would be undone.
         """
         with self.writing() as session:
+            if _superseded(session, key, after):
+                return
             put_reference(session, ReferenceRecord(key, reference, updated_at_s))
 
     def load_reference(self, key: ReferenceKey) -> Reference | None:
@@ -194,13 +205,22 @@ class Database:
         with self.reading() as session:
             return tuple(reference_record(row) for row in session.scalars(query))
 
-    def save_cell(self, key: ReferenceKey, cell: Cell, memory: Reference, updated_at_s: float) -> None:
-        """Store what a cell of the envelope taught, in place of what was stored of it.
+    def save_cell(
+        self,
+        key: ReferenceKey,
+        cell: Cell,
+        memory: Reference,
+        updated_at_s: float,
+        after: int | None = None,
+    ) -> None:
+        """Store what a cell of the envelope taught, in place of what was stored of it; ``after`` as for a reference.
 
         A vehicle keeps ``MAX_CELLS`` of a structure; those longest not flown go first.
         """
         with self.writing() as session:
             one_writer(session.connection())
+            if _superseded(session, key, after):
+                return
             put_cell(session, CellRecord(key, cell, memory, updated_at_s))
 
     def load_cells(self, key: ReferenceKey, now_at_s: float) -> dict[Cell, CellMemory]:
@@ -366,6 +386,18 @@ class Database:
         engine = self._durable_engine if durable else self._write_engine
         with self._open(), Session(engine) as session, session.begin():
             yield session
+
+
+def _superseded(session: Session, key: ReferenceKey, after: int | None) -> bool:
+    """Whether what the vehicle taught has been changed since a change; no further one comes before this is stored."""
+    if after is None:
+        return False
+    one_writer(session.connection())
+    later = select(ChangeRow.id).where(
+        ChangeRow.id > after,
+        *(getattr(ChangeRow, name) == getattr(key, name) for name in _OWNER),
+    )
+    return session.scalar(later.limit(1)) is not None
 
 
 def _put_alert(session: Session, alert: AlertRecord) -> None:

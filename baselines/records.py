@@ -173,6 +173,11 @@ class ChangeRecord:
     vehicle: str | None = None
     id: int | None = None
 
+    def concerns(self, fleet: str, vehicle: str, aircraft: str, configuration: str) -> bool:
+        """Whether what is kept of a vehicle is not as it was."""
+        mine = self.vehicle is None or (self.fleet, self.vehicle) == (fleet, vehicle)
+        return mine and (self.aircraft, self.configuration) == (aircraft, configuration)
+
 
 @dataclass(frozen=True, slots=True)
 class SeriesOverview:

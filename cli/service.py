@@ -42,6 +42,7 @@ from wingwatch.cli.kernels import KernelCompiler, Preparation
 from wingwatch.cli.link_settings import link_security
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.patient import PatientHistory
+from wingwatch.cli.patient_baselines import PatientBaselines
 from wingwatch.cli.pump import Pump
 from wingwatch.cli.recorded_ports import RecordedCheckpoints, RecordedStore
 from wingwatch.cli.recorder import Recorder
@@ -236,6 +237,7 @@ def running_service(
             access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
             counters=lambda: service.counters(), figures=lambda: service.figures(),
             problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
+            baselines=PatientBaselines(database, wall_clock),
         )  # fmt: skip
         app = create_app(monitor, lambda: service.readiness(), PatientHistory(database), __version__, shown)
         http = HttpServer(app, listening, tls=tls)

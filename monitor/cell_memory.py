@@ -94,6 +94,11 @@ class CellBook:
                 own.reference = memory.reference.plus(own.reference)
                 self.state.changed.add(place)
 
+    def renew(self, kept: Mapping[CellPlace, CellMemory]) -> None:
+        """What is kept was changed by a person: it takes the place of all that is remembered."""
+        self.state = CellBookState()
+        self.adopt(kept)
+
     def resume(self, state: CellBookState) -> None:
         """Go on from where another book of this vehicle stopped.
 
