@@ -7,6 +7,7 @@ vehicle's own clock.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,9 @@ from wingwatch.aircraft import STRUCTURES, FlightCondition, Provenance
 from wingwatch.baselines.cells import Cell
 from wingwatch.baselines.expectation import Expectation
 from wingwatch.baselines.reference import Reference
-from wingwatch.estimators.estimate import Estimate
+
+if TYPE_CHECKING:
+    from wingwatch.estimators.estimate import Estimate
 
 __all__ = [
     "ActionRecord",
@@ -311,7 +314,7 @@ class EstimateRecord:
 
     @classmethod
     def of(
-        cls, fleet: str, vehicle: str, estimate: Estimate, aircraft: str = "", configuration: str = ""
+        cls, fleet: str, vehicle: str, estimate: "Estimate", aircraft: str = "", configuration: str = ""
     ) -> "EstimateRecord":
         """The part of an estimate that is kept."""
         airspeed, altitude, density, alpha = (float(x) for x in estimate.condition)

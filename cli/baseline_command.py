@@ -1,6 +1,7 @@
 """`wingwatch baseline`: what the baseline database expects of an aircraft, since when, and what its flights taught."""
 
 import argparse
+import re
 import time
 from collections.abc import Callable
 from importlib import import_module
@@ -11,13 +12,10 @@ from wingwatch.baselines import open_database
 from wingwatch.cli.baseline import check_exists
 from wingwatch.cli.baseline_objects import Asked, history_object, list_object, show_object
 from wingwatch.cli.baseline_pages import print_history, print_list, print_show
-from wingwatch.cli.baseline_plot import draw_surface, structure_with, surface_of
 from wingwatch.cli.convention import check_convention
-from wingwatch.cli.design_input_plot import need_matplotlib
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.output_files import check_output
 from wingwatch.cli.progress import page, write_json
-from wingwatch.telemetry import check_name
 
 __all__ = ["run"]
 
@@ -48,16 +46,16 @@ def _list(arguments: argparse.Namespace) -> tuple[dict[str, Any], Callable[[], N
 
 def _show(arguments: argparse.Namespace) -> tuple[dict[str, Any], Callable[[], None]]:
     asked = _asked(arguments)
-    if arguments.plot is not None:
-        need_matplotlib()
-        structure_with(arguments.derivative)
+    plot = None if arguments.plot is None else import_module("wingwatch.cli.baseline_plot")
+    if plot is not None:
+        import_module("wingwatch.cli.design_input_plot").need_matplotlib()
+        plot.structure_with(arguments.derivative)
         check_output("--plot", arguments.plot, (".png", ".pdf", ".svg"))
     with open_database(arguments.database) as database:
-        if arguments.plot is not None:
+        if plot is not None:
             of = asked.aircraft.name if asked.vehicle is None else f"{asked.fleet}/{asked.vehicle}"
-            draw_surface(
-                surface_of(database, asked, arguments.derivative), f"expected of {of}", arguments.plot
-            )
+            surface = plot.surface_of(database, asked, arguments.derivative)
+            plot.draw_surface(surface, f"expected of {of}", arguments.plot)
         try:
             result = show_object(database, asked, time.time())
         except ValueError as error:
@@ -75,11 +73,19 @@ def _history(arguments: argparse.Namespace) -> tuple[dict[str, Any], Callable[[]
 def _asked(arguments: argparse.Namespace) -> Asked:
     aircraft = load_aircraft(arguments.aircraft)
     check_convention(aircraft, arguments.convention)
-    fleet = check_name("fleet", arguments.fleet)
-    vehicle = None if arguments.vehicle is None else check_name("vehicle", arguments.vehicle)
+    fleet = _named("fleet", arguments.fleet)
+    vehicle = None if arguments.vehicle is None else _named("vehicle", arguments.vehicle)
     check_exists("DB", arguments.database)
     at = getattr(arguments, "at", None)
     return Asked(aircraft, arguments.configuration, arguments.convention, fleet, vehicle, at)
+
+
+def _named(kind: str, name: str) -> str:
+    """A name that keys allow; a good one is seen without Zenoh."""
+    if re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,62}", name):
+        return name
+    check_name = import_module("wingwatch.telemetry").check_name
+    return str(check_name(kind, name))
 
 
 _READING: dict[str, _Action] = {"list": _list, "show": _show, "history": _history}

@@ -22,12 +22,12 @@ from wingwatch.baselines import (
     aged,
     cell_of,
 )
+from wingwatch.cli.baseline_comparison import Affine, affine_at
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import watch
 from wingwatch.cli.progress import Progress
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.monitor import CellPlace, MonitorStart, Report, VehicleMemory, VehicleMonitor
-from wingwatch.monitor.baseline_comparison import coordinates_of
 from wingwatch.monitor.blocks import FOURIER, BlockView
 from wingwatch.monitor.comparison import natural_size, without_bias
 from wingwatch.telemetry import FlightTable
@@ -214,15 +214,12 @@ def identified_entries(
     for (name, cell), flown in sorted(student.flown.items()):
         structure = STRUCTURES[name]
         condition = flown.condition(student.configuration)
-        conversion = coordinates_of(structure, aircraft).at(condition)
+        conversion = _at(structure, aircraft, condition)
         evidence, earlier = flown.evidence, _learned_before(current, name, cell)
         for one in earlier:
             known = one.expectation
-            value, covariance = (
-                coordinates_of(structure, aircraft)
-                .at(known.condition)
-                .from_concise(known.value, known.covariance)
-            )
+            at = _at(structure, aircraft, known.condition)
+            value, covariance = at.from_concise(known.value, known.covariance)
             information = np.linalg.inv(covariance)
             information = 0.5 * (information + information.T)
             evidence = evidence.plus(Reference(information, information @ value))
@@ -236,6 +233,11 @@ def identified_entries(
         record = ExpectationRecord.of(aircraft.name, expectation, at_s)
         entries.append((record, tuple(one.id for one in earlier if one.id is not None)))
     return entries, lacking
+
+
+def _at(structure: ModeStructure, aircraft: Aircraft, condition: FlightCondition) -> Affine:
+    each = affine_at(structure, aircraft, [condition])
+    return Affine(each.scale[0], each.offset[0])
 
 
 def _learned_before(current: Sequence[ExpectationRecord], name: str, cell: Cell) -> list[ExpectationRecord]:

@@ -29,9 +29,8 @@ from wingwatch.baselines import (
     apriori_envelope,
 )
 from wingwatch.cli.baseline import stored_envelopes
+from wingwatch.cli.baseline_comparison import Estimated, SideBySide, side_by_side
 from wingwatch.cli.convention import in_convention
-from wingwatch.monitor.baseline_comparison import Estimated, SideBySide, side_by_side
-from wingwatch.monitor.chain import nominal_condition
 
 __all__ = ["Asked", "history_object", "list_object", "show_object"]
 
@@ -179,7 +178,7 @@ def _cell(one: CellRecord, now_at_s: float) -> dict[str, Any]:
 
 def _sides(database: Database, asked: Asked) -> dict[str, Any] | None:
     """Both side by side; None where no condition is asked for and the aircraft states none."""
-    nominal = nominal_condition(asked.aircraft)
+    nominal = asked.aircraft.nominal_condition
     if asked.at is not None:
         point = FlightCondition(*asked.at, configuration=asked.configuration)
     elif nominal is not None:

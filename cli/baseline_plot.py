@@ -23,9 +23,9 @@ from wingwatch.baselines import (
     posteriors,
 )
 from wingwatch.cli.baseline import stored_envelopes
+from wingwatch.cli.baseline_comparison import affine_at
 from wingwatch.cli.baseline_objects import Asked
 from wingwatch.cli.faults import CommandError
-from wingwatch.monitor.baseline_comparison import coordinates_of
 
 __all__ = ["Surface", "draw_surface", "structure_with", "surface_of"]
 
@@ -132,7 +132,7 @@ def _expected(
     if reference is None or not known.any():
         return value, covariance
     here = [conditions[place] for place in np.flatnonzero(known)]
-    at = coordinates_of(envelope.structure, envelope.aircraft).at_each(here)
+    at = affine_at(envelope.structure, envelope.aircraft, here)
     after = posteriors(
         *at.from_concise(value[known], covariance[known]), reference.information, reference.vector
     )

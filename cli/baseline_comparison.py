@@ -1,21 +1,22 @@
 """What is expected of a structure at one flight condition beside what a vehicle's flights taught, and how far apart.
 
-Coordinates, prior and posterior are those that the monitor compares in; here nothing is tested and nothing learned.
+Coordinates, prior and posterior are those that the monitor compares in; here nothing is tested and nothing learned. The
+monitor itself is loaded for aircraft without geometry or mass alone: its kernels take seconds, and a look does not.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from wingwatch.aircraft import Aircraft, FlightCondition, ModeStructure
+from wingwatch.aircraft import AffineForm, Aircraft, AircraftDataError, FlightCondition, ModeStructure
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, Reference, posteriors
 from wingwatch.baselines.reference import MAX_CONDITION
-from wingwatch.monitor.chain import nominal_condition
-from wingwatch.monitor.comparison import Conversion, Coordinates, change_since, natural_size
 
-__all__ = ["Distance", "Estimated", "SideBySide", "coordinates_of", "side_by_side"]
+__all__ = ["Affine", "Distance", "Estimated", "SideBySide", "affine_at", "side_by_side"]
 
 Array = NDArray[np.float64]
 
@@ -69,11 +70,36 @@ class SideBySide:
     distance: Distance | None
 
 
-def coordinates_of(structure: ModeStructure, aircraft: Aircraft) -> Coordinates:
-    """The coordinates in which a vehicle's references are kept."""
-    nominal = nominal_condition(aircraft)
-    reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
-    return Coordinates(structure, aircraft, reference)
+class Affine(NamedTuple):
+    """``concise = scale * coordinate + offset`` at one flight condition, (k,) each, or at several, (m, k)."""
+
+    scale: Array
+    offset: Array
+
+    def from_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
+        """A value (..., k) and its covariance (..., k, k) in the coordinates."""
+        return (value - self.offset) / self.scale, covariance / self._both
+
+    def to_concise(self, value: Array, covariance: Array) -> tuple[Array, Array]:
+        """Inverse of ``from_concise``."""
+        return self.scale * value + self.offset, covariance * self._both
+
+    @property
+    def _both(self) -> Array:
+        return self.scale[..., :, None] * self.scale[..., None, :]
+
+
+def affine_at(structure: ModeStructure, aircraft: Aircraft, conditions: Sequence[FlightCondition]) -> Affine:
+    """The coordinates in which references are kept, at m conditions (``monitor.comparison.Coordinates``)."""
+    try:
+        form = AffineForm(structure, aircraft)
+    except AircraftDataError:
+        from wingwatch.monitor.comparison import Coordinates
+
+        nominal = aircraft.nominal_condition
+        reference = (nominal.airspeed_true_m_s, nominal.air_density_kg_m3) if nominal else (1.0, 1.0)
+        return Affine(*Coordinates(structure, aircraft, reference).at_each(conditions)[:2])
+    return Affine(*form.at(conditions))
 
 
 def side_by_side(
@@ -91,7 +117,8 @@ def side_by_side(
     entries = None if stored is None else stored.lookup(condition)
     prior = by_file if entries is None else entries
     flown = reference if reference is not None and reference.blocks else None
-    conversion = coordinates_of(structure, a_priori.aircraft).at(condition)
+    each = affine_at(structure, a_priori.aircraft, [condition])
+    conversion = Affine(each.scale[0], each.offset[0])
     flights = None if flown is None else _alone(flown, conversion)
     expected = distance = None
     if isinstance(prior, Expectation):
@@ -105,7 +132,7 @@ def side_by_side(
     return SideBySide(structure, condition, by_file, entries, flights, expected, distance)
 
 
-def _alone(reference: Reference, conversion: Conversion) -> Estimated:
+def _alone(reference: Reference, conversion: Affine) -> Estimated:
     """Value and standard error of each derivative that the flights alone determine, whatever else they leave open."""
     information = reference.information
     diagonal = np.diagonal(information)
@@ -121,11 +148,16 @@ def _alone(reference: Reference, conversion: Conversion) -> Estimated:
 
 
 def _distance(prior: tuple[Array, Array], flown: Reference, z: Array) -> Distance:
-    """The distance of all derivatives, in directions that flights have excited alone."""
+    """The distance of all derivatives, in directions that flights have excited alone.
+
+    With J and h of the flights and N(mu, L) of the expectation: K = (J^-1 + L)^-1 = (I + J L)^-1 J and
+    K d = (I + J L)^-1 (h - J mu), so that J may be singular, as in ``monitor.comparison``.
+    """
     value, covariance = prior
-    change = change_since(
-        value, covariance, flown.information, flown.vector, np.zeros_like(covariance), natural_size(*prior)
-    )
-    freedom = int(np.linalg.matrix_rank(change.weight, tol=1e-9 * np.trace(change.weight) + 1e-300))
-    squared = float(change.pull @ np.linalg.pinv(change.weight, hermitian=True) @ change.pull)
+    inner = np.eye(value.size) + flown.information @ covariance
+    surprise = flown.vector - flown.information @ value
+    solved = np.linalg.solve(inner, np.column_stack([flown.information, surprise]))
+    weight, pull = 0.5 * (solved[:, :-1] + solved[:, :-1].T), solved[:, -1]
+    freedom = int(np.linalg.matrix_rank(weight, tol=1e-9 * np.trace(weight) + 1e-300))
+    squared = float(pull @ np.linalg.pinv(weight, hermitian=True) @ pull)
     return Distance(z, squared, freedom, float(chdtrc(freedom, squared)) if freedom else 1.0)
