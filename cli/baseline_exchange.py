@@ -72,19 +72,22 @@ def _stated(aircraft: Aircraft) -> list[Expectation]:
     Raises:
         CommandError: it gives none.
     """
-    points: list[Expectation] = []
-    reasons = {}
-    for structure in STRUCTURES.values():
-        for configuration in dict.fromkeys((*(c.configuration for c in aircraft.conditions), "clean")):
-            try:
-                envelope = apriori_envelope(aircraft, structure, configuration)
-            except ValueError as error:
-                raise CommandError(f"aircraft {aircraft.name}: {error}") from None
-            points += envelope.points
-            if not envelope.points:
-                reasons[structure.name] = envelope.absent
+    stated = [
+        (structure, configuration)
+        for structure in STRUCTURES.values()
+        for configuration in dict.fromkeys(c.configuration for c in aircraft.conditions)
+        if aircraft.entries(structure, configuration)
+    ]
+    try:
+        envelopes = [
+            apriori_envelope(aircraft, structure, configuration)
+            for structure, configuration in stated or [(s, "clean") for s in STRUCTURES.values()]
+        ]
+    except ValueError as error:
+        raise CommandError(f"aircraft {aircraft.name}: {error}") from None
+    points = [point for envelope in envelopes for point in envelope.points]
     if not points:
-        raise CommandError(next(iter(reasons.values())))
+        raise CommandError(envelopes[0].absent)
     return points
 
 
