@@ -5,12 +5,19 @@ import pytest
 from fleet_hall import AEROSONDE, PIECE, FakeCheckpoints, FakeStore, Hall, fly_doublets
 
 from wingwatch.aircraft import SHORT_PERIOD, Provenance
-from wingwatch.baselines import ChangeRecord, Envelope, Expectation, Reference, apriori_envelope
+from wingwatch.baselines import ChangeRecord, Envelope, Expectation, Reference, american, apriori_envelope
 from wingwatch.monitor import FleetSettings, JudgeConfig
 from wingwatch.telemetry import SampleBlock
 
-K = len(SHORT_PERIOD.derivatives)
-EARLIER = Reference(1e3 * np.eye(K), np.zeros(K), blocks=500, seconds=5000.0)
+STATED = apriori_envelope(AEROSONDE, SHORT_PERIOD)
+
+
+def earlier() -> Reference:
+    """Flights that agree with the aircraft's file, ten times as exact."""
+    at = STATED.points[len(STATED.points) // 2]
+    value, covariance = american(at.value, at.covariance, SHORT_PERIOD, AEROSONDE, at.condition)
+    information = np.diag(100.0 / np.diagonal(covariance))
+    return Reference(information, information @ value, blocks=500, seconds=5000.0)
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +32,7 @@ def change(vehicle: str | None = "uav", number: int = 1, action: str = "revert")
 
 def hall_with(checkpoints: FakeCheckpoints | None = None) -> Hall:
     settings = FleetSettings(judge=JudgeConfig(remembered_blocks=2))
-    return Hall(settings, FakeStore(known={"short_period": EARLIER}), checkpoints)
+    return Hall(settings, FakeStore(known={"short_period": earlier()}), checkpoints)
 
 
 def blocks(hall: Hall) -> int:
@@ -73,10 +80,9 @@ def test_expectations_of_the_type_come_and_go_while_it_flies(flight: SampleBlock
     hall = hall_with()
     hall.announce()
     hall.fly(flight, 0, 5)
-    stated = apriori_envelope(AEROSONDE, SHORT_PERIOD)
     points = [
         Expectation(SHORT_PERIOD, p.value * 2.0, p.covariance, Provenance.IDENTIFIED, p.condition, "flights")
-        for p in stated.points
+        for p in STATED.points
     ]
 
     def expected() -> float:
