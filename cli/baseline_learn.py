@@ -55,9 +55,10 @@ def learn(arguments: argparse.Namespace) -> Done:
             )
         said = ", ".join(f"{one.name} ({one.digest})" for one in lessons)
         blocks = sum(one.blocks for one in lessons)
-        source = f"{LEARNED} {many(len(lessons), 'flight')}, {many(blocks, 'block')}: {said}"
+        counted = f"{many(len(lessons), 'flight')}, {many(blocks, 'block')}"
+        source = f"{LEARNED} {counted}: {said}"
         change = ChangeRecord(
-            time.time(), "learn", who(), aircraft.name, arguments.configuration, source,
+            time.time(), "learn", who(), aircraft.name, arguments.configuration, counted,
             None if vehicle is None else fleet, vehicle,
         )  # fmt: skip
         teaching, lacking = _teaching(ledger, student, selection, aircraft, source, change.at_s, seen_s)
