@@ -56,7 +56,7 @@ __all__ = ["BaselineContent", "BaselineLedger", "Reverted", "Selection", "Teachi
 
 @dataclass(frozen=True, slots=True)
 class BaselineContent:
-    """Entries, versions of references and cells, in the order in which they were made."""
+    """Entries, versions of references and cells."""
 
     entries: tuple[ExpectationRecord, ...] = ()
     references: tuple[ReferenceRecord, ...] = ()
@@ -136,15 +136,20 @@ class BaselineLedger:
         return tuple(sorted(made, key=lambda t: tuple(asdict(t.key).values())))
 
     def content(self, aircraft: str | None = None) -> BaselineContent:
-        """All that counts: current entries, newest versions of references, and cells."""
+        """All that counts: current entries, newest versions of references, and cells, each by name and place."""
         entries = _of_aircraft(select(ExpectationRow), ExpectationRow, aircraft)
-        entries = entries.where(ExpectationRow.superseded_by.is_(None)).order_by(ExpectationRow.id)
-        cells = _of_aircraft(select(CellRow), CellRow, aircraft).order_by(CellRow.updated_at_s, CellRow.id)
+        entries = entries.where(ExpectationRow.superseded_by.is_(None))
+        cells = _of_aircraft(select(CellRow), CellRow, aircraft)
         with self._database.reading() as session:
+            found = (
+                map(expectation_record, session.scalars(entries)),
+                map(reference_record, _newest(session, aircraft)),
+                map(cell_record, session.scalars(cells)),
+            )
             return BaselineContent(
-                tuple(map(expectation_record, session.scalars(entries))),
-                tuple(map(reference_record, sorted(_newest(session, aircraft), key=lambda row: row.id))),
-                tuple(map(cell_record, session.scalars(cells))),
+                tuple(sorted(found[0], key=_place_of_entry)),
+                tuple(sorted(found[1], key=lambda one: _names(one.key))),
+                tuple(sorted(found[2], key=lambda one: (*_names(one.key), one.cell))),
             )
 
     def cells(self, key: ReferenceKey) -> tuple[CellRecord, ...]:
@@ -278,6 +283,14 @@ class BaselineLedger:
             if not keep:
                 session.rollback()
             return found
+
+
+def _names(key: ReferenceKey) -> tuple[str, ...]:
+    return key.aircraft, key.configuration, key.fleet, key.vehicle, key.structure
+
+
+def _place_of_entry(one: ExpectationRecord) -> tuple[str, str, str, float, float]:
+    return one.aircraft, one.configuration, one.structure, one.airspeed_true_m_s, one.altitude_m
 
 
 def _newest(session: Session, aircraft: str | None) -> list[ReferenceRow]:
