@@ -71,13 +71,17 @@ def put_entry(session: Session, entry: ExpectationRecord, also: tuple[int, ...] 
 def put_reference(session: Session, version: ReferenceRecord) -> bool:
     """Store a new version and drop the oldest beyond ``MAX_REFERENCE_HISTORY``; the current one again changes nothing.
 
+    What a change brings is another version also where its date or source alone is another.
+
     Returns:
         whether it was stored.
     """
     key = version.key
     stored = newest_reference(session, key)
     if stored is not None and taught(stored).to_dict() == version.reference.to_dict():
-        return False
+        named = (stored.updated_at_s, stored.source or "") == (version.updated_at_s, version.source)
+        if version.change_id is None or named:
+            return False
     session.add(
         ReferenceRow(
             **asdict(key),

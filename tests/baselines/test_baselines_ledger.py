@@ -15,6 +15,7 @@ from wingwatch.baselines import (
     Database,
     Reference,
     ReferenceKey,
+    ReferenceRecord,
     RefusedError,
     Selection,
     Teaching,
@@ -163,6 +164,9 @@ def test_content_of_elsewhere_is_stored_whole_or_not_at_all(database: Database) 
     assert ledger.changes() == ()
     assert ledger.put([change("import")], BaselineContent(entries=(entry(),))) == 1
     assert ledger.put([change("import")], BaselineContent(entries=(entry(),))) == 0
+    version = ReferenceRecord(KEY, taught(3), 100.0, "a (1f)")
+    for brought, stored in ((version, 1), (version, 0), (replace(version, updated_at_s=200.0), 1)):
+        assert ledger.put([change("import", "uav-1")], BaselineContent(references=(brought,))) == stored
     (one,) = ledger.series()
     assert (one.entries, one.superseded) == ({"identified": 1}, 0)
 
