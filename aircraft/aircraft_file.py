@@ -345,6 +345,13 @@ class Aircraft(_Table):
         return tuple(c for c in self.conditions if c.configuration == configuration and c.covers(structure))
 
     @property
+    def nominal_condition(self) -> FlightCondition | None:
+        """The condition that derivatives are referred to: its cruise, else its first stated condition."""
+        if self.envelope is not None:
+            return self.envelope.cruise
+        return self.conditions[0].condition if self.conditions else None
+
+    @property
     def cg_shift_m(self) -> float:
         """How far aft of the coefficients' own point the centre of gravity lies, m."""
         return 0.0 if self.mass is None else self.mass.cg_shift_m

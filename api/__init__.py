@@ -6,6 +6,9 @@ from wingwatch.api.connections import Connections
 from wingwatch.api.conventions import convert_modes
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.ports import (
+    BaselinePort,
+    BaselineQuestion,
+    BaselineRevert,
     DelayView,
     DiagnosisPort,
     DiagnosisState,
@@ -55,6 +58,9 @@ __all__ = [
     "AddressError",
     "CertificateError",
     "PortInUse",
+    "BaselinePort",
+    "BaselineQuestion",
+    "BaselineRevert",
     "DiagnosisPort",
     "DiagnosisState",
     "DiagnosisView",

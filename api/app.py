@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from wingwatch.aircraft import Aircraft, library_names, load_aircraft
 from wingwatch.api.access import Access, AccessGuard, AccessSettings
 from wingwatch.api.alert_routes import alert_router
+from wingwatch.api.baseline_routes import baseline_router
 from wingwatch.api.diagnosis_routes import FLIGHT_SIZE, diagnosis_router
 from wingwatch.api.door import Door
 from wingwatch.api.events import EventStreams
@@ -17,7 +18,7 @@ from wingwatch.api.fleet_routes import fleet_router
 from wingwatch.api.guards import BodyLimit, SafetyHeaders
 from wingwatch.api.metrics import RequestCounts, metrics_router
 from wingwatch.api.page_files import pages_router
-from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
+from wingwatch.api.ports import BaselinePort, DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
 from wingwatch.api.service_routes import event_router, health_router, session_router
@@ -50,6 +51,7 @@ class AppSettings:
         problems: of each part of the service None or its problem, shown on the status; it returns at once.
         figures: the service in numbers, for ``/metrics``; it returns at once.
         keep_alive_s: silence after which an event stream carries a comment.
+        baselines: the baseline database; None where there is none.
     """
 
     access: AccessSettings = field(default_factory=AccessSettings)
@@ -61,6 +63,7 @@ class AppSettings:
     problems: Callable[[], Mapping[str, str | None]] = dict
     figures: Callable[[], ServiceFigures] = ServiceFigures
     keep_alive_s: float = 10.0
+    baselines: BaselinePort | None = None
 
 
 def create_app(
@@ -101,6 +104,7 @@ def create_app(
         settings.database_problem,
         settings.problems,
         settings.figures,
+        settings.baselines,
     )
     app = FastAPI(
         title="wingwatch",
@@ -111,7 +115,8 @@ def create_app(
         redirect_slashes=False,
     )
     app.state.close_streams = streams.close
-    versioned = (fleet_router(door), alert_router(door), event_router(door), diagnosis_router(door))
+    routers = (fleet_router, alert_router, event_router, diagnosis_router, baseline_router)
+    versioned = tuple(router(door) for router in routers)
     for router in (*versioned, session_router(access)):
         app.include_router(router, prefix="/v1", responses=PROBLEM_RESPONSES)
     app.include_router(health_router(door), responses=PROBLEM_RESPONSES)

@@ -6,7 +6,7 @@ from http import HTTPStatus
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.api.events import EventStreams
-from wingwatch.api.ports import DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
+from wingwatch.api.ports import BaselinePort, DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
 from wingwatch.api.problems import ProblemError
 from wingwatch.monitor.views import MonitorPort, VehicleView
 
@@ -27,6 +27,7 @@ class Door:
         database_problem: why entries wait for the database, without asking it; None while none does.
         problems: of each part of the service None or its problem, without asking the database.
         figures: the service in numbers.
+        baselines: None where there is no baseline database.
     """
 
     monitor: MonitorPort
@@ -41,6 +42,7 @@ class Door:
     database_problem: Callable[[], str | None] = lambda: None
     problems: Callable[[], Mapping[str, str | None]] = dict
     figures: Callable[[], ServiceFigures] = ServiceFigures
+    baselines: BaselinePort | None = None
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
         """One vehicle.

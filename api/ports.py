@@ -5,9 +5,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
 
+from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import HistoryRow, HistoryWanted
 
 __all__ = [
+    "BaselinePort",
+    "BaselineQuestion",
+    "BaselineRevert",
     "DelayView",
     "DiagnosisPort",
     "DiagnosisState",
@@ -31,6 +35,66 @@ class HistoryPort(Protocol):
 
         Raises:
             DatabaseError: it cannot be read now.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineQuestion:
+    """What of the baseline is asked for.
+
+    Attributes:
+        vehicle: whose flights' teaching; None for nobody's.
+        at: true airspeed and altitude at which expectation and flights are set side by side; cruise where None.
+    """
+
+    aircraft: Aircraft
+    configuration: str
+    convention: str
+    fleet: str
+    vehicle: str | None
+    at: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineRevert:
+    """What is to be taken back, and by whom: an entry, or all versions of a vehicle after one; else the newest."""
+
+    aircraft: str
+    configuration: str
+    structure: str | None
+    fleet: str
+    vehicle: str | None
+    entry: int | None
+    version: int | None
+    who: str
+    note: str
+
+
+class BaselinePort(Protocol):
+    """The baseline, as objects. Called from worker threads, answers in a bounded time, may raise ``DatabaseError``."""
+
+    def listed(self) -> Mapping[str, Any]:
+        """What the database knows something of."""
+        ...
+
+    def shown(self, question: BaselineQuestion) -> Mapping[str, Any]:
+        """What counts now.
+
+        Raises:
+            ValueError: the aircraft cannot be shown so; one sentence.
+        """
+        ...
+
+    def past(self, question: BaselineQuestion) -> Mapping[str, Any]:
+        """All that there ever was; ``ValueError`` as for ``shown``."""
+        ...
+
+    def reverted(self, request: BaselineRevert) -> Mapping[str, Any]:
+        """Take something back: what was, and what counts again.
+
+        Raises:
+            ValueError: there is nothing to take back; one sentence.
         """
         ...
 

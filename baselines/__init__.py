@@ -37,6 +37,8 @@ from wingwatch.baselines.records import (
     AlertPage,
     AlertRecord,
     CandidateRecord,
+    CellRecord,
+    ChangeRecord,
     EstimateRecord,
     EvidenceRecord,
     ExpectationRecord,
@@ -45,11 +47,15 @@ from wingwatch.baselines.records import (
     ReferenceKey,
     ReferenceRecord,
     Retention,
+    SeriesOverview,
+    TaughtOverview,
 )
 from wingwatch.baselines.reference import Reference, posteriors
 
 if TYPE_CHECKING:
     from wingwatch.baselines.database import Database, DatabaseError, RefusedError, open_database
+    from wingwatch.baselines.ledger import BaselineContent, BaselineLedger, Teaching
+    from wingwatch.baselines.reverting import Reverted, Selection
 
 __all__ = [
     "Expectation",
@@ -78,6 +84,8 @@ __all__ = [
     "AlertPage",
     "AlertRecord",
     "CandidateRecord",
+    "CellRecord",
+    "ChangeRecord",
     "EstimateRecord",
     "EvidenceRecord",
     "ExpectationRecord",
@@ -86,10 +94,19 @@ __all__ = [
     "ReferenceKey",
     "ReferenceRecord",
     "Retention",
+    "SeriesOverview",
+    "TaughtOverview",
+    "BaselineLedger",
+    "BaselineContent",
+    "Reverted",
+    "Selection",
+    "Teaching",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name in ("Database", "DatabaseError", "RefusedError", "open_database"):
         return getattr(import_module("wingwatch.baselines.database"), name)
+    if name in ("BaselineLedger", "BaselineContent", "Teaching", "Reverted", "Selection"):
+        return getattr(import_module("wingwatch.baselines.ledger"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -11,6 +11,7 @@ from wingwatch.aircraft import (
     GRAVITY_M_S2,
     Aircraft,
     AircraftDataError,
+    ConditionEntry,
     FlightCondition,
     ModeStructure,
     Provenance,
@@ -20,7 +21,7 @@ from wingwatch.aircraft import (
     linearised_derivatives,
     trimmed,
 )
-from wingwatch.baselines.expectation import DECLARED, MEASURED, Envelope, Expectation
+from wingwatch.baselines.expectation import DECLARED, MEASURED, WEAKEST_FIRST, Envelope, Expectation
 
 __all__ = ["apriori_envelope"]
 
@@ -45,13 +46,14 @@ def apriori_envelope(aircraft: Aircraft, structure: ModeStructure, configuration
 
     From the ``[[conditions]]`` that state all of the structure's derivatives, if there are any; else from
     ``[coefficients]``, linearised on a grid over the file's ``[envelope]`` (or over default limits); else an
-    envelope without points, whose lookups say what the file lacks. Grid airspeeds too slow for level flight
+    envelope without points, whose lookups say what the file lacks. Of ``[[conditions]]`` at one point, as a diagnosis
+    adds them, those of the strongest provenance count. Grid airspeeds too slow for level flight
     at some altitude of the grid are left out, which narrows the envelope.
 
     Raises:
-        ValueError: two of the ``[[conditions]]`` stand at the same point.
+        ValueError: two of the ``[[conditions]]`` of one provenance stand at the same point.
     """
-    entries = aircraft.entries(structure, configuration)
+    entries = _strongest(aircraft.entries(structure, configuration))
     points: Sequence[Expectation]
     if entries:
         points = [
@@ -78,6 +80,19 @@ def apriori_envelope(aircraft: Aircraft, structure: ModeStructure, configuration
     return Envelope(
         aircraft, structure, points, configuration=configuration, neighbourhood=DECLARED, absent=absent
     )
+
+
+def _strongest(entries: Sequence[ConditionEntry]) -> list[ConditionEntry]:
+    """Of the entries at each point those of the strongest provenance, in their order."""
+    strongest: dict[tuple[float, float], int] = {}
+    for e in entries:
+        point, strength = (e.airspeed_true_m_s, e.altitude_m), WEAKEST_FIRST.index(e.provenance)
+        strongest[point] = max(strength, strongest.get(point, 0))
+    return [
+        e
+        for e in entries
+        if WEAKEST_FIRST.index(e.provenance) == strongest[e.airspeed_true_m_s, e.altitude_m]
+    ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,10 +44,21 @@ class Cell:
     altitude: int
 
     @property
+    def airspeed_limits_m_s(self) -> tuple[float, float]:
+        """Its lowest and highest true airspeed."""
+        low, high = (AIRSPEED_RATIO ** (self.airspeed + side) for side in (-0.5, 0.5))
+        return low, high
+
+    @property
+    def altitude_limits_m(self) -> tuple[float, float]:
+        """Its lowest and highest altitude."""
+        below, above = ((self.altitude + side) * ALTITUDE_M for side in (-0.5, 0.5))
+        return below, above
+
+    @property
     def text(self) -> str:
         """Its edges, for a person."""
-        low, high = (AIRSPEED_RATIO ** (self.airspeed + side) for side in (-0.5, 0.5))
-        below, above = ((self.altitude + side) * ALTITUDE_M for side in (-0.5, 0.5))
+        (low, high), (below, above) = self.airspeed_limits_m_s, self.altitude_limits_m
         return f"{low:.0f} to {high:.0f} m/s, {below:.0f} to {above:.0f} m"
 
 

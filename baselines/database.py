@@ -11,11 +11,22 @@ from contextlib import contextmanager
 from dataclasses import asdict, fields, replace
 from typing import Any
 
-from sqlalchemy import Engine, delete, func, insert, select, update
+from sqlalchemy import Engine, delete, func, insert, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from wingwatch.baselines import estimate_history
+from wingwatch.baselines.baseline_rows import (
+    expectation_record,
+    newest_reference,
+    of_key,
+    put_cell,
+    put_entry,
+    put_reference,
+    reference_record,
+    same_series,
+    taught,
+)
 from wingwatch.baselines.cells import Cell, CellMemory
 from wingwatch.baselines.connection import (
     DatabaseError,
@@ -33,6 +44,7 @@ from wingwatch.baselines.records import (
     AlertPage,
     AlertRecord,
     CandidateRecord,
+    CellRecord,
     EstimateRecord,
     EvidenceRecord,
     ExpectationRecord,
@@ -47,6 +59,7 @@ from wingwatch.baselines.tables import (
     ActionRow,
     AlertRow,
     CellRow,
+    ChangeRow,
     ExpectationRow,
     HistoryEntry,
     ReferenceRow,
@@ -57,11 +70,7 @@ __all__ = ["Database", "DatabaseError", "RefusedError", "open_database"]
 MAX_PAGE = 1000
 """Most alerts on one page."""
 
-MAX_REFERENCE_HISTORY = 1000
-"""Most saved versions of one reference; the oldest go first."""
-
-MAX_CELLS = 64
-"""Most cells of the envelope that are remembered of one structure of a vehicle."""
+_OWNER = ("fleet", "vehicle", "aircraft", "configuration")
 
 _MOST_FLIGHTS = 10_000
 """Vehicles whose present flight is remembered; that of another is read."""
@@ -142,24 +151,9 @@ class Database:
         """
         if entry.id is not None or entry.superseded_by is not None:
             raise ValueError(f"expectation {entry.id} is already stored; put a new entry to supersede it")
-        row = ExpectationRow(**_plain(entry))
-        with self._write() as session:
+        with self.writing() as session:
             one_writer(session.connection())
-            now_current = (*_same_series(entry.aircraft, entry.configuration, entry.structure),
-                           ExpectationRow.airspeed_true_m_s == entry.airspeed_true_m_s,
-                           ExpectationRow.altitude_m == entry.altitude_m,
-                           ExpectationRow.superseded_by.is_(None))  # fmt: skip
-            old = session.scalars(select(ExpectationRow.id).where(*now_current)).all()
-            # Only one entry of a point may be current at any moment, so the old one first points at itself.
-            session.execute(
-                update(ExpectationRow).where(*now_current).values(superseded_by=ExpectationRow.id)
-            )
-            session.add(row)
-            session.flush()
-            session.execute(
-                update(ExpectationRow).where(ExpectationRow.id.in_(old)).values(superseded_by=row.id)
-            )
-            return replace(entry, id=row.id)
+            return replace(entry, id=put_entry(session, entry).id)
 
     def expectations(
         self, aircraft: str, configuration: str, structure: str
@@ -167,91 +161,75 @@ class Database:
         """The current entries, by airspeed, then altitude."""
         query = (
             select(ExpectationRow)
-            .where(*_same_series(aircraft, configuration, structure), ExpectationRow.superseded_by.is_(None))
+            .where(*same_series(aircraft, configuration, structure), ExpectationRow.superseded_by.is_(None))
             .order_by(ExpectationRow.airspeed_true_m_s, ExpectationRow.altitude_m)
         )
-        with self._read() as session:
-            return tuple(_expectation(row) for row in session.scalars(query))
+        with self.reading() as session:
+            return tuple(expectation_record(row) for row in session.scalars(query))
 
     def history(self, aircraft: str, configuration: str, structure: str) -> tuple[ExpectationRecord, ...]:
         """Every entry ever stored, oldest first; each says what superseded it."""
         query = (
             select(ExpectationRow)
-            .where(*_same_series(aircraft, configuration, structure))
+            .where(*same_series(aircraft, configuration, structure))
             .order_by(ExpectationRow.id)
         )
-        with self._read() as session:
-            return tuple(_expectation(row) for row in session.scalars(query))
+        with self.reading() as session:
+            return tuple(expectation_record(row) for row in session.scalars(query))
 
-    def save_reference(self, key: ReferenceKey, reference: Reference, updated_at_s: float) -> None:
+    def save_reference(
+        self, key: ReferenceKey, reference: Reference, updated_at_s: float, after: int | None = None
+    ) -> None:
         """Store a new version; the last ``MAX_REFERENCE_HISTORY`` versions stay as its history.
 
         The newest version again changes nothing: whoever does not know whether it was stored may repeat it.
+
+        Args:
+            after: the change of the baseline that the reference rests on. Where what the vehicle taught has been
+                changed since, nothing is stored: the change would be undone.
         """
-        newest = select(ReferenceRow).where(*_same_reference(key)).order_by(ReferenceRow.id.desc()).limit(1)
-        with self._write() as session:
-            stored = session.scalar(newest)
-            if stored is not None and _taught(stored).to_dict() == reference.to_dict():
+        with self.writing() as session:
+            if _superseded(session, key, after):
                 return
-            session.add(ReferenceRow(**asdict(key), **reference.to_dict(), updated_at_s=updated_at_s))
-            session.flush()
-            oldest = (
-                select(ReferenceRow.id)
-                .where(*_same_reference(key))
-                .order_by(ReferenceRow.id.desc())
-                .offset(MAX_REFERENCE_HISTORY - 1)
-                .limit(1)
-            )
-            keep_from = session.scalar(oldest)
-            if keep_from is not None:
-                session.execute(
-                    delete(ReferenceRow).where(*_same_reference(key), ReferenceRow.id < keep_from)
-                )
+            put_reference(session, ReferenceRecord(key, reference, updated_at_s))
 
     def load_reference(self, key: ReferenceKey) -> Reference | None:
         """The newest version; None if this aircraft has taught nothing yet."""
-        query = select(ReferenceRow).where(*_same_reference(key)).order_by(ReferenceRow.id.desc()).limit(1)
-        with self._read() as session:
-            row = session.scalar(query)
-            return None if row is None else _reference(row).reference
+        with self.reading() as session:
+            row = newest_reference(session, key)
+            return None if row is None else reference_record(row).reference
 
     def reference_history(self, key: ReferenceKey) -> tuple[ReferenceRecord, ...]:
         """Every kept version, oldest first."""
-        query = select(ReferenceRow).where(*_same_reference(key)).order_by(ReferenceRow.id)
-        with self._read() as session:
-            return tuple(_reference(row) for row in session.scalars(query))
+        query = select(ReferenceRow).where(*of_key(ReferenceRow, key)).order_by(ReferenceRow.id)
+        with self.reading() as session:
+            return tuple(reference_record(row) for row in session.scalars(query))
 
-    def save_cell(self, key: ReferenceKey, cell: Cell, memory: Reference, updated_at_s: float) -> None:
-        """Store what a cell of the envelope taught, in place of what was stored of it.
+    def save_cell(
+        self,
+        key: ReferenceKey,
+        cell: Cell,
+        memory: Reference,
+        updated_at_s: float,
+        after: int | None = None,
+    ) -> None:
+        """Store what a cell of the envelope taught, in place of what was stored of it; ``after`` as for a reference.
 
         A vehicle keeps ``MAX_CELLS`` of a structure; those longest not flown go first.
         """
-        with self._write() as session:
+        with self.writing() as session:
             one_writer(session.connection())
-            of_key = tuple(getattr(CellRow, f.name) == getattr(key, f.name) for f in fields(key))
-            at = (CellRow.airspeed_cell == cell.airspeed, CellRow.altitude_cell == cell.altitude)
-            values = {**memory.to_dict(), "updated_at_s": updated_at_s}
-            row = session.scalar(select(CellRow).where(*of_key, *at))
-            if row is None:
-                place = {"airspeed_cell": cell.airspeed, "altitude_cell": cell.altitude}
-                session.add(CellRow(**asdict(key), **place, **values))
-            else:
-                session.execute(update(CellRow).where(CellRow.id == row.id).values(values))
-            session.flush()
-            newest = (CellRow.updated_at_s.desc(), CellRow.id.desc())
-            spare = select(CellRow.id).where(*of_key).order_by(*newest).offset(MAX_CELLS)
-            gone = session.scalars(spare).all()
-            session.execute(delete(CellRow).where(CellRow.id.in_(gone)))
+            if _superseded(session, key, after):
+                return
+            put_cell(session, CellRecord(key, cell, memory, updated_at_s))
 
     def load_cells(self, key: ReferenceKey, now_at_s: float) -> dict[Cell, CellMemory]:
         """What every cell of a vehicle's structure taught, with its age at ``now_at_s``."""
-        query = select(CellRow).where(
-            *(getattr(CellRow, f.name) == getattr(key, f.name) for f in fields(key))
-        )
-        with self._read() as session:
+        query = select(CellRow).where(*of_key(CellRow, key))
+        with self.reading() as session:
             return {
                 Cell(row.airspeed_cell, row.altitude_cell): CellMemory(
-                    _taught(row), max(0.0, now_at_s - row.updated_at_s)
+                    taught(row), max(0.0, now_at_s - row.updated_at_s)
                 )
                 for row in session.scalars(query)
             }
@@ -261,7 +239,7 @@ class Database:
 
         The same again changes nothing: whoever does not know whether it was stored may repeat it.
         """
-        with self._write(durable=True) as session:
+        with self.writing(durable=True) as session:
             _put_alert(session, alert)
 
     def save_action(self, alert: AlertRecord, action: ActionRecord) -> None:
@@ -270,13 +248,13 @@ class Database:
         Raises:
             RefusedError: an action of that key is stored already.
         """
-        with self._write(durable=True) as session:
+        with self.writing(durable=True) as session:
             session.execute(insert(ActionRow).values(asdict(action)))
             _put_alert(session, alert)
 
     def action(self, key: str) -> ActionRecord | None:
         """The action that a request of that key led to; None if there was none."""
-        with self._read() as session:
+        with self.reading() as session:
             row = session.get(ActionRow, key)
             if row is None:
                 return None
@@ -284,7 +262,7 @@ class Database:
 
     def void_action(self, key: str, alert: AlertRecord) -> bool:
         """Undo an action: forget it, and store the alert as it stands without it; whether it was stored."""
-        with self._write(durable=True) as session:
+        with self.writing(durable=True) as session:
             found = session.scalar(delete(ActionRow).where(ActionRow.key == key).returning(ActionRow.key))
             if found is not None:
                 _put_alert(session, alert)
@@ -292,12 +270,12 @@ class Database:
 
     def forget_actions(self, before_at_s: float) -> None:
         """Drop the keys of older requests; what they did to alerts stays."""
-        with self._write() as session:
+        with self.writing() as session:
             session.execute(delete(ActionRow).where(ActionRow.at_s < before_at_s))
 
     def alert(self, alert_id: str) -> AlertRecord | None:
         """One alert; None if unknown."""
-        with self._read() as session:
+        with self.reading() as session:
             row = session.scalar(select(AlertRow).where(AlertRow.id == alert_id))
             return None if row is None else _alert(row)
 
@@ -333,7 +311,7 @@ class Database:
             query = query.where(AlertRow.raised_s >= since_s)
         if cursor is not None:
             query = query.where(AlertRow.serial < _serial(cursor))
-        with self._read() as session:
+        with self.reading() as session:
             rows = session.scalars(query).all()
         following = f"{rows[limit - 1].serial:x}" if len(rows) > limit else None
         return AlertPage(tuple(_alert(row) for row in rows[:limit]), following)
@@ -351,7 +329,7 @@ class Database:
             return
         with self._lock:
             known = dict(self._flights)
-        with self._write() as session:
+        with self.writing() as session:
             flights = estimate_history.append(session, rows, known)
         with self._lock:
             self._flights.update(flights)
@@ -360,7 +338,7 @@ class Database:
 
     def history_rows(self, fleet: str, vehicle: str, wanted: HistoryWanted) -> tuple[HistoryRow, ...]:
         """A part of a vehicle's history, by flight, time, estimator and structure."""
-        with self._read() as session:
+        with self.reading() as session:
             return estimate_history.page(session, fleet, vehicle, wanted)
 
     def estimate_history(
@@ -378,12 +356,12 @@ class Database:
 
     def history_size(self) -> int:
         """Estimates that are kept."""
-        with self._read() as session:
+        with self.reading() as session:
             return session.scalar(select(func.count()).select_from(HistoryEntry)) or 0
 
     def prune_history(self, now_at_s: float, retention: Retention) -> bool:
         """One small step of thinning and dropping what is old or too much; whether more may be due."""
-        with self._write() as session:
+        with self.writing() as session:
             more = estimate_history.prune(session, now_at_s, retention)
         with self._lock:
             self._flights.clear()  # one of them may have been dropped
@@ -397,15 +375,29 @@ class Database:
             yield
 
     @contextmanager
-    def _read(self) -> Iterator[Session]:
+    def reading(self) -> Iterator[Session]:
+        """A session that reads, for the database's own modules."""
         with self._open(), Session(self._engine, expire_on_commit=False) as session:
             yield session
 
     @contextmanager
-    def _write(self, durable: bool = False) -> Iterator[Session]:
+    def writing(self, durable: bool = False) -> Iterator[Session]:
+        """A session in one transaction, committed at the end of the block, for the database's own modules."""
         engine = self._durable_engine if durable else self._write_engine
         with self._open(), Session(engine) as session, session.begin():
             yield session
+
+
+def _superseded(session: Session, key: ReferenceKey, after: int | None) -> bool:
+    """Whether what the vehicle taught has been changed since a change; no further one comes before this is stored."""
+    if after is None:
+        return False
+    one_writer(session.connection())
+    later = select(ChangeRow.id).where(
+        ChangeRow.id > after,
+        *(getattr(ChangeRow, name) == getattr(key, name) for name in _OWNER),
+    )
+    return session.scalar(later.limit(1)) is not None
 
 
 def _put_alert(session: Session, alert: AlertRecord) -> None:
@@ -416,22 +408,10 @@ def _put_alert(session: Session, alert: AlertRecord) -> None:
     session.execute(row.on_conflict_do_update(index_elements=[AlertRow.id], set_=newer))
 
 
-def _plain(record: ExpectationRecord | AlertRecord) -> dict[str, Any]:
+def _plain(record: AlertRecord) -> dict[str, Any]:
     """A record's fields as a row's values; sequences as lists."""
     values = asdict(record)
     return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
-
-
-def _same_series(aircraft: str, configuration: str, structure: str) -> tuple[Any, ...]:
-    return (
-        ExpectationRow.aircraft == aircraft,
-        ExpectationRow.configuration == configuration,
-        ExpectationRow.structure == structure,
-    )
-
-
-def _same_reference(key: ReferenceKey) -> tuple[Any, ...]:
-    return tuple(getattr(ReferenceRow, f.name) == getattr(key, f.name) for f in fields(key))
 
 
 def _serial(cursor: str) -> int:
@@ -442,23 +422,6 @@ def _serial(cursor: str) -> int:
     if not 0 <= serial < 2**63:
         raise ValueError(f"cursor {cursor!r:.40} is not one that a page gave; start without a cursor")
     return serial
-
-
-def _expectation(row: ExpectationRow) -> ExpectationRecord:
-    values = {f.name: getattr(row, f.name) for f in fields(ExpectationRecord)}
-    values["value"] = tuple(row.value)
-    values["covariance"] = tuple(tuple(r) for r in row.covariance)
-    return ExpectationRecord(**values)
-
-
-def _reference(row: ReferenceRow) -> ReferenceRecord:
-    key = ReferenceKey(**{f.name: getattr(row, f.name) for f in fields(ReferenceKey)})
-    return ReferenceRecord(key, _taught(row), row.updated_at_s)
-
-
-def _taught(row: ReferenceRow | CellRow) -> Reference:
-    names = ("information", "vector", "blocks", "seconds")
-    return Reference.from_dict({n: getattr(row, n) for n in names})
 
 
 def _alert(row: AlertRow) -> AlertRecord:

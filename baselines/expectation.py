@@ -36,6 +36,7 @@ __all__ = [
     "Neighbourhood",
     "OutOfEnvelope",
     "UNSCALED",
+    "WEAKEST_FIRST",
     "american",
     "concise",
     "empirical",
@@ -51,7 +52,8 @@ relative change of trim lift coefficient: what the library's linearised coeffici
 LIFT_PROPORTIONAL = frozenset(("l_r", "n_p"))
 """Derivatives that strip theory makes proportional to the lift coefficient: their share is 1."""
 
-_WEAKEST_FIRST = (Provenance.A_PRIORI, Provenance.EMPIRICAL, Provenance.IDENTIFIED)
+WEAKEST_FIRST = (Provenance.A_PRIORI, Provenance.EMPIRICAL, Provenance.IDENTIFIED)
+"""Provenances from the weakest to the strongest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +175,7 @@ def empirical(expectation: Expectation, reference: Reference, aircraft: Aircraft
         e.structure,
         value,
         covariance,
-        max(e.provenance, Provenance.EMPIRICAL, key=_WEAKEST_FIRST.index),
+        max(e.provenance, Provenance.EMPIRICAL, key=WEAKEST_FIRST.index),
         e.condition,
         f"{e.source}; with {reference.seconds:.0f} s of this aircraft's own flights",
     )
@@ -189,6 +191,9 @@ class Envelope:
         configuration: of every entry.
         neighbourhood: how far outside the points' hull lookups are still answered.
         absent: the sentence an envelope without points refuses with.
+
+    Attributes:
+        absent: that sentence.
 
     Raises:
         ValueError: an entry of another structure or configuration, or two at the same point.
@@ -215,7 +220,7 @@ class Envelope:
         self.points = tuple(points)
         self.configuration = configuration
         self.neighbourhood = neighbourhood
-        self._absent = absent or f"nothing is expected of {structure.name} in {configuration!r} yet"
+        self.absent = absent or f"nothing is expected of {structure.name} in {configuration!r} yet"
         self._why_unscaled = ""
         if points:
             self._prepare()
@@ -234,7 +239,7 @@ class Envelope:
             points.append(replace(p, value=value, covariance=covariance, condition=condition))
         return Envelope(
             aircraft, self.structure, points, configuration=self.configuration,
-            neighbourhood=self.neighbourhood, absent=self._absent,
+            neighbourhood=self.neighbourhood, absent=self.absent,
         )  # fmt: skip
 
     def _prepare(self) -> None:
@@ -264,7 +269,7 @@ class Envelope:
         """A digest of the entries and of where they are trusted: envelopes of one aircraft that have the same give the
         same answers."""
         digest = blake2b(
-            repr((self.structure.name, self.configuration, self.neighbourhood, self._absent)).encode()
+            repr((self.structure.name, self.configuration, self.neighbourhood, self.absent)).encode()
         )
         for p in self.points:
             digest.update(repr((p.condition, str(p.provenance), p.source)).encode())
@@ -291,7 +296,7 @@ class Envelope:
     def lookup(self, condition: FlightCondition) -> Expectation | OutOfEnvelope:
         """The expectation at a flight condition, or why there is none; nothing is ever extrapolated."""
         if not self.points:
-            return OutOfEnvelope(self._absent)
+            return OutOfEnvelope(self.absent)
         if condition.configuration != self.configuration:
             return OutOfEnvelope(
                 f"the baseline of {self.structure.name} is for configuration {self.configuration!r}, "
@@ -313,7 +318,7 @@ class Envelope:
             self.structure,
             value[0],
             covariance[0],
-            min((p.provenance for p in used), key=_WEAKEST_FIRST.index),
+            min((p.provenance for p in used), key=WEAKEST_FIRST.index),
             condition,
             "; ".join(dict.fromkeys(p.source for p in used)),
         )

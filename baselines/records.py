@@ -7,20 +7,26 @@ vehicle's own clock.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import STRUCTURES, FlightCondition, Provenance
+from wingwatch.baselines.cells import Cell
 from wingwatch.baselines.expectation import Expectation
 from wingwatch.baselines.reference import Reference
-from wingwatch.estimators.estimate import Estimate
+
+if TYPE_CHECKING:
+    from wingwatch.estimators.estimate import Estimate
 
 __all__ = [
     "ActionRecord",
     "AlertPage",
     "AlertRecord",
     "CandidateRecord",
+    "CellRecord",
+    "ChangeRecord",
     "EstimateRecord",
     "EvidenceRecord",
     "ExpectationRecord",
@@ -29,6 +35,8 @@ __all__ = [
     "ReferenceKey",
     "ReferenceRecord",
     "Retention",
+    "SeriesOverview",
+    "TaughtOverview",
 ]
 
 
@@ -42,7 +50,9 @@ class ExpectationRecord:
         provenance: ``a-priori``, ``empirical`` or ``identified``.
         source: where the numbers come from, for the reader.
         id: given by the database; None before.
-        superseded_by: id of the entry that took its place; None while it is the current one.
+        superseded_by: id of the entry that took its place; None while it is the current one. Of one that was taken back
+            the id of the earlier entry that counts again, or its own where there was none.
+        change_id: of the change that wrote it; None where that is not known.
     """
 
     aircraft: str
@@ -59,6 +69,7 @@ class ExpectationRecord:
     created_at_s: float
     id: int | None = None
     superseded_by: int | None = None
+    change_id: int | None = None
 
     @classmethod
     def of(cls, aircraft: str, expectation: Expectation, created_at_s: float) -> "ExpectationRecord":
@@ -115,10 +126,88 @@ class ReferenceKey:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceRecord:
-    """One saved version of a reference."""
+    """One saved version of a reference.
+
+    Attributes:
+        source: the flights that it was learned from; empty for what a service learned live.
+        id: given by the database; None before.
+        change_id: of the change that wrote it; None for what a service learned live.
+        withdrawn_by: of the change that took it back; None while it stands.
+    """
 
     key: ReferenceKey
     reference: Reference
+    updated_at_s: float
+    source: str = ""
+    id: int | None = None
+    change_id: int | None = None
+    withdrawn_by: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CellRecord:
+    """What a cell of the envelope taught, as it is stored."""
+
+    key: ReferenceKey
+    cell: Cell
+    reference: Reference
+    updated_at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeRecord:
+    """A change that a person made to the baseline.
+
+    Attributes:
+        action: ``import``, ``learn``, ``revert`` or ``delete``.
+        who: by whom; empty where that is not known.
+        fleet, vehicle: whose teaching was changed; None where expectations of the aircraft were.
+        text: what was done, one clause.
+        id: given by the database; None before.
+    """
+
+    at_s: float
+    action: str
+    who: str
+    aircraft: str
+    configuration: str
+    text: str
+    fleet: str | None = None
+    vehicle: str | None = None
+    id: int | None = None
+
+    def concerns(self, fleet: str, vehicle: str, aircraft: str, configuration: str) -> bool:
+        """Whether what is kept of a vehicle is not as it was."""
+        mine = self.vehicle is None or (self.fleet, self.vehicle) == (fleet, vehicle)
+        return mine and (self.aircraft, self.configuration) == (aircraft, configuration)
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesOverview:
+    """Entries of one aircraft, configuration and structure.
+
+    Attributes:
+        entries: current ones by provenance.
+        superseded: entries that are history.
+        newest_at_s: when the newest current entry was made.
+    """
+
+    aircraft: str
+    configuration: str
+    structure: str
+    entries: Mapping[str, int]
+    superseded: int
+    newest_at_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class TaughtOverview:
+    """What a vehicle's flights taught of one structure: its newest version, and how many cells are remembered."""
+
+    key: ReferenceKey
+    blocks: int
+    seconds: float
+    cells: int
     updated_at_s: float
 
 
@@ -225,7 +314,7 @@ class EstimateRecord:
 
     @classmethod
     def of(
-        cls, fleet: str, vehicle: str, estimate: Estimate, aircraft: str = "", configuration: str = ""
+        cls, fleet: str, vehicle: str, estimate: "Estimate", aircraft: str = "", configuration: str = ""
     ) -> "EstimateRecord":
         """The part of an estimate that is kept."""
         airspeed, altitude, density, alpha = (float(x) for x in estimate.condition)

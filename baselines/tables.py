@@ -26,6 +26,7 @@ __all__ = [
     "AlertRow",
     "Base",
     "CellRow",
+    "ChangeRow",
     "ExpectationRow",
     "FlightRow",
     "HistoryEntry",
@@ -121,6 +122,7 @@ class ExpectationRow(Base):
     source: Mapped[str] = mapped_column(Text)
     created_at_s: Mapped[float] = mapped_column(Double)
     superseded_by: Mapped[int | None] = mapped_column(_Key, ForeignKey("expectation.id"))
+    change_id: Mapped[int | None] = mapped_column(_Key)
 
     __table_args__ = (
         Index(
@@ -138,7 +140,7 @@ class ExpectationRow(Base):
 
 
 class ReferenceRow(Base):
-    """One saved version of a vehicle's reference; the newest id of a key is the current one."""
+    """One saved version of a vehicle's reference; the newest id of a key that is not withdrawn is the current one."""
 
     __tablename__ = "reference"
 
@@ -153,9 +155,19 @@ class ReferenceRow(Base):
     blocks: Mapped[int] = mapped_column(Integer)
     seconds: Mapped[float] = mapped_column(Double)
     updated_at_s: Mapped[float] = mapped_column(Double)
+    source: Mapped[str | None] = mapped_column(Text)
+    change_id: Mapped[int | None] = mapped_column(_Key)
+    withdrawn_by: Mapped[int | None] = mapped_column(_Key)
 
     __table_args__ = (
         Index("ix_reference_key", "fleet", "vehicle", "aircraft", "configuration", "structure", "id"),
+        Index(
+            "ix_reference_source",
+            "aircraft",
+            "configuration",
+            sqlite_where=text("source IS NOT NULL"),
+            postgresql_where=text("source IS NOT NULL"),
+        ),
     )
 
 
@@ -190,6 +202,27 @@ class CellRow(Base):
             name="uq_cell_memory",
         ),
     )
+
+
+class ChangeRow(Base):
+    """One change that a person made to the baseline; by its id a running service notices it.
+
+    Without a vehicle it is about expectations. ``cells_before`` is what cells of the envelope held before it: so it can
+    be taken back.
+    """
+
+    __tablename__ = "baseline_change"
+
+    id: Mapped[int] = mapped_column(_Key, primary_key=True, autoincrement=True)
+    at_s: Mapped[float] = mapped_column(Double)
+    action: Mapped[str] = mapped_column(String(20))
+    who: Mapped[str] = mapped_column(Text)
+    aircraft: Mapped[str] = mapped_column(String(200))
+    configuration: Mapped[str] = mapped_column(String(100))
+    fleet: Mapped[str | None] = mapped_column(String(63))
+    vehicle: Mapped[str | None] = mapped_column(String(63))
+    text: Mapped[str] = mapped_column(Text)
+    cells_before: Mapped[list[dict[str, Any]] | None] = mapped_column(Numbers(none_as_null=True))
 
 
 class AlertRow(Base):

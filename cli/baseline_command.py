@@ -1,154 +1,100 @@
 """`wingwatch baseline`: what the baseline database expects of an aircraft, since when, and what its flights taught."""
 
 import argparse
+import re
 import time
-from collections.abc import Sequence
-from dataclasses import asdict
-from datetime import UTC, datetime
+from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-
-from wingwatch.aircraft import DERIVATIVES, STRUCTURES, Aircraft, load_aircraft
-from wingwatch.baselines import (
-    Database,
-    Expectation,
-    ExpectationRecord,
-    ReferenceKey,
-    apriori_envelope,
-    open_database,
-)
+from wingwatch.aircraft import load_aircraft
+from wingwatch.baselines import open_database
 from wingwatch.cli.baseline import check_exists
-from wingwatch.cli.convention import check_convention, in_convention
+from wingwatch.cli.baseline_objects import Asked, history_object, list_object, show_object
+from wingwatch.cli.baseline_pages import print_history, print_list, print_show
+from wingwatch.cli.convention import check_convention
 from wingwatch.cli.faults import CommandError
+from wingwatch.cli.output_files import check_output
 from wingwatch.cli.progress import page, write_json
-from wingwatch.telemetry import check_name
 
 __all__ = ["run"]
+
+_Action = Callable[[argparse.Namespace], tuple[dict[str, Any], Callable[[], None]]]
+"""What an action found, and what prints it for a person."""
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Carry out the command."""
-    aircraft = load_aircraft(arguments.aircraft)
-    if arguments.action == "import":
-        result = _import(arguments.database, aircraft)
-    else:
-        check_convention(aircraft, arguments.convention)
-        check_exists("DB", arguments.database)
-        with open_database(arguments.database) as database:
-            result = _kept(database, aircraft, arguments)
+    act = _READING.get(arguments.action)
+    if act is None:
+        module, name = _CHANGING[arguments.action]  # what reads alone loads no more than it needs
+        act = getattr(import_module(f"wingwatch.cli.{module}"), name)
+    result, show = act(arguments)
     if arguments.json:
         write_json(result)
-    elif arguments.action == "import":
-        page().print(
-            f"{result['imported']} entries of {escape(aircraft.name)} are in {escape(arguments.database)}"
-        )
     else:
-        _show(page(), result)
+        show()
     return 0
 
 
-def _import(where: str, aircraft: Aircraft) -> dict[str, Any]:
-    """Put the [[conditions]] of an aircraft file into the database, which is made where there is none."""
-    points: list[Expectation] = []
-    for structure in STRUCTURES.values():
-        for configuration in dict.fromkeys(c.configuration for c in aircraft.conditions):
-            if aircraft.entries(structure, configuration):
-                points += apriori_envelope(aircraft, structure, configuration).points
-    if not points:
-        raise CommandError(
-            f"aircraft {aircraft.name} states no [[conditions]] with all derivatives of {', '.join(STRUCTURES)}; "
-            "give a file that states some"
-        )
-    now_s = time.time()
-    with open_database(where) as database:
-        for point in points:
-            database.put_expectation(ExpectationRecord.of(aircraft.name, point, now_s))
-    return {"aircraft": aircraft.name, "imported": len(points)}
+def _list(arguments: argparse.Namespace) -> tuple[dict[str, Any], Callable[[], None]]:
+    check_exists("DB", arguments.database)
+    with open_database(arguments.database) as database:
+        result = list_object(database, arguments.aircraft)
+    return result, lambda: print_list(page(), result)
 
 
-def _kept(database: Database, aircraft: Aircraft, arguments: argparse.Namespace) -> dict[str, Any]:
-    """Entries by structure, and what a vehicle's flights taught where one is named."""
-    configuration, past = arguments.configuration, arguments.action == "history"
-    look = database.history if past else database.expectations
-    structures = {
-        name: [
-            _entry(record, aircraft, arguments.convention)
-            for record in look(aircraft.name, configuration, name)
-        ]
-        for name in STRUCTURES
-    }
-    result = {
-        "aircraft": aircraft.name,
-        "configuration": configuration,
-        "convention": arguments.convention,
-        "structures": structures,
-    }
-    if arguments.vehicle is None:
-        return result
-    fleet, vehicle = check_name("fleet", arguments.fleet), check_name("vehicle", arguments.vehicle)
-    taught = {}
-    for name in STRUCTURES:
-        versions = database.reference_history(
-            ReferenceKey(fleet, vehicle, aircraft.name, configuration, name)
-        )
-        taught[name] = [
-            {"updated_at_s": v.updated_at_s, "blocks": v.reference.blocks, "seconds": v.reference.seconds}
-            for v in (versions if past else versions[-1:])
-        ]
-    return result | {"fleet": fleet, "vehicle": vehicle, "references": taught}
+def _show(arguments: argparse.Namespace) -> tuple[dict[str, Any], Callable[[], None]]:
+    asked = _asked(arguments)
+    plot = None if arguments.plot is None else import_module("wingwatch.cli.baseline_plot")
+    if plot is not None:
+        import_module("wingwatch.cli.design_input_plot").need_matplotlib()
+        plot.structure_with(arguments.derivative)
+        check_output("--plot", arguments.plot, (".png", ".pdf", ".svg"))
+    with open_database(arguments.database) as database:
+        if plot is not None:
+            of = asked.aircraft.name if asked.vehicle is None else f"{asked.fleet}/{asked.vehicle}"
+            surface = plot.surface_of(database, asked, arguments.derivative)
+            plot.draw_surface(surface, f"expected of {of}", arguments.plot)
+        try:
+            result = show_object(database, asked, time.time())
+        except ValueError as error:
+            raise CommandError(f"--at: {error}") from None
+    return result, lambda: print_show(page(), result)
 
 
-def _entry(record: ExpectationRecord, aircraft: Aircraft, convention: str) -> dict[str, Any]:
-    expectation = record.expectation
-    symbols, name = expectation.structure.derivatives, expectation.structure.name
-    errors = expectation.standard_error.tolist()
-    rows = {
-        symbol: {"value": value, "standard_error": error, "unit": DERIVATIVES[symbol].unit}
-        for symbol, value, error in zip(symbols, record.value, errors, strict=True)
-    }
-    mode = {"condition": asdict(expectation.condition), "derivatives": rows}
-    made = in_convention({"": {name: mode}}, aircraft, convention, record.configuration)[""][name]
-    kept = {
-        key: getattr(record, key) for key in ("id", "superseded_by", "provenance", "source", "created_at_s")
-    }
-    return {**made, **kept}
+def _history(arguments: argparse.Namespace) -> tuple[dict[str, Any], Callable[[], None]]:
+    asked = _asked(arguments)
+    with open_database(arguments.database) as database:
+        result = history_object(database, asked)
+    return result, lambda: print_history(page(), result)
 
 
-def _show(console: Console, result: dict[str, Any]) -> None:
-    console.print(f"[bold]{result['aircraft']}[/] in configuration {escape(result['configuration'])}")
-    for name, entries in result["structures"].items():
-        if not entries:
-            console.print(f"{name}: the database has no entries; the aircraft file counts")
-        for entry in entries:
-            console.print(_table(name, entry))
-    for name, versions in result.get("references", {}).items():
-        console.print(f"{name}, taught by {result['fleet']}/{result['vehicle']}: {_taught(versions)}")
+def _asked(arguments: argparse.Namespace) -> Asked:
+    aircraft = load_aircraft(arguments.aircraft)
+    check_convention(aircraft, arguments.convention)
+    fleet = _named("fleet", arguments.fleet)
+    vehicle = None if arguments.vehicle is None else _named("vehicle", arguments.vehicle)
+    check_exists("DB", arguments.database)
+    at = getattr(arguments, "at", None)
+    return Asked(aircraft, arguments.configuration, arguments.convention, fleet, vehicle, at)
 
 
-def _table(name: str, entry: dict[str, Any]) -> Table:
-    at = entry["condition"]
-    until = "" if entry["superseded_by"] is None else f", superseded by {entry['superseded_by']}"
-    title = (
-        f"{name} at {at['airspeed_true_m_s']:g} m/s, {at['altitude_m']:g} m: {entry['provenance']}, "
-        f"entry {entry['id']} of {_date(entry['created_at_s'])}{until}"
-    )
-    table = Table(title=title, title_justify="left", title_style="bold", caption=escape(entry["source"]))
-    for column in ("derivative", "unit", "expected"):
-        table.add_column(column, justify="right" if column == "expected" else "left")
-    for symbol, row in entry["derivatives"].items():
-        table.add_row(
-            row.get("name", symbol), row["unit"], f"{row['value']:.4g} ± {row['standard_error']:.2g}"
-        )
-    return table
+def _named(kind: str, name: str) -> str:
+    """A name that keys allow; a good one is seen without Zenoh."""
+    if re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,62}", name):
+        return name
+    check_name = import_module("wingwatch.telemetry").check_name
+    return str(check_name(kind, name))
 
 
-def _taught(versions: Sequence[dict[str, Any]]) -> str:
-    parts = [f"{v['blocks']} blocks, {v['seconds']:.0f} s ({_date(v['updated_at_s'])})" for v in versions]
-    return "; ".join(parts) or "nothing yet"
+_READING: dict[str, _Action] = {"list": _list, "show": _show, "history": _history}
 
-
-def _date(at_s: float) -> str:
-    return datetime.fromtimestamp(at_s, UTC).strftime("%Y-%m-%d %H:%M UTC")
+_CHANGING = {
+    "import": ("baseline_exchange", "import_"),
+    "export": ("baseline_exchange", "export"),
+    "learn": ("baseline_learn", "learn"),
+    "revert": ("baseline_revert", "revert"),
+    "delete": ("baseline_revert", "remove"),
+}
+"""Module and function by the name on the command line."""

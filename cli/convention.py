@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from wingwatch.aircraft import Aircraft, AircraftDataError, Convention
-from wingwatch.api import convert_modes
 from wingwatch.cli.faults import CommandError
 
 __all__ = ["check_convention", "in_convention"]
@@ -41,6 +40,8 @@ def in_convention(
     """
     if convention == Convention.CONCISE:
         return dict(estimators)
+    from wingwatch.api import convert_modes  # concise derivatives do without the web framework
+
     try:
         return convert_modes(
             estimators, aircraft, Convention(convention), latest=latest, configuration=configuration

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.baselines import Envelope, Reference
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_clocks import Clock, clocks_of
 from wingwatch.cli.progress import Progress
 from wingwatch.cli.surface_travel import surface_travel
-from wingwatch.monitor import AlertView, MonitorStart, Report, VehicleMemory, VehicleMonitor
+from wingwatch.monitor import AlertView, MonitorStart, Report, VehicleMonitor
 from wingwatch.telemetry import FlightTable, SampleBlock, load_flight
 
 __all__ = ["OFFLINE", "Watched", "load", "watch"]
@@ -89,22 +88,19 @@ def watch(
     *,
     fleet: str = "default",
     vehicle: str = OFFLINE,
-    references: Mapping[str, Reference] | None = None,
-    envelopes: Mapping[str, Envelope] | None = None,
+    start: MonitorStart | None = None,
     listener: Listener | None = None,
 ) -> Watched:
     """Feed a flight to the monitor of one vehicle.
 
     Args:
-        references: what earlier flights taught; nothing without.
-        envelopes: expectations that take the place of the aircraft file's, by structure.
+        start: configuration, and what is kept of earlier flights; nothing without.
         listener: called after each piece.
 
     Raises:
         CommandError: the flight has not the channels for any mode, or the aircraft no expectation.
     """
     numbers = iter(range(1, 1 + len(flight.block)))
-    start = MonitorStart(memory=VehicleMemory(references or {}, envelopes or {}))
     monitor = VehicleMonitor(
         aircraft, fleet, vehicle, flight.block.present, flight.kinds,
         new_id=lambda: f"alert-{next(numbers)}", start=start,

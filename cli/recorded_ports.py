@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import Envelope, EstimateRecord, Reference
+from wingwatch.baselines import ChangeRecord, Envelope, EstimateRecord, Reference
 from wingwatch.cli.recorded_memory import encode_earlier_alerts, encode_envelopes, encode_memory
 from wingwatch.cli.recorder import Recorder
 from wingwatch.cli.store import DatabaseStore
@@ -26,6 +26,14 @@ class RecordedStore:
 
     def __init__(self, store: DatabaseStore, recorder: Recorder) -> None:
         self._store, self._recorder = store, recorder
+        self._changed = False
+        self._begun: set[str] = set()
+
+    def baseline_changes(self) -> Sequence[ChangeRecord]:
+        """Changes that others made to the baseline; a replay does not repeat them."""
+        changes = self._store.baseline_changes()
+        self._changed |= bool(changes)
+        return changes
 
     def recall(
         self, fleet: str, vehicle: str, aircraft: Aircraft, configuration: str
@@ -34,7 +42,9 @@ class RecordedStore:
         memory = self._store.recall(fleet, vehicle, aircraft, configuration)
         if memory is not None:
             name = f"memory/{fleet}/{vehicle}/{aircraft.name}/{configuration}"
-            self._recorder.attach(name, encode_memory(memory))
+            if not (self._changed and name in self._begun):  # a replay begins with what the flight began with
+                self._recorder.attach(name, encode_memory(memory))
+            self._begun.add(name)
         return memory
 
     def expectations(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:

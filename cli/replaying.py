@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import count
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import Envelope, EstimateRecord, Reference
+from wingwatch.baselines import ChangeRecord, Envelope, EstimateRecord, Reference
 from wingwatch.cli.recorded_memory import decode_earlier_alerts, decode_envelopes, decode_memory
 from wingwatch.cli.recorder import alert_message, estimate_message
 from wingwatch.monitor import AlertView, FleetMonitor, FleetPorts, SavedVehicle, decode_checkpoint
@@ -73,6 +73,10 @@ class _Memory:
         """What was known of a vehicle then."""
         data = self._attached.get(f"memory/{fleet}/{vehicle}/{aircraft.name}/{configuration}")
         return VehicleMemory() if data is None else decode_memory(data, aircraft, configuration)
+
+    def baseline_changes(self) -> Sequence[ChangeRecord]:
+        """Nobody changes the baseline in a replay."""
+        return ()
 
     def expectations(self, aircraft: Aircraft, configuration: str) -> Mapping[str, Envelope]:
         """Expectations of a type that the database had."""

@@ -44,6 +44,7 @@ from wingwatch.cli.notifications import Notifications, NotifyingOutputs
 from wingwatch.cli.notify_settings import channel_plans
 from wingwatch.cli.outputs import ZenohOutputs
 from wingwatch.cli.patient import PatientHistory
+from wingwatch.cli.patient_baselines import PatientBaselines
 from wingwatch.cli.pump import Pump
 from wingwatch.cli.recorded_ports import RecordedCheckpoints, RecordedStore
 from wingwatch.cli.recorder import Recorder
@@ -246,6 +247,7 @@ def running_service(
             access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
             counters=lambda: service.counters(), figures=lambda: service.figures(),
             problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
+            baselines=PatientBaselines(database, wall_clock),
         )  # fmt: skip
         app = create_app(monitor, lambda: service.readiness(), PatientHistory(database), __version__, asked)
         http = HttpServer(app, listening, tls=tls)

@@ -17,9 +17,11 @@ from typing import Any, Self
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import (
     AlertRecord,
+    BaselineLedger,
     CandidateRecord,
     Cell,
     CellMemory,
+    ChangeRecord,
     Database,
     DatabaseError,
     Envelope,
@@ -58,6 +60,8 @@ _GATHER_S = 0.2  # a transaction costs as much as a hundred rows
 _END_S = 10.0
 _ESTIMATES_AT_ONCE = 5000
 _PRUNE_EVERY_S = 30.0
+_LOOK_EVERY_S = 2.0  # for changes of the baseline by others
+_CHANGES_OF_S = 86_400.0  # at the start: vehicles that go on may have been saved before them
 _PRUNE_AGAIN_S = 0.5
 
 _Asked = tuple[str, str, str, str]
@@ -89,8 +93,12 @@ class DatabaseStore:
         self._database = database
         self._wall_clock = wall_clock
         self._alerts: dict[str, tuple[AlertView, _Kept]] = {}
-        self._references: dict[ReferenceKey, Reference] = {}
-        self._cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float]] = {}
+        self._references: dict[ReferenceKey, tuple[Reference, int | None]] = {}
+        self._cells: dict[tuple[ReferenceKey, Cell], tuple[Reference, float, int | None]] = {}
+        self._ledger = BaselineLedger(database)
+        self._changes: list[ChangeRecord] = []
+        self._noticed: int | None = None
+        self._taken: int | None = None
         self._estimates: list[tuple[EstimateRecord, float]] = []
         self._retention = retention
         self._pruned_s = float("-inf")
@@ -186,6 +194,23 @@ class DatabaseStore:
         """Expectations of a type that the database has; it is read at once."""
         return stored_envelopes(self._database, aircraft, configuration)
 
+    def baseline_changes(self) -> Sequence[ChangeRecord]:
+        """Changes that others made to the baseline since the last call.
+
+        What waits to be written of the vehicles that they concern is dropped, and what is being written is refused by
+        the database: it rests on what was before.
+        """
+        with self._lock:
+            found, self._changes = self._changes, []
+            if found:
+                self._taken = found[-1].id
+            for change in found:
+                for key in [k for k in self._references if change.concerns(*_owner(k))]:
+                    self._references.pop(key)
+                for place in [p for p in self._cells if change.concerns(*_owner(p[0]))]:
+                    self._cells.pop(place)
+        return found
+
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
     ) -> None:
@@ -193,7 +218,7 @@ class DatabaseStore:
         with self._lock:
             for structure, reference in references.items():
                 key = ReferenceKey(fleet, vehicle, aircraft, configuration, structure)
-                self._keep(self._references, key, reference)
+                self._keep(self._references, key, (reference, self._taken))
         self._news.set()
 
     def save_cells(
@@ -209,7 +234,7 @@ class DatabaseStore:
         with self._lock:
             for (structure, cell), reference in cells.items():
                 key = ReferenceKey(fleet, vehicle, aircraft, configuration, structure)
-                self._keep(self._cells, (key, cell), (reference, learned_s))
+                self._keep(self._cells, (key, cell), (reference, learned_s, self._taken))
         self._news.set()
 
     def save_alert(self, alert: AlertView, kept: _Kept = _nobody) -> None:
@@ -253,10 +278,11 @@ class DatabaseStore:
     def _answer(self) -> None:
         """Read for everybody who asked; a read that fails is tried again, and never passes for an empty one."""
         while not self._end.is_set():
-            self._question.wait()
+            self._question.wait(_LOOK_EVERY_S)
             self._question.clear()
             if self._end.is_set():
                 return
+            self._look()
             with self._lock:
                 asked = list(self._asked.items())
             if not self._read_earlier():
@@ -275,6 +301,27 @@ class DatabaseStore:
                     self._recalled[key] = found
                     while len(self._recalled) > _MOST_ASKED:
                         self._recalled.pop(next(iter(self._recalled)))
+
+    def _look(self) -> None:
+        """Notice changes of the baseline; a database that does not answer is asked again later."""
+        try:
+            if self._noticed is None:
+                newest = self._ledger.newest_change()
+                since_s = self._wall_clock() - _CHANGES_OF_S
+                found = [c for c in self._ledger.changes(0) if c.at_s >= since_s]
+                self._taken = newest if not found else (found[0].id or 1) - 1
+            else:
+                newest, found = self._noticed, list(self._ledger.changes(self._noticed))
+        except Exception as error:  # whatever a database raises must not end this thread
+            _LOG.debug("changes of the baseline not read: %s", _sentence(error))
+            return
+        if found:
+            newest = max(newest, found[-1].id or 0)
+            with self._lock:
+                self._changes += found
+                self._recalled.clear()  # read before the change
+            _LOG.info("the baseline was changed: %s", "; ".join(c.text for c in found[-3:]))
+        self._noticed = newest
 
     def _read_earlier(self) -> bool:
         """Alerts of earlier runs, once; whether they have been read."""
@@ -313,16 +360,17 @@ class DatabaseStore:
         # What waits is looked at before the database: what is written in between is then seen there or here.
         now_s = self._wall_clock()
         with self._lock:
-            references = {k.structure: r for k, r in self._references.items() if _owner(k) == asked}
+            references = {k.structure: r for k, (r, _) in self._references.items() if _owner(k) == asked}
             cells = {
                 (k.structure, cell): CellMemory(reference, max(0.0, now_s - learned_s))
-                for (k, cell), (reference, learned_s) in self._cells.items()
+                for (k, cell), (reference, learned_s, _) in self._cells.items()
                 if _owner(k) == asked
             }
         return VehicleMemory(
             stored_references(self._database, *asked) | references,
             stored_envelopes(self._database, aircraft, asked[3]),
             stored_cells(self._database, *asked, now_s) | cells,
+            self._noticed or 0,
         )
 
     # -- the thread that writes -------------------------------------------------------------------
@@ -467,11 +515,14 @@ class DatabaseStore:
     def _write_alert(self, _: str, entry: tuple[AlertView, _Kept]) -> None:
         self._database.save_alert(self._record(entry[0]))
 
-    def _write_reference(self, key: ReferenceKey, reference: Reference) -> None:
-        self._database.save_reference(key, reference, self._wall_clock())
+    def _write_reference(self, key: ReferenceKey, entry: tuple[Reference, int | None]) -> None:
+        self._database.save_reference(key, entry[0], self._wall_clock(), entry[1])
 
-    def _write_cell(self, place: tuple[ReferenceKey, Cell], entry: tuple[Reference, float]) -> None:
-        self._database.save_cell(*place, *entry)
+    def _write_cell(
+        self, place: tuple[ReferenceKey, Cell], entry: tuple[Reference, float, int | None]
+    ) -> None:
+        reference, learned_s, after = entry
+        self._database.save_cell(*place, reference, learned_s, after)
 
 
 def _owner(key: ReferenceKey) -> _Asked:

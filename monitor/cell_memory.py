@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 from wingwatch.aircraft import FlightCondition
 from wingwatch.baselines import Cell, CellMemory, Reference, aged, cell_of, joined
 from wingwatch.estimators import BlockEvidence
-from wingwatch.monitor.comparison import Coordinates, bias_of, change_since
+from wingwatch.monitor.comparison import Coordinates, change_since, without_bias
 
 __all__ = ["CellBook", "CellBookState", "CellPlace"]
 
@@ -94,6 +94,11 @@ class CellBook:
                 own.reference = memory.reference.plus(own.reference)
                 self.state.changed.add(place)
 
+    def renew(self, kept: Mapping[CellPlace, CellMemory]) -> None:
+        """What is kept was changed by a person: it takes the place of all that is remembered."""
+        self.state = CellBookState()
+        self.adopt(kept)
+
     def resume(self, state: CellBookState) -> None:
         """Go on from where another book of this vehicle stopped.
 
@@ -155,7 +160,7 @@ class CellBook:
         if alarmed:
             self._end_trials(name)
             return None
-        parts = (block.information, block.vector, block.bias)
+        parts = block.information, block.vector, block.bias
         if not all(np.isfinite(part).all() for part in parts) or not (natural > 0.0).all():
             return None
         visit, rebuilt = present, False
@@ -166,7 +171,7 @@ class CellBook:
         if not (informs or rebuilt):
             return None
         at = self._coordinates[name].at(condition)
-        fresh = at.of_evidence(*_without_bias(block))
+        fresh = at.of_evidence(*without_bias(*parts))
         if informs:
             account = self.state.accounts.get((name, cell))
             known = aged(CellMemory(account.reference, 0.0), natural) if account is not None else None
@@ -222,15 +227,6 @@ class CellBook:
 
 def _size(coordinates: Coordinates) -> int:
     return len(coordinates.structure.derivatives)
-
-
-def _without_bias(block: BlockEvidence) -> tuple[Array, Array]:
-    """The evidence with the bias that gusts may have caused as one more error: (J^-1 + b b')^-1, from J b."""
-    pushed = block.bias
-    bias = bias_of(block.information, pushed)
-    grown = 1.0 + float(bias @ pushed)
-    information = block.information - np.outer(pushed, pushed) / grown
-    return information, block.vector - pushed * float(bias @ block.vector) / grown
 
 
 def _contradicts(resumed: Reference, fresh: tuple[Array, Array], natural: Array) -> bool:

@@ -105,12 +105,8 @@ class SavedChain:
 
 
 def nominal_condition(aircraft: Aircraft) -> FlightCondition | None:
-    """The condition that an aircraft's derivatives are referred to: its cruise, else its first stated condition."""
-    if aircraft.envelope is not None:
-        return aircraft.envelope.cruise
-    if aircraft.conditions:
-        return aircraft.conditions[0].condition
-    return None
+    """The condition that an aircraft's derivatives are referred to (``Aircraft.nominal_condition``)."""
+    return aircraft.nominal_condition
 
 
 def condition_of(found: tuple[float, float, float, float], configuration: str) -> FlightCondition | None:

@@ -37,6 +37,7 @@ __all__ = [
     "change_since",
     "log_bayes_any",
     "log_bayes_direction",
+    "without_bias",
 ]
 
 Array = NDArray[np.float64]
@@ -189,6 +190,15 @@ def bias_of(information: Array, pushed: Array) -> Array:
     solid = information.copy()
     np.einsum("...ii->...i", solid)[...] += np.where(own > _NO_INFORMATION, _RIDGE * own, 1.0)
     return np.asarray(np.linalg.solve(solid, pushed[..., None])[..., 0])
+
+
+def without_bias(information: Array, vector: Array, pushed: Array) -> tuple[Array, Array]:
+    """Evidence J (k, k), h (k,) with the bias b that gusts may have caused, given as J b, as one more error:
+    (J^-1 + b b')^-1 and its vector."""
+    bias = bias_of(information, pushed)
+    grown = 1.0 + float(bias @ pushed)
+    reduced = information - np.outer(pushed, pushed) / grown
+    return reduced, vector - pushed * float(bias @ vector) / grown
 
 
 def informative_part(information: Array, vector: Array, natural: Array) -> tuple[Array, Array]:

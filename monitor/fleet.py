@@ -21,7 +21,7 @@ from wingwatch.monitor.fleet_arrivals import FleetArrivals
 from wingwatch.monitor.fleet_checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
 from wingwatch.monitor.fleet_diagnoses import AlertFlight, FleetRings, alert_flight
-from wingwatch.monitor.fleet_memory import keep, learned_blocks
+from wingwatch.monitor.fleet_memory import keep, learned_blocks, note_changes, renew
 from wingwatch.monitor.fleet_overload import FleetOverload
 from wingwatch.monitor.fleet_proposals import FleetProposals
 from wingwatch.monitor.fleet_settings import FleetSettings
@@ -306,6 +306,7 @@ class FleetMonitor:
             if memory is not None:
                 known.monitor.adopt(loading.recalled(memory))
                 known.recalled, known.late = True, True
+                known.change, known.renewed, known.renewal = memory.change, known.renewal, None
                 known.saved_blocks = sum(r.blocks for r in memory.references.values())
             return
         now_s = self._clock()
@@ -317,7 +318,7 @@ class FleetMonitor:
         known.monitor = self._maker.make(
             fleet, vehicle, loading.aircraft, announced, given, loading.recalled(memory or VehicleMemory())
         )
-        known.recalled = memory is not None
+        known.recalled, known.change = memory is not None, 0 if memory is None else memory.change
         known.saved_blocks = learned_blocks(known.monitor)
         known.given, known.settings = given, settings_of(known.monitor, given)
         self._alerts.follow_earlier((fleet, vehicle), known)
@@ -354,9 +355,12 @@ class FleetMonitor:
 
     def _late_start(self, key: VehicleKey, known: KnownVehicle) -> list[Outgoing]:
         """What is held of a vehicle handed over, if it can be by now."""
-        if known.recalled:
+        if known.recalled and known.renewal is None:
             return []
         try:
+            if known.recalled:
+                renew(self._context, key, known, self._maker)
+                return []
             self._recall(*key, known)
         except Exception as error:
             self._context.note_fault(*key, known, error)
@@ -376,6 +380,7 @@ class FleetMonitor:
             earlier = self._alerts.read_earlier(0.0)
             self._alerts.look_again()
             self._arrivals.new_second()
+            note_changes(self._context)
             self._saving.save_some(dict(self._vehicles.items()))
             self._held = sum(len(known.held) for _, known in self._vehicles.items())
             forgotten, self._forgotten = self._vehicles.forgotten - self._forgotten, self._vehicles.forgotten

@@ -1,14 +1,17 @@
 """What a fleet keeps of its vehicles in the store: estimates for the history, and what their flights have taught."""
 
+from functools import partial
+
 from wingwatch.baselines import EstimateRecord
 from wingwatch.estimators import Estimate
 from wingwatch.monitor.fleet_context import FleetContext
 from wingwatch.monitor.known_vehicle import KnownVehicle
-from wingwatch.monitor.ports import Store
+from wingwatch.monitor.monitors import MonitorMaker
+from wingwatch.monitor.ports import Store, VehicleMemory
 from wingwatch.monitor.roster import VehicleKey
 from wingwatch.monitor.vehicle import Report, VehicleMonitor
 
-__all__ = ["keep", "learned_blocks"]
+__all__ = ["keep", "learned_blocks", "note_changes", "renew"]
 
 
 def keep(context: FleetContext, key: VehicleKey, known: KnownVehicle, report: Report) -> None:
@@ -38,7 +41,7 @@ def _keep_estimates(
 
 def _keep_learned(context: FleetContext, store: Store, key: VehicleKey, known: KnownVehicle) -> None:
     monitor, loading = known.monitor, known.loading
-    if monitor is None or not known.recalled or loading is None:
+    if monitor is None or not known.recalled or loading is None or known.renewal is not None:
         return  # nothing is written over what has not been read
     name, configuration = monitor.aircraft.name, monitor.configuration
     cells = loading.kept_cells(monitor.cells.take_changed())
@@ -55,3 +58,33 @@ def _keep_learned(context: FleetContext, store: Store, key: VehicleKey, known: K
 def learned_blocks(monitor: VehicleMonitor) -> int:
     """Blocks that a vehicle's references rest on; one more means there is something new to keep."""
     return sum(r.blocks for r in monitor.references.values())
+
+
+def note_changes(context: FleetContext) -> None:
+    """What of the vehicles is kept was changed by others: it is to be read again; with the fleet's lock held."""
+    changes = None if context.store is None else context.guarded(context.store.baseline_changes)
+    for change in changes or ():
+        for key, known in context.vehicles.items():
+            monitor = known.monitor
+            if monitor is None or change.id <= known.change:
+                continue
+            if change.concerns(*key, monitor.aircraft.name, monitor.configuration):
+                known.renewal = change
+
+
+def renew(context: FleetContext, key: VehicleKey, known: KnownVehicle, maker: MonitorMaker) -> None:
+    """Take in what is kept of a vehicle in the place of what was, once it has been read; with the fleet's lock held."""
+    monitor, loading, store = known.monitor, known.loading, context.store
+    if known.renewal is None or monitor is None or loading is None or store is None or not known.recalled:
+        return
+    if not maker.ready(loading.aircraft, monitor.configuration, known.given):
+        return
+    ask = partial(store.recall, *key, loading.stated, monitor.configuration)
+    memory: VehicleMemory | None = context.guarded(ask)
+    if memory is None:
+        return
+    lacking = [name for name in monitor.chain.envelopes if name not in memory.envelopes]
+    stated = maker.stated(loading.aircraft, monitor.configuration, lacking)
+    monitor.renew(loading.recalled(memory), stated)
+    known.change, known.renewed, known.renewal = memory.change, known.renewal, None
+    known.saved_blocks, known.unsaved = learned_blocks(monitor), True

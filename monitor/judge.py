@@ -169,6 +169,24 @@ class Judge:
         state.identified = founded
         state.founded = state.founded or founded or (own and bool(state.references))
 
+    def renew(self, state: JudgeState, references: Mapping[str, Reference], founded: bool) -> None:
+        """What earlier flights taught was changed by a person: it takes the place of what was taken in.
+
+        What this flight has taught so far is in it, for that is stored as it is learned; blocks that are remembered
+        still join it later. Where something was taken back, what the filter has learned in this flight goes, too.
+        """
+        for name, known in state.references.items():
+            kept = references.get(name)
+            if kept is None or kept.vector.shape != known.vector.shape:
+                kept = Reference.empty(known.vector.size)
+            if kept.blocks < known.blocks:
+                state.by_filter[name] = Reference.empty(known.vector.size)
+            state.references[name] = kept
+        own = all(r.blocks >= self.config.founded_blocks for r in state.references.values())
+        state.identified = founded
+        state.founded = founded or (own and bool(state.references))
+        state.contradictions.clear()
+
     def mode_block(
         self,
         mode: ModeSolution,

@@ -3,11 +3,13 @@
 from collections import Counter, deque
 from collections.abc import Collection, MutableMapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import Aircraft
+from wingwatch.baselines import ChangeRecord
 from wingwatch.monitor.contradictions import Contradictions
 from wingwatch.monitor.loading import Loading, loading_of
 from wingwatch.monitor.ownership import Ownership
@@ -62,6 +64,8 @@ class KnownVehicle:
             that is to be saved at once.
         ring: its latest samples; None where none are kept.
         contradictions: what its channels say of one another.
+        change: the newest change of the baseline in what is known of it.
+        renewal: a later one, while what is kept is read again; renewed: the last one that was taken in.
     """
 
     message: AircraftMessage | None = None
@@ -99,6 +103,9 @@ class KnownVehicle:
     urgent: bool = False
     ring: SampleRing | None = None
     contradictions: Contradictions = field(default_factory=Contradictions)
+    change: int = 0
+    renewal: ChangeRecord | None = None
+    renewed: ChangeRecord | None = None
 
     def count(self, reason: str, times: int = 1) -> None:
         """Count what was not used."""
@@ -147,6 +154,7 @@ class KnownVehicle:
             self.earlier.update(self.monitor.counts)
         self.monitor, self.recalled, self.recall_s = None, False, None
         self.given, self.settings, self.late, self.unsaved, self.urgent = (), "", False, False, False
+        self.change, self.renewal, self.renewed = 0, None, None
         self.ring, self.contradictions = None, Contradictions()
         self.drop_held()
 
@@ -274,7 +282,7 @@ class KnownVehicle:
             view,
             state=state,
             reason=_with_refusal(view.reason if reason is None else reason, refused),
-            basis_text=view.basis_text + loaded + unread,
+            basis_text=view.basis_text + loaded + unread + _change_text(self.renewed),
             counts=self.all_counts,
             active_alerts=tuple(name for name in view.active_alerts if name in alerts),
             mass_kg=None if self.loading is None else self.loading.mass_kg,
@@ -290,6 +298,15 @@ class KnownVehicle:
             reason=reason, last_sample_time_s=None, basis=None, basis_text="Nothing has been compared yet.",
             worst=None, counts=self.all_counts, active_alerts=(), condition={},
         )  # fmt: skip
+
+
+def _change_text(change: ChangeRecord | None) -> str:
+    """That the baseline is not what the flight began with."""
+    if change is None:
+        return ""
+    at = datetime.fromtimestamp(change.at_s, UTC).strftime("%Y-%m-%d %H:%M UTC")
+    by = f" by {change.who}" if change.who else ""
+    return f" The baseline was changed{by} at {at} ({change.action}: {change.text}), and counts as it is now."
 
 
 def _with_refusal(reason: str, refused: bool) -> str:

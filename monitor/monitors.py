@@ -1,6 +1,6 @@
 """Makes the monitor of a vehicle from what it said it is, what its messages carry, and what is kept of it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import replace
 from typing import Any
@@ -89,6 +89,18 @@ class MonitorMaker:
                 known_type, apriori = self._apriori.pop(place, (None, {}))
                 self._apriori[place] = aircraft, {**(apriori if known_type == aircraft else {}), **found}
         _drop_oldest(self._apriori)
+
+    def stated(
+        self, aircraft: Aircraft, configuration: str, names: Collection[str]
+    ) -> Mapping[str, Envelope]:
+        """Expectations that the file of an aircraft, as it is loaded, gives of structures; at once where ``ready``."""
+        place = _type_of(aircraft, configuration)
+        known_type, known = self._apriori.get(place, (None, {}))
+        found = dict(known) if known_type == aircraft else {}
+        lacking = [name for name in names if name not in found]
+        if lacking:
+            found |= _stated(aircraft, configuration, lacking)[1]
+        return found
 
     def make(
         self,

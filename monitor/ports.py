@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import CellMemory, Envelope, EstimateRecord, Reference
+from wingwatch.baselines import CellMemory, ChangeRecord, Envelope, EstimateRecord, Reference
 from wingwatch.monitor.cell_memory import CellPlace
 from wingwatch.monitor.views import AlertAction, AlertView, ProposedInputView, VehicleView
 from wingwatch.telemetry import ServiceStream
@@ -24,11 +24,13 @@ class VehicleMemory:
         references: what its earlier flights taught, by structure.
         envelopes: expectations that take the place of its aircraft file's, by structure.
         cells: what cells of the envelope taught, with their age.
+        change: id of the newest change of the baseline that is in it.
     """
 
     references: Mapping[str, Reference] = field(default_factory=dict)
     envelopes: Mapping[str, Envelope] = field(default_factory=dict)
     cells: Mapping[CellPlace, CellMemory] = field(default_factory=dict)
+    change: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,13 @@ class Store(Protocol):
 
         Called with the fleet's lock held: it returns at once, whatever the state of the database. A read that failed
         is not an empty one.
+        """
+        ...
+
+    def baseline_changes(self) -> Sequence[ChangeRecord]:
+        """Changes that others made to the baseline since the last call; it returns at once.
+
+        What waits to be saved of the vehicles that they concern is dropped: it rests on what was before.
         """
         ...
 

@@ -10,7 +10,7 @@ from wingwatch.aircraft import (
     FlightCondition,
     ModeStructure,
 )
-from wingwatch.baselines import Expectation, OutOfEnvelope
+from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope
 from wingwatch.estimators import BlockEvidence
 from wingwatch.monitor.alerts import CLEAR_BLOCKS, AlertBook
 from wingwatch.monitor.blocks import BlockView, ModeBlock
@@ -114,6 +114,21 @@ class VehicleMonitor(VehicleReadings):
         founded = self._founded_by_file
         self.judge.adopt(self._judge_state, memory.references, founded)
         self.cells.adopt(memory.cells)
+        self._worst = None
+
+    def renew(self, memory: VehicleMemory, stated: Mapping[str, Envelope]) -> None:
+        """What is kept of the vehicle was changed by a person, and counts from now on; estimates go on as they are.
+
+        Args:
+            stated: the aircraft file's expectations, of structures that the memory has none of.
+        """
+        for name in self.chain.envelopes:
+            found = memory.envelopes.get(name, stated.get(name))
+            if found is not None:
+                self.chain.envelopes[name] = found
+        self._stated = self._stated_provenance(nominal_condition(self.aircraft))
+        self.judge.renew(self._judge_state, memory.references, self._founded_by_file)
+        self.cells.renew(memory.cells)
         self._worst = None
 
     def saved(self) -> MonitorState:

@@ -3,6 +3,7 @@
 import argparse
 
 from wingwatch.cli.arguments.aircraft import add_aircraft
+from wingwatch.cli.arguments.baseline import add_baseline
 from wingwatch.cli.arguments.common import CommandParser
 from wingwatch.cli.arguments.flights import (
     add_condition,
@@ -17,7 +18,6 @@ from wingwatch.cli.arguments.flights import (
 from wingwatch.cli.arguments.links import add_bridge
 from wingwatch.cli.arguments.serving import (
     add_access,
-    add_baseline,
     add_notify,
     add_serve,
     add_store,

@@ -1,13 +1,13 @@
-"""Commands of the service, of who may use it, and of its database."""
+"""Commands of the service, of who may use it, and of its database as a whole."""
 
 import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from wingwatch.cli.arguments.common import Commands, add_command, add_commands, add_convention
+from wingwatch.cli.arguments.common import Commands, add_command, add_commands
 from wingwatch.cli.arguments.values import positive, row_count
 
-__all__ = ["add_access", "add_baseline", "add_notify", "add_serve", "add_store", "add_token"]
+__all__ = ["add_access", "add_notify", "add_serve", "add_store", "add_token"]
 
 _TOKEN_EXAMPLES = """\
 wingwatch token create lead --scope operate
@@ -29,12 +29,6 @@ _STORE_ACTIONS = {
     "backup": "copy an SQLite database, also while a service writes to it, and check the copy",
     "check": "read the whole database and say whether it is sound",
     "prune": "thin and drop old history of derivatives at once; alerts, references and expectations stay",
-}
-
-_BASELINE_ACTIONS = {
-    "show": "what is expected of an aircraft now, and what a vehicle's flights have taught",
-    "history": "every entry there ever was, what superseded it, and every kept version of what a vehicle taught",
-    "import": "put the [[conditions]] of an aircraft file into the database; each supersedes the entry at its point",
 }
 
 
@@ -216,30 +210,3 @@ def _add_retention(add: Callable[..., object]) -> None:
         metavar="N",
         help="where there are more estimates, the flights that ended first go (default: %(default)s)",
     )
-
-
-def add_baseline(commands: Commands) -> None:
-    """``wingwatch baseline``."""
-    does = "the baseline database: what is expected of an aircraft, by whom, since when"
-    example = "wingwatch baseline show data/wingwatch.db --aircraft aerosonde --vehicle uav1"
-    actions = add_commands(
-        commands,
-        "baseline",
-        does,
-        f"{example}\n  wingwatch baseline import data/wingwatch.db --aircraft identified.toml",
-        "action",
-    )
-    for name, what in _BASELINE_ACTIONS.items():
-        one = add_command(actions, name, what, example.replace("show", name))
-        one.add_argument("database", metavar="DB", help="database of a service (file or URL)")
-        one.add_argument(
-            "--aircraft", required=True, metavar="A", help="name in the library, or path of an aircraft file"
-        )
-        if name == "import":
-            continue
-        add_convention(one)
-        one.add_argument("--configuration", default="clean", help="of the aircraft (default: %(default)s)")
-        one.add_argument("--fleet", default="default", help="of the vehicle (default: %(default)s)")
-        one.add_argument(
-            "--vehicle", metavar="ID", help="whose flights' teaching to show (default: nobody's)"
-        )

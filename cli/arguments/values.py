@@ -3,7 +3,7 @@
 import argparse
 import math
 
-__all__ = ["job_count", "positive", "replay_speed", "row_count", "wind"]
+__all__ = ["condition", "job_count", "positive", "replay_speed", "row_count", "version_id", "wind"]
 
 
 def positive(text: str) -> float:
@@ -56,3 +56,24 @@ def wind(text: str) -> tuple[float, float]:
             f"{text!r} is no wind: write SPEED@FROM_DEG, m/s from 0 and degrees, such as 5@270"
         )
     return values
+
+
+def condition(text: str) -> tuple[float, float]:
+    """True airspeed in m/s and altitude in m."""
+    airspeed, _, altitude = text.partition(",")
+    try:
+        values = float(airspeed), float(altitude)
+    except ValueError:
+        values = math.nan, math.nan
+    if not (all(map(math.isfinite, values)) and values[0] > 0.0):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no flight condition: write AIRSPEED,ALTITUDE in m/s and m, such as 27,1000"
+        )
+    return values
+
+
+def version_id(text: str) -> int:
+    """A whole number from 0."""
+    if not (text.isascii() and text.isdigit() and int(text) < 2**63):
+        raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a whole number from 0")
+    return int(text)

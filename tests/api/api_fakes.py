@@ -12,6 +12,8 @@ import httpx
 from wingwatch.api import (
     AccessSettings,
     AppSettings,
+    BaselineQuestion,
+    BaselineRevert,
     DiagnosisPort,
     DiagnosisState,
     DiagnosisView,
@@ -236,6 +238,40 @@ def served(
     app = create_app(monitor, lambda: ready, history, VERSION, settings)
     with HttpServer(app, listen("127.0.0.1", 0)) as server, httpx.Client(base_url=server.url) as client:
         yield server, client
+
+
+class FakeBaselines:
+    """A baseline that remembers what it was asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[BaselineQuestion | BaselineRevert] = []
+        self.fault = ""
+
+    def listed(self) -> Mapping[str, Any]:
+        return {
+            "aircraft": [{"aircraft": "aerosonde", "configuration": "clean", "structures": {}}],
+            "vehicles": [],
+        }
+
+    def _kept(self, question: BaselineQuestion) -> dict[str, Any]:
+        self.asked.append(question)
+        if self.fault:
+            raise ValueError(self.fault)
+        names = {"aircraft": question.aircraft.name, "configuration": question.configuration}
+        return {**names, "convention": question.convention, "structures": {"short_period": []}}
+
+    def shown(self, question: BaselineQuestion) -> Mapping[str, Any]:
+        return self._kept(question) | {"at": None}
+
+    def past(self, question: BaselineQuestion) -> Mapping[str, Any]:
+        return self._kept(question) | {"changes": []}
+
+    def reverted(self, request: BaselineRevert) -> Mapping[str, Any]:
+        self.asked.append(request)
+        if self.fault:
+            raise ValueError(self.fault)
+        names = {"aircraft": request.aircraft, "configuration": request.configuration}
+        return {**names, "withdrawn": [4], "restored": [2], "cells": 0}
 
 
 class FakeDiagnoses:

@@ -7,7 +7,7 @@ import os
 from typing import Any
 
 import schemathesis
-from api_fakes import VERSION, FakeDiagnoses, FakeHistory, alert, diagnosis_view, past
+from api_fakes import VERSION, FakeBaselines, FakeDiagnoses, FakeHistory, alert, diagnosis_view, past
 from hypothesis import HealthCheck, settings
 from schemathesis.specs.openapi.checks import (
     content_type_conformance,
@@ -39,7 +39,8 @@ def app() -> Any:
         diagnosis_view("d2", state=DiagnosisState.DONE, result={"model": None}),
     ]
     diagnoses.page = b"<p>report</p>"
-    made = create_app(monitor, lambda: {"zenoh": None}, history, VERSION, AppSettings(diagnoses=diagnoses))
+    shown = AppSettings(diagnoses=diagnoses, baselines=FakeBaselines())
+    made = create_app(monitor, lambda: {"zenoh": None}, history, VERSION, shown)
     assert alert(1).id in {a.id for a in monitor.raised}
     return made
 

@@ -28,8 +28,8 @@ from wingwatch.baselines import (
     ReferenceKey,
     open_database,
 )
+from wingwatch.baselines import baseline_rows as rows_module
 from wingwatch.baselines import connection as connection_module
-from wingwatch.baselines import database as database_module
 from wingwatch.baselines.connection import VERSION_TABLE, connect, revision_of, writing
 from wingwatch.baselines.tables import Base
 from wingwatch.estimators.estimate import Estimate, Outcome
@@ -192,7 +192,7 @@ def test_a_reference_comes_back_bit_for_bit_and_keeps_its_history(database: Data
 
 
 def test_the_history_of_a_reference_is_bounded(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(database_module, "MAX_REFERENCE_HISTORY", 3)
+    monkeypatch.setattr(rows_module, "MAX_REFERENCE_HISTORY", 3)
     for i in range(5):
         database.save_reference(KEY, Reference.empty(1).add([[1.0]], [0.0], float(i)), float(i))
     assert [v.updated_at_s for v in database.reference_history(KEY)] == [2.0, 3.0, 4.0]
@@ -416,7 +416,7 @@ def test_what_a_cell_taught_comes_back_bit_for_bit_with_its_age(database: Databa
 def test_a_vehicle_keeps_a_bounded_number_of_cells(
     database: Database, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(database_module, "MAX_CELLS", 3)
+    monkeypatch.setattr(rows_module, "MAX_CELLS", 3)
     key = ReferenceKey("default", "uav1", "aerosonde", "clean", "short_period")
     for k in range(5):
         database.save_cell(key, Cell(k, 0), Reference.empty(2), float(k))

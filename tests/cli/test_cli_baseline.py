@@ -26,6 +26,7 @@ from wingwatch.aircraft import (
 from wingwatch.baselines import Reference, ReferenceKey, open_database
 
 AEROSONDE = load_aircraft("aerosonde")
+ACTIONS = ("list", "show", "history", "import", "export", "learn", "revert", "delete")
 CRUISE = trimmed(AEROSONDE, FlightCondition(25.0, 1000.0))
 SHORT = linearised_derivatives(AEROSONDE, CRUISE, SHORT_PERIOD)
 
@@ -46,7 +47,7 @@ def kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[Path, Path
     for factor in (0.5, 1.0):
         file.write_text(aircraft_toml(identified(factor)))
         assert run(capsys, ["baseline", "import", database, "--aircraft", file, "--json"]).json == {
-            "aircraft": "aerosonde", "imported": 1,
+            "aircraft": "aerosonde", "imported": 1, "stored": 1,
         }  # fmt: skip
     with open_database(database) as opened:
         key = ReferenceKey("default", "uav1", "aerosonde", "clean", "short_period")
@@ -93,23 +94,35 @@ def test_history_keeps_what_was_superseded(
     assert first["derivatives"]["m_q"]["value"] == 0.5 * SHORT["m_q"]
     assert [v["blocks"] for v in past["references"]["short_period"]] == [3, 7]
     now = run(capsys, ["baseline", "show", database, *command]).json
-    assert now["references"]["short_period"] == [{"updated_at_s": 7.0, "blocks": 7, "seconds": 70.0}]
+    (version,) = now["references"]["short_period"]
+    assert (
+        version.items() >= {"updated_at_s": 7.0, "blocks": 7, "seconds": 70.0, "withdrawn_by": None}.items()
+    )
     people = run(capsys, ["baseline", "history", database, *command[:-1]]).out
     assert f"superseded by {second['id']}" in people
-    assert "3 blocks, 30 s (1970-01-01 00:00 UTC); 7 blocks" in " ".join(people.split())
+    assert (
+        "3 blocks, 30 s (1970-01-01 00:00 UTC, version 1: learned live by a service); 7 blocks"
+        in " ".join(people.split())
+    )
 
 
 def test_bad_input_is_one_sentence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     absent = tmp_path / "absent.db"
     assert "no such file" in run(capsys, ["baseline", "show", absent, "--aircraft", "aerosonde"]).sentence
-    assert "[[conditions]]" in run(capsys, ["baseline", "import", absent, "--aircraft", "aerosonde"]).sentence
+    bare = tmp_path / "bare.toml"
+    bare.write_text('format = 1\nname = "bare"\n')
+    assert "[[conditions]]" in run(capsys, ["baseline", "import", absent, "--aircraft", bare]).sentence
+    assert "nothing to import" in run(capsys, ["baseline", "import", absent]).sentence
+    for at in ("27", "0,1000", "27,nan"):
+        said = run(capsys, ["baseline", "show", absent, "--aircraft", "aerosonde", "--at", at]).sentence
+        assert "AIRSPEED,ALTITUDE" in said
     assert not absent.exists()
 
 
 def test_the_manual_names_every_option_and_no_other(capsys: pytest.CaptureFixture[str]) -> None:
     general, *sections = (ROOT / "docs" / "commands.md").read_text().split("\n## ")
     (section,) = (s for s in sections if s.startswith("`wingwatch baseline`"))
-    helps = [run(capsys, ["baseline", action, "--help"]).out for action in ("show", "history", "import")]
-    options = set(re.findall(r"--[a-z]+", "".join(helps))) - {"--help"}
-    assert options <= set(re.findall(r"--[a-z]+", general + section))
-    assert set(re.findall(r"--[a-z]+", section)) - {"--baseline"} <= options
+    helps = [run(capsys, ["baseline", action, "--help"]).out for action in ACTIONS]
+    options = set(re.findall(r"--[a-z][a-z-]+", "".join(helps))) - {"--help"}
+    assert options <= set(re.findall(r"--[a-z][a-z-]+", general + section))
+    assert set(re.findall(r"--[a-z][a-z-]+", section)) - {"--baseline", "--model"} <= options

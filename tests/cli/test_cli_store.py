@@ -15,12 +15,15 @@ from wingwatch.aircraft import STRUCTURES, load_aircraft
 from wingwatch.baselines import (
     ActionRecord,
     AlertRecord,
+    BaselineLedger,
+    ChangeRecord,
     Database,
     DatabaseError,
     EstimateRecord,
     Reference,
     ReferenceKey,
     RefusedError,
+    Selection,
     open_database,
 )
 from wingwatch.cli.store import DatabaseStore, alert_record, alert_view
@@ -52,6 +55,7 @@ ESTIMATE = EstimateRecord(
     "default", "uav1", 10.0, "short_period", "fourier", (1.0,) * K, (0.1,) * K, "converged",
     (25.0, 1000.0, 1.1, 0.05),
 )  # fmt: skip
+KEY_OF_UAV1 = ReferenceKey("default", "uav1", "aerosonde", "clean", "short_period")
 PATIENCE_S = 60.0
 AEROSONDE = load_aircraft("aerosonde")
 
@@ -87,6 +91,48 @@ def reference(blocks: int) -> Reference:
     for _ in range(blocks):
         learned = learned.add(np.eye(K), np.ones(K), 10.0)
     return learned
+
+
+def changes_of(store: DatabaseStore) -> list[ChangeRecord]:
+    """Changes of the baseline, once there are some."""
+    found: list[ChangeRecord] = []
+
+    def noticed() -> bool:
+        found.extend(store.baseline_changes())
+        return bool(found)
+
+    until(noticed)
+    return found
+
+
+def test_a_change_by_others_is_noticed_and_not_written_over(database: Database, tmp_path: Path) -> None:
+    def learned() -> int:
+        found = database.load_reference(KEY_OF_UAV1)
+        return 0 if found is None else found.blocks
+
+    with DatabaseStore(database, lambda: 100.0) as store:
+        assert recalled(store, "uav1").change == 0
+        store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(3)})
+        until(lambda: learned() == 3)
+        with open_database(tmp_path / "w.db") as other:
+            change = ChangeRecord(
+                50.0, "revert", "ada", "aerosonde", "clean", "the newest version", "default", "uav1"
+            )
+            BaselineLedger(other).revert(change, Selection("aerosonde", fleet="default", vehicle="uav1"))
+        store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(4)})
+        seen = changes_of(store)
+        assert [c.text for c in seen] == ["the newest version"]
+        until(lambda: store.waiting["memory"] == 0)
+        assert learned() == 0  # what rests on what was there before is not written
+        memory = recalled(store, "uav1")
+        assert (dict(memory.references), memory.change) == ({}, seen[0].id)
+        store.save_references("default", "uav1", "aerosonde", "clean", {"short_period": reference(1)})
+        until(lambda: learned() == 1)
+    with DatabaseStore(database, lambda: 120.0) as later:  # vehicles that go on may have been saved before it
+        assert changes_of(later) == seen
+    with DatabaseStore(database, lambda: 1e9) as much_later:
+        assert recalled(much_later, "uav1").change == seen[0].id
+        assert much_later.baseline_changes() == []
 
 
 def test_an_alert_survives_the_way_into_the_database_and_back() -> None:

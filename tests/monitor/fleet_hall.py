@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.baselines import Envelope, EstimateRecord, Reference
+from wingwatch.baselines import ChangeRecord, Envelope, EstimateRecord, Reference
 from wingwatch.monitor import (
     ActionPlan,
     AlertState,
@@ -87,6 +87,8 @@ class FakeStore:
     learned: list[tuple[str, int]] = field(default_factory=list)
     alerts_kept: list[AlertView] = field(default_factory=list)
     rows: list[EstimateRecord] = field(default_factory=list)
+    newest: int = 0
+    changes: list[ChangeRecord] = field(default_factory=list)
     cells_kept: dict[CellPlace, Reference] = field(default_factory=dict)
 
     def _fail(self) -> None:
@@ -98,7 +100,11 @@ class FakeStore:
     ) -> VehicleMemory | None:
         self._fail()
         self.asked.append((aircraft.name, configuration))
-        return None if self.unread else VehicleMemory(self.known, self.envelopes)
+        return None if self.unread else VehicleMemory(self.known, self.envelopes, change=self.newest)
+
+    def baseline_changes(self) -> Sequence[ChangeRecord]:
+        found, self.changes = self.changes, []
+        return found
 
     def save_references(
         self, fleet: str, vehicle: str, aircraft: str, configuration: str, references: Mapping[str, Reference]
