@@ -15,6 +15,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from uuid import uuid4
 
+import zenoh
 from threadpoolctl import threadpool_limits
 
 from wingwatch import __version__
@@ -236,9 +237,7 @@ def running_service(
         announced = NotifyingOutputs(outputs, notifications)
         monitor = _fleet(stack, settings, hangar, store, announced, wall_clock, checkpoints, recorder)
         outputs.answer_from(monitor)
-        arrived = threading.Event()
-        subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
-        outputs.ask_through(subscriber.ask_aircraft)
+        arrived, subscriber = _subscribed(stack, session, outputs)
         preparation = preparation or KernelCompiler(LIVE, AT_FIRST_USE)
         record = None if recorder is None else recorder.messages
         pump = Pump(subscriber, monitor, arrived, preparation, record=record)
@@ -263,6 +262,16 @@ def running_service(
         pump.start()
         stack.enter_context(http)
         yield service
+
+
+def _subscribed(
+    stack: ExitStack, session: zenoh.Session, outputs: ZenohOutputs
+) -> tuple[threading.Event, SensorSubscriber]:
+    """What hears vehicles, with what is set when it has; they are asked for their aircraft through it."""
+    arrived = threading.Event()
+    subscriber = stack.enter_context(SensorSubscriber(session, time.monotonic, arrived.set))
+    outputs.ask_through(subscriber.ask_aircraft)
+    return arrived, subscriber
 
 
 def _recorder(stack: ExitStack, settings: ServeSettings, wall_clock: Callable[[], float]) -> Recorder | None:
