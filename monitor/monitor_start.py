@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from wingwatch.monitor.chain import Chain, Solution
 from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.manoeuvre_watch import FlownManoeuvre
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.views import AlertView
 from wingwatch.telemetry import derivations
@@ -23,10 +24,11 @@ def surface_kinds(given: Sequence[str]) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a block of samples led to: solutions, and alerts that were raised, changed or cleared."""
+    """What a block of samples led to: solutions, alerts that were raised, changed or cleared, manoeuvres that ended."""
 
     solutions: list[Solution] = field(default_factory=list)
     alerts: list[AlertView] = field(default_factory=list)
+    manoeuvres: list[FlownManoeuvre] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

@@ -160,6 +160,11 @@ def add_monitor(commands: Commands) -> None:
     add_jobs(parser)
     add_convention(parser)
     parser.add_argument(
+        "--manoeuvres",
+        action="store_true",
+        help="judge each manoeuvre: what it taught, what was poor, and the input that would help",
+    )
+    parser.add_argument(
         "--baseline",
         metavar="DB",
         help="database of a service (file or URL) with what earlier flights taught; never changed "
