@@ -50,6 +50,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandError(
             f"{option} is for estimators of the whole flight; add --estimator {' or '.join(OFFLINE_ESTIMATORS)}"
         )
+    if arguments.engine != "compiled" and arguments.estimator not in (None, "ekf"):
+        raise CommandError(
+            f"--engine {arguments.engine} is of the Kalman filter, and {arguments.estimator} is none; leave it out, or "
+            "take ekf"
+        )
     if is_many(arguments.flights):
         return _run_many(arguments)
     check_output("--save", arguments.save, (".toml",))
@@ -76,7 +81,7 @@ def _run_one(arguments: argparse.Namespace, whole: bool) -> int:
         monitor, structures = solved.monitor, list(solved.modes)
         fitted = fitted_of({arguments.estimator: solved.modes})
     else:
-        counted = watch(flight, aircraft, _progress(arguments), listener=history)
+        counted = watch(flight, aircraft, _progress(arguments), listener=history, engine=arguments.engine)
         if history is not None:
             history.close()
         refuse_unusable(counted)
@@ -165,7 +170,7 @@ def estimated(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     said = {"plausibility": for_json(checked(table, aircraft, arguments.accept_implausible))}
     if arguments.estimator in OFFLINE_ESTIMATORS:
         return _offline(table, aircraft, arguments)[0] | said
-    watched = watch(table, aircraft, _progress(arguments))
+    watched = watch(table, aircraft, _progress(arguments), engine=arguments.engine)
     refuse_unusable(watched)
     return _result(watched, arguments) | said
 

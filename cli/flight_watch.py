@@ -4,10 +4,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
-from wingwatch.baselines import Envelope, Reference
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_clocks import Clock, clocks_of
 from wingwatch.cli.progress import Progress
@@ -91,22 +90,22 @@ def watch(
     *,
     fleet: str = "default",
     vehicle: str = OFFLINE,
-    references: Mapping[str, Reference] | None = None,
-    envelopes: Mapping[str, Envelope] | None = None,
+    memory: VehicleMemory | None = None,
     listener: Listener | None = None,
+    engine: Literal["compiled", "filterpy"] = "compiled",
 ) -> Watched:
     """Feed a flight to the monitor of one vehicle.
 
     Args:
-        references: what earlier flights taught; nothing without.
-        envelopes: expectations that take the place of the aircraft file's, by structure.
+        memory: what earlier flights taught, and expectations that take the place of the aircraft file's.
         listener: called after each piece.
+        engine: of the filter.
 
     Raises:
         CommandError: the flight has not the channels for any mode, or the aircraft no expectation.
     """
     numbers = iter(range(1, 1 + len(flight.block)))
-    start = MonitorStart(memory=VehicleMemory(references or {}, envelopes or {}))
+    start = MonitorStart(memory=memory or VehicleMemory(), engine=engine)
     monitor = VehicleMonitor(
         aircraft, fleet, vehicle, flight.block.present, flight.kinds,
         new_id=lambda: f"alert-{next(numbers)}", start=start,

@@ -28,6 +28,7 @@ from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, i
 from wingwatch.cli.plausible import checked, for_json, show_doubts
 from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.unusable import refuse_unusable
+from wingwatch.monitor import VehicleMemory
 from wingwatch.telemetry import check_name, load_map
 from wingwatch.telemetry.plausibility import Finding
 
@@ -123,7 +124,7 @@ def _watched(path: Path, arguments: argparse.Namespace) -> tuple[Watched, tuple[
     watched = watch(
         flight, aircraft, Progress(getattr(arguments, "progress", True)),
         fleet=arguments.fleet, vehicle=arguments.vehicle,
-        references=baseline.references, envelopes=baseline.envelopes,
+        memory=VehicleMemory(baseline.references, baseline.envelopes),
         listener=verdicts if arguments.manoeuvres else None,
     )  # fmt: skip
     refuse_unusable(watched)

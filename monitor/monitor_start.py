@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 from wingwatch.monitor.chain import Chain, Solution
 from wingwatch.monitor.judge import JudgeConfig
@@ -41,9 +42,11 @@ class MonitorStart:
         chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
             is larger than what they remember of a vehicle, then serve this one as well.
         judge: settings of the test.
+        engine: of the filter; ``filterpy`` is one vehicle's, and slow.
     """
 
     configuration: str = "clean"
     memory: VehicleMemory = field(default_factory=VehicleMemory)
     chain: Chain | None = None
     judge: JudgeConfig = field(default_factory=JudgeConfig)
+    engine: Literal["compiled", "filterpy"] = "compiled"

@@ -88,7 +88,7 @@ class VehicleMonitor(VehicleReadings):
         self.chain = (
             start.chain.of_another()
             if start.chain
-            else Chain(aircraft, present, kinds, configuration, memory.envelopes)
+            else Chain(aircraft, present, kinds, configuration, memory.envelopes, start.engine)
         )
         self.aircraft = aircraft = self.chain.aircraft  # equal, and one object for all vehicles of its type
         self.chain_state = self.chain.init()

@@ -85,6 +85,13 @@ def add_estimate(commands: Commands) -> None:
         metavar="OUT",
         help="write every estimate of fourier and ekf over time to OUT (.csv or .parquet)",
     )
+    parser.add_argument(
+        "--engine",
+        choices=("compiled", "filterpy"),
+        default="compiled",
+        help="of the filter: compiled, or filterpy's class with the same model, slower and to be read "
+        "(default: %(default)s)",
+    )
     _add_estimate_outputs(parser)
 
 
