@@ -5,6 +5,7 @@ from wingwatch.api.app import AppSettings, create_app
 from wingwatch.api.connections import Connections
 from wingwatch.api.conventions import convert_modes
 from wingwatch.api.encoding import encode_json
+from wingwatch.api.manoeuvre_schemas import ManoeuvreDocument, manoeuvre_document
 from wingwatch.api.ports import (
     BaselinePort,
     BaselineQuestion,
@@ -79,6 +80,8 @@ __all__ = [
     "air_document",
     "alert_document",
     "could_see_documents",
+    "ManoeuvreDocument",
+    "manoeuvre_document",
     "proposed_input_document",
     "vehicle_document",
     "encode_json",

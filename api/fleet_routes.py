@@ -13,6 +13,7 @@ from wingwatch.api.conventions import convert_estimators
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import json_answer
 from wingwatch.api.groups import groups_of
+from wingwatch.api.manoeuvre_schemas import ManoeuvreList, manoeuvre_document
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import (
     DerivativesDocument,
@@ -101,6 +102,15 @@ def fleet_router(door: Door) -> APIRouter:
     )
     async def derivatives(vehicle: Name, query: Annotated[DerivativesQuery, Query()]) -> Response:
         return json_answer(_derivatives(door, vehicle, query))
+
+    @router.get(
+        "/vehicles/{vehicle}/manoeuvres", response_model=ManoeuvreList, summary="Its last ten manoeuvres"
+    )
+    async def manoeuvres(vehicle: Name, query: Annotated[VehicleQuery, Query()]) -> Response:
+        found = door.monitor.manoeuvres(query.fleet, vehicle)
+        if found is None:
+            door.vehicle(query.fleet, vehicle)
+        return json_answer(ManoeuvreList(items=[manoeuvre_document(view) for view in found or ()]))
 
     @router.get(
         "/vehicles/{vehicle}/derivatives/history",

@@ -28,7 +28,7 @@ from wingwatch.cli.progress import Progress, page, write_json
 from wingwatch.cli.surface_travel import surface_travel
 from wingwatch.cli.unusable import refuse_unusable
 from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, OfflineEstimates, estimate_offline
-from wingwatch.monitor import VehicleMonitor
+from wingwatch.monitor import MonitorStart, VehicleMonitor
 from wingwatch.telemetry import FlightTable, load_flight, load_map
 
 __all__ = ["estimated", "run"]
@@ -49,6 +49,11 @@ def run(arguments: argparse.Namespace) -> int:
         option = "--structure" if arguments.structure else "--form"
         raise CommandError(
             f"{option} is for estimators of the whole flight; add --estimator {' or '.join(OFFLINE_ESTIMATORS)}"
+        )
+    if arguments.engine != "compiled" and arguments.estimator not in (None, "ekf"):
+        raise CommandError(
+            f"--engine {arguments.engine} is of the Kalman filter, and {arguments.estimator} is none; leave it out, or "
+            "take ekf"
         )
     if is_many(arguments.flights):
         return _run_many(arguments)
@@ -76,7 +81,13 @@ def _run_one(arguments: argparse.Namespace, whole: bool) -> int:
         monitor, structures = solved.monitor, list(solved.modes)
         fitted = fitted_of({arguments.estimator: solved.modes})
     else:
-        counted = watch(flight, aircraft, _progress(arguments), listener=history)
+        counted = watch(
+            flight,
+            aircraft,
+            _progress(arguments),
+            listener=history,
+            start=MonitorStart(engine=arguments.engine),
+        )
         if history is not None:
             history.close()
         refuse_unusable(counted)
@@ -165,7 +176,7 @@ def estimated(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     said = {"plausibility": for_json(checked(table, aircraft, arguments.accept_implausible))}
     if arguments.estimator in OFFLINE_ESTIMATORS:
         return _offline(table, aircraft, arguments)[0] | said
-    watched = watch(table, aircraft, _progress(arguments))
+    watched = watch(table, aircraft, _progress(arguments), start=MonitorStart(engine=arguments.engine))
     refuse_unusable(watched)
     return _result(watched, arguments) | said
 

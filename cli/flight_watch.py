@@ -11,7 +11,7 @@ from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_clocks import Clock, clocks_of
 from wingwatch.cli.progress import Progress
 from wingwatch.cli.surface_travel import surface_travel
-from wingwatch.monitor import AlertView, MonitorStart, Report, VehicleMonitor
+from wingwatch.monitor import AlertView, ManoeuvreView, MonitorStart, Report, VehicleMonitor
 from wingwatch.telemetry import FlightTable, SampleBlock, load_flight
 
 __all__ = ["OFFLINE", "Watched", "load", "watch"]
@@ -35,6 +35,7 @@ class Watched:
         alerts: each alert as it stood last, in the order in which they were raised.
         conditions: by alert, the flight condition of the evidence.
         clock_numbers: by alert, which of ``clocks`` its times are of, counted from 0.
+        manoeuvres: verdicts in the order of the flight; empty where they were not asked for.
     """
 
     monitor: VehicleMonitor
@@ -42,6 +43,7 @@ class Watched:
     alerts: tuple[AlertView, ...]
     conditions: Mapping[str, FlightCondition] = field(default_factory=dict)
     clock_numbers: Mapping[str, int] = field(default_factory=dict)
+    manoeuvres: tuple[ManoeuvreView, ...] = ()
 
     @cached_property
     def clocks(self) -> tuple[Clock, ...]:
@@ -94,7 +96,7 @@ def watch(
     """Feed a flight to the monitor of one vehicle.
 
     Args:
-        start: configuration, and what is kept of earlier flights; nothing without.
+        start: configuration, engine of the filter, and what is kept of earlier flights; nothing without.
         listener: called after each piece.
 
     Raises:

@@ -1,8 +1,8 @@
 """`wingwatch monitor`: status and alerts of a recorded flight, or of many, one line each."""
 
 import argparse
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from wingwatch.cli.baseline import Baseline, read_baseline
 from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.flight_clocks import clocks_text, on_clock
 from wingwatch.cli.flight_watch import Watched, load, watch
+from wingwatch.cli.manoeuvres import Verdicts, manoeuvres_object, show_manoeuvres
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
 from wingwatch.cli.plausible import checked, for_json, show_doubts
 from wingwatch.cli.progress import Progress, page, write_json
@@ -49,11 +50,13 @@ def run(arguments: argparse.Namespace) -> int:
     watched, findings = _watched(arguments.flights[0], arguments)
     found = alerts_of(watched, arguments.convention)
     if arguments.json:
-        said = {"convention": arguments.convention, "plausibility": for_json(findings)}
+        said = _said(watched, findings, arguments)
         write_json(watched_object(watched, *found) | said)
     else:
         console = page()
         _show(console, watched, *found)
+        if arguments.manoeuvres:
+            show_manoeuvres(console, watched.manoeuvres)
         show_doubts(console, findings)
     return 0
 
@@ -77,8 +80,16 @@ def _run_many(arguments: argparse.Namespace) -> int:
 def judged(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     """The JSON object of one of many flights."""
     watched, findings = _watched(flight, arguments)
-    said = {"convention": arguments.convention, "plausibility": for_json(findings)}
+    said = _said(watched, findings, arguments)
     return watched_object(watched, *alerts_of(watched, arguments.convention)) | said
+
+
+def _said(watched: Watched, findings: Sequence[Finding], arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the object has beside that of ``watched_object``."""
+    said: dict[str, Any] = {"convention": arguments.convention, "plausibility": for_json(findings)}
+    if arguments.manoeuvres:
+        said["manoeuvres"] = manoeuvres_object(watched.manoeuvres)
+    return said
 
 
 def _badness(result: Mapping[str, Any]) -> tuple[float, ...]:
@@ -109,13 +120,16 @@ def _watched(path: Path, arguments: argparse.Namespace) -> tuple[Watched, tuple[
     baseline = Baseline()
     if arguments.baseline is not None:
         baseline = read_baseline(arguments.baseline, arguments.fleet, arguments.vehicle, aircraft)
+    verdicts = Verdicts()
     watched = watch(
         flight, aircraft, Progress(getattr(arguments, "progress", True)),
         fleet=arguments.fleet, vehicle=arguments.vehicle,
         start=MonitorStart(memory=VehicleMemory(baseline.references, baseline.envelopes)),
+        listener=verdicts if arguments.manoeuvres else None,
     )  # fmt: skip
     refuse_unusable(watched)
-    return watched, findings
+    found = verdicts.end(watched.monitor) if arguments.manoeuvres else ()
+    return replace(watched, manoeuvres=found), findings
 
 
 def alerts_of(

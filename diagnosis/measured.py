@@ -141,9 +141,10 @@ def measure(
             flown[:, j] = outputs[:, 11 + j] = np.nan
         elif not np.isfinite(commands[:, j]).any():
             outputs[:, 11 + j] = np.nan
+    known = np.isfinite(outputs)  # a channel at rest is known, though nothing is to be learned from it
     _without_constants(outputs, commands)
     others = _sampled(block, ("throttle", "air_density_kg_m3", "altitude_m"), time_s)
-    windows = _windows(outputs, flown, commands, others, dt_s, window_s)
+    windows = _windows(known, outputs, flown, commands, others, (dt_s, window_s))
     if not windows:
         raise DiagnosisError(
             f"the flight has no {SHORTEST_S:g} s without a gap; a diagnosis needs {SHORTEST_FLIGHT_S:g} s of flight"
@@ -225,12 +226,18 @@ def _without_constants(outputs: Array, commands: Array) -> None:
 
 
 def _windows(
-    outputs: Array, flown: Array, commands: Array, others: Array, dt_s: float, window_s: float
+    known: NDArray[np.bool_],
+    outputs: Array,
+    flown: Array,
+    commands: Array,
+    others: Array,
+    lengths_s: tuple[float, float],
 ) -> tuple[Window, ...]:
     """Spans of ``window_s`` in which every input is known; what is left of a span is spread over its windows."""
+    dt_s, window_s = lengths_s
     inputs = np.isfinite(flown) | np.isfinite(commands)
     whole = inputs.all(axis=1) & np.isfinite(others[:, 1:]).all(axis=1)
-    whole &= np.isfinite(outputs[:, [0, 1, 2, 3, 7, 8]]).all(axis=1) & (outputs[:, 0] > _LEAST_SPEED_M_S)
+    whole &= known[:, [0, 1, 2, 3, 7, 8]].all(axis=1) & (outputs[:, 0] > _LEAST_SPEED_M_S)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], whole.astype(np.int8), [0]])))
     windows: list[Window] = []
     for first, last in edges.reshape(-1, 2):

@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import Aircraft
 from wingwatch.diagnosis.candidate import Candidate, Subject
 from wingwatch.diagnosis.evidence import MATTERS
+from wingwatch.diagnosis.linear_aircraft import entry_near
 from wingwatch.diagnosis.measured import OUTPUTS
 from wingwatch.diagnosis.result import Gain, Misfit, MissingTerm
 from wingwatch.diagnosis.search import Search
+from wingwatch.diagnosis.steady_angle import steady_angle_rad, unstated
+from wingwatch.diagnosis.subject import states_at_rest
 from wingwatch.diagnosis.summary import display
 from wingwatch.pages.texts import listed, percent
 
@@ -40,15 +43,35 @@ def _last(found: Search) -> tuple[tuple[Candidate, ...], tuple[Array, ...]]:
     return found.last.point.causes, found.last.point.values
 
 
+def _rest_note(subject: Subject) -> str:
+    """Which axis is left out, and by which channels."""
+    still = [OUTPUTS[k] for k in (1, 2, 3, 7, 8) if k not in subject.flight.compared]
+    axis, other = ("longitudinal", "lateral") if "pitch_rate_rad_s" in still else ("lateral", "longitudinal")
+    return f"{listed(still)} never change: the {axis} motion rests, and only the {other} one is diagnosed"
+
+
+def _steady_note(subject: Subject) -> list[str]:
+    """Where the condition's angle of attack is from, if the file leaves it out."""
+    entry = entry_near(subject.stated, subject.flight.airspeed_m_s)
+    if entry is None or not unstated(entry):
+        return []
+    angle, source = steady_angle_rad(subject.flight)
+    return [
+        f"the aircraft file states no angle_of_attack_rad at {entry.airspeed_true_m_s:g} m/s: its derivatives are "
+        f"taken to hold at {np.degrees(angle):.1f} degrees, the {source} of this flight"
+    ]
+
+
 def notes_of(subject: Subject, found: Search, gain: Gain | None, model: Aircraft | None) -> tuple[str, ...]:
     """What could not be answered."""
-    notes = []
+    notes = [_rest_note(subject)] if states_at_rest(subject.flight) else []
     if subject.stated.coefficients is None:
         notes.append(
             "the aircraft file states derivatives only: steady forces and moments are each window's own, and the "
             "forward accelerometer is taken as read; causes that show in them alone, such as a loss of thrust, cannot "
             "be found"
         )
+        notes += _steady_note(subject)
     elif not subject.throttle_known:
         notes.append(
             "throttle or propulsion is not known: steady forces and moments are each window's own, and causes that "

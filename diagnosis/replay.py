@@ -177,7 +177,9 @@ def _followed(flight: MeasuredFlight, window: Window, followed: tuple[int, ...])
         return out
     speed, alpha, beta = rows[:, 0], np.nan_to_num(rows[:, 9]), np.nan_to_num(rows[:, 10])
     u, v, w = speed * np.cos(alpha) * np.cos(beta), speed * np.sin(beta), speed * np.sin(alpha) * np.cos(beta)
-    measured = np.column_stack([u, v, w, rows[:, 1:4], rows[:, 7:9]])
+    measured = np.column_stack(
+        [u, v, w, np.nan_to_num(rows[:, 1:4]), np.nan_to_num(rows[:, 7:9])]
+    )  # at rest: 0
     for j in followed:
         if j == 0:
             half = round(_SLOW_S / flight.dt_s)
@@ -433,6 +435,7 @@ def measured_start(flight: MeasuredFlight, window: Window, row: Array) -> Array:
         alpha = _alpha_of_lift(row, force_z, float(flight.density_kg_m3[window.start]), float(speed))
     if not math.isfinite(beta):
         beta = 0.0
+    p, q, r, roll, pitch = np.nan_to_num([p, q, r, roll, pitch])  # at rest
     u, v, w = speed * math.cos(alpha) * math.cos(beta), speed * math.sin(beta), speed * math.sin(alpha)
     return np.array([u, v, w * math.cos(beta), p, q, r, roll, pitch])
 

@@ -10,15 +10,19 @@ from wingwatch.diagnosis.candidate import INDEX, Subject
 from wingwatch.diagnosis.linear_aircraft import entry_near, row_of_derivatives
 from wingwatch.diagnosis.measured import FORCE_X, OUTPUTS, WINDOW_S, DiagnosisError, MeasuredFlight, measure
 from wingwatch.diagnosis.replay import Model
+from wingwatch.diagnosis.steady_angle import with_steady_angle
 from wingwatch.simulation.layout import parameter_row
 from wingwatch.telemetry import SampleBlock
 
-__all__ = ["subject_of"]
+__all__ = ["states_at_rest", "subject_of"]
 
 Array = NDArray[np.float64]
 
 _LONGITUDINAL, _SIDEWAYS, _ROLL = {0, 2, 4, 7}, {1, 3, 5, 6}, {3, 6}
 """Places in ``START``: u, w, q, pitch; v, p, r, roll; p, roll."""
+_ROLL_RATE, _PITCH_RATE, _YAW_RATE = (
+    OUTPUTS.index(name) for name in ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
+)
 
 
 def subject_of(
@@ -31,6 +35,7 @@ def subject_of(
     """
     stated, aircraft = aircraft, _whole(aircraft)
     flight = measure(block, aircraft, kinds, window_s)
+    aircraft = with_steady_angle(aircraft, flight)
     row, followed = _row(aircraft, flight)
     thrust = aircraft.coefficients is not None and aircraft.propulsion is not None
     throttle_known = thrust and bool(np.isfinite(_throttle(flight)).all())
@@ -70,17 +75,26 @@ def _whole(aircraft: Aircraft) -> Aircraft:
     return aircraft
 
 
+def states_at_rest(flight: MeasuredFlight) -> set[int]:
+    """Places in ``START`` of the axis whose rates never change, which is held at rest; of neither where both move."""
+    moves = set(flight.compared)
+    if not moves & {_ROLL_RATE, _YAW_RATE}:
+        return set(_SIDEWAYS)
+    return set(_LONGITUDINAL) if _PITCH_RATE not in moves else set()
+
+
 def _row(aircraft: Aircraft, flight: MeasuredFlight) -> tuple[Array, tuple[int, ...]]:
     """Parameters, and the states that they have no equations for."""
+    resting = states_at_rest(flight)
     if aircraft.coefficients is not None:
-        return parameter_row(aircraft), ()
+        return parameter_row(aircraft), tuple(sorted(resting))
     entry = entry_near(aircraft, flight.airspeed_m_s)
     if entry is None:
         raise DiagnosisError(
             f"aircraft {aircraft.name} states neither [coefficients] nor [[conditions]]; there is nothing to simulate"
         )
     # no such file states a force along x, but its accelerometer may be there
-    followed = set() if FORCE_X in flight.compared else {0}
+    followed = resting | (set() if FORCE_X in flight.compared else {0})
     if not entry.covers(SHORT_PERIOD):
         followed |= _LONGITUDINAL
     if not entry.covers(LATERAL):

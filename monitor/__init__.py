@@ -31,6 +31,7 @@ from wingwatch.monitor.fleet import FleetMonitor, FleetPorts
 from wingwatch.monitor.fleet_diagnoses import AlertFlight
 from wingwatch.monitor.fleet_settings import FleetSettings
 from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.manoeuvre_verdict import verdict
 from wingwatch.monitor.ports import ActionPlan, ActionRequest, Outputs, Store, VehicleMemory
 from wingwatch.monitor.resuming import Checkpoints
 from wingwatch.monitor.sample_ring import SampleRing
@@ -45,8 +46,12 @@ from wingwatch.monitor.views import (
     Event,
     EvidenceView,
     FleetFigures,
+    HelpfulInputView,
     KeyReusedError,
+    LearnedView,
+    ManoeuvreView,
     MonitorPort,
+    PoorView,
     ProposedInputView,
     Shelving,
     VehicleState,
@@ -99,6 +104,11 @@ __all__ = [
     "AlertAction",
     "KeyReusedError",
     "EvidenceView",
+    "ManoeuvreView",
+    "HelpfulInputView",
+    "LearnedView",
+    "PoorView",
+    "verdict",
     "FleetFigures",
     "Event",
 ]

@@ -7,6 +7,7 @@ changes nothing.
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +133,7 @@ class Chain:
         kinds: ``position`` or ``command`` for the surfaces; what is not named is a position.
         configuration: of the aircraft.
         envelopes: expectations that take the place of the aircraft file's, by structure.
+        engine: of the filter, ``compiled`` or ``filterpy``.
 
     Attributes:
         redundancy: what channels must agree in, for all vehicles of the type.
@@ -144,6 +146,7 @@ class Chain:
         kinds: Mapping[str, str],
         configuration: str = "clean",
         envelopes: Mapping[str, Envelope] | None = None,
+        engine: Literal["compiled", "filterpy"] = "compiled",
     ) -> None:
         self.aircraft = aircraft
         given = envelopes or {}
@@ -173,6 +176,8 @@ class Chain:
                 self._zeros = np.array([CHANNEL_INDEX[channel] for channel in lacking])
             disturbed = disturbed_by(aircraft, structure, lacking)
             pair = _pair(aircraft, structure, prior, kinds, vane)
+            if engine != pair.ekf.config.engine:
+                pair = replace(pair, ekf=EkfEstimator(replace(pair.ekf.config, engine=engine)))
             pairs.append(replace(pair, lacking=lacking, disturbed=disturbed))
         self.supervisor = Supervisor(pairs)
         self.redundancy = RedundancyWatch(aircraft, present, kinds)

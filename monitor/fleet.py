@@ -21,6 +21,7 @@ from wingwatch.monitor.fleet_arrivals import FleetArrivals
 from wingwatch.monitor.fleet_checkpoints import FleetCheckpoints
 from wingwatch.monitor.fleet_context import FleetContext, Outgoing
 from wingwatch.monitor.fleet_diagnoses import AlertFlight, FleetRings, alert_flight
+from wingwatch.monitor.fleet_manoeuvres import judge_manoeuvres
 from wingwatch.monitor.fleet_memory import keep, learned_blocks, note_changes, renew
 from wingwatch.monitor.fleet_overload import FleetOverload
 from wingwatch.monitor.fleet_proposals import FleetProposals
@@ -41,6 +42,7 @@ from wingwatch.monitor.views import (
     AlertView,
     Event,
     FleetFigures,
+    ManoeuvreView,
     VehicleState,
     VehicleView,
 )
@@ -332,6 +334,7 @@ class FleetMonitor:
         news: list[Outgoing] = []
         for alert in report.alerts:
             news += self._alerts.keep(alert)
+        judge_manoeuvres(self._context, (fleet, vehicle), known, report.manoeuvres)
         self._solutions += len(report.solutions)
         if report.solutions:
             keep(self._context, (fleet, vehicle), known, report)
@@ -427,6 +430,12 @@ class FleetMonitor:
         """All alerts that may be told, newest first."""
         with self._lock:
             return self._context.ledger.all_shown()
+
+    def manoeuvres(self, fleet: str, vehicle: str) -> Sequence[ManoeuvreView] | None:
+        """The vehicle's last ten manoeuvres, newest first; None for a vehicle never heard of."""
+        with self._lock:
+            known = self._vehicles.get((fleet, vehicle))
+            return None if known is None else tuple(known.manoeuvres)
 
     def alert_groups(self) -> Sequence[AlertGroupView]:
         """Alerts in force that are one event, largest first."""

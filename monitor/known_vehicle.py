@@ -17,13 +17,16 @@ from wingwatch.monitor.pace import Pace
 from wingwatch.monitor.pieces import pieces
 from wingwatch.monitor.sample_ring import SampleRing
 from wingwatch.monitor.vehicle import VehicleMonitor
-from wingwatch.monitor.views import VehicleState, VehicleView
+from wingwatch.monitor.views import ManoeuvreView, VehicleState, VehicleView
 from wingwatch.telemetry import CHANNELS, AircraftMessage, SensorsMessage, SequenceTracker
 
-__all__ = ["FAULT_SHOWN_S", "LEFT_OUT", "KnownVehicle"]
+__all__ = ["FAULT_SHOWN_S", "KEPT_MANOEUVRES", "LEFT_OUT", "KnownVehicle"]
 
 FAULT_SHOWN_S = 30.0
 """Wall-clock time for which a fault is shown after the last one: three blocks, so that no block passes in silence."""
+
+KEPT_MANOEUVRES = 10
+"""Of a vehicle."""
 
 LEFT_OUT = "degraded service: this vehicle is not watched, for there is more to compute than the machine can"
 """The reason of a vehicle that is left out."""
@@ -66,6 +69,8 @@ class KnownVehicle:
         contradictions: what its channels say of one another.
         change: the newest change of the baseline in what is known of it.
         renewal: a later one, while what is kept is read again; renewed: the last one that was taken in.
+        manoeuvres: verdicts on its last ones, newest first, none of them saved: after a restart they are made anew;
+            manoeuvres_flown: how many there have been.
     """
 
     message: AircraftMessage | None = None
@@ -106,6 +111,8 @@ class KnownVehicle:
     change: int = 0
     renewal: ChangeRecord | None = None
     renewed: ChangeRecord | None = None
+    manoeuvres: deque[ManoeuvreView] = field(default_factory=lambda: deque(maxlen=KEPT_MANOEUVRES))
+    manoeuvres_flown: int = 0
 
     def count(self, reason: str, times: int = 1) -> None:
         """Count what was not used."""
@@ -156,6 +163,7 @@ class KnownVehicle:
         self.given, self.settings, self.late, self.unsaved, self.urgent = (), "", False, False, False
         self.change, self.renewal, self.renewed = 0, None, None
         self.ring, self.contradictions = None, Contradictions()
+        self.manoeuvres.clear()
         self.drop_held()
 
     def hold(self, message: SensorsMessage) -> int:

@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 from wingwatch.monitor.chain import Chain, Solution
 from wingwatch.monitor.judge import JudgeConfig
+from wingwatch.monitor.manoeuvre_watch import FlownManoeuvre
 from wingwatch.monitor.ports import VehicleMemory
 from wingwatch.monitor.views import AlertView
 from wingwatch.telemetry import derivations
@@ -23,10 +25,11 @@ def surface_kinds(given: Sequence[str]) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a block of samples led to: solutions, and alerts that were raised, changed or cleared."""
+    """What a block of samples led to: solutions, alerts that were raised, changed or cleared, manoeuvres that ended."""
 
     solutions: list[Solution] = field(default_factory=list)
     alerts: list[AlertView] = field(default_factory=list)
+    manoeuvres: list[FlownManoeuvre] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +42,11 @@ class MonitorStart:
         chain: of a vehicle of the same type, channels, configuration and expectations; its estimators, whose workspace
             is larger than what they remember of a vehicle, then serve this one as well.
         judge: settings of the test.
+        engine: of the filter; ``filterpy`` is one vehicle's, and slow.
     """
 
     configuration: str = "clean"
     memory: VehicleMemory = field(default_factory=VehicleMemory)
     chain: Chain | None = None
     judge: JudgeConfig = field(default_factory=JudgeConfig)
+    engine: Literal["compiled", "filterpy"] = "compiled"

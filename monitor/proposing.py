@@ -32,7 +32,7 @@ from wingwatch.monitor.surfaces_seen import SURFACES, surface_name
 from wingwatch.monitor.vehicle import VehicleMonitor
 from wingwatch.monitor.views import CouldSeeView, ProposedInputView
 
-__all__ = ["VALID_S", "proposed_input", "wanted_surface"]
+__all__ = ["VALID_S", "fitting_input", "mode_of_surface", "proposed_input", "wanted_surface"]
 
 VALID_S = 60.0
 """Sample time for which a proposal may be flown: what it was designed for is past then."""
@@ -81,7 +81,7 @@ def proposed_input(
     if wanted is None or now_s is None:
         return None
     column, why = wanted
-    design = _designed(monitor, condition, surface_name(column), shape)
+    design = fitting_input(monitor, condition, surface_name(column), shape)
     if design is None:
         return None
     steps = _steps(design.inputs_rad[:, 0])
@@ -92,14 +92,26 @@ def proposed_input(
     )  # fmt: skip
 
 
-def _designed(
-    monitor: VehicleMonitor, condition: FlightCondition, surface: str, shape: str
+def fitting_input(
+    monitor: VehicleMonitor,
+    condition: FlightCondition,
+    surface: str,
+    shape: str,
+    wanted_rad: float = _AMPLITUDE_RAD,
 ) -> InputDesign | None:
-    """With the largest of a few amplitudes that the aircraft's limits allow.
+    """An input of a surface with the largest of a few amplitudes that the aircraft's limits allow.
 
-    None where none is allowed, or nothing is known of the mode that the surface moves.
+    Args:
+        monitor: of the vehicle, with what is expected of it.
+        condition: that it flies at.
+        surface: ``elevator``, ``aileron`` or ``rudder``.
+        shape: a key of ``input_design.INPUT_KINDS``.
+        wanted_rad: largest amplitude.
+
+    Returns:
+        None where no amplitude is allowed, or nothing is known of the mode that the surface moves.
     """
-    structure = _structure_of(surface, monitor.chain.structures)
+    structure = mode_of_surface(surface, monitor.chain.structures)
     if structure is None:
         return None
     try:
@@ -107,7 +119,8 @@ def _designed(
         if isinstance(expected, OutOfEnvelope):
             return None
         derivatives = dict(zip(structure.derivatives, expected.value.tolist(), strict=True))
-        aircraft, amplitude = monitor.aircraft, _room_rad(monitor.aircraft, condition, surface)
+        aircraft = monitor.aircraft
+        amplitude = _room_rad(aircraft, condition, surface, wanted_rad)
         while amplitude >= _SMALLEST_RAD:
             targets = surface_targets(
                 structure, derivatives, analysis_band_hz(aircraft, structure), amplitude
@@ -127,7 +140,7 @@ def _designed(
     return None
 
 
-def _structure_of(surface: str, estimated: Sequence[ModeStructure]) -> ModeStructure | None:
+def mode_of_surface(surface: str, estimated: Sequence[ModeStructure]) -> ModeStructure | None:
     """The mode that a surface moves, of those that are estimated."""
     for structure in (SHORT_PERIOD, LATERAL, DUTCH_ROLL):
         if structure in estimated and surface in [SURFACE_OF_INPUT[u] for u in structure.inputs]:
@@ -142,12 +155,12 @@ def _trim_rad(aircraft: Aircraft, condition: FlightCondition, surface: str) -> f
     return trim(aircraft, condition).elevator_rad
 
 
-def _room_rad(aircraft: Aircraft, condition: FlightCondition, surface: str) -> float:
+def _room_rad(aircraft: Aircraft, condition: FlightCondition, surface: str, wanted_rad: float) -> float:
     actuator = getattr(aircraft.actuators, surface)
     if actuator is None or actuator.position_limit_rad is None:
-        return _AMPLITUDE_RAD
+        return wanted_rad
     room = actuator.position_limit_rad - abs(_trim_rad(aircraft, condition, surface))
-    return float(min(_AMPLITUDE_RAD, _TO_THE_STOP * room))
+    return float(min(wanted_rad, _TO_THE_STOP * room))
 
 
 def _stalls(

@@ -55,4 +55,5 @@ def _advance(monitors: Sequence[VehicleMonitor], blocks: Sequence[SampleBlock]) 
     for n, monitor in enumerate(monitors):
         if n not in faults:
             found[n].alerts.extend(monitor.after_samples())
+            found[n].manoeuvres.extend(monitor.take_flown())
     return [faults.get(n, report) for n, report in enumerate(found)]

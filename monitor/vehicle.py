@@ -27,6 +27,7 @@ from wingwatch.monitor.could_see import beside_lacking, could_see
 from wingwatch.monitor.flight_regime import FlightRegime
 from wingwatch.monitor.furthest import furthest
 from wingwatch.monitor.judge import Judge
+from wingwatch.monitor.manoeuvre_watch import FlownManoeuvre, ManoeuvreWatch
 from wingwatch.monitor.monitor_start import MonitorStart, Report, surface_kinds
 from wingwatch.monitor.monitor_state import MonitorState, SavedSolution, WatchMemory
 from wingwatch.monitor.ports import VehicleMemory
@@ -87,7 +88,7 @@ class VehicleMonitor(VehicleReadings):
         self.chain = (
             start.chain.of_another()
             if start.chain
-            else Chain(aircraft, present, kinds, configuration, memory.envelopes)
+            else Chain(aircraft, present, kinds, configuration, memory.envelopes, start.engine)
         )
         self.aircraft = aircraft = self.chain.aircraft  # equal, and one object for all vehicles of its type
         self.chain_state = self.chain.init()
@@ -102,6 +103,8 @@ class VehicleMonitor(VehicleReadings):
         self._relations = VehicleRelations(self.chain.redundancy, fleet, vehicle, new_id)
         self._alerts = VehicleAlerts(self.book, self._relations)
         self._surfaces = SurfaceWatch(present, self._compared, self.chain.redundancy.hypotheses)
+        self._manoeuvres = ManoeuvreWatch(aircraft, present)
+        self._flown: list[FlownManoeuvre] = []
         self._could_see: tuple[float, Sequence[CouldSeeView]] | None = None
         self._memory = WatchMemory(surfaces=self._surfaces.init())
         self._worst: tuple[Solution, WorstDerivative | None] | None = None
@@ -229,7 +232,18 @@ class VehicleMonitor(VehicleReadings):
             if (changed := self.follow(solution)) is not None:
                 report.alerts.append(changed)
         report.alerts.extend(self.after_samples())
+        report.manoeuvres.extend(self.take_flown())
         return report
+
+    def end_manoeuvre(self) -> FlownManoeuvre | None:
+        """The flight is over: what was being flown at its last solution, if anything was."""
+        latest = self._memory.latest
+        return None if latest is None else self._manoeuvres.end(latest)
+
+    def take_flown(self) -> list[FlownManoeuvre]:
+        """Manoeuvres that have ended since this was called last."""
+        flown, self._flown = self._flown, []
+        return flown
 
     def follow(self, solution: Solution) -> AlertView | None:
         """What the next solution of the chain leads to; an alert that was raised, changed or cleared."""
@@ -243,6 +257,8 @@ class VehicleMonitor(VehicleReadings):
         if changed is not None:
             changed = self._alerts.announced([changed])[0]
         before, self._memory.latest = self._memory.latest, solution
+        if (flown := self._manoeuvres.look(before, solution)) is not None:
+            self._flown.append(flown)
         if self._memory.surfaces.begun_s is None:
             self._memory.surfaces.begun_s = solution.time_s
         self._update_state(solution, before)
@@ -279,6 +295,7 @@ class VehicleMonitor(VehicleReadings):
         aligned = self._aligner.feed(self.cleaner.clean(block).block)
         used = self._regime.select(self._memory.regime, aligned)
         self._relations.wait(used)
+        self._manoeuvres.add(used)
         self._memory.position = position_of(aligned) or self._memory.position
         return used
 

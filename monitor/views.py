@@ -23,8 +23,12 @@ __all__ = [
     "Event",
     "EvidenceView",
     "FleetFigures",
+    "HelpfulInputView",
     "KeyReusedError",
+    "LearnedView",
+    "ManoeuvreView",
     "MonitorPort",
+    "PoorView",
     "ProposedInputView",
     "Shelving",
     "VehicleState",
@@ -128,6 +132,77 @@ class ProposedInputView:
     why: str
     proposed_s: float
     valid_until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedView:
+    """What a manoeuvre taught of one derivative by one estimator: its standard errors before and after.
+
+    Attributes:
+        before: None where there was no solution before the manoeuvre.
+        after: of the solution at which the manoeuvre was known to be over.
+    """
+
+    estimator: str
+    structure: str
+    derivative: str
+    before: float | None
+    after: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoorView:
+    """What was poor in a manoeuvre.
+
+    Attributes:
+        what: ``too_small``, ``too_slow``, ``too_fast``, ``correlated_inputs`` or ``rough_air``.
+        text: one clause with the figure that says so.
+    """
+
+    what: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class HelpfulInputView:
+    """An input that would teach more than the one that was flown.
+
+    Attributes:
+        surface: column of the flight table; shape: a key of ``input_design.INPUT_KINDS``.
+        amplitude_rad: largest deflection from trim; width_s: of the narrowest step.
+    """
+
+    surface: str
+    shape: str
+    amplitude_rad: float
+    width_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ManoeuvreView:
+    """Whether a manoeuvre was a good one.
+
+    Attributes:
+        number: of the vehicle's manoeuvres since its watch began, from 1.
+        begin_s, end_s: of the surfaces' movement, sample times; known_s: when the verdict was made.
+        surfaces: by column, the largest deflection from trim, rad.
+        good: whether nothing was poor.
+        learned: of the structures that the surfaces move, by estimator and derivative.
+        poor: what was poor; empty where nothing was.
+        inputs: that would help; empty where none is needed, or none is known.
+        text: the verdict, one or two sentences.
+    """
+
+    number: int
+    begin_s: float
+    end_s: float
+    known_s: float
+    surfaces: Mapping[str, float]
+    good: bool
+    learned: Sequence[LearnedView]
+    poor: Sequence[PoorView]
+    inputs: Sequence[HelpfulInputView]
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,7 +366,7 @@ def repeats_in(note: Sequence[str]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something a listener may want to know: ``kind`` is ``alert``, ``status`` or ``derivatives``."""
+    """Something a listener may want to know: ``kind`` is ``alert``, ``status``, ``derivatives`` or ``manoeuvre``."""
 
     id: int
     kind: str
@@ -340,6 +415,10 @@ class MonitorPort(Protocol):
 
     def alerts(self) -> Sequence[AlertView]:
         """All alerts, newest first, as the database has them."""
+        ...
+
+    def manoeuvres(self, fleet: str, vehicle: str) -> Sequence[ManoeuvreView] | None:
+        """The vehicle's last ten manoeuvres, newest first; None for a vehicle never heard of."""
         ...
 
     def alert_groups(self) -> Sequence[AlertGroupView]:

@@ -86,6 +86,13 @@ def add_estimate(commands: Commands) -> None:
         metavar="OUT",
         help="write every estimate of fourier and ekf over time to OUT (.csv or .parquet)",
     )
+    parser.add_argument(
+        "--engine",
+        choices=("compiled", "filterpy"),
+        default="compiled",
+        help="of the filter: compiled, or filterpy's class with the same model, slower and to be read "
+        "(default: %(default)s)",
+    )
     _add_estimate_outputs(parser)
 
 
@@ -160,6 +167,11 @@ def add_monitor(commands: Commands) -> None:
     add_accept_implausible(parser)
     add_jobs(parser)
     add_convention(parser)
+    parser.add_argument(
+        "--manoeuvres",
+        action="store_true",
+        help="judge each manoeuvre: what it taught, what was poor, and the input that would help",
+    )
     parser.add_argument(
         "--baseline",
         metavar="DB",

@@ -37,6 +37,7 @@ from wingwatch.monitor.views import (
     Event,
     EvidenceView,
     FleetFigures,
+    ManoeuvreView,
     VehicleState,
     VehicleView,
     WorstDerivative,
@@ -107,6 +108,7 @@ class FakeMonitor:
     def __init__(self) -> None:
         self.views: list[VehicleView] = []
         self.current: dict[tuple[str, str], Mapping[str, Any]] = {}
+        self.flown: dict[tuple[str, str], Sequence[ManoeuvreView]] = {}
         self.raised: list[AlertView] = []
         self.groups: list[AlertGroupView] = []
         self.kept: list[Event] = []
@@ -128,6 +130,9 @@ class FakeMonitor:
 
     def alerts(self) -> Sequence[AlertView]:
         return tuple(self.raised)
+
+    def manoeuvres(self, fleet: str, vehicle: str) -> Sequence[ManoeuvreView] | None:
+        return self.flown.get((fleet, vehicle))
 
     def alert_groups(self) -> Sequence[AlertGroupView]:
         return tuple(self.groups)

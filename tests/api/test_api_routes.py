@@ -30,7 +30,11 @@ from wingwatch.monitor.views import (
     AlertState,
     CandidateView,
     CouldSeeView,
+    HelpfulInputView,
     KeyReusedError,
+    LearnedView,
+    ManoeuvreView,
+    PoorView,
     Shelving,
     VehicleState,
 )
@@ -109,6 +113,7 @@ def get(client: httpx.Client, path: str) -> Any:
         ("/v1/vehicles/aero-1", "/v1/vehicles/{vehicle}"),
         ("/v1/vehicles/aero-1?fleet=north", "/v1/vehicles/{vehicle}"),
         ("/v1/vehicles/aero-1/derivatives", "/v1/vehicles/{vehicle}/derivatives"),
+        ("/v1/vehicles/aero-1/manoeuvres", "/v1/vehicles/{vehicle}/manoeuvres"),
         ("/v1/vehicles/aero-1/derivatives?fleet=north", "/v1/vehicles/{vehicle}/derivatives"),
         ("/v1/vehicles/aero-1/derivatives/history", "/v1/vehicles/{vehicle}/derivatives/history"),
         ("/v1/alerts", "/v1/alerts"),
@@ -130,6 +135,7 @@ def test_every_promised_path_is_described_with_its_errors(client: httpx.Client) 
     assert set(description["paths"]) == {
         "/v1/status",
         "/v1/vehicles",
+        "/v1/vehicles/{vehicle}/manoeuvres",
         "/v1/vehicles/{vehicle}",
         "/v1/vehicles/{vehicle}/derivatives",
         "/v1/vehicles/{vehicle}/derivatives/history",
@@ -249,6 +255,38 @@ def test_vehicle_carries_state_worst_derivative_and_basis(client: httpx.Client) 
     assert {tuple(item["could_see"]) for item in listed["items"]} == {()}, "dear, and asked for one at a time"
     assert listed["next"] is None
     assert listed["items"][0] == shown
+
+
+def test_the_last_manoeuvres_of_a_vehicle_newest_first() -> None:
+    learned = (
+        LearnedView("ekf", "short_period", "m_q", None, 0.5),
+        LearnedView("ekf", "short_period", "m_w", math.inf, 0.25),
+    )
+    poor = (PoorView("too_slow", "too slow: 75 % of it lies below 0.8 Hz"),)
+    inputs = (HelpfulInputView("elevator_rad", "doublet", 0.0625, 0.25),)
+    first = ManoeuvreView(
+        1, 10.0, 11.0, 12.5, {"elevator_rad": 0.0625}, False, learned, poor, inputs, "Poor. It was slow."
+    )
+    monitor = fleet()
+    monitor.flown["default", "aero-1"] = (replace(first, number=2, good=True, poor=(), inputs=()), first)
+    with served(monitor) as (_, client):
+        listed = get(client, "/v1/vehicles/aero-1/manoeuvres")
+        assert [one["number"] for one in listed["items"]] == [2, 1]
+        assert listed["next"] is None
+        shown = listed["items"][1]
+        assert (shown["begin_s"], shown["end_s"], shown["known_s"]) == (10.0, 11.0, 12.5)
+        assert (shown["good"], shown["text"]) == (False, "Poor. It was slow.")
+        assert shown["surfaces"] == {"elevator_rad": 0.0625}
+        assert [one["standard_error_before"] for one in shown["learned"]] == [None, None]
+        assert shown["learned"][0]["unit"] == "1/s"
+        assert shown["poor"] == [{"what": "too_slow", "text": poor[0].text}]
+        assert shown["inputs"] == [
+            {"surface": "elevator_rad", "shape": "doublet", "amplitude_rad": 0.0625, "width_s": 0.25}
+        ]
+        assert get(client, "/v1/vehicles/aero-2/manoeuvres")["items"] == []
+        assert client.get("/v1/vehicles/nobody/manoeuvres").status_code == 404
+        described = client.get("/openapi.json").json()["paths"]["/v1/vehicles/{vehicle}/manoeuvres"]
+        assert "get" in described
 
 
 def test_derivatives_pass_through_unchanged_and_unknown_ones_are_null(client: httpx.Client) -> None:
