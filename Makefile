@@ -28,7 +28,7 @@ test: export OPENBLAS_NUM_THREADS = 1
 test: python  ## set up, then every check and test
 	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify
 	@$(MAKE) --no-print-directory -j 2 checks kernels
-	$(BIN)/pytest -n 3 --dist worksteal --durations=40 --durations-min=4
+	$(BIN)/pytest -n 3 --dist worksteal
 
 checks:
 	$(BIN)/ruff check .
