@@ -46,12 +46,12 @@ def made_aircraft(arguments: argparse.Namespace) -> Made:
         return _from_jsbsim(arguments)
     if arguments.from_avl is not None:
         return _from_avl(arguments)
-    known = _dimensions(arguments)
     if arguments.like is not None:
         _without(arguments, ("static_margin",), "has no effect with --like, whose coefficients are kept")
         other = load_aircraft(arguments.like)
+        known = _dimensions(arguments, other.geometry)
         return Made(aircraft_like(known, other), f"derivatives like {other.name}'s, with wide errors")
-    made = empirical_aircraft(known, arguments.static_margin)
+    made = empirical_aircraft(_dimensions(arguments), arguments.static_margin)
     return Made(made, "derivatives by empirical formulas, with wide errors")
 
 
@@ -69,14 +69,19 @@ def _inertias(arguments: argparse.Namespace) -> tuple[float | None, float | None
     return arguments.inertia_x, arguments.inertia_y, arguments.inertia_z, arguments.inertia_xz
 
 
-def _dimensions(arguments: argparse.Namespace) -> Dimensions:
+def _dimensions(arguments: argparse.Namespace, like: Geometry | None = None) -> Dimensions:
+    """The dimensions that the options state; the wing is of the shape of another aircraft's where its area is not."""
     for option in ("span_m", "mass_kg", "area_m2"):
-        if getattr(arguments, option) is None:
+        if getattr(arguments, option) is None and (option != "area_m2" or like is None):
             raise CommandError(f"{_option(option)} is missing; give span, mass and wing area")
+    area_m2, chord_m = arguments.area_m2, arguments.chord_m
+    if area_m2 is None and like is not None:
+        scale = arguments.span_m / like.span_m
+        area_m2, chord_m = like.wing_area_m2 * scale**2, chord_m or like.mean_chord_m * scale
     geometry = Geometry(
-        wing_area_m2=arguments.area_m2,
+        wing_area_m2=area_m2,
         span_m=arguments.span_m,
-        mean_chord_m=arguments.chord_m or arguments.area_m2 / arguments.span_m,
+        mean_chord_m=chord_m or area_m2 / arguments.span_m,
         **{key: getattr(arguments, key) for key in _TAIL},
     )
     return Dimensions(

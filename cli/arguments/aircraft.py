@@ -117,7 +117,7 @@ def _add_new(parser: argparse.ArgumentParser) -> None:
 _DIMENSIONS = {
     "span-m": "wing span, m",
     "mass-kg": "mass of the whole aircraft, kg",
-    "area-m2": "wing area, m2",
+    "area-m2": "wing area, m2 (default with --like: by the square of the span)",
     "chord-m": "mean chord, m (default: area over span)",
     "tail-area-m2": "area of the tail plane, m2",
     "tail-arm-m": "its quarter chord behind the centre of gravity, m",

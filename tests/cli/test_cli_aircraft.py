@@ -25,6 +25,7 @@ from wingwatch.aircraft import (
     trim,
     trimmed,
 )
+from wingwatch.cli.main import main
 
 
 def test_the_library_is_listed_and_shown(capsys: pytest.CaptureFixture[str]) -> None:
@@ -383,3 +384,15 @@ def test_an_aircraft_of_avl_needs_a_mass(tmp_path: Path, capsys: pytest.CaptureF
     assert "--mass-kg is missing" in run(capsys, new).sentence
     assert "write SURFACE=NAME" in run(capsys, [*new, "--mass-kg", "5", "--control", "flap=a"]).sentence
     assert "--span-m has no effect" in run(capsys, [*new, "--span-m", "5"]).sentence
+
+
+def test_span_and_mass_are_enough_for_an_aircraft_like_another(tmp_path: Path) -> None:
+    path = tmp_path / "large.toml"
+    arguments = ["--span-m", "2.54", "--mass-kg", "16", "--like", "ultrastick25e", "--out", str(path)]
+    assert main(["aircraft", "new", "large", *arguments]) == 0
+    other, made = load_aircraft("ultrastick25e").geometry, load_aircraft(path).geometry
+    assert other is not None
+    assert made is not None
+    scale = 2.54 / other.span_m
+    assert made.wing_area_m2 == pytest.approx(scale**2 * other.wing_area_m2)
+    assert made.mean_chord_m == pytest.approx(scale * other.mean_chord_m)
