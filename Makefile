@@ -26,7 +26,7 @@ run: python   ## set up, then the service and a simulated fleet on 127.0.0.1:800
 # Three processes test side by side, for many tests wait; each with one thread.
 test: export OPENBLAS_NUM_THREADS = 1
 test: python  ## set up, then every check and test
-	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify
+	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify --extra docs
 	@$(MAKE) --no-print-directory -j 2 checks kernels
 	$(BIN)/pytest -n 3 --dist worksteal
 
@@ -47,11 +47,11 @@ constraints: python  ## pin every package anew, with hashes (UPGRADE=--upgrade f
 	  --no-emit-find-links --output-file constraints.txt pyproject.toml
 
 proto: python ## generate telemetry/protocol from proto/
-	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify
+	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify --extra docs
 	$(BIN)/python tools/generate_protocol.py
 
 sbom: python  ## bill of materials (CycloneDX) and licences of what the program needs, in dist/
-	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify
+	@$(SETUP) --extra dev --extra postgres --extra dask --extra logs --extra notify --extra docs
 	@$(BIN)/python tools/sbom.py $(ARGS)
 
 clean:        ## remove the environment and the caches (the data folder stays)

@@ -123,7 +123,7 @@ def test_a_requirement_without_a_pin_is_one_sentence() -> None:
 def test_an_unknown_extra_names_those_there_are() -> None:
     with pytest.raises(
         install.SetupError,
-        match=r"no extra 'plots': choose among dask, dev, jsbsim, logs, notify, plot, postgres",
+        match=r"no extra 'plots': choose among dask, dev, docs, jsbsim, logs, notify, plot, postgres",
     ):
         install.wanted_names(PYPROJECT, ["plots"])
 
