@@ -1,9 +1,11 @@
-"""The door: REST, event stream and status page. It translates what the monitor knows and computes nothing."""
+"""The door: REST, event stream and status page. It translates what the monitor knows and computes nothing.
 
-from wingwatch.api.access import AccessSettings, Caller, TokenScope
-from wingwatch.api.app import AppSettings, create_app
-from wingwatch.api.connections import Connections
-from wingwatch.api.conventions import convert_modes
+The names that need the web framework are looked up when first asked for: commands write the same objects without it.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.manoeuvre_schemas import ManoeuvreDocument, manoeuvre_document
 from wingwatch.api.ports import (
@@ -33,16 +35,33 @@ from wingwatch.api.schemas import (
     proposed_input_document,
     vehicle_document,
 )
-from wingwatch.api.server import (
-    AddressError,
-    CertificateError,
-    HttpServer,
-    PortInUse,
-    beyond_loopback,
-    listen,
-    read_certificate,
-    serve,
-)
+
+if TYPE_CHECKING:
+    from wingwatch.api.access import AccessSettings, Caller, TokenScope
+    from wingwatch.api.app import AppSettings, create_app
+    from wingwatch.api.connections import Connections
+    from wingwatch.api.conventions import convert_modes
+    from wingwatch.api.server import (
+        AddressError,
+        CertificateError,
+        HttpServer,
+        PortInUse,
+        beyond_loopback,
+        listen,
+        read_certificate,
+        serve,
+    )
+
+_WEB = {
+    "access": ("AccessSettings", "Caller", "TokenScope"),
+    "app": ("AppSettings", "create_app"),
+    "connections": ("Connections",),
+    "conventions": ("convert_modes",),
+    "server": (
+        *("HttpServer", "listen", "serve", "beyond_loopback", "read_certificate"),
+        *("AddressError", "CertificateError", "PortInUse"),
+    ),
+}
 
 __all__ = [
     "create_app",
@@ -87,3 +106,10 @@ __all__ = [
     "encode_json",
     "convert_modes",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in _WEB.items():
+        if name in names:
+            return getattr(import_module(f"wingwatch.api.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -9,8 +9,8 @@ from fastapi.exceptions import RequestValidationError
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from wingwatch.api.access import Caller, admission_of
+from wingwatch.api.answers import json_answer
 from wingwatch.api.door import Door
-from wingwatch.api.encoding import json_answer
 from wingwatch.api.groups import groups_of
 from wingwatch.api.paging import decode_cursor, encode_cursor
 from wingwatch.api.problems import ProblemError, printable

@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from wingwatch.aircraft import Convention
 from wingwatch.api.access import admission_of
+from wingwatch.api.answers import json_answer
 from wingwatch.api.door import Door
-from wingwatch.api.encoding import json_answer
 from wingwatch.api.ports import BaselinePort, BaselineQuestion, BaselineRevert
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import Name

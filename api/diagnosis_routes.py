@@ -10,9 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from wingwatch.api.access import admission_of
+from wingwatch.api.answers import JsonResponse
 from wingwatch.api.diagnosis_events import DiagnosisStreams
 from wingwatch.api.door import Door
-from wingwatch.api.encoding import JsonResponse, quantity
+from wingwatch.api.encoding import quantity
 from wingwatch.api.guards import BodySize
 from wingwatch.api.ports import DiagnosisPort, DiagnosisState, DiagnosisUpload, DiagnosisView, QueueFullError
 from wingwatch.api.problems import ProblemError, printable

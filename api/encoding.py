@@ -2,13 +2,11 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import orjson
-from fastapi import Response
 from pydantic import BaseModel
 
-__all__ = ["JsonResponse", "encode_json", "json_answer", "quantity"]
+__all__ = ["encode_json", "quantity"]
 
 
 def encode_json(value: object) -> bytes:
@@ -25,21 +23,6 @@ def encode_json(value: object) -> bytes:
 def quantity(value: float | None) -> float | None:
     """A finite float, or None for what is not known (None, NaN, infinity)."""
     return float(value) if value is not None and math.isfinite(value) else None
-
-
-class JsonResponse(Response):
-    """An answer whose content is encoded by ``encode_json``."""
-
-    media_type = "application/json"
-
-    def render(self, content: Any) -> bytes:
-        """The body's bytes."""
-        return encode_json(content)
-
-
-def json_answer(model: BaseModel) -> Response:
-    """A validated model as an answer that no cache keeps."""
-    return JsonResponse(model.model_dump(), headers={"Cache-Control": "no-store"})
 
 
 def _plain(value: object) -> object:

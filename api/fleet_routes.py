@@ -9,9 +9,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from wingwatch.aircraft import Convention
 from wingwatch.api import history
+from wingwatch.api.answers import json_answer
 from wingwatch.api.conventions import convert_estimators
 from wingwatch.api.door import Door
-from wingwatch.api.encoding import json_answer
 from wingwatch.api.groups import groups_of
 from wingwatch.api.manoeuvre_schemas import ManoeuvreList, manoeuvre_document
 from wingwatch.api.problems import ProblemError, printable

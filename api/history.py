@@ -13,7 +13,8 @@ from fastapi import Response
 
 from wingwatch.aircraft.structures import STRUCTURES
 from wingwatch.aircraft.vocabulary import DERIVATIVES
-from wingwatch.api.encoding import json_answer, quantity
+from wingwatch.api.answers import json_answer
+from wingwatch.api.encoding import quantity
 from wingwatch.api.paging import decode_cursor, encode_cursor
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import HistoryItem, HistoryList

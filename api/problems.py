@@ -12,7 +12,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from wingwatch.api.encoding import JsonResponse
+from wingwatch.api.answers import JsonResponse
 from wingwatch.api.schemas import FieldProblem, Problem
 from wingwatch.baselines import DatabaseError
 

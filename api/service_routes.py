@@ -7,8 +7,8 @@ from fastapi import APIRouter, Header, Request, Response
 from fastapi.responses import StreamingResponse
 
 from wingwatch.api.access import COOKIE, Access, Caller, admission_of
+from wingwatch.api.answers import json_answer
 from wingwatch.api.door import Door
-from wingwatch.api.encoding import json_answer
 from wingwatch.api.events import Listener
 from wingwatch.api.problems import ProblemError
 from wingwatch.api.schemas import Live, LogIn, Ready, SessionDocument

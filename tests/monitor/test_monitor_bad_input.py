@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import vehicle_document
-from wingwatch.api.encoding import json_answer
+from wingwatch.api.answers import json_answer
 from wingwatch.monitor import FleetSettings, VehicleMonitor, VehicleState
 from wingwatch.monitor.solution_times import LEAST_ROWS
 from wingwatch.simulation import ElevatorEffectiveness
