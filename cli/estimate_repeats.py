@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from wingwatch.aircraft import DERIVATIVES, load_aircraft
+from wingwatch.aircraft import MODEL_DERIVATIVES, load_aircraft
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import watch
 from wingwatch.cli.joined_flights import joined
@@ -130,7 +130,7 @@ def _object(one: RepeatedManoeuvre) -> dict[str, Any]:
         "airspeed_m_s": list(one.airspeed_m_s),
         "derivatives": {
             symbol: {
-                "unit": DERIVATIVES[symbol].unit,
+                "unit": MODEL_DERIVATIVES[symbol].unit,
                 "manoeuvres": list(row.numbers),
                 "values": row.values.tolist(),
                 "standard_errors": row.standard_errors.tolist(),
@@ -180,7 +180,7 @@ def _table(one: RepeatedManoeuvre) -> Table:
             f"{value:.4g} ± {error:.2g}" for value, error in zip(row.values, row.standard_errors, strict=True)
         )
         table.add_row(
-            symbol, DERIVATIVES[symbol].unit, str(row.values.size), f"{row.mean:.4g}", f"{row.scatter:.2g}",
+            symbol, MODEL_DERIVATIVES[symbol].unit, str(row.values.size), f"{row.mean:.4g}", f"{row.scatter:.2g}",
             f"{row.stated:.2g}", f"{row.ratio:.2f}{' !' if row.contradicts else ''}",
             f"{row.ratio_interval[0]:.2f} to {row.ratio_interval[1]:.2f}", values,
         )  # fmt: skip
@@ -204,7 +204,7 @@ def _sentence(symbol: str, row: RepeatedDerivative) -> str:
     if row.changed_after is None:
         return f"{said}: the errors are too small, or the derivative is not the same in all repeats."
     after, before, then = row.changed_after
-    unit = DERIVATIVES[symbol].unit
+    unit = MODEL_DERIVATIVES[symbol].unit
     return (
         f"{said}: a change after manoeuvre {after}, from {before:.4g} to {then:.4g} {unit}, would explain it; "
         "without one the errors are too small."
