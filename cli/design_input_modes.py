@@ -73,7 +73,8 @@ def flown_rad_s(aircraft: Aircraft, condition: FlightCondition, structure: ModeS
 def usual_length_s(targets: Sequence[SurfaceTarget], structures: Sequence[ModeStructure]) -> float:
     """Length of a record that nobody asked for: one cycle of the lowest frequency of interest, in whole seconds.
 
-    Of the slow modes it is three cycles of the phugoid, and of the spiral what its bank takes to die away or to grow by half.
+    Of the slow modes it is three cycles of the phugoid, and of the spiral what its bank takes to die away or
+    to grow by half.
     """
     by_surface = {surface: s for s in structures for surface in _surfaces(s)}
     lengths = []
@@ -139,8 +140,8 @@ def _of_mode(design: InputDesign, one: Promise) -> Iterator[str]:
         bank = np.cumsum(quantities["roll_rate_rad_s"]) / design.rate_hz
         if abs(float(bank[-1])) > 0.01:
             yield (
-                f"it leaves the aircraft banked by {math.degrees(float(bank[-1])):.2g} degrees: level the wings, or take a "
-                "doublet, which comes back by itself"
+                f"it leaves a bank of {math.degrees(float(bank[-1])):.2g} degrees: level the wings, or take a doublet, "
+                "which comes back by itself"
             )
     for quantity in ("pitch_rad", "roll_rad"):
         if name in _SLOW and quantity in quantities:

@@ -93,8 +93,8 @@ def surface_targets(
 ) -> tuple[SurfaceTarget, ...]:
     """The surfaces of a mode, each to excite it.
 
-    The time constant takes the place of 1 / omega_n in a mode of one real root: a first-order motion answers half of its
-    power at omega = 1 / T.
+    The time constant takes the place of 1 / omega_n in a mode of one real root: a first-order motion answers half of
+    its power at omega = 1 / T.
 
     Args:
         structure: the mode.

@@ -214,7 +214,8 @@ def promise(plant: SensedPlant, inputs_rad: ArrayLike, rate_hz: float) -> Promis
     """Response to an input and the standard errors that it promises.
 
     Unknown beside the derivatives: a constant in every equation and in the accelerometer, where one is read (trim and
-    biases left in the data), and the state at the start. Noise levels that are unknown cost nothing: their information is orthogonal.
+    biases left in the data), and the state at the start. Noise levels that are unknown cost
+    nothing: their information is orthogonal.
 
     Args:
         plant: the mode with its sensors.

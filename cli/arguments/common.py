@@ -116,8 +116,8 @@ def add_forgetting(parser: argparse.ArgumentParser) -> None:
         "--forgetting",
         type=forgetting,
         metavar="TIME",
-        help="time constant with which fourier and ekf forget: 40s, none, or a factor a sample: 0.998 (20 s) and 0.9998 "
-        "(200 s) at 25 Hz as in thesis 9.2, 0.999@50 at another rate (default: 40s)",
+        help="time constant with which fourier and ekf forget: 40s, none, or a factor a sample: 0.998 (20 s) and "
+        "0.9998 (200 s) at 25 Hz as in thesis 9.2, 0.999@50 at another rate (default: 40s)",
     )
 
 
