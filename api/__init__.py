@@ -7,6 +7,7 @@ from wingwatch.api.conventions import convert_modes
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.manoeuvre_schemas import ManoeuvreDocument, manoeuvre_document
 from wingwatch.api.ports import (
+    BaselineImport,
     BaselinePort,
     BaselineQuestion,
     BaselineRevert,
@@ -60,6 +61,7 @@ __all__ = [
     "CertificateError",
     "PortInUse",
     "BaselinePort",
+    "BaselineImport",
     "BaselineQuestion",
     "BaselineRevert",
     "DiagnosisPort",

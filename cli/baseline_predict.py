@@ -176,8 +176,8 @@ def _store(
     stated = [name for name, envelope in own.items() if len(envelope.points)]
     if stated and not arguments.anyway:
         raise CommandError(
-            f"aircraft {aircraft.name} states numbers of its own ({', '.join(stated)}), and a prediction from dimensions "
-            "would take their place; add --anyway to do it"
+            f"aircraft {aircraft.name} states numbers of its own ({', '.join(stated)}), and a prediction from "
+            "dimensions would take their place; add --anyway to do it"
         )
     now_s = time.time()
     entries = tuple(
