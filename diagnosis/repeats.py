@@ -7,8 +7,8 @@ With n repeats of values x_i and stated standard errors s_i, thesis (5.28) and (
 is the scatter in stated errors. Where the errors hold its mean is one, whether they are equal or not; where they are
 equal, (n - 1) ratio^2 is chi-square with n - 1 degrees of freedom, from which the interval of the ratio follows. Values
 are not weighed by their own s_i: those of a short manoeuvre are known to some tens of percent, and the smallest of
-them would decide. What is common to all repeats
-(a bias, a wrong calibration) does not scatter, and no repeat tells of it.
+them would decide. What is common to all repeats (a bias, a wrong calibration) does not scatter, and no repeat tells of
+it.
 """
 
 import math
