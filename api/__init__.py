@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.manoeuvre_schemas import ManoeuvreDocument, manoeuvre_document
 from wingwatch.api.ports import (
+    BaselineImport,
     BaselinePort,
     BaselineQuestion,
     BaselineRevert,
@@ -79,6 +80,7 @@ __all__ = [
     "CertificateError",
     "PortInUse",
     "BaselinePort",
+    "BaselineImport",
     "BaselineQuestion",
     "BaselineRevert",
     "DiagnosisPort",

@@ -10,7 +10,7 @@ from fastapi import FastAPI
 from wingwatch.aircraft import Aircraft, library_names, load_aircraft
 from wingwatch.api.access import Access, AccessGuard, AccessSettings
 from wingwatch.api.alert_routes import alert_router
-from wingwatch.api.baseline_routes import baseline_router
+from wingwatch.api.baseline_routes import BASELINE_SIZE, baseline_router
 from wingwatch.api.diagnosis_routes import FLIGHT_SIZE, diagnosis_router
 from wingwatch.api.door import Door
 from wingwatch.api.events import EventStreams
@@ -123,7 +123,7 @@ def create_app(
     requests: dict[tuple[str, str], int] = {}
     app.include_router(metrics_router(door, requests), responses=PROBLEM_RESPONSES)
     app.include_router(pages_router())
-    app.add_middleware(BodyLimit, larger={"/v1/diagnoses": FLIGHT_SIZE})
+    app.add_middleware(BodyLimit, larger={"/v1/diagnoses": FLIGHT_SIZE, "/v1/baselines/": BASELINE_SIZE})
     app.add_middleware(AccessGuard, access=access)
     install_problem_handlers(app)
     app.add_middleware(SafetyHeaders)

@@ -55,7 +55,7 @@ class BodyLimit:
     bytes is reset, and its client would never see the answer.
 
     Args:
-        larger: of paths that take more than others.
+        larger: of paths that take more than others; of all below one that ends with a slash.
     """
 
     def __init__(self, app: ASGIApp, larger: Mapping[str, BodySize] | None = None) -> None:
@@ -64,7 +64,7 @@ class BodyLimit:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer through the wrapped application."""
-        limit = self._larger.get(scope.get("path", ""), BodySize())
+        limit = self._limit(scope.get("path", ""))
         announced = Headers(scope=scope).get("content-length", "0") if scope["type"] == "http" else "0"
         too_much = announced.isdigit() and int(announced) > limit.most_bytes
         until_s = asyncio.get_running_loop().time() + limit.most_s
@@ -88,6 +88,10 @@ class BodyLimit:
             return message
 
         await self._app(scope, receive_within_limit, send)
+
+    def _limit(self, path: str) -> BodySize:
+        above = (size for key, size in self._larger.items() if key.endswith("/") and path.startswith(key))
+        return self._larger.get(path) or next(above, None) or BodySize()
 
 
 async def discard_body(receive: Receive) -> None:

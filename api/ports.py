@@ -71,6 +71,21 @@ class BaselineRevert:
     note: str
 
 
+@dataclass(frozen=True, slots=True)
+class BaselineImport:
+    """What `wingwatch baseline export` wrote, to be put into the database, and by whom.
+
+    Attributes:
+        aircraft: name; all of the document must be of it.
+        document: the file's JSON value.
+    """
+
+    aircraft: str
+    document: Mapping[str, Any]
+    who: str
+    note: str
+
+
 class BaselinePort(Protocol):
     """The baseline, as objects. Called from worker threads, answers in a bounded time, may raise ``DatabaseError``."""
 
@@ -88,6 +103,14 @@ class BaselinePort(Protocol):
 
     def past(self, question: BaselineQuestion) -> Mapping[str, Any]:
         """All that there ever was; ``ValueError`` as for ``shown``."""
+        ...
+
+    def imported(self, request: BaselineImport) -> Mapping[str, Any]:
+        """Put a file's content into the database: all of it or nothing; how much there was, and how much was new.
+
+        Raises:
+            ValueError: it is no whole file, or of other units, derivatives or aircraft; one sentence.
+        """
         ...
 
     def reverted(self, request: BaselineRevert) -> Mapping[str, Any]:

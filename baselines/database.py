@@ -12,7 +12,6 @@ from dataclasses import asdict, fields, replace
 from typing import Any
 
 from sqlalchemy import Engine, delete, func, insert, select
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from wingwatch.baselines import estimate_history
@@ -33,6 +32,7 @@ from wingwatch.baselines.connection import (
     RefusedError,
     check_answers,
     connect,
+    inserting,
     one_writer,
     sentences,
     sqlite_file,
@@ -403,8 +403,7 @@ def _superseded(session: Session, key: ReferenceKey, after: int | None) -> bool:
 def _put_alert(session: Session, alert: AlertRecord) -> None:
     values = _plain(alert)
     newer = {name: value for name, value in values.items() if name not in ("id", "created_at_s")}
-    dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
-    row = dialect.insert(AlertRow).values(values)
+    row = inserting(session)(AlertRow).values(values)
     session.execute(row.on_conflict_do_update(index_elements=[AlertRow.id], set_=newer))
 
 

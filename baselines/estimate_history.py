@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from sqlalchemy import Table, bindparam, delete, func, insert, select, tuple_, update
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
+from wingwatch.baselines.connection import inserting
 from wingwatch.baselines.records import EstimateRecord, HistoryRow, HistoryWanted, Retention
 from wingwatch.baselines.tables import FlightRow, HistoryEntry
 
@@ -66,9 +66,8 @@ def append(
         flights[owner] = flight
         counts[flight.id] = counts.get(flight.id, 0) + 1
         entries.append(_entry(flight.id, row, at_s))
-    dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
     # The table itself: through the mapped class every row costs twice as much.
-    session.execute(dialect.insert(HistoryEntry.__table__).on_conflict_do_nothing(), entries)
+    session.execute(inserting(session)(HistoryEntry.__table__).on_conflict_do_nothing(), entries)
     _count(session, list(flights.values()), counts)
     return flights
 

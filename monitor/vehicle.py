@@ -88,7 +88,9 @@ class VehicleMonitor(VehicleReadings):
         self.chain = (
             start.chain.of_another()
             if start.chain
-            else Chain(aircraft, present, kinds, configuration, memory.envelopes, start.engine)
+            else Chain(
+                aircraft, present, kinds, configuration, memory.envelopes, start.engine, start.memory_s
+            )
         )
         self.aircraft = aircraft = self.chain.aircraft  # equal, and one object for all vehicles of its type
         self.chain_state = self.chain.init()

@@ -12,6 +12,7 @@ import httpx
 from wingwatch.api import (
     AccessSettings,
     AppSettings,
+    BaselineImport,
     BaselineQuestion,
     BaselineRevert,
     DiagnosisPort,
@@ -249,7 +250,7 @@ class FakeBaselines:
     """A baseline that remembers what it was asked."""
 
     def __init__(self) -> None:
-        self.asked: list[BaselineQuestion | BaselineRevert] = []
+        self.asked: list[BaselineQuestion | BaselineRevert | BaselineImport] = []
         self.fault = ""
 
     def listed(self) -> Mapping[str, Any]:
@@ -270,6 +271,13 @@ class FakeBaselines:
 
     def past(self, question: BaselineQuestion) -> Mapping[str, Any]:
         return self._kept(question) | {"changes": []}
+
+    def imported(self, request: BaselineImport) -> Mapping[str, Any]:
+        self.asked.append(request)
+        if self.fault:
+            raise ValueError(self.fault)
+        kinds = ("entries", "references", "cells")
+        return {**{kind: len(request.document[kind]) for kind in kinds}, "stored": 0}
 
     def reverted(self, request: BaselineRevert) -> Mapping[str, Any]:
         self.asked.append(request)
