@@ -106,6 +106,7 @@ def run_benchmark(main: Callable[[], object]) -> NoReturn:
         sys.stdout = tee._out
     path = RESULTS / f"{name or Path(sys.argv[0]).stem}.txt"
     number = code if isinstance(code, int) else 0
+    path.parent.mkdir(exist_ok=True)
     path.write_text(head(sys.argv[0], arguments, commit_now(), number) + tee.printed.getvalue())
     print(f"kept in benchmarks/results/{path.name}", file=sys.stderr)
     raise SystemExit(number)

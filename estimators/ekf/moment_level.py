@@ -113,7 +113,7 @@ def _place(slope, a):  # type: ignore[no-untyped-def]
 
 @hot
 def predict_slope(slope, jacobian, variance, work):  # type: ignore[no-untyped-def]
-    """x' and P' over a step in which e is driven with ``variance``, at any time within it ((5) of the docs)."""
+    """x' and P' over a step in which e is driven with ``variance``, at any time within it (docs (5))."""
     ns, mean, cov = slope.states, slope.mean, slope.covariance
     for a in range(ns + 1):
         work[0, a] = 0.0

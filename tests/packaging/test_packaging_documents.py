@@ -1,6 +1,10 @@
 """Documents lead somewhere: links resolve, the index is complete, what code cites is there, words are the field's."""
 
+import ast
+import io
 import re
+import tokenize
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,6 +21,14 @@ CODE = sorted(
     for path in folder.rglob("*.py")
 )
 
+METHODS = {page.name: page.read_text() for page in sorted((DOCS / "methods").glob("*.md"))}
+PACKAGES_WITH_EQUATIONS = ("diagnosis", "estimators", "monitor", "studies")
+
+EQUATION = re.compile(r"^ {4,}\S.*\((\d+[a-e]?)\)$|\\tag\{(\d+)\}", re.MULTILINE)
+POINTER = re.compile(r"(?<![\w.\])])\((\d{1,2}[a-e]?)\)")
+PAGE_POINTER = re.compile(
+    r"([\w]+\.md)(?:\)|`{0,2}),?(?: sections? (\d+))?,? ((?:\(\d+[a-e]?\)(?:, | and | to )?)+)"
+)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+\s+(.*)$", re.MULTILINE)
 CITATION = re.compile(r"docs/([\w./-]+\.md)(?:`{0,2},? sections? ((?:\d+(?:, | and | to )?)+))?")
@@ -71,16 +83,92 @@ def test_what_code_cites_is_there() -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("page", sorted((DOCS / "methods").glob("*.md")), ids=named)
-def test_equations_are_numbered_in_order(page: Path) -> None:
-    """Numbers at the ends of indented lines go up by one from 1."""
-    numbers = [int(n) for n in re.findall(r"^ {4,}\S.*\((\d+)\)$", page.read_text(), re.MULTILINE)]
-    assert numbers == list(range(1, len(numbers) + 1))
+def equations(text: str) -> list[str]:
+    """Numbers of the equations of a text, as they follow each other: "1", "1a", "2"."""
+    return [plain or tagged for plain, tagged in EQUATION.findall(text)]
 
 
-@pytest.mark.parametrize("page", sorted((DOCS / "methods").glob("*.md")), ids=named)
-def test_methods_speak_the_field_s_words(page: Path) -> None:
-    assert not PRIVATE.findall(page.read_text())
+def section_with(page: str, number: str) -> str | None:
+    """Number of the section that has an equation; None where the page has no such equation."""
+    for section in re.split(r"^## ", METHODS[page], flags=re.MULTILINE):
+        if number in equations(section):
+            return section.partition(".")[0]
+    return None
+
+
+def said_in(path: Path) -> Iterator[str]:
+    """Docstrings and comments of a module."""
+    source = path.read_text()
+    for node in ast.walk(ast.parse(source)):
+        if (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Constant)
+            and isinstance(node.value.value, str)
+        ):
+            yield node.value.value
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.string
+
+
+@pytest.mark.parametrize("page", METHODS)
+def test_equations_are_numbered_in_order(page: str) -> None:
+    """Numbers go up by one from 1; 1a follows 1; no number stands twice."""
+    found = equations(METHODS[page])
+    whole = [int(n) for n in found if n.isdigit()]
+    assert whole == list(range(1, len(whole) + 1))
+    assert found == sorted(set(found), key=lambda n: (int(n.rstrip("abcde")), n))
+
+
+@pytest.mark.parametrize("page", METHODS)
+def test_pointers_between_method_pages_name_equations(page: str) -> None:
+    """The page and the section that are named with a number have the equation."""
+    text = re.sub(r"\s+", " ", METHODS[page])
+    wrong = []
+    for target, section, numbers in PAGE_POINTER.findall(text):
+        for number in re.findall(r"\d+[a-e]?", numbers):
+            there = section_with(target, number)
+            if there is None or (section and section != there):
+                wrong.append(f"{target} {section} ({number})")
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", PACKAGES_WITH_EQUATIONS)
+def test_pointers_of_docstrings_name_equations(package: str) -> None:
+    """A "(N)" is an equation of a page that the module cites or of a docstring beside it; "(docs (N))" of a page."""
+    wrong = []
+    for path in sorted((ROOT / package).rglob("*.py")):
+        said = list(said_in(path))
+        cited = re.findall(r"docs/methods/(\w+\.md)", path.read_text())
+        on_pages = {number for page in cited for number in equations(METHODS[page])}
+        beside = {n for other in path.parent.glob("*.py") for text in said_in(other) for n in equations(text)}
+        for text in said:
+            flat = re.sub(r"\s+", " ", text)
+            pages_only = {
+                n for group in re.findall(r"\(docs ([^a-z]*)\)", flat) for n in POINTER.findall(group)
+            }
+            wrong += [f"{path.name}: (docs ({n}))" for n in pages_only - on_pages]
+            wrong += [f"{path.name}: ({n})" for n in set(POINTER.findall(flat)) - on_pages - beside]
+            for page, section, numbers in PAGE_POINTER.findall(flat):
+                for number in re.findall(r"\d+[a-e]?", numbers):
+                    there = section_with(page, number) if page in METHODS else section
+                    if there is None or (section and section != there):
+                        wrong.append(f"{path.name}: {page} {section} ({number})")
+    assert not wrong
+
+
+@pytest.mark.parametrize("page", METHODS)
+def test_modules_that_a_method_page_names_are_there(page: str) -> None:
+    names = set(re.findall(r"`((?:\w+/)*\w+\.py)`", METHODS[page]))
+    there = {str(path.relative_to(ROOT)) for path in CODE} | {
+        str(path.relative_to(ROOT)) for path in (ROOT / "benchmarks").glob("*.py")
+    }
+    assert not {name for name in names if not any(f"/{path}".endswith(f"/{name}") for path in there)}
+
+
+@pytest.mark.parametrize("page", METHODS)
+def test_methods_speak_the_field_s_words(page: str) -> None:
+    assert not PRIVATE.findall(METHODS[page])
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if "decisions" not in p.parts], ids=named)
