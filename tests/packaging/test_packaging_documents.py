@@ -4,7 +4,7 @@ import ast
 import io
 import re
 import tokenize
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -96,19 +96,25 @@ def section_with(page: str, number: str) -> str | None:
     return None
 
 
-def said_in(path: Path) -> Iterator[str]:
+@cache
+def said_in(path: Path) -> tuple[str, ...]:
     """Docstrings and comments of a module."""
     source = path.read_text()
-    for node in ast.walk(ast.parse(source)):
-        if (
-            isinstance(node, ast.Expr)
-            and isinstance(node.value, ast.Constant)
-            and isinstance(node.value.value, str)
-        ):
-            yield node.value.value
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield token.string
+    docstrings = (
+        node.value.value
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    return (*docstrings, *(token.string for token in tokens if token.type == tokenize.COMMENT))
+
+
+@cache
+def equations_in(folder: Path) -> frozenset[str]:
+    """Numbers of the equations in the docstrings of a folder's modules."""
+    return frozenset(n for path in folder.glob("*.py") for text in said_in(path) for n in equations(text))
 
 
 @pytest.mark.parametrize("page", METHODS)
@@ -138,11 +144,10 @@ def test_pointers_of_docstrings_name_equations(package: str) -> None:
     """A "(N)" is an equation of a page that the module cites or of a docstring beside it; "(docs (N))" of a page."""
     wrong = []
     for path in sorted((ROOT / package).rglob("*.py")):
-        said = list(said_in(path))
         cited = re.findall(r"docs/methods/(\w+\.md)", path.read_text())
         on_pages = {number for page in cited for number in equations(METHODS[page])}
-        beside = {n for other in path.parent.glob("*.py") for text in said_in(other) for n in equations(text)}
-        for text in said:
+        beside = equations_in(path.parent)
+        for text in said_in(path):
             flat = re.sub(r"\s+", " ", text)
             pages_only = {
                 n for group in re.findall(r"\(docs ([^a-z]*)\)", flat) for n in POINTER.findall(group)
