@@ -55,6 +55,6 @@ class Door:
             return view
         raise ProblemError(
             HTTPStatus.NOT_FOUND,
-            f"Vehicle '{vehicle}' of fleet '{fleet}' has never been heard of; /v1/vehicles lists all, "
+            f"Vehicle '{vehicle}' of fleet '{fleet}' is unknown; /v1/vehicles lists all, "
             "and ?fleet= names a fleet other than 'default'.",
         )

@@ -360,7 +360,7 @@ class Supervisor:
         if set(saved) != set(self._states) or not all(
             len(part.blocks) == 1 and self._states[name].alike(part) for name, part in saved.items()
         ):
-            raise ValueError("the estimators' states are of other shapes")
+            raise ValueError("the estimators' states have other shapes than this chain's")
         for name, state in self._states.items():
             state.put(np.array([lane.place]), saved[name])
 

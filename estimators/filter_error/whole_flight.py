@@ -95,8 +95,8 @@ def filter_error(
     solution = solve(problem)
     if solution is None:
         raise ValueError(
-            "the filter cannot follow the flight from what is expected of the aircraft; check units and signs of the "
-            "channels, and the aircraft file"
+            "the filter diverges from the flight when it starts at the file's derivatives; check units and signs of "
+            "the channels, and the aircraft file"
         )
     return _report(parts, problem, solution)
 
