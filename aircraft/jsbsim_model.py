@@ -214,7 +214,7 @@ class JsbsimModel:
     def put(
         self, motion: Array, altitude_m: float, surfaces: Array, thrust_n: float, push_n: float = 0.0
     ) -> tuple[Array, Array]:
-        """JSBSim at one state, wings level, pitch attitude as the angle of attack, time standing still.
+        """JSBSim at one state, wings level, pitch attitude as the angle of attack, time held still.
 
         Args:
             motion: u, v, w in m/s and p, q, r in rad/s, shape (6,).

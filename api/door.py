@@ -48,7 +48,7 @@ class Door:
         """One vehicle.
 
         Raises:
-            ProblemError: 404 for a vehicle never heard of.
+            ProblemError: 404 for an unknown vehicle.
         """
         view = self.monitor.vehicle(fleet, vehicle)
         if view is not None:

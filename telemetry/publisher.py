@@ -172,7 +172,7 @@ class FlightPublisher:
         return payload
 
     def _begin(self, must_be_heard: bool, timeout_s: float) -> None:
-        """Announces the vehicle once somebody hears it; later looks only where it must be heard."""
+        """Announces the vehicle once somebody subscribes; later looks only where somebody must."""
         if self._announced and not must_be_heard:
             return
         if not self.wait_for_receiver(timeout_s) and must_be_heard:

@@ -91,7 +91,7 @@ def follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate,
         change = min(to_means * weight * score / (level.information[i, k] + to_means), passing)
         fraction = min(np.sqrt(2.0 * level.information[i, k]), 1.0)
         level.information[i, k] *= np.exp(2.0 * (1.0 - fraction) * change)
-        # what moves the aircraft less than the model is wrong in the calmest air cannot be told from that
+        # what moves the aircraft less than the model is wrong in the calmest air cannot be distinguished from that
         least = UNMODELLED * passing * noise.reading[i, ns]
         if k > 0:
             least = UNMODELLED * noise.reading[i, k] * per_step * per_step

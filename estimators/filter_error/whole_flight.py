@@ -81,7 +81,7 @@ def filter_error(
         config: see there.
         expected: referred aerodynamic derivatives as expected beforehand, (k,): mean of the prior; equation error
             (5.12) where None.
-        natural: natural size of each concise derivative, (k,), for prior and standing; that of ``expected`` where None.
+        natural: natural size of each concise derivative, (k,), for prior and outcome; that of ``expected`` where None.
 
     Returns:
         Estimate at the mean condition of the manoeuvres with its guarded covariance, and the statistics of the fit:
