@@ -230,7 +230,7 @@ class ModeSolution:
 
     @property
     def filter_says_something(self) -> bool:
-        """Whether the filter's estimate is settling or converged, given the Fourier estimator's (and without a vane)."""
+        """Whether the filter's estimate is settling or converged, beside the Fourier estimator's; a vane or not."""
         fourier, ekf = self.seen
         if not ekf.says_something or (self.rough and not self.pair.vane):
             return False
