@@ -66,7 +66,7 @@ STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, LATERAL, DUTCH_RO
 """The Dutch roll stands in for the lateral structure, which holds it, where that cannot be estimated."""
 
 NO_CONDITION = (
-    "airspeed, altitude and accelerometers contradict each other, so the last block is compared with nothing"
+    "airspeed, altitude and accelerometers contradict each other, so the last block is not compared"
 )
 
 _VANE = {"w": "angle_of_attack_rad", "v": "sideslip_rad"}

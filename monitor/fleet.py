@@ -199,7 +199,7 @@ class FleetMonitor:
 
     @property
     def left_out(self) -> int:
-        """Vehicles that are not watched, for there is more to compute than the machine can."""
+        """Vehicles that are not watched, because the machine is overloaded."""
         return self._overload.left_out
 
     @property

@@ -384,7 +384,7 @@ class FleetFigures:
             they do not fall when a vehicle is forgotten or watched anew.
         solutions: half seconds of flight that were estimated and compared since the service started.
         waiting: messages that wait for what the database keeps of their vehicle.
-        left_out: vehicles that are not watched, for there is more to compute than the machine can.
+        left_out: vehicles that are not watched, because the machine is overloaded.
     """
 
     vehicles: Mapping[VehicleState, int]
