@@ -265,14 +265,14 @@ def test_what_has_not_been_read_is_not_taken_for_nothing_and_not_written_over(fl
     hall.clock.now_s += settings.recall_patience_s
     hall.fly(flight, 1, 80)
     assert hall.view().counts["accepted"] == 80 * PIECE  # those that waited among them
-    assert "has not been read yet" in hall.view().basis_text
+    assert "have not been read yet" in hall.view().basis_text
     assert (hall.store.learned, hall.store.cells_kept) == ([], {})
     before = hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_q"]["value"]
     hall.store.unread = False
     hall.fleet.tick()
     after = hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_q"]["value"]
     assert after == before  # estimates go on
-    assert "has not been read yet" not in hall.view().basis_text
+    assert "have not been read yet" not in hall.view().basis_text
     hall.fly(flight, 80, 100)
     assert hall.store.learned
     assert hall.store.learned[-1][1] > 500
