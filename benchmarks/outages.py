@@ -30,6 +30,7 @@ import numpy as np
 import zenoh
 from loopback import free_endpoint
 from postgres_cluster import PostgresCluster, find_programs
+from saving import run_benchmark
 from service_child import ServiceChild, own_process
 from service_process import RATE_HZ, SAMPLES, Flights, RestClient, prepare_kernels, wait_until
 
@@ -67,7 +68,7 @@ class Course:
         before_s, during_s: of each message, from its arrival to the state that rests on it.
         said_s: until the service said what is wrong; said: its words.
         healed_s: from the end of the outage until nothing is wrong and all that was raised is there.
-        announced: alerts as they were heard over Zenoh, by id; raised: how many; acted: notes of answered actions, by
+        announced: alerts as received over Zenoh, by id; raised: how many; acted: notes of answered actions, by
             alert; refused: alerts whose action was answered with 503.
         wrong: what was announced or answered and is not in the database, or was refused and is.
     """
@@ -377,4 +378,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

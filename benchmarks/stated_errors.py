@@ -1,4 +1,4 @@
-"""Values and stated errors of the three whole-flight estimators side by side on the real flight, with their standing.
+"""Values and stated errors of the three whole-flight estimators side by side on the real flight, with their outcomes.
 
     .venv/bin/python benchmarks/stated_errors.py FLIGHT.mat [--map docs/maps/thor75.toml] [--aircraft ultrastick25e]
 
@@ -9,6 +9,8 @@ is not part of this repository; without it the command says so.
 import argparse
 import sys
 from pathlib import Path
+
+from saving import run_benchmark
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
@@ -51,4 +53,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

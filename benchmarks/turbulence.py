@@ -10,12 +10,12 @@ Truth is the linearisation at the condition that the estimate is reported at.
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import get_args
 
 import numpy as np
+from saving import run_benchmark
 from simulated_flights import (
     AMPLITUDE_RAD,
     RATE_HZ,
@@ -114,8 +114,8 @@ def main() -> int:
         "truth (toward smaller magnitude is negative), and in brackets the rms error over the stated standard error;"
     )
     print(
-        "last, truth inside the stated 95 % interval over all derivatives: those that claim standing, and all; the"
-        "\nlargest error over stated error of those that claim standing"
+        "last, truth inside the stated 95 % interval over all derivatives: those that are claimed, and all; the"
+        "\nlargest error over stated error of those that are claimed"
     )
     for level in LEVELS:
         if level not in chosen.air.split(","):
@@ -162,4 +162,4 @@ def row(mine: Sequence[Estimate], aircraft: Aircraft = AIRCRAFT) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -39,7 +39,7 @@ class FleetViews:
         self._context, self._proposals = context, proposals
 
     def all(self) -> list[VehicleView]:
-        """All vehicles ever heard of, worst state first."""
+        """All known vehicles, worst state first."""
         with self._context.lock:
             everyone = list(self._context.vehicles.items())
         views: list[VehicleView] = []
@@ -95,7 +95,7 @@ class FleetViews:
 
         Args:
             solutions: how many there have been.
-            left_out: how many vehicles are not watched, for there is more to compute than the machine can.
+            left_out: how many vehicles are not watched, because the machine is overloaded.
         """
         context, states = self._context, Counter[VehicleState]()
         with context.lock:

@@ -28,7 +28,7 @@ FAULT_SHOWN_S = 30.0
 KEPT_MANOEUVRES = 10
 """Of a vehicle."""
 
-LEFT_OUT = "degraded service: this vehicle is not watched, for there is more to compute than the machine can"
+LEFT_OUT = "degraded service: this vehicle is not watched, because the machine is overloaded"
 """The reason of a vehicle that is left out."""
 
 _REFUSED = (
@@ -61,7 +61,7 @@ class KnownVehicle:
             settings: what it was made from (``settings_of``); late: whether what is kept of the vehicle came after it.
         owner: which publisher its messages are taken from.
         pace: how fast it sends beside how fast it flies.
-        left_out: whether it is not watched, for there is more to compute than the machine can.
+        left_out: whether it is not watched, because the machine is overloaded.
         deferred: another aircraft or configuration that was announced while an alert is in force.
         checkpoint_s: when its state was handed over to be saved; unsaved: whether it has changed since; urgent: whether
             that is to be saved at once.
@@ -264,9 +264,9 @@ class KnownVehicle:
     @property
     def _unknown_because(self) -> str:
         if self.message is None:
-            return "samples arrive but the vehicle has not said what aircraft it is"
+            return "samples arrive, but the vehicle has not announced its aircraft"
         if self.held:
-            return "what is kept of its earlier flights is being read"
+            return "its earlier flights are being read from the database"
         return self.problem or "announced; no samples yet"
 
     def view(
@@ -284,7 +284,7 @@ class KnownVehicle:
         if self.monitor is None:
             return self.bare_view(fleet, vehicle, state, _with_refusal(reason or "", refused))
         view = self.monitor.view()
-        unread = "" if self.recalled else " What is kept of its earlier flights has not been read yet."
+        unread = "" if self.recalled else " Its earlier flights have not been read yet."
         loaded = f" {text}" if (text := self._loading_text) else ""
         return replace(
             view,

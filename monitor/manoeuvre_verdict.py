@@ -107,7 +107,7 @@ def _learned(
     before = None if flown.before is None else flown.before.modes.get(structure.name)
     for name in ("fourier", "ekf"):
         if name == "fourier" and after.reconstructed:
-            continue  # without a vane the filter alone has standing
+            continue  # without a vane the filter alone is valid
         now = getattr(after, name).standard_error.tolist()
         then = [None] * len(now) if before is None else getattr(before, name).standard_error.tolist()
         for symbol, old, new in zip(structure.derivatives, then, now, strict=True):
@@ -137,7 +137,7 @@ def _poor(
             yield PoorView("correlated_inputs", f"correlated inputs: {names} moved alike (r = {r:.2f})")
     if structure.name in flown.rough:
         mode = structure.name.replace("_", " ")
-        yield PoorView("rough_air", f"rough air: it made a tenth or more of the rotation ({mode})")
+        yield PoorView("rough_air", f"rough air: gusts caused a tenth or more of the rotation ({mode})")
 
 
 def _off_mode(
@@ -273,7 +273,7 @@ def _taught(learned: Sequence[LearnedView]) -> str:
         return "Nothing was estimated before it."
     better = [one for one in gains if one[0] < _LEAST_LEARNED]
     if not better:
-        return "It taught nothing that was not known as well before."
+        return "It added no information to that of before."
     names = {one.derivative for _, one in better}
     ratio, best = min(better, key=lambda one: one[0])
     unit = DERIVATIVES[best.derivative].unit if best.derivative in DERIVATIVES else ""
