@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Any, Protocol
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import HistoryRow, HistoryWanted
+from wingwatch.baselines import FlightRecord, HistoryColumns, HistoryKey, HistoryRow, HistoryWanted
 
 __all__ = [
     "BaselinePort",
@@ -36,6 +36,17 @@ class HistoryPort(Protocol):
         Raises:
             DatabaseError: it cannot be read now.
         """
+        ...
+
+    def history_columns(
+        self, fleet: str, vehicle: str, wanted: HistoryWanted
+    ) -> tuple[Sequence[HistoryColumns], HistoryKey | None]:
+        """The same as columns, by flight, estimator and structure, and the key of the last row where as many rows were
+        read as ``wanted.limit``: there may be more from it on; ``DatabaseError`` likewise."""
+        ...
+
+    def flights(self, fleet: str, vehicle: str) -> Sequence[FlightRecord]:
+        """Flights of which estimates are kept, the newest first; ``DatabaseError`` likewise."""
         ...
 
 
