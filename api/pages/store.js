@@ -1,0 +1,130 @@
+/* What the page knows, and how it stays true: one event stream says that something is new, the status is then asked
+   again; where the stream is down it is asked every 2 s. A restart of the service needs nothing: the stream comes back
+   by itself, says `resync`, and everything is asked again. */
+
+import { NotLoggedIn, get } from "./api.js";
+
+const REFRESH_MS = 500, POLL_LIVE_MS = 5000, POLL_ALONE_MS = 2000;
+const KINDS = ["alert", "status", "derivatives", "manoeuvre", "resync"];
+
+export class Store {
+  /** `onLoggedOut` is called when the service asks for a token. */
+  constructor(onLoggedOut) {
+    this.state = { status: null, link: "waiting", answeredAt: null };
+    this.onLoggedOut = onLoggedOut;
+    this.listeners = new Set();
+    this.handlers = new Map(KINDS.map((kind) => [kind, new Set()]));
+    this.stream = null;
+    this.lastEventId = null;
+    this.streaming = this.asking = this.askAgain = this.soon = this.open = false;
+    this.timer = this.reopening = 0;
+  }
+
+  /** Call `listener(state)` whenever the state has changed; returns the function that ends it. */
+  subscribe(listener) {
+    this.listeners.add(listener);
+    return () => this.listeners.delete(listener);
+  }
+
+  /** Call `handler(data)` at each event of a kind; returns the function that ends it. */
+  on(kind, handler) {
+    this.handlers.get(kind).add(handler);
+    return () => this.handlers.get(kind).delete(handler);
+  }
+
+  /** Ask and listen, from now on. */
+  async start() {
+    this.open = true;
+    await this.refresh();
+    this.#listen();
+  }
+
+  /** Ask and listen no more; what was known is forgotten. */
+  stop() {
+    this.open = false;
+    clearTimeout(this.timer);
+    clearTimeout(this.reopening);
+    this.stream?.close();
+    this.stream = null;
+    this.streaming = false;
+    this.#set({ status: null, link: "waiting" });
+  }
+
+  /** Ask for the status now. */
+  async refresh() {
+    if (this.asking) {
+      this.askAgain = true;
+      return;
+    }
+    this.asking = true;
+    this.askAgain = false;
+    let answer = {};
+    try {
+      answer = { status: await get("/v1/status"), answeredAt: new Date() };
+    } catch (error) {
+      answer = { failed: error };
+    }
+    this.asking = false;
+    if (!this.open) return;
+    if (answer.failed instanceof NotLoggedIn) {
+      this.stop();
+      this.onLoggedOut();
+      return;
+    }
+    if (answer.failed) console.warn(String(answer.failed));
+    const { failed, ...news } = answer;
+    this.#set({ ...news, link: failed ? "lost" : this.streaming ? "live" : "polling" });
+    this.#plan(this.askAgain ? REFRESH_MS : this.#pause());
+  }
+
+  #pause() {
+    return this.streaming && !this.state.status?.kernels ? POLL_LIVE_MS : POLL_ALONE_MS;
+  }
+
+  #plan(delay) {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.refresh(), delay);
+  }
+
+  #set(changes) {
+    this.state = { ...this.state, ...changes };
+    for (const listener of this.listeners) listener(this.state);
+  }
+
+  #somethingNew() {
+    if (this.soon) return;
+    this.soon = true;
+    setTimeout(() => {
+      this.soon = false;
+      if (this.open) this.refresh();
+    }, REFRESH_MS);
+  }
+
+  /** The browser itself comes back with `Last-Event-ID` after a stream that broke off, but not after a refusal. */
+  #listen() {
+    if (!this.open || (this.stream && this.stream.readyState !== EventSource.CLOSED)) return;
+    const stream = new EventSource("/v1/events");
+    this.stream = stream;
+    stream.onopen = () => {
+      this.streaming = true;
+      this.refresh();
+    };
+    stream.onerror = () => {
+      this.streaming = false;
+      if (!this.open) return;
+      this.#plan(POLL_ALONE_MS);
+      if (stream.readyState === EventSource.CLOSED) this.reopening = setTimeout(() => this.#listen(), POLL_LIVE_MS);
+    };
+    for (const kind of KINDS) {
+      stream.addEventListener(kind, (event) => {
+        if (event.lastEventId) this.lastEventId = event.lastEventId;
+        this.#somethingNew();
+        const handlers = this.handlers.get(kind);
+        if (handlers.size) {
+          const data = JSON.parse(event.data);
+          for (const handler of handlers) handler(data);
+        }
+      });
+    }
+  }
+}

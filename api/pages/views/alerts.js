@@ -1,0 +1,5 @@
+import { make } from "../dom.js";
+
+export function view() {
+  return { node: make("div", "", make("h1", "", "Alerts")), update() {}, close() {} };
+}
