@@ -22,6 +22,7 @@ from wingwatch.api.ports import BaselinePort, DiagnosisPort, HistoryPort, Kernel
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
 from wingwatch.api.service_routes import event_router, health_router, session_router
+from wingwatch.api.vehicle_routes import vehicle_router
 from wingwatch.monitor.views import MonitorPort
 
 __all__ = ["AppSettings", "create_app"]
@@ -115,7 +116,7 @@ def create_app(
         redirect_slashes=False,
     )
     app.state.close_streams = streams.close
-    routers = (fleet_router, alert_router, event_router, diagnosis_router, baseline_router)
+    routers = (fleet_router, vehicle_router, alert_router, event_router, diagnosis_router, baseline_router)
     versioned = tuple(router(door) for router in routers)
     for router in (*versioned, session_router(access)):
         app.include_router(router, prefix="/v1", responses=PROBLEM_RESPONSES)

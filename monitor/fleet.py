@@ -458,9 +458,8 @@ class FleetMonitor:
         """What is expected now of a structure at conditions that were flown (``MonitorPort``)."""
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
-            if known is None:
-                return None
-            return fleet_record.expected_of(known, structure, aircraft, conditions)
+        # Without the lock: expectations and what flights taught are replaced, never changed.
+        return None if known is None else fleet_record.expected_of(known, structure, aircraft, conditions)
 
     def alert_groups(self) -> Sequence[AlertGroupView]:
         """Alerts in force that are one event, largest first."""

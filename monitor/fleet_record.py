@@ -1,4 +1,7 @@
-"""The record that a live fleet keeps of each vehicle for pictures; to be used with the fleet's lock held."""
+"""The record that a live fleet keeps of each vehicle for pictures.
+
+To be used with the fleet's lock held, but for ``expected_of``.
+"""
 
 from collections.abc import Sequence
 
