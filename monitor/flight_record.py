@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from wingwatch.baselines import posteriors
 from wingwatch.monitor.blocks import EKF, FOURIER, BlockView
 from wingwatch.monitor.chain import Solution
 from wingwatch.monitor.comparison import bias_of, change_since, natural_size
@@ -69,27 +70,35 @@ def information_bit(information: Array, natural: Array) -> float:
     return float(0.5 * np.sum(np.log2(1.0 + np.maximum(power, 0.0))))
 
 
-def innovation(judge: Judge, state: JudgeState, name: str) -> dict[int, tuple[float, float]]:
+def innovation(
+    judge: Judge, state: JudgeState, name: str, onset_s: float | None = None
+) -> dict[int, tuple[float, float]]:
     """By estimator, the normalised innovation squared of a structure's latest block, and its limit.
 
-    The innovation is the block's vector less what was expected of it, h - J (m + b), its covariance J + J P J: m and P
-    are the expectation with what earlier flights taught and the remembered blocks before this one have not, b the bias
-    that gusts are expected to have caused, which counts as an error of its own size. Its square over its degrees of
-    freedom is 1 on average while the aircraft is as expected.
+    The innovation is the block's vector less what was expected of it, h - J m, its covariance J + J (P + b b') J: m and
+    P are the expectation with what all blocks before this one taught, b is the bias that gusts are expected to have
+    caused. Its square over its degrees of freedom is 1 on average while the aircraft is as it was.
 
     Args:
         state: whose last block has the structure.
+        onset_s: of the change that an alert in force is about: blocks after it teach nothing.
     """
     mode = state.blocks[-1].modes[name]
-    mean, covariance = (
-        part[0] for part in judge.expected([state], name, mode.expected[None], mode.expected_covariance[None])
-    )
     natural = natural_size(mode.expected, mode.expected_covariance)
+    ends_s = [block.end_s for block in state.blocks[:-1]]
+    healthy = len(ends_s) if onset_s is None else sum(end_s <= onset_s for end_s in ends_s)
     found: dict[int, tuple[float, float]] = {}
     for estimator in (FOURIER, EKF):
         information = mode.evidence.information[estimator]
         if not np.trace(information) > 0.0:
             continue
+        taught = judge.before(state, name, healthy, estimator)
+        mean, covariance = (
+            part[0]
+            for part in posteriors(
+                mode.expected[None], mode.expected_covariance[None], taught[0][None], taught[1][None]
+            )
+        )
         bias = bias_of(information, mode.evidence.bias[estimator])
         change = change_since(
             mean, covariance, information, mode.evidence.vector[estimator], np.outer(bias, bias), natural
@@ -104,13 +113,19 @@ def innovation(judge: Judge, state: JudgeState, name: str) -> dict[int, tuple[fl
 
 
 def block_record(
-    solution: Solution, last: BlockView | None, verdict: Verdict | None, judge: Judge, state: JudgeState
+    solution: Solution,
+    last: BlockView | None,
+    verdict: Verdict | None,
+    judge: Judge,
+    state: JudgeState,
+    onset_s: float | None = None,
 ) -> BlockRecord | None:
     """What the block that a solution has closed said; None where it has closed none.
 
     Args:
         last, verdict: the latest block that was compared, and what the test said after it.
         judge, state: that compared it.
+        onset_s: of the change that an alert in force is about.
     """
     closed = {name: (mode, mode.block) for name, mode in solution.modes.items() if mode.block is not None}
     if not closed:
@@ -120,7 +135,7 @@ def block_record(
     modes: dict[str, dict[str, ModeRecord]] = {}
     for name, (mode, block) in closed.items():
         natural = mode.pair.ekf.config.prior_std
-        found = innovation(judge, state, name) if name in compared else {}
+        found = innovation(judge, state, name, onset_s) if name in compared else {}
         gained = {FOURIER: block.information, EKF: None if mode.gained is None else mode.gained[0]}
         modes[name] = {
             _NAMES[estimator]: ModeRecord(

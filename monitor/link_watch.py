@@ -81,7 +81,8 @@ class LinkWatch:
         rows = np.roll(kept, -(self._at + 1), axis=0) if self._count == KEPT_SECONDS else kept
         arrived_s = rows[:, _ARRIVED]
         recent = arrived_s > now_s - _RATE_OVER_S
-        over_s = max(1.0, min(_RATE_OVER_S, now_s - float(np.floor(arrived_s[0]))))
+        begun_s = float(np.floor(arrived_s[recent][0])) if recent.any() else now_s
+        over_s = max(1.0, now_s - begun_s)
         paced = rows[:, _STEPS] > 0.0
         step_s = float(np.median(rows[paced, _SPAN] / rows[paced, _STEPS])) if paced.any() else None
         longest_s = rows[:, _LONGEST]

@@ -194,6 +194,11 @@ class VehicleMonitor(VehicleReadings):
         return self._alerts.onset_s(alert_id)
 
     @property
+    def changed_s(self) -> float | None:
+        """When the change began that an alert about the airframe in force is about; None without."""
+        return None if self.book.active is None else self.book.onset_s
+
+    @property
     def alarmed(self) -> bool:
         """Whether an alert is in force."""
         return self._alerts.alarmed

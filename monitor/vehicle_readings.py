@@ -183,9 +183,15 @@ class VehicleReadings(ABC):
             )
         return value, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
 
+    @property
+    @abstractmethod
+    def changed_s(self) -> float | None:
+        """When the change began that an alert about the airframe in force is about; None without."""
+
     def block_record(self, solution: Solution) -> BlockRecord | None:
         """What the block that this solution, the latest, has closed said; None where it has closed none."""
-        return block_record(solution, self.last_block, self.last_verdict, self.judge, self._judge_state)
+        compared = self.last_block, self.last_verdict, self.judge, self._judge_state
+        return block_record(solution, *compared, self.changed_s)
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
         """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""

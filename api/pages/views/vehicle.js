@@ -1,107 +1,191 @@
-/* One vehicle: its card as it is now, what its flight could have shown, its alerts with their evidence. */
+/* One vehicle: what it is like now, its derivatives over time, its alerts, envelope, baseline, manoeuvres, telemetry. */
 
 import { Refused, get, withQuery } from "../api.js";
 import { alertCard } from "../alert_card.js";
-import { make, setText, sync } from "../dom.js";
-import { SIZELESS, fixed, lost, number, tail, vehicleName, words } from "../format.js";
-import { channelTag, dial, facts, tableHead, tag } from "../parts.js";
+import { make, setText, sync, takePlace } from "../dom.js";
+import { fixed, vehicleName, words } from "../format.js";
+import { facts, tag } from "../parts.js";
+import { envelope } from "./vehicle_envelope.js";
+import { Pictures } from "./vehicle_pictures.js";
+import { baselineTable, couldSeeTable, manoeuvreList, nowTable, proposal } from "./vehicle_tables.js";
+import { telemetry } from "./vehicle_telemetry.js";
 
-const SEEN_TITLE = "What this flight could have shown";
+const TICK_MS = 1000, SLOW_MS = 5000, BASELINE_MS = 60000;
 
-/** Samples and messages that were not taken in, by reason. */
-function rejections(counts) {
-  const parts = Object.entries(counts).filter(([name, count]) => name !== "accepted" && count > 0);
-  return parts.map(([name, count]) => `${count} ${words(name)}`).join(", ");
-}
-
-/** The smallest size of a cause that a flight would have shown. */
-function smallestSize({ cause, smallest_size: least, unit }) {
-  if (least === null) return "not seen";
-  if (SIZELESS.includes(cause)) return "seen";
-  return lost(cause) ? `${number(100 * least)} %` : number(least) + tail(unit);
-}
-
-function couldSeeRow(one) {
-  const unseen = one.smallest_size === null;
-  const part = one.channel === null ? make("span", "soft", "of the airframe") : channelTag(one.channel);
-  return make("tr", "",
-    make("th", "", { scope: "row" }, words(one.cause), " ", part),
-    make("td", unseen ? "soft" : "number", { data: { label: "smallest size" } }, smallestSize(one)),
-    make("td", one.input ? "" : "soft", { data: { label: "input that would help" } }, one.input || (unseen ? "none known" : "none needed")));
-}
-
-function couldSeeTable(rows) {
-  if (!rows.length) return make("p", "soft", "Nothing is known yet.");
-  return make("table", "", make("caption", "hidden", SEEN_TITLE),
-    tableHead(["Cause and part", "Smallest size", "Input that would help"]),
-    make("tbody", "", ...rows.map(couldSeeRow)));
-}
-
-/** An input that somebody may fly. */
-function proposal(one) {
-  const degrees = fixed((one.amplitude_rad * 180) / Math.PI, 1);
-  const what = `${one.shape} of the ${words(one.surface.replace("_rad", ""))}, ±${degrees}°, ${fixed(one.duration_s, 2)} s`;
-  return make("p", "proposal", make("b", "", "Proposed input: "), `${what}. ${one.why} `,
-    make("span", "soft", `Valid until ${fixed(one.valid_until_s, 0)} s on its clock; wingwatch does not fly it.`));
-}
-
-function card(vehicle) {
+/** What it is, where it flies, and what it is compared with. */
+function head(vehicle) {
   const kind = [vehicle.aircraft ?? "aircraft not announced", vehicle.configuration].filter(Boolean).join(", ");
   const { airspeed_true_m_s: speed, altitude_m: height } = vehicle.condition;
-  const flight = [speed == null ? "" : `${fixed(speed, 1)} m/s`, height == null ? "" : `${fixed(height, 0)} m`];
+  const flight = [speed == null ? "" : `${fixed(speed, 1)} m/s`, height == null ? "" : `${fixed(height, 0)} m`].filter(Boolean);
   const last = vehicle.last_sample_time_s;
-  const item = make("li", "card",
-    make("div", "head", make("p", "soft", kind), tag(vehicle.state, words(vehicle.state))),
-    make("p", "reason", vehicle.reason), dial(vehicle.worst, vehicle.state),
+  const node = make("div", "vehicle-head",
+    make("p", "reason", vehicle.reason),
     facts("facts", [
-      ["Basis", vehicle.basis_text || vehicle.basis || "nothing compared yet"],
-      ["Flight", flight.filter(Boolean).join(", ")],
+      ["Aircraft", kind + (vehicle.mass_kg === null ? "" : `, ${fixed(vehicle.mass_kg, 1)} kg`)],
+      ["Flight", flight.join(", ")],
+      ["Air", vehicle.air?.text ?? ""],
       ["Last sample", last === null ? "none" : `${fixed(last, 1)} s on its clock`],
-      ["Samples", vehicle.counts.accepted === undefined ? "" : `${vehicle.counts.accepted} accepted`],
-      ["Rejected", rejections(vehicle.counts)],
-      ["Alerts", vehicle.active_alerts.length ? String(vehicle.active_alerts.length) : ""],
+      ["Basis", vehicle.basis_text || vehicle.basis || "nothing compared yet"],
     ]));
-  if (vehicle.proposed_input) item.append(proposal(vehicle.proposed_input));
-  if (last !== null) {
-    item.append(make("details", "could-see", make("summary", "", SEEN_TITLE), couldSeeTable(vehicle.could_see)));
-  }
-  return item;
+  if (vehicle.proposed_input) node.append(proposal(vehicle.proposed_input));
+  return node;
 }
 
-export function view({ params, query }) {
-  const owner = { fleet: query.get("fleet") ?? "default", vehicle: params.id };
-  const path = withQuery(`/v1/vehicles/${encodeURIComponent(owner.vehicle)}`, { fleet: owner.fleet });
-  const problem = make("p", "quiet", { id: "vehicle-problem", hidden: true });
-  const now = make("ol", "", { id: "vehicle" }), alerts = make("ol", "alerts", { id: "vehicle-alerts" });
-  const section = make("section", "", { "aria-label": "Alerts in force", hidden: true }, make("h2", "", "Alerts"), alerts);
-  const node = make("div", "", make("h1", "", vehicleName(owner)), problem, now, section);
+/** A section whose content is made anew when what it shows has changed. */
+class Section {
+  constructor(title, id, fold = false) {
+    this.place = make("div", "", { id });
+    this.node = fold
+      ? make("section", "", make("details", "fold", make("summary", "", make("h2", "", title)), this.place))
+      : make("section", "", { "aria-label": title }, make("h2", "", title), this.place);
+    this.fold = fold ? this.node.firstElementChild : null;
+    this.shown = undefined;
+  }
 
-  let open = true, asking = false;
-  async function show() {
-    if (asking) return;
-    asking = true;
+  /** Whether somebody can see it. */
+  get open() {
+    return this.fold === null || this.fold.open;
+  }
+
+  show(value, build) {
+    const fingerprint = JSON.stringify(value);
+    if (fingerprint === this.shown) return;
+    this.shown = fingerprint;
+    const fresh = make("div", "", { id: this.place.id }, build(value));
+    takePlace(fresh, this.place);
+    this.place = fresh;
+  }
+}
+
+export function view(context) {
+  const { params, query, store } = context;
+  const owner = { fleet: query.get("fleet") ?? "default", vehicle: params.id };
+  const path = `/v1/vehicles/${encodeURIComponent(owner.vehicle)}`;
+  const ask = (below = "") => get(withQuery(path + below, { fleet: owner.fleet }));
+
+  const state = make("span", "state"), problem = make("p", "quiet", { id: "vehicle-problem", hidden: true });
+  const now = new Section("Now", "vehicle");
+  const pictures = new Pictures(path, owner);
+  const alerts = make("ol", "alerts", { id: "vehicle-alerts" });
+  const alertSection = make("section", "", { "aria-label": "Alerts in force", hidden: true }, make("h2", "", "Alerts"), alerts);
+  const numbers = new Section("Derivatives now", "vehicle-now", true);
+  const sky = new Section("Envelope", "vehicle-envelope"), link = new Section("Telemetry", "vehicle-telemetry");
+  const flown = new Section("Manoeuvres", "vehicle-manoeuvres");
+  const baseline = new Section("Baseline at this condition", "vehicle-baseline", true);
+  const seen = new Section("What this flight could have shown", "vehicle-could-see", true);
+  now.node.querySelector("h2").className = "hidden";
+  const title = make("div", "vehicle-title", make("h1", "", vehicleName(owner)), state);
+  const body = make("div", "", now.node, pictures.node, alertSection, numbers.node,
+    make("div", "two", sky.node, flown.node), link.node, baseline.node, seen.node);
+  const node = make("div", "vehicle-view", title, problem, body);
+
+  let open = true, ticking = false, again = false, timer = 0, tickedAt = -Infinity, slowAt = -Infinity, baselineAt = -Infinity;
+  let vehicle = null;
+
+  async function readNow() {
+    vehicle = await ask();
+    if (!open) return;
+    state.replaceChildren(tag(vehicle.state, words(vehicle.state)));
+    now.show({ ...vehicle, counts: null, could_see: null }, head);
+    if (seen.open) seen.show(vehicle.could_see, couldSeeTable);
+    const current = await ask("/derivatives");
+    if (!open) return;
+    if (numbers.open) numbers.show(current, nowTable);
+    await pictures.tick(current);
+  }
+
+  async function readSlow() {
+    const [evidence, flights, arrivals] = await Promise.all([ask("/evidence"), ask("/manoeuvres"), ask("/telemetry")]);
+    if (!open) return;
+    pictures.take(evidence, flights.items);
+    flown.show(flights.items, manoeuvreList);
+    link.show(arrivals, telemetry);
+  }
+
+  async function readBaseline() {
+    const { airspeed_true_m_s: speed, altitude_m: height } = vehicle.condition;
+    if (vehicle.aircraft === null || speed == null || height == null) return false;
+    const round = { airspeed_true_m_s: speed.toFixed(1), altitude_m: height.toFixed(0) };
+    let shown = { cells: [], at: null };
     try {
-      const vehicle = await get(path);
-      if (!open) return;
+      shown = await get(withQuery(`/v1/baselines/${encodeURIComponent(vehicle.aircraft)}`,
+        { fleet: owner.fleet, vehicle: owner.vehicle, configuration: vehicle.configuration, ...round }));
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+    }
+    if (!open) return true;
+    baseline.show(shown, baselineTable);
+    sky.show({ cells: shown.cells ?? [], condition: { airspeed_true_m_s: speed, altitude_m: height } },
+      (one) => envelope(one.cells, one.condition));
+    return true;
+  }
+
+  /** Ask for what is due; never twice at once, and nothing while nobody looks. */
+  async function tick() {
+    if (!open || document.hidden) return;
+    if (ticking) {
+      again = true;
+      return;
+    }
+    ticking = true;
+    again = false;
+    tickedAt = performance.now();
+    try {
+      await readNow();
+      if (tickedAt - slowAt >= SLOW_MS) {
+        slowAt = tickedAt;
+        await readSlow();
+      }
+      if (tickedAt - baselineAt >= BASELINE_MS && await readBaseline()) baselineAt = tickedAt;
       problem.hidden = true;
-      sync(now, [vehicle], () => "now", card);
+      body.hidden = false;
     } catch (error) {
       if (open && error instanceof Refused) {
         problem.hidden = false;
+        body.hidden = vehicle === null;
         setText(problem, error.message);
-      }
+      } else if (open) console.warn(String(error));
     } finally {
-      asking = false;
+      ticking = false;
     }
+    if (again) soon();
   }
+
+  /** Tick, but no more often than once a second. */
+  function soon() {
+    if (timer || !open) return;
+    timer = setTimeout(() => {
+      timer = 0;
+      tick();
+    }, Math.max(0, tickedAt + TICK_MS - performance.now()));
+  }
+
+  const mine = (data) => data.fleet === owner.fleet && data.vehicle === owner.vehicle;
+  const ends = [
+    store.on("derivatives", (data) => { if (mine(data)) soon(); }),
+    store.on("status", (data) => { if (mine(data)) soon(); }),
+    store.on("alert", (data) => { if (mine(data)) { slowAt = -Infinity; soon(); } }),
+    store.on("manoeuvre", (data) => { if (mine(data)) { slowAt = -Infinity; soon(); } }),
+  ];
+  const onVisible = () => { if (!document.hidden) soon(); };
+  document.addEventListener("visibilitychange", onVisible);
+  for (const one of [numbers, seen, baseline]) one.fold.addEventListener("toggle", soon);
 
   function update({ status }) {
     if (!status) return;
-    show();
-    const mine = status.alerts.filter((alert) => alert.fleet === owner.fleet && alert.vehicle === owner.vehicle);
-    sync(alerts, mine, (alert) => alert.id, (alert) => alertCard(alert));
-    section.hidden = mine.length === 0;
+    soon();
+    const active = status.alerts.filter(mine);
+    sync(alerts, active, (alert) => alert.id, (alert) => alertCard(alert));
+    alertSection.hidden = active.length === 0;
   }
 
-  return { node, update, close: () => { open = false; } };
+  function close() {
+    open = false;
+    clearTimeout(timer);
+    for (const end of ends) end();
+    document.removeEventListener("visibilitychange", onVisible);
+    pictures.close();
+  }
+
+  return { node, update, close };
 }
