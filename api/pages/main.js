@@ -5,7 +5,8 @@
    context   params     of the path, decoded: `{id}` of /vehicles/{id}
              query      URLSearchParams of the address
              store      `on(kind, handler)`: events `alert`, `status`, `derivatives`, `manoeuvre`, `resync` with their data, as
-                        docs/rest.md has them; returns the function that ends it. `refresh()` asks for the status now
+                        docs/rest.md has them; returns the function that ends it. `derivatives` come of the vehicle of
+                        the address alone, and of none on other views. `refresh()` asks for the fleet now
              session    `{name, scope, required}` of who looks; name is null without a token
              navigate   `navigate(path)`: another view; `navigate(path, {replace: true})` leaves no step back and, where
                         only the query differs, keeps the view
@@ -79,6 +80,8 @@ function arrive(stepped) {
   const { module, params } = found(location.pathname);
   const query = new URLSearchParams(location.search);
   currentPath = location.pathname;
+  store.follow(params.id ? `${query.get("fleet") ?? "default"}/${params.id}` : null);
+  store.keepUp(module === fleet);
   current = module.view({ params, query, store, session, navigate, announce });
   place.replaceChildren(current.node);
   current.update(store.state);
