@@ -24,6 +24,8 @@
    A link to a path of the page is an ordinary <a href>; the router steps to it without loading the page anew.
    Requests go through api.js, DOM through dom.js, figures through format.js, small parts through parts.js. */
 
+import { Acting } from "./acting.js";
+import { listenToKeys } from "./keys.js";
 import { announce, announceNew, listenToLogin, showLink, showLogin, showService, showSession } from "./shell.js";
 import { Store } from "./store.js";
 import * as alerts from "./views/alerts.js";
@@ -144,4 +146,5 @@ async function begin() {
 }
 
 listenToLogin(begin, () => store.refresh());
+listenToKeys({ acting: new Acting(store, () => session), navigate });
 begin();
