@@ -301,6 +301,7 @@ class KnownVehicle:
             active_alerts=tuple(name for name in view.active_alerts if name in alerts),
             mass_kg=None if self.loading is None else self.loading.mass_kg,
             cg_shift_m=0.0 if self.loading is None else self.loading.cg_shift_m,
+            sample_age_s=None if self.received_s is None else max(now_s - self.received_s, 0.0),
         )
 
     def bare_view(self, fleet: str, vehicle: str, state: VehicleState, reason: str) -> VehicleView:

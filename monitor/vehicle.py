@@ -486,6 +486,7 @@ class VehicleMonitor(VehicleReadings):
             worst=self.worst(), counts=self.counts,
             active_alerts=tuple(alert.id for alert in self.active_alerts), condition=condition,
             air=self.air, rejected_by_channel=self.rejected_by_channel, unseen_surfaces=self.unseen_surfaces,
+            position=self._memory.position,
         )  # fmt: skip
 
 

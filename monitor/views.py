@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from wingwatch.monitor.positions import Position
 from wingwatch.monitor.record_views import FlightRecordView
 from wingwatch.telemetry.conditioning import AirQuality
 
@@ -253,6 +254,8 @@ class VehicleView:
         unseen_surfaces: columns of surfaces that have not moved enough since the start of the flight for a stuck one to
             be noticed; while there are any the vehicle is not healthy.
         proposed_input: that would help, where proposals are asked for and one is valid.
+        sample_age_s: since samples of it arrived last; None before the first.
+        position: where it was last, where it says so.
     """
 
     fleet: str
@@ -276,6 +279,8 @@ class VehicleView:
     could_see: Sequence[CouldSeeView] = ()
     unseen_surfaces: Sequence[str] = ()
     proposed_input: ProposedInputView | None = None
+    sample_age_s: float | None = None
+    position: Position | None = None
 
 
 @dataclass(frozen=True, slots=True)

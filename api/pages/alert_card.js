@@ -1,8 +1,8 @@
 /* An alert as a card: what, how sure, the evidence, what people did. Groups of alerts that are one event, too. */
 
 import { make } from "./dom.js";
-import { percent, plusMinus, fixed, sentence, signed, sizeOf, symbol, vehicleName, vehiclePath, words } from "./format.js";
-import { Z_BAND, alertTag, channelTag, facts, scale, tableHead, tag } from "./parts.js";
+import { clockTime, percent, plusMinus, fixed, sentence, signed, sizeOf, symbol, vehicleName, vehiclePath, words } from "./format.js";
+import { Z_BAND, alertTag, channelTag, facts, scale, tableHead, tag, urgency } from "./parts.js";
 
 const LEAST_EVIDENCE = 3;
 
@@ -42,8 +42,8 @@ function candidates(all) {
   return make("div", "candidates", make("p", "soft", "Possible causes"), make("ol", "", ...items));
 }
 
-/** All that an alert's object holds, below its heading. */
-export function alertBody(alert) {
+/** What an alert says of itself: text, figures, possible causes, what people noted, the report of its diagnosis. */
+export function alertAbout(alert) {
   const nodes = [
     make("p", "text", alert.text),
     facts("figures", [
@@ -53,10 +53,10 @@ export function alertBody(alert) {
       ["Raised", `${fixed(alert.raised_s, 1)} s`],
       ["Cleared", alert.cleared_s === null ? "" : `${fixed(alert.cleared_s, 1)} s`],
       ["Came back", alert.repeats ? (alert.repeats === 1 ? "once" : `${alert.repeats} times`) : ""],
+      ["Shelved until", alert.shelved_until_at_s === null ? "" : clockTime(alert.shelved_until_at_s)],
       ["Compared with", `${alert.basis} expectation`],
     ])];
   if (alert.candidates.length) nodes.push(candidates(alert.candidates));
-  nodes.push(...evidence(alert.evidence));
   if (alert.notes.length) nodes.push(make("ul", "notes", ...alert.notes.map((note) => make("li", "", note))));
   if (alert.diagnosis_id) {
     const path = `/v1/diagnoses/${encodeURIComponent(alert.diagnosis_id)}/report`;
@@ -65,13 +65,22 @@ export function alertBody(alert) {
   return nodes;
 }
 
+/** The evidence in the open, or folded away where there are other things to look at first. */
+function proof(alert, folded) {
+  const nodes = evidence(alert.evidence);
+  if (!folded || !nodes.length) return nodes;
+  const count = alert.evidence.length === 1 ? "1 derivative" : `${alert.evidence.length} derivatives`;
+  return [make("details", "", make("summary", "", `Evidence: ${count}`), ...nodes)];
+}
+
 /** One alert. `more` gives further nodes of an alert, such as what a person may do. */
-export function alertCard(alert, more = () => []) {
+export function alertCard(alert, more = () => [], folded = false) {
   const tone = alert.state === "cleared" ? "cleared" : alert.level;
   const heading = make("h3", "", `${sentence(alert.cause)} on `, make("a", "", { href: vehiclePath(alert) }, vehicleName(alert)));
   if (alert.channel !== null) heading.append(" ", channelTag(alert.channel));
   return make("li", "card", { data: { tone, alert: alert.id } },
-    make("div", "head", heading, alertTag(alert)), ...alertBody(alert), ...more(alert));
+    make("div", "head", heading, ...more(alert), alertTag(alert)),
+    make("div", folded ? "" : "sides", make("div", "", ...alertAbout(alert)), make("div", "", ...proof(alert, folded))));
 }
 
 /** Alerts of several vehicles that are one event, theirs folded away. */
@@ -85,10 +94,11 @@ export function groupCard(group, more) {
       make("ol", "alerts", ...group.members.map((alert) => alertCard(alert, more)))));
 }
 
-/** Alerts as they are listed: those of a group stand in it, at the place of its newest. */
-export function alertEntries(active, groups) {
-  const found = new Map();
-  for (const alert of active) {
+/** Alerts as they are listed, most urgent first and newest first among equals; those of a group stand in it, at the place
+    of its most urgent one. */
+export function alertEntries(alerts, groups) {
+  const found = new Map(), inOrder = [...alerts].sort((a, b) => urgency(a) - urgency(b));
+  for (const alert of inOrder) {
     const group = groups.find((one) => one.id === alert.group);
     if (!group) found.set(alert.id, alert);
     else if (found.has(group.id)) found.get(group.id).members.push(alert);

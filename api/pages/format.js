@@ -57,6 +57,12 @@ export function duration(seconds) {
   return seconds < 172800 ? `${fixed(seconds / 3600, 0)} h` : `${fixed(seconds / 86400, 0)} d`;
 }
 
+/** Wall-clock time of seconds since 1970, with the day where it is not today's. */
+export function clockTime(seconds) {
+  const at = new Date(1000 * seconds), time = at.toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
+  return at.toDateString() === new Date().toDateString() ? time : `${at.toLocaleDateString()} ${time}`;
+}
+
 /** A symbol such as m_w with its index below. */
 export function symbol(name) {
   const [row, index] = String(name).split("_");

@@ -5,7 +5,8 @@
    context   params     of the path, decoded: `{id}` of /vehicles/{id}
              query      URLSearchParams of the address
              store      `on(kind, handler)`: events `alert`, `status`, `derivatives`, `manoeuvre`, `resync` with their data, as
-                        docs/rest.md has them; returns the function that ends it. `refresh()` asks for the status now
+                        docs/rest.md has them; returns the function that ends it. `derivatives` come of the vehicle of
+                        the address alone, and of none on other views. `refresh()` asks for the fleet now
              session    `{name, scope, required}` of who looks; name is null without a token
              navigate   `navigate(path)`: another view; `navigate(path, {replace: true})` leaves no step back and, where
                         only the query differs, keeps the view
@@ -23,6 +24,8 @@
    A link to a path of the page is an ordinary <a href>; the router steps to it without loading the page anew.
    Requests go through api.js, DOM through dom.js, figures through format.js, small parts through parts.js. */
 
+import { Acting } from "./acting.js";
+import { listenToKeys } from "./keys.js";
 import { announce, announceNew, listenToLogin, showLink, showLogin, showService, showSession } from "./shell.js";
 import { Store } from "./store.js";
 import * as alerts from "./views/alerts.js";
@@ -79,6 +82,8 @@ function arrive(stepped) {
   const { module, params } = found(location.pathname);
   const query = new URLSearchParams(location.search);
   currentPath = location.pathname;
+  store.follow(params.id ? `${query.get("fleet") ?? "default"}/${params.id}` : null);
+  store.keepUp(module === fleet);
   current = module.view({ params, query, store, session, navigate, announce });
   place.replaceChildren(current.node);
   current.update(store.state);
@@ -141,4 +146,5 @@ async function begin() {
 }
 
 listenToLogin(begin, () => store.refresh());
+listenToKeys({ acting: new Acting(store, () => session), navigate });
 begin();

@@ -17,6 +17,13 @@ const SHAPES = {
   cleared: "M3 8h10",
 };
 
+const LEVELS = ["critical", "warning", "watch"], LIFE = ["active", "acknowledged", "shelved", "cleared"];
+
+/** The smaller the sooner somebody should look: what nobody has seen yet before the rest, then by level. */
+export function urgency(alert) {
+  return 10 * LIFE.indexOf(alert.state) + LEVELS.indexOf(alert.level);
+}
+
 /** A state's picture: its shape says what its colour says. */
 export function shape(state) {
   const path = { d: SHAPES[state] ?? SHAPES.unknown, fill: "none", stroke: "currentColor", "stroke-width": 1.4,

@@ -5,7 +5,7 @@ import { make, setText, sync } from "./dom.js";
 import { duration, words } from "./format.js";
 
 const byId = (id) => document.getElementById(id);
-const OLD_MS = 3000;
+const OLD_MS = 6000, NOTICE_MS = 10000;
 const LINKS = { live: "live", polling: "asking every 2 s", lost: "no answer", waiting: "not logged in" };
 
 /** The lamp at the top and the banner below it. */
@@ -59,6 +59,17 @@ export function showService(status) {
 /** Say something to who listens with a screen reader. */
 export function announce(text) {
   byId("announcer").textContent = text;
+}
+
+let noticed = 0;
+
+/** Say something to everybody for a while, such as why an action was refused. */
+export function notice(text) {
+  const node = byId("notice");
+  node.textContent = text;
+  node.hidden = false;
+  clearTimeout(noticed);
+  noticed = setTimeout(() => { node.hidden = true; }, NOTICE_MS);
 }
 
 let known = null;

@@ -1,10 +1,11 @@
-/* What the page knows, and how it stays true: one event stream says that something is new, the status is then asked
-   again; where the stream is down it is asked every 2 s. A restart of the service needs nothing: the stream comes back
-   by itself, says `resync`, and everything is asked again. */
+/* What the page knows, and how it stays true: one event stream says that something is new, and the fleet is then asked
+   for again; where the stream is down it is asked for every 2 s. After a restart of the service the stream comes back by
+   itself, says `resync`, and everything is asked for again. */
 
-import { NotLoggedIn, get } from "./api.js";
+import { NotLoggedIn, get, withQuery } from "./api.js";
 
-const REFRESH_MS = 500, POLL_LIVE_MS = 5000, POLL_ALONE_MS = 2000;
+const REFRESH_MS = 500, POLL_LIVE_MS = 5000, POLL_ALONE_MS = 2000, BACK_MS = 2000;
+const MANY = 200;
 const KINDS = ["alert", "status", "derivatives", "manoeuvre", "resync"];
 
 export class Store {
@@ -14,8 +15,8 @@ export class Store {
     this.onLoggedOut = onLoggedOut;
     this.listeners = new Set();
     this.handlers = new Map(KINDS.map((kind) => [kind, new Set()]));
-    this.stream = null;
-    this.lastEventId = null;
+    this.stream = this.lastEventId = this.followed = null;
+    this.pace = POLL_LIVE_MS;
     this.streaming = this.asking = this.askAgain = this.soon = this.open = false;
     this.timer = this.reopening = 0;
   }
@@ -30,6 +31,21 @@ export class Store {
   on(kind, handler) {
     this.handlers.get(kind).add(handler);
     return () => this.handlers.get(kind).delete(handler);
+  }
+
+  /** From now on events `derivatives` come of this vehicle alone (`fleet/vehicle`), or of none. */
+  follow(followed) {
+    if (followed === this.followed) return;
+    this.followed = followed;
+    if (!this.stream) return;
+    this.stream.close();
+    this.#listen();
+  }
+
+  /** Whether what is shown is to be as new as the fleet's solutions are, twice a second, or as new as its events. */
+  keepUp(often) {
+    this.pace = often ? REFRESH_MS : POLL_LIVE_MS;
+    if (this.open && this.state.status) this.#plan(this.#pause());
   }
 
   /** Ask and listen, from now on. */
@@ -60,7 +76,7 @@ export class Store {
     this.askAgain = false;
     let answer = {};
     try {
-      answer = { status: await get("/v1/status"), answeredAt: new Date() };
+      answer = { status: await get("/v1/fleet"), answeredAt: new Date() };
     } catch (error) {
       answer = { failed: error };
     }
@@ -77,8 +93,12 @@ export class Store {
     this.#plan(this.askAgain ? REFRESH_MS : this.#pause());
   }
 
+  /** Nobody sees a hidden page, and large fleets are asked for less often: a list is not read faster for being longer. */
   #pause() {
-    return this.streaming && !this.state.status?.kernels ? POLL_LIVE_MS : POLL_ALONE_MS;
+    const { status } = this.state;
+    if (!this.streaming || status?.kernels) return POLL_ALONE_MS;
+    if (document.hidden || !status?.vehicles.length) return POLL_LIVE_MS;
+    return status.vehicles.length > MANY ? Math.max(this.pace, 2 * REFRESH_MS) : this.pace;
   }
 
   #plan(delay) {
@@ -103,17 +123,20 @@ export class Store {
   /** The browser itself comes back with `Last-Event-ID` after a stream that broke off, but not after a refusal. */
   #listen() {
     if (!this.open || (this.stream && this.stream.readyState !== EventSource.CLOSED)) return;
-    const stream = new EventSource("/v1/events");
+    const kinds = this.followed ? "alert,status,manoeuvre,derivatives" : "alert,status,manoeuvre";
+    const stream = new EventSource(withQuery("/v1/events",
+      { kinds, derivatives_of: this.followed, last_event_id: this.lastEventId }));
     this.stream = stream;
     stream.onopen = () => {
       this.streaming = true;
       this.refresh();
     };
     stream.onerror = () => {
+      if (stream !== this.stream) return;
       this.streaming = false;
       if (!this.open) return;
       this.#plan(POLL_ALONE_MS);
-      if (stream.readyState === EventSource.CLOSED) this.reopening = setTimeout(() => this.#listen(), POLL_LIVE_MS);
+      if (stream.readyState === EventSource.CLOSED) this.reopening = setTimeout(() => this.#listen(), BACK_MS);
     };
     for (const kind of KINDS) {
       stream.addEventListener(kind, (event) => {
