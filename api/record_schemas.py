@@ -82,7 +82,7 @@ class ModeEvidenceDocument(_Answer):
 
     information_bit: float | None = Field(
         description="excitation: what the block says of the derivatives beside their natural sizes, in bits; "
-        "0 where nothing moved"
+        "0 where nothing moved, null where the estimator's account of the block is not used"
     )
     innovation: float | None = Field(
         description="normalised innovation squared over its degrees of freedom, 1 on average of an aircraft that is as "

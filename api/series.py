@@ -191,7 +191,7 @@ def csv_pieces(
     yield _lines([head])
     for piece in read_all(read, wanted):
         rows = [row for one in piece for row in _rows(one, expect, place, len(head))]
-        yield _lines(sorted(rows, key=lambda row: row[:4]))
+        yield _lines(sorted(rows, key=lambda row: tuple(row[:4])))
 
 
 def _rows(one: HistoryColumns, expect: Expect, place: dict[str, int], width: int) -> Iterator[list[Any]]:

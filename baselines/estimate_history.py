@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from sqlalchemy import Select, Table, bindparam, delete, func, insert, select, tuple_, update
+from sqlalchemy import Table, bindparam, delete, func, insert, select, tuple_, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
@@ -101,7 +101,7 @@ def page(session: Session, fleet: str, vehicle: str, wanted: HistoryWanted) -> t
     return tuple(found)
 
 
-def flights_of(fleet: str, vehicle: str, wanted: HistoryWanted) -> Select[tuple[FlightRow]]:
+def flights_of(fleet: str, vehicle: str, wanted: HistoryWanted) -> Any:
     """The flights of a vehicle that a part of its history is of."""
     flights = select(FlightRow).where(FlightRow.fleet == fleet, FlightRow.vehicle == vehicle)
     if wanted.flight is not None:

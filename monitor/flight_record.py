@@ -136,10 +136,15 @@ def block_record(
     for name, (mode, block) in closed.items():
         natural = mode.pair.ekf.config.prior_std
         found = innovation(judge, state, name, onset_s) if name in compared else {}
-        gained = {FOURIER: block.information, EKF: None if mode.gained is None else mode.gained[0]}
+        # Where the filter's account of a block is not to be used, it is none or zeros.
+        used = mode.gained is not None and mode.gained[0].any()
+        gained = {
+            FOURIER: block.information,
+            EKF: mode.gained[0] if mode.gained is not None and used else None,
+        }
         modes[name] = {
             _NAMES[estimator]: ModeRecord(
-                0.0 if matrix is None else information_bit(matrix, natural),
+                None if matrix is None else information_bit(matrix, natural),
                 *found.get(estimator, (None, None)),
             )
             for estimator, matrix in gained.items()

@@ -15,13 +15,14 @@ class ModeRecord:
 
     Attributes:
         information_bit: information about the derivatives, in bits: half the binary logarithm of the determinant of
-            I + N J N, with J the information matrix and N the natural sizes. It is 0 where nothing moved.
+            I + N J N, with J the information matrix and N the natural sizes. It is 0 where nothing moved, None where
+            the estimator's account of the block is not used.
         innovation: normalised innovation squared over its degrees of freedom: how far the block is from what was
             expected. Of an unchanged aircraft it is 1 on average; None where the block was not compared.
         limit: below which 95 % of the innovations of an unchanged aircraft are; None as above.
     """
 
-    information_bit: float
+    information_bit: float | None
     innovation: float | None
     limit: float | None
 

@@ -175,7 +175,7 @@ class VehicleReadings(ABC):
         value, covariance = self.chain.envelopes[structure.name].values_at(conditions)
         inside = np.flatnonzero(np.all(np.isfinite(value), axis=1))
         if inside.size and structure.name in self.judge.coordinates:
-            at = self.judge.coordinates[structure.name].at_each([conditions[m] for m in inside])
+            at = self.judge.coordinates[structure.name].at_each([conditions[m] for m in inside.tolist()])
             prior = at.from_concise(value[inside], covariance[inside])
             states = [self._judge_state] * inside.size
             value[inside], covariance[inside] = at.to_concise(

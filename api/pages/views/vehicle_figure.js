@@ -9,7 +9,7 @@ const BAND = 1.96;  // standard errors on either side that hold 95 % of a normal
 const STANDS = new Set(["converged", "settling"]);
 const LEAST_RATIO = 0.05, MOST_RATIO = 100;  // of an innovation to its limit, as far as the strip reaches
 const MOST_THRESHOLDS = 4;  // of the test's statistic, as far as its strip reaches
-const DOMAINS = { value: [0.47, 1], innovation: [0.31, 0.43], excitation: [0.155, 0.27], statistic: [0, 0.115] };
+const DOMAINS = { value: [0.5, 1], innovation: [0.325, 0.435], excitation: [0.165, 0.265], statistic: [0, 0.105] };
 const DASHES = { fourier: "solid", ekf: "solid" };
 
 /** Outlines of a band, one closed line for each run of points that have one. */
@@ -182,13 +182,15 @@ function shaded(blocks, structure, manoeuvres, shades) {
   ];
 }
 
-function axis(shades, title, domain, more = {}) {
-  return { domain, title: { text: title, font: { size: 11, color: shades.soft }, standoff: 4 }, gridcolor: faint(shades.line, 0.7), zeroline: false,
-    tickfont: { size: 11, color: shades.soft }, fixedrange: true, nticks: 5, automargin: false, linecolor: shades.line, showline: false, ...more };
+function axis(shades, domain, more = {}) {
+  return { domain, gridcolor: faint(shades.line, 0.7), zeroline: false, tickfont: { size: 11, color: shades.soft }, fixedrange: true, nticks: 5,
+    automargin: false, linecolor: shades.line, showline: false, ...more };
 }
 
-function strip(shades, title, domain, more) {
-  return axis(shades, title, domain, { nticks: 3, ...more });
+/** What a panel shows, in words at its upper left. */
+function heading(shades, text, [, top]) {
+  return { xref: "paper", x: 0, xanchor: "left", yref: "paper", y: top, yanchor: "bottom", yshift: 1, showarrow: false, text,
+    font: { size: 11, color: shades.soft } };
 }
 
 /** Data and layout for plotly.
@@ -209,20 +211,25 @@ export function figure({ shown, chosen, range, blocks, marks, threshold, manoeuv
   ];
   const { shapes, annotations, rows } = marked(marks, range, shades);
   const limits = [across("y2", 1, shades), ...(threshold === null ? [] : [across("y4", threshold, shades)])];
+  const headings = [
+    heading(shades, narrow ? "innovation over its 95 % limit" : "normalised innovation of each block, over its 95 % limit", DOMAINS.innovation),
+    heading(shades, narrow ? "excitation, bit" : "excitation: information of each block, bit; manoeuvres shaded", DOMAINS.excitation),
+    heading(shades, narrow ? "test statistic" : "test statistic (log), alert at the dashed line", DOMAINS.statistic),
+  ];
   const layout = {
-    autosize: true, height: narrow ? 470 : 540, margin: { l: narrow ? 46 : 62, r: 12, t: 10 + 14 * rows, b: 38 },
+    autosize: true, height: narrow ? 500 : 570, margin: { l: narrow ? 40 : 50, r: 12, t: 10 + 14 * rows, b: 38 },
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { family: "inherit", size: 12, color: shades.ink },
     hovermode: "x unified", hoverlabel: { bgcolor: shades.card, bordercolor: shades.line, font: { size: 12, color: shades.ink } },
     dragmode: "pan", bargap: 0, barmode: "overlay", uirevision: "vehicle", showlegend: false, hoversubplots: "axis",
     xaxis: { range, anchor: "y4", gridcolor: faint(shades.line, 0.7), zeroline: false, tickfont: { size: 11, color: shades.soft },
       title: { text: "s on the vehicle's clock", font: { size: 11, color: shades.soft }, standoff: 6 }, linecolor: shades.line,
       hoverformat: ".1f", ticksuffix: "", showspikes: true, spikemode: "across", spikethickness: 1, spikedash: "solid", spikecolor: shades.line },
-    yaxis: axis(shades, first ? first.unit || "1" : "", DOMAINS.value, { range: valueRange(series.map(([one]) => one)) ?? undefined, nticks: 7 }),
-    yaxis2: strip(shades, narrow ? "innov." : "innovation<br>/ limit", DOMAINS.innovation, { type: "log", range: [Math.log10(LEAST_RATIO), 2],
-      tickvals: [0.1, 1, 10, 100], ticktext: ["0.1", "1", "10", "100"] }),
-    yaxis3: strip(shades, narrow ? "bit" : "excitation<br>bit", DOMAINS.excitation, { rangemode: "tozero" }),
-    yaxis4: strip(shades, narrow ? "test" : "test<br>statistic", DOMAINS.statistic, { range: [-0.25 * most, 1.08 * most] }),
-    shapes: [...shaded(inside, chosen.structure, manoeuvres, shades), ...limits, ...shapes], annotations,
+    yaxis: axis(shades, DOMAINS.value, { range: valueRange(series.map(([one]) => one)) ?? undefined, nticks: 7 }),
+    yaxis2: axis(shades, DOMAINS.innovation, { type: "log", range: [Math.log10(LEAST_RATIO), 2], tickvals: [0.1, 1, 10, 100],
+      ticktext: ["0.1", "1", "10", "100"] }),
+    yaxis3: axis(shades, DOMAINS.excitation, { rangemode: "tozero", nticks: 3 }),
+    yaxis4: axis(shades, DOMAINS.statistic, { range: [-0.25 * most, 1.08 * most], nticks: 3 }),
+    shapes: [...shaded(inside, chosen.structure, manoeuvres, shades), ...limits, ...shapes], annotations: [...annotations, ...headings],
   };
   return { data, layout };
 }

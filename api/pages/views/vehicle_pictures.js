@@ -2,7 +2,7 @@
 
 import { withQuery } from "../api.js";
 import { make, setAttributes, setText } from "../dom.js";
-import { duration, fixed, symbol } from "../format.js";
+import { duration, fixed, symbol, tail } from "../format.js";
 import { colours, onColours } from "./vehicle_colours.js";
 import { figure } from "./vehicle_figure.js";
 import { Plot } from "./vehicle_plot.js";
@@ -18,6 +18,11 @@ const PHONE_PX = 640;
 
 function meaningOf(history, chosen) {
   return [...history.overview.values()].find((one) => one.derivative === chosen.derivative && one.structure === chosen.structure)?.meaning ?? "";
+}
+
+function unitOf(current, chosen) {
+  const unit = rowsOf(current, chosen).find(Boolean)?.unit;
+  return unit ? `,${tail(unit)}` : "";
 }
 
 export class Pictures {
@@ -192,11 +197,11 @@ export class Pictures {
     if (this.closed || !this.chosen || !this.range) return;
     const { chosen, range } = this;
     this.windows.forEach((one, k) => setAttributes(one, { "aria-pressed": String(this.follows && WINDOWS[k][1] === this.window) }));
-    const meaning = meaningOf(this.history, chosen);
+    const meaning = meaningOf(this.history, chosen), unit = unitOf(this.current, chosen);
     const fingerprint = `${chosen.structure}/${chosen.derivative}/${meaning}`;
     if (this.titled !== fingerprint) {
       this.titled = fingerprint;
-      this.title.replaceChildren(symbol(chosen.derivative), " ", make("small", "soft", meaning));
+      this.title.replaceChildren(symbol(chosen.derivative), " ", make("small", "soft", `${meaning}${unit}`));
     }
     setText(this.says, `${fixed(range[0], 0)} to ${fixed(range[1], 0)} s${this.follows && this.history.live ? ", going on" : ""}. Drag to move; − and + or the keys zoom.`);
     this.csv.href = withQuery(`${this.path}/derivatives/history.csv`, { fleet: this.owner.fleet, flight: this.history.shown?.flight,
