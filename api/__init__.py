@@ -21,6 +21,8 @@ from wingwatch.api.ports import (
     QueueFullError,
     QueueView,
     ServiceFigures,
+    StudyPort,
+    StudyView,
 )
 from wingwatch.api.schemas import (
     AlertDocument,
@@ -69,6 +71,8 @@ __all__ = [
     "DelayView",
     "QueueView",
     "ServiceFigures",
+    "StudyPort",
+    "StudyView",
     "HistoryPort",
     "KernelPart",
     "KernelState",

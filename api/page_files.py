@@ -2,16 +2,21 @@
 
 import hashlib
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 
 from fastapi import APIRouter, Request, Response
 
+from wingwatch.api.guards import CONTENT_SECURITY_POLICY
+
 __all__ = ["VIEW_PATHS", "pages_router"]
 
 VIEW_PATHS = ("/", "/vehicles/{vehicle}", "/alerts", "/diagnoses", "/studies")
 """Paths of the page's views: each is answered with the same shell, and the browser shows the view."""
+
+_DOCS_POLICY = CONTENT_SECURITY_POLICY.replace("img-src 'self'", "img-src 'self' data:")
+"""Swagger UI's style sheet has its small pictures inside."""
 
 _FOLDER = Path(__file__).parent / "pages"
 _MEDIA_TYPES = {
@@ -23,7 +28,7 @@ _MEDIA_TYPES = {
 
 
 def pages_router() -> APIRouter:
-    """The page's views, the files that they need and plotly.js.
+    """The page's views, the description of REST at ``/docs``, and the files that they need.
 
     Files are read once and revalidated by ETag, so that a new version of the service is seen at once.
     """
@@ -33,11 +38,23 @@ def pages_router() -> APIRouter:
             _add(router, f"/pages/{path.relative_to(_FOLDER).as_posix()}", path.read_bytes, path.suffix)
     for view in VIEW_PATHS:
         _add(router, view, (_FOLDER / "index.html").read_bytes, ".html")
+    _add(router, "/docs", (_FOLDER / "docs.html").read_bytes, ".html", _DOCS_POLICY)
     _add(router, "/pages/plotly.js", (files("plotly") / "package_data" / "plotly.min.js").read_bytes, ".js")
+    for name in ("swagger-ui.css", "swagger-ui-bundle.js"):
+        read = partial(_swagger_file, name)
+        _add(router, f"/pages/{name.replace('-bundle', '')}", read, Path(name).suffix)
     return router
 
 
-def _add(router: APIRouter, path: str, read: Callable[[], bytes], suffix: str) -> None:
+def _swagger_file(name: str) -> bytes:
+    """A file of Swagger UI, of the one version that the installed package has."""
+    (folder,) = (files("swagger_ui_bundle") / "vendor").iterdir()
+    return (folder / name).read_bytes()
+
+
+def _add(
+    router: APIRouter, path: str, read: Callable[[], bytes], suffix: str, policy: str | None = None
+) -> None:
     @cache
     def whole() -> tuple[bytes, str]:
         body = read()
@@ -46,6 +63,8 @@ def _add(router: APIRouter, path: str, read: Callable[[], bytes], suffix: str) -
     def page(request: Request) -> Response:
         body, tag = whole()
         headers = {"ETag": tag, "Cache-Control": "no-cache"}
+        if policy is not None:
+            headers["Content-Security-Policy"] = policy
         if request.headers.get("if-none-match") == tag:
             return Response(status_code=304, headers=headers)
         return Response(body, media_type=_MEDIA_TYPES[suffix], headers=headers)

@@ -24,6 +24,8 @@ __all__ = [
     "QueueFullError",
     "QueueView",
     "ServiceFigures",
+    "StudyPort",
+    "StudyView",
 ]
 
 
@@ -225,6 +227,34 @@ class ServiceFigures:
     links: Mapping[str, int] = field(default_factory=dict)
     processor_s: Mapping[str, float] = field(default_factory=dict)
     connections: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class StudyView:
+    """One finished study.
+
+    Attributes:
+        name: of its report's file, without the ending; title: of the report; answer: its heading, what the study found.
+        written_at_s: seconds since 1970-01-01 UTC; bytes: of the report.
+    """
+
+    name: str
+    title: str
+    answer: str
+    written_at_s: float
+    bytes: int
+
+
+class StudyPort(Protocol):
+    """Finished studies. Every method is thread-safe."""
+
+    def studies(self) -> Sequence[StudyView]:
+        """Those whose report can be read, newest first."""
+        ...
+
+    def report(self, name: str) -> bytes | None:
+        """The HTML report of the study of this name; None without."""
+        ...
 
 
 class QueueFullError(Exception):

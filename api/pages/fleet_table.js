@@ -1,7 +1,7 @@
 /* The fleet's rows: which are wanted, in which order, and what a row shows. */
 
 import { drawn, make, setText } from "./dom.js";
-import { duration, fixed, sentence, signed, sizeOf, symbol, vehicleName, vehiclePath, words } from "./format.js";
+import { duration, fixed, lost, sentence, signed, sizeOf, symbol, vehicleName, vehiclePath, words } from "./format.js";
 import { STATES, Z_BAND, shape, urgency } from "./parts.js";
 
 const Z_RANGE = 8, LATE_S = 1.5, GONE_S = 5;
@@ -135,10 +135,10 @@ function vehicleRow(acts) {
 function whatOf(row) {
   if (!row.alerts.length) return row.reason;
   const [alert, ...more] = row.alerts;
-  const size = sizeOf(alert)?.[1];
-  const part = alert.channel === null ? "" : ` of ${alert.channel}`;
-  const standing = alert.state === "active" ? "" : `, ${alert.state}`;
-  return `${sentence(alert.cause)}${part}${size ? ` ${size}` : ""}, ${alert.level}${standing}${more.length ? `; ${more.length} more` : ""}`;
+  const figure = sizeOf(alert)?.[1], size = figure && lost(alert.cause) ? `${figure} lost` : figure;
+  const parts = [size ? `${sentence(alert.cause)} ${size}` : sentence(alert.cause), alert.level, alert.state === "active" ? "" : alert.state];
+  const part = alert.channel === null || alert.cause.endsWith("_effectiveness") ? "" : ` (${alert.channel})`;
+  return `${parts.filter(Boolean).join(", ")}${part}${more.length ? `; ${more.length} more` : ""}`;
 }
 
 /** For how long, by the vehicle's own clock: of its worst alert, or of its state. */

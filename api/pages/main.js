@@ -25,6 +25,7 @@
    Requests go through api.js, DOM through dom.js, figures through format.js, small parts through parts.js. */
 
 import { Acting } from "./acting.js";
+import { Alarm } from "./alarm.js";
 import { listenToKeys } from "./keys.js";
 import { announce, announceNew, listenToLogin, showLink, showLogin, showService, showSession } from "./shell.js";
 import { Store } from "./store.js";
@@ -46,6 +47,7 @@ const place = document.getElementById("view");
 let session = { name: null, scope: null, required: false };
 let current = null, currentPath = null;
 
+const alarm = new Alarm();
 const store = new Store(() => {
   leave();
   showLogin();
@@ -134,15 +136,17 @@ store.subscribe((state) => {
   showLink(state);
   showService(state.status);
   announceNew(state.status?.alerts);
+  alarm.look(state.status?.alerts);
   setTitle(state.status);
   current?.update(state);
 });
 setInterval(() => showLink(store.state), 1000);
 
 async function begin() {
+  const started = store.start();
   session = await showSession();
   arrive(false);
-  await store.start();
+  await started;
 }
 
 listenToLogin(begin, () => store.refresh());
