@@ -4,7 +4,7 @@ import { drawn, make } from "../dom.js";
 import { duration, fixed } from "../format.js";
 import { tableHead } from "../parts.js";
 
-const WIDTH = 560, HEIGHT = 300, LEFT = 56, BOTTOM = 40, TOP = 12, RIGHT = 14;
+const WIDTH = 400, HEIGHT = 250, LEFT = 46, BOTTOM = 40, TOP = 12, RIGHT = 12;
 const DAY_S = 86400, FADED = 0.25;  // how much of its colour an old cell keeps
 
 /** Round steps, about so many of them, over a range. */
@@ -45,7 +45,7 @@ function picture(cells, here) {
   const up = (height) => HEIGHT - BOTTOM - ((height - y0) / (y1 - y0)) * (HEIGHT - BOTTOM - TOP);
   const svg = drawn("svg", { class: "envelope", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img",
     "aria-label": "Cells of the envelope by airspeed and altitude; the table below has the same" });
-  for (const speed of ticks(x0, x1, 6)) {
+  for (const speed of ticks(x0, x1, 5)) {
     svg.append(drawn("line", { class: "grid", x1: across(speed), x2: across(speed), y1: TOP, y2: HEIGHT - BOTTOM }),
       drawn("text", { class: "across", x: across(speed), y: HEIGHT - BOTTOM + 16 }, fixed(speed, 0)));
   }

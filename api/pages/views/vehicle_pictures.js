@@ -12,7 +12,7 @@ import { Tiles, listed, rowsOf, zOf } from "./vehicle_tiles.js";
 
 const WINDOWS = [["2 min", 120], ["10 min", 600], ["1 h", 3600], ["Flight", Infinity]];
 const FIRST_WINDOW_S = 600, LEAST_WINDOW_S = 5, ZOOM = 2, SHIFT = 0.5;
-const DETAIL_MS = 200;
+const READ_MS = 200;
 const FIRST = ["m_q", "z_w", "l_p", "n_v"];  // shown first while nothing stands out
 const PHONE_PX = 640;
 
@@ -22,7 +22,7 @@ function meaningOf(history, chosen) {
 
 function unitOf(current, chosen) {
   const unit = rowsOf(current, chosen).find(Boolean)?.unit;
-  return unit ? `,${tail(unit)}` : "";
+  return unit ? `, ${tail(unit).trim().replaceAll(" ", "\u00a0")}` : "";
 }
 
 export class Pictures {
@@ -39,7 +39,7 @@ export class Pictures {
     this.follows = true;
     this.range = null;
     this.began = this.closed = false;
-    this.detailTimer = 0;
+    this.readTimer = 0;
     this.tiles = new Tiles((chosen) => this.#choose(chosen));
     this.#build();
     this.plot = new Plot(this.canvas, () => this.#figure(), (range) => this.#moved(range));
@@ -82,15 +82,15 @@ export class Pictures {
     if (!this.began) {
       this.began = true;
       this.#showFlights(await this.history.readFlights());
-      await this.history.readOverview();
-    }
-    if (this.history.live) await this.history.readNews(this.follows);
+      this.#followOn();
+      if (this.range) await this.history.readOverview(this.range[0]);
+    } else if (this.history.live) await this.history.readNews(this.follows);
     this.history.take(current);
     if (this.closed) return;
     if (this.chosen === null || !this.picked) this.#chooseFirst();
     if (this.chosen === null) return;
     if (this.follows) this.#followOn();
-    if (this.history.kept && (this.history.detail.size === 0 || (this.follows && this.history.crowded))) await this.#readDetail();
+    if (this.history.kept && (this.history.detail.size === 0 || (this.follows && this.history.crowded))) await this.#read();
     this.#show();
   }
 
@@ -128,12 +128,10 @@ export class Pictures {
   async #chooseFlight() {
     const flight = Number(this.flights.value);
     this.history.choose(flight === this.history.flights[0]?.flight ? null : flight);
-    await this.history.readOverview();
     this.window = this.history.live ? FIRST_WINDOW_S : Infinity;
     this.follows = true;
     this.#followOn();
-    await this.#readDetail();
-    this.#show(true);
+    await this.#read();
   }
 
   /** The last so many seconds, and on with the flight. */
@@ -141,7 +139,7 @@ export class Pictures {
     this.window = seconds;
     this.follows = true;
     this.#followOn();
-    this.#readDetail();
+    this.#read();
     this.#show(true);
   }
 
@@ -155,8 +153,8 @@ export class Pictures {
   #moved([from, to]) {
     this.follows = false;
     this.range = [Number(from), Number(to)];
-    clearTimeout(this.detailTimer);
-    this.detailTimer = setTimeout(() => this.#readDetail(), DETAIL_MS);
+    clearTimeout(this.readTimer);
+    this.readTimer = setTimeout(() => this.#read(), READ_MS);
     this.#show(true);
   }
 
@@ -179,6 +177,18 @@ export class Pictures {
     if (!does || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     does();
+  }
+
+  /** Read what the pictures show: the chosen derivative in detail, and thinly all of them. */
+  async #read() {
+    await this.#readDetail();
+    if (!this.range || !this.history.kept) return;
+    try {
+      await this.history.readOverview(this.range[0], this.follows ? null : this.range[1]);
+      this.#show();
+    } catch (error) {
+      console.warn(String(error));
+    }
   }
 
   async #readDetail() {
@@ -233,7 +243,7 @@ export class Pictures {
 
   close() {
     this.closed = true;
-    clearTimeout(this.detailTimer);
+    clearTimeout(this.readTimer);
     this.endColours();
     this.plot.close();
   }

@@ -1,5 +1,5 @@
-/* Derivatives of one flight over time, as the service has them: an overview of the whole flight for all derivatives, and
-   the part that the large picture shows in detail. New estimates are added as they come; nothing is asked twice. */
+/* Derivatives of one flight over time, as the service has them: all of them thinly for the small pictures, and the chosen
+   one in detail for the large one. New estimates are added as they come; what is there is not asked for again. */
 
 import { Refused, get, withQuery } from "../api.js";
 
@@ -70,7 +70,7 @@ export class History {
 
   /** First and last time of the flight as far as they are known. */
   get span() {
-    let first = Infinity, last = -Infinity;
+    let first = this.shown?.first_time_s ?? Infinity, last = this.shown?.last_time_s ?? -Infinity;
     for (const one of this.overview.values()) {
       first = Math.min(first, one.time_s[0] ?? Infinity);
       last = Math.max(last, one.time_s.at(-1) ?? -Infinity);
@@ -78,9 +78,9 @@ export class History {
     return first <= last ? [first, last] : null;
   }
 
-  /** Read the whole flight, thinned, all derivatives. */
-  async readOverview() {
-    const answer = await this.#series({ points: OVERVIEW_POINTS });
+  /** Read all derivatives between two times, thinned; without `to` as far as they go. */
+  async readOverview(from, to = null) {
+    const answer = await this.#series({ from, to, points: OVERVIEW_POINTS });
     if (!answer) return;
     this.overview = new Map(answer.map((one) => [keyOf(one), one]));
     this.last = this.span?.[1] ?? this.last;
@@ -101,13 +101,13 @@ export class History {
     const before = this.last;
     for (const one of answer) this.#add(one, follows);
     this.last = this.span?.[1] ?? this.last;
-    if ([...this.overview.values()].some((one) => one.time_s.length > FULL * OVERVIEW_POINTS)) await this.readOverview();
     return this.last > before;
   }
 
-  /** Whether the detail has grown so much that it is better read anew. */
+  /** Whether so much has been added that both are better read anew. */
   get crowded() {
-    return [...this.detail.values()].some((one) => one.time_s.length > FULL * DETAIL_POINTS);
+    const full = (all, points) => [...all.values()].some((one) => one.time_s.length > FULL * points);
+    return full(this.detail, DETAIL_POINTS) || full(this.overview, OVERVIEW_POINTS);
   }
 
   /** Take in the current derivatives, where no history is kept: what the page has seen is all there is then. */

@@ -6,7 +6,7 @@ import { channelTag, scale, tableHead } from "../parts.js";
 import { ESTIMATORS, keyOf } from "./vehicle_series.js";
 import { listed, milder, rowsOf } from "./vehicle_tiles.js";
 
-const MOST_ROWS = 40;
+const MOST_ROWS = 40, OPEN_MANOEUVRES = 4;
 
 function cell(text, label, className = "number") {
   return make("td", className, { data: { label } }, text);
@@ -71,16 +71,21 @@ function degrees(radians) {
   return `${fixed((radians * 180) / Math.PI, 1)}°`;
 }
 
-/** The last manoeuvres, newest first. */
+function manoeuvreItem(one) {
+  const moved = Object.entries(one.surfaces).map(([column, size]) => `${words(column.replace("_rad", ""))} ±${degrees(size)}`);
+  return make("li", "", { data: { tone: one.good ? "healthy" : "warning" } },
+    make("span", "verdict", one.good ? "good" : "poor"),
+    make("span", "number soft", `${fixed(one.begin_s, 0)}–${fixed(one.end_s, 0)} s`),
+    make("span", "soft", moved.join(", ")), make("span", "", one.text));
+}
+
+/** The last manoeuvres, newest first; the older ones fold away. */
 export function manoeuvreList(items) {
   if (!items.length) return make("p", "soft", "No manoeuvre has been flown yet.");
-  return make("ol", "manoeuvres", ...items.map((one) => {
-    const moved = Object.entries(one.surfaces).map(([column, size]) => `${words(column.replace("_rad", ""))} ±${degrees(size)}`);
-    return make("li", "", { data: { tone: one.good ? "healthy" : "warning" } },
-      make("span", "verdict", one.good ? "good" : "poor"),
-      make("span", "number soft", `${fixed(one.begin_s, 0)}–${fixed(one.end_s, 0)} s`),
-      make("span", "soft", moved.join(", ")), make("span", "", one.text));
-  }));
+  const list = (some) => make("ol", "manoeuvres", ...some.map(manoeuvreItem));
+  const older = items.slice(OPEN_MANOEUVRES);
+  return make("div", "", list(items.slice(0, OPEN_MANOEUVRES)),
+    older.length ? make("details", "", make("summary", "", `${older.length} more`), list(older)) : null);
 }
 
 /** The smallest size of a cause that a flight would have shown. */

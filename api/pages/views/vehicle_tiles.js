@@ -120,6 +120,6 @@ export class Tiles {
     const groups = [...new Set(wanted.map((one) => one.structure))];
     this.node.replaceChildren(...groups.map((structure) => make("div", "tile-group",
       { role: "group", "aria-label": GROUPS[structure] ?? structure }, make("p", "soft", GROUPS[structure] ?? structure),
-      make("div", "tile-row", ...[...this.tiles.values()].filter((tile) => tile.chosen.structure === structure).map((tile) => tile.node)))));
+      make("div", "tile-row", { data: { structure } }, ...[...this.tiles.values()].filter((tile) => tile.chosen.structure === structure).map((tile) => tile.node)))));
   }
 }
