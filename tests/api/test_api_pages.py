@@ -109,7 +109,7 @@ def test_no_file_outside_the_page_can_be_asked_for(door: tuple[HttpServer, httpx
         "/main.js",
         "/pages/index.html",
     )
-    for path in (*paths, "/vehicles", "/vehicles/a/b"):
+    for path in (*paths, "/pages/index.html", "/vehicles", "/vehicles/a/b"):
         assert client.get(path).status_code == 404
 
 
