@@ -52,9 +52,16 @@ export function sync(list, items, key, build) {
       if (node) takePlace(fresh, node);
       node = fresh;
     }
-    if (list.children[place] !== node) list.insertBefore(node, list.children[place] ?? null);
+    if (list.children[place] !== node) move(list, node, list.children[place] ?? null);
   });
   old.forEach((node) => node.remove());
+}
+
+/** Put a node before another; one that had the focus keeps it. */
+export function move(list, node, before) {
+  const focused = node.contains(document.activeElement) ? document.activeElement : null;
+  list.insertBefore(node, before);
+  focused?.focus({ preventScroll: true });
 }
 
 /** Put a child in an older one's place; what the reader unfolded stays unfolded, and the focus stays where it was. */
@@ -64,6 +71,7 @@ export function takePlace(fresh, old) {
     if (folds[place]) folds[place].open = fold.open;
   });
   const focused = old.contains(document.activeElement) ? pathTo(old, document.activeElement) : null;
+  if (old.hasAttribute("tabindex")) fresh.tabIndex = old.tabIndex;
   old.replaceWith(fresh);
   if (focused) at(fresh, focused)?.focus({ preventScroll: true });
 }

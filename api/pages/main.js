@@ -145,7 +145,7 @@ setInterval(() => showLink(store.state), 1000);
 async function begin() {
   const started = store.start();
   session = await showSession();
-  arrive(false);
+  if (store.open) arrive(false);
   await started;
 }
 

@@ -1,9 +1,9 @@
 /* A grid of rows of one height of which only those near the screen are built. Screen readers are told how many there
    are and which one each is; arrows, page keys, Home and End go through all of them, Enter opens one. */
 
-import { make } from "./dom.js";
+import { make, move } from "./dom.js";
 
-const BEYOND = 6; // rows built above and below the screen
+const BEYOND = 6, LEAST = 12; // rows built above and below the screen; rows built wherever the screen is
 
 export class WindowList {
   /** `columns`: titles. `key(item)`; `row(item)` builds `{node, update(item)}`; `opened(item)`: Enter or a click. */
@@ -23,6 +23,9 @@ export class WindowList {
     this.body.addEventListener("click", (event) => this.#clicked(event));
     this.body.addEventListener("focusin", (event) => this.#focused(event));
     this.look = () => this.#ask();
+    this.paper = matchMedia("print");
+    this.print = () => this.#draw();
+    this.paper.addEventListener("change", this.print);
     window.addEventListener("scroll", this.look, { passive: true });
     window.addEventListener("resize", this.look, { passive: true });
   }
@@ -43,6 +46,7 @@ export class WindowList {
   close() {
     window.removeEventListener("scroll", this.look);
     window.removeEventListener("resize", this.look);
+    this.paper.removeEventListener("change", this.print);
     cancelAnimationFrame(this.asked);
   }
 
@@ -56,8 +60,7 @@ export class WindowList {
     const whole = `${this.items.length * height}px`;
     if (this.body.style.height !== whole) this.body.style.height = whole;
     const top = this.body.getBoundingClientRect().top;
-    const first = Math.max(Math.floor(-top / height) - BEYOND, 0);
-    const last = Math.min(Math.ceil((window.innerHeight - top) / height) + BEYOND, this.items.length);
+    const [first, last] = this.paper.matches ? [0, this.items.length] : this.#near(top, height);
     const stale = new Set(this.built.keys());
     const focused = this.body.contains(document.activeElement) ? this.active : null;
     this.items.forEach((item, place) => {
@@ -71,6 +74,12 @@ export class WindowList {
       this.built.delete(key);
     }
     this.#order();
+  }
+
+  /** The first row that is built, and the one after the last. */
+  #near(top, height) {
+    const first = Math.max(Math.min(Math.floor(-top / height) - BEYOND, this.items.length - LEAST), 0);
+    return [first, Math.min(Math.max(Math.ceil((window.innerHeight - top) / height) + BEYOND, first + LEAST), this.items.length)];
   }
 
   #place(key, item, place, height) {
@@ -91,22 +100,12 @@ export class WindowList {
     built.node.style.transform = `translateY(${place * height}px)`;
   }
 
-  /** Rows stand in the document as they are seen: the Tab key and screen readers go by that. A row that has the focus is
-      not moved, for that would take the focus away; the others go around it. */
+  /** Rows stand in the document as they are seen: the Tab key and screen readers go by that. */
   #order() {
-    const wanted = [...this.built.values()].sort((a, b) => a.place - b.place).map((built) => built.node);
-    const held = wanted.find((node) => node.contains(document.activeElement));
-    let next = null;
-    for (const node of wanted.reverse()) {
-      if (node.parentNode !== this.body || node.nextSibling !== next) {
-        if (node === held && node.parentNode === this.body) {
-          while (node.nextSibling && node.nextSibling !== next) this.body.insertBefore(node.nextSibling, node);
-        } else {
-          this.body.insertBefore(node, next);
-        }
-      }
-      next = node;
-    }
+    const wanted = [...this.built.values()].sort((a, b) => a.place - b.place);
+    wanted.forEach(({ node }, place) => {
+      if (this.body.children[place] !== node) move(this.body, node, this.body.children[place] ?? null);
+    });
   }
 
   #clicked(event) {
