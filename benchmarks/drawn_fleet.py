@@ -175,6 +175,12 @@ class DrawnFleet:
         """None are flown."""
         return ()
 
+    def flight_record(self, fleet: str, vehicle: str) -> None:
+        """Nothing is kept."""
+
+    def expected(self, *_: object) -> None:
+        """Nothing is expected."""
+
     def alert_groups(self) -> Sequence[AlertGroupView]:
         """No alerts are one event."""
         return ()

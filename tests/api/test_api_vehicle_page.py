@@ -9,9 +9,9 @@ from typing import Any
 import httpx
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from browser import chromium_path
+from browser import chromium, chromium_path
 from flown_icing import ICE_FROM_S, FlownIcing, flown_icing
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 
 pytestmark = pytest.mark.skipif(
     chromium_path() is None,
@@ -37,10 +37,8 @@ def rest(flown: FlownIcing) -> Generator[httpx.Client]:
 
 @pytest.fixture(scope="module")
 def browser() -> Generator[Browser]:
-    with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=chromium_path(), args=["--no-sandbox"])
-        yield found
-        found.close()
+    with chromium() as launched:
+        yield launched
 
 
 def opened(browser: Browser, flown: FlownIcing, **options: Any) -> tuple[Page, list[str]]:
