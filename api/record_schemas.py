@@ -1,6 +1,6 @@
 """The REST objects of pictures over time: flights, series of derivatives, evidence of blocks, telemetry's health."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -42,6 +42,7 @@ class FlightList(_Answer):
     """Flights of which estimates are kept, newest first."""
 
     items: list[FlightDocument]
+    kept: bool = Field(description="whether the service keeps estimates at all")
     next: None = None
 
 
@@ -159,9 +160,10 @@ class TelemetryDocument(_Answer):
     seconds: list[LinkSecondDocument] = Field(description="oldest first, at most 600")
 
 
-def flight_list(flights: list[FlightRecord]) -> FlightList:
-    """The object of ``/v1/vehicles/{id}/flights``."""
+def flight_list(flights: Sequence[FlightRecord] | None) -> FlightList:
+    """The object of ``/v1/vehicles/{id}/flights``; None where the service keeps no estimates."""
     return FlightList(
+        kept=flights is not None,
         items=[
             FlightDocument(
                 flight=one.id,
@@ -173,7 +175,7 @@ def flight_list(flights: list[FlightRecord]) -> FlightList:
                 last_at_s=one.last_at_s,
                 estimates=one.estimates,
             )
-            for one in flights
+            for one in flights or ()
         ]
     )
 

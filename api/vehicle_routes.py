@@ -91,9 +91,9 @@ def vehicle_router(door: Door) -> APIRouter:
         summary="Flights of which estimates are kept",
     )
     def flights(vehicle: Name, query: Annotated[_Query, Query()]) -> Response:
-        return json_answer(
-            flight_list(list(_history(door, query.fleet, vehicle).flights(query.fleet, vehicle)))
-        )
+        door.vehicle(query.fleet, vehicle)
+        history = door.history
+        return json_answer(flight_list(None if history is None else history.flights(query.fleet, vehicle)))
 
     @router.get(
         "/vehicles/{vehicle}/derivatives/series",

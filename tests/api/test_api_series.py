@@ -129,11 +129,13 @@ def test_a_unit_ends_a_column_name(unit: str, suffix: str) -> None:
 
 
 def test_flights_are_listed(client: httpx.Client) -> None:
-    items = client.get("/v1/vehicles/aero-1/flights").json()["items"]
+    answer = client.get("/v1/vehicles/aero-1/flights").json()
+    assert answer["kept"] is True
+    items = answer["items"]
     assert [(one["flight"], one["last_time_s"]) for one in items] == [(2, 119.0), (1, 7.0)]
 
 
-@pytest.mark.parametrize("path", ["derivatives/series", "derivatives/history.csv", "flights"])
+@pytest.mark.parametrize("path", ["derivatives/series", "derivatives/history.csv"])
 def test_without_a_history_or_a_vehicle_there_is_none(client: httpx.Client, path: str) -> None:
     assert client.get(f"/v1/vehicles/nobody/{path}").status_code == 404
     monitor = FakeMonitor()
@@ -142,6 +144,8 @@ def test_without_a_history_or_a_vehicle_there_is_none(client: httpx.Client, path
         answer = bare.get(f"/v1/vehicles/aero-1/{path}")
         assert answer.status_code == 404
         assert "keeps no history" in answer.json()["detail"]
+        assert bare.get("/v1/vehicles/aero-1/flights").json() == {"items": [], "kept": False, "next": None}
+    assert client.get("/v1/vehicles/nobody/flights").status_code == 404
 
 
 @pytest.mark.parametrize("query", ["points=3", "from=5&to=4", "names=m_x", "step=2"])

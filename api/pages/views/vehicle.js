@@ -107,7 +107,7 @@ export function view(context) {
     if (vehicle.aircraft === null || speed == null || height == null) return false;
     const round = { airspeed_true_m_s: speed.toFixed(1), altitude_m: height.toFixed(0) };
     let shown = { cells: [], at: null };
-    try {
+    if (pictures.history.kept) try {
       shown = await get(withQuery(`/v1/baselines/${encodeURIComponent(vehicle.aircraft)}`,
         { fleet: owner.fleet, vehicle: owner.vehicle, configuration: vehicle.configuration, ...round }));
     } catch (error) {

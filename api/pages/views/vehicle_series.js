@@ -1,7 +1,7 @@
 /* Derivatives of one flight over time, as the service has them: all of them thinly for the small pictures, and the chosen
    one in detail for the large one. New estimates are added as they come; what is there is not asked for again. */
 
-import { Refused, get, withQuery } from "../api.js";
+import { get, withQuery } from "../api.js";
 
 const OVERVIEW_POINTS = 240, DETAIL_POINTS = 1200, NEWS_POINTS = 5000;
 const FULL = 1.5;  // times as many points as asked for, and a part is thinned anew
@@ -43,9 +43,9 @@ export class History {
 
   /** The flights of which estimates are kept, newest first. */
   async readFlights() {
-    await this.#tried(async () => {
-      this.flights = (await get(withQuery(`${this.path}/flights`, { fleet: this.fleet }))).items;
-    });
+    const answer = await get(withQuery(`${this.path}/flights`, { fleet: this.fleet }));
+    this.flights = answer.items;
+    this.kept = answer.kept;
     return this.flights;
   }
 
@@ -135,22 +135,10 @@ export class History {
 
   /** Series from the service; null where they are of no use any more, or none are kept. */
   async #series(query) {
+    if (!this.kept) return null;
     const turn = this.turn;
     const path = withQuery(`${this.path}/derivatives/series`, { fleet: this.fleet, flight: this.flight, ...query });
-    const answer = await this.#tried(() => get(path));
-    return answer && turn === this.turn ? answer.series : null;
-  }
-
-  async #tried(ask) {
-    if (!this.kept) return null;
-    try {
-      return await ask();
-    } catch (error) {
-      if (error instanceof Refused && error.status === 404) {
-        this.kept = false;
-        return null;
-      }
-      throw error;
-    }
+    const answer = await get(path);
+    return turn === this.turn ? answer.series : null;
   }
 }
