@@ -176,7 +176,7 @@ def flight_list(flights: Sequence[FlightRecord] | None) -> FlightList:
                 estimates=one.estimates,
             )
             for one in flights or ()
-        ]
+        ],
     )
 
 

@@ -106,10 +106,10 @@ export function view(context) {
     const { airspeed_true_m_s: speed, altitude_m: height } = vehicle.condition;
     if (vehicle.aircraft === null || speed == null || height == null) return false;
     const round = { airspeed_true_m_s: speed.toFixed(1), altitude_m: height.toFixed(0) };
-    let shown = { cells: [], at: null };
-    if (pictures.history.kept) try {
-      shown = await get(withQuery(`/v1/baselines/${encodeURIComponent(vehicle.aircraft)}`,
-        { fleet: owner.fleet, vehicle: owner.vehicle, configuration: vehicle.configuration, ...round }));
+    const known = pictures.history.kept ? { fleet: owner.fleet, vehicle: owner.vehicle, configuration: vehicle.configuration, ...round } : null;
+    let shown = { cells: [], at: null };  // where nothing is kept, nobody need be asked
+    try {
+      if (known) shown = await get(withQuery(`/v1/baselines/${encodeURIComponent(vehicle.aircraft)}`, known));
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
     }
