@@ -31,7 +31,7 @@ class FlownIcing:
 
     Attributes:
         url: of the service.
-        now_s: how far it has flown.
+        now_s: how far it has flown; landed_s: time of the flights before.
     """
 
     fleet: FleetMonitor
@@ -39,10 +39,17 @@ class FlownIcing:
     samples: SampleBlock
     url: str = ""
     now_s: int = 0
+    landed_s: int = 0
     _numbers: "count[int]" = field(default_factory=count)
 
     def clock(self) -> float:
-        return 1000.0 + self.now_s
+        return 1000.0 + self.landed_s + self.now_s
+
+    def fly_anew(self, to_s: int) -> None:
+        """The same flight from its beginning: a new one by the vehicle's clock."""
+        self.landed_s += self.now_s
+        self.now_s = 0
+        self.fly(to_s)
 
     def fly(self, to_s: int) -> None:
         """A message a second, and all that comes of it is in the database."""
@@ -67,7 +74,7 @@ def flown_icing(folder: Path) -> Generator[FlownIcing]:
     aircraft = load_aircraft("aerosonde")
     with open_database(folder / "wingwatch.db") as database, contextlib.ExitStack() as stack:
         flown: list[FlownIcing] = []
-        wall = lambda: WALL_AT_S + (flown[0].now_s if flown else 0)  # noqa: E731
+        wall = lambda: WALL_AT_S + (flown[0].clock() if flown else 0.0)  # noqa: E731
         store = stack.enter_context(DatabaseStore(database, wall))
         fleet = FleetMonitor(
             lambda _: aircraft,

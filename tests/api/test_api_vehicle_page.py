@@ -273,6 +273,20 @@ def test_nothing_serious_for_axe_nothing_too_wide_and_no_complaint(
     page.context.close()
 
 
+def test_a_new_flight_takes_the_place_of_the_old_one_which_can_still_be_chosen(
+    page: Page, flown: FlownIcing, rest: httpx.Client
+) -> None:
+    page.click("button:text-is('10 min')")
+    flown.fly_anew(12)
+    newest, oldest = (one["flight"] for one in rest.get(f"{PATH}/flights").json()["items"])
+    page.wait_for_selector("select[aria-label=Flight]", timeout=WAIT_MS)
+    last = "Math.max(...document.querySelector('#picture').data.find((one) => one.name === 'Fourier').x)"
+    page.wait_for_function(f"() => {last} < 15", timeout=WAIT_MS)
+    assert page.input_value("select[aria-label=Flight]") == str(newest)
+    page.select_option("select[aria-label=Flight]", str(oldest))
+    page.wait_for_function(f"() => {last} > 100", timeout=WAIT_MS)
+
+
 def test_a_vehicle_that_nobody_has_heard_of_is_said_to_be_so(browser: Browser, flown: FlownIcing) -> None:
     page = browser.new_page()
     page.goto(f"{flown.url}/vehicles/nobody")

@@ -60,13 +60,16 @@ export class Pictures {
     this.table = make("details", "fold", { ontoggle: () => this.#tabulate() }, make("summary", "", "The picture's numbers as a table"), make("div", ""));
     const legend = make("ul", "legend", ...ESTIMATORS.map(([name, label]) => make("li", name, label)), make("li", "expected", "expected"),
       make("li", "bands", "bands hold 95 %"));
-    this.node = make("section", "pictures", { "aria-label": "Derivatives over time" }, make("h2", "", "Derivatives over time"),
+    this.nothing = make("p", "soft", "No derivative has been estimated yet.");
+    this.shown = make("div", "", { hidden: true },
       make("div", "bar", make("div", "group", ...this.windows),
         make("div", "group", button("◀", "Earlier", () => this.#shift(-SHIFT)), button("▶", "Later", () => this.#shift(SHIFT)),
           button("−", "Zoom out", () => this.#zoom(ZOOM)), button("+", "Zoom in", () => this.#zoom(1 / ZOOM))),
         this.flights, this.csv),
       make("div", "card picture", make("div", "head", this.title, legend), this.frame, this.says, this.table),
       this.tiles.node);
+    this.node = make("section", "pictures", { "aria-label": "Derivatives over time" }, make("h2", "", "Derivatives over time"),
+      this.nothing, this.shown);
   }
 
   /** Take in what blocks, alerts and manoeuvres there were. */
@@ -79,11 +82,16 @@ export class Pictures {
   /** Take in the current derivatives, and read what is new of the history. */
   async tick(current) {
     this.current = current;
+    if (this.history.begunAnew) {
+      this.history.choose(null);
+      this.began = false;
+      this.follows = true;
+    }
     if (!this.began) {
-      this.began = true;
       this.#showFlights(await this.history.readFlights());
       this.#followOn();
       if (this.range) await this.history.readOverview(this.range[0]);
+      this.began = true;
     } else if (this.history.live) await this.history.readNews(this.follows);
     this.history.take(current);
     if (this.closed) return;
@@ -206,6 +214,8 @@ export class Pictures {
   #show(atOnce = false) {
     if (this.closed || !this.chosen || !this.range) return;
     const { chosen, range } = this;
+    this.nothing.hidden = true;
+    this.shown.hidden = false;
     this.windows.forEach((one, k) => setAttributes(one, { "aria-pressed": String(this.follows && WINDOWS[k][1] === this.window) }));
     const meaning = meaningOf(this.history, chosen), unit = unitOf(this.current, chosen);
     const fingerprint = `${chosen.structure}/${chosen.derivative}/${meaning}`;

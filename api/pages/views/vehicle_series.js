@@ -34,6 +34,8 @@ export class History {
     this.fleet = fleet;
     this.flights = [];
     this.flight = null;  // the newest, while null
+    this.newest = null;  // its number, once it is known
+    this.begunAnew = false;  // another flight has begun since
     this.kept = true;  // whether the service keeps a history
     this.overview = new Map();
     this.detail = new Map();
@@ -59,9 +61,11 @@ export class History {
     return this.flight === null || this.flight === this.flights[0]?.flight;
   }
 
-  /** Show another flight. */
+  /** Show another flight, or the newest one anew. */
   choose(flight) {
     this.flight = flight;
+    this.newest = null;
+    this.begunAnew = false;
     this.overview.clear();
     this.detail.clear();
     this.last = -Infinity;
@@ -139,6 +143,11 @@ export class History {
     const turn = this.turn;
     const path = withQuery(`${this.path}/derivatives/series`, { fleet: this.fleet, flight: this.flight, ...query });
     const answer = await get(path);
-    return turn === this.turn ? answer.series : null;
+    if (turn !== this.turn) return null;
+    if (this.flight === null) {
+      this.begunAnew ||= this.newest !== null && answer.flight !== this.newest;
+      this.newest = answer.flight;
+    }
+    return answer.series;
   }
 }
