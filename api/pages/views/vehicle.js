@@ -1,5 +1,6 @@
 /* One vehicle: its card as it is now, what its flight could have shown, its alerts with their evidence. */
 
+import { actButtons } from "../acting.js";
 import { Refused, get, withQuery } from "../api.js";
 import { alertCard } from "../alert_card.js";
 import { make, setText, sync } from "../dom.js";
@@ -68,7 +69,7 @@ function card(vehicle) {
   return item;
 }
 
-export function view({ params, query }) {
+export function view({ params, query, session }) {
   const owner = { fleet: query.get("fleet") ?? "default", vehicle: params.id };
   const path = withQuery(`/v1/vehicles/${encodeURIComponent(owner.vehicle)}`, { fleet: owner.fleet });
   const problem = make("p", "quiet", { id: "vehicle-problem", hidden: true });
@@ -99,7 +100,7 @@ export function view({ params, query }) {
     if (!status) return;
     show();
     const mine = status.alerts.filter((alert) => alert.fleet === owner.fleet && alert.vehicle === owner.vehicle);
-    sync(alerts, mine, (alert) => alert.id, (alert) => alertCard(alert));
+    sync(alerts, mine, (alert) => alert.id, (alert) => alertCard(alert, (one) => actButtons(one, session)));
     section.hidden = mine.length === 0;
   }
 
