@@ -95,8 +95,9 @@ export class Store {
   /** Nobody sees a hidden page, and large fleets are asked for less often: a list is not read faster for being longer. */
   #pause() {
     const { status } = this.state;
+    if (document.hidden) return POLL_LIVE_MS;
     if (!this.streaming || status?.kernels) return POLL_ALONE_MS;
-    if (document.hidden || !status?.vehicles.length) return POLL_LIVE_MS;
+    if (!status?.vehicles.length) return POLL_LIVE_MS;
     return status.vehicles.length > MANY ? Math.max(this.pace, 2 * REFRESH_MS) : this.pace;
   }
 
@@ -107,7 +108,13 @@ export class Store {
 
   #set(changes) {
     this.state = { ...this.state, ...changes };
-    for (const listener of this.listeners) listener(this.state);
+    for (const listener of this.listeners) {
+      try {
+        listener(this.state);
+      } catch (error) {
+        console.error(error); // what one part cannot show must not stop the page from asking
+      }
+    }
   }
 
   /** Browsers allow six connections to a host, so pages that nobody sees listen one at a time: the one that does can still
