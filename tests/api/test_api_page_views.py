@@ -8,7 +8,7 @@ import pytest
 from api_fakes import FakeDiagnoses, FakeMonitor, alert, diagnosis_view, served, vehicle
 from axe_playwright_python.sync_playwright import Axe
 from browser import Page, chromium, chromium_path, open_tab
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, FilePayload
 from test_api_pages import fleet_of
 
 from wingwatch.api import (
@@ -240,11 +240,11 @@ def test_a_flight_is_uploaded_followed_cancelled_and_its_report_opened(
 ) -> None:
     jobs = FakeDiagnoses()
     jobs.page = b"<h1>the report</h1>"
-    flight = {"name": "flight <1>.csv", "mimeType": "text/csv", "buffer": b"time_s\n0\n"}
+    flight = FilePayload(name="flight <1>.csv", mimeType="text/csv", buffer=b"time_s\n0\n")
     with served(monitor, diagnoses=jobs) as (server, _), open_tab(browser, server.url) as page:
         page.key("3")
         page.wait("document.querySelector('#jobs') !== null")
-        page.tab.set_input_files("#up-file", files=[flight])  # type: ignore[list-item]
+        page.tab.set_input_files("#up-file", files=[flight])
         page.tab.fill("#up-aircraft", "boeing")
         page.tab.click(".upload .main")
         page.wait("document.querySelector('.upload .problem').textContent !== ''")
