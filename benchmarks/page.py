@@ -40,7 +40,6 @@ VIEWS = {
     "fleet": "/",
     "vehicle": "/vehicles/uav-001",
     "alerts": "/alerts",
-    "diagnoses": "/diagnoses",
     "docs": "/docs",
 }
 

@@ -13,7 +13,9 @@ const SOUND = "M3 6v4h2.5l3.5 3V3L5.5 6zM11.5 5.5a3.5 3.5 0 0 1 0 5M13 3.5a6.4 6
 const BELL = "M3.5 12h9l-1.2-1.8V7a3.3 3.3 0 0 0-6.6 0v3.2zM6.8 13.8a1.3 1.3 0 0 0 2.4 0M8 3.5V2";
 
 export class Alarm {
-  constructor() {
+  /** `opened(alert)`: a notification was clicked. */
+  constructor(opened) {
+    this.opened = opened;
     this.loud = null;
     this.audio = null;
     this.sound = this.#button("sound", SOUND, "Sound for warnings", (on) => on && this.#play(1));
@@ -79,7 +81,10 @@ export class Alarm {
     if (!("Notification" in window) || Notification.permission !== "granted") return;
     const shown = new Notification(`${sentence(alert.cause)} on ${vehicleName(alert)}`,
       { body: alert.text, tag: `wingwatch ${alert.id}`, icon: "/pages/icon.svg", requireInteraction: alert.level === "critical" });
-    shown.onclick = () => window.focus();
+    shown.onclick = () => {
+      window.focus();
+      this.opened(alert);
+    };
   }
 
   #context() {

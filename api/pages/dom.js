@@ -73,7 +73,10 @@ export function takePlace(fresh, old) {
   const focused = old.contains(document.activeElement) ? pathTo(old, document.activeElement) : null;
   if (old.hasAttribute("tabindex")) fresh.tabIndex = old.tabIndex;
   old.replaceWith(fresh);
-  if (focused) at(fresh, focused)?.focus({ preventScroll: true });
+  if (focused === null) return;
+  const target = at(fresh, focused) ?? fresh;
+  if (target === fresh && !fresh.hasAttribute("tabindex")) fresh.tabIndex = -1;
+  target.focus({ preventScroll: true });
 }
 
 const REACHED = "a[href], button, summary, input, select, textarea, [tabindex]";

@@ -121,7 +121,7 @@ function vehicleRow(acts) {
       shownDerivative = row.worst?.derivative;
       derivative.replaceChildren(row.worst ? symbol(row.worst.derivative) : "");
     }
-    setText(z, row.worst ? signed(row.worst.z) : "none yet");
+    setText(z, row.worst ? signed(row.worst.z) : "none");
     z.classList.toggle("soft", !row.worst);
     strip.update(row.worst?.z ?? null);
     setText(seen, seenOf(row));

@@ -47,7 +47,7 @@ const place = document.getElementById("view");
 let session = { name: null, scope: null, required: false };
 let current = null, currentPath = null;
 
-const alarm = new Alarm();
+const alarm = new Alarm((alert) => navigate(`/alerts?id=${encodeURIComponent(alert.id)}`));
 const store = new Store(() => {
   leave();
   showLogin();

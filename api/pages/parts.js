@@ -50,9 +50,8 @@ export function channelTag(channel) {
 
 /** Where a z lies: the band where flight and expectation agree, and a mark; beyond the range the mark is a wedge. */
 export function scale(z, labelled) {
-  const width = 320, middle = width / 2, y = labelled ? 12 : 8, unit = (middle - 12) / Z_RANGE;
-  const svg = drawn("svg", { class: "scale", viewBox: `0 0 ${width} ${labelled ? 36 : 16}`, "aria-hidden": "true",
-    preserveAspectRatio: labelled ? "xMidYMid meet" : "none" });
+  const width = labelled ? 320 : 180, middle = width / 2, y = labelled ? 12 : 8, unit = (middle - 12) / Z_RANGE;
+  const svg = drawn("svg", { class: "scale", viewBox: `0 0 ${width} ${labelled ? 36 : 16}`, "aria-hidden": "true" });
   svg.append(drawn("rect", { class: "band", x: middle - Z_BAND * unit, y: y - 7, width: 2 * Z_BAND * unit, height: 14, rx: 2 }));
   svg.append(drawn("line", { class: "axis", x1: 8, x2: width - 8, y1: y, y2: y }));
   for (let tick = -Z_RANGE; tick <= Z_RANGE; tick += Z_BAND) {

@@ -45,6 +45,8 @@ function showProblems(status) {
     ([part, problem]) => make("li", "", `${words(part)}: ${problem}`));
 }
 
+let version = null;
+
 /** What the service says about itself. */
 export function showService(status) {
   if (!status) {
@@ -54,6 +56,8 @@ export function showService(status) {
   showKernels(status.kernels);
   showProblems(status);
   setText(byId("version"), `wingwatch ${status.version}.`);
+  if (version !== null && version !== status.version) notice(`The service is wingwatch ${status.version} now; load the page again to have its page.`);
+  version = status.version;
 }
 
 /** Say something to who listens with a screen reader. */

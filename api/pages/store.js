@@ -19,6 +19,8 @@ export class Store {
     this.pace = POLL_LIVE_MS;
     this.streaming = this.asking = this.askAgain = this.soon = this.open = false;
     this.timer = this.reopening = 0;
+    this.hidden = null;
+    document.addEventListener("visibilitychange", () => this.#seen(!document.hidden));
   }
 
   /** Call `listener(state)` whenever the state has changed; returns the function that ends it. */
@@ -52,17 +54,14 @@ export class Store {
   async start() {
     this.open = true;
     await this.refresh();
-    this.#listen();
+    this.#seen(!document.hidden);
   }
 
   /** Ask and listen no more; what was known is forgotten. */
   stop() {
     this.open = false;
     clearTimeout(this.timer);
-    clearTimeout(this.reopening);
-    this.stream?.close();
-    this.stream = null;
-    this.streaming = false;
+    this.#hang();
     this.#set({ status: null, link: "waiting" });
   }
 
@@ -96,8 +95,9 @@ export class Store {
   /** Nobody sees a hidden page, and large fleets are asked for less often: a list is not read faster for being longer. */
   #pause() {
     const { status } = this.state;
+    if (document.hidden) return POLL_LIVE_MS;
     if (!this.streaming || status?.kernels) return POLL_ALONE_MS;
-    if (document.hidden || !status?.vehicles.length) return POLL_LIVE_MS;
+    if (!status?.vehicles.length) return POLL_LIVE_MS;
     return status.vehicles.length > MANY ? Math.max(this.pace, 2 * REFRESH_MS) : this.pace;
   }
 
@@ -108,10 +108,45 @@ export class Store {
 
   #set(changes) {
     this.state = { ...this.state, ...changes };
-    for (const listener of this.listeners) listener(this.state);
+    for (const listener of this.listeners) {
+      try {
+        listener(this.state);
+      } catch (error) {
+        console.error(error); // what one part cannot show must not stop the page from asking
+      }
+    }
+  }
+
+  /** Browsers allow six connections to a host, so pages that nobody sees listen one at a time: the one that does can still
+      sound and notify. A page that is seen listens in any case. */
+  #seen(visible) {
+    this.hidden?.abort();
+    this.hidden = null;
+    if (!this.open) return;
+    if (visible || !navigator.locks) {
+      this.#listen();
+      if (visible && this.state.status) this.refresh();
+      return;
+    }
+    this.#hang();
+    this.hidden = new AbortController();
+    const { signal } = this.hidden;
+    navigator.locks.request("wingwatch listens unseen", { signal }, () => {
+      this.#listen();
+      return new Promise((over) => signal.addEventListener("abort", over));
+    }).catch(() => {}); // seen before its turn came
+  }
+
+  /** End the stream; a new one goes on after the last event. */
+  #hang() {
+    clearTimeout(this.reopening);
+    this.stream?.close();
+    this.stream = null;
+    this.streaming = false;
   }
 
   #somethingNew() {
+    if (document.hidden) this.refresh(); // timers of hidden pages come late
     if (this.soon) return;
     this.soon = true;
     setTimeout(() => {

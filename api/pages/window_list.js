@@ -62,10 +62,9 @@ export class WindowList {
     const top = this.body.getBoundingClientRect().top;
     const [first, last] = this.paper.matches ? [0, this.items.length] : this.#near(top, height);
     const stale = new Set(this.built.keys());
-    const focused = this.body.contains(document.activeElement) ? this.active : null;
     this.items.forEach((item, place) => {
       const key = this.key(item);
-      if ((place < first || place >= last) && key !== focused) return;
+      if ((place < first || place >= last) && key !== this.active) return; // the keyboard must find it
       stale.delete(key);
       this.#place(key, item, place, height);
     });

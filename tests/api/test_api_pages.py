@@ -209,6 +209,7 @@ def test_it_survives_a_restart_of_the_service_and_says_how_old_it_is(
             page.wait(f"{ROWS} === 3")
             assert page.ask("document.getElementById('banner').hidden")
             assert page.text("#version") == "wingwatch 2."
+            assert "load the page again" in page.text("#notice")
 
 
 @needs_chromium

@@ -12,9 +12,11 @@ from wingwatch.pages.document import document
 
 
 def test_reports_of_the_folder_are_listed_newest_first_and_served_in_a_sandbox(tmp_path: Path) -> None:
-    texts = {"kind": "wingwatch study", "lead": "", "about": "", "body": "", "style": ""}
     for age, name in enumerate(("ice 2026", "old")):
-        page = document(title=f"Study: {name}", answer=f"From 0.05 on {name} & more", **texts)
+        page = document(
+            title=f"Study: {name}", kind="wingwatch study", answer=f"From 0.05 on {name} & more", lead="",
+            about="", body="", style="",
+        )  # fmt: skip
         (tmp_path / f"{name}.html").write_text(page)
         os.utime(tmp_path / f"{name}.html", (1e9 - age, 1e9 - age))
     (tmp_path / "table.parquet").write_bytes(b"PAR1")

@@ -2,7 +2,7 @@
 
 import { actButtons } from "../acting.js";
 import { alertAbout, evidence } from "../alert_card.js";
-import { NotLoggedIn, failure, get, withQuery } from "../api.js";
+import { NotLoggedIn, Refused, failure, get, withQuery } from "../api.js";
 import { make, setText, sync } from "../dom.js";
 import { duration, fixed, sentence, sizeOf, vehicleName, vehiclePath, words } from "../format.js";
 import { alertTag, channelTag, tableHead } from "../parts.js";
@@ -48,7 +48,14 @@ export function view({ query, store, session, navigate }) {
 
   /** The one that the address names is shown though the search does not find it. */
   async function addOpened() {
-    if (opened && !items.some((alert) => alert.id === opened)) items = [await get(`/v1/alerts/${encodeURIComponent(opened)}`), ...items];
+    if (!opened || items.some((alert) => alert.id === opened)) return;
+    try {
+      items = [await get(`/v1/alerts/${encodeURIComponent(opened)}`), ...items];
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      problem.textContent = error.message;
+      opened = null;
+    }
   }
 
   function show() {

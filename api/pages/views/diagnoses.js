@@ -1,7 +1,7 @@
 /* Flights that are diagnosed: upload one, see how far each is, open its report, cancel or delete it. */
 
 import { NotLoggedIn, Refused, failure, get, send, withQuery } from "../api.js";
-import { make, sync } from "../dom.js";
+import { make, setText, sync } from "../dom.js";
 import { fixed } from "../format.js";
 
 const BUSY_MS = 700, QUIET_MS = 5000, MOST_BYTES = 64 * 2 ** 20, MOST_MAP = 20000;
@@ -37,8 +37,13 @@ export function view({ session, announce }) {
       if (items.some((job) => OPEN.includes(job.state))) wait = BUSY_MS;
     } catch (error) {
       if (!open || error instanceof NotLoggedIn) return;
+      if (error instanceof Refused && error.status === 404) {
+        form.hidden = true; // this service takes none
+        none.hidden = false;
+        setText(none, error.message);
+        return;
+      }
       problem.textContent = failure(error);
-      if (error instanceof Refused && error.status === 404) form.hidden = true; // this service takes none
     }
     clearTimeout(timer);
     timer = setTimeout(ask, wait);

@@ -1,5 +1,6 @@
 /* One vehicle: what it is like now, its derivatives over time, its alerts, envelope, baseline, manoeuvres, telemetry. */
 
+import { actButtons } from "../acting.js";
 import { Refused, get, withQuery } from "../api.js";
 import { alertCard } from "../alert_card.js";
 import { make, setText, sync, takePlace } from "../dom.js";
@@ -58,7 +59,7 @@ class Section {
 }
 
 export function view(context) {
-  const { params, query, store } = context;
+  const { params, query, session, store } = context;
   const owner = { fleet: query.get("fleet") ?? "default", vehicle: params.id };
   const path = `/v1/vehicles/${encodeURIComponent(owner.vehicle)}`;
   const ask = (below = "") => get(withQuery(path + below, { fleet: owner.fleet }));
@@ -175,7 +176,7 @@ export function view(context) {
     if (!status) return;
     soon();
     const active = status.alerts.filter(mine);
-    sync(alerts, active, (alert) => alert.id, (alert) => alertCard(alert));
+    sync(alerts, active, (alert) => alert.id, (alert) => alertCard(alert, (one) => actButtons(one, session)));
     alertSection.hidden = active.length === 0;
   }
 
