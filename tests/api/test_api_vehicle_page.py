@@ -8,6 +8,7 @@ from typing import Any
 
 import httpx
 import pytest
+from api_fakes import FakeMonitor, derivative, served, vehicle
 from axe_playwright_python.sync_playwright import Axe
 from browser import chromium, chromium_path
 from flown_icing import ICE_FROM_S, FlownIcing, flown_icing
@@ -285,6 +286,33 @@ def test_a_new_flight_takes_the_place_of_the_old_one_which_can_still_be_chosen(
     assert page.input_value("select[aria-label=Flight]") == str(newest)
     page.select_option("select[aria-label=Flight]", str(oldest))
     page.wait_for_function(f"() => {last} > 100", timeout=WAIT_MS)
+
+
+def test_without_a_database_the_picture_is_of_what_the_page_has_seen(browser: Browser) -> None:
+    monitor = FakeMonitor()
+    monitor.views = [vehicle("aero-1")]
+
+    def flown_to(time_s: float) -> None:
+        one = derivative(-6.0 - 0.01 * time_s, 0.1, expected=-6.1, expected_standard_error=0.3)
+        modes = {"short_period": {"outcome": "converged", "derivatives": {"m_q": one}}}
+        current = {"time_s": time_s, "estimators": {"fourier": modes, "ekf": modes}}
+        monitor.current = {("default", "aero-1"): current}
+        monitor.tell("derivatives", {"fleet": "default", "vehicle": "aero-1", "time_s": time_s})
+
+    flown_to(100.0)
+    with served(monitor) as (server, _):
+        page = browser.new_page()
+        complaints: list[str] = []
+        page.on("console", lambda m: complaints.append(m.text) if m.type in ("error", "warning") else None)
+        page.goto(f"{server.url}/vehicles/aero-1")
+        page.wait_for_selector(DRAWN, timeout=WAIT_MS)
+        flown_to(102.0)
+        line = "document.querySelector('#picture').data.find((one) => one.name === 'Kalman filter')"
+        page.wait_for_function(f"() => {line}.x.length === 2", timeout=WAIT_MS)
+        assert page.evaluate(f"Array.from({line}.y)") == [-7.0, -7.02]
+        expect(page.locator("a.csv")).to_be_hidden()
+        assert complaints == []
+        page.close()
 
 
 def test_a_vehicle_that_nobody_has_heard_of_is_said_to_be_so(browser: Browser, flown: FlownIcing) -> None:
