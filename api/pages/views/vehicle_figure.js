@@ -193,12 +193,17 @@ function heading(shades, text, [, top]) {
     font: { size: 11, color: shades.soft } };
 }
 
+/** A series as it is now: points are added to the one that is shown, and plotly keeps what it was given. */
+function copied(series) {
+  return series && Object.fromEntries(Object.entries(series).map(([name, value]) => [name, Array.isArray(value) ? [...value] : value]));
+}
+
 /** Data and layout for plotly.
 
     `shown`: series of the chosen derivative by key; `chosen`: its structure and derivative; `range`: times; `blocks`,
     `marks`, `threshold` of the evidence; `manoeuvres`; `shades`: colours; `narrow`: a phone's width. */
 export function figure({ shown, chosen, range, blocks, marks, threshold, manoeuvres, shades, narrow }) {
-  const series = ESTIMATORS.map(([estimator, label]) => [shown.get(keyOf({ ...chosen, estimator })), label, shades[estimator]])
+  const series = ESTIMATORS.map(([estimator, label]) => [copied(shown.get(keyOf({ ...chosen, estimator }))), label, shades[estimator]])
     .filter(([one]) => one);
   const [first] = series[0] ?? [];
   const inside = blocks.filter((block) => block.end_s >= range[0] && block.start_s <= range[1]);
