@@ -24,6 +24,8 @@ from wingwatch.api.ports import (
     QueueFullError,
     QueueView,
     ServiceFigures,
+    StudyPort,
+    StudyView,
 )
 from wingwatch.api.schemas import (
     AlertDocument,
@@ -90,6 +92,8 @@ __all__ = [
     "DelayView",
     "QueueView",
     "ServiceFigures",
+    "StudyPort",
+    "StudyView",
     "HistoryPort",
     "KernelPart",
     "KernelState",

@@ -18,10 +18,19 @@ from wingwatch.api.fleet_routes import fleet_router
 from wingwatch.api.guards import BodyLimit, SafetyHeaders
 from wingwatch.api.metrics import RequestCounts, metrics_router
 from wingwatch.api.page_files import pages_router
-from wingwatch.api.ports import BaselinePort, DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
+from wingwatch.api.ports import (
+    BaselinePort,
+    DiagnosisPort,
+    HistoryPort,
+    KernelsView,
+    ServiceFigures,
+    StudyPort,
+)
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
 from wingwatch.api.service_routes import event_router, health_router, session_router
+from wingwatch.api.study_routes import study_router
+from wingwatch.api.vehicle_routes import vehicle_router
 from wingwatch.monitor.views import MonitorPort
 
 __all__ = ["AppSettings", "create_app"]
@@ -52,6 +61,7 @@ class AppSettings:
         figures: the service in numbers, for ``/metrics``; it returns at once.
         keep_alive_s: silence after which an event stream carries a comment.
         baselines: the baseline database; None where there is none.
+        studies: finished ones; None where none are shown.
     """
 
     access: AccessSettings = field(default_factory=AccessSettings)
@@ -64,6 +74,7 @@ class AppSettings:
     figures: Callable[[], ServiceFigures] = ServiceFigures
     keep_alive_s: float = 10.0
     baselines: BaselinePort | None = None
+    studies: StudyPort | None = None
 
 
 def create_app(
@@ -105,6 +116,7 @@ def create_app(
         settings.problems,
         settings.figures,
         settings.baselines,
+        settings.studies,
     )
     app = FastAPI(
         title="wingwatch",
@@ -115,8 +127,8 @@ def create_app(
         redirect_slashes=False,
     )
     app.state.close_streams = streams.close
-    routers = (fleet_router, alert_router, event_router, diagnosis_router, baseline_router)
-    versioned = tuple(router(door) for router in routers)
+    routers = (fleet_router, alert_router, event_router, diagnosis_router, baseline_router, study_router)
+    versioned = tuple(router(door) for router in (*routers, vehicle_router))
     for router in (*versioned, session_router(access)):
         app.include_router(router, prefix="/v1", responses=PROBLEM_RESPONSES)
     app.include_router(health_router(door), responses=PROBLEM_RESPONSES)

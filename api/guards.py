@@ -9,12 +9,25 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["CONTENT_SECURITY_POLICY", "BodyLimit", "BodySize", "SafetyHeaders", "discard_body"]
+__all__ = [
+    "CONTENT_SECURITY_POLICY",
+    "REPORT_POLICY",
+    "BodyLimit",
+    "BodySize",
+    "SafetyHeaders",
+    "discard_body",
+]
 
 CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+REPORT_POLICY = (
+    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Of an HTML report that brings its own script: in a sandbox it has no origin and reaches nothing of the service."""
+
 _MOST_DISCARDED_BYTES = 16 * 2**20
 _DISCARD_S = 5.0
 

@@ -14,7 +14,7 @@ from typing import Any
 from sqlalchemy import Engine, delete, func, insert, select
 from sqlalchemy.orm import Session
 
-from wingwatch.baselines import estimate_history
+from wingwatch.baselines import estimate_history, history_columns
 from wingwatch.baselines.baseline_rows import (
     expectation_record,
     newest_reference,
@@ -39,6 +39,7 @@ from wingwatch.baselines.connection import (
     upgrade,
     writing,
 )
+from wingwatch.baselines.flight_history import FlightRecord, HistoryColumns, HistoryKey
 from wingwatch.baselines.records import (
     ActionRecord,
     AlertPage,
@@ -340,6 +341,18 @@ class Database:
         """A part of a vehicle's history, by flight, time, estimator and structure."""
         with self.reading() as session:
             return estimate_history.page(session, fleet, vehicle, wanted)
+
+    def history_columns(
+        self, fleet: str, vehicle: str, wanted: HistoryWanted
+    ) -> tuple[tuple[HistoryColumns, ...], HistoryKey | None]:
+        """The same as columns, and the key of the last row where ``wanted.limit`` rows were read."""
+        with self.reading() as session:
+            return history_columns.columns(session, fleet, vehicle, wanted)
+
+    def flights(self, fleet: str, vehicle: str) -> tuple[FlightRecord, ...]:
+        """Flights of a vehicle of which estimates are kept, the newest first."""
+        with self.reading() as session:
+            return history_columns.flights(session, fleet, vehicle)
 
     def estimate_history(
         self,

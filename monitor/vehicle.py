@@ -196,6 +196,11 @@ class VehicleMonitor(VehicleReadings):
         return self._alerts.onset_s(alert_id)
 
     @property
+    def changed_s(self) -> float | None:
+        """When the change began that an alert about the airframe in force is about; None without."""
+        return None if self.book.active is None else self.book.onset_s
+
+    @property
     def alarmed(self) -> bool:
         """Whether an alert is in force."""
         return self._alerts.alarmed
@@ -483,6 +488,7 @@ class VehicleMonitor(VehicleReadings):
             worst=self.worst(), counts=self.counts,
             active_alerts=tuple(alert.id for alert in self.active_alerts), condition=condition,
             air=self.air, rejected_by_channel=self.rejected_by_channel, unseen_surfaces=self.unseen_surfaces,
+            position=self._memory.position,
         )  # fmt: skip
 
 
