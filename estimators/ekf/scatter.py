@@ -9,7 +9,6 @@ solutions, so that inputs are in some and not in others: what only the one kind 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.coherence import coherent_dispersion
@@ -21,7 +20,7 @@ from wingwatch.estimators.kernels.dispersion import (
     dispersion_workspace,
     gather_scatter,
 )
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.hot import helper, whole
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = [
@@ -43,7 +42,7 @@ BLOCK_SOLUTIONS = 10
 between two inputs."""
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def begin_block(scatter, i, now_s, information, vector):  # type: ignore[no-untyped-def]
     """Vehicle i begins a block with ``information`` (k, k) and ``vector`` (k,) about the derivatives."""
     scatter.start_s[i] = now_s
@@ -53,7 +52,7 @@ def begin_block(scatter, i, now_s, information, vector):  # type: ignore[no-unty
     scatter.vector[i] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def close_block(scatter, i, now_s, memory_s, work):  # type: ignore[no-untyped-def]
     """Compares a block that is full with what was known when it began; the next solution begins another.
 

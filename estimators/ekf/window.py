@@ -1,11 +1,10 @@
 """The filter's window of recent signal rows, and its checkpoints: what ``relinearise`` runs again is kept here."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.state import ACCELERATION, NEWEST, TIME, EkfState
-from wingwatch.estimators.kernels.hot import part, whole
+from wingwatch.estimators.kernels.hot import helper, part, whole
 
 __all__ = [
     "FIRST",
@@ -70,7 +69,7 @@ def recalled(rows: NDArray[np.float32], before_s: float) -> Array:
     return signals
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def innovation_log_variance(model, state, i, out):  # type: ignore[no-untyped-def]
     """Logarithms of the innovations' variances of vehicle i, by state and for the accelerometer, (ns + 1,).
 
@@ -88,7 +87,7 @@ def innovation_log_variance(model, state, i, out):  # type: ignore[no-untyped-de
         out[j] = np.log(reading[j] + 0.5 * (walk + np.sqrt(walk * walk + 4.0 * walk * reading[j])))
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def set_checkpoint(model, state, i, checkpoints, m):  # type: ignore[no-untyped-def]
     """A vehicle's present state as its checkpoint ``m``; what follows is linearised about it."""
     k = state.vector.shape[1]
@@ -106,13 +105,13 @@ def set_checkpoint(model, state, i, checkpoints, m):  # type: ignore[no-untyped-
     levels.unmeasured[i, m], levels.information[i, m] = noise.unmeasured[i], state.moment_level.information[i]
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def empty_window(window, i):  # type: ignore[no-untyped-def]
     """Nothing that came before is run again."""
     window.filled[i] = window.middle[i] = window.solutions[i] = window.skipped[i] = 0
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def begin_window(model, state, i):  # type: ignore[no-untyped-def]
     """What follows may be run again from here, nothing before it."""
     empty_window(state.window, i)

@@ -247,7 +247,7 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     place_checkpoint(block, gained, vehicle.checkpoints)
 
 
-@lean
+@entry
 def fill(model, block, filters, signals, lanes, ends):  # type: ignore[no-untyped-def]
     """Take samples (vehicles, samples, columns) into running blocks, as far as these go: most calls need no more.
 

@@ -30,7 +30,7 @@ Example:
 
 import hashlib
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from llvmlite import ir
@@ -67,7 +67,7 @@ class ByAddress:
 
     __slots__ = ("_numba_type_", "_words", "address", "named")
 
-    _kinds: dict[type, Any] = {}
+    _kinds: ClassVar[dict[type, Any]] = {}
 
     def __init__(self, named: Any) -> None:
         self.named = named

@@ -14,7 +14,9 @@ from typing import Any
 from numba import njit
 from numba.core.registry import CPUDispatcher
 
-__all__ = ["entry", "hot", "lean", "part", "sizes", "whole", "whole_entry"]
+from wingwatch.estimators.kernels.pieces import PieceCompiler
+
+__all__ = ["entry", "helper", "hot", "lean", "part", "sizes", "whole", "whole_entry"]
 
 _OPTIONS: dict[str, Any] = {
     "cache": True,
@@ -26,52 +28,57 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
-class _ForKernels(CPUDispatcher):
-    """A kernel without the code that takes Python's arguments apart."""
-
-    def __call__(self, *arguments: object) -> None:
-        raise TypeError(f"{self.py_func.__qualname__} is private: kernels alone can call it")
+_ALLOCATING: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def _kernel(**changed: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator of a kernel; one whose name is private is compiled for other kernels only.
+class _Piece(CPUDispatcher):
+    """A kernel that is compiled into those that call it. Where Python calls it, it is compiled by itself besides."""
 
-    To take a state of 45 arrays apart costs 0.4 s of compilation, and there are seventy such kernels.
-    """
-    options = _OPTIONS | changed
+    _by_itself: Any = None
+
+    def __call__(self, *arguments: object) -> Any:
+        if self._by_itself is None:
+            self._by_itself = njit(**self._options)(self.py_func)
+        return self._by_itself(*arguments)
+
+    _options: dict[str, Any]
+
+
+def _piece(options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator of a kernel that kernels call, with numba's options for it."""
 
     def decorate(function: Callable[..., Any]) -> Any:
-        if not function.__name__.startswith("_"):
-            return njit(**options)(function)
-        private = njit(**(options | {"no_cpython_wrapper": True}))(function)
-        if isinstance(private, CPUDispatcher):  # numba may be told to compile nothing
-            private.__class__ = _ForKernels  # called as others are, it would jump to the address 0
-        return private
+        within = {name: value for name, value in options.items() if name != "cache"} | {
+            "no_cpython_wrapper": True
+        }
+        piece = njit(**within, pipeline_class=PieceCompiler)(function)
+        if isinstance(piece, CPUDispatcher):  # numba may be told to compile nothing
+            piece.__class__, piece._options = _Piece, options | {"forceinline": False}
+        return piece
 
     return decorate
 
 
-hot: Any = _kernel()
+hot: Any = _piece(_OPTIONS)
 """Decorator of such a kernel. A product may be fused into its sum, a sum taken in another order; NaN stays NaN."""
 
-lean: Any = _kernel(forceinline=False)
-"""The same for a kernel that is called from several places: it stays one piece of code.
+lean: Any = _piece(_OPTIONS | {"forceinline": False})
+"""The same for a kernel that is called from several places: it stays one piece of code."""
 
-Of these and of ``hot`` ones Python can call those whose name is public.
-"""
+helper: Any = _piece(_ALLOCATING)
+"""Decorator of a kernel that kernels call and that may allocate."""
 
-entry: Any = _kernel(forceinline=False, nogil=True)
-"""The same for one that Python calls and that takes milliseconds with many vehicles: other threads run meanwhile."""
+entry: Any = njit(**(_OPTIONS | {"forceinline": False, "nogil": True}))
+"""Decorator of a kernel that Python calls and that takes milliseconds with many vehicles: other threads run meanwhile."""
 
-_MAY_ALLOCATE: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-whole: Any = njit(**_MAY_ALLOCATE)
-"""Decorator of a kernel that may allocate.
+whole: Any = njit(**_ALLOCATING)
+"""Decorator of a kernel that Python calls and that may allocate.
 
 As in all the others a division by zero gives what it gives in numpy: a kernel that takes many vehicles must not end at
 one of them.
 """
 
-whole_entry: Any = njit(**(_MAY_ALLOCATE | {"nogil": True}))
+whole_entry: Any = njit(**(_ALLOCATING | {"nogil": True}))
 """The same, and other threads run meanwhile. To get the interpreter's lock back takes longer than a short kernel."""
 
 part: Any = njit(inline="always")
