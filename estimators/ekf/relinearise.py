@@ -68,6 +68,7 @@ from wingwatch.estimators.ekf.window import (
 )
 from wingwatch.estimators.kernels.apart import apart, room_around
 from wingwatch.estimators.kernels.by_address import ByAddress
+from wingwatch.estimators.kernels.copying import copy_into
 from wingwatch.estimators.kernels.hot import helper, part, whole
 from wingwatch.estimators.kernels.symmetric import invert
 
@@ -371,7 +372,7 @@ def _assess(model, state, places, solved, fresh, again, never):  # type: ignore[
             continue
         fresh[m] = count - (window.ends[i, solutions - 1] if solutions > 0 else 0)
         window.ends[i, solutions], window.keep[i, solutions] = count, solved.keep[m]
-        window.resting[i, solutions] = solved.resting[m]
+        copy_into(solved.resting[m], window.resting[i, solutions])
         window.solutions[i] += 1
         middle = window.middle[i]
         kept[:] = 1.0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.coherence import coherent_dispersion
 from wingwatch.estimators.ekf.state import EkfState, Scatter
+from wingwatch.estimators.kernels.copying import copy_into
 from wingwatch.estimators.kernels.dispersion import (
     DISPERSION,
     disperse,
@@ -46,8 +47,8 @@ between two inputs."""
 def begin_block(scatter, i, now_s, information, vector):  # type: ignore[no-untyped-def]
     """Vehicle i begins a block with ``information`` (k, k) and ``vector`` (k,) about the derivatives."""
     scatter.start_s[i] = now_s
-    scatter.start_matrix[i] = information
-    scatter.start_vector[i] = vector
+    copy_into(information, scatter.start_matrix[i])
+    copy_into(vector, scatter.start_vector[i])
     scatter.matrix[i] = 0.0
     scatter.vector[i] = 0.0
 

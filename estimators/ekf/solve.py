@@ -8,6 +8,7 @@ from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.scatter import begin_block, close_block
 from wingwatch.estimators.ekf.state import FIRST_READING, NEWEST, READINGS, SQUARES, SUM, TIME, VANE
+from wingwatch.estimators.kernels.copying import copy_into
 from wingwatch.estimators.kernels.hot import helper, part, whole_entry
 from wingwatch.estimators.kernels.symmetric import invert
 
@@ -65,6 +66,17 @@ def _moves(halves, variance):  # type: ignore[no-untyped-def]
 
 
 @helper
+def _begin_half_second(halves):  # type: ignore[no-untyped-def]
+    """The oldest of some half seconds, (readings, halves, 3), makes room for a new one."""
+    last = halves.shape[1] - 1
+    for j in range(halves.shape[0]):
+        for c in range(halves.shape[2]):
+            for h in range(last):
+                halves[j, h, c] = halves[j, h + 1, c]
+            halves[j, last, c] = 0.0
+
+
+@helper
 def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
     """Which states and inputs of vehicle i rest, (ns + nu,): an input that has not moved beyond its noise for
     ``MOVED_S``; all states where none of them has in two seconds, for slow modes hardly move in half a second.
@@ -76,8 +88,7 @@ def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
     resting, asked, mode = np.zeros(variance.size, dtype=np.bool_), False, True
     if not solved_s - state.half_s[i] < ALMOST_HALF_S:
         state.half_s[i] = solved_s
-        halves[:, :-1] = halves[:, 1:]
-        halves[:, -1] = 0.0
+        _begin_half_second(halves)
     for j in range(variance.size):
         _join(moments[j], halves[j, -1])
         moments[j] = 0.0
@@ -199,7 +210,7 @@ def solve_all(model, state, places, solved, dispersing):  # type: ignore[no-unty
             state.moments[i] = 0.0
             solved.keep[m] = np.nan
             continue
-        solved.resting[m] = _without_noise(model, state, i, noise_information)
+        copy_into(_without_noise(model, state, i, noise_information), solved.resting[m])
         fresh = inverse_of(cov, chosen)
         solved.gained[m] = _account(state, i, first, noise_information, fresh, solved.resting[m])
         close_block(state.scatter, i, now_s, model.memory_s, dispersing)

@@ -29,7 +29,6 @@ Example:
 """
 
 import hashlib
-from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import numpy as np
@@ -67,34 +66,39 @@ class ByAddress:
 
     __slots__ = ("_numba_type_", "_words", "address", "named")
 
-    _kinds: ClassVar[dict[type, Any]] = {}
+    _kinds: ClassVar[dict[tuple[Any, ...], Any]] = {}
 
     def __init__(self, named: Any) -> None:
+        words: list[int] = []
+        form: list[Any] = [type(named)]
+        _describe(named, words, form)
+        key = tuple(form)
+        kind = self._kinds.get(key)
+        if kind is None:
+            kind = self._kinds[key] = _Structure(typeof(named))
         self.named = named
-        self._words = np.array(list(_words_of(named)), dtype=np.int64)
+        self._words = np.array(words, dtype=np.int64)
         self.address = self._words.ctypes.data
-        kind = self._kinds.get(type(named))
-        if kind is None:  # a class of tuples has fields of one kind each
-            kind = self._kinds[type(named)] = _Structure(typeof(named))
         self._numba_type_ = kind
 
 
-def _words_of(value: Any) -> Iterator[int]:
-    """What is written of a field: of an array where it lies and its shape; of a number its bits."""
+def _describe(value: Any, words: list[int], form: list[Any]) -> None:
+    """Adds what a field is to ``form``, and to ``words`` what is written of it: of an array where it lies and its
+    shape; of a number its bits."""
     if isinstance(value, tuple):
         for part in value:
-            yield from _words_of(part)
+            _describe(part, words, form)
     elif isinstance(value, np.ndarray):
         if not value.flags.c_contiguous:
             raise ValueError(
                 f"an array of shape {value.shape} is not contiguous: copy it before a kernel is given it"
             )
-        yield value.__array_interface__["data"][0]
-        yield from value.shape
-    elif isinstance(value, float):
-        yield int(np.float64(value).view(np.int64))
+        words.append(value.__array_interface__["data"][0])
+        words.extend(value.shape)
+        form.append((value.ndim, value.dtype.char))
     else:
-        yield int(value)
+        words.append(int(np.float64(value).view(np.int64)) if isinstance(value, float) else int(value))
+        form.append(type(value))
 
 
 class _Structure(types.Type):  # type: ignore[misc]

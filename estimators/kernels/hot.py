@@ -24,9 +24,8 @@ _OPTIONS: dict[str, Any] = {
     "_nrt": False,
     "error_model": "numpy",
     "fastmath": {"contract", "reassoc"},
-    "no_cfunc_wrapper": True,  # nobody takes a kernel's address, and for a state of 45 arrays it costs 0.2 s
+    "no_cfunc_wrapper": True,  # nobody takes a kernel's address
 }
-
 
 _ALLOCATING: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
@@ -34,14 +33,18 @@ _ALLOCATING: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_
 class _Piece(CPUDispatcher):
     """A kernel that is compiled into those that call it. Where Python calls it, it is compiled by itself besides."""
 
-    _by_itself: Any = None
+    _alone: Any = None
+    _options: dict[str, Any]
+
+    @property
+    def by_itself(self) -> Any:
+        """The kernel that Python calls."""
+        if self._alone is None:
+            self._alone = njit(**self._options)(self.py_func)
+        return self._alone
 
     def __call__(self, *arguments: object) -> Any:
-        if self._by_itself is None:
-            self._by_itself = njit(**self._options)(self.py_func)
-        return self._by_itself(*arguments)
-
-    _options: dict[str, Any]
+        return self.by_itself(*arguments)
 
 
 def _piece(options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
@@ -69,7 +72,7 @@ helper: Any = _piece(_ALLOCATING)
 """Decorator of a kernel that kernels call and that may allocate."""
 
 entry: Any = njit(**(_OPTIONS | {"forceinline": False, "nogil": True}))
-"""Decorator of a kernel that Python calls and that takes milliseconds with many vehicles: other threads run meanwhile."""
+"""Decorator of a kernel that Python calls, for milliseconds with many vehicles: other threads run meanwhile."""
 
 whole: Any = njit(**_ALLOCATING)
 """Decorator of a kernel that Python calls and that may allocate.
@@ -82,11 +85,7 @@ whole_entry: Any = njit(**(_ALLOCATING | {"nogil": True}))
 """The same, and other threads run meanwhile. To get the interpreter's lock back takes longer than a short kernel."""
 
 part: Any = njit(inline="always")
-"""Decorator of a piece of one ``lean`` kernel, written apart to be read: it is compiled as text of that kernel alone.
-
-A kernel that calls others is optimised and turned into code with all of them in it, at each layer of calls anew: a
-layer above much code costs ten seconds of a first start.
-"""
+"""Decorator of a piece of one kernel, written apart to be read: it is compiled as text of that kernel alone."""
 
 
 def sizes(*counts: int) -> tuple[tuple[int, ...], ...]:
