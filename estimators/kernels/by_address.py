@@ -101,7 +101,7 @@ def _describe(value: Any, words: list[int], form: list[Any]) -> None:
         form.append(type(value))
 
 
-class _Structure(types.Type):  # type: ignore[misc]
+class _Structure(types.Type):
     """A named tuple by its address."""
 
     def __init__(self, of: Any) -> None:
@@ -109,7 +109,7 @@ class _Structure(types.Type):  # type: ignore[misc]
         super().__init__(name=f"ByAddress({_short_name(of)})")
 
 
-class _Vehicle(types.Type):  # type: ignore[misc]
+class _Vehicle(types.Type):
     """One place on the leading axis of all arrays of a structure."""
 
     def __init__(self, of: Any) -> None:
@@ -123,13 +123,13 @@ def _short_name(of: Any) -> str:
 
 
 @register_model(_Structure)
-class _StructureModel(models.PrimitiveModel):  # type: ignore[misc]
+class _StructureModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, _WORD.as_pointer())
 
 
 @register_model(_Vehicle)
-class _VehicleModel(models.StructModel):  # type: ignore[misc]
+class _VehicleModel(models.StructModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, [("all", _Structure(kind.of)), ("place", types.intp)])
 
@@ -161,7 +161,7 @@ def _of_one(kind: Any) -> Any:
 
 
 @infer_getattr
-class _StructureFields(AttributeTemplate):  # type: ignore[misc]
+class _StructureFields(AttributeTemplate):
     key = _Structure
 
     def generic_resolve(self, structure: Any, name: str) -> Any:
@@ -172,7 +172,7 @@ class _StructureFields(AttributeTemplate):  # type: ignore[misc]
 
 
 @infer_getattr
-class _VehicleFields(AttributeTemplate):  # type: ignore[misc]
+class _VehicleFields(AttributeTemplate):
     key = _Vehicle
 
     def generic_resolve(self, vehicle: Any, name: str) -> Any:
@@ -232,13 +232,13 @@ def _read_array(context: Any, builder: Any, kind: Any, structure: Any, first: in
     return array._getvalue()
 
 
-@lower_getattr_generic(_Structure)  # type: ignore[untyped-decorator]
+@lower_getattr_generic(_Structure)
 def _structure_field(context: Any, builder: Any, structure: Any, value: Any, name: str) -> Any:
     first, kind = _field(structure.of, name)
     return _at(builder, value, first) if _is_by_address(kind) else _read(context, builder, kind, value, first)
 
 
-@lower_getattr_generic(_Vehicle)  # type: ignore[untyped-decorator]
+@lower_getattr_generic(_Vehicle)
 def _vehicle_field(context: Any, builder: Any, vehicle: Any, value: Any, name: str) -> Any:
     first, kind = _field(vehicle.of, name)
     pair = cgutils.create_struct_proxy(vehicle)(context, builder, value=value)
@@ -249,9 +249,7 @@ def _vehicle_field(context: Any, builder: Any, vehicle: Any, value: Any, name: s
     return inner._getvalue()
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def one_vehicle(typing_context: Any, structure: Any, place: Any) -> Any:
-    """In a kernel: the structure of vehicle ``place``, every array without its leading axis."""
+def _one_vehicle(typing_context: Any, structure: Any, place: Any) -> Any:
     vehicle = _Vehicle(structure.of)
 
     def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -262,12 +260,16 @@ def one_vehicle(typing_context: Any, structure: Any, place: Any) -> Any:
     return vehicle(structure, types.intp), write
 
 
-@typeof_impl.register(ByAddress)  # type: ignore[untyped-decorator]
+one_vehicle: Any = intrinsic(_one_vehicle)
+"""In a kernel: of a structure the part of vehicle ``place``, every array without its leading axis."""
+
+
+@typeof_impl.register(ByAddress)
 def _kind_of(value: ByAddress, context: Any) -> Any:
     return value._numba_type_
 
 
-@unbox(_Structure)  # type: ignore[untyped-decorator]
+@unbox(_Structure)
 def _address_of(kind: Any, value: Any, c: Any) -> Any:
     number = c.pyapi.object_getattr_string(value, "address")
     address = c.pyapi.long_as_voidptr(number)

@@ -54,9 +54,10 @@ def _piece(options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
         within = {name: value for name, value in options.items() if name != "cache"} | {
             "no_cpython_wrapper": True
         }
-        piece = njit(**within, pipeline_class=PieceCompiler)(function)
+        piece: Any = njit(**within, pipeline_class=PieceCompiler)(function)
         if isinstance(piece, CPUDispatcher):  # numba may be told to compile nothing
-            piece.__class__, piece._options = _Piece, options | {"forceinline": False}
+            piece.__class__ = _Piece
+            vars(piece)["_options"] = options | {"forceinline": False}
         return piece
 
     return decorate

@@ -19,7 +19,7 @@ from numba.core.typed_passes import AnnotateTypes
 __all__ = ["PieceCompiler"]
 
 
-class _Piece(JITCodeLibrary):  # type: ignore[misc]
+class _Piece(JITCodeLibrary):
     """Code for other libraries to link: neither optimised as a whole nor emitted."""
 
     def finalize(self) -> None:
@@ -53,7 +53,7 @@ class _WithoutEnvironment:
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
-class _ChooseLibrary(AnalysisPass):  # type: ignore[misc]
+class _ChooseLibrary(AnalysisPass):
     """Before code is written: that it goes into a piece."""
 
     _name = "wingwatch_choose_library"
@@ -66,7 +66,7 @@ class _ChooseLibrary(AnalysisPass):  # type: ignore[misc]
         return False
 
 
-class PieceCompiler(CompilerBase):  # type: ignore[misc]
+class PieceCompiler(CompilerBase):
     """The pipeline of a piece: numba's own, and a library of the other kind."""
 
     def define_pipelines(self) -> list[Any]:

@@ -14,7 +14,7 @@ from wingwatch.estimators.kernels.hot import helper, hot
 
 class Level(NamedTuple):
     value: NDArray[np.float64]
-    count: NDArray[np.int64]
+    samples: NDArray[np.int64]
 
 
 class Many(NamedTuple):
@@ -71,7 +71,7 @@ def _read(named):  # type: ignore[no-untyped-def]
 @njit
 def _read_one(named, i):  # type: ignore[no-untyped-def]
     vehicle = one_vehicle(named, i)
-    vehicle.level.count[...] = 40 + i
+    vehicle.level.samples[...] = 40 + i
     return vehicle.many.e[2], vehicle.matrix[1, 2], vehicle.matrix.shape
 
 
@@ -98,7 +98,7 @@ def test_the_arrays_of_one_vehicle_are_without_their_leading_axis() -> None:
     named = structure()
     for i in range(3):
         assert _read_one(ByAddress(named), i) == (named.many.e[i, 2], named.matrix[i, 1, 2], (2, 3))
-    np.testing.assert_array_equal(named.level.count, [40, 41, 42])
+    np.testing.assert_array_equal(named.level.samples, [40, 41, 42])
 
 
 def test_a_kernel_takes_the_tuple_itself_too() -> None:
