@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.structures import ModeStructure
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.hot import helper, whole
 from wingwatch.estimators.kernels.symmetric import eigen
 
 __all__ = ["confounded_sets", "find_confounded", "sets_of", "told_apart_text"]
@@ -118,7 +118,7 @@ def find_confounded(covariance, natural, prior_ratio, columns, hidden, number): 
             sets -= 1
 
 
-@whole
+@helper
 def _by_data_alone(covariance, natural, prior_ratio, alone, unknown):  # type: ignore[no-untyped-def]
     """Adds the diagonal of J to ``alone`` (k,), and C to ``unknown`` (k, k)."""
     k = natural.size

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.structures import ModeStructure
 from wingwatch.estimators.confounding import find_confounded, sets_of, told_apart_text
 from wingwatch.estimators.estimate import Estimate, Outcome
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.hot import helper, whole
 
 __all__ = ["ConcisePosterior", "Standing", "Standings", "stand"]
 
@@ -160,7 +160,7 @@ def _judge_all(sizes, covariance, prior_ratio, columns, known, code, number):  #
         _judge(sizes_m, covariance[m], prior_ratio, columns, known_m, code[m], number[m])
 
 
-@whole
+@helper
 def _judge(sizes, covariance, prior_ratio, columns, known, code, number):  # type: ignore[no-untyped-def]
     """Validity of each derivative.
 

@@ -230,9 +230,11 @@ def respond(theta, own, drifting, accelerometers, record, out, sensitivity):  # 
         drives[nu] = pressure[k]
         if drifting:
             drives[nu + 1] = pressure[k] * (time_s[k] - middle) / span
-        out[k, :ns] = x
-        sensitivity[k, :ns] = sens
         sensitivity[k, ns:] = 0.0
+        for i in range(ns):
+            out[k, i] = x[i]
+            for j in range(sens.shape[1]):
+                sensitivity[k, i, j] = sens[i, j]
         model = _Model(a, theta, constants, drives, rest[k], stability[k], neq, width)
         for f in range(accelerometers.rows.size):
             row, dy = accelerometers.rows[f], sensitivity[k, ns + f]

@@ -6,7 +6,6 @@ Derivation in ``docs/methods/kalman_filter.md``, section 4. The formulas by them
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.noise import (
@@ -18,7 +17,7 @@ from wingwatch.estimators.ekf.noise import (
     difference_variance,
     learn_reading_noise,
 )
-from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.hot import hot, whole
 from wingwatch.estimators.kernels.levels import advance_level
 from wingwatch.estimators.kernels.reading_noise import follow_reading, largest_variance, reading_variance
 
@@ -99,7 +98,7 @@ def learn_noise(model, noise, memory, i, sample, z, after, rate):  # type: ignor
         noise.gust[i] = max(gain * gain * error - carried, LEAST_GUST)
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def adapt_noise(model, noise, i, posterior, prediction, step, residuals, rate):  # type: ignore[no-untyped-def]
     """``adapt_vane`` and ``adapt_noise_inline`` for the engine "filterpy"."""
     adapt_vane(noise, i, posterior, step, residuals, rate)

@@ -6,11 +6,10 @@ holds. What the model leaves out comes back with every manoeuvre: stated errors 
 """
 
 import numpy as np
-from numba import njit
 
 from wingwatch.estimators.ekf.state import Coherence, EkfState
 from wingwatch.estimators.kernels.dispersion import PRIOR_FREEDOM
-from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.hot import helper, hot, whole
 
 __all__ = [
     "coherent_dispersion",
@@ -29,7 +28,7 @@ LEVEL_S = 5.0
 """Time over which the mean of the explained acceleration is taken, which is trim and not motion."""
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def follow_coherence(model, coherence, i, z, step, gains):  # type: ignore[no-untyped-def]
     """``follow_coherence_inline`` for the engine "filterpy"."""
     follow_coherence_inline(model, coherence, i, z, step, gains)
@@ -80,7 +79,7 @@ def forget_motion(coherence, i):  # type: ignore[no-untyped-def]
     coherence.passed[i] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def coherent_dispersion(coherence, i, out):  # type: ignore[no-untyped-def]
     """Into ``out`` (ns,) by equation: power of the sums over that which white innovations give them, at least one,
     (docs (15c))."""

@@ -5,9 +5,8 @@ both triangles alike to the last bit.
 """
 
 import numpy as np
-from numba import njit
 
-from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.hot import helper, hot
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["correct", "forget", "inverse_of", "leave_out", "of_derivatives", "predict", "reseat"]
@@ -128,7 +127,7 @@ def _measured_of(gain, i, row, j, ns, nz):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def inverse_of(cov, chosen):  # type: ignore[no-untyped-def]
     """Inverse of the covariance of some parameters, (m, m)."""
     m = chosen.size
@@ -140,7 +139,7 @@ def inverse_of(cov, chosen):  # type: ignore[no-untyped-def]
     return inverse
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def put_marginal(z, cov, chosen, inverse, value, covariance):  # type: ignore[no-untyped-def]
     """Gives some parameters another mean and covariance; all else, given these, stays.
 
@@ -183,7 +182,7 @@ def put_marginal(z, cov, chosen, inverse, value, covariance):  # type: ignore[no
             cov[chosen[a], chosen[b]] = covariance[a, b]
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def forget(z, cov, prior_value, prior_information, keep, noise_information, first):  # type: ignore[no-untyped-def]
     """Stabilised forgetting: what is known of the parameters is mixed with the prior, keep : 1 - keep.
 
@@ -216,7 +215,7 @@ def forget(z, cov, prior_value, prior_information, keep, noise_information, firs
     put_marginal(z, cov, chosen, inverse, value, mixed)
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def of_derivatives(resting, ns):  # type: ignore[no-untyped-def]
     """Whether each derivative is by a resting state or input, (k,), of ``resting`` (ns + nu,)."""
     nd = resting.size
@@ -227,7 +226,7 @@ def of_derivatives(resting, ns):  # type: ignore[no-untyped-def]
     return chosen
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def leave_out(matrix, vector, before, mean, resting, ns):  # type: ignore[no-untyped-def]
     """Leaves out what was learned of the derivatives by resting states and inputs.
 
@@ -249,7 +248,7 @@ def leave_out(matrix, vector, before, mean, resting, ns):  # type: ignore[no-unt
         _keep_distribution(matrix, vector, before, mean, np.flatnonzero(chosen))
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _leave_out_alone(matrix, vector, before, mean, chosen):  # type: ignore[no-untyped-def]
     """The information about ``chosen`` derivatives, (k,) of bool, becomes that of ``before``; the others' that at the
     mean that these had."""
@@ -269,7 +268,7 @@ def _leave_out_alone(matrix, vector, before, mean, chosen):  # type: ignore[no-u
                 matrix[a, b] = before[a, b]
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _keep_distribution(matrix, vector, before, mean, chosen):  # type: ignore[no-untyped-def]
     """The ``chosen`` derivatives, indices (m,), get the distribution of ``before``; the others, given these, stay."""
     k, m = mean.size, chosen.size
@@ -292,7 +291,7 @@ def _keep_distribution(matrix, vector, before, mean, chosen):  # type: ignore[no
             vector[a] += matrix[a, b] * value[b]
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def reseat(z, cov, value, covariance, first):  # type: ignore[no-untyped-def]
     """Gives the derivatives another mean and covariance; all else, given the derivatives, stays.
 

@@ -54,6 +54,7 @@ from wingwatch.estimators.ekf.state import (
 from wingwatch.estimators.ekf.window import SOLUTIONS, WINDOW_ROWS, begin_window, remember
 from wingwatch.estimators.estimate import Estimate
 from wingwatch.estimators.kernels.apart import apart
+from wingwatch.estimators.kernels.by_address import ByAddress
 from wingwatch.estimators.kernels.dispersion import dispersion_workspace
 from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.levels import LEVELS
@@ -267,11 +268,11 @@ class EkfEstimator:
         solved = Solved(
             np.empty(n), np.empty(n), np.empty((n, self.layout.states + self.layout.inputs), dtype=np.bool_)
         )
-        solve_all(self.model, state, places, solved, self._dispersing)
+        solve_all(self.model, ByAddress(state), places, solved, self._dispersing)
         faults |= relinearise_all(self.model, state, places, solved)
         self._start_lost(state, places)
         for i in quiet:
-            begin_window(self.model, state, i)
+            begin_window(self.model, ByAddress(state), i)
         if seen is not None:
             for decided in places[seen != UNDECIDED].tolist():
                 accept(state, decided, first)
@@ -319,7 +320,7 @@ class EkfEstimator:
             gained = gained_in_window(self.model, state, vehicle)
             state.gained_matrix[vehicle], state.gained_vector[vehicle] = gained
         else:
-            begin_window(self.model, state, vehicle)
+            begin_window(self.model, ByAddress(state), vehicle)
         forget_coherence(state, vehicle)
         accept(state, vehicle, first)
         forget_block(state, vehicle)

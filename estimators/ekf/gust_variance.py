@@ -6,7 +6,7 @@ from wingwatch.estimators.ekf.model import gust_decay, transition
 from wingwatch.estimators.ekf.noise import process_noise
 from wingwatch.estimators.ekf.sample import Step
 from wingwatch.estimators.ekf.state import ESTIMATED, PATH
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.hot import helper, whole
 
 __all__ = ["gust_variance"]
 
@@ -68,7 +68,7 @@ def gust_variance(model, z, noise, condition, ratios, direction, places, out):  
             out[m, k] = caused[k, k]
 
 
-@whole
+@helper
 def _times(one, other, out):  # type: ignore[no-untyped-def]
     for a in range(out.shape[0]):
         for b in range(out.shape[1]):
@@ -78,7 +78,7 @@ def _times(one, other, out):  # type: ignore[no-untyped-def]
             out[a, b] = total
 
 
-@whole
+@helper
 def _times_transposed(one, other, out):  # type: ignore[no-untyped-def]
     for a in range(out.shape[0]):
         for b in range(out.shape[1]):

@@ -13,10 +13,9 @@ variables). So:
 """
 
 import numpy as np
-from numba import njit
 
 from wingwatch.estimators.ekf.state import FIRST_READING, READINGS, SQUARES, SUM
-from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.hot import helper, hot, whole
 
 __all__ = [
     "FOLLOWED_STEPS",
@@ -77,7 +76,7 @@ def input_noise_into(model, jacobian, z, variance, course_variance, effect, q): 
                     q[a, b] += effect[a] * effect[b]
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def input_noise(model, jacobian, row, z, variance, course_variance, q):  # type: ignore[no-untyped-def]
     """``input_noise_into``; returns what the reading errors add to the variance of the accelerometer's ``row``."""
     input_noise_into(model, jacobian, z, variance, course_variance, np.empty(model.sizes.dynamic), q)
@@ -157,7 +156,7 @@ def correct_input_errors(model, errors, i, readings, gains, work):  # type: igno
                 errors.information[i, j, c, r] = errors.energy[i, j, c, r]
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def input_noise_information(error_information, moments, variance, resting, out):  # type: ignore[no-untyped-def]
     """Information that came of reading errors since the last solution, into ``out`` (k, k); none of a resting input.
 

@@ -20,11 +20,10 @@ it would carry information about these derivatives that nobody has.
 """
 
 import numpy as np
-from numba import njit
 
 from wingwatch.estimators.ekf.sample import Transition
 from wingwatch.estimators.ekf.state import ACCELERATION, PATH, TURN
-from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.hot import helper, hot, whole
 
 __all__ = [
     "LEAST_DAMPING",
@@ -202,7 +201,7 @@ def _series(a, ns, a2, a3, out):  # type: ignore[no-untyped-def]
         part *= 2.0
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def transition(model, z, step):  # type: ignore[no-untyped-def]
     """One step of the augmented state ``z`` (nz,), as a ``Transition``."""
     ns, nx = model.sizes.states, model.sizes.dynamic
@@ -296,7 +295,7 @@ def _sensitivity_to_states(model, z, step, work):  # type: ignore[no-untyped-def
         jacobian[ns + g, ns + g] = step.decay[g]
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def measure(model, z, step):  # type: ignore[no-untyped-def]
     """Predicted measurements: the states, then the accelerometer at its place.
 

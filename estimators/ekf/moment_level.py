@@ -13,13 +13,12 @@ derivatives; S is that of the filter, so that an innovation which unknown deriva
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.model import acceleration_state
 from wingwatch.estimators.ekf.noise import UNMODELLED
 from wingwatch.estimators.ekf.state import ACCELERATION
-from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.hot import hot, whole
 
 __all__ = [
     "Slope",
@@ -49,7 +48,7 @@ class Slope(NamedTuple):
     """Place of e in the augmented state."""
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def follow_moment_levels(model, state, i, step, jacobian, measured, rate, work):  # type: ignore[no-untyped-def]
     """``follow_moment_levels_inline`` for the engine "filterpy"."""
     follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate, work)

@@ -1,11 +1,10 @@
 """Noise variances of the Kalman filter, learned from the record, and what they add to its covariance; compiled."""
 
 import numpy as np
-from numba import njit
 
 from wingwatch.estimators.ekf.model import acceleration_state, gust_turn
 from wingwatch.estimators.ekf.state import PATH, TURN
-from wingwatch.estimators.kernels.hot import hot
+from wingwatch.estimators.kernels.hot import helper, hot, whole
 
 __all__ = [
     "LEAST",
@@ -149,7 +148,7 @@ def adapt_process(variance, discounted, correction, before, after, rate):  # typ
     return variance * (1.0 + rate * (min(ratio, FASTEST) - 1.0)), discounted
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def process_noise(model, noise, i, jacobian, step):  # type: ignore[no-untyped-def]
     """Covariance that a step adds to states and gust states, (nx, nx): sources that strike at any time within the step.
 
@@ -196,7 +195,7 @@ def process_noise_into(model, noise, i, jacobian, step, work, q):  # type: ignor
         q[ns + g, ns + g] += (1.0 - step.decay[g] ** 2) * PATH_STD * PATH_STD
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def trim_drift(model, noise, i, step):  # type: ignore[no-untyped-def]
     """Variance that a step adds to the trim constants, (ns,): slower changes than the trim corner are theirs."""
     drift = np.empty(model.sizes.states)

@@ -7,7 +7,6 @@ Derivation in ``docs/methods/kalman_filter.md``. Nothing here allocates per samp
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.adaptation import (
@@ -60,7 +59,8 @@ from wingwatch.estimators.ekf.state import (
     running,
     sizes_of,
 )
-from wingwatch.estimators.kernels.hot import hot, lean, part, sizes, whole_entry
+from wingwatch.estimators.kernels.by_address import ByAddress
+from wingwatch.estimators.kernels.hot import hot, lean, part, sizes, whole, whole_entry
 from wingwatch.estimators.kernels.intersample import means_of_rows
 from wingwatch.estimators.kernels.levels import start_level
 from wingwatch.estimators.kernels.reading_noise import forget_readings
@@ -124,7 +124,7 @@ def _step_on(drive, sample, rolling, direction, kinematic):  # type: ignore[no-u
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def step_of(model, sample, rolling, direction):  # type: ignore[no-untyped-def]
     """What drives the model over the step of a ``Sample``; the rest as in ``Step``."""
     drive = _drive(model.sizes.states, model.sizes.inputs, model.sizes.gusts)
@@ -411,11 +411,13 @@ def run_again(model: Model, state: Running, signals: Array, ends: NDArray[np.int
     notes = _notes(model, ends.size)
     state.moments[:] = 0.0
     rows = signals[None], all_lanes(1, len(signals))
-    _update_all(_lengths(model), model, state, rows, ends, False, notes)
+    _update_all(_lengths(model), model, ByAddress(state), rows, ends, False, notes)
     return notes
 
 
 def update_all(model: Model, state: EkfState, signals: Array, lanes: Lanes) -> None:
     """Run all samples of some vehicles, (vehicles, samples, columns)."""
     ends = np.array([signals.shape[1]])
-    _update_all(_lengths(model), model, running(state), (signals, lanes), ends, True, _notes(model, 0))
+    _update_all(
+        _lengths(model), model, ByAddress(running(state)), (signals, lanes), ends, True, _notes(model, 0)
+    )

@@ -26,6 +26,7 @@ from wingwatch.estimators.ekf.state import (
     put_vehicle,
 )
 from wingwatch.estimators.ekf.window import FIRST, cut_at, recalled, set_checkpoint
+from wingwatch.estimators.kernels.by_address import ByAddress
 
 __all__ = ["gained_in_window", "keep_ratios", "release_since"]
 
@@ -131,7 +132,7 @@ def release_since(model: Model, state: EkfState, i: int, spread: Array, since_s:
     work.ratios[0], work.direction[0] = there.ratios[0], there.direction[0]
     cut_at(work, before)
     there.information[0] = np.linalg.inv(there.cov[0, parameters, parameters])
-    set_checkpoint(model, there, 0, work.window.checkpoints, FIRST)
+    set_checkpoint(model, ByAddress(there), 0, ByAddress(work.window.checkpoints), FIRST)
     for _ in range(_STEPS):
         _lower_levels(work)
         if not run_window_again(model, work, 0):

@@ -41,7 +41,6 @@ at most a quarter. Quiet flight, where J comes of noise, and a derivative just r
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.covariance import leave_out, reseat
@@ -68,7 +67,9 @@ from wingwatch.estimators.ekf.window import (
     recalled,
 )
 from wingwatch.estimators.kernels.apart import apart, room_around
-from wingwatch.estimators.kernels.hot import part, whole
+from wingwatch.estimators.kernels.by_address import ByAddress
+from wingwatch.estimators.kernels.copying import copy_into
+from wingwatch.estimators.kernels.hot import helper, part, whole
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["relinearise_all", "run_window_again"]
@@ -186,7 +187,7 @@ def _left_out(model, state, i, first, kept, prior_information):  # type: ignore[
     return max(off, moved), fraction
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _inverse(matrix, work, out):  # type: ignore[no-untyped-def]
     """Inverse of a symmetric matrix into ``out``; returns whether the matrix is positive definite and finite."""
     n = matrix.shape[0]
@@ -200,7 +201,7 @@ def _inverse(matrix, work, out):  # type: ignore[no-untyped-def]
     return sound
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
     for a in range(out.size):
         out[a] = 0.0
@@ -208,7 +209,7 @@ def _times(matrix, vector, out):  # type: ignore[no-untyped-def]
             out[a] += matrix[a, b] * vector[b]
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-def]
     """What solution ``s`` does to what is known: what rested (``before``: as known before the half second), information
     that came of reading errors, forgetting."""
@@ -232,7 +233,7 @@ def _forget(model, known, before, span, notes, s):  # type: ignore[no-untyped-de
             information[a, b] = information[b, a] = 0.5 * (information[a, b] + information[b, a])
 
 
-@njit(cache=True, error_model="numpy")
+@whole
 def _put_together(model, fixed, span, notes, known, middle):  # type: ignore[no-untyped-def]
     """Half second by half second, what the run about a fixed point says joins what is known.
 
@@ -339,7 +340,7 @@ def run_window_again(model: Model, state: EkfState, i: int, about: Belief | None
         return False
     _reseat((run.z[0], run.cov[0]), known, first)
     for m in range(2):
-        innovation_log_variance(model, run, 0, points.log_variance[i, m])
+        innovation_log_variance(model, ByAddress(run), 0, points.log_variance[i, m])
         points.value[i, m], points.covariance[i, m] = fixed.value, state.cov[i, parameters, parameters]
     if middle_row > 0:
         at = int(np.flatnonzero(span.ends == middle_row)[0])
@@ -371,7 +372,7 @@ def _assess(model, state, places, solved, fresh, again, never):  # type: ignore[
             continue
         fresh[m] = count - (window.ends[i, solutions - 1] if solutions > 0 else 0)
         window.ends[i, solutions], window.keep[i, solutions] = count, solved.keep[m]
-        window.resting[i, solutions] = solved.resting[m]
+        copy_into(solved.resting[m], window.resting[i, solutions])
         window.solutions[i] += 1
         middle = window.middle[i]
         kept[:] = 1.0
@@ -418,7 +419,8 @@ def relinearise_all(
     """
     fresh = np.empty(len(places), dtype=np.int64)
     again, never = np.empty((2, len(places)), dtype=np.bool_)
-    _assess(model, state, places, solved, fresh, again, never)
+    packed = ByAddress(state)
+    _assess(model, packed, places, solved, fresh, again, never)
     faults: dict[int, Exception] = {}
     for m in np.flatnonzero(again):
         try:
@@ -433,7 +435,7 @@ def relinearise_all(
                 state.window.rerun[i] += state.window.filled[i]
         except Exception as error:
             faults[i], fresh[m] = error, -1
-    _advance_all(model, state, places, fresh)
+    _advance_all(model, packed, places, fresh)
     return faults
 
 

@@ -9,11 +9,11 @@ solutions, so that inputs are in some and not in others: what only the one kind 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.coherence import coherent_dispersion
 from wingwatch.estimators.ekf.state import EkfState, Scatter
+from wingwatch.estimators.kernels.copying import copy_into
 from wingwatch.estimators.kernels.dispersion import (
     DISPERSION,
     disperse,
@@ -21,7 +21,7 @@ from wingwatch.estimators.kernels.dispersion import (
     dispersion_workspace,
     gather_scatter,
 )
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.hot import helper, whole
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = [
@@ -43,17 +43,17 @@ BLOCK_SOLUTIONS = 10
 between two inputs."""
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def begin_block(scatter, i, now_s, information, vector):  # type: ignore[no-untyped-def]
     """Vehicle i begins a block with ``information`` (k, k) and ``vector`` (k,) about the derivatives."""
     scatter.start_s[i] = now_s
-    scatter.start_matrix[i] = information
-    scatter.start_vector[i] = vector
+    copy_into(information, scatter.start_matrix[i])
+    copy_into(vector, scatter.start_vector[i])
     scatter.matrix[i] = 0.0
     scatter.vector[i] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def close_block(scatter, i, now_s, memory_s, work):  # type: ignore[no-untyped-def]
     """Compares a block that is full with what was known when it began; the next solution begins another.
 

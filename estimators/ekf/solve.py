@@ -1,7 +1,6 @@
 """What a solution does to the filter: it notes what was learned, and forgets; compiled."""
 
 import numpy as np
-from numba import njit
 
 from wingwatch.estimators.ekf.coherence import coherent_dispersion
 from wingwatch.estimators.ekf.covariance import forget, inverse_of, leave_out, of_derivatives, reseat
@@ -9,7 +8,8 @@ from wingwatch.estimators.ekf.inputs import input_noise_information
 from wingwatch.estimators.ekf.recursion import WARM_UP
 from wingwatch.estimators.ekf.scatter import begin_block, close_block
 from wingwatch.estimators.ekf.state import FIRST_READING, NEWEST, READINGS, SQUARES, SUM, TIME, VANE
-from wingwatch.estimators.kernels.hot import part, whole_entry
+from wingwatch.estimators.kernels.copying import copy_into
+from wingwatch.estimators.kernels.hot import helper, part, whole_entry
 from wingwatch.estimators.kernels.symmetric import invert
 
 __all__ = ["solve_all"]
@@ -32,7 +32,7 @@ NOISE_FRACTION = 0.5
 for."""
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _join(moments, half):  # type: ignore[no-untyped-def]
     """The readings since the last solution, of ``moments`` (4,), join those of ``half`` (3,): number, mean and sum of
     squares from it."""
@@ -46,7 +46,7 @@ def _join(moments, half):  # type: ignore[no-untyped-def]
         half[0], half[1] = total, half[1] + off * count / total
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _moves(halves, variance):  # type: ignore[no-untyped-def]
     """Whether the readings of some half seconds, (h, 3), vary by more than noise of ``variance`` does.
 
@@ -65,7 +65,18 @@ def _moves(halves, variance):  # type: ignore[no-untyped-def]
     return squares > (count - 1.0) * variance * (1.0 - part + CHANCE * np.sqrt(part)) ** 3
 
 
-@njit(cache=True, error_model="numpy")
+@helper
+def _begin_half_second(halves):  # type: ignore[no-untyped-def]
+    """The oldest of some half seconds, (readings, halves, 3), makes room for a new one."""
+    last = halves.shape[1] - 1
+    for j in range(halves.shape[0]):
+        for c in range(halves.shape[2]):
+            for h in range(last):
+                halves[j, h, c] = halves[j, h + 1, c]
+            halves[j, last, c] = 0.0
+
+
+@helper
 def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
     """Which states and inputs of vehicle i rest, (ns + nu,): an input that has not moved beyond its noise for
     ``MOVED_S``; all states where none of them has in two seconds, for slow modes hardly move in half a second.
@@ -77,8 +88,7 @@ def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
     resting, asked, mode = np.zeros(variance.size, dtype=np.bool_), False, True
     if not solved_s - state.half_s[i] < ALMOST_HALF_S:
         state.half_s[i] = solved_s
-        halves[:, :-1] = halves[:, 1:]
-        halves[:, -1] = 0.0
+        _begin_half_second(halves)
     for j in range(variance.size):
         _join(moments[j], halves[j, -1])
         moments[j] = 0.0
@@ -95,7 +105,7 @@ def _resting(state, i, variance, ns):  # type: ignore[no-untyped-def]
     return resting
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def _mean_of(matrix, vector, covariance, mean):  # type: ignore[no-untyped-def]
     """Covariance and mean that an information matrix and vector mean, into ``covariance`` and ``mean``."""
     invert(matrix.copy(), covariance)
@@ -200,7 +210,7 @@ def solve_all(model, state, places, solved, dispersing):  # type: ignore[no-unty
             state.moments[i] = 0.0
             solved.keep[m] = np.nan
             continue
-        solved.resting[m] = _without_noise(model, state, i, noise_information)
+        copy_into(_without_noise(model, state, i, noise_information), solved.resting[m])
         fresh = inverse_of(cov, chosen)
         solved.gained[m] = _account(state, i, first, noise_information, fresh, solved.resting[m])
         close_block(state.scatter, i, now_s, model.memory_s, dispersing)

@@ -1,11 +1,11 @@
 """The filter's window of recent signal rows, and its checkpoints: what ``relinearise`` runs again is kept here."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from wingwatch.estimators.ekf.state import ACCELERATION, NEWEST, TIME, EkfState
-from wingwatch.estimators.kernels.hot import part, whole
+from wingwatch.estimators.kernels.copying import copy_into
+from wingwatch.estimators.kernels.hot import helper, part, whole
 
 __all__ = [
     "FIRST",
@@ -70,7 +70,7 @@ def recalled(rows: NDArray[np.float32], before_s: float) -> Array:
     return signals
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def innovation_log_variance(model, state, i, out):  # type: ignore[no-untyped-def]
     """Logarithms of the innovations' variances of vehicle i, by state and for the accelerometer, (ns + 1,).
 
@@ -88,31 +88,33 @@ def innovation_log_variance(model, state, i, out):  # type: ignore[no-untyped-de
         out[j] = np.log(reading[j] + 0.5 * (walk + np.sqrt(walk * walk + 4.0 * walk * reading[j])))
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def set_checkpoint(model, state, i, checkpoints, m):  # type: ignore[no-untyped-def]
     """A vehicle's present state as its checkpoint ``m``; what follows is linearised about it."""
     k = state.vector.shape[1]
     first = state.z.shape[1] - k - state.noise.reading.shape[1] + 1
     innovation_log_variance(model, state, i, checkpoints.log_variance[i, m])
-    checkpoints.rows[i, m] = state.rows[i]
-    checkpoints.z[i, m] = state.z[i]
-    checkpoints.cov[i, m] = state.cov[i]
-    checkpoints.value[i, m] = state.z[i, first : first + k]
-    checkpoints.covariance[i, m] = state.cov[i, first : first + k, first : first + k]
-    checkpoints.information[i, m] = state.information[i]
+    copy_into(state.rows[i], checkpoints.rows[i, m])
+    copy_into(state.z[i], checkpoints.z[i, m])
+    copy_into(state.cov[i], checkpoints.cov[i, m])
+    copy_into(state.z[i, first : first + k], checkpoints.value[i, m])
+    copy_into(state.cov[i, first : first + k, first : first + k], checkpoints.covariance[i, m])
+    copy_into(state.information[i], checkpoints.information[i, m])
     levels, noise = checkpoints.levels, state.noise
     levels.accelerometer[i, m] = noise.reading[i, noise.reading.shape[1] - 1]
-    levels.gain[i, m], levels.fisher[i, m] = noise.gain[i], noise.fisher[i]
-    levels.unmeasured[i, m], levels.information[i, m] = noise.unmeasured[i], state.moment_level.information[i]
+    levels.gain[i, m] = noise.gain[i]
+    copy_into(noise.fisher[i], levels.fisher[i, m])
+    copy_into(noise.unmeasured[i], levels.unmeasured[i, m])
+    copy_into(state.moment_level.information[i], levels.information[i, m])
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def empty_window(window, i):  # type: ignore[no-untyped-def]
     """Nothing that came before is run again."""
     window.filled[i] = window.middle[i] = window.solutions[i] = window.skipped[i] = 0
 
 
-@njit(cache=True, error_model="numpy")
+@helper
 def begin_window(model, state, i):  # type: ignore[no-untyped-def]
     """What follows may be run again from here, nothing before it."""
     empty_window(state.window, i)
@@ -123,23 +125,28 @@ def begin_window(model, state, i):  # type: ignore[no-untyped-def]
 def _cut(window, i):  # type: ignore[no-untyped-def]
     """The window begins at its second checkpoint, which moves to the first one's place."""
     cut, points, kept = window.middle[i], window.checkpoints, 0
-    points.z[i, 0], points.cov[i, 0], points.rows[i, 0] = points.z[i, 1], points.cov[i, 1], points.rows[i, 1]
-    points.log_variance[i, 0], points.value[i, 0] = points.log_variance[i, 1], points.value[i, 1]
-    points.covariance[i, 0], points.information[i, 0] = points.covariance[i, 1], points.information[i, 1]
     levels = points.levels
+    copy_into(points.z[i, 1], points.z[i, 0])
+    copy_into(points.cov[i, 1], points.cov[i, 0])
+    copy_into(points.rows[i, 1], points.rows[i, 0])
+    copy_into(points.log_variance[i, 1], points.log_variance[i, 0])
+    copy_into(points.value[i, 1], points.value[i, 0])
+    copy_into(points.covariance[i, 1], points.covariance[i, 0])
+    copy_into(points.information[i, 1], points.information[i, 0])
+    copy_into(levels.fisher[i, 1], levels.fisher[i, 0])
+    copy_into(levels.unmeasured[i, 1], levels.unmeasured[i, 0])
+    copy_into(levels.information[i, 1], levels.information[i, 0])
     levels.accelerometer[i, 0], levels.gain[i, 0] = levels.accelerometer[i, 1], levels.gain[i, 1]
-    levels.fisher[i, 0], levels.unmeasured[i, 0] = levels.fisher[i, 1], levels.unmeasured[i, 1]
-    levels.information[i, 0] = levels.information[i, 1]
     for s in range(window.solutions[i]):
         if window.ends[i, s] > cut:
             window.ends[i, kept] = window.ends[i, s] - cut
             window.keep[i, kept] = window.keep[i, s]
-            window.resting[i, kept] = window.resting[i, s]
+            copy_into(window.resting[i, s], window.resting[i, kept])
             kept += 1
     rows = window.rows[i]
     left = window.filled[i] - cut
     for r in range(left):
-        rows[r] = rows[r + cut]
+        copy_into(rows[r + cut], rows[r])
     window.filled[i], window.middle[i], window.solutions[i] = left, left, kept
     window.skipped[i] = max(window.skipped[i] - cut, 0)
 

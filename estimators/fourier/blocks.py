@@ -61,16 +61,12 @@ from wingwatch.estimators.fourier.state import (
     TIME,
     Block,
     BlockSolution,
-    Checkpoints,
-    Evidence,
     Filters,
     Linearisation,
     Memory,
-    Posterior,
-    Progress,
-    State,
 )
 from wingwatch.estimators.kernels.apart import apart
+from wingwatch.estimators.kernels.by_address import one_vehicle
 from wingwatch.estimators.kernels.dispersion import DispersionWorkspace, dispersion_workspace
 from wingwatch.estimators.kernels.hot import entry, lean, part
 from wingwatch.estimators.kernels.intersample import frames_of, means_of_rows
@@ -251,38 +247,7 @@ def _solve(model, vehicle, work):  # type: ignore[no-untyped-def]
     place_checkpoint(block, gained, vehicle.checkpoints)
 
 
-@part
-def _memory_of(memory, i):  # type: ignore[no-untyped-def]
-    """The memory of vehicle i."""
-    return Memory(memory.sensitivity[i], memory.information[i], memory.vector[i], memory.bias[i])
-
-
-@part
-def _vehicle_of(state, i):  # type: ignore[no-untyped-def]
-    """The state of vehicle i."""
-    filters, block, posterior, progress = state.filters, state.block, state.posterior, state.progress
-    evidence, points = state.evidence, state.checkpoints
-    return State(
-        Filters(filters.coefficients[i], filters.step[i], filters.readings[i]),
-        Block(block.bank[i], block.rows[i], block.sums[i], block.roughness[i]),
-        Posterior(
-            posterior.theta[i], posterior.covariance[i], posterior.noise[i], posterior.noise_known[i],
-            posterior.informed_s[i], posterior.changed[i],
-        ),
-        Progress(
-            progress.counts[i], progress.condition[i], progress.span[i], progress.scatter[i], progress.coherence[i],
-            progress.dispersion[i],
-        ),
-        _memory_of(state.memory, i),
-        _memory_of(state.discounted, i),
-        Evidence(evidence.information[i], evidence.vector[i], evidence.bias[i]),
-        Checkpoints(
-            points.bank[i], points.rows[i], points.sums[i], points.roughness[i], _memory_of(points.gained, i)
-        ),
-    )  # fmt: skip
-
-
-@lean
+@entry
 def fill(model, block, filters, signals, lanes, ends):  # type: ignore[no-untyped-def]
     """Take samples (vehicles, samples, columns) into running blocks, as far as these go: most calls need no more.
 
@@ -319,7 +284,7 @@ def advance(model, state, follows, signals, lanes, ends, solves, work):  # type:
     """
     for m in range(lanes.place.size):
         i = lanes.place[m]
-        vehicle = _vehicle_of(state, i)
+        vehicle = one_vehicle(state, i)
         block, progress, rows = vehicle.block, vehicle.progress, vehicle.block.rows
         what = ends[m, 1]
         for k in range(ends[m, 0], lanes.counts[m]):

@@ -41,6 +41,7 @@ from wingwatch.estimators.fourier.state import (
     State,
 )
 from wingwatch.estimators.kernels.apart import room_around
+from wingwatch.estimators.kernels.by_address import ByAddress
 from wingwatch.estimators.kernels.intersample import servos_of
 from wingwatch.estimators.kernels.reading_noise import READING_MEMORY
 from wingwatch.estimators.lanes import Lanes, all_lanes
@@ -196,6 +197,7 @@ class FourierEstimator:
             self.layout.states, self.layout.inputs, config.omega_rad_s.size, self.layout.columns,
             config.equation_rows,
         )  # fmt: skip
+        self._for_kernels = ByAddress(self._model), ByAddress(self._workspace)
 
     def init(self, vehicles: int) -> FourierState:
         """State before the first sample."""
@@ -265,7 +267,12 @@ class FourierEstimator:
         ends = np.zeros((len(signals), 2), dtype=np.int64)
         block = Block(state.bank, state.rows, state.sums, state.roughness)
         fill(
-            self._model, block, Filters(state.coefficients, state.step, state.readings), signals, lanes, ends
+            self._for_kernels[0],
+            block,
+            Filters(state.coefficients, state.step, state.readings),
+            signals,
+            lanes,
+            ends,
         )
         if (ends[:, 0] < lanes.counts).any():
             self._advance(state, signals, lanes, ends, False)
@@ -285,7 +292,8 @@ class FourierEstimator:
     def _advance(
         self, state: FourierState, signals: Array, lanes: Lanes, ends: NDArray[np.int64], solves: bool
     ) -> None:
-        advance(self._model, _grouped(state), state.follows, signals, lanes, ends, solves, self._workspace)
+        model, workspace = self._for_kernels
+        advance(model, ByAddress(_grouped(state)), state.follows, signals, lanes, ends, solves, workspace)
 
     def resume(self, state: FourierState, information: Array, vector: Array, vehicle: int = 0) -> None:
         """Put a memory in the place of what closed blocks said; the running block stays.

@@ -14,7 +14,9 @@ from typing import Any
 from numba import njit
 from numba.core.registry import CPUDispatcher
 
-__all__ = ["entry", "hot", "lean", "part", "sizes", "whole", "whole_entry"]
+from wingwatch.estimators.kernels.pieces import PieceCompiler
+
+__all__ = ["entry", "helper", "hot", "lean", "part", "sizes", "whole", "whole_entry"]
 
 _OPTIONS: dict[str, Any] = {
     "cache": True,
@@ -22,64 +24,67 @@ _OPTIONS: dict[str, Any] = {
     "_nrt": False,
     "error_model": "numpy",
     "fastmath": {"contract", "reassoc"},
-    "no_cfunc_wrapper": True,  # nobody takes a kernel's address, and for a state of 45 arrays it costs 0.2 s
+    "no_cfunc_wrapper": True,  # nobody takes a kernel's address
 }
 
-
-class _ForKernels(CPUDispatcher):
-    """A kernel without the code that takes Python's arguments apart."""
-
-    def __call__(self, *arguments: object) -> None:
-        raise TypeError(f"{self.py_func.__qualname__} is private: kernels alone can call it")
+_ALLOCATING: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def _kernel(**changed: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Decorator of a kernel; one whose name is private is compiled for other kernels only.
+class _Piece(CPUDispatcher):
+    """A kernel that is compiled into those that call it. Where Python calls it, it is compiled by itself besides."""
 
-    To take a state of 45 arrays apart costs 0.4 s of compilation, and there are seventy such kernels.
-    """
-    options = _OPTIONS | changed
+    _alone: Any = None
+    _options: dict[str, Any]
+
+    @property
+    def by_itself(self) -> Any:
+        """The kernel that Python calls."""
+        if self._alone is None:
+            self._alone = njit(**self._options)(self.py_func)
+        return self._alone
+
+    def __call__(self, *arguments: object) -> Any:
+        return self.by_itself(*arguments)
+
+
+def _piece(options: dict[str, Any]) -> Callable[[Callable[..., Any]], Any]:
+    """Decorator of a kernel that kernels call, with numba's options for it."""
 
     def decorate(function: Callable[..., Any]) -> Any:
-        if not function.__name__.startswith("_"):
-            return njit(**options)(function)
-        private = njit(**(options | {"no_cpython_wrapper": True}))(function)
-        if isinstance(private, CPUDispatcher):  # numba may be set to compile nothing
-            private.__class__ = _ForKernels  # called as others are, it would jump to the address 0
-        return private
+        within = options | {"cache": False, "no_cpython_wrapper": True}
+        piece = njit(**within, pipeline_class=PieceCompiler)(function)
+        if isinstance(piece, CPUDispatcher):  # numba may be set to compile nothing
+            piece.__class__ = _Piece
+            vars(piece)["_options"] = options | {"forceinline": False}
+        return piece
 
     return decorate
 
 
-hot: Any = _kernel()
+hot: Any = _piece(_OPTIONS)
 """Decorator of such a kernel. A product may be fused into its sum, a sum taken in another order; NaN stays NaN."""
 
-lean: Any = _kernel(forceinline=False)
-"""The same for a kernel that is called from several places: it stays one piece of code.
+lean: Any = _piece(_OPTIONS | {"forceinline": False})
+"""The same for a kernel that is called from several places: it stays one piece of code."""
 
-Of these and of ``hot`` ones Python can call those whose name is public.
-"""
+helper: Any = _piece(_ALLOCATING)
+"""Decorator of a kernel that kernels call and that may allocate."""
 
-entry: Any = _kernel(forceinline=False, nogil=True)
-"""The same for one that Python calls and that takes milliseconds with many vehicles: other threads run meanwhile."""
+entry: Any = njit(**(_OPTIONS | {"forceinline": False, "nogil": True}))
+"""Decorator of a kernel that Python calls, for milliseconds with many vehicles: other threads run meanwhile."""
 
-_MAY_ALLOCATE: dict[str, Any] = {"cache": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-whole: Any = njit(**_MAY_ALLOCATE)
-"""Decorator of a kernel that may allocate.
+whole: Any = njit(**_ALLOCATING)
+"""Decorator of a kernel that Python calls and that may allocate.
 
 As in all the others a division by zero gives what it gives in numpy: a kernel that takes many vehicles must not end at
 one of them.
 """
 
-whole_entry: Any = njit(**(_MAY_ALLOCATE | {"nogil": True}))
+whole_entry: Any = njit(**(_ALLOCATING | {"nogil": True}))
 """The same, and other threads run meanwhile. To get the interpreter's lock back takes longer than a short kernel."""
 
 part: Any = njit(inline="always")
-"""Decorator of a piece of one ``lean`` kernel, written apart to be read: it is compiled as text of that kernel alone.
-
-A kernel that calls others is optimised and turned into code with all of them in it, at each layer of calls anew: a
-layer above much code costs ten seconds of a first start.
-"""
+"""Decorator of a piece of one kernel, written apart to be read: it is compiled as text of that kernel alone."""
 
 
 def sizes(*counts: int) -> tuple[tuple[int, ...], ...]:

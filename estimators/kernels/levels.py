@@ -8,7 +8,7 @@ the most likely. What is known of the level's motion (inertial navigation, say) 
 
 import numpy as np
 
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.hot import helper
 
 __all__ = ["LEVELS", "SLOWEST_S", "advance_level", "set_gains", "start_level"]
 
@@ -25,7 +25,7 @@ _ALLOWED = 4.0
 """Twice the log-likelihood that a slower smoother may be worse by: it is preferred within chance."""
 
 
-@whole
+@helper
 def set_gains(memory, dt):  # type: ignore[no-untyped-def]
     """Gains for a time step; nothing to do where it is the step they are for."""
     if abs(dt - memory[3, 0]) > 1e-6 * dt:
@@ -36,7 +36,7 @@ def set_gains(memory, dt):  # type: ignore[no-untyped-def]
         memory[3, 0] = dt
 
 
-@whole
+@helper
 def start_level(memory, reading):  # type: ignore[no-untyped-def]
     """Every smoother at a first reading, nothing known of its errors."""
     memory[1, :] = reading
@@ -44,7 +44,7 @@ def start_level(memory, reading):  # type: ignore[no-untyped-def]
     memory[3, 1] = 1.0
 
 
-@whole
+@helper
 def advance_level(memory, reading, motion, dt, memory_s):  # type: ignore[no-untyped-def]
     """One reading more; returns the index of the smoother to go by.
 

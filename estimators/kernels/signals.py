@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.hot import helper, whole
 from wingwatch.estimators.kernels.intersample import frames_of
 from wingwatch.estimators.kernels.levels import advance_level, start_level
 from wingwatch.telemetry import CHANNEL_INDEX, MAX_GAP_S
@@ -141,7 +141,7 @@ def fill_signals(values, lanes, form, state, out):  # type: ignore[no-untyped-de
         memory[i, 3], memory[i, 4] = rate, seen
 
 
-@whole
+@helper
 def _leave_out_stuck(row, channels, dt, readings, out):  # type: ignore[no-untyped-def]
     """Make NaN of what a stuck sensor reads.
 
@@ -200,7 +200,7 @@ def fill_moments(values, coupling, out):  # type: ignore[no-untyped-def]
                 out[i, k, j] = moment if np.isfinite(moment) else 0.0
 
 
-@whole
+@helper
 def _density(row: NDArray[np.float64]) -> float:
     """Air density: measured, or from measured temperature, or the standard atmosphere's (troposphere)."""
     if np.isfinite(row[_DENSITY]):
@@ -215,7 +215,7 @@ def _density(row: NDArray[np.float64]) -> float:
     return float(pressure / (287.05287 * temperature))
 
 
-@whole
+@helper
 def _motion(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
     """Velocity of the structure at the c.g. (NaN without vane), the kinematic term of its rate, and the rate of the
     inertial speed along the path: equations of ``estimators.signals``.
@@ -253,7 +253,7 @@ def _motion(row, lateral, x_vane, z_vane):  # type: ignore[no-untyped-def]
     return w, kinematic, along
 
 
-@whole
+@helper
 def _sine(velocity, airspeed):  # type: ignore[no-untyped-def]
     """Sine of a flow angle, of at most ``MOST_FLOW_ANGLE_RAD``; 0 where the velocity is not measured."""
     sine = velocity / airspeed
@@ -262,19 +262,19 @@ def _sine(velocity, airspeed):  # type: ignore[no-untyped-def]
     return min(max(sine, -_MOST_SINE), _MOST_SINE)
 
 
-@whole
+@helper
 def _known(rate):  # type: ignore[no-untyped-def]
     """A rate of motion, or that of steady flight."""
     return rate if np.isfinite(rate) else 0.0
 
 
-@whole
+@helper
 def _level_alpha(row):  # type: ignore[no-untyped-def]
     """Angle of attack of level flight without sideslip at this attitude; banks beyond 45 degrees count as 45."""
     return np.arctan(np.tan(row[_PITCH]) / max(np.cos(row[_ROLL]), 0.7))
 
 
-@whole
+@helper
 def _surface(command, dt, servo_s, servo):  # type: ignore[no-untyped-def]
     """Where a servo has its surface: it went on to the command before, x = c + (x0 - c) exp(-dt / servo_s).
 

@@ -16,7 +16,7 @@ samples ago and surfaces from their commands: one with the noise that z has, too
 
 import math
 
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.hot import helper
 from wingwatch.monitor.redundancy.layout import ALPHA, COLUMNS, LIFT, PITCHING, ROLLING, SIDE, YAWING
 from wingwatch.telemetry import CHANNEL_INDEX
 
@@ -36,7 +36,7 @@ USUAL_S = 60.0
 """Over so long the usual incidence is a mean: of two seconds, its own noise would still be a column."""
 
 
-@whole
+@helper
 def _regressors(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """What coefficients multiply: of z in ``to.lon`` and ``to.lat``, of columns in ``to.lon_d`` and ``to.lat_d``.
 
@@ -87,7 +87,7 @@ def _regressors(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-de
             lat_d[1] = column
 
 
-@whole
+@helper
 def _of(coefficients, regressors):  # type: ignore[no-untyped-def]
     """A coefficient by its terms; those that the aircraft has not are no terms."""
     total = 0.0
@@ -97,7 +97,7 @@ def _of(coefficients, regressors):  # type: ignore[no-untyped-def]
     return total
 
 
-@whole
+@helper
 def _moment(i, dt, rate, angular, pressure, to, model, memory):  # type: ignore[no-untyped-def]
     """z and columns of one moment.
 
@@ -116,7 +116,7 @@ def _moment(i, dt, rate, angular, pressure, to, model, memory):  # type: ignore[
         last[2 + j] = column
 
 
-@whole
+@helper
 def forces_and_moments(row, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """z and columns of forces and moments; ``flow`` is that of ``samples``. Beyond straight lift they say nothing."""
     _regressors(row, dt, model, memory, flow, to)

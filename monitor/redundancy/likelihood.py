@@ -8,7 +8,8 @@ import math
 
 import numpy as np
 
-from wingwatch.estimators.kernels.hot import whole, whole_entry
+from wingwatch.estimators.kernels.copying import copy_into
+from wingwatch.estimators.kernels.hot import helper, whole_entry
 from wingwatch.monitor.redundancy.layout import COLUMNS
 
 __all__ = ["changes", "likelihoods", "most_gained", "scores"]
@@ -25,7 +26,7 @@ _CLOSE = 1e-3
 """By so much a likelihood (in nats) and a precision (as a fraction) may still move when they are taken."""
 
 
-@whole
+@helper
 def _factorise(a, n):  # type: ignore[no-untyped-def]
     """Lower Cholesky factor of ``a`` in place; the log of its determinant. Pivots that vanish become 0."""
     log = 0.0
@@ -49,7 +50,7 @@ def _factorise(a, n):  # type: ignore[no-untyped-def]
     return log
 
 
-@whole
+@helper
 def _forward(a, b, n):  # type: ignore[no-untyped-def]
     """b <- L^-1 b; the sum of its squares."""
     total = 0.0
@@ -62,7 +63,7 @@ def _forward(a, b, n):  # type: ignore[no-untyped-def]
     return total
 
 
-@whole
+@helper
 def _since(segments, onset, row, total, moved):  # type: ignore[no-untyped-def]
     """Sums of one row over the segments from an onset on; the samples, and their sums of e2/S and ln S."""
     information, vector, _, samples, square, _, decay, log_s = segments
@@ -104,7 +105,8 @@ def changes(prior, reference, segments, first, last, least_variance, variance_sa
         for onset in range(first, last + 1):
             n, e2, logs = _since(segments, onset, row, total, moved)
             n_before, e_before = ref_samples[row], ref_excess[row]
-            known[:], earlier[:] = ref_information[row], ref_vector[row]
+            copy_into(ref_information[row], known)
+            copy_into(ref_vector[row], earlier)
             for s in range(onset):
                 n_before, e_before = n_before + samples[s, row], e_before + excess[s, row]
                 for i in range(c):
@@ -172,7 +174,7 @@ def scores(information, vector, floors):  # type: ignore[no-untyped-def]
     return found
 
 
-@whole
+@helper
 def _student(q, n, nu):  # type: ignore[no-untyped-def]
     """t(Q) of (5)."""
     constant = math.lgamma(0.5 * (nu + n)) - math.lgamma(0.5 * nu) - 0.5 * n * math.log(0.5 * nu)
@@ -193,7 +195,7 @@ def most_gained(information, vector, square, samples, at_rest, nu):  # type: ign
     return out
 
 
-@whole
+@helper
 def _of_part(changed, std, size, precision, nu, work):  # type: ignore[no-untyped-def]
     """(5) of one relation at one onset for a size, at its own noise.
 

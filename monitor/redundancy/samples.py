@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wingwatch.aircraft import GRAVITY_M_S2
-from wingwatch.estimators.kernels.hot import whole
+from wingwatch.estimators.kernels.copying import copy_into
+from wingwatch.estimators.kernels.hot import helper, whole
 from wingwatch.monitor.redundancy.airframe import ATTACHED_RAD, COARSE, forces_and_moments
 from wingwatch.monitor.redundancy.layout import (
     AIRSPEED,
@@ -211,7 +212,7 @@ def new_segment() -> Segment:
     return segment
 
 
-@whole
+@helper
 def thrust_n(c, throttle, airspeed, density):  # type: ignore[no-untyped-def]
     """Thrust in N; ``aircraft.propulsion_thrust_n`` holds it in a test.
 
@@ -231,7 +232,7 @@ def thrust_n(c, throttle, airspeed, density):  # type: ignore[no-untyped-def]
     return density * d * d * (d * d * c[3] * turns * turns + d * c[4] * v * turns + c[5] * v * v)
 
 
-@whole
+@helper
 def _surfaces(row, dt, model, memory, to):  # type: ignore[no-untyped-def]
     """Position against what the servo makes of the command that was held since the last sample."""
     for j in range(3):
@@ -250,7 +251,7 @@ def _surfaces(row, dt, model, memory, to):  # type: ignore[no-untyped-def]
         to.d[j, 0], to.d[j, 1], to.d[j, 2] = 1.0, -modelled, (late - modelled) / LATER_S
 
 
-@whole
+@helper
 def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untyped-def]
     """Euler angles against what the rates make of them."""
     psi, rate = to.psi, to.rate
@@ -283,7 +284,7 @@ def _attitudes(row, dt, gyro_rate, model, memory, to):  # type: ignore[no-untype
             psi[relation, 1] = psi[relation, 2] = 0.0
 
 
-@whole
+@helper
 def _flow_of(row, model, flow):  # type: ignore[no-untyped-def]
     """Incidence, attitude, acceleration and specific force at the centre of gravity into ``flow``, in its order."""
     c = model.airframe
@@ -313,7 +314,7 @@ def _flow_of(row, model, flow):  # type: ignore[no-untyped-def]
     flow[18] = fy
 
 
-@whole
+@helper
 def _air(sample, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """Airspeed, angle of attack and sideslip against forces and rates.
 
@@ -362,7 +363,7 @@ def _air(sample, dt, model, memory, flow, to):  # type: ignore[no-untyped-def]
             flow[16 + relation - ALPHA] = estimate
 
 
-@whole
+@helper
 def _axial(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     """Specific force along x less thrust, and the drag that goes with the normal force."""
     c, density, v, smooth = model.airframe, row[_RHO], max(row[_V], 1.0), memory.clock[_AIRSPEED_SMOOTH]
@@ -383,7 +384,7 @@ def _axial(row, model, memory, flow, to):  # type: ignore[no-untyped-def]
     d[5] = -((faster - push) / 0.01 - 2.0 * drag + 2.0 * induced)
 
 
-@whole
+@helper
 def _ground(row, dt, memory, flow, to):  # type: ignore[no-untyped-def]
     """Wind: velocity over the ground less that through the air."""
     sin_a, cos_a, sin_b, cos_b, sin_t, cos_t, sin_p, cos_p = flow[:8]
@@ -405,7 +406,7 @@ def _ground(row, dt, memory, flow, to):  # type: ignore[no-untyped-def]
     to.d[EAST, 0], to.d[EAST, 1], to.d[EAST, 2] = -east, -north, 1.0
 
 
-@whole
+@helper
 def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-untyped-def]
     """One row takes one sample of its relation: (2), and the sums."""
     scalar, effect = memory.scalar, memory.effect
@@ -416,7 +417,8 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
         scalar[i, GOING] = 0.0
         return
     if scalar[i, GOING] == 0.0:
-        memory.effect_rate[0, i], memory.effect_rate[1, i] = psi, psi
+        copy_into(psi, memory.effect_rate[0, i])
+        copy_into(psi, memory.effect_rate[1, i])
     if scalar[i, GOING] > 0.0 and dt > 0.0:
         decay = math.exp(-dt / tau) if leaky else 1.0
         scalar[i, _X] = scalar[i, _X] * decay + 0.5 * dt * (rate + scalar[i, _RATE])
@@ -467,7 +469,7 @@ def _filter(i, relation, dt, to, model, memory, segment):  # type: ignore[no-unt
     scalar[i, _LAST] = scaled
 
 
-@whole
+@helper
 def _note_quick_motion(dt, memory, to):  # type: ignore[no-untyped-def]
     """What the mean of two samples misses of a rate between them is noise of z."""
     for i in range(ROLL, AXIAL):
@@ -475,7 +477,7 @@ def _note_quick_motion(dt, memory, to):  # type: ignore[no-untyped-def]
         to.more[i] = (COARSE * dt * change) ** 2 if memory.scalar[i, GOING] > 0.0 else 0.0
 
 
-@whole
+@helper
 def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-def]
     """A relation's own reading: how often it repeats; one that repeats for less than ``HELD_S`` is none."""
     last = memory.scalar[i]
@@ -490,7 +492,7 @@ def _note_repeats(i, reading, time_s, memory, to):  # type: ignore[no-untyped-de
         last[_READING], last[_SINCE_S], last[REPEATS] = reading, time_s, 0.0
 
 
-@whole
+@helper
 def _without_held_airspeed(row, memory, to):  # type: ignore[no-untyped-def]
     """Velocity over the ground less airspeed is no new reading where the airspeed is that of a slower sensor, held: its
     error would count as often as it is held."""
@@ -499,7 +501,7 @@ def _without_held_airspeed(row, memory, to):  # type: ignore[no-untyped-def]
         to.z[NORTH] = to.z[EAST] = np.nan
 
 
-@whole
+@helper
 def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
     """Whether some relation's innovation is beyond its limit; nothing is changed."""
     z, rate = to.z, to.rate
@@ -518,7 +520,7 @@ def _surprises(dt, to, model, memory, limit):  # type: ignore[no-untyped-def]
     return False
 
 
-@whole
+@helper
 def _smooth(row, dt, clock):  # type: ignore[no-untyped-def]
     """Airspeed and throttle over ``SMOOTHED_S``, as far as they are readings."""
     part = 1.0 - math.exp(-dt / SMOOTHED_S)
@@ -564,9 +566,10 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
             clock[END_S], clock[START_S] = row[_T] + SEGMENT_S, row[_T]
         if row[_T] >= clock[END_S] or row[_T] < clock[END_S] - 2.0 * SEGMENT_S:
             return n
-        before[:] = clock
-        servos[:] = memory.servo
-        moments[:], late_flow[:] = memory.moment, memory.late_flow
+        copy_into(clock, before)
+        copy_into(memory.servo, servos)
+        copy_into(memory.moment, moments)
+        copy_into(memory.late_flow, late_flow)
         for j in range(3):
             now = row[_P + j]
             gyro_rate[j] = (now - clock[_ROLL_RATE + j]) / dt if dt > 0.0 else 0.0
@@ -590,9 +593,10 @@ def take_samples(values, first, model, memory, segment, limit):  # type: ignore[
         # a row that begins a segment is looked at twice
         rested = not abs(row[_T] - clock[_FORCED_AT_S]) < FORCED_S
         if dt > 0.0 and rested and _surprises(dt, to, model, memory, limit):
-            clock[:] = before
-            memory.servo[:] = servos
-            memory.moment[:], memory.late_flow[:] = moments, late_flow
+            copy_into(before, clock)
+            copy_into(servos, memory.servo)
+            copy_into(moments, memory.moment)
+            copy_into(late_flow, memory.late_flow)
             clock[END_S] = clock[_FORCED_AT_S] = row[_T]
             return n
         for i in range(_ROWS):

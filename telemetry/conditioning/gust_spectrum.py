@@ -201,7 +201,8 @@ def _descend(power, shapes, prior, first, x, sums):  # type: ignore[no-untyped-d
         cost = _cost(power, shapes, prior, sums.trial)
         if cost <= least:
             gain = least - cost
-            x[:] = sums.trial
+            for j in range(x.size):
+                x[j] = sums.trial[j]
             least, damping = cost, 0.1 * damping
             if gain <= _SETTLED:
                 break

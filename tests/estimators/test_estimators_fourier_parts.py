@@ -9,7 +9,6 @@ from kernels import as_complex, new_filters, reduced, rows_before, transforms_of
 from numpy.typing import NDArray
 
 from wingwatch.estimators import FourierEstimator, FourierState, SignalLayout
-from wingwatch.estimators.fourier import solution
 from wingwatch.estimators.fourier.bank import advance_bank, bank_channels
 from wingwatch.estimators.fourier.directions import noise_edge
 from wingwatch.estimators.kernels.intersample import Servos
@@ -192,9 +191,3 @@ def test_regressors_that_depend_on_each_other_to_the_last_digit_are_taken() -> N
     (sensitivity, *_), _ = reduced(m, np.zeros((4, 4)), np.ones(4), np.zeros(4), 0.5)
     assert np.isfinite(sensitivity).all()
     np.testing.assert_allclose(sensitivity, m, atol=1e-6)
-
-
-def test_python_is_told_that_a_private_kernel_is_not_for_it() -> None:
-    """It has no code for being called so; without a word it would end the process."""
-    with pytest.raises(TypeError, match="_settled is private: kernels alone can call it"):
-        solution._settled(np.ones(2), np.eye(2))
