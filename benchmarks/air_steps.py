@@ -13,11 +13,11 @@ Per row: mean error of the lateral derivatives that roll brings in, percent, and
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 from simulated_flights import AMPLITUDE_RAD, RATE_HZ, cruise_of, last_solution, truth_of
 
 from wingwatch.aircraft import LATERAL, Aircraft, load_aircraft
@@ -110,4 +110,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.api import DiagnosisState, DiagnosisView
@@ -267,4 +268,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.monitor import AlertView, VehicleMonitor, surface_kinds
@@ -247,4 +248,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

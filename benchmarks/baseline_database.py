@@ -18,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from saving import run_benchmark
 from sqlalchemy import insert
 
 from wingwatch.aircraft import STRUCTURES, FlightCondition, load_aircraft
@@ -184,4 +185,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

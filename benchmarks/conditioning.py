@@ -8,11 +8,11 @@ errors: 1 where errors tell the truth.
 
 import argparse
 import math
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from saving import run_benchmark
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.diagnosis.static_derivatives import static_derivatives
@@ -223,4 +223,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

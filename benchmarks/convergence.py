@@ -25,6 +25,7 @@ from reference_plant import (
     noise_std,
     signals,
 )
+from saving import run_benchmark
 
 from wingwatch.estimators import (
     EkfConfig,
@@ -200,4 +201,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

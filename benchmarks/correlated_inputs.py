@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.estimators import Estimate, Outcome
@@ -118,4 +119,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

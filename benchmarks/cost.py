@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
+from saving import run_benchmark
 
 from wingwatch.aircraft import STRUCTURES, Aircraft, ModeStructure, analysis_band_hz, load_aircraft
 from wingwatch.baselines import OutOfEnvelope, apriori_envelope
@@ -327,4 +328,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -19,6 +19,7 @@ import sys
 from diagnosis_cases import FIXED, SOURCES, Effects
 from diagnosis_report import plain, report, sentence
 from diagnosis_run import Task, run
+from saving import run_benchmark
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -77,4 +78,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

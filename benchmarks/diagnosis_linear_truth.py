@@ -13,6 +13,7 @@ import sys
 import numpy as np
 from diagnosis_cases import draw
 from diagnosis_from_jsbsim import NAMES, subject_with
+from saving import run_benchmark
 
 from wingwatch.aircraft import FlightCondition
 from wingwatch.diagnosis.causes import candidates
@@ -59,6 +60,10 @@ def compared(seed: int) -> list[str]:
     return lines
 
 
-if __name__ == "__main__":
+def main() -> None:
     for argument in sys.argv[1:]:
         print("\n".join(compared(int(argument))))
+
+
+if __name__ == "__main__":
+    run_benchmark(main)

@@ -23,6 +23,7 @@ import numpy as np
 from diagnosis_cases import Case, draw
 from diagnosis_report import of_cases
 from diagnosis_score import same
+from saving import run_benchmark
 from threadpoolctl import threadpool_limits
 
 from wingwatch.diagnosis.causes import candidates
@@ -82,4 +83,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -18,7 +18,6 @@ import contextlib
 import io
 import json
 import math
-import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ from pathlib import Path
 
 import jsbsim
 import numpy as np
+from saving import run_benchmark
 
 from wingwatch.aircraft import (
     GRAVITY_M_S2,
@@ -311,4 +311,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -8,12 +8,12 @@ Run: python benchmarks/filter_error.py [--flights N] [--seconds S] [--turbulence
 """
 
 import argparse
-import sys
 import time
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 from simulated_flights import AMPLITUDE_RAD, Z_95, cruise_of, flight_form, fly, truth_of
 from turbulence import AIRCRAFT, FIRST_SEED, LEVELS
 
@@ -109,4 +109,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

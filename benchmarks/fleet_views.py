@@ -12,6 +12,8 @@ import time
 from collections.abc import Callable, Sequence
 from itertools import count
 
+from saving import run_benchmark
+
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import vehicle_document
 from wingwatch.monitor import FleetMonitor, VehicleMonitor, VehicleView
@@ -124,4 +126,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -13,6 +13,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from saving import run_benchmark
+
 WINGWATCH = (sys.executable, "-m", "wingwatch.cli.main")
 
 
@@ -62,4 +64,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

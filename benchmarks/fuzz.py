@@ -27,6 +27,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 from fuzz_messages import Fuzzer, Sent, Victim
+from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft, library_names, load_aircraft
 from wingwatch.api import create_app, encode_json
@@ -477,4 +478,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

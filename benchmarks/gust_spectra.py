@@ -11,13 +11,13 @@ Aerosonde's span, 25 m/s, steps of 0.01 s.
 import argparse
 import itertools
 import math
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from saving import run_benchmark
 
 from wingwatch.simulation import Turbulence, TurbulenceModel, gust_scales, gust_spectra
 from wingwatch.simulation.random_numbers import fill_normals, random_streams
@@ -183,4 +183,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from saving import run_benchmark
 from sqlalchemy import text
 
 from wingwatch.baselines import Database, EstimateRecord, HistoryWanted, Retention, open_database
@@ -134,4 +135,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

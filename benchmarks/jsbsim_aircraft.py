@@ -20,7 +20,6 @@ aircraft with a misfit of at most 10 %.
 import argparse
 import json
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
@@ -28,6 +27,7 @@ from functools import cache
 import numpy as np
 from jsbsim_peer import FT, SLUG, Peer
 from numpy.typing import NDArray
+from saving import run_benchmark
 from simulated_flights import RATE_HZ, START_OFF, STRUCTURES, Z_95, flight_form, last_solution
 
 from wingwatch.aircraft import (
@@ -478,4 +478,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -25,6 +25,7 @@ import httpx
 import numpy as np
 import zenoh
 from loopback import free_endpoint, free_port
+from saving import run_benchmark
 from service_process import (
     RATE_HZ,
     SAMPLES,
@@ -291,4 +292,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from alerts import ONSET_S, PIECE_S, Case, Flown, cases, flown_of, monitor_of, pieces, scenario_of
 from numpy.typing import NDArray
+from saving import run_benchmark
 from simulated_flights import STRUCTURES, Z_95
 
 from wingwatch.aircraft import FlightCondition, TrimError
@@ -133,4 +134,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+from saving import run_benchmark
 
 TOPICS: Mapping[str, tuple[int, int, int]] = {
     "sensor_gyro_fifo": (3, 400, 24), "sensor_combined": (1, 250, 8), "vehicle_angular_velocity": (1, 250, 3),
@@ -148,4 +149,4 @@ if __name__ == "__main__":
     if sys.argv[1:2] == ["--child"]:
         child(sys.argv[2])
     else:
-        main()
+        run_benchmark(main)

@@ -22,6 +22,7 @@ from unittest import mock
 import httpx
 import numpy as np
 from loopback import free_endpoint
+from saving import run_benchmark
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.cli.service import running_service
@@ -179,4 +180,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -28,6 +28,7 @@ from unittest import mock
 import httpx
 import numpy as np
 from loopback import free_endpoint
+from saving import run_benchmark
 from service_child import beside
 
 from wingwatch.aircraft import LATERAL, SHORT_PERIOD, Provenance, load_aircraft
@@ -454,4 +455,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from loopback import free_endpoint
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+from saving import run_benchmark
 
 from wingwatch.cli.bridge_command import Bridge
 from wingwatch.telemetry import AircraftMessage, ZenohSettings, decode_sensors, open_session
@@ -225,4 +226,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

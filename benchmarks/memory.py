@@ -9,11 +9,11 @@ the rule that both estimators had before. Seeds are fixed.
 """
 
 import argparse
-import sys
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 from scipy.linalg import expm
 
 from wingwatch.aircraft import LATERAL, FlightCondition, linearised_derivatives, load_aircraft, trimmed
@@ -179,4 +179,4 @@ def _print(name: str, value: Array, stated: Array, real: Array) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -17,6 +17,7 @@ from itertools import cycle
 
 import httpx
 import numpy as np
+from saving import run_benchmark
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.api import HttpServer, create_app, listen
@@ -150,4 +151,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -29,6 +29,7 @@ from loopback import free_endpoint
 from pymavlink.dialects.v20 import common
 from rich.console import Console
 from rich.table import Table
+from saving import run_benchmark
 
 from wingwatch.api import KernelsView
 from wingwatch.baselines import Database
@@ -246,4 +247,4 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run_benchmark(main)

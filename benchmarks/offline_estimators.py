@@ -26,6 +26,7 @@ from reference_plant import (
     doublet,
     signals,
 )
+from saving import run_benchmark
 
 from wingwatch.estimators import (
     Estimate,
@@ -159,4 +160,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -17,12 +17,12 @@ largest, rad/s2. ``ekf`` is the filter as the live chain shows it, ``ekf alone``
 import argparse
 import json
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 from simulated_flights import (
     PERIOD_S,
     RATE_HZ,
@@ -230,4 +230,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -30,6 +30,7 @@ import numpy as np
 import zenoh
 from loopback import free_endpoint
 from postgres_cluster import PostgresCluster, find_programs
+from saving import run_benchmark
 from service_child import ServiceChild, own_process
 from service_process import RATE_HZ, SAMPLES, Flights, RestClient, prepare_kernels, wait_until
 
@@ -377,4 +378,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

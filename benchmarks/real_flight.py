@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 
 from wingwatch.aircraft import FlightCondition, load_aircraft
 from wingwatch.baselines import OutOfEnvelope
@@ -269,4 +270,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -17,6 +17,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from saving import run_benchmark
+
 from wingwatch.aircraft import load_aircraft
 from wingwatch.baselines import open_database
 from wingwatch.cli.processor_time import ProcessorTimes
@@ -179,4 +181,4 @@ def made(folder: Path) -> Path:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

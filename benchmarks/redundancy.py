@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.monitor import AlertView, VehicleMonitor, surface_kinds
@@ -240,4 +241,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

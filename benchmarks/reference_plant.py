@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 
 from wingwatch.aircraft import DUTCH_ROLL, SHORT_PERIOD, FlightCondition, ModeStructure
 from wingwatch.estimators import (
@@ -318,4 +319,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

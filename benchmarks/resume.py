@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from loopback import free_endpoint, free_port
+from saving import run_benchmark
 from service_process import (
     FLEET,
     RATE_HZ,
@@ -134,4 +135,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -14,12 +14,12 @@ Air that is not Dryden's has no such variance of the gust, and a loop around the
 
 import argparse
 import json
-import sys
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from reference_plant import PLANTS, Plant
+from saving import run_benchmark
 from situation_cases import SITUATIONS
 from situation_plants import AIRSPEED_M_S, Situation, aerodynamic, fly_situation, reference_noise
 from situations import BAND_HZ, at_centre, fourier_config
@@ -134,4 +134,4 @@ def line(found: Figures) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

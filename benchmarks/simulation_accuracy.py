@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft, load_aircraft
 from wingwatch.simulation import FleetSimulation, Icing, Scenario, doublet_schedule, patrol
@@ -141,4 +142,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

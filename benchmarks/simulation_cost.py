@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numba import njit
+from saving import run_benchmark
 
 from wingwatch.aircraft import Aircraft, FlightCondition, load_aircraft
 from wingwatch.simulation import FleetSimulation, Icing, Scenario, doublet_schedule
@@ -177,4 +178,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

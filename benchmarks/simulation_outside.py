@@ -15,6 +15,7 @@ from jsbsim_file import peer_aircraft
 from jsbsim_peer import Peer, PeerTrim
 from numpy.typing import NDArray
 from published_twin_otter import CLEAN, PublishedTwinOtter
+from saving import run_benchmark
 
 from wingwatch.aircraft import (
     DUTCH_ROLL,
@@ -323,4 +324,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -19,7 +19,6 @@ A new estimator is a function from a ``Flight`` to an ``Estimate``, named in ``E
 
 import argparse
 import json
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -27,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from reference_plant import PLANTS, Plant
+from saving import run_benchmark
 from situation_cases import CONDITIONS, SITUATIONS
 from situation_plants import Flight, Known, Situation, fly_situation
 
@@ -334,4 +334,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -26,6 +26,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 from loopback import free_endpoint
+from saving import run_benchmark
 from service_child import Insight, ServiceChild, beside, own_process
 from service_process import RATE_HZ, SAMPLES, Flights, RestClient, prepare_kernels, wait_until
 
@@ -344,4 +345,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -10,6 +10,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from saving import run_benchmark
+
 from wingwatch.aircraft import load_aircraft
 from wingwatch.diagnosis.offline_estimates import OFFLINE_ESTIMATORS, estimate_offline
 from wingwatch.telemetry import load_flight
@@ -51,4 +53,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -18,12 +18,12 @@ A new estimator of whole flights is a row in ``WHOLE``.
 import argparse
 import json
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 from simulated_flights import (
     AMPLITUDE_RAD,
     PERIOD_S,
@@ -207,4 +207,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

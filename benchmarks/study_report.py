@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import pyarrow.parquet as pq
+from saving import run_benchmark
 from study_tables import Truth, drawn_table
 
 from wingwatch.studies.report import report_json, write_report
@@ -92,4 +93,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -16,6 +16,8 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from saving import run_benchmark
+
 from wingwatch.studies import StudySettings, load_fleet, load_grid, read_study
 from wingwatch.studies.local_workers import LocalWorkers
 from wingwatch.studies.run import run_study
@@ -91,4 +93,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

@@ -35,6 +35,7 @@ from reference_plant import (
     noise_std,
     signals,
 )
+from saving import run_benchmark
 
 from wingwatch.estimators import (
     EquationErrorConfig,
@@ -281,4 +282,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

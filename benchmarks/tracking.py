@@ -14,6 +14,7 @@ import numpy as np
 from convergence import Z_95, Course, doublets, estimators, follow, time_from
 from numpy.typing import NDArray
 from reference_plant import PLANTS, RATE_HZ, SOLVE_EVERY, Plant, noise_std, signals
+from saving import run_benchmark
 
 from wingwatch.estimators import (
     EkfEstimator,
@@ -249,4 +250,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

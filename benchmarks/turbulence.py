@@ -10,12 +10,12 @@ Truth is the linearisation at the condition that the estimate is reported at.
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import get_args
 
 import numpy as np
+from saving import run_benchmark
 from simulated_flights import (
     AMPLITUDE_RAD,
     RATE_HZ,
@@ -162,4 +162,4 @@ def row(mine: Sequence[Estimate], aircraft: Aircraft = AIRCRAFT) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from saving import run_benchmark
 from simulated_flights import (
     AMPLITUDE_RAD,
     STRUCTURES,
@@ -129,4 +130,4 @@ def _print(level: str, name: str, estimator: str, rows: Array) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

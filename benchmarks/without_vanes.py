@@ -12,11 +12,11 @@ contradict each other, which needs no vane. By derivatives: by one of the airfra
 """
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 import numpy as np
 from alerts import ONSET_S, Case, Flight, Flown, fly
+from saving import run_benchmark
 from simulated_flights import PERIOD_S, RATE_HZ, STRUCTURES, cruise_of, last_estimates
 from turbulence import AIRCRAFT, LEVELS, row
 
@@ -136,4 +136,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)
