@@ -7,12 +7,16 @@ import posixpath
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
 from functools import cache
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+from api_fakes import VERSION, FakeMonitor
+from browser import chromium_path, open_page
+
+from wingwatch.api import AppSettings, HttpServer, create_app, listen
 
 ROOT = Path(__file__).parents[2]
 ELSEWHERE = re.compile(r"^(?:https?:)?//")
@@ -137,3 +141,30 @@ def test_the_search_index_has_every_page(site: Path) -> None:
     found = {entry["location"].partition("#")[0] or "index.html" for entry in index["docs"]}
     assert set(pages(site)) <= found
     assert any((site / "assets" / "javascripts" / "workers").glob("search.*.js"))
+
+
+@pytest.fixture(scope="module")
+def served_site(site: Path) -> Generator[str]:
+    app = create_app(FakeMonitor(), dict, None, VERSION, AppSettings(documents=site))
+    with HttpServer(app, listen("127.0.0.1", 0)) as server:
+        yield server.url
+
+
+@pytest.mark.skipif(
+    chromium_path() is None, reason="this machine has no Chromium: install the package chromium"
+)
+def test_the_service_shows_the_site_and_its_search_finds(served_site: str) -> None:
+    """In a browser under the service's policy: nothing is refused, nothing missing, and the search answers."""
+    with open_page(f"{served_site}/help/index.html") as page:
+        page.wait("document.querySelector('.md-search__input') !== null")
+        page.ask(
+            "(() => { const field = document.querySelector('.md-search__input'); field.focus();"
+            " field.value = 'doublet'; field.dispatchEvent(new Event('input', {bubbles: true}));"
+            " field.dispatchEvent(new KeyboardEvent('keyup', {bubbles: true})); })()"
+        )
+        page.wait("document.querySelectorAll('.md-search-result__item').length > 0")
+        assert page.ask("getComputedStyle(document.querySelector('.md-header')).position") == "sticky"
+        fetched = page.ask("performance.getEntriesByType('resource').map(one => one.name)")
+        assert page.console == []
+    assert len(fetched) > 3
+    assert all(name.startswith((served_site, "data:")) for name in fetched)
