@@ -21,7 +21,11 @@ SOURCES = "source"
 """Folder of the site for files of the repository that are no documents."""
 
 _LINK = re.compile(r"(\]\()([^)\s]+)(\))")
-_EQUATION = re.compile(r"\((\d+[a-z]?)\)(?=\n|</code>)")
+_BLOCK = re.compile(
+    r"(?P<begin><pre[^>]*>(?:<span></span>)?<code[^>]*>)(?P<text>.*?)(?P<end></code></pre>)", re.DOTALL
+)
+_EQUATION = re.compile(r"(?P<equation>.*?) {2,}\((?P<number>\d+[a-z]?)\)")
+_NUMBER_WIDTH = 7
 _INLINE_SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 
 _scripts: dict[str, str] = {}
@@ -91,22 +95,31 @@ def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files
         return content
     numbers: list[str] = []
 
-    def mark(match: re.Match[str]) -> str:
-        number = match.group(1)
-        if number in numbers:
-            return match.group(0)
-        numbers.append(number)
-        return f'<span id="equation-{number}">({number})</span>'
+    def line(text: str) -> str:
+        """A line of a block: its number is moved to its beginning, where a narrow window shows it, too."""
+        found = _EQUATION.fullmatch(text)
+        if found is None or found["number"] in numbers:
+            return f"{'':{_NUMBER_WIDTH}}{text}" if text.strip() else text
+        numbers.append(found["number"])
+        shown = f"({found['number']})"
+        padding = " " * max(1, _NUMBER_WIDTH - len(shown))
+        return f'<span id="equation-{found["number"]}">{shown}</span>{padding}{found["equation"]}'
 
-    marked = re.sub(
-        r"<pre.*?</pre>", lambda block: _EQUATION.sub(mark, block.group(0)), content, flags=re.DOTALL
-    )
+    def block(match: re.Match[str]) -> str:
+        lines = match["text"].split("\n")
+        if not any(_EQUATION.fullmatch(one) for one in lines):
+            return match[0]
+        return match["begin"] + "\n".join(line(one) for one in lines) + match["end"]
+
+    marked = _BLOCK.sub(block, content)
     row = " ".join(f'<a href="#equation-{number}">({number})</a>' for number in numbers)
     return re.sub(r"(</h1>)", rf"\1\n<p>Equations: {row}</p>", marked, count=1) if row else marked
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
     """Scripts inside of pages become files: the service lets no page run one that stands in it."""
+    # the dialog is the search, which the theme gives no name
+    output = output.replace('role="dialog"', 'role="dialog" aria-label="Search"')
     root = "../" * page.file.url.count("/")
 
     def put(match: re.Match[str]) -> str:
@@ -127,3 +140,5 @@ def on_post_build(config: MkDocsConfig) -> None:
         (folder / name).write_text(text, encoding="utf-8")
     for name in ("404.html", "sitemap.xml", "sitemap.xml.gz"):
         (site / name).unlink(missing_ok=True)
+    for path in site.rglob("*.map"):  # for the theme's own developers
+        path.unlink()
