@@ -65,7 +65,9 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise AvlError(f"{path} cannot be read: {(error.strerror or 'no such file').lower()}") from None
     if len(raw) > _MOST_BYTES:
-        raise AvlError(f"{path} is larger than {_MOST_BYTES} bytes; no file of AVL is")
+        raise AvlError(
+            f"{path} has more than {_MOST_BYTES} bytes, which no AVL file has; give a file that AVL wrote"
+        )
     return raw.decode("utf-8", "replace")
 
 
@@ -80,7 +82,7 @@ def read_avl_run(path: Path) -> AvlRun:
         what = (
             "body-axis derivatives (command SB)" if "Geometry-axis derivatives" in text else "no derivatives"
         )
-        raise AvlError(f"{path} holds {what}; give what AVL's command ST writes")
+        raise AvlError(f"{path} holds {what}; give the output of AVL's command ST")
     cases = re.split(r"(?=Vortex Lattice Output)", text)
     whole = [case for case in cases if "Stability-axis derivatives" in case]
     if len(whole) > 1:

@@ -90,7 +90,7 @@ class JsbsimModel:
             if not loaded:
                 raise JsbsimError(
                     f"{path}: JSBSim does not load its <metrics>, <mass_balance> and <aerodynamics>; "
-                    "run JSBSim on the file by itself, which says what is wrong"
+                    "run JSBSim on the file to see its own message"
                 )
         self._fdm = fdm
 
@@ -214,7 +214,7 @@ class JsbsimModel:
     def put(
         self, motion: Array, altitude_m: float, surfaces: Array, thrust_n: float, push_n: float = 0.0
     ) -> tuple[Array, Array]:
-        """JSBSim at one state, wings level, pitch attitude as the angle of attack, time standing still.
+        """JSBSim at one state, wings level, pitch attitude as the angle of attack, time held still.
 
         Args:
             motion: u, v, w in m/s and p, q, r in rad/s, shape (6,).
@@ -274,7 +274,9 @@ def _xml(path: Path) -> ET.Element:
     except OSError as error:
         raise JsbsimError(f"{path} cannot be read: {(error.strerror or 'no such file').lower()}") from None
     if len(raw) > _MOST_BYTES:
-        raise JsbsimError(f"{path} is larger than {_MOST_BYTES} bytes; no JSBSim aircraft is")
+        raise JsbsimError(
+            f"{path} has more than {_MOST_BYTES} bytes, which no JSBSim aircraft has; give its own XML"
+        )
     if b"<!ENTITY" in raw:
         raise JsbsimError(f"{path} declares entities, which are not read; remove them")
     try:

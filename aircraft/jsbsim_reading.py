@@ -70,7 +70,7 @@ def jsbsim_aircraft(path: Path, name: str, condition: FlightCondition) -> tuple[
     columns = slopes.columns()
     if not columns["elevator"][4]:
         raise JsbsimError(
-            f"{path}: nothing answers fcs/elevator-pos-rad, -deg or -norm; no trim can be expected of it"
+            f"{path}: no moment depends on fcs/elevator-pos-rad, -deg or -norm; add the elevator"
         )
     eta = at.elevator_rad * slopes.elevator_sign
     aspect = aspect_ratio(geometry.span_m, geometry.wing_area_m2)

@@ -58,7 +58,9 @@ def _read(path: Path, shown: str) -> Aircraft:
     except OSError as error:
         raise AircraftFileError(f"aircraft file {shown} cannot be read: {error.strerror}") from None
     if len(raw) > _MAX_FILE_BYTES:
-        raise AircraftFileError(f"aircraft file {shown} is larger than the allowed {_MAX_FILE_BYTES} bytes")
+        raise AircraftFileError(
+            f"aircraft file {shown} is larger than the allowed {_MAX_FILE_BYTES} bytes; shorten it"
+        )
     return parse_aircraft(raw, shown)
 
 

@@ -34,7 +34,7 @@ _INERTIA_UNITS = {
     "kg cm2": 1e-4, "kg mm2": 1e-6, "g cm2": 1e-7, "lb ft2": _POUND_FT2, "lb in2": _POUND_FT2 / 144.0, "t m2": 1e3,
 }  # fmt: skip
 _SLIP_INERTIA = math.sqrt(1.0 / _POUND_FT2)
-"""What lb ft2 taken for kg m2 do to a radius of gyration: the nearest slip that can be told from an aircraft."""
+"""Factor of a radius of gyration where lb ft2 pass for kg m2: the smallest slip that is no aircraft's own figure."""
 _MOST_RATIO = 1.05
 """Of the largest principal moment of inertia over the sum of the others: 1, and what swinging it leaves open."""
 _FLIGHT_LINE = 47.0

@@ -43,9 +43,9 @@ class AppSettings:
     """What an application may have beside a monitor.
 
     Attributes:
-        access: who may do what; everybody, unless told otherwise.
+        access: who may do what; everybody, unless given.
         aircraft: an aircraft by its announced name (ValueError with one sentence where there is none), for
-            conventions other than concise; the library unless told otherwise.
+            conventions other than concise; the library unless given.
         diagnoses: jobs that diagnose uploaded flights; None where none are taken.
         counters: of the service, by part, shown on the status.
         kernels: the compilation of the numerical kernels, shown on the status; None when there is none.

@@ -48,13 +48,13 @@ class Door:
         """One vehicle.
 
         Raises:
-            ProblemError: 404 for a vehicle never heard of.
+            ProblemError: 404 for an unknown vehicle.
         """
         view = self.monitor.vehicle(fleet, vehicle)
         if view is not None:
             return view
         raise ProblemError(
             HTTPStatus.NOT_FOUND,
-            f"Vehicle '{vehicle}' of fleet '{fleet}' has never been heard of; /v1/vehicles lists all, "
+            f"Vehicle '{vehicle}' of fleet '{fleet}' is unknown; /v1/vehicles lists all, "
             "and ?fleet= names a fleet other than 'default'.",
         )

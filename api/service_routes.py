@@ -57,7 +57,7 @@ def health_router(door: Door) -> APIRouter:
         problems = [f"{part}: {problem}" for part, problem in checks.items() if problem is not None]
         if problems and not admission_of(request).may_read:
             raise ProblemError(
-                HTTPStatus.SERVICE_UNAVAILABLE, "The service is not ready; who has a token is told why."
+                HTTPStatus.SERVICE_UNAVAILABLE, "The service is not ready; send a token to see the reason."
             )
         if problems:
             raise ProblemError(HTTPStatus.SERVICE_UNAVAILABLE, " ".join(problems), checks)

@@ -6,10 +6,10 @@
 
 Each case is a flight and the file of an aircraft that differs from the flown one by one effect (``--two``: by two;
 ``--healthy``: by none), drawn by its seed (``diagnosis_cases``); a second flight of the same aircraft is held out.
-Per source: the right cause first or in the set that the first cannot be told from; first; first and nothing else said;
-its size in the stated 95 % interval; healthy flights without a claim; both of two effects named; the median part of the
-squared misfit that the first cause takes away on windows left out, and of the largest drop of a channel's rms
-residual on the held-out flight. Then hidden names against first causes, and every miss with its seed.
+Per source: the right cause first or in the set that the first cannot be distinguished from; first; first and
+nothing else said; its size in the stated 95 % interval; healthy flights without a claim; both of two effects named; the
+median part of the squared misfit that the first cause takes away on windows left out, and of the largest drop of a
+channel's rms residual on the held-out flight. Then hidden names against first causes, and every miss with its seed.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Whether a diagnosis named what was hidden: one verdict a case, figures over many.
 
 A cause is right when its label is the hidden one's, or one that names the very same change with the same size
-(``SAME``). It counts as named when it comes first or stands in the set that the first cause says it cannot be told
+(``SAME``). It counts as named when it comes first or stands in the set that the first cause cannot be distinguished
 from.
 """
 
@@ -39,7 +39,7 @@ class Verdict:
         source, seed, aircraft, turbulence, signal_to_noise, true_model_misfit: of the case.
         hidden: labels, with their sizes in ``sizes``.
         said: labels of the causes found, in their order.
-        not_told_from: labels that the first cause says it cannot be told from.
+        not_told_from: labels that the first cause cannot be distinguished from.
         named: for each hidden effect, whether it was named.
         first: the right cause comes first.
         alone: and nothing else was said, nor is it called inseparable from anything.
@@ -189,7 +189,7 @@ class Figures:
     Attributes:
         source: of the cases.
         one, two, healthy, refused: how many cases.
-        named: of one effect: first, or in the set that the first cannot be told from.
+        named: of one effect: first, or in the set that the first cannot be distinguished from.
         first: the right cause first.
         alone: first, and nothing else said.
         inside: sizes in their stated 95 % interval, of those said.

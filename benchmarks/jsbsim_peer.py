@@ -199,7 +199,7 @@ class Peer:
         self.settle()
 
     def settle(self) -> None:
-        """Forces of this instant and of these deflections, time standing still."""
+        """Forces of this instant and of these deflections, time held still."""
         self.fdm.suspend_integration()
         for _ in range(_PASSES):
             self.fdm.run()

@@ -1,4 +1,4 @@
-"""Ports on this machine for services that are told where to listen."""
+"""Ports on this machine for services that are given a place to listen."""
 
 import random
 import socket

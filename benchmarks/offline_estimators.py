@@ -1,7 +1,7 @@
 """The estimators that work on files, on the reference plants: error beside the Cramer-Rao bound, and interval coverage.
 
 Plants, inputs, noise, offsets and bound are those of ``reference_plant``. Only velocity, rate and surface are
-measured; no estimator is told a noise level or a derivative.
+measured; no estimator is given a noise level or a derivative.
 
 Run: python benchmarks/offline_estimators.py [--seeds N] [--signal-to-noise R ...]
 """

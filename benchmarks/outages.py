@@ -68,7 +68,7 @@ class Course:
         before_s, during_s: of each message, from its arrival to the state that rests on it.
         said_s: until the service said what is wrong; said: its words.
         healed_s: from the end of the outage until nothing is wrong and all that was raised is there.
-        announced: alerts as they were heard over Zenoh, by id; raised: how many; acted: notes of answered actions, by
+        announced: alerts as received over Zenoh, by id; raised: how many; acted: notes of answered actions, by
             alert; refused: alerts whose action was answered with 503.
         wrong: what was announced or answered and is not in the database, or was refused and is.
     """

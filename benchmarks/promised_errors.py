@@ -1,7 +1,7 @@
 """What the estimators make of a designed input, beside the standard errors that it promises.
 
 The Aerosonde's linear short period and Dutch roll at cruise with the noise of the file's sensors, surfaces included:
-10 s quiet, then the input of 10 s, held between samples. Estimators as live, told the noise, started 30 % off, without
+10 s quiet, then the input of 10 s, held between samples. Estimators as live, given the noise, started 30 % off, without
 forgetting. As in the promise, airspeed and dynamic pressure are known.
 
 Run: python benchmarks/promised_errors.py [--seeds N] [--degrees A]

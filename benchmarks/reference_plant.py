@@ -2,7 +2,7 @@
 
 The plants are the two-degree-of-freedom short period and Dutch roll with the linearised Aerosonde derivatives of the
 thesis (Jameson 2013, 25 m/s, 1000 m), flown with its 2-degree doublets, 50 Hz, 12 s. Only velocity, rate and surface
-are measured; the estimators are told no noise level and start 30 % off.
+are measured; the estimators are given no noise level and start 30 % off.
 
 Run: python benchmarks/reference_plant.py [--seeds N] [--signal-to-noise 5 3 10 30]
 

@@ -66,6 +66,11 @@ def head(script: str, arguments: Sequence[str], commit: str, code: int) -> str:
     return "\n".join(lines + ([f"# exit code: {code}"] if code else [])) + "\n\n"
 
 
+def tidy(printed: str) -> str:
+    """What was printed, without blanks at the ends of lines and empty lines before and after."""
+    return "\n".join(line.rstrip() for line in printed.splitlines()).strip("\n") + "\n"
+
+
 def commit_now() -> str:
     """The commit that is checked out, "unknown" where there is no repository; says where files differ from it."""
     try:
@@ -106,6 +111,7 @@ def run_benchmark(main: Callable[[], object]) -> NoReturn:
         sys.stdout = tee._out
     path = RESULTS / f"{name or Path(sys.argv[0]).stem}.txt"
     number = code if isinstance(code, int) else 0
-    path.write_text(head(sys.argv[0], arguments, commit_now(), number) + tee.printed.getvalue())
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(head(sys.argv[0], arguments, commit_now(), number) + tidy(tee.printed.getvalue()))
     print(f"kept in benchmarks/results/{path.name}", file=sys.stderr)
     raise SystemExit(number)

@@ -83,7 +83,7 @@ class RandomMoment:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """How one record is flown and what the estimator is told of it.
+    """How one record is flown and what the estimator is given of it.
 
     Attributes:
         surface: commanded surface from trim at times of the record, rad; None: it rests but for the loop.
@@ -91,7 +91,7 @@ class Situation:
         loop: gains of attitude (rad/rad) and rate (rad per rad/s); None: open.
         moment: angular acceleration of time, rad/s2, or a random one; None: none.
         vane_ahead_m: of the centre of gravity.
-        vane_stated_m: what the estimator is told, and its signals are corrected for; None: the truth.
+        vane_stated_m: what the estimator is given, and its signals are corrected for; None: the truth.
         rate_hz: samples a second.
         seconds: length; None: as the command asks.
         signal_to_noise: of each sensor in the reference record; infinite: sensors without noise.
@@ -116,7 +116,7 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What an estimator is told before the flight, as the live chain tells it from an aircraft file.
+    """What an estimator is given before the flight, as the live chain takes it from an aircraft file.
 
     Attributes:
         plant: for its structure only.
@@ -147,7 +147,7 @@ class Known:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One record: signal rows (samples, columns) as ``Signals`` lays them out, and what is told with them."""
+    """One record: signal rows (samples, columns) as ``Signals`` lays them out, and what is given with them."""
 
     rows: Array
     known: Known

@@ -1,4 +1,4 @@
-"""Values and stated errors of the three whole-flight estimators side by side on the real flight, with their standing.
+"""Values and stated errors of the three whole-flight estimators side by side on the real flight, with their outcomes.
 
     .venv/bin/python benchmarks/stated_errors.py FLIGHT.mat [--map docs/maps/thor75.toml] [--aircraft ultrastick25e]
 

@@ -44,7 +44,7 @@ class Quiet:
         hidden_s: time from the end of excitation until the mode is called not observable, (vehicles,).
         drift: largest distance of any estimate from the last excited one, in its 95 % half-widths then.
         outside: share of readings whose value lies outside the last excited 95 % interval.
-        claimed: share of readings in which any derivative has standing.
+        claimed: share of readings in which any derivative is claimed.
         growth: per name of the state, largest magnitude at the end over that after the first ten quiet minutes.
     """
 
@@ -227,7 +227,7 @@ def _print_quiet(plant: Plant, hours: float) -> None:
         _line("  largest drift / 95 % half-width", found.drift.max(axis=0))
         _line("  readings outside it, %", 100.0 * found.outside.mean(axis=0))
         print(f"    not observable, for good, after {found.hidden_s.max():.1f} s;", end=" ")
-        print(f"later than 10 s some derivative has standing in {100.0 * found.claimed:.2f} % of readings")
+        print(f"later than 10 s some derivative is claimed in {100.0 * found.claimed:.2f} % of readings")
         grown = {n: g for n, g in found.growth.items() if g > 1.05}
         print(
             "    grown since the first ten minutes: "

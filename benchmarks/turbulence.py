@@ -114,8 +114,8 @@ def main() -> int:
         "truth (toward smaller magnitude is negative), and in brackets the rms error over the stated standard error;"
     )
     print(
-        "last, truth inside the stated 95 % interval over all derivatives: those that claim standing, and all; the"
-        "\nlargest error over stated error of those that claim standing"
+        "last, truth inside the stated 95 % interval over all derivatives: those that are claimed, and all; the"
+        "\nlargest error over stated error of those that are claimed"
     )
     for level in LEVELS:
         if level not in chosen.air.split(","):

@@ -6,7 +6,7 @@
 
 Flights of the six-degree-of-freedom simulation with doublets every 20 s and the autopilot closed; seeds are fixed.
 Estimates, of Aerosondes: mean error in % of truth (towards smaller magnitude is negative), in brackets the rms error
-over the stated standard error; last, truth inside the stated 95 % interval, of derivatives that claim standing and of
+over the stated standard error; last, truth inside the stated 95 % interval, of derivatives that are claimed and of
 all. Alerts: what befalls a flight does so at 100 s. Noticed: by any alert within 60 s, also by one of channels that
 contradict each other, which needs no vane. By derivatives: by one of the airframe within 60 s that names the cause.
 """

@@ -27,7 +27,7 @@ class _Order:
 
     Attributes:
         tried: the alert as it was written, where that was tried; the reply may be missing.
-        settled: committed or refused, from then on it is not withdrawn; withdrawn: its caller has been told no.
+        settled: committed or refused, from then on it is not withdrawn; withdrawn: its caller got a refusal.
     """
 
     plan: ActionPlan
@@ -154,7 +154,7 @@ class ActionQueue:
                 order.done.set()
             return
         if not self._settle(order):
-            return  # it is in the database, and its caller has been told that it is not: it is undone next
+            return  # it is in the database, and its caller got a refusal: it is undone next
         try:
             if changed is not None:
                 self._supersede(order.plan.request.alert_id)

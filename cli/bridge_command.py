@@ -38,7 +38,7 @@ class _Vehicles:
     """Who is to be published.
 
     Attributes:
-        names: by system number; None is the first one heard.
+        names: by system number; None is the first one that sends.
         aircraft: what each announces, by its name.
         travel_rad: deflections at full travel by channel, by its name.
     """
@@ -169,11 +169,11 @@ class Bridge:
         self._messages[name] = self._messages.get(name, 0) + sent
 
     def _say_once(self) -> None:
-        """Who is heard and is not published."""
+        """Systems that send and are not published."""
         for number in self._receiver.others:
             if ("other", number) not in self._said:
                 self._said.add(("other", number))
-                say(f"system {number} is heard and has no name: add --vehicle {number}=NAME to publish it")
+                say(f"system {number} sends and has no name; add --vehicle {number}=NAME to publish it")
         for number, system in self._receiver.systems.items():
             if system.vehicle.is_multicopter and ("multicopter", number) not in self._said:
                 self._said.add(("multicopter", number))
@@ -192,7 +192,7 @@ def _vehicles(named: Sequence[str], aircraft: Sequence[str]) -> _Vehicles:
             raise CommandError(f"--vehicle {one}: {number!r} is no MAVLink system; systems are 1 to 255")
         key = int(number) if equals else None
         if key in names:
-            what = f"system {key}" if equals else "the first system heard"
+            what = f"system {key}" if equals else "the first system that sends"
             raise CommandError(
                 f"--vehicle {one}: {what} is {names[key]!r} already; write --vehicle SYSTEM=NAME"
             )

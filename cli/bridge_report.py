@@ -77,9 +77,9 @@ def bridge_sentences(report: Mapping[str, Any]) -> list[str]:
         f"{link.get('bytes_between', 0)} bytes of none"
     ]
     if report["not_heard"]:
-        lines.append(f"not heard yet: {', '.join(report['not_heard'])}")
+        lines.append(f"nothing received yet from: {', '.join(report['not_heard'])}")
     if report["not_named"]:
-        lines.append(f"heard without a name: system {', '.join(report['not_named'])}")
+        lines.append(f"received without a name: system {', '.join(report['not_named'])}")
     for one in report["vehicles"]:
         lines += _vehicle_sentences(one)
     return lines

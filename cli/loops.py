@@ -1,4 +1,4 @@
-"""Threads of the service that work until they are told to end, and begin again where a fault ends them before."""
+"""Threads of the service that work until they are asked to end, and begin again where a fault ends them before."""
 
 import logging
 import threading
@@ -19,7 +19,7 @@ class Loop:
     Args:
         name: of the thread; processor time is counted by it.
         what: as messages call it.
-        work: returns when it is told to end; it must be able to begin again at any time.
+        work: returns when it is asked to end; it must be able to begin again at any time.
         wake: has the work look at what waits; called before it begins again.
         clock: monotonic seconds.
 
@@ -46,7 +46,7 @@ class Loop:
         self._thread.start()
 
     def join(self, timeout_s: float) -> None:
-        """Wait for the end of the work, which somebody else has told it; it does not begin again."""
+        """Wait for the end of the work, which somebody else has asked for; it does not begin again."""
         self._left.set()
         self._thread.join(timeout_s)
 

@@ -51,7 +51,7 @@ class Notifications:
             plan.channel.close()
 
     def begin(self, monitor: MonitorPort) -> None:
-        """Deliver from now on; what has been heard before waits until then."""
+        """Deliver from now on; earlier announcements wait until then."""
         self._monitor, self._begun = monitor, True
         for loop in self._loops:
             loop.start()

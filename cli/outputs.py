@@ -182,7 +182,7 @@ class ZenohOutputs:
         self._news.set()
 
     def _answer_foreign(self, key: str) -> None:
-        """Say so, and once more what stands of the vehicle: whoever listens has heard the other one last."""
+        """Announce it, and publish the vehicle's state again: subscribers received the other one's last."""
         monitor, now_s = self._monitor, time.monotonic()
         if monitor is None or now_s - self._foreign_said_s.get(key, float("-inf")) < _SAID_AGAIN_S:
             return
@@ -288,7 +288,7 @@ class ZenohOutputs:
                 yield keys["proposals"], "proposals", _document(*owner, view.proposed_input)
             if "derivatives" in wanted and (value := monitor.derivatives(*owner)) is not None:
                 yield keys["derivatives"], "derivatives", _document(*owner, value)
-        for alert in reversed(monitor.alerts()):  # also of vehicles not heard of since the start
+        for alert in reversed(monitor.alerts()):  # also of vehicles without a message since the start
             key = vehicle_key(alert.fleet, alert.vehicle, "alerts")
             if asked.intersects(zenoh.KeyExpr(key)):
                 yield key, "alerts", _document(alert.fleet, alert.vehicle, alert)

@@ -77,5 +77,5 @@ def _publish(
         session, fleet, vehicle, aircraft, samples_per_message=_SAMPLES_A_MESSAGE, sleep=sleep
     ) as publisher:
         if rate is not None and not publisher.wait_for_receiver(_LISTENER_S):
-            say(f"nobody listens to {vehicle} yet: what is sent is lost until somebody does")
+            say(f"nobody subscribes to {vehicle} yet; samples are lost until a service does")
         return publisher.publish(flight.block, rate, columns=flight.wire_columns)

@@ -21,7 +21,7 @@ class RecordedStore:
 
     Args:
         store: does the work.
-        recorder: is told.
+        recorder: gets a copy.
     """
 
     def __init__(self, store: DatabaseStore, recorder: Recorder) -> None:
@@ -101,7 +101,7 @@ class RecordedCheckpoints:
 
     Args:
         checkpoints: do the work.
-        recorder: is told.
+        recorder: gets a copy.
         wall_clock: seconds since 1970-01-01 UTC.
     """
 

@@ -38,7 +38,7 @@ _SUFFIXES = (".csv", ".parquet")
 _DEFAULT_MANOEUVRES = ("doublet",)
 _PIECE = 500
 _SECONDS, _AFTER_INPUT_S = 60.0, 10.0
-"""Length of a flight that is not told: at least so long, and so long beyond an input."""
+"""Length of a flight where none is given: at least so long, and so long beyond an input."""
 _MOST_SAMPLES = 2_000_000
 """Half a gigabyte; eleven hours at 50 Hz."""
 _UNSENSED = "pitch_demand_rad"

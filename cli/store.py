@@ -472,7 +472,7 @@ class DatabaseStore:
         try:
             kept(alert)
         except Exception:  # it is stored, and the thread goes on
-            _LOG.exception("alert %s could not be told", alert.id)
+            _LOG.exception("alert %s could not be announced", alert.id)
 
     def _act(self) -> str | None:
         """Carry out what people have asked for; why the database does not take it, None where it does."""

@@ -177,7 +177,7 @@ class _Steps:
         speed_m_s = self._aligned.column("airspeed_true_m_s")
         if speed_m_s.size and float(np.median(speed_m_s)) < _LEAST_AIRSPEED_M_S:
             raise ValueError(
-                f"the airspeed is mostly below {_LEAST_AIRSPEED_M_S:g} m/s: it is wrong, or on the ground"
+                f"the median airspeed is below {_LEAST_AIRSPEED_M_S:g} m/s; give a flight, or correct its unit"
             )
         stamps = self._aligned.time_s
         part = SampleBlock(self._aligned.values[stamps <= stamps[:1] + self._path_s])

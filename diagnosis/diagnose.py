@@ -96,8 +96,8 @@ def diagnose(
             except RunsAwayError:
                 continue
     raise DiagnosisError(
-        f"the simulation of aircraft {aircraft.name} runs away from the flight within {WINDOWS_S[-1]:g} s: nothing "
-        "fits; check that the file is of this aircraft, and the units and signs of the channel map"
+        f"the simulation of aircraft {aircraft.name} diverges from the flight within {WINDOWS_S[-1]:g} s; "
+        "check that the file is of this aircraft, and the units and signs of the channel map"
     )
 
 

@@ -80,7 +80,7 @@ def fit(
     if evaluation is None:
         evaluation = evaluate(problem, point)
     if not np.isfinite(evaluation.log_spread):
-        raise RunsAwayError("the simulation runs away from the flight")
+        raise RunsAwayError("the simulation diverges from the flight")
     weights = evaluation.deviations
     reduced = reduce(problem, point, evaluation)
     prior = _prior(point.causes)
@@ -107,7 +107,7 @@ def fit(
         evaluation = evaluation.unweighted
         reduced = reduce(problem, point, evaluation)
     if not np.isfinite(reduced.cost):
-        raise RunsAwayError("the simulation runs away from the flight")
+        raise RunsAwayError("the simulation diverges from the flight")
     return Solution(point, reduced.cost, _covariance(reduced, point, prior), evaluation)
 
 

@@ -115,7 +115,9 @@ def missing_terms(problem: Problem, solution: Solution) -> tuple[MissingTerm, ..
     gain = np.where(informed, 0.5 * score**2 / np.where(informed, information, 1.0), 0.0)
     slope_gain = shown_by(np.diagonal(reduced.information)[point.theta.size : known] / inflated)
     silent = {symbol_of(c) for c, g in zip(coefficients, slope_gain, strict=True) if not g > BEYOND_DOUBT}
-    gain[[i for i, term in enumerate(terms) if silent & set(term.slopes)]] = 0.0  # nor does it judge the bend
+    gain[[i for i, term in enumerate(terms) if silent & set(term.slopes)]] = (
+        0.0  # nor does it determine the curvature
+    )
     blocks = sum(len(b) for b in evaluation.blocks)
     evidence = gain - 0.5 * math.log(max(blocks, 2)) - math.log(len(terms))
     order = [int(i) for i in np.argsort(-gain) if evidence[i] > BEYOND_DOUBT and gain[i] > gain.max() - ALIKE]

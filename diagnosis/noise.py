@@ -154,7 +154,7 @@ def likeliest_level(problem: Problem, point: Point) -> Point:
     with ThreadPoolExecutor(WORKERS) as pool:
         costs = np.array(list(pool.map(cost, levels)))
     if not np.isfinite(costs).any():
-        raise RunsAwayError("the simulation runs away from the flight")
+        raise RunsAwayError("the simulation diverges from the flight")
     return replace(point, noise=replace(first, gusts=levels[int(np.nanargmin(costs))]))
 
 

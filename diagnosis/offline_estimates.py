@@ -138,7 +138,7 @@ def _estimated(
     """One structure's object; ValueError says why there is none."""
     nominal = nominal_condition(aircraft)
     if nominal is None:
-        raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]")
+        raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]; add one")
     solved = solved_as(structure)
     band_hz = analysis_band_hz(aircraft, solved)
     shape = flight_form(flight, aircraft, nominal, form, band_hz)

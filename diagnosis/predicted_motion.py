@@ -129,7 +129,7 @@ def _of_structure(
 ) -> list[PredictedManoeuvre]:
     nominal = nominal_condition(aircraft)
     if nominal is None:
-        raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]")
+        raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]; add one")
     block = _with_resting_surfaces(clean, structure)
     form: Form = "reconstructed" if missing_channels(structure, block.present) else "accelerometer"
     if missing := missing_channels(structure, block.present, form):
@@ -146,7 +146,7 @@ def _of_structure(
         if derivatives is not None:
             found.append(_predicted(part, derivatives, float(size.max())))
     if not found:
-        raise ValueError("no surface of it moved enough while its derivatives were known")
+        raise ValueError("no surface of the mode moved enough once its derivatives had converged")
     return found
 
 

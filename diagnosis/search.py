@@ -136,7 +136,7 @@ def settled_anew(problem: Problem, point: Point) -> Solution:
         with suppress(RunsAwayError):
             ends.append(settled(problem, likeliest_level(problem, point) if anew else point))
     if not ends:
-        raise RunsAwayError("the simulation runs away from the flight")
+        raise RunsAwayError("the simulation diverges from the flight")
     return min(ends, key=lambda solution: solution.cost)
 
 

@@ -126,7 +126,7 @@ def cause_title(cause: Cause) -> str:
 
 
 def chances(cause: Cause) -> str:
-    """Its probability, and that of the set that it cannot be told from."""
+    """Its probability, and that of the set that it cannot be distinguished from."""
     alone = f"probability {probability_text(cause.probability)}"
     if not cause.indistinguishable_from or not math.isfinite(cause.set_probability):
         return alone

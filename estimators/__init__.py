@@ -1,4 +1,4 @@
-"""Estimators: derivatives with covariance and standing, online, for batches of vehicles.
+"""Estimators: derivatives with covariance and validity, online, for batches of vehicles.
 
 Example:
     The derivatives of a linear flight without noise come back from its samples:

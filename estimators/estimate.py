@@ -1,4 +1,4 @@
-"""The Estimate: a value never without its covariance and its standing."""
+"""The Estimate: a value never without its covariance and its outcome."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +12,7 @@ __all__ = ["BlockEvidence", "Estimate", "Outcome"]
 
 
 class Outcome(StrEnum):
-    """Standing of an estimate."""
+    """Validity of an estimate."""
 
     CONVERGED = "converged"
     SETTLING = "settling"
@@ -30,8 +30,8 @@ class Estimate:
         time_s: stamp of the last sample used.
         value: shape (k,), in the order of ``structure.derivatives``; NaN where nothing is known yet.
         covariance: shape (k, k); infinite on the diagonal where nothing is known yet.
-        outcomes: standing of each derivative, in the same order.
-        outcome: standing of the mode.
+        outcomes: validity of each derivative, in the same order.
+        outcome: validity of the mode.
         reason: one clause for the operator when the outcome is not ``converged``, else empty.
         condition: mean (airspeed_true_m_s, altitude_m, air_density_kg_m3, angle_of_attack_rad) over
             the samples that the estimate rests on.

@@ -1,4 +1,4 @@
-"""The standing of estimates: which derivatives have converged, which are settling, and which cannot be observed.
+"""Validity of estimates: which derivatives have converged, which are settling, and which cannot be observed.
 
 The numbers are worked out for many vehicles at once; an ``Estimate`` of one of them is made when somebody asks.
 """
@@ -70,7 +70,7 @@ class Standing(NamedTuple):
 
     @property
     def unseen(self) -> NDArray[np.bool_]:
-        """Which derivatives are not observable for want of signal, or cannot be told apart, (k,)."""
+        """Which derivatives are not observable for want of signal, or cannot be distinguished, (k,)."""
         return np.asarray((self.code == _HIDDEN) & (self.stale | (self.number > 0)))
 
     def estimate(self, estimator: str, structure: ModeStructure) -> Estimate:
@@ -118,7 +118,7 @@ def stand(
     solved: NDArray[np.bool_],
     condition: Array,
 ) -> Standings:
-    """The standing of m vehicles' derivatives.
+    """Validity of m vehicles' derivatives.
 
     A derivative is converged when its standard error is below a quarter of its size or of its natural size (a third
     of the wide prior); it is settling while data arrive; it is not observable when its regressor has carried
@@ -162,7 +162,7 @@ def _judge_all(sizes, covariance, prior_ratio, columns, known, code, number):  #
 
 @whole
 def _judge(sizes, covariance, prior_ratio, columns, known, code, number):  # type: ignore[no-untyped-def]
-    """The standing of each derivative.
+    """Validity of each derivative.
 
     Args:
         sizes: values and natural sizes, (k,) each.

@@ -105,7 +105,7 @@ class AlertLedger:
         return replace(alert, cleared_s=cleared_s(alert)) if alert.state is AlertState.CLEARED else alert
 
     def acted(self, changed: AlertView) -> AlertView:
-        """The action is committed and told; returns the newest version with it."""
+        """The action is committed and announced; returns the newest version with it."""
         newest, merged = self._newest.get(changed.id), changed
         if newest is not None:
             merged = replace(newest, note=(*newest.note, changed.note[-1]))
@@ -136,7 +136,7 @@ class AlertLedger:
         return self._newest.get(alert_id)
 
     def shown(self, alert_id: str) -> AlertView | None:
-        """The newest committed version; None for an alert that is not known, or not yet to be told of."""
+        """The newest committed version; None for an alert that is not known, or not yet to be announced."""
         return self._committed.get(alert_id)
 
     def all_shown(self) -> list[AlertView]:
@@ -145,7 +145,7 @@ class AlertLedger:
 
     @property
     def ids(self) -> Collection[str]:
-        """Of all that may be told of."""
+        """Of all that may be announced."""
         return self._committed.keys()
 
     def stands(self, key: VehicleKey) -> bool:

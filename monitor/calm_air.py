@@ -49,7 +49,7 @@ mostly stay at 50 % and more."""
 
 def surface_moved(structure: ModeStructure, information: Array, natural: Array) -> bool:
     """Whether a surface of the mode has moved the aircraft in a block: stiffness, damping and control of a moment are
-    told apart by the block alone.
+    distinguished by the block alone.
 
     Motion that no surface of the mode has caused is that of the other axis, through a velocity that nothing measures,
     or of the air: it is in no equation, and all that it moves is put down to too few derivatives.

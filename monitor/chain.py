@@ -308,7 +308,7 @@ class Chain:
         return {n: Solution(last_s, found) for n, last_s, found in solved if n not in faults}
 
     def current(self, state: ChainState) -> Solution:
-        """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
+        """As of the last sample: the filter to that sample, the Fourier estimator to its last solution."""
         return Solution(state.last_s, self.supervisor.read(state.lane, state.last_s))
 
     def air(self, state: ChainState) -> AirQuality | None:
@@ -320,7 +320,7 @@ class Chain:
         return self._air.pending(state.air)
 
     def resume(self, state: ChainState, structure: str, information: Array, vector: Array) -> None:
-        """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
+        """The Fourier estimator of a structure goes on from a memory instead of from its closed blocks."""
         self.supervisor.resume(state.lane, structure, information, vector)
 
 

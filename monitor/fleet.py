@@ -407,11 +407,11 @@ class FleetMonitor:
     # -- what may be asked (MonitorPort) ---------------------------------------------------------
 
     def vehicles(self) -> Sequence[VehicleView]:
-        """All vehicles ever heard of, worst state first; samples are taken in between some and the next."""
+        """All known vehicles, worst state first; samples are taken in between some and the next."""
         return self._views.all()
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
-        """One vehicle; None for one never heard of."""
+        """One vehicle; None for an unknown one."""
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
         return None if known is None else self._views.one((fleet, vehicle), known)
@@ -427,12 +427,12 @@ class FleetMonitor:
             return known.monitor.derivatives()
 
     def alerts(self) -> Sequence[AlertView]:
-        """All alerts that may be told, newest first."""
+        """All alerts that may be announced, newest first."""
         with self._lock:
             return self._context.ledger.all_shown()
 
     def manoeuvres(self, fleet: str, vehicle: str) -> Sequence[ManoeuvreView] | None:
-        """The vehicle's last ten manoeuvres, newest first; None for a vehicle never heard of."""
+        """The vehicle's last ten manoeuvres, newest first; None for an unknown vehicle."""
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
             return None if known is None else tuple(known.manoeuvres)

@@ -1,4 +1,4 @@
-"""Alerts of a live fleet: kept before they are told, followed across restarts, acted on by persons."""
+"""Alerts of a live fleet: stored before they are announced, followed across restarts, acted on by persons."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -79,11 +79,11 @@ class FleetAlerts:
     # -- from the monitors ---------------------------------------------------------------------
 
     def keep(self, alert: AlertView) -> list[Outgoing]:
-        """Hand a new version to the store, which says when it may be told; returns what may be told at once."""
+        """Hand a new version to the store, which says when it may be announced; returns what may be at once."""
         return self._keep(self._context.ledger.follow(alert))
 
     def diagnosed(self, alert_id: str, finding: AlertFinding) -> list[Outgoing] | None:
-        """A diagnosis says something about an alert; returns what may be told at once, None for an unknown alert."""
+        """A diagnosis says something about an alert; returns what may be announced now, None for an unknown alert."""
         changed = self._context.ledger.diagnosed(alert_id, finding)
         return None if changed is None else self._keep(changed)
 
@@ -127,7 +127,7 @@ class FleetAlerts:
                 ledger.unsaved.pop(name)
 
     def _kept(self, alert: AlertView) -> None:
-        """In the store's thread: this version is committed, so it may be told."""
+        """In the store's thread: this version is committed, so it may be announced."""
         with self._context.lock:
             self._show(alert)
         self.repeat([alert])
@@ -177,7 +177,7 @@ class FleetAlerts:
         return None if known is None or known.monitor is None else known.monitor.last_sample_time_s
 
     def _acted(self, request: ActionRequest, changed: AlertView) -> None:
-        """The action is committed: it counts from now on, and is told."""
+        """The action is committed: it counts from now on, and is announced."""
         ledger, key = self._context.ledger, (changed.fleet, changed.vehicle)
         with self._context.lock:
             merged = ledger.acted(changed)
@@ -196,7 +196,7 @@ class FleetAlerts:
             return self._context.ledger.newest(shown.id) or shown
 
     def _rewritten(self, newest: AlertView) -> None:
-        """An action was undone by writing the newest version, which may be newer than the one that was told."""
+        """An action was undone by writing the newest version, which may be newer than the one that was announced."""
         with self._context.lock:
             told = self._context.ledger.shown(newest.id) == newest
         if not told:

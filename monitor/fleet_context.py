@@ -101,7 +101,7 @@ class FleetContext:
         """A message under the vehicle's name was refused because another publisher owns it: reported once a minute."""
         if not known.owner.refuse(self.clock()):
             return
-        text = f"messages of a second publisher of {fleet}/{vehicle} are refused while the first is heard of"
+        text = f"messages of a second publisher of {fleet}/{vehicle} are refused while the first one sends"
         self.event("problem", {"what": "second_publisher", "fleet": fleet, "vehicle": vehicle, "text": text})
         _LOG.warning("%s", text, extra={"vehicle": f"{fleet}/{vehicle}"})
 

@@ -110,7 +110,7 @@ class FleetProposals:
         return replace(current, valid_until_s=current.proposed_s if now_s is None else now_s)
 
     def _may_be_flown(self, known: KnownVehicle) -> bool:
-        """It is heard of, flies in calm air, and no alert is in force."""
+        """It sends, flies in calm air, and no alert is in force."""
         state, _ = known.standing(self._context.clock(), self._context.settings.stale_s)
         monitor = known.monitor
         if (

@@ -39,7 +39,7 @@ class FleetViews:
         self._context, self._proposals = context, proposals
 
     def all(self) -> list[VehicleView]:
-        """All vehicles ever heard of, worst state first."""
+        """All known vehicles, worst state first."""
         with self._context.lock:
             everyone = list(self._context.vehicles.items())
         views: list[VehicleView] = []

@@ -46,7 +46,7 @@ class PendingWorst:
 
 def furthest(pending: Sequence[PendingWorst]) -> list[WorstDerivative | None]:
     """Of each vehicle the observable derivative furthest from its expectation, in standard errors of both; None where
-    none can be told.
+    none is known.
 
     Both estimators must say so: of two that stand, the one nearer to the expectation speaks for the pair.
     """

@@ -208,7 +208,7 @@ class Judge:
             by_filter = blurred(*informative_part(*gained, natural), by_filter[2], model_variance)
         if (
             mode.reconstructed
-        ):  # the Fourier form takes the velocity's noise for its own: the filter alone is valid
+        ):  # the Fourier estimator takes the velocity's noise for its own: the filter alone is valid
             by_fourier = by_filter
         both = Evidence(*(np.stack(parts) for parts in zip(by_fourier, by_filter, strict=True)))
         return ModeBlock(both, expected, covariance, mode.rough)

@@ -107,7 +107,7 @@ def _learned(
     before = None if flown.before is None else flown.before.modes.get(structure.name)
     for name in ("fourier", "ekf"):
         if name == "fourier" and after.reconstructed:
-            continue  # without a vane the filter alone has standing
+            continue  # without a vane the filter alone is valid
         now = getattr(after, name).standard_error.tolist()
         then = [None] * len(now) if before is None else getattr(before, name).standard_error.tolist()
         for symbol, old, new in zip(structure.derivatives, then, now, strict=True):

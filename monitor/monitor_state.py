@@ -78,7 +78,7 @@ class SavedSolution:
         """
         pairs = chain.supervisor.pairs
         if set(self.modes) - set(pairs):
-            raise ValueError("the latest solution is of other structures")
+            raise ValueError("the latest solution belongs to other structures than the monitor's")
         modes = {
             name: ModeSolution(pairs[name], mode.seen, mode.block, mode.gained, mode.rough, mode.comparable)
             for name, mode in self.modes.items()

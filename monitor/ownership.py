@@ -7,7 +7,7 @@ from wingwatch.telemetry import AircraftMessage
 __all__ = ["Ownership"]
 
 _FAREWELL_S = 1.0
-"""A publisher that is heard of later than this after its liveliness token went had only lost its link for a moment."""
+"""A publisher that still sends so long after its liveliness token went had only lost its link for a moment."""
 
 _REPORTED_S = 60.0
 """Least time between two reports of a second publisher of one vehicle."""

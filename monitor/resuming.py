@@ -66,7 +66,7 @@ def saved_vehicle(key: VehicleKey, known: KnownVehicle, now_s: float) -> SavedVe
 
 
 def goes_on(saved: SavedVehicle, config: JudgeConfig) -> bool:
-    """Whether a vehicle resumes its flight: it was heard within ``RESUMED_S``, or an alert stands or is suspected."""
+    """Whether a vehicle resumes its flight: it sent within ``RESUMED_S``, or an alert stands or is suspected."""
     return saved.silent_s <= RESUMED_S or saved.alarmed or suspected(saved.monitor.memory, config)
 
 

@@ -69,7 +69,7 @@ class _Source:
     def take(self, size: int) -> memoryview:
         end = self._at + size
         if end > len(self._data):
-            raise StateError("the state ends too early")
+            raise StateError("the saved state ends too early; the file is cut off")
         part, self._at = self._data[self._at : end], end
         return part
 
@@ -80,18 +80,18 @@ class _Source:
         """How many entries follow; each takes a byte at least, or there are none to speak of."""
         many = self.size()
         if many > len(self._data):
-            raise StateError("the state is not what it says it is")
+            raise StateError("the saved state does not match its declared type")
         return many
 
     def text(self) -> str:
         try:
             return str(self.take(self.size()), "utf-8")
         except UnicodeDecodeError:
-            raise StateError("the state is not what it says it is") from None
+            raise StateError("the saved state does not match its declared type") from None
 
     def end(self) -> None:
         if self._at != len(self._data):
-            raise StateError("the state is longer than it should be")
+            raise StateError("the saved state is longer than its declared type")
 
 
 class Codec:
@@ -135,7 +135,7 @@ class Codec:
         except StateError:
             raise
         except (ValueError, TypeError, KeyError, OverflowError, MemoryError) as error:
-            raise StateError(f"the state is not what it says it is ({error})") from error
+            raise StateError(f"the saved state does not match its declared type ({error})") from error
         source.end()
         return value
 
@@ -216,7 +216,7 @@ class Codec:
         def read(source: _Source) -> Any:
             k = source.take(1)[0]
             if k >= len(plans):
-                raise StateError("the state is not what it says it is")
+                raise StateError("the saved state does not match its declared type")
             return plans[k].read(source)
 
         return _Plan(" | ".join(plan.layout for plan in plans), write, read)
@@ -330,7 +330,7 @@ def _array(kind: Any, scalar: Any) -> _Plan:
     def read(source: _Source) -> Any:
         axes, order = source.take(2)
         if axes > _MOST_AXES or order > _STRIDED:
-            raise StateError("the state is not what it says it is")
+            raise StateError("the saved state does not match its declared type")
         shape = tuple(source.size() for _ in range(axes))
         strides = tuple(source.size() for _ in range(axes)) if order == _STRIDED else ()
         flat = np.frombuffer(source.take(prod(shape) * dtype.itemsize), dtype).astype(scalar)
@@ -344,7 +344,7 @@ def _spread(values: Any, strides: tuple[int, ...]) -> Any:
     """The same values, as many items apart as they were."""
     room = 1 + sum((size - 1) * stride for size, stride in zip(values.shape, strides, strict=True))
     if not 0 < room <= _MOST_SPREAD * max(values.size, 1):
-        raise StateError("the state is not what it says it is")
+        raise StateError("the saved state does not match its declared type")
     base = np.zeros(room, values.dtype)
     view = np.lib.stride_tricks.as_strided(base, values.shape, [s * values.itemsize for s in strides])
     view[...] = values

@@ -1,15 +1,15 @@
 """All that passes between the two estimators of a structure: what one says about the data that the other sees.
 
-Fourier form and filter read the same signals and know nothing of each other. Each sees what the other cannot:
+Fourier estimator and filter read the same signals and know nothing of each other. Each sees what the other cannot:
 
-- signal: the Fourier form tells a regressor that moved from one that only carried noise. The filter cannot, so it keeps
-  what it learned from signal and goes back on what noise taught it (``EkfEstimator.solve``), and what the Fourier form
-  calls not observable for want of signal is not observable for the filter either.
-- change: the Fourier form finds that a derivative has changed. The filter cannot tell that from the noise of its
+- signal: the Fourier estimator distinguishes a regressor that moved from one that only carried noise. The filter
+  cannot. So after noise it returns to its posterior after the last signal (``EkfEstimator.solve``), and a derivative
+  that the Fourier estimator calls not observable for want of signal is not observable for the filter either.
+- change: the Fourier estimator finds that a derivative has changed. The filter cannot tell that from the noise of its
   surfaces, so its covariance is reset there (``EkfEstimator.release``).
 - rough air: the filter carries the gust and says how much of the motion it causes. A transform of the block knows no
   before and after: of a rate's variance the fraction that the air causes is, to first order, the fraction by which the
-  Fourier form's moment derivatives come out too small. Changes are then looked for only once it is known how the
+  Fourier estimator's moment derivatives come out too small. Changes are then looked for only once it is known how the
   aircraft damps its rolling: rolling air and an aircraft without damping look alike.
 - no vane: a reconstructed velocity sees no gust. Whether the air is rough the filter says together with the
   accelerometer alone: a fault moves the filter's gust, too, but is not rough from sample to sample. A gust reaches the
@@ -72,7 +72,7 @@ COMPARED_SO = "in calm air only, by the Kalman filter alone, while surfaces of t
 """How structures without their vane are compared."""
 
 ROUGH_FRACTION = 0.1
-"""Fraction of a rate's variance from which on the air is rough: the Fourier form's moment derivatives are off by it."""
+"""Fraction of a rate's variance from which on the air is rough; the Fourier moment derivatives are biased there."""
 
 BLOCKS_IN_ROUGH_AIR = 4
 """Closed blocks, as many as the Fourier estimator's memory of 40 s holds, before which changes are not looked for in
@@ -191,10 +191,10 @@ class ModeSolution:
 
     pair: Pair
     seen: tuple[Standing, Standing]
-    """What the Fourier form and the filter say, each alone."""
+    """What the Fourier estimator and the filter say, each alone."""
     block: BlockEvidence | None
-    """What the Fourier form has of the block that was closed, where one was; ``gained``: what the filter learned since
-    the one before."""
+    """The Fourier estimator's evidence of the block that was closed, where one was; ``gained``: the filter's, since
+    the block before."""
     gained: tuple[Array, Array] | None
     rough: bool = False
     """Whether the air makes a tenth or more of the rotation."""
@@ -209,13 +209,13 @@ class ModeSolution:
 
     @property
     def reconstructed(self) -> bool:
-        """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone has
-        standing."""
+        """Whether the velocity is reconstructed for want of a vane: no gust is seen, and the filter alone is
+        valid."""
         return not self.pair.vane
 
     @property
     def fourier(self) -> Estimate:
-        """The Fourier form's estimate."""
+        """The Fourier estimator's estimate."""
         return self._both()[0]
 
     @property
@@ -225,12 +225,12 @@ class ModeSolution:
 
     @property
     def says_something(self) -> bool:
-        """Whether the Fourier form's estimate is settling or converged; without a vane it is neither."""
+        """Whether the Fourier estimator's estimate is settling or converged; without a vane it is neither."""
         return self.pair.vane and self.seen[0].says_something
 
     @property
     def filter_says_something(self) -> bool:
-        """Whether the filter's estimate is settling or converged, beside the Fourier form's and with a vane or not."""
+        """Whether the filter's estimate is settling or converged, beside the Fourier estimator's; a vane or not."""
         fourier, ekf = self.seen
         if not ekf.says_something or (self.rough and not self.pair.vane):
             return False
@@ -327,7 +327,7 @@ class Supervisor:
         ]
 
     def read(self, lane: Lane, time_s: float) -> dict[str, ModeSolution]:
-        """As of the last sample: the filter to that sample, the Fourier form to its last solution."""
+        """As of the last sample: the filter to that sample, the Fourier estimator to its last solution."""
         place, at_s = np.array([lane.place]), np.array([time_s])
         gusty = self._feels_gusts(place)
         return {
@@ -360,12 +360,12 @@ class Supervisor:
         if set(saved) != set(self._states) or not all(
             len(part.blocks) == 1 and self._states[name].alike(part) for name, part in saved.items()
         ):
-            raise ValueError("the estimators' states are of other shapes")
+            raise ValueError("the estimators' states have other shapes than this chain's")
         for name, state in self._states.items():
             state.put(np.array([lane.place]), saved[name])
 
     def resume(self, lane: Lane, structure: str, information: Array, vector: Array) -> None:
-        """The Fourier form of a structure goes on from a memory instead of from its closed blocks."""
+        """The Fourier estimator of a structure goes on from a memory instead of from its closed blocks."""
         state = self._states[structure].fourier
         self.pairs[structure].fourier.resume(state, information, vector, lane.place)
 
@@ -510,7 +510,7 @@ def _read(
 
 
 def _with_standing(pair: Pair, seen: tuple[Standing, Standing], rough: bool) -> tuple[Estimate, Estimate]:
-    """Both estimates with the standing that each has beside the other."""
+    """Both estimates with the outcomes that each has beside the other."""
     fourier = seen[0].estimate(pair.fourier.name, pair.structure)
     ekf = _beside_fourier(seen[1].estimate(pair.ekf.name, pair.structure), fourier, _listed(seen[0].unseen))
     if not pair.vane:
@@ -545,11 +545,11 @@ def _without_surfaces(pair: Pair, estimate: Estimate) -> Estimate:
 
 
 def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
-    """An estimate from a reconstructed velocity, with the standing that is left to it.
+    """An estimate from a reconstructed velocity, with the outcomes that are left to it.
 
     The reconstruction integrates accelerometer and gyro: its noise goes together with theirs and grows towards low
-    frequencies. The filter has that in its model, for it carries the velocity itself; the Fourier form takes a state's
-    noise as white and its own, so its standard errors do not hold. Gusts are in neither.
+    frequencies. The filter models that, because the velocity is its state. The Fourier estimator takes a state's noise
+    as white and its own, so its standard errors do not hold. Gusts are in neither.
     """
     if all(o is Outcome.NOT_OBSERVABLE for o in estimate.outcomes):
         return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}")
@@ -563,13 +563,13 @@ def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
 
 
 def _beside_fourier(ekf: Estimate, fourier: Estimate, hidden: Sequence[bool]) -> Estimate:
-    """The filter's estimate with the standing that the excitation allows.
+    """The filter's estimate with the outcomes that the excitation allows.
 
-    The filter cannot tell a noisy regressor from a moving one; the Fourier form can (its signal-to-noise), so what it
-    calls not observable for want of signal is not observable for the filter either.
+    The filter cannot distinguish a noisy regressor from a moving one; the Fourier estimator can (its signal-to-noise).
+    A derivative that it calls not observable for want of signal is not observable for the filter either.
 
     Args:
-        hidden: ``Standing.unseen`` of the Fourier form.
+        hidden: ``Standing.unseen`` of the Fourier estimator.
     """
     if not any(hidden):
         return ekf

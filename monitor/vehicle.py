@@ -160,7 +160,7 @@ class VehicleMonitor(VehicleReadings):
         """
         expected = {name: r.vector.shape for name, r in self._judge_state.references.items()}
         if {name: r.vector.shape for name, r in saved.judge.references.items()} != expected:
-            raise ValueError("the references are of other structures")
+            raise ValueError("the references belong to other structures than the vehicle's")
         self.chain.restore(self.chain_state, saved.chain)
         self.cleaner = Cleaner(state=saved.cleaner, report=saved.cleaned)
         self._aligner.resume(saved.aligner)

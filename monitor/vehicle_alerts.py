@@ -107,7 +107,7 @@ class VehicleAlerts:
 
         Args:
             opened: by name that the book gave it, the alert that was opened again; versions that follow were made
-                before the book heard of it.
+                before the book knew of it.
         """
         memory = self.memory
         if version.id in opened:

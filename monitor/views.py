@@ -42,7 +42,7 @@ LEVELS = ("watch", "warning", "critical")
 """Of alerts, from the least."""
 
 SHELVED_S = 3600.0
-"""For how long an alert is shelved unless told otherwise."""
+"""For how long an alert is shelved where no time is given."""
 
 
 class VehicleState(StrEnum):
@@ -402,11 +402,11 @@ class MonitorPort(Protocol):
     """
 
     def vehicles(self) -> Sequence[VehicleView]:
-        """All vehicles ever heard of, worst state first."""
+        """All known vehicles, worst state first."""
         ...
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView | None:
-        """One vehicle; None for one never heard of."""
+        """One vehicle; None for an unknown one."""
         ...
 
     def derivatives(self, fleet: str, vehicle: str) -> Mapping[str, Any] | None:
@@ -418,7 +418,7 @@ class MonitorPort(Protocol):
         ...
 
     def manoeuvres(self, fleet: str, vehicle: str) -> Sequence[ManoeuvreView] | None:
-        """The vehicle's last ten manoeuvres, newest first; None for a vehicle never heard of."""
+        """The vehicle's last ten manoeuvres, newest first; None for an unknown vehicle."""
         ...
 
     def alert_groups(self) -> Sequence[AlertGroupView]:

@@ -178,7 +178,7 @@ class Dispatcher:
     # -- the channel's thread -------------------------------------------------------------------------
 
     def run(self) -> None:
-        """Deliver until told to stop."""
+        """Deliver until asked to stop."""
         while True:
             self._event.wait(self._wait_s())
             self._event.clear()

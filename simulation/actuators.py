@@ -2,8 +2,8 @@
 
 A command moves the servo, the servo the surface:
 
-- the command plus the surface's offset, cut to the position limit, is what the servo is told;
-- the servo answers what exceeds half its dead band: e = told - x less that half, no answer within it;
+- the command plus the surface's offset, cut to the position limit, is the servo's target;
+- the servo answers what exceeds half its dead band: e = target - x less that half, no answer within it;
 - dx/dt = bandwidth e, its size at most the rate limit, in closed form;
 - the surface follows the servo with play: it stays where it is while the servo is within half the play's width;
 - a stuck surface leaves its servo and moves to where it sticks at the rate limit, or stays where it is.
@@ -35,7 +35,7 @@ def held(value, limit):  # type: ignore[no-untyped-def]
 
 @kernel
 def actuator_position(position, target, bandwidth, rate_limit, after_s):  # type: ignore[no-untyped-def]
-    """Where a servo is some time after it stood at ``position``, what it is told held since.
+    """Where a servo is some time after it stood at ``position``, its target held since.
 
     dx/dt = bandwidth (target - x), its size at most ``rate_limit``: at the limit while the error is larger than
     rate_limit / bandwidth, exponential from there.
@@ -71,7 +71,7 @@ def servo_decay(c, half_step_s, decay):  # type: ignore[no-untyped-def]
 
 @kernel
 def _answered(position, target, dead_band):  # type: ignore[no-untyped-def]
-    """Where a servo with a dead band (full width) goes when told a target."""
+    """Where a servo with a dead band (full width) goes towards a target."""
     error = target - position
     return position + math.copysign(max(0.0, abs(error) - 0.5 * dead_band), error)
 

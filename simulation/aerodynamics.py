@@ -9,7 +9,7 @@ so the part of the tail that lies in it feels a dynamic pressure greater by T / 
 share. The elevator's and rudder's terms (of lift, drag, side force and all moments) go with that dynamic
 pressure. The damping that the tail gives (CL_q, CL_alphadot, Cm_q, Cm_alphadot, CY_r, Cn_r) goes with the
 stream's speed, the root of it: a rate q turns the flow by q l / V_s there, so the force goes with V_s^2 q l /
-V_s. The tail's own share in CL_alpha, Cm_alpha, CY_beta and Cn_beta cannot be told from the wing's and the
+V_s. The tail's own share in CL_alpha, Cm_alpha, CY_beta and Cn_beta cannot be separated from the wing's and the
 body's and stays; a thrust that is negative blows on nothing.
 """
 

@@ -2,7 +2,7 @@
 
 Loop bandwidths are fixed and lie well below the modes that are to be identified (short period 8 to 14 rad/s, Dutch roll
 3 to 6 rad/s on the Aerosonde), so an excitation of 2.3/omega_n is over before the autopilot has answered it: it
-is soft by design, always, and need not be told of excitations. Navigation and attitude are taken as perfect; airspeed
+is soft by design, always, and needs no notice of excitations. Navigation and attitude are taken as perfect; airspeed
 is what its sensor reads.
 
 - pitch attitude -> elevator: K = q/eta of the steady short period, gain PITCH / |K|, so that theta' = K eta closes at

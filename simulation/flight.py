@@ -224,7 +224,7 @@ def in_body_axes(x, motion):  # type: ignore[no-untyped-def]
 
 @kernel
 def _air_of_step(c, s, x, air, end_s, steps):  # type: ignore[no-untyped-def]
-    """The air's motion over a stretch of steps into ``s``: at its start, and gain and curve of the first step."""
+    """The air's motion over a span of steps into ``s``: at its start, and gain and curve of the first step."""
     end, middle = air.end, air.middle
     for j in range(6):
         s[GUST + j] = end[j]

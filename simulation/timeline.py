@@ -1,7 +1,7 @@
 """What an aircraft's parameters are at every time of a flight, from the effects that befall it.
 
 Between two times the parameters change linearly; a step is two rows at one time, of which the later holds at that
-time. A ramp starts as one piece and is halved while the middle of a piece strays from the straight line
+time. A ramp starts as one piece and is halved while the middle of a piece deviates from the straight line
 by more than ``_STRAY`` of the change, at most ``_HALVINGS`` times: an effect may be non-linear in its severity, and
 two that overlap multiply. An effect that is linear alone costs two rows. What is flown is this table, so truth,
 trim and linearisation read it too and no error of the pieces stands between truth and flight.

@@ -56,7 +56,7 @@ class FalseAlarm:
     """One false alarm, and the command that reproduces its flight.
 
     Attributes:
-        channel: sensor, surface or throttle that it accused; empty for the airframe.
+        channel: sensor, surface or throttle that it named; empty for the airframe.
         reason: what misled the monitor: ``derivative`` and ``z`` of the one that departed most when the alarm was
             raised; ``structure``, ``block_end_s`` and ``log10_probability`` of the least likely block of the minute
             before. Empty under a sensor fault.

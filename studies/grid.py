@@ -245,8 +245,8 @@ class Grid(BaseModel):
         latest = bounds(self.onset_s)[1]
         if self.effects and latest > self.seconds - _LEAST_AFTER_ONSET_S:
             raise ValueError(
-                f"onset_s reaches {latest:g} s in flights of {self.seconds:g} s; what begins that late cannot be "
-                f"noticed: end {_LEAST_AFTER_ONSET_S:g} s before the flight does, or fly longer"
+                f"onset_s reaches {latest:g} s in flights of {self.seconds:g} s, too late to be noticed; end it "
+                f"{_LEAST_AFTER_ONSET_S:g} s before the flight's end, or fly longer"
             )
         if self.effects and not any(self.targets_of(entry) for entry in self.effects):
             raise ValueError(

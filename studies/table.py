@@ -147,7 +147,7 @@ class StudySettings:
             kept: dict[str, Any] = json.loads(text)
             version = kept["schema"]
         except (ValueError, KeyError, TypeError):
-            raise StudyError(f"{where} is no study of wingwatch") from None
+            raise StudyError(f"{where} is no table of a wingwatch study; give one") from None
         if version != SCHEMA_VERSION:
             raise StudyError(
                 f"{where} has version {version} of the study table, and this program reads version {SCHEMA_VERSION}; "
@@ -184,7 +184,7 @@ def read_settings(path: Path) -> StudySettings:
         try:
             metadata = pq.read_schema(file).metadata or {}
         except pa.ArrowInvalid:
-            raise StudyError(f"{path} is no Parquet file, so no study") from None
+            raise StudyError(f"{path} is no Parquet file; give the table of a study") from None
     return StudySettings.from_json(metadata.get(_KEY, b"null"), str(path))
 
 

@@ -29,7 +29,7 @@ _WORDS: Mapping[str, str] = {
     "out_of_range": "out of range",
     "duplicate": "duplicate",
     "out_of_order": "out of order",
-    "clock_jump": "on a stray clock",
+    "clock_jump": "on a clock that did not last",
     "gap": "gaps",
     "clock_change": "clock changes",
 }
@@ -71,7 +71,7 @@ class CleaningReport:
     Attributes:
         accepted: rows passed on.
         rejected: rows refused, by reason: ``non_finite``, ``out_of_range``, ``duplicate``, ``out_of_order``,
-            ``clock_jump`` (a stray on a clock that did not last).
+            ``clock_jump`` (on a clock that did not last).
         events: ``gap`` (a step longer than allowed between accepted rows) and ``clock_change`` (a new clock
             that was believed).
         by_channel: rows refused as non-finite or out of range, by channel at fault (a row can have several).

@@ -168,7 +168,7 @@ def _parse(text: str) -> ast.expr:
     try:
         return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ExpressionError(f"{text!r} is neither a column nor an expression that can be read") from None
+        raise ExpressionError(f"{text!r} is neither a column nor a valid expression") from None
 
 
 class _Evaluator:

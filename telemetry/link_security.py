@@ -72,10 +72,10 @@ class LinkSecurity:
         if (self.user is None) != (self.password is None):
             raise LinkSecurityError("Zenoh needs a user and a password; give the other one too")
         if listens and self.certificate is None:
-            raise LinkSecurityError("who listens with TLS needs a certificate and its private key; give both")
+            raise LinkSecurityError("a listener with TLS needs a certificate and its private key; give both")
         if not listens and (self.access is not None or self.users is not None):
             raise LinkSecurityError(
-                "access rules and users are kept by whoever listens: give them to the router, not to its client"
+                "access rules and users belong to the listener; give them to the router, not to its client"
             )
 
 

@@ -187,7 +187,7 @@ def load_map(path: Path) -> ChannelMap:
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise MapError(f"{path}: there is no such channel map") from None
+        raise MapError(f"{path}: there is no such channel map; check the path") from None
     except (OSError, UnicodeDecodeError) as problem:
         reason = problem.strerror if isinstance(problem, OSError) else "it is no UTF-8 text"
         raise MapError(f"{path}: the channel map cannot be read: {reason}") from None

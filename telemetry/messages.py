@@ -111,7 +111,7 @@ class AircraftMessage(BaseModel):
         configuration: configuration in the sense of the aircraft file.
         mass_kg: actual mass where it is known; whether an aircraft can have it, the monitor says.
         cg_shift_m: centre of gravity behind (positive) that of the aircraft file, where it is known.
-        stream: that of the publisher's sensors messages, where it says one: while that publisher is heard of, what
+        stream: that of the publisher's sensors messages, where it says one: while that publisher sends, what
             others announce under its name is refused.
     """
 

@@ -153,7 +153,7 @@ class FlightPublisher:
                 if self._has_receiver():
                     return
         raise LinkError(
-            f"the link to whoever listens to {self._sensors_key} broke at message {self._sequence}: "
+            f"the link to the subscriber of {self._sensors_key} broke at message {self._sequence}: "
             "samples are lost; publish the flight again"
         )
 
@@ -172,12 +172,12 @@ class FlightPublisher:
         return payload
 
     def _begin(self, must_be_heard: bool, timeout_s: float) -> None:
-        """Announces the vehicle once somebody hears it; later looks only where it must be heard."""
+        """Announces the vehicle once somebody subscribes; later looks only where somebody must."""
         if self._announced and not must_be_heard:
             return
         if not self.wait_for_receiver(timeout_s) and must_be_heard:
             raise LinkError(
-                f"nobody listens to {self._sensors_key} after {timeout_s:g} s: start the service first"
+                f"nobody subscribes to {self._sensors_key} within {timeout_s:g} s; start the service first"
             )
         if not self._announced:
             self._put_aircraft()

@@ -27,11 +27,11 @@ def read_table(path: Path) -> RawTable:
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:
-        raise TableError(f"{path}: there is no such file") from None
+        raise TableError(f"{path}: there is no such file; check the path") from None
     except OSError as problem:
         raise TableError(f"{path}: cannot be read: {problem.strerror}") from None
     if not data.strip():
-        raise TableError(f"{path}: the file is empty")
+        raise TableError(f"{path}: the file is empty; give one with samples")
     if data.startswith(PARQUET_MAGIC):
         return read_parquet(str(path), data)
     if data.startswith(MATLAB_5_MAGIC):
@@ -43,5 +43,5 @@ def read_table(path: Path) -> RawTable:
     if not is_text(data):
         raise TableError(f"{path}: the format is not known; {_FORMATS} can be read")
     if not data.strip(_MARKS):
-        raise TableError(f"{path}: the file is empty")
+        raise TableError(f"{path}: the file is empty; give one with samples")
     return read_csv(str(path), data)

@@ -4,7 +4,7 @@ A message that comes after newer ones is late, and late is late: it is counted a
 again counts from 0 anew, and looks alike to whoever sees its first message only. The contract's ``stream`` number
 distinguishes the two at once; without it the messages have to agree with one another first.
 
-A publisher that is still heard of owns the vehicle's name: whoever begins another count meanwhile is a second
+A publisher that still sends owns the vehicle's name: whoever begins another count meanwhile is a second
 publisher, and is refused.
 """
 
@@ -59,7 +59,7 @@ class SequenceTracker:
     Attributes:
         counts: ``messages_lost`` (numbers that did not come in time), ``messages_late`` (came after newer ones),
             ``messages_repeated`` (had been here), ``messages_stray`` (a number that does not go with the others),
-            ``messages_second_publisher`` (of another publisher while the first is heard of), ``publisher_restarts``;
+            ``messages_second_publisher`` (of another publisher while the first sends), ``publisher_restarts``;
             all of them but the first and last were dropped.
         refusal: under which of these names the last message that was dropped was counted; empty before one was.
     """
@@ -122,7 +122,7 @@ class SequenceTracker:
             stream: the number of its publisher's start, None where it says none.
             first_s: its earliest stamp, NaN without any.
             last_s: its latest.
-            owned: whether the present publisher is still heard of; no other takes its place then.
+            owned: whether the present publisher still sends; no other takes its place then.
         """
         if self._next is None:
             self._begin(sequence, stream)

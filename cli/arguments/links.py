@@ -28,7 +28,7 @@ def add_bridge(commands: Commands) -> None:
         action="append",
         required=True,
         metavar="NAME|SYSTEM=NAME",
-        help="name of the vehicle: of the first one heard, or of a MAVLink system; may be given several times",
+        help="name of the vehicle: of the first one that sends, or of a MAVLink system; may be given several times",
     )
     parser.add_argument(
         "--aircraft",

@@ -133,7 +133,7 @@ def sensors_section(c: FlightContent) -> str:
 def _air(c: FlightContent) -> str:
     found = c.conditioned.air if c.conditioned is not None else None
     if found is None:
-        return "How rough the air was is not known: gusts show in vanes only."
+        return "The turbulence is not known: turbulence needs a vane."
     parts = [
         f"{p.name} {with_error(p.value, p.standard_error)} {p.unit} (rms)"
         for p in found.sigma

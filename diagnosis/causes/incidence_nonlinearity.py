@@ -1,4 +1,4 @@
-"""Lift and pitching moment that bend with the angle of attack, where the file's are straight."""
+"""Lift and pitching moment that are curved over the angle of attack, where the file's are straight."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -99,7 +99,7 @@ def diagnose_change(
                 subject = subject_of(flight, aircraft, kinds or {}, window_s)
                 return _diagnosed(subject, onset_s, asked, window_s, report)
     raise DiagnosisError(
-        f"the simulation of aircraft {aircraft.name} runs away from the flight within {WINDOWS_S[-1]:g} s: check that "
+        f"the simulation of aircraft {aircraft.name} diverges from the flight within {WINDOWS_S[-1]:g} s; check that "
         "the file is of this aircraft, and its units and signs"
     )
 

@@ -173,7 +173,7 @@ class _Fit:
         """A point after some passes, and the sums there."""
         reduced = reduce(self.problem, point, evaluate(self.problem, point))
         if not np.isfinite(reduced.cost):
-            raise RunsAwayError("the simulation runs away from the flight")
+            raise RunsAwayError("the simulation diverges from the flight")
         for _ in range(passes):
             here = self._cost(reduced, point)
             quadratic = likelihood(reduced, point.theta, self.inflation)

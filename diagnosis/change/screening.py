@@ -70,7 +70,7 @@ def screen(
     )
     reduced = reduce(problem, at, evaluate(problem, at, causes))
     if not np.isfinite(reduced.cost):
-        raise RunsAwayError("the simulation runs away from the flight")
+        raise RunsAwayError("the simulation diverges from the flight")
     starts_s = _block_starts(problem)
     tried = [s for s in starts_s if onsets_s[0] <= s <= onsets_s[1]] or [float(starts_s[0])]
     found = [_from(s, starts_s, reduced, reference, causes) for s in tried]

@@ -1,4 +1,4 @@
-"""From fits to an answer: probabilities, what is decided, what cannot be told apart."""
+"""From fits to an answer: probabilities, what is decided, what cannot be distinguished."""
 
 import math
 from collections.abc import Sequence

@@ -92,7 +92,7 @@ def equation_error(
     Args:
         parts: manoeuvres of one config.
         config: see there.
-        natural: natural size of each concise derivative, (k,), for its standing.
+        natural: natural size of each concise derivative, (k,), for its outcome.
 
     Returns:
         Estimate at the mean condition of the manoeuvres, and the statistics of the fit to the smoothed left sides.

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 _COLUMNS = ("states", "accelerometer", "inputs", "known", "rest", "stability", "control", "pressure")
 
 _JITTER = 1e-3
-"""Share of a step by which stamps may stray and still count as evenly spaced."""
+"""Fraction of a step by which stamps may deviate and still count as evenly spaced."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,7 +94,7 @@ def output_error(
         parts: manoeuvres of one config.
         config: see there.
         start: referred aerodynamic derivatives to start from, (k,); equation error (5.12) where None.
-        natural: natural size of each concise derivative, (k,), for its standing.
+        natural: natural size of each concise derivative, (k,), for its outcome.
 
     Returns:
         Estimate at the mean condition of the manoeuvres, with the Cramer-Rao covariance or the one for coloured

@@ -1,7 +1,7 @@
 """Where a surface is between two samples, when its servo follows commands that are held from sample to sample.
 
-Estimators let a position move on a line between samples. A first-order servo of bandwidth b that is told c from sample
-k on moves as x = c + (x_k - c) exp(-b t): most of the way is made early in the step, and its mean is
+Estimators let a position move on a line between samples. A first-order servo of bandwidth b with the command c from
+sample k on moves as x = c + (x_k - c) exp(-b t): most of the way is made early in the step, and its mean is
 
     x_k + s (x_(k+1) - x_k),   s = 1 / (1 - exp(-b dt)) - 1 / (b dt),
 
@@ -74,7 +74,7 @@ def moved(command: Array, time_s: Array, bandwidth_rad_s: float, max_gap_s: floa
 
     Between samples that hold several commands they go evenly from one that is known to the next.
 
-    After a missing command or a step longer than ``max_gap_s`` the surface is where it is told to be.
+    After a missing command or a step longer than ``max_gap_s`` the surface is where its command is.
 
     Args:
         command: rad, (n,).

@@ -247,7 +247,7 @@ class EkfEstimator:
 
         Args:
             state: in place.
-            seen: of each vehicle, what the data since the last solution carried, as far as that can be told:
+            seen: of each vehicle, what the data since the last solution carried, as far as that is known:
                 ``accepted``'s SIGNAL, NOISE or UNDECIDED, shape (vehicles,). All SIGNAL if not given.
             places: the vehicles, each once; all if not given.
 

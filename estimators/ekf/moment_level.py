@@ -91,7 +91,7 @@ def follow_moment_levels_inline(model, state, i, step, jacobian, measured, rate,
         change = min(to_means * weight * score / (level.information[i, k] + to_means), passing)
         fraction = min(np.sqrt(2.0 * level.information[i, k]), 1.0)
         level.information[i, k] *= np.exp(2.0 * (1.0 - fraction) * change)
-        # what moves the aircraft less than the model is wrong in the calmest air cannot be told from that
+        # what moves the aircraft less than the model is wrong in the calmest air cannot be distinguished from that
         least = UNMODELLED * passing * noise.reading[i, ns]
         if k > 0:
             least = UNMODELLED * noise.reading[i, k] * per_step * per_step
@@ -113,7 +113,7 @@ def _place(slope, a):  # type: ignore[no-untyped-def]
 
 @hot
 def predict_slope(slope, jacobian, variance, work):  # type: ignore[no-untyped-def]
-    """x' and P' over a step in which e is driven with ``variance``, at any time within it ((5) of the docs)."""
+    """x' and P' over a step in which e is driven with ``variance``, at any time within it (docs (5))."""
     ns, mean, cov = slope.states, slope.mean, slope.covariance
     for a in range(ns + 1):
         work[0, a] = 0.0

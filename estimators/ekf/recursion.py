@@ -87,7 +87,7 @@ CONDITION_S = 5.0
 """Time over which the angle of attack is averaged that estimates are reported at."""
 
 SETTLE_S = 5.0
-"""Time in which only noise is learned where gusts have to be told apart from the vane's own noise."""
+"""Time in which only noise is learned where gusts have to be separated from the vane's own noise."""
 
 
 class Notes(NamedTuple):

@@ -192,13 +192,13 @@ def _noisy(window: Window) -> NDArray[np.int64]:
 
 
 def _echo_scatter(window: Window, predicted: Array, echoes: Array) -> Array:
-    """Variance of the score that the echoes in the innovations make, (size, size)."""
+    """Variance of the score that the surfaces' noise in the innovations makes, (size, size)."""
     size, channels = predicted.shape[0], window.readings.shape[1]
     total = np.zeros((size, size))
     rows = predicted.reshape(size, len(window), channels)
     for place, j in enumerate(_noisy(window)):
         moving = window.moving[:, j]
-        # the pulse is at the second sample of an echo
+        # the pulse is at the second sample of a response
         answer = echoes[place].reshape(-1, channels)[1:] / math.sqrt(np.count_nonzero(moving))
         answered = sum(
             scipy.signal.fftconvolve(rows[:, :, c], answer[::-1, c][None], axes=1)[:, answer.shape[0] - 1 :]
@@ -260,7 +260,7 @@ def information_inverse(matrix: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _Lane:
-    """Innovations, their variances and the echo of the surfaces' noise at parameters a step away."""
+    """Innovations, their variances and the response to the surfaces' noise at parameters a step away."""
 
     innovations: Array
     variances: Array
@@ -301,7 +301,7 @@ def sensitivities(problem: Problem, point: Evaluation, m: int) -> Sensitivities:
     flat = echoes.reshape(size, -1)
     driven = (
         flat.copy()
-    )  # noises change how an echo is weighted, not what it is of: that is in the information already
+    )  # noises change how a response is weighted, not what it is of: that is in the information already
     driven[problem.model.layout.theta.stop :] = 0.0
     return Sensitivities(
         predicted, variance, (trace.innovations * root).ravel(), window.used.ravel(),

@@ -20,7 +20,7 @@ _CHANCE = 1e-6
 """That noise alone scatters more."""
 
 _DRIFT = 4.0
-"""Errors of its mean over the span by which a level may stray and still be one level."""
+"""Errors of its mean over the span by which a level may deviate and still be one level."""
 
 
 def at_rest(reading: Array, dt: float, noise_std: float) -> Array:

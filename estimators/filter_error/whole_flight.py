@@ -81,7 +81,7 @@ def filter_error(
         config: see there.
         expected: referred aerodynamic derivatives as expected beforehand, (k,): mean of the prior; equation error
             (5.12) where None.
-        natural: natural size of each concise derivative, (k,), for prior and standing; that of ``expected`` where None.
+        natural: natural size of each concise derivative, (k,), for prior and outcome; that of ``expected`` where None.
 
     Returns:
         Estimate at the mean condition of the manoeuvres with its guarded covariance, and the statistics of the fit:
@@ -95,8 +95,8 @@ def filter_error(
     solution = solve(problem)
     if solution is None:
         raise ValueError(
-            "the filter cannot follow the flight from what is expected of the aircraft; check units and signs of the "
-            "channels, and the aircraft file"
+            "the filter diverges from the flight when it starts at the file's derivatives; check units and signs of "
+            "the channels, and the aircraft file"
         )
     return _report(parts, problem, solution)
 

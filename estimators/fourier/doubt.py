@@ -1,6 +1,6 @@
 """What a block's residuals have because derivatives, and courses of surfaces between samples, are not known; compiled.
 
-``docs/methods/fourier.md``, section 4, (10a) and (10b).
+Derivation: ``docs/methods/fourier.md`` section 2, (10a) to (10c).
 """
 
 from wingwatch.estimators.fourier.noise import channel_variance

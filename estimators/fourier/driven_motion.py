@@ -41,7 +41,7 @@ def driven_motions(omega, plant, work):  # type: ignore[no-untyped-def]
 
 @lean
 def roll_shared_at_ends(plant, air, work):  # type: ignore[no-untyped-def]
-    """Into ``work.at_ends`` 2 c(1/tau) of (docs (14c)).
+    """Into ``work.at_ends`` 2 c(1/tau) of (docs (15a)).
 
     The air's roll rate is a first-order lag of white noise, so what it is at the beginning of a block goes with the
     states there.

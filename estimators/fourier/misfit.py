@@ -1,6 +1,6 @@
 """What no linear model describes, as a dispersion of what a window says; compiled.
 
-Derivation and symbols: ``docs/methods/fourier.md`` section 10, (35a) and (35b). Arrays are those of one vehicle.
+Derivation and symbols: ``docs/methods/fourier.md`` section 10, (37a) and (37b). Arrays are those of one vehicle.
 """
 
 from wingwatch.estimators.kernels.dispersion import CHI_SQUARE, DISPERSION, FREEDOM
@@ -42,7 +42,7 @@ def _signal_to_noise(k, theta, work):  # type: ignore[no-untyped-def]
 
 @lean
 def misfit_dispersions(theta, scatter, work, dispersions):  # type: ignore[no-untyped-def]
-    """Variance of noise and misfit over that of noise alone, by equation, (docs (35b)).
+    """Variance of noise and misfit over that of noise alone, by equation, (docs (37b)).
 
     Args:
         theta: (k,) derivatives at which the window was linearised.

@@ -38,7 +38,7 @@ def motion_by_moments(omega, plant, noise, power, work, n_noise):  # type: ignor
 
 @lean
 def expected_products(omega, plant, air, noise, power, span, work, equation):  # type: ignore[no-untyped-def]
-    """Expected products of regressors and weighted residual, in present derivatives, (docs (14), (14c), (15)).
+    """Expected products of regressors and weighted residual, in present derivatives, (docs (14), (15), (15a)).
 
     The gust drives the states, by (s - A)^-1, between samples too, and the last rate is relative to the air that it
     turns; so it is in regressors and residual. Motion by rolling air has been taken out of the regressors, but for what

@@ -44,7 +44,7 @@ def _kernel(**changed: Any) -> Callable[[Callable[..., Any]], Any]:
         if not function.__name__.startswith("_"):
             return njit(**options)(function)
         private = njit(**(options | {"no_cpython_wrapper": True}))(function)
-        if isinstance(private, CPUDispatcher):  # numba may be told to compile nothing
+        if isinstance(private, CPUDispatcher):  # numba may be set to compile nothing
             private.__class__ = _ForKernels  # called as others are, it would jump to the address 0
         return private
 

@@ -128,7 +128,7 @@ def _limited_means(dt, servo_s, rate_rad_s, change):  # type: ignore[no-untyped-
     """``SurfaceMeans`` of a servo at its rate limit L, its command further ahead at the step's beginning than L T.
 
     It goes evenly until the command is L T ahead, T its time constant, and the rest x of the step as the servo does:
-    |change| = L (dt - x) + L T (1 - exp(-x/T)), so that x - T (1 - exp(-x/T)) = dt - |change|/L =: m (docs (12d)). As
+    |change| = L (dt - x) + L T (1 - exp(-x/T)), so that x - T (1 - exp(-x/T)) = dt - |change|/L =: m (docs (12a)). As
     in an even motion, half of the newer reading's error is in the mean.
     """
     left = max(dt - abs(change) / rate_rad_s, 0.0)

@@ -1,4 +1,4 @@
-"""A level that wanders, read with noise: followed with the gain that has predicted it best so far, compiled.
+"""A level in a random walk, read with noise: followed with the gain that has predicted it best so far, compiled.
 
 Of a random walk with variance Q a step, read with variance R, exponential smoothing is the best predictor, and its
 gain K tells the two apart: Q = K^2 R / (1 - K) (Muth, Journal of the American Statistical Association 55, 1960).
@@ -19,7 +19,7 @@ SLOWEST_S = 4.0
 """Time constant of the slowest smoother."""
 
 HIGHEST_GAIN = 0.99
-"""Gain of the fastest one: a level that wanders by ten times its noise a step is followed by the readings alone."""
+"""Gain of the fastest one: a level that moves by ten times its noise a step is followed by the readings alone."""
 
 _ALLOWED = 4.0
 """Twice the log-likelihood that a slower smoother may be worse by: it is preferred within chance."""

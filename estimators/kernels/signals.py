@@ -52,7 +52,7 @@ class SignalForm(NamedTuple):
     inputs: NDArray[np.int64]
     """(inputs,): channels."""
     commands: NDArray[np.int64]
-    """(inputs,): channels of what the servos are told."""
+    """(inputs,): channels of the servos' commands."""
     x_vane_m: float
     z_vane_m: float
     airspeed_memory_s: float

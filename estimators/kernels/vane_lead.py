@@ -25,7 +25,7 @@ in the ring the last sample is, whether the ring is filled; then the ring."""
 def meet_at_centre(signals, lanes, lead_m, accelerometer, kinematic, memory):  # type: ignore[no-untyped-def]
     """Into the first state of ``signals`` (vehicles, samples, columns) what a vane at the centre of gravity would read.
 
-    Rows without a vane or without an accelerometer stay as they are: the two motions cannot be told apart.
+    Rows without a vane or without an accelerometer stay as they are: the two motions cannot be separated.
 
     Args:
         signals: in place.

@@ -139,7 +139,7 @@ class Memory(NamedTuple):
     ``effect``: X; ``effect_rate``: the last two psi;
     ``servo``: modelled position, last command, and the position ``LATER_S`` later (3, 3);
     ``clock``: last stamp, end of the segment, last three gyro readings, airspeed and throttle smoothed over
-    ``SMOOTHED_S``, start of the segment, when one was last begun by a surprise, direction of flight north and east
+    ``SMOOTHED_S``, start of the segment, when a large innovation last began one, direction of flight north and east
     smoothed over ``TURNED_S``;
     ``moment``: of each moment's equation the rate, its derivative by the file and the columns as of the last sample (3,
     2 + COLUMNS); ``late_flow``: incidence and sideslip of the last two samples, and their mean (2, 3).

@@ -141,7 +141,7 @@ class RedundancyState:
         reference, segments: what was before, and the closed segments since.
         tuned_s: seconds of samples so far, up to ``AIRFRAME_TUNING_S``.
         learns_until_s: stamp until which each relation is not tested, (relations,).
-        looked_s, startled_s: stamps of the last test and of the last surprise.
+        looked_s, startled_s: stamps of the last test and of the last large innovation.
         log_statistic: of the last test.
         variance: of each row's e2/S, as of the last segment.
         faults: those that alerts are in force for.

@@ -1,4 +1,4 @@
-"""Lift and pitching moment that bend with the angle of attack, where the aircraft file's are straight."""
+"""Lift and pitching moment that are curved over the angle of attack, where the aircraft file's are straight."""
 
 from dataclasses import dataclass
 from typing import ClassVar

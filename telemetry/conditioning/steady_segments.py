@@ -74,7 +74,7 @@ def steady_segments(block: SampleBlock, limits: SteadyLimits | None = None) -> t
     c = SteadyLimits() if limits is None else limits
     needed = ("airspeed_true_m_s", "roll_rad", "roll_rate_rad_s", "pitch_rate_rad_s")
     if absent := [name for name in needed if name not in block.present]:
-        raise ValueError(f"the flight has no {absent[0]}: steady flight is known by {', '.join(needed)}")
+        raise ValueError(f"the flight has no {absent[0]}: steady segments need {', '.join(needed)}")
     rows = np.flatnonzero(np.isfinite(np.stack([block.column(n) for n in needed])).all(axis=0))
     dense = SampleBlock(block.values[rows])
     found: list[SteadySegment] = []

@@ -127,7 +127,7 @@ def turbulence_intensity(block: SampleBlock, config: AirConfig | None = None) ->
     there = [part for part in _COMPONENTS if part[2] in block.present]
     if not there:
         raise ValueError(
-            "the flight has neither angle_of_attack_rad nor sideslip_rad: gusts show in vanes only"
+            "the flight has neither angle_of_attack_rad nor sideslip_rad: turbulence needs a vane"
         )
     time_s, columns = even_window(block, (*GUST_CHANNELS, *(part[2] for part in there)))
     moved = at_centre(
@@ -179,7 +179,7 @@ def _component(identity: str, columns: Columns, bins: Bins, c: AirConfig) -> _Co
     length_m = c.vertical_length_m if identity == "down" else c.lateral_length_m
     airspeed_m_s = float(np.mean(columns["airspeed_true_m_s"]))
     if airspeed_m_s < _LEAST_AIRSPEED_M_S:
-        raise ValueError(f"the airspeed is {airspeed_m_s:.3g} m/s on average: gusts show in flight only")
+        raise ValueError(f"the airspeed is {airspeed_m_s:.3g} m/s on average; give a flight")
     gust_time = length_m / airspeed_m_s
     found = fit_gust(np.abs(moved - bins.of(rate - np.mean(rate))) ** 2, identity, columns, bins, gust_time)
     sigma, seen = found.sigma_m_s, found.seen

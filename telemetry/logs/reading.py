@@ -60,7 +60,7 @@ def read_autopilot_log(path: Path) -> AutopilotLog:
         raise LogError(f"{path}: cannot be read: {problem.strerror}") from None
     read = _READERS.get(_format(data[:_HEAD_BYTES]) or "")
     if read is None:
-        raise LogError(f"{path}: the file is no autopilot log that is known")
+        raise LogError(f"{path}: the file is no autopilot log; give ULog, DataFlash, tlog or MCAP")
     try:
         return read(str(path), data)
     except _OF_DAMAGE as problem:

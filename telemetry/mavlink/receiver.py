@@ -64,12 +64,12 @@ class LinkReceiver:
     """Takes in bytes from any number of senders.
 
     Args:
-        names: name of each system to be published, by its number; None as number stands for the first vehicle heard.
+        names: name of each system to be published, by its number; None stands for the first vehicle that sends.
         travel_rad: deflections at full travel by channel, by the vehicle's name.
         patient: whether a vehicle's surfaces are waited for before its first sample.
 
     Attributes:
-        systems: those heard that are published, by number.
+        systems: those received that are published, by number.
         others: packets of vehicles that are not named, by system number.
         round_trips: answers to TIMESYNC, for whoever asked; taken out by them.
 
@@ -126,7 +126,7 @@ class LinkReceiver:
         return total
 
     def waiting(self) -> tuple[str, ...]:
-        """Names of vehicles that have not been heard."""
+        """Names of vehicles without a message."""
         found = {one.vehicle.name for one in self.systems.values()}
         return tuple(name for name in self._names.values() if name not in found)
 

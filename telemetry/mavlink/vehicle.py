@@ -75,7 +75,7 @@ class LinkVehicle:
 
     Attributes:
         clock: of the vehicle.
-        parameters: as heard last.
+        parameters: as received last.
         heartbeat: what it says it is.
         counts: of readings and samples.
         streams: how many there were.

@@ -160,7 +160,7 @@ def _about(path: Path) -> Mapping[str, str]:
             if told.keys() >= {"version", "session", "number", "started_ns"} and _counts(told):
                 return dict(told)
             break
-    raise RecordingError(f"{path}: the recording does not say which run it is of: it is damaged")
+    raise RecordingError(f"{path}: the recording is damaged: it names no run; record anew")
 
 
 def _counts(told: Mapping[str, str]) -> bool:

@@ -49,7 +49,7 @@ def read_csv(source: str, data: bytes) -> RawTable:
         raise TableError(f"{source}: {problem}{advice}") from None
     body = _after_lines(text, layout.first_line)
     if not body.strip():
-        raise TableError(f"{source}: the file has a header and no rows")
+        raise TableError(f"{source}: the file has a header and no rows; give one with samples")
     notes = [] if text.endswith(b"\n") else ["no line end after the last row: it may be cut short"]
     notes += layout.skipped
     if not layout.named:
@@ -59,7 +59,7 @@ def read_csv(source: str, data: bytes) -> RawTable:
     comma = layout.delimiter != "," and _has_decimal_commas(body)
     table = _parse(source, body, encoding, layout, notes)
     if table.num_rows == 0:
-        raise TableError(f"{source}: the file has a header and no rows")
+        raise TableError(f"{source}: the file has a header and no rows; give one with samples")
     found = numbers_of(zip(layout.names, table.columns, strict=True), comma)
     columns, doubled = one_of_each(found.columns)
     units = dict(zip(layout.names, layout.units, strict=False)) if layout.units else _bracketed(layout.names)

@@ -60,7 +60,7 @@ def make_table(
         TableError: there is no column of numbers.
     """
     if not columns and not doubled:
-        raise TableError(f"{source}: no column holds numbers")
+        raise TableError(f"{source}: no column holds numbers; give a table of samples")
     known = {name: unit for name, unit in (units or {}).items() if name in columns}
     return RawTable(columns, source, form, tuple(ignored), tuple(notes), known, tuple(doubled), tuple(stamps))
 

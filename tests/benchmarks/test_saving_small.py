@@ -40,7 +40,7 @@ def test_what_is_printed_is_kept_and_printed(
 
     def main() -> None:
         seen.append(sys.argv[1:])
-        print("1.02 times the bound")
+        print("\n1.02 times the bound  ")
         if code is not None:
             raise SystemExit(code)
 
@@ -50,7 +50,7 @@ def test_what_is_printed_is_kept_and_printed(
         saving.run_benchmark(main)
     assert ended.value.code == (code or 0)
     assert seen == [["--seeds", "3"]]
-    assert "1.02 times the bound\n" in capsys.readouterr().out
+    assert "1.02 times the bound  \n" in capsys.readouterr().out
     assert (tmp_path / "small.txt").exists() == kept
     if kept:
         text = (tmp_path / "small.txt").read_text()

@@ -152,7 +152,7 @@ def test_a_flight_over_a_real_link_is_what_its_telemetry_log_holds(tmp_path: Pat
         (["--connect", "/dev/null"], "is no serial device"),
         (["--connect", "tcp:127.0.0.1:{free}"], "connection refused; start what listens there"),
         (["--connect", "udpin:203.0.113.1:14550"], "choose another port, or an address of this machine"),
-        (["--connect", "udp:127.0.0.1:0", "--vehicle", "b"], "the first system heard is 'a' already"),
+        (["--connect", "udp:127.0.0.1:0", "--vehicle", "b"], "the first system that sends is 'a' already"),
         (["--connect", "udp:127.0.0.1:0", "--vehicle", "300=b"], "systems are 1 to 255"),
         (["--connect", "udp:127.0.0.1:0", "--vehicle", "3=B"], "is no valid name"),
         (["--connect", "udp:127.0.0.1:0", "--aircraft", "b=aerosonde"], "no vehicle is called 'b'"),
@@ -280,7 +280,7 @@ def test_a_report_says_what_is_missing_and_who_is_not_named() -> None:
     assert one["silent_s"] == pytest.approx(10.0, abs=0.1)
     said = "\n".join(bridge_sentences(report))
     assert "uav1 (system 1): short_period: cannot be estimated without elevator_rad" in said
-    assert "heard without a name: system 9" in said
+    assert "received without a name: system 9" in said
     assert "uav1 (system 1): nothing has come for 10 s" in said
 
 

@@ -80,7 +80,7 @@ def test_what_a_flight_cannot_tell_is_said_and_the_rest_is_given(
     write_flight(without(SampleBlock(flown.values[:1000]), ALPHA, "sideslip_rad"), source)
     shown = run(capsys, ["condition", source, "--aircraft", "aerosonde"])
     assert shown.code == 0
-    assert "gusts show in vanes only" in shown.out
+    assert "turbulence needs a vane" in shown.out
     assert "bias of pitch_rate_rad_s" in shown.out
     assert "scale of angle_of_attack_rad" not in shown.out
 

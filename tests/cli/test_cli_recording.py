@@ -246,7 +246,7 @@ def of_two_runs(path: Path) -> None:
 @pytest.mark.parametrize(
     ("harm", "says"),
     [
-        (damaged, "does not say which run it is of: it is damaged"),
+        (damaged, "the recording is damaged: it names no run"),
         (of_another, "was not recorded by wingwatch"),
         (lambda path: path.write_bytes(b"time_s\n1\n"), "is no MCAP file"),
         (lambda path: path.unlink(), "o such file"),

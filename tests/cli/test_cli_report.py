@@ -162,7 +162,7 @@ def test_a_flight_without_vanes_position_and_rudder(
     write_flight(without(demo_block("healthy", HEALTHY_S), *lacking), flight)
     result, text = reported(capsys, flight)
     assert "No track: the flight has no latitude and longitude" in text
-    assert "gusts show in vanes only" in text
+    assert "turbulence needs a vane" in text
     assert "Rudder, position" not in text
     assert {one["structure"] for one in result["fit"]} == {"short_period", "lateral"}
     assert all("w" not in one["channels"] and "v" not in one["channels"] for one in result["fit"])

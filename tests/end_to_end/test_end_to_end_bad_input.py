@@ -283,4 +283,4 @@ def test_publishing_to_nobody_is_told(
     endpoint = free_endpoint()
     with open_session(ZenohSettings.for_service((endpoint,))):  # somebody is there, but no service
         assert main([*command, "--connect", endpoint]) == 2
-    assert "nobody listens" in capsys.readouterr().err
+    assert "nobody subscribes" in capsys.readouterr().err
