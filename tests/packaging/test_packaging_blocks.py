@@ -153,7 +153,7 @@ def test_requests_of_the_rest_page_are_answered(service: httpx.Client) -> None:
         headers = dict(words[k + 1].split(": ", 1) for k, word in enumerate(words) if word == "-H")
         content = next((words[k + 1] for k, word in enumerate(words) if word == "-d"), None)
         answer = service.request(
-            method, parts.path, params=parse_qsl(parts.query), headers=headers, content=content
+            method, parts.path, params=dict(parse_qsl(parts.query)), headers=headers, content=content
         )
         assert answer.status_code == (422 if "state=open" in url else 200), (url, answer.text)
 
