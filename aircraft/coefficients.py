@@ -10,6 +10,7 @@ response. ``force_axes`` says where CL, CD and CY point:
 """
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -85,6 +86,7 @@ class StallBlend(_Table):
     angle_rad: float = Field(gt=0.0, lt=1.5)
 
 
+@cache
 def coefficient_names() -> tuple[str, ...]:
     """Every coefficient as ``CL_alpha``, ``Cn_rudder``: the keys of the standard-error tables."""
     return tuple(f"{table}_{key}" for table, model in _TABLES.items() for key in model.model_fields)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from wingwatch.aircraft.aerodynamics import (
     BodyCoefficients,
@@ -20,6 +19,7 @@ from wingwatch.aircraft.aerodynamics import (
 )
 from wingwatch.aircraft.aircraft_file import Aircraft, AircraftDataError
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
+from wingwatch.aircraft.bracketed_root import bracketed_root
 from wingwatch.aircraft.centre_of_gravity import about_centre
 from wingwatch.aircraft.coefficients import Coefficients
 from wingwatch.aircraft.condition import FlightCondition
@@ -144,9 +144,7 @@ def trim(aircraft: Aircraft, condition: FlightCondition) -> Trim:
             f"its wing gives {min(surplus) + needed:.3g} to {max(surplus) + needed:.3g}; "
             "choose another airspeed or altitude"
         )
-    alpha = float(
-        scipy.optimize.brentq(excess, float(grid[first - 1]), float(grid[first]), xtol=1e-14, rtol=1e-14)
-    )
+    alpha = bracketed_root(excess, float(grid[first - 1]), float(grid[first]))
     eta = elevator(alpha)
     lift = float(lift_coefficient(c, alpha, elevator=eta).real)
     drag = float(drag_coefficient(c, aspect, alpha, elevator=eta).real)

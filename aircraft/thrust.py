@@ -7,9 +7,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from wingwatch.aircraft.aircraft_file import ConstantThrust, ElectricPropulsion
+from wingwatch.aircraft.bracketed_root import bracketed_root
 
 __all__ = ["ThrustSlopes", "propulsion_thrust_n", "thrust_slopes"]
 
@@ -75,7 +75,7 @@ def thrust_slopes(
 
     if surplus(0.0) > 0.0 or surplus(1.0) < 0.0:
         return None
-    throttle = float(scipy.optimize.brentq(surplus, 0.0, 1.0, xtol=1e-14, rtol=1e-14))
+    throttle = bracketed_root(surplus, 0.0, 1.0)
     by_speed = propulsion_thrust_n(propulsion, throttle, complex(airspeed_m_s, _STEP), air_density_kg_m3)
     by_throttle = propulsion_thrust_n(propulsion, complex(throttle, _STEP), airspeed_m_s, air_density_kg_m3)
     return ThrustSlopes(throttle, by_speed.imag / _STEP, by_throttle.imag / _STEP)

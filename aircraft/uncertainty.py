@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wingwatch.aircraft.aircraft_file import Aircraft
 from wingwatch.aircraft.coefficients import Coefficients
 from wingwatch.aircraft.condition import FlightCondition
-from wingwatch.aircraft.linearisation import linearised_at, trim
+from wingwatch.aircraft.linearisation import Trim, linearised_at, trim
 from wingwatch.aircraft.structures import ModeStructure
 
 __all__ = [
@@ -70,7 +70,10 @@ def coefficient_standard_error(coefficients: Coefficients, name: str) -> float:
 
     The file's own entry counts first, then the file's ``default``, then the handbook's figures above.
     """
-    value = dict(coefficients.items())[name]
+    return _standard_error(coefficients, name, dict(coefficients.items())[name])
+
+
+def _standard_error(coefficients: Coefficients, name: str, value: float) -> float:
     return max(
         abs(value) * _looked_up(coefficients.relative_standard_error, HANDBOOK_RELATIVE_STANDARD_ERROR, name),
         _looked_up(coefficients.standard_error_floor, HANDBOOK_STANDARD_ERROR_FLOOR, name),
@@ -103,7 +106,7 @@ def derivative_covariance(
 
 
 def derivative_standard_errors(
-    aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure
+    aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure, at: Trim | None = None
 ) -> dict[str, float]:
     """A-priori standard error of each concise derivative that ``linearised_derivatives`` gives.
 
@@ -112,28 +115,32 @@ def derivative_standard_errors(
     also stand for those of the inertias, which publications state without any. A derivative that would have no error at
     all, as by the rudder of a flying wing, has that of ``LEAST_STANDARD_ERROR`` of its coefficients.
 
+    Args:
+        at: level trim there, where the caller has it already.
+
     Raises:
         AircraftDataError, TrimError: as ``linearised_derivatives``.
     """
-    moves, least = _moves(aircraft, condition, structure)
+    moves, least = _moves(aircraft, condition, structure, at)
     variance = (moves**2).sum(axis=0)
     variance = np.where(variance == 0.0, (least**2).sum(axis=0), variance)
     return dict(zip(structure.derivatives, np.sqrt(variance).tolist(), strict=True))
 
 
 def _moves(
-    aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure
+    aircraft: Aircraft, condition: FlightCondition, structure: ModeStructure, at: Trim | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Change of each derivative by one standard error of each coefficient, and by ``LEAST_STANDARD_ERROR`` of those
     that have none, where one of the derivatives needs it; (coefficients, k) each."""
-    at = trim(aircraft, condition)
+    at = trim(aircraft, condition) if at is None else at
     coefficients = aircraft.need_coefficients("a-priori standard errors")
     base = linearised_at(aircraft, condition, structure, at)
-    errors = {name: coefficient_standard_error(coefficients, name) for name, _ in coefficients.items()}
+    values = dict(coefficients.items())
+    errors = {name: _standard_error(coefficients, name, value) for name, value in values.items()}
 
     def moved(errors: Mapping[str, float]) -> NDArray[np.float64]:
         rows = [[0.0] * len(structure.derivatives)]
-        for name, value in coefficients.items():
+        for name, value in values.items():
             if not (error := errors.get(name, 0.0)):
                 continue
             other = aircraft.model_copy(update={"coefficients": coefficients.with_value(name, value + error)})

@@ -7,6 +7,7 @@ from wingwatch.api.conventions import convert_modes
 from wingwatch.api.encoding import encode_json
 from wingwatch.api.manoeuvre_schemas import ManoeuvreDocument, manoeuvre_document
 from wingwatch.api.ports import (
+    BaselineImport,
     BaselinePort,
     BaselineQuestion,
     BaselineRevert,
@@ -21,6 +22,8 @@ from wingwatch.api.ports import (
     QueueFullError,
     QueueView,
     ServiceFigures,
+    StudyPort,
+    StudyView,
 )
 from wingwatch.api.schemas import (
     AlertDocument,
@@ -60,6 +63,7 @@ __all__ = [
     "CertificateError",
     "PortInUse",
     "BaselinePort",
+    "BaselineImport",
     "BaselineQuestion",
     "BaselineRevert",
     "DiagnosisPort",
@@ -69,6 +73,8 @@ __all__ = [
     "DelayView",
     "QueueView",
     "ServiceFigures",
+    "StudyPort",
+    "StudyView",
     "HistoryPort",
     "KernelPart",
     "KernelState",

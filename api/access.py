@@ -35,8 +35,8 @@ COOKIE = "wingwatch_token"
 _LOG = logging.getLogger(__name__)
 _READING = ("GET", "HEAD", "OPTIONS")
 _SESSION = "/v1/session"
-_OPEN = ("/", "/health/live", "/health/ready", _SESSION)
-_OPEN_BELOW = "/pages/"
+_OPEN = ("/", "/alerts", "/diagnoses", "/studies", "/docs", "/health/live", "/health/ready", _SESSION)
+_OPEN_BELOW = ("/pages/", "/vehicles/")  # the page's files and views hold no data
 _NAMES_HERE = ("localhost",)
 _LOGGED = Rate(per_s=0.2, burst=20)
 

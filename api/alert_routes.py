@@ -52,6 +52,9 @@ ColumnName = Annotated[str, AfterValidator(_column), Field(json_schema_extra={"e
 """A column of the flight table."""
 
 
+Cause = Annotated[str, Field(pattern=r"^[a-z][a-z_]{0,62}$")]
+
+
 class AlertQuery(BaseModel):
     """Which alerts, and which page of them."""
 
@@ -61,9 +64,14 @@ class AlertQuery(BaseModel):
     vehicle: Name | None = None
     fleet: Name | None = Field(default=None, description="only this fleet; all without")
     kind: Literal["icing", "damage", "sensor", "unexplained"] | None = None
+    cause: Cause | None = Field(default=None, description="of the vocabulary of causes")
+    level: Literal["watch", "warning", "critical"] | None = None
     channel: ColumnName | None = Field(default=None, description="only of this sensor, surface or throttle")
     since: float | None = Field(
         default=None, allow_inf_nan=False, description="raised at or after, s of the vehicle's own clock"
+    )
+    until: float | None = Field(
+        default=None, allow_inf_nan=False, description="raised at or before, s of the vehicle's own clock"
     )
     limit: int = Field(default=100, ge=1, le=1000)
     cursor: str | None = Field(default=None, max_length=500, description="`next` of the page before")
@@ -75,8 +83,11 @@ class AlertQuery(BaseModel):
             and self.vehicle in (None, alert.vehicle)
             and self.fleet in (None, alert.fleet)
             and self.kind in (None, alert.kind)
+            and self.cause in (None, alert.cause)
+            and self.level in (None, alert.level)
             and self.channel in (None, alert.channel)
             and (self.since is None or alert.raised_s >= self.since)
+            and (self.until is None or alert.raised_s <= self.until)
         )
 
 

@@ -11,7 +11,7 @@ from fastapi import FastAPI
 from wingwatch.aircraft import Aircraft, library_names, load_aircraft
 from wingwatch.api.access import Access, AccessGuard, AccessSettings
 from wingwatch.api.alert_routes import alert_router
-from wingwatch.api.baseline_routes import baseline_router
+from wingwatch.api.baseline_routes import BASELINE_SIZE, baseline_router
 from wingwatch.api.diagnosis_routes import FLIGHT_SIZE, diagnosis_router
 from wingwatch.api.door import Door
 from wingwatch.api.events import EventStreams
@@ -20,10 +20,19 @@ from wingwatch.api.guards import BodyLimit, SafetyHeaders
 from wingwatch.api.help_files import help_router
 from wingwatch.api.metrics import RequestCounts, metrics_router
 from wingwatch.api.page_files import pages_router
-from wingwatch.api.ports import BaselinePort, DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
+from wingwatch.api.ports import (
+    BaselinePort,
+    DiagnosisPort,
+    HistoryPort,
+    KernelsView,
+    ServiceFigures,
+    StudyPort,
+)
 from wingwatch.api.problems import PROBLEM_RESPONSES, install_problem_handlers
 from wingwatch.api.schemas import Problem
 from wingwatch.api.service_routes import event_router, health_router, session_router
+from wingwatch.api.study_routes import study_router
+from wingwatch.api.vehicle_routes import vehicle_router
 from wingwatch.monitor.views import MonitorPort
 
 __all__ = ["AppSettings", "create_app"]
@@ -55,6 +64,7 @@ class AppSettings:
         keep_alive_s: silence after which an event stream carries a comment.
         baselines: the baseline database; None where there is none.
         documents: folder of the documents' site, served at ``/help``; None where there is none.
+        studies: finished ones; None where none are shown.
     """
 
     access: AccessSettings = field(default_factory=AccessSettings)
@@ -68,6 +78,7 @@ class AppSettings:
     keep_alive_s: float = 10.0
     baselines: BaselinePort | None = None
     documents: Path | None = None
+    studies: StudyPort | None = None
 
 
 def create_app(
@@ -109,6 +120,7 @@ def create_app(
         settings.problems,
         settings.figures,
         settings.baselines,
+        settings.studies,
     )
     app = FastAPI(
         title="wingwatch",
@@ -119,8 +131,8 @@ def create_app(
         redirect_slashes=False,
     )
     app.state.close_streams = streams.close
-    routers = (fleet_router, alert_router, event_router, diagnosis_router, baseline_router)
-    versioned = tuple(router(door) for router in routers)
+    routers = (fleet_router, alert_router, event_router, diagnosis_router, baseline_router, study_router)
+    versioned = tuple(router(door) for router in (*routers, vehicle_router))
     for router in (*versioned, session_router(access)):
         app.include_router(router, prefix="/v1", responses=PROBLEM_RESPONSES)
     app.include_router(health_router(door), responses=PROBLEM_RESPONSES)
@@ -128,7 +140,7 @@ def create_app(
     app.include_router(metrics_router(door, requests), responses=PROBLEM_RESPONSES)
     app.include_router(pages_router())
     app.include_router(help_router(settings.documents))
-    app.add_middleware(BodyLimit, larger={"/v1/diagnoses": FLIGHT_SIZE})
+    app.add_middleware(BodyLimit, larger={"/v1/diagnoses": FLIGHT_SIZE, "/v1/baselines/": BASELINE_SIZE})
     app.add_middleware(AccessGuard, access=access)
     install_problem_handlers(app)
     app.add_middleware(SafetyHeaders)

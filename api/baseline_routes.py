@@ -3,25 +3,29 @@
 import logging
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import BaseModel, ConfigDict, Field
 
-from wingwatch.aircraft import Convention
+from wingwatch.aircraft import Aircraft, Convention
 from wingwatch.api.access import admission_of
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import json_answer
-from wingwatch.api.ports import BaselinePort, BaselineQuestion, BaselineRevert
+from wingwatch.api.guards import BodySize
+from wingwatch.api.ports import BaselineImport, BaselinePort, BaselineQuestion, BaselineRevert
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import Name
 
-__all__ = ["baseline_router"]
+__all__ = ["BASELINE_SIZE", "baseline_router"]
 
 _LOG = logging.getLogger(__name__)
 _LINE = r"^[^\x00-\x1f\x7f]*$"
 _MOST_ID = 2**53
+
+BASELINE_SIZE = BodySize(16 * 2**20, 60.0)
+"""Of what `wingwatch baseline export` wrote: a hundred vehicles of one aircraft."""
 
 AircraftName = Annotated[str, Path(min_length=1, max_length=200, pattern=_LINE)]
 Configuration = Annotated[str, Field(min_length=1, max_length=100, pattern=_LINE)]
@@ -77,6 +81,28 @@ class RevertedBaseline(_Open):
     cells: int
 
 
+class ImportedBaseline(_Open):
+    """How much the file had, and how many of these records were not there already."""
+
+    entries: int
+    references: int
+    cells: int
+    stored: int
+
+
+class BaselineFile(BaseModel):
+    """What `wingwatch baseline export` writes; its records are checked one by one."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: Literal["wingwatch baseline"]
+    version: int
+    units: dict[str, str] = Field(description="of each derivative")
+    entries: list[dict[str, Any]] = Field(description="expectations at flight conditions")
+    references: list[dict[str, Any]] = Field(description="what vehicles taught")
+    cells: list[dict[str, Any]] = Field(description="what vehicles remember of cells of the envelope")
+
+
 class HistoryQuestion(BaseModel):
     """Of whom, and in which convention."""
 
@@ -95,8 +121,8 @@ class ShowQuestion(HistoryQuestion):
     altitude_m: float | None = Field(default=None, ge=-5000.0, le=47_000.0, allow_inf_nan=False)
 
 
-class RevertRequest(BaseModel):
-    """Who takes back what; without an entry or version the newest."""
+class Signed(BaseModel):
+    """Who does it, and why."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)
 
@@ -105,6 +131,11 @@ class RevertRequest(BaseModel):
         description="required without a token; with one it stands behind the token's name",
     )  # fmt: skip
     note: str = Field(default="", max_length=1000, pattern=_LINE)
+
+
+class RevertRequest(Signed):
+    """Who takes back what; without an entry or version the newest."""
+
     configuration: Configuration = "clean"
     structure: str | None = Field(default=None, max_length=50, pattern=_LINE)
     fleet: Name = "default"
@@ -148,6 +179,24 @@ def baseline_router(door: Door) -> APIRouter:
     def history(aircraft: AircraftName, query: Annotated[HistoryQuestion, Query()]) -> Response:
         return _answer(BaselineHistory, _port(door).past, _question(door, aircraft, query, None))
 
+    @router.put(
+        "/baselines/{aircraft}",
+        response_model=ImportedBaseline,
+        summary="Put what export wrote into the database",
+    )
+    def put(
+        request: Request, aircraft: AircraftName, file: BaselineFile, query: Annotated[Signed, Query()]
+    ) -> Response:
+        who = _signature(request, query, "query")
+        name = _known(door, aircraft).name
+        try:
+            done = _port(door).imported(BaselineImport(name, file.model_dump(), who, query.note))
+        except ValueError as error:
+            raise ProblemError(HTTPStatus.UNPROCESSABLE_ENTITY, f"{str(error).rstrip('.')}.") from error
+        counts = ", ".join(f"{number} {what}" for what, number in done.items())
+        _LOG.info("import into the baseline of %s (%s) by %s", printable(aircraft), counts, who)
+        return json_answer(ImportedBaseline.model_validate(done))
+
     @router.post(
         "/baselines/{aircraft}/revert",
         response_model=RevertedBaseline,
@@ -177,13 +226,17 @@ def _port(door: Door) -> BaselinePort:
     return door.baselines
 
 
+def _known(door: Door, aircraft: str) -> Aircraft:
+    try:
+        return door.aircraft(aircraft)
+    except ValueError as error:
+        raise ProblemError(HTTPStatus.NOT_FOUND, f"{str(error).rstrip('.')}.") from error
+
+
 def _question(
     door: Door, aircraft: str, query: HistoryQuestion, at: tuple[float, float] | None
 ) -> BaselineQuestion:
-    try:
-        known = door.aircraft(aircraft)
-    except ValueError as error:
-        raise ProblemError(HTTPStatus.NOT_FOUND, f"{str(error).rstrip('.')}.") from error
+    known = _known(door, aircraft)
     return BaselineQuestion(known, query.configuration, str(query.convention), query.fleet, query.vehicle, at)
 
 
@@ -199,12 +252,12 @@ def _answer(
     return json_answer(kind.model_validate(found))
 
 
-def _signature(request: Request, wanted: RevertRequest) -> str:
+def _signature(request: Request, wanted: Signed, where: str = "body") -> str:
     """Under which name it is noted: the token's comes first, for it alone is known to be true."""
     caller = admission_of(request).caller
     if caller is None:
         if wanted.who is None:
-            fault = {"type": "missing", "loc": ("body", "who"), "msg": "Field required", "input": None}
+            fault = {"type": "missing", "loc": (where, "who"), "msg": "Field required", "input": None}
             raise RequestValidationError([fault])
         return wanted.who
     return caller.name if wanted.who in (None, caller.name) else f"{caller.name}, for {wanted.who}"

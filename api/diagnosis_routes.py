@@ -13,7 +13,7 @@ from wingwatch.api.access import admission_of
 from wingwatch.api.diagnosis_events import DiagnosisStreams
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import JsonResponse, quantity
-from wingwatch.api.guards import BodySize
+from wingwatch.api.guards import REPORT_POLICY, BodySize
 from wingwatch.api.ports import DiagnosisPort, DiagnosisState, DiagnosisUpload, DiagnosisView, QueueFullError
 from wingwatch.api.problems import ProblemError, printable
 
@@ -27,12 +27,6 @@ _LONGEST_MAP = 20_000
 
 _FORM_TYPES = ("", "text/plain", "application/x-www-form-urlencoded", "multipart/form-data")
 """What a page of another site may send without asking: refused, so that none can have flights diagnosed here."""
-
-_REPORT_POLICY = (
-    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; "
-    "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-)
-"""The report brings its own script; in a sandbox it has no origin and reaches nothing of the service."""
 
 DiagnosisId = Annotated[str, Path(min_length=1, max_length=64)]
 
@@ -252,7 +246,7 @@ def _report(port: DiagnosisPort, diagnosis_id: str) -> Response:
             HTTPStatus.CONFLICT,
             f"The diagnosis {printable(diagnosis_id)} is {view.state} and has no report; it has one once it is done.",
         )
-    headers = {"Content-Security-Policy": _REPORT_POLICY, "Cache-Control": "no-store"}
+    headers = {"Content-Security-Policy": REPORT_POLICY, "Cache-Control": "no-store"}
     return Response(page, media_type="text/html", headers=headers)
 
 

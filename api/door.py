@@ -6,7 +6,14 @@ from http import HTTPStatus
 
 from wingwatch.aircraft import Aircraft
 from wingwatch.api.events import EventStreams
-from wingwatch.api.ports import BaselinePort, DiagnosisPort, HistoryPort, KernelsView, ServiceFigures
+from wingwatch.api.ports import (
+    BaselinePort,
+    DiagnosisPort,
+    HistoryPort,
+    KernelsView,
+    ServiceFigures,
+    StudyPort,
+)
 from wingwatch.api.problems import ProblemError
 from wingwatch.monitor.views import MonitorPort, VehicleView
 
@@ -28,6 +35,7 @@ class Door:
         problems: of each part of the service None or its problem, without asking the database.
         figures: the service in numbers.
         baselines: None where there is no baseline database.
+        studies: None where none are shown.
     """
 
     monitor: MonitorPort
@@ -43,6 +51,7 @@ class Door:
     problems: Callable[[], Mapping[str, str | None]] = dict
     figures: Callable[[], ServiceFigures] = ServiceFigures
     baselines: BaselinePort | None = None
+    studies: StudyPort | None = None
 
     def vehicle(self, fleet: str, vehicle: str) -> VehicleView:
         """One vehicle.

@@ -85,8 +85,16 @@ class EventStreams:
         """End every open stream within a tenth of a second and refuse new ones. Callable from any thread."""
         self._closing = True
 
-    def admit(self, last_event_id: str | None, listener: Listener | None = None) -> AsyncIterator[bytes]:
+    def admit(
+        self,
+        last_event_id: str | None,
+        listener: Listener | None = None,
+        wanted: Callable[[Event], bool] = lambda _: True,
+    ) -> AsyncIterator[bytes]:
         """A new stream that goes on after the event that the listener saw last.
+
+        Args:
+            wanted: whether the listener wants an event.
 
         Raises:
             ProblemError: 422 for an id that none of our events has, 503 when the service is stopping.
@@ -97,9 +105,11 @@ class EventStreams:
                 HTTPStatus.SERVICE_UNAVAILABLE,
                 "The service is stopping; poll /v1/status, or try again later.",
             )
-        return self._stream(after, listener or Listener())
+        return self._stream(after, listener or Listener(), wanted)
 
-    async def _stream(self, last_seen: int | None, listener: Listener) -> AsyncIterator[bytes]:
+    async def _stream(
+        self, last_seen: int | None, listener: Listener, wanted: Callable[[Event], bool]
+    ) -> AsyncIterator[bytes]:
         self._make_room()
         self._open.append(listener)
         listener.took_s = asked_s = self._clock()
@@ -120,7 +130,10 @@ class EventStreams:
                 if fresh:
                     if 0 <= after < fresh[0].id - 1:
                         yield _resync("events in between are no longer kept")
-                    after, quiet_since = fresh[-1].id, now_s
+                    after = fresh[-1].id
+                    fresh = [event for event in fresh if wanted(event)]
+                if fresh:
+                    quiet_since = now_s
                     yield b"".join(_frame(event, self._start) for event in fresh)
                 elif now_s - quiet_since >= self._keep_alive_s:
                     quiet_since = now_s

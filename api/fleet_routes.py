@@ -1,5 +1,6 @@
 """Routes about vehicles: the fleet's status, one vehicle, its derivatives and their history."""
 
+from collections.abc import Sequence
 from functools import partial
 from http import HTTPStatus
 from typing import Annotated, Any
@@ -12,10 +13,12 @@ from wingwatch.api import history
 from wingwatch.api.conventions import convert_estimators
 from wingwatch.api.door import Door
 from wingwatch.api.encoding import json_answer
+from wingwatch.api.fleet_rows import FleetDocument, fleet_row, state_counts
 from wingwatch.api.groups import groups_of
 from wingwatch.api.manoeuvre_schemas import ManoeuvreList, manoeuvre_document
 from wingwatch.api.problems import ProblemError, printable
 from wingwatch.api.schemas import (
+    AlertDocument,
     DerivativesDocument,
     HistoryList,
     Name,
@@ -23,11 +26,13 @@ from wingwatch.api.schemas import (
     VehicleDocument,
     VehicleList,
     alert_document,
+    group_document,
+    kernels_document,
     status_document,
     vehicle_document,
 )
 from wingwatch.baselines import HistoryWanted
-from wingwatch.monitor.views import AlertState, VehicleView
+from wingwatch.monitor.views import AlertGroupView, AlertState, VehicleView
 
 __all__ = ["fleet_router"]
 
@@ -79,7 +84,7 @@ class HistoryQuery(VehicleQuery):
 
 
 def fleet_router(door: Door) -> APIRouter:
-    """The routes ``/status`` and ``/vehicles...``.
+    """The routes ``/status``, ``/fleet`` and ``/vehicles...``.
 
     Whatever is about all vehicles is made in a thread: it takes longer than a question about one should wait.
     """
@@ -88,6 +93,10 @@ def fleet_router(door: Door) -> APIRouter:
     @router.get("/status", response_model=StatusDocument, summary="The fleet at a glance, worst first")
     def status(query: Annotated[FleetQuery, Query()]) -> Response:
         return json_answer(_status(door, query.fleet))
+
+    @router.get("/fleet", response_model=FleetDocument, summary="The fleet in short rows, worst first")
+    def fleet(query: Annotated[FleetQuery, Query()]) -> Response:
+        return json_answer(_fleet(door, query.fleet))
 
     @router.get("/vehicles", response_model=VehicleList, summary="All vehicles, worst first")
     def vehicles(query: Annotated[FleetQuery, Query()]) -> Response:
@@ -135,21 +144,45 @@ def _vehicles(door: Door, fleet: str | None) -> list[VehicleView]:
 def _status(door: Door, fleet: str | None) -> StatusDocument:
     vehicles = [vehicle_document(view) for view in _vehicles(door, fleet)]
     groups = groups_of(door.monitor.alert_groups(), fleet)
-    alerts = [
+    return status_document(
+        door.version,
+        vehicles,
+        _alerts(door, fleet, groups),
+        door.counters(),
+        door.kernels(),
+        door.database_problem(),
+        _problems(door),
+        groups,
+    )
+
+
+def _fleet(door: Door, fleet: str | None) -> FleetDocument:
+    vehicles, kernels = _vehicles(door, fleet), door.kernels()
+    groups = groups_of(door.monitor.alert_groups(), fleet)
+    return FleetDocument(
+        version=door.version,
+        counts=dict(state_counts(vehicles)),
+        vehicles=[fleet_row(view) for view in vehicles],
+        alerts=_alerts(door, fleet, groups),
+        groups=[group_document(group) for group in groups],
+        kernels=None if kernels is None else kernels_document(kernels),
+        database=door.database_problem(),
+        problems=_problems(door),
+    )
+
+
+def _alerts(door: Door, fleet: str | None, groups: Sequence[AlertGroupView]) -> list[AlertDocument]:
+    """Those in force, newest first."""
+    return [
         alert_document(view, groups)
         for view in door.monitor.alerts()
         if view.state != AlertState.CLEARED and (fleet is None or view.fleet == fleet)
     ]
-    return status_document(
-        door.version,
-        vehicles,
-        alerts,
-        door.counters(),
-        door.kernels(),
-        door.database_problem(),
-        {part: problem for part, problem in door.problems().items() if problem is not None},
-        groups,
-    )
+
+
+def _problems(door: Door) -> dict[str, str]:
+    """Of the parts of the service that do not work."""
+    return {part: problem for part, problem in door.problems().items() if problem is not None}
 
 
 def _derivatives(door: Door, vehicle: str, query: DerivativesQuery) -> DerivativesDocument:

@@ -9,12 +9,25 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["CONTENT_SECURITY_POLICY", "BodyLimit", "BodySize", "SafetyHeaders", "discard_body"]
+__all__ = [
+    "CONTENT_SECURITY_POLICY",
+    "REPORT_POLICY",
+    "BodyLimit",
+    "BodySize",
+    "SafetyHeaders",
+    "discard_body",
+]
 
 CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+REPORT_POLICY = (
+    "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Of an HTML report that brings its own script: in a sandbox it has no origin and reaches nothing of the service."""
+
 _MOST_DISCARDED_BYTES = 16 * 2**20
 _DISCARD_S = 5.0
 
@@ -55,7 +68,7 @@ class BodyLimit:
     bytes is reset, and its client would never see the answer.
 
     Args:
-        larger: of paths that take more than others.
+        larger: of paths that take more than others; of all below one that ends with a slash.
     """
 
     def __init__(self, app: ASGIApp, larger: Mapping[str, BodySize] | None = None) -> None:
@@ -64,7 +77,7 @@ class BodyLimit:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer through the wrapped application."""
-        limit = self._larger.get(scope.get("path", ""), BodySize())
+        limit = self._limit(scope.get("path", ""))
         announced = Headers(scope=scope).get("content-length", "0") if scope["type"] == "http" else "0"
         too_much = announced.isdigit() and int(announced) > limit.most_bytes
         until_s = asyncio.get_running_loop().time() + limit.most_s
@@ -88,6 +101,10 @@ class BodyLimit:
             return message
 
         await self._app(scope, receive_within_limit, send)
+
+    def _limit(self, path: str) -> BodySize:
+        above = (size for key, size in self._larger.items() if key.endswith("/") and path.startswith(key))
+        return self._larger.get(path) or next(above, None) or BodySize()
 
 
 async def discard_body(receive: Receive) -> None:

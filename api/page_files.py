@@ -1,37 +1,72 @@
-"""The status page's files, served as they lie in the package."""
+"""The page's files, served as they lie in the package, and the libraries that it takes from installed packages."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable
+from functools import cache, partial
+from importlib.resources import files
 from pathlib import Path
 
 from fastapi import APIRouter, Request, Response
 
-__all__ = ["pages_router"]
+from wingwatch.api.guards import CONTENT_SECURITY_POLICY
+
+__all__ = ["VIEW_PATHS", "pages_router"]
+
+VIEW_PATHS = ("/", "/vehicles/{vehicle}", "/alerts", "/diagnoses", "/studies")
+"""Paths of the page's views: each is answered with the same shell, and the browser shows the view."""
+
+_DOCS_POLICY = CONTENT_SECURITY_POLICY.replace("img-src 'self'", "img-src 'self' data:")
+"""Swagger UI's style sheet has its small pictures inside."""
 
 _FOLDER = Path(__file__).parent / "pages"
-_FILES: Mapping[str, tuple[str, str]] = {
-    "/": ("index.html", "text/html; charset=utf-8"),
-    "/pages/app.css": ("app.css", "text/css; charset=utf-8"),
-    "/pages/app.js": ("app.js", "text/javascript; charset=utf-8"),
-    "/pages/icon.svg": ("icon.svg", "image/svg+xml"),
+_MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
 }
 
 
 def pages_router() -> APIRouter:
-    """The page at ``/`` and the three files that it needs; read once, revalidated by ETag."""
+    """The page's views, the description of REST at ``/docs``, and the files that they need.
+
+    Files are read once and revalidated by ETag, so that a new version of the service is seen at once.
+    """
     router = APIRouter(include_in_schema=False)
-    for path, (name, media_type) in _FILES.items():
-        _add(router, path, (_FOLDER / name).read_bytes(), media_type)
+    for path in sorted(_FOLDER.rglob("*")):
+        if path.suffix in _MEDIA_TYPES and path.suffix != ".html":
+            _add(router, f"/pages/{path.relative_to(_FOLDER).as_posix()}", path.read_bytes, path.suffix)
+    for view in VIEW_PATHS:
+        _add(router, view, (_FOLDER / "index.html").read_bytes, ".html")
+    _add(router, "/docs", (_FOLDER / "docs.html").read_bytes, ".html", _DOCS_POLICY)
+    _add(router, "/pages/plotly.js", (files("plotly") / "package_data" / "plotly.min.js").read_bytes, ".js")
+    for name in ("swagger-ui.css", "swagger-ui-bundle.js"):
+        read = partial(_swagger_file, name)
+        _add(router, f"/pages/{name.replace('-bundle', '')}", read, Path(name).suffix)
     return router
 
 
-def _add(router: APIRouter, path: str, body: bytes, media_type: str) -> None:
-    tag = f'"{hashlib.sha256(body).hexdigest()[:16]}"'
-    headers = {"ETag": tag, "Cache-Control": "no-cache"}
+def _swagger_file(name: str) -> bytes:
+    """A file of Swagger UI, of the one version that the installed package has."""
+    (folder,) = (files("swagger_ui_bundle") / "vendor").iterdir()
+    return (folder / name).read_bytes()
 
-    async def page(request: Request) -> Response:
+
+def _add(
+    router: APIRouter, path: str, read: Callable[[], bytes], suffix: str, policy: str | None = None
+) -> None:
+    @cache
+    def whole() -> tuple[bytes, str]:
+        body = read()
+        return body, f'"{hashlib.sha256(body).hexdigest()[:16]}"'
+
+    def page(request: Request) -> Response:
+        body, tag = whole()
+        headers = {"ETag": tag, "Cache-Control": "no-cache"}
+        if policy is not None:
+            headers["Content-Security-Policy"] = policy
         if request.headers.get("if-none-match") == tag:
             return Response(status_code=304, headers=headers)
-        return Response(body, media_type=media_type, headers=headers)
+        return Response(body, media_type=_MEDIA_TYPES[suffix], headers=headers)
 
     router.add_api_route(path, page, methods=["GET"])

@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Any, Protocol
 
 from wingwatch.aircraft import Aircraft
-from wingwatch.baselines import HistoryRow, HistoryWanted
+from wingwatch.baselines import FlightRecord, HistoryColumns, HistoryKey, HistoryRow, HistoryWanted
 
 __all__ = [
     "BaselinePort",
@@ -24,6 +24,8 @@ __all__ = [
     "QueueFullError",
     "QueueView",
     "ServiceFigures",
+    "StudyPort",
+    "StudyView",
 ]
 
 
@@ -36,6 +38,17 @@ class HistoryPort(Protocol):
         Raises:
             DatabaseError: it cannot be read now.
         """
+        ...
+
+    def history_columns(
+        self, fleet: str, vehicle: str, wanted: HistoryWanted
+    ) -> tuple[Sequence[HistoryColumns], HistoryKey | None]:
+        """The same as columns, by flight, estimator and structure, and the key of the last row where as many rows were
+        read as ``wanted.limit``: there may be more from it on; ``DatabaseError`` likewise."""
+        ...
+
+    def flights(self, fleet: str, vehicle: str) -> Sequence[FlightRecord]:
+        """Flights of which estimates are kept, the newest first; ``DatabaseError`` likewise."""
         ...
 
 
@@ -71,6 +84,21 @@ class BaselineRevert:
     note: str
 
 
+@dataclass(frozen=True, slots=True)
+class BaselineImport:
+    """What `wingwatch baseline export` wrote, to be put into the database, and by whom.
+
+    Attributes:
+        aircraft: name; all of the document must be of it.
+        document: the file's JSON value.
+    """
+
+    aircraft: str
+    document: Mapping[str, Any]
+    who: str
+    note: str
+
+
 class BaselinePort(Protocol):
     """The baseline, as objects. Called from worker threads, answers in a bounded time, may raise ``DatabaseError``."""
 
@@ -88,6 +116,14 @@ class BaselinePort(Protocol):
 
     def past(self, question: BaselineQuestion) -> Mapping[str, Any]:
         """All that there ever was; ``ValueError`` as for ``shown``."""
+        ...
+
+    def imported(self, request: BaselineImport) -> Mapping[str, Any]:
+        """Put a file's content into the database: all of it or nothing; how much there was, and how much was new.
+
+        Raises:
+            ValueError: it is no whole file, or of other units, derivatives or aircraft; one sentence.
+        """
         ...
 
     def reverted(self, request: BaselineRevert) -> Mapping[str, Any]:
@@ -214,6 +250,34 @@ class ServiceFigures:
     links: Mapping[str, int] = field(default_factory=dict)
     processor_s: Mapping[str, float] = field(default_factory=dict)
     connections: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class StudyView:
+    """One finished study.
+
+    Attributes:
+        name: of its report's file, without the ending; title: of the report; answer: its heading, what the study found.
+        written_at_s: seconds since 1970-01-01 UTC; bytes: of the report.
+    """
+
+    name: str
+    title: str
+    answer: str
+    written_at_s: float
+    bytes: int
+
+
+class StudyPort(Protocol):
+    """Finished studies. Every method is thread-safe."""
+
+    def studies(self) -> Sequence[StudyView]:
+        """Those whose report can be read, newest first."""
+        ...
+
+    def report(self, name: str) -> bytes | None:
+        """The HTML report of the study of this name; None without."""
+        ...
 
 
 class QueueFullError(Exception):

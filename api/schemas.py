@@ -33,6 +33,7 @@ __all__ = [
     "FieldProblem",
     "HistoryItem",
     "HistoryList",
+    "KernelsDocument",
     "Live",
     "Name",
     "PersonAction",
@@ -44,13 +45,16 @@ __all__ = [
     "LogIn",
     "VehicleDocument",
     "VehicleList",
+    "WorstDocument",
     "air_document",
     "alert_document",
     "could_see_documents",
     "group_document",
     "proposed_input_document",
     "status_document",
+    "kernels_document",
     "vehicle_document",
+    "worst_document",
 ]
 
 Name = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}$")]
@@ -481,7 +485,7 @@ def vehicle_document(view: VehicleView) -> VehicleDocument:
         last_sample_time_s=quantity(view.last_sample_time_s),
         basis=view.basis,
         basis_text=view.basis_text,
-        worst=None if view.worst is None else _worst(view.worst),
+        worst=None if view.worst is None else worst_document(view.worst),
         counts={key: int(count) for key, count in view.counts.items()},
         active_alerts=list(view.active_alerts),
         condition={key: quantity(value) for key, value in view.condition.items()},
@@ -587,13 +591,14 @@ def status_document(
         alerts=alerts,
         groups=[group_document(group) for group in groups],
         counters=parts,
-        kernels=None if kernels is None else _kernels_document(kernels),
+        kernels=None if kernels is None else kernels_document(kernels),
         database=database,
         problems=dict(problems or {}),
     )
 
 
-def _kernels_document(view: KernelsView) -> KernelsDocument:
+def kernels_document(view: KernelsView) -> KernelsDocument:
+    """The compilation of the kernels."""
     return KernelsDocument(
         text=view.text,
         parts=[KernelPartDocument(name=p.name, state=p.state, first=p.first) for p in view.parts],
@@ -602,7 +607,8 @@ def _kernels_document(view: KernelsView) -> KernelsDocument:
     )
 
 
-def _worst(worst: WorstDerivative) -> WorstDocument:
+def worst_document(worst: WorstDerivative) -> WorstDocument:
+    """The derivative that is furthest from its expectation, with its unit and meaning."""
     unit, meaning = _words(worst.derivative)
     return WorstDocument(
         estimator=worst.estimator,

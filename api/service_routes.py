@@ -3,8 +3,9 @@
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Request, Response
+from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from wingwatch.api.access import COOKIE, Access, Caller, admission_of
 from wingwatch.api.door import Door
@@ -12,10 +13,12 @@ from wingwatch.api.encoding import json_answer
 from wingwatch.api.events import Listener
 from wingwatch.api.problems import ProblemError
 from wingwatch.api.schemas import Live, LogIn, Ready, SessionDocument
+from wingwatch.monitor.views import Event
 
 __all__ = ["event_router", "health_router", "session_router"]
 
 _SESSION_S = 12 * 3600
+_KINDS = ("alert", "status", "derivatives", "manoeuvre")
 
 _STREAM: dict[int | str, dict[str, Any]] = {
     200: {
@@ -25,17 +28,55 @@ _STREAM: dict[int | str, dict[str, Any]] = {
 }
 
 
+def _kinds(text: str) -> str:
+    if not set(text.split(",")) <= set(_KINDS):
+        raise ValueError(f"should be some of {', '.join(_KINDS)}, with commas between them")
+    return text
+
+
+class EventQuery(BaseModel):
+    """Which events, and after which one."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    kinds: Annotated[str, AfterValidator(_kinds)] | None = Field(
+        default=None, max_length=200, description="comma-separated kinds of events; all without"
+    )
+    derivatives_of: str | None = Field(
+        default=None,
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,62}/[a-z0-9][a-z0-9_-]{0,62}$",
+        description="`fleet/vehicle`: events `derivatives` of this vehicle only; of all without",
+    )
+    last_event_id: str | None = Field(
+        default=None,
+        max_length=100,
+        description="as the header Last-Event-ID, which counts where both are given",
+    )
+
+    def wants(self, event: Event) -> bool:
+        """Whether an event passes."""
+        if self.kinds is not None and event.kind not in self.kinds.split(","):
+            return False
+        if self.derivatives_of is None or event.kind != "derivatives":
+            return True
+        return f"{event.data.get('fleet')}/{event.data.get('vehicle')}" == self.derivatives_of
+
+
 def event_router(door: Door) -> APIRouter:
     """The route ``/events``."""
     router = APIRouter(tags=["events"])
 
     @router.get("/events", response_class=StreamingResponse, responses=_STREAM, summary="Server-sent events")
     async def events(
-        request: Request, last_event_id: Annotated[str | None, Header(max_length=100)] = None
+        request: Request,
+        query: Annotated[EventQuery, Query()],
+        last_event_id: Annotated[str | None, Header(max_length=100)] = None,
     ) -> Response:
         admission = admission_of(request)
+        after = last_event_id if last_event_id is not None else query.last_event_id
+        listener = Listener(admission.client, admission.holds)
         return StreamingResponse(
-            door.streams.admit(last_event_id, Listener(admission.client, admission.holds)),
+            door.streams.admit(after, listener, query.wants),
             media_type="text/event-stream",
             headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
         )

@@ -32,6 +32,7 @@ from wingwatch.baselines.expectation import (
     concise,
     empirical,
 )
+from wingwatch.baselines.flight_history import FlightRecord, HistoryColumns, HistoryKey
 from wingwatch.baselines.records import (
     ActionRecord,
     AlertPage,
@@ -89,6 +90,9 @@ __all__ = [
     "EstimateRecord",
     "EvidenceRecord",
     "ExpectationRecord",
+    "FlightRecord",
+    "HistoryColumns",
+    "HistoryKey",
     "HistoryRow",
     "HistoryWanted",
     "ReferenceKey",

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -18,8 +18,8 @@ from wingwatch.aircraft import (
     TrimError,
     derivative_standard_errors,
     isa_density_kg_m3,
-    linearised_derivatives,
-    trimmed,
+    linearised_at,
+    trim,
 )
 from wingwatch.baselines.expectation import DECLARED, MEASURED, WEAKEST_FIRST, Envelope, Expectation
 
@@ -127,14 +127,15 @@ def _grid_points(grid: _Grid) -> tuple[Expectation, ...]:
 
 
 def _linearised(aircraft: Aircraft, structure: ModeStructure, condition: FlightCondition) -> Expectation:
-    values = linearised_derivatives(aircraft, condition, structure)
-    errors = derivative_standard_errors(aircraft, condition, structure)
+    at = trim(aircraft, condition)
+    values = linearised_at(aircraft, condition, structure, at)
+    errors = derivative_standard_errors(aircraft, condition, structure, at)
     return Expectation(
         structure,
         np.array([values[s] for s in structure.derivatives]),
         np.diag([errors[s] ** 2 for s in structure.derivatives]),
         Provenance.A_PRIORI,
-        trimmed(aircraft, condition),
+        replace(condition, angle_of_attack_rad=at.angle_of_attack_rad),
         f"[coefficients] of aircraft {aircraft.name}, linearised at level trim",
     )
 

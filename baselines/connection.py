@@ -2,6 +2,8 @@
 
 SQLite begins its transactions by our own statements: the driver's implicit ones would commit before a
 schema change, and a transaction that reads first and writes later fails under WAL where it should wait.
+
+alembic is loaded by a database that needs a migration alone: a look at one that is up to date starts without.
 """
 
 import os
@@ -10,16 +12,14 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from alembic import command
-from alembic.config import Config
-from alembic.migration import MigrationContext
-from alembic.script import ScriptDirectory
 from sqlalchemy import URL, Connection, Engine, create_engine, event, inspect, make_url, text
 from sqlalchemy.exc import ArgumentError, DataError, DBAPIError, IntegrityError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
+from sqlalchemy.orm import Session
 
 __all__ = [
     "DatabaseError",
@@ -27,6 +27,7 @@ __all__ = [
     "check_answers",
     "connect",
     "head_revision",
+    "inserting",
     "one_writer",
     "revision_of",
     "sentences",
@@ -141,6 +142,12 @@ def one_writer(connection: Connection) -> None:
         connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _WRITER_LOCK})
 
 
+def inserting(session: Session) -> Any:
+    """``insert`` of a session's kind of database, which says what a conflict does; only that kind is loaded."""
+    name = session.connection().dialect.name
+    return import_module(f"sqlalchemy.dialects.{'postgresql' if name == 'postgresql' else 'sqlite'}").insert
+
+
 def sqlite_file(engine: Engine) -> Path | None:
     """The file of an SQLite database, None for a server."""
     is_file = engine.url.get_backend_name() == "sqlite"
@@ -155,7 +162,9 @@ def head_revision() -> str:
 @cache
 def _known_revisions(migrations: Path) -> tuple[str, ...]:
     """All revisions of a folder, newest first."""
-    known = tuple(script.revision for script in ScriptDirectory(str(migrations)).walk_revisions())
+    # one after another, each in a file v<revision>_<what>.py
+    files = sorted((migrations / "versions").glob("v[0-9]*_*.py"), reverse=True)
+    known = tuple(file.name[1:].split("_", 1)[0] for file in files)
     if not known:
         raise DatabaseError("this installation lacks its database migrations; install wingwatch again")
     return known
@@ -176,6 +185,9 @@ def upgrade(engine: Engine) -> None:
         if current == head:
             return
         _refuse_foreign(engine, connection, current, head)
+        from alembic import command
+        from alembic.config import Config
+
         config = Config(attributes={"connection": connection, "version_table": VERSION_TABLE})
         config.set_main_option("script_location", str(_MIGRATIONS).replace("%", "%%"))
         command.upgrade(config, "head")
@@ -298,8 +310,10 @@ def _check_file(path: Path, inode: int | None) -> None:
 
 def revision_of(connection: Connection) -> str | None:
     """Revision of a database's schema; None where it has none."""
-    context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
-    return context.get_current_revision()
+    if not inspect(connection).has_table(VERSION_TABLE):
+        return None
+    found = connection.execute(text(f"SELECT version_num FROM {VERSION_TABLE}")).scalar_one_or_none()
+    return None if found is None else str(found)
 
 
 def _refuse_foreign(engine: Engine, connection: Connection, current: str | None, head: str) -> None:

@@ -12,10 +12,9 @@ from dataclasses import asdict, fields, replace
 from typing import Any
 
 from sqlalchemy import Engine, delete, func, insert, select
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
-from wingwatch.baselines import estimate_history
+from wingwatch.baselines import estimate_history, history_columns
 from wingwatch.baselines.baseline_rows import (
     expectation_record,
     newest_reference,
@@ -33,12 +32,14 @@ from wingwatch.baselines.connection import (
     RefusedError,
     check_answers,
     connect,
+    inserting,
     one_writer,
     sentences,
     sqlite_file,
     upgrade,
     writing,
 )
+from wingwatch.baselines.flight_history import FlightRecord, HistoryColumns, HistoryKey
 from wingwatch.baselines.records import (
     ActionRecord,
     AlertPage,
@@ -341,6 +342,18 @@ class Database:
         with self.reading() as session:
             return estimate_history.page(session, fleet, vehicle, wanted)
 
+    def history_columns(
+        self, fleet: str, vehicle: str, wanted: HistoryWanted
+    ) -> tuple[tuple[HistoryColumns, ...], HistoryKey | None]:
+        """The same as columns, and the key of the last row where ``wanted.limit`` rows were read."""
+        with self.reading() as session:
+            return history_columns.columns(session, fleet, vehicle, wanted)
+
+    def flights(self, fleet: str, vehicle: str) -> tuple[FlightRecord, ...]:
+        """Flights of a vehicle of which estimates are kept, the newest first."""
+        with self.reading() as session:
+            return history_columns.flights(session, fleet, vehicle)
+
     def estimate_history(
         self,
         fleet: str,
@@ -403,8 +416,7 @@ def _superseded(session: Session, key: ReferenceKey, after: int | None) -> bool:
 def _put_alert(session: Session, alert: AlertRecord) -> None:
     values = _plain(alert)
     newer = {name: value for name, value in values.items() if name not in ("id", "created_at_s")}
-    dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
-    row = dialect.insert(AlertRow).values(values)
+    row = inserting(session)(AlertRow).values(values)
     session.execute(row.on_conflict_do_update(index_elements=[AlertRow.id], set_=newer))
 
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from sqlalchemy import Table, bindparam, delete, func, insert, select, tuple_, update
-from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
+from wingwatch.baselines.connection import inserting
 from wingwatch.baselines.records import EstimateRecord, HistoryRow, HistoryWanted, Retention
 from wingwatch.baselines.tables import FlightRow, HistoryEntry
 
-__all__ = ["OpenFlight", "append", "page", "prune"]
+__all__ = ["OpenFlight", "append", "entries_of", "flights_of", "page", "prune"]
 
 SILENCE_S = 600.0
 """Wall-clock silence after which a vehicle's samples are of another flight."""
@@ -66,9 +66,8 @@ def append(
         flights[owner] = flight
         counts[flight.id] = counts.get(flight.id, 0) + 1
         entries.append(_entry(flight.id, row, at_s))
-    dialect = postgresql if session.connection().dialect.name == "postgresql" else sqlite
     # The table itself: through the mapped class every row costs twice as much.
-    session.execute(dialect.insert(HistoryEntry.__table__).on_conflict_do_nothing(), entries)
+    session.execute(inserting(session)(HistoryEntry.__table__).on_conflict_do_nothing(), entries)
     _count(session, list(flights.values()), counts)
     return flights
 
@@ -90,6 +89,19 @@ def _count(session: Session, flights: Sequence[OpenFlight], counts: dict[int, in
 
 def page(session: Session, fleet: str, vehicle: str, wanted: HistoryWanted) -> tuple[HistoryRow, ...]:
     """Kept estimates by flight, time, estimator and structure."""
+    flights = flights_of(fleet, vehicle, wanted)
+    found: list[HistoryRow] = []
+    for flight in session.scalars(flights.order_by(FlightRow.id)):
+        left = None if wanted.limit is None else wanted.limit - len(found)
+        if left == 0:
+            break
+        entries = session.scalars(entries_of(flight.id, wanted).limit(left))
+        found += [_row(flight, entry) for entry in entries]
+    return tuple(found)
+
+
+def flights_of(fleet: str, vehicle: str, wanted: HistoryWanted) -> Any:
+    """The flights of a vehicle that a part of its history is of."""
     flights = select(FlightRow).where(FlightRow.fleet == fleet, FlightRow.vehicle == vehicle)
     if wanted.flight is not None:
         flights = flights.where(FlightRow.id == wanted.flight)
@@ -99,14 +111,7 @@ def page(session: Session, fleet: str, vehicle: str, wanted: HistoryWanted) -> t
         flights = flights.where(FlightRow.last_time_s >= wanted.from_s)
     if wanted.to_s is not None:
         flights = flights.where(FlightRow.first_time_s <= wanted.to_s)
-    found: list[HistoryRow] = []
-    for flight in session.scalars(flights.order_by(FlightRow.id)):
-        left = None if wanted.limit is None else wanted.limit - len(found)
-        if left == 0:
-            break
-        entries = session.scalars(_of_flight(flight.id, wanted).limit(left))
-        found += [_row(flight, entry) for entry in entries]
-    return tuple(found)
+    return flights
 
 
 def prune(session: Session, now_at_s: float, retention: Retention) -> bool:
@@ -162,9 +167,14 @@ def _entry(flight_id: int, row: EstimateRecord, at_s: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _of_flight(flight_id: int, wanted: HistoryWanted) -> Any:
+def entries_of(flight_id: int, wanted: HistoryWanted, what: Sequence[Any] = (HistoryEntry,)) -> Any:
+    """The estimates of a flight, in their order.
+
+    Args:
+        what: of each; all of it by default.
+    """
     key = (HistoryEntry.time_s, HistoryEntry.estimator, HistoryEntry.structure)
-    query = select(HistoryEntry).where(HistoryEntry.flight_id == flight_id).order_by(*key)
+    query = select(*what).where(HistoryEntry.flight_id == flight_id).order_by(*key)
     if wanted.from_s is not None:
         query = query.where(HistoryEntry.time_s >= wanted.from_s)
     if wanted.to_s is not None:

@@ -93,6 +93,7 @@ _READING: dict[str, _Action] = {"list": _list, "show": _show, "history": _histor
 _CHANGING = {
     "import": ("baseline_exchange", "import_"),
     "export": ("baseline_exchange", "export"),
+    "predict": ("baseline_predict", "predict"),
     "learn": ("baseline_learn", "learn"),
     "revert": ("baseline_revert", "revert"),
     "delete": ("baseline_revert", "remove"),

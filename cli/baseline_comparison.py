@@ -4,13 +4,13 @@ Coordinates, prior and posterior are those that the monitor compares in; here no
 monitor itself is loaded for aircraft without geometry or mass alone: its kernels take seconds, and a look does not.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from wingwatch.aircraft import AffineForm, Aircraft, AircraftDataError, FlightCondition, ModeStructure
 from wingwatch.baselines import Envelope, Expectation, OutOfEnvelope, Reference, posteriors
@@ -160,4 +160,19 @@ def _distance(prior: tuple[Array, Array], flown: Reference, z: Array) -> Distanc
     weight, pull = 0.5 * (solved[:, :-1] + solved[:, :-1].T), solved[:, -1]
     freedom = int(np.linalg.matrix_rank(weight, tol=1e-9 * np.trace(weight) + 1e-300))
     squared = float(pull @ np.linalg.pinv(weight, hermitian=True) @ pull)
-    return Distance(z, squared, freedom, float(chdtrc(freedom, squared)) if freedom else 1.0)
+    return Distance(z, squared, freedom, chi_square_tail(squared, freedom) if freedom else 1.0)
+
+
+def chi_square_tail(squared: float, freedom: int) -> float:
+    """Probability that chi-square of some degrees of freedom is larger (Abramowitz and Stegun, 26.4.4 and 26.4.5).
+
+    A finite sum, for which the command needs no SciPy: that takes longer to load than the question to answer.
+    """
+    half = 0.5 * max(squared, 0.0)
+    odd = freedom % 2
+    total = math.erfc(math.sqrt(half)) if odd else 0.0
+    term = math.exp(-half) * (math.sqrt(half / math.pi) * 2.0 if odd else 1.0)
+    for k in range(freedom // 2):
+        total += term
+        term *= half / (k + (1.5 if odd else 1.0))
+    return min(1.0, total)

@@ -24,7 +24,7 @@ from wingwatch.cli.faults import CommandError
 from wingwatch.cli.output_files import check_output
 from wingwatch.cli.progress import page
 
-__all__ = ["export", "import_"]
+__all__ = ["changes_of", "export", "import_", "imported_object"]
 
 
 def export(arguments: argparse.Namespace) -> Done:
@@ -37,7 +37,7 @@ def export(arguments: argparse.Namespace) -> Done:
         of = "" if arguments.aircraft is None else f" of aircraft {arguments.aircraft}"
         raise CommandError(f"{arguments.database}: the baseline has nothing{of}; there is nothing to export")
     write_content(content, arguments.out)
-    counts = _counts(content)
+    counts = imported_object(content)
     said = f"{_counted(counts)} are in {arguments.out}"
     return counts, lambda: page().print(escape(said))
 
@@ -57,10 +57,11 @@ def import_(arguments: argparse.Namespace) -> Done:
         said = f"{len(entries)} entries of {aircraft.name} are in {arguments.database}"
     else:
         content, source = read_content(arguments.file, arguments.aircraft), arguments.file.name
-        result = _counts(content)
+        result = imported_object(content)
         said = f"{_counted(result)} are in {arguments.database}"
     with open_database(arguments.database) as database:
-        stored = BaselineLedger(database).put(_changes_of(content, now_s, f"imported from {source}"), content)
+        changes = changes_of(content, now_s, who(), f"imported from {source}")
+        stored = BaselineLedger(database).put(changes, content)
     result["stored"] = stored
     known = "" if stored else "; all of it was there already"
     return result, lambda: page().print(escape(said + known))
@@ -91,20 +92,21 @@ def _stated(aircraft: Aircraft) -> list[Expectation]:
     return points
 
 
-def _changes_of(content: BaselineContent, at_s: float, text: str) -> list[ChangeRecord]:
-    """A change for each aircraft and each vehicle that content is of."""
+def changes_of(content: BaselineContent, at_s: float, by: str, text: str) -> list[ChangeRecord]:
+    """A change for each aircraft and each vehicle that content is of, made by somebody."""
     owners: dict[tuple[str, str, str | None, str | None], None] = {}
     for entry in content.entries:
         owners[entry.aircraft, entry.configuration, None, None] = None
     for key in (*(one.key for one in content.references), *(one.key for one in content.cells)):
         owners[key.aircraft, key.configuration, key.fleet, key.vehicle] = None
     return [
-        ChangeRecord(at_s, "import", who(), aircraft, configuration, text, fleet, vehicle)
+        ChangeRecord(at_s, "import", by, aircraft, configuration, text, fleet, vehicle)
         for aircraft, configuration, fleet, vehicle in owners
     ]
 
 
-def _counts(content: BaselineContent) -> dict[str, Any]:
+def imported_object(content: BaselineContent) -> dict[str, Any]:
+    """How many entries, references and cells content has, for JSON."""
     kinds = {"entries": content.entries, "references": content.references, "cells": content.cells}
     return {name: len(kind) for name, kind in kinds.items()}
 

@@ -26,7 +26,7 @@ from wingwatch.baselines import (
 from wingwatch.cli.faults import CommandError
 from wingwatch.telemetry import check_name
 
-__all__ = ["FORMAT", "VERSION", "read_content", "write_content"]
+__all__ = ["FORMAT", "VERSION", "content_of", "read_content", "write_content"]
 
 FORMAT = "wingwatch baseline"
 VERSION = 1
@@ -156,15 +156,38 @@ def read_content(path: Path, aircraft: str | None) -> BaselineContent:
         CommandError: no such file, one that is half written or of another version, units, derivatives or aircraft that
             are not ours; one sentence.
     """
-    found = _parsed(path)
+    if path.suffix.lower() == ".toml":
+        raise CommandError(
+            f"--file {path}: aircraft files are given with --aircraft; --file takes what export wrote"
+        )
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise CommandError(
+            f"{path}: it is no whole file of `wingwatch baseline export` ({error}); export it again"
+        ) from None
+    return content_of(document, str(path), aircraft)
+
+
+def content_of(document: object, where: str, aircraft: str | None) -> BaselineContent:
+    """What the JSON value of such a file holds.
+
+    Args:
+        where: what errors call it.
+        aircraft: whose it must be; anybody's where None.
+
+    Raises:
+        CommandError: as ``read_content``.
+    """
+    found = _validated(document, where)
     for symbol, unit in found.units.items():
         if symbol not in DERIVATIVES or DERIVATIVES[symbol].unit != unit:
             ours = (
                 f"here it is {DERIVATIVES[symbol].unit}" if symbol in DERIVATIVES else "it is not known here"
             )
-            raise CommandError(f"{path}: {symbol} is in {unit}, and {ours}; convert the file")
+            raise CommandError(f"{where}: {symbol} is in {unit}, and {ours}; convert the file")
     for number, one in enumerate((*found.entries, *found.references, *found.cells), 1):
-        _check_record(path, number, one, found.units, aircraft)
+        _check_record(where, number, one, found.units, aircraft)
     try:
         return BaselineContent(
             tuple(map(_entry, found.entries)),
@@ -178,51 +201,43 @@ def read_content(path: Path, aircraft: str | None) -> BaselineContent:
             ),
         )
     except ValueError as error:
-        raise CommandError(f"{path}: {error}; export it again") from None
+        raise CommandError(f"{where}: {error}; export it again") from None
 
 
-def _parsed(path: Path) -> _File:
-    if path.suffix.lower() == ".toml":
-        raise CommandError(
-            f"--file {path}: aircraft files are given with --aircraft; --file takes what export wrote"
-        )
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
-        raise CommandError(
-            f"{path}: it is no whole file of `wingwatch baseline export` ({error}); export it again"
-        ) from None
+def _validated(document: object, where: str) -> _File:
     if not isinstance(document, Mapping) or document.get("format") != FORMAT:
-        raise CommandError(f"{path}: it was not written by `wingwatch baseline export`; give a file that was")
+        raise CommandError(
+            f"{where}: it was not written by `wingwatch baseline export`; give a file that was"
+        )
     if document.get("version") != VERSION:
         raise CommandError(
-            f"{path}: it has version {document.get('version')!r:.40} of the format, and this program reads version "
+            f"{where}: it has version {document.get('version')!r:.40} of the format, and this program reads version "
             f"{VERSION}; export it again with this version of wingwatch, or use the one that wrote it"
         )
     try:
         return _File.model_validate(document)
     except ValidationError as error:
         fault = error.errors()[0]
-        where = ".".join(str(part) for part in fault["loc"])
-        raise CommandError(f"{path}: {where}: {fault['msg'].lower()}; export it again") from None
+        place = ".".join(str(part) for part in fault["loc"])
+        raise CommandError(f"{where}: {place}: {fault['msg'].lower()}; export it again") from None
 
 
 def _check_record(
-    path: Path, number: int, one: _Record, units: Mapping[str, str], aircraft: str | None
+    where: str, number: int, one: _Record, units: Mapping[str, str], aircraft: str | None
 ) -> None:
     """Whose it is, and whether its derivatives are ours."""
     if aircraft is not None and one.aircraft != aircraft:
         raise CommandError(
-            f"{path}: record {number} is of aircraft {one.aircraft}, not of {aircraft}; leave out --aircraft"
+            f"{where}: record {number} is of aircraft {one.aircraft}, not of {aircraft}; leave out --aircraft"
         )
     structure = STRUCTURES.get(one.structure)
     if structure is None:
         raise CommandError(
-            f"{path}: record {number} is of structure {one.structure!r:.60}; known are {', '.join(STRUCTURES)}"
+            f"{where}: record {number} is of structure {one.structure!r:.60}; known are {', '.join(STRUCTURES)}"
         )
     if tuple(one.derivatives) != structure.derivatives or not set(one.derivatives) <= set(units):
         raise CommandError(
-            f"{path}: record {number} has derivatives {', '.join(one.derivatives)!s:.200}, and {one.structure} has "
+            f"{where}: record {number} has derivatives {', '.join(one.derivatives)!s:.200}, and {one.structure} has "
             f"{', '.join(structure.derivatives)} here, each with its unit; export it again"
         )
 

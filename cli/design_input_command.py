@@ -15,8 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from wingwatch.aircraft import (
-    DERIVATIVES,
-    STRUCTURES,
+    MODEL_DERIVATIVES,
+    MODEL_STRUCTURES,
     SURFACE_OF_INPUT,
     Aircraft,
     FlightCondition,
@@ -28,6 +28,7 @@ from wingwatch.aircraft import (
 )
 from wingwatch.cli.asked_condition import asked_condition
 from wingwatch.cli.convention import check_convention, in_convention
+from wingwatch.cli.design_input_modes import check_kind, flown_rad_s, mode_notes, usual_length_s
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.output_files import PICTURES
 from wingwatch.cli.progress import page, write_json
@@ -61,7 +62,8 @@ class _Task:
         condition: with the trim's angle of attack.
         elevator_trim_rad: of the trim, 0 where it is not known.
         plants: one a mode.
-        targets: surfaces of all modes.
+        targets: surfaces of all modes, each mode where it is as the aircraft flies.
+        own_rad_s: of each target, where its mode is in its own model.
     """
 
     aircraft: Aircraft
@@ -69,6 +71,7 @@ class _Task:
     elevator_trim_rad: float
     plants: tuple[SensedPlant, ...]
     targets: tuple[SurfaceTarget, ...]
+    own_rad_s: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +99,8 @@ def run(arguments: argparse.Namespace) -> int:
     kinds = tuple(INPUT_KINDS) if arguments.compare else (arguments.kind,)
     try:
         task = _task(arguments, aircraft)
-        length_s = _length_s(task) if arguments.length is None else arguments.length
+        structures = [plant.structure for plant in task.plants]
+        length_s = usual_length_s(task.targets, structures) if arguments.length is None else arguments.length
         made = {kind: _designed(task, kind, length_s, arguments.rate, arguments.convention) for kind in kinds}
     except ValueError as error:  # what cannot be trimmed, designed or promised, each in one sentence
         raise CommandError(" ".join(str(error).split())) from None
@@ -141,7 +145,8 @@ def _check(arguments: argparse.Namespace) -> None:
 
 
 def _task(arguments: argparse.Namespace, aircraft: Aircraft) -> _Task:
-    structures = [STRUCTURES[name] for name in dict.fromkeys(arguments.mode)]
+    structures = [MODEL_STRUCTURES[name] for name in dict.fromkeys(arguments.mode)]
+    check_kind(arguments.kind, structures)
     used = [SURFACE_OF_INPUT[u] for s in structures for u in s.inputs]
     shared = sorted({name for name in used if used.count(name) > 1})
     if shared:
@@ -150,17 +155,14 @@ def _task(arguments: argparse.Namespace, aircraft: Aircraft) -> _Task:
         )
     condition, elevator, derivatives = _expected(arguments, aircraft, structures)
     amplitude = math.radians(arguments.amplitude)
-    return _Task(
-        aircraft,
-        condition,
-        elevator,
-        tuple(sensed_plant(aircraft, s, condition, derivatives[s.name]) for s in structures),
-        tuple(
-            target
-            for s in structures
-            for target in surface_targets(s, derivatives[s.name], analysis_band_hz(aircraft, s), amplitude)
-        ),
-    )
+    plants = tuple(sensed_plant(aircraft, s, condition, derivatives[s.name]) for s in structures)
+    targets, own = [], []
+    for s in structures:
+        flown = flown_rad_s(aircraft, condition, s)
+        for target in surface_targets(s, derivatives[s.name], analysis_band_hz(aircraft, s), amplitude):
+            own.append(target.natural_frequency_rad_s)
+            targets.append(target if flown is None else replace(target, natural_frequency_rad_s=flown))
+    return _Task(aircraft, condition, elevator, plants, tuple(targets), tuple(own))
 
 
 def _expected(
@@ -197,11 +199,6 @@ def _stated(
     raise CommandError(f"aircraft {aircraft.name} states derivatives only for {points}; choose one of these")
 
 
-def _length_s(task: _Task) -> float:
-    """One cycle of the lowest frequency of interest, in whole seconds."""
-    return float(math.ceil(1.0 / min(t.band_hz[0] for t in task.targets) - 1e-9))
-
-
 def _designed(task: _Task, kind: str, length_s: float, rate_hz: float, convention: str) -> Designed:
     design = design_input(kind, task.targets, length_s, rate_hz)
     column = {name: i for i, name in enumerate(design.surfaces)}
@@ -214,9 +211,11 @@ def _designed(task: _Task, kind: str, length_s: float, rate_hz: float, conventio
         for plant in task.plants
     )
     shown = tuple(_rows(task, promised, convention) for promised in promises)
-    return Designed(
-        design, promises, shown, input_notes(task.aircraft, design, promises, task.elevator_trim_rad)
+    notes = (
+        *mode_notes(design, promises, task.own_rad_s),
+        *input_notes(task.aircraft, design, promises, task.elevator_trim_rad),
     )
+    return Designed(design, promises, shown, notes)
 
 
 def _head(task: _Task, arguments: argparse.Namespace, length_s: float) -> dict[str, Any]:
@@ -289,7 +288,11 @@ def _column(table: NDArray[np.float64], i: int) -> NDArray[np.float64]:
 def _rows(task: _Task, promised: Promise, convention: str) -> _Rows:
     """Value and standard error of each derivative in a convention, infinite where it cannot be promised."""
     rows = {
-        symbol: {"value": float(value), "standard_error": float(error), "unit": DERIVATIVES[symbol].unit}
+        symbol: {
+            "value": float(value),
+            "standard_error": float(error),
+            "unit": MODEL_DERIVATIVES[symbol].unit,
+        }
         for symbol, value, error in zip(
             promised.structure.derivatives, promised.derivatives, promised.standard_error, strict=True
         )

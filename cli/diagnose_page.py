@@ -114,7 +114,7 @@ def _cause_lines(cause: Cause) -> Iterator[str]:
         f"{percent(cause.held_out_gain)} of what is beyond noise without it"
     )
     if cause.indistinguishable_from:
-        yield f"this flight does not tell it from {listed(map(label_title, cause.indistinguishable_from))}"
+        yield f"this flight does not distinguish it from {listed(map(label_title, cause.indistinguishable_from))}"
     if cause.separating_manoeuvre:
         yield f"what would: {cause.separating_manoeuvre}"
 

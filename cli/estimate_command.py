@@ -16,9 +16,11 @@ from wingwatch.cli.design_input_plot import need_matplotlib
 from wingwatch.cli.estimate_history import HistoryWriter
 from wingwatch.cli.estimate_model import save_model
 from wingwatch.cli.estimate_plot import draw_fit
+from wingwatch.cli.estimate_repeats import check_repeats, run_repeats
 from wingwatch.cli.estimate_validation import Validation, as_json, fitted_of, show_validation, validated
 from wingwatch.cli.faults import CommandError
 from wingwatch.cli.flight_watch import Watched, watch
+from wingwatch.cli.forgetting import forgetting_object
 from wingwatch.cli.furthest import furthest
 from wingwatch.cli.joined_flights import joined
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
@@ -44,6 +46,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise CommandError(
             f"--history {arguments.history}: {arguments.estimator} solves the whole flight at once and has no history; "
             "leave it out, or take fourier or ekf"
+        )
+    if arguments.repeats:
+        check_repeats(arguments)
+        return run_repeats(arguments)
+    if whole and arguments.forgetting is not None:
+        raise CommandError(
+            f"--forgetting is of fourier and ekf, and {arguments.estimator} forgets nothing; leave one of them out"
         )
     if not whole and (arguments.structure or arguments.form):
         option = "--structure" if arguments.structure else "--form"
@@ -86,7 +95,7 @@ def _run_one(arguments: argparse.Namespace, whole: bool) -> int:
             aircraft,
             _progress(arguments),
             listener=history,
-            start=MonitorStart(engine=arguments.engine),
+            start=_start(arguments),
         )
         if history is not None:
             history.close()
@@ -176,7 +185,7 @@ def estimated(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     said = {"plausibility": for_json(checked(table, aircraft, arguments.accept_implausible))}
     if arguments.estimator in OFFLINE_ESTIMATORS:
         return _offline(table, aircraft, arguments)[0] | said
-    watched = watch(table, aircraft, _progress(arguments), start=MonitorStart(engine=arguments.engine))
+    watched = watch(table, aircraft, _progress(arguments), start=_start(arguments))
     refuse_unusable(watched)
     return _result(watched, arguments) | said
 
@@ -210,10 +219,16 @@ def _offline(
     return result, solved, counted
 
 
+def _start(arguments: argparse.Namespace) -> MonitorStart:
+    return MonitorStart(engine=arguments.engine, memory_s=arguments.forgetting)
+
+
 def _result(watched: Watched, arguments: argparse.Namespace) -> dict[str, Any]:
     """The contract's object, of one estimator or of all."""
     monitor = watched.monitor
     result = {**monitor.derivatives(), "convention": arguments.convention, "cleaning": watched.cleaning}
+    if arguments.forgetting is not None:
+        result["forgetting"] = forgetting_object(arguments.forgetting, watched.flight)
     result["estimators"] = in_convention(
         _chosen(result["estimators"], arguments),
         monitor.aircraft,
@@ -240,6 +255,8 @@ def _show(
 ) -> None:
     console.print(f"[bold]{escape(source)}[/]  aircraft {monitor.aircraft.name}")
     console.print(escape(cleaning_text), style="dim")
+    if "forgetting" in result:
+        console.print(f"{result['forgetting']['text']}", style="dim")
     for structure in structures:
         console.print(_table(structure, result["estimators"]))
         for name, modes in result["estimators"].items():

@@ -194,7 +194,7 @@ class Health:
         if not left_out:
             return None
         who = "1 vehicle is" if left_out == 1 else f"{left_out} vehicles are"
-        return f"degraded service: {who} not watched, for there is more to compute than the machine can."
+        return f"degraded service: {who} not watched, because the machine is overloaded."
 
     def _database_problem(self) -> str | None:
         store = self._parts.store

@@ -23,6 +23,7 @@ from wingwatch.cli.baseline import Baseline, read_baseline
 from wingwatch.cli.convention import check_convention, in_convention
 from wingwatch.cli.flight_clocks import clocks_text, on_clock
 from wingwatch.cli.flight_watch import Watched, load, watch
+from wingwatch.cli.forgetting import forgetting_object
 from wingwatch.cli.manoeuvres import Verdicts, manoeuvres_object, show_manoeuvres
 from wingwatch.cli.many_flights import each_flight, end_of_many, flight_files, is_many, print_line
 from wingwatch.cli.plausible import checked, for_json, show_doubts
@@ -55,6 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         console = page()
         _show(console, watched, *found)
+        if arguments.forgetting is not None:
+            console.print(forgetting_object(arguments.forgetting, watched.flight)["text"])
         if arguments.manoeuvres:
             show_manoeuvres(console, watched.manoeuvres)
         show_doubts(console, findings)
@@ -87,6 +90,8 @@ def judged(flight: Path, arguments: argparse.Namespace) -> dict[str, Any]:
 def _said(watched: Watched, findings: Sequence[Finding], arguments: argparse.Namespace) -> dict[str, Any]:
     """What the object has beside that of ``watched_object``."""
     said: dict[str, Any] = {"convention": arguments.convention, "plausibility": for_json(findings)}
+    if arguments.forgetting is not None:
+        said["forgetting"] = forgetting_object(arguments.forgetting, watched.flight)
     if arguments.manoeuvres:
         said["manoeuvres"] = manoeuvres_object(watched.manoeuvres)
     return said
@@ -124,7 +129,9 @@ def _watched(path: Path, arguments: argparse.Namespace) -> tuple[Watched, tuple[
     watched = watch(
         flight, aircraft, Progress(getattr(arguments, "progress", True)),
         fleet=arguments.fleet, vehicle=arguments.vehicle,
-        start=MonitorStart(memory=VehicleMemory(baseline.references, baseline.envelopes)),
+        start=MonitorStart(
+            memory=VehicleMemory(baseline.references, baseline.envelopes), memory_s=arguments.forgetting
+        ),
         listener=verdicts if arguments.manoeuvres else None,
     )  # fmt: skip
     refuse_unusable(watched)

@@ -4,7 +4,15 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
-from wingwatch.baselines import Database, DatabaseError, HistoryRow, HistoryWanted
+from wingwatch.baselines import (
+    Database,
+    DatabaseError,
+    FlightRecord,
+    HistoryColumns,
+    HistoryKey,
+    HistoryRow,
+    HistoryWanted,
+)
 
 __all__ = ["PatientHistory", "PatientReader"]
 
@@ -82,3 +90,13 @@ class PatientHistory:
     def history_rows(self, fleet: str, vehicle: str, wanted: HistoryWanted) -> Sequence[HistoryRow]:
         """A part of a vehicle's history; ``DatabaseError`` where it has not been read in time."""
         return self._reader.ask(lambda: self._database.history_rows(fleet, vehicle, wanted))
+
+    def history_columns(
+        self, fleet: str, vehicle: str, wanted: HistoryWanted
+    ) -> tuple[Sequence[HistoryColumns], HistoryKey | None]:
+        """The same as columns; ``DatabaseError`` likewise."""
+        return self._reader.ask(lambda: self._database.history_columns(fleet, vehicle, wanted))
+
+    def flights(self, fleet: str, vehicle: str) -> Sequence[FlightRecord]:
+        """Flights of which estimates are kept, the newest first; ``DatabaseError`` likewise."""
+        return self._reader.ask(lambda: self._database.flights(fleet, vehicle))

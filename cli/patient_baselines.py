@@ -3,8 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from wingwatch.api import BaselineQuestion, BaselineRevert
+from wingwatch.api import BaselineImport, BaselineQuestion, BaselineRevert
 from wingwatch.baselines import BaselineLedger, ChangeRecord, Database, Selection
+from wingwatch.cli.baseline_exchange import changes_of, imported_object
+from wingwatch.cli.baseline_files import content_of
 from wingwatch.cli.baseline_objects import Asked, history_object, list_object, show_object
 from wingwatch.cli.baseline_revert import revert_text, reverted_object
 from wingwatch.cli.convention import check_convention
@@ -39,6 +41,18 @@ class PatientBaselines:
         """All that there ever was."""
         asked = _asked(question)
         return self._reader.ask(lambda: history_object(self._database, asked))
+
+    def imported(self, request: BaselineImport) -> Mapping[str, Any]:
+        """Put what ``export`` wrote into the database."""
+        try:
+            content = content_of(request.document, "the body", request.aircraft)
+        except CommandError as error:
+            raise ValueError(str(error).replace("leave out --aircraft", "ask for that one")) from None
+        text = f"imported over REST: {request.note}" if request.note else "imported over REST"
+        changes = changes_of(content, self._wall_clock(), request.who, text)
+        ledger = BaselineLedger(self._database)
+        stored = self._reader.ask(lambda: ledger.put(changes, content))
+        return imported_object(content) | {"stored": stored}
 
     def reverted(self, request: BaselineRevert) -> Mapping[str, Any]:
         """Take a version back."""

@@ -51,6 +51,7 @@ from wingwatch.cli.recorded_ports import RecordedCheckpoints, RecordedStore
 from wingwatch.cli.recorder import Recorder
 from wingwatch.cli.settings import ServeSettings
 from wingwatch.cli.store import DatabaseStore
+from wingwatch.cli.study_folder import StudyFolder
 from wingwatch.cli.tokens import TokenFile, TokenRegister
 from wingwatch.monitor import FleetMonitor, FleetPorts, FleetSettings, Outputs
 from wingwatch.notifications import Clocks
@@ -247,6 +248,7 @@ def running_service(
             counters=lambda: service.counters(), figures=lambda: service.figures(),
             problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
             baselines=PatientBaselines(database, wall_clock), documents=settings.documents,
+            studies=None if settings.studies is None else StudyFolder(settings.studies),
         )  # fmt: skip
         app = create_app(monitor, lambda: service.readiness(), PatientHistory(database), __version__, asked)
         http = HttpServer(app, listening, tls=tls)

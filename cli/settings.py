@@ -34,10 +34,10 @@ DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 _MOST_BYTES = 100_000
 _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
-    "log_format", "excite", "diagnose_alerts", "record", "documents",
+    "log_format", "excite", "diagnose_alerts", "record", "studies", "documents",
 )  # fmt: skip
 _SECRET = re.compile(r"(^|\.)(url|secret)[a-z_]*$")
-_PATHS = ("data", "certificate", "private_key", "record", "documents")
+_PATHS = ("data", "certificate", "private_key", "record", "studies", "documents")
 
 
 def built_documents() -> Path | None:
@@ -116,6 +116,7 @@ class ServeSettings(BaseModel):
         notify: on which channels alerts are said to people.
         excite: whether inputs that would help are proposed; excite_minutes: least time between two for a vehicle.
         diagnose_alerts: whether alerts of the airframe or of unclear cause are diagnosed.
+        studies: folder of the reports of finished studies that are shown; none are without.
         record: folder of recordings (MCAP); none are made without. recording: how much of them is kept.
         documents: folder of the documents' site, served at ``/help``; that of this checkout where one was built.
     """
@@ -142,6 +143,7 @@ class ServeSettings(BaseModel):
     excite_minutes: Annotated[float, Field(ge=1.0, le=1440.0)] = 5.0
     diagnose_alerts: Annotated[bool, Field(strict=True)] = True
     record: Path | None = None
+    studies: Path | None = None
     recording: RecordingTable = RecordingTable()
     documents: Path | None = Field(default_factory=built_documents)
 

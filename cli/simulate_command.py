@@ -52,6 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     seconds = arguments.seconds if arguments.seconds is not None else max(_SECONDS, input_s + _AFTER_INPUT_S)
     samples = _samples(seconds, arguments.rate)
     names = _manoeuvre_names(arguments.manoeuvre, None if arguments.input is None else ("none",))
+    if arguments.autopilot == "off" and "patrol" in names:
+        raise CommandError("--manoeuvre patrol needs the autopilot; leave out --autopilot off")
     aircraft = load_aircraft(arguments.aircraft)
     try:
         scenario = _scenario(arguments, aircraft, names, given)
@@ -125,6 +127,7 @@ def _scenario(
         noise=not arguments.noiseless,
         wind_m_s=(0.0 - speed * math.cos(origin), 0.0 - speed * math.sin(origin), 0.0),
         route=_route(names, aircraft, condition),
+        hands_off=arguments.autopilot == "off",
     )
 
 
@@ -170,6 +173,7 @@ def _result(
         "airspeed_true_m_s": scenario.airspeed_true_m_s,
         "altitude_m": scenario.altitude_m,
         "manoeuvres": list(names),
+        "autopilot": arguments.autopilot,
         "input": None if arguments.input is None else str(arguments.input),
         "relative_peak_factors": {
             surface: factor
@@ -200,6 +204,8 @@ def _show(console: Console, result: dict[str, Any]) -> None:
         f"turbulence {result['turbulence']}, seed {result['seed']}"
     )
     console.print(f"manoeuvres: {', '.join(result['manoeuvres']) or 'none'}")
+    if result["autopilot"] == "off":
+        console.print("autopilot off: surfaces and throttle stay at the trim but for manoeuvres and input")
     if result["input"] is not None:
         console.print(f"input: {escape(result['input'])}")
     if result["relative_peak_factors"]:

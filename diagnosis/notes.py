@@ -29,13 +29,13 @@ def rest_in_words(found: Search, terms: Sequence[MissingTerm], unexplained: floa
             f"{t.coefficient} changes by {t.value:.3g} +- {t.standard_error:.1g} times {t.signal}"
             for t in terms
         ]
-        return f"what is left follows a term that the simulation does not have: {', or '.join(each)}"
+        return f"the rest follows a term that the simulation lacks: {', or '.join(each)}"
     if unexplained == 0.0 or not found.rest:
         return ""
     best = found.rest[0]
     if best.evidence <= 0.0:
-        return "what is left follows none of the causes that were tried"
-    return f"what is left follows {best.candidate.label} best, but not beyond doubt"
+        return "none of the causes that were tried explains the rest"
+    return f"{best.candidate.label} explains the rest best, but not beyond doubt"
 
 
 def _last(found: Search) -> tuple[tuple[Candidate, ...], tuple[Array, ...]]:
@@ -106,7 +106,7 @@ def _why_none(gain: Gain) -> str:
         return f"on {gain.source} {listed(worse)} would be surely worse by more than {percent(MATTERS)}"
     if not gain.pays:
         return f"on {gain.source} no channel is surely better"
-    return "it has no place for what was found"
+    return "the file has no entry for the cause found"
 
 
 def note_on_silence(symbols: Sequence[str]) -> tuple[str, ...]:
@@ -114,7 +114,7 @@ def note_on_silence(symbols: Sequence[str]) -> tuple[str, ...]:
     if not symbols:
         return ()
     return (
-        f"this flight does not judge {', '.join(symbols)}: an error of a third would not be beyond doubt",
+        f"this flight does not determine {', '.join(symbols)}: an error of a third would not be beyond doubt",
     )
 
 

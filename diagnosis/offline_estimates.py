@@ -48,7 +48,14 @@ from wingwatch.monitor.chain import nominal_condition
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.telemetry import FlightTable, SampleBlock
 
-__all__ = ["OFFLINE_ESTIMATORS", "OfflineEstimates", "estimate_offline", "flight_form"]
+__all__ = [
+    "OFFLINE_ESTIMATORS",
+    "OfflineEstimates",
+    "Solve",
+    "estimate_offline",
+    "flight_form",
+    "structure_solver",
+]
 
 OFFLINE_ESTIMATORS = ("equation-error", "frequency-equation-error", "output-error", "filter-error")
 
@@ -136,6 +143,22 @@ def _estimated(
     clean: SampleBlock,
 ) -> dict[str, Any]:
     """One structure's object; ValueError says why there is none."""
+    shape, solve = structure_solver(flight, aircraft, structure, estimator, form)
+    parts = flight_manoeuvres(structure, shape, [clean])
+    if not parts:
+        raise ValueError("there are not two seconds of whole samples in a row")
+    estimate, fit = in_form(*solve(parts), structure)
+    return _mode(aircraft, apriori_envelope(aircraft, structure), estimate, fit)
+
+
+def structure_solver(
+    flight: FlightTable, aircraft: Aircraft, structure: ModeStructure, estimator: str, form: Form
+) -> tuple[FlightForm, Solve]:
+    """How a flight becomes manoeuvres of a structure, and what estimates ``solved_as`` it from them.
+
+    Raises:
+        ValueError: the aircraft states no condition to which derivatives are referred.
+    """
     nominal = nominal_condition(aircraft)
     if nominal is None:
         raise ValueError(f"aircraft {aircraft.name} states neither [envelope] nor [[conditions]]; add one")
@@ -144,17 +167,10 @@ def _estimated(
     shape = flight_form(flight, aircraft, nominal, form, band_hz)
     if estimator == "filter-error":
         shape = replace(shape, window_s=max(shape.window_s, _FILTER_WINDOW_S))
-    parts = flight_manoeuvres(structure, shape, [clean])
-    if not parts:
-        raise ValueError("there are not two seconds of whole samples in a row")
     own = _expected_aerodynamics(apriori_envelope(aircraft, solved), nominal)
-    solve = (
-        _filter(flight, aircraft, solved, own)
-        if estimator == "filter-error"
-        else _solver(estimator, solved, band_hz, None if own is None else own[1])
-    )
-    estimate, fit = in_form(*solve(parts), structure)
-    return _mode(aircraft, apriori_envelope(aircraft, structure), estimate, fit)
+    if estimator == "filter-error":
+        return shape, _filter(flight, aircraft, solved, own)
+    return shape, _solver(estimator, solved, band_hz, None if own is None else own[1])
 
 
 def flight_form(

@@ -67,10 +67,10 @@ class Cause:
         parameters: by name.
         channels: those whose misfit it lowers, most first.
         probability: of this cause against those that compete with it, and against none.
-        set_probability: that it is this cause or one that this flight does not tell it from.
+        set_probability: that it is this cause or one that this flight does not distinguish it from.
         gain: of the log-likelihood, by it alone.
         held_out_gain: part of the squared, weighted misfit that it takes away on windows left out.
-        indistinguishable_from: labels (``label``) of causes that this flight does not tell it from.
+        indistinguishable_from: labels (``label``) of causes that this flight does not distinguish it from.
         separating_manoeuvre: which manoeuvre would; empty where none is needed or none does.
         text: what an operator reads.
     """

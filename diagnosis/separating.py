@@ -45,7 +45,7 @@ def separating_manoeuvre(problem: Problem, point: Point, cause: int, rivals: Seq
         problem: the flight.
         point: the diagnosed model.
         cause: which of the point's causes.
-        rivals: what the flight does not tell it from.
+        rivals: what the flight does not distinguish it from.
     """
     best, least = None, 0.0
     for design in _designs(problem, point):

@@ -130,7 +130,7 @@ def chances(cause: Cause) -> str:
     alone = f"probability {probability_text(cause.probability)}"
     if not cause.indistinguishable_from or not math.isfinite(cause.set_probability):
         return alone
-    return f"{alone}, {probability_text(cause.set_probability)} with those that this flight does not tell it from"
+    return f"{alone}, {probability_text(cause.set_probability)} with those that this flight does not separate it from"
 
 
 def parameter_text(name: str, parameter: ParameterEstimate) -> str:
@@ -188,7 +188,7 @@ def _what_and_why(d: Diagnosis) -> str:
     if len(d.not_judged) > _MOST_SILENT and not wrong:
         return (
             f"This flight moves the aircraft too little to judge the simulation of {d.aircraft.name}: an error of a "
-            f"third in any of {listed(d.not_judged)} would not show. What there is of motion agrees."
+            f"third in any of {listed(d.not_judged)} would not show. Its motion agrees."
         )
     if not wrong and d.unexplained_fraction == 0.0:
         return f"The simulation of {d.aircraft.name} agrees with this flight: what is left is sensor noise."
@@ -248,6 +248,6 @@ def unexplained_text(diagnosis: Diagnosis) -> str:
             left = "There is no misfit beyond noise."
     rest = diagnosis.unexplained
     if rest and fraction <= 0.0:
-        left = "Next to nothing is left beyond noise."
+        left = "Almost no misfit remains beyond noise."
     stop = "" if not rest or rest.endswith(".") else "."
     return f"{left} {rest[:1].upper()}{rest[1:]}{stop}".strip()

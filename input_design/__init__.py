@@ -21,6 +21,7 @@ Example:
 
 from wingwatch.input_design.design import (
     INPUT_KINDS,
+    SPIRAL_BANK_RAD,
     InputDesign,
     SurfaceTarget,
     design_input,
@@ -37,6 +38,7 @@ from wingwatch.input_design.promise import (
 
 __all__ = [
     "INPUT_KINDS",
+    "SPIRAL_BANK_RAD",
     "InputDesign",
     "ModeResponse",
     "Promise",

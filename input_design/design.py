@@ -25,11 +25,12 @@ from wingwatch.aircraft.excitation import (
     wave,
 )
 from wingwatch.aircraft.modes import natural_frequency_and_damping, state_matrix
-from wingwatch.aircraft.structures import ModeStructure
+from wingwatch.aircraft.structures import SPIRAL, ModeStructure
 
 __all__ = [
     "INPUT_KINDS",
     "InputDesign",
+    "SPIRAL_BANK_RAD",
     "SurfaceTarget",
     "design_input",
     "surface_targets",
@@ -39,6 +40,9 @@ Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 100_000
 
+SPIRAL_BANK_RAD = math.radians(10.0)
+"""To which a step banks for the spiral: sin(bank) is bank to 0.5 %, and the load factor one to 1.5 %."""
+
 
 @dataclass(frozen=True, slots=True)
 class SurfaceTarget:
@@ -47,9 +51,10 @@ class SurfaceTarget:
     Attributes:
         surface: elevator, aileron or rudder.
         amplitude_rad: largest deflection from trim.
-        natural_frequency_rad_s: of the mode, for the widths of steps.
+        natural_frequency_rad_s: of the mode, for the widths of steps; of one that does not oscillate 1 / time constant.
         band_hz: lowest and highest frequency of interest, for sweeps and multisines.
         poles: roots of the mode, 1/s, for a spectrum weighted towards it.
+        longest_step_s: what a step may last at this amplitude; of the spiral until ``SPIRAL_BANK_RAD`` is reached.
 
     Raises:
         ValueError: an amplitude of pi/2 or more or not above 0, no frequency, a band that does not ascend from above 0.
@@ -60,6 +65,7 @@ class SurfaceTarget:
     natural_frequency_rad_s: float
     band_hz: tuple[float, float]
     poles: tuple[complex, ...] = ()
+    longest_step_s: float = math.inf
 
     def __post_init__(self) -> None:
         if not 0.0 < self.amplitude_rad < math.pi / 2.0:
@@ -87,6 +93,9 @@ def surface_targets(
 ) -> tuple[SurfaceTarget, ...]:
     """The surfaces of a mode, each to excite it.
 
+    The time constant takes the place of 1 / omega_n in a mode of one real root: a first-order motion answers half of
+    its power at omega = 1 / T.
+
     Args:
         structure: the mode.
         derivatives: concise, by symbol.
@@ -99,8 +108,14 @@ def surface_targets(
     matrix = state_matrix(structure, derivatives)
     frequency, _ = natural_frequency_and_damping(structure, matrix)
     poles = tuple(complex(root) for root in np.linalg.eigvals(matrix))
+    if not structure.oscillations:
+        frequency = max(abs(pole) for pole in poles)
+    longest = math.inf
+    if structure == SPIRAL:
+        longest = SPIRAL_BANK_RAD / max(abs(derivatives["phi_zeta"]) * amplitude_rad, 1e-9)
     return tuple(
-        SurfaceTarget(SURFACE_OF_INPUT[u], amplitude_rad, frequency, band_hz, poles) for u in structure.inputs
+        SurfaceTarget(SURFACE_OF_INPUT[u], amplitude_rad, frequency, band_hz, poles, longest)
+        for u in structure.inputs
     )
 
 
@@ -204,7 +219,7 @@ def _impulse_s(target: SurfaceTarget) -> float:
 
 def _step_s(target: SurfaceTarget) -> float:
     """The same spectrum at half of its power, x = 1.39, where the mode is: a step's power lies below."""
-    return 2.78 / target.natural_frequency_rad_s
+    return min(2.78 / target.natural_frequency_rad_s, target.longest_step_s)
 
 
 def _of_mode(width_s: Callable[[float], float]) -> Callable[[SurfaceTarget], float]:

@@ -3,7 +3,8 @@
 The plant is the mode's linear model about a level trim, discretised exactly for inputs held between samples. The
 lateral one carries the bank angle as a fourth state, through gravity (thesis equation B.12). Measured are what the
 estimators read: the vane at its place, the angular rates, the accelerometer at its place, the surfaces, and in the
-lateral mode the bank angle. Noise is white, of the levels that the aircraft file states.
+lateral mode the bank angle; of phugoid, roll and spiral the states themselves (airspeed and pitch, roll rate, bank).
+Noise is white, of the levels that the aircraft file states.
 
 Noise of a surface's reading is noise of the input: the true deflections are as many unknowns more. To eliminate them is
 to colour the outputs by what that noise does to them, so the sensitivities are whitened by the Kalman filter of the
@@ -21,11 +22,20 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm_frechet
 
 from wingwatch.aircraft import SURFACE_OF_INPUT
-from wingwatch.aircraft.aircraft_file import Aircraft, AircraftDataError, Sensors
+from wingwatch.aircraft.aircraft_file import Aircraft, AircraftDataError
 from wingwatch.aircraft.atmosphere import GRAVITY_M_S2
 from wingwatch.aircraft.condition import FlightCondition
 from wingwatch.aircraft.state_space import known_terms
-from wingwatch.aircraft.structures import DUTCH_ROLL, LATERAL, LATERAL_FULL, SHORT_PERIOD, ModeStructure
+from wingwatch.aircraft.structures import (
+    DUTCH_ROLL,
+    LATERAL,
+    LATERAL_FULL,
+    PHUGOID,
+    ROLL,
+    SHORT_PERIOD,
+    SPIRAL,
+    ModeStructure,
+)
 from wingwatch.estimators.reference import offsets
 
 __all__ = ["ModeResponse", "Promise", "SensedPlant", "promise", "sensed_plant"]
@@ -33,7 +43,11 @@ __all__ = ["ModeResponse", "Promise", "SensedPlant", "promise", "sensed_plant"]
 Array = NDArray[np.float64]
 
 _RATES: Mapping[str, str] = {"p": "roll_rate_rad_s", "q": "pitch_rate_rad_s", "r": "yaw_rate_rad_s"}
-_MODES = (SHORT_PERIOD, DUTCH_ROLL, LATERAL)
+_STATES: Mapping[str, str] = {
+    "u": "airspeed_true_m_s", "theta": "pitch_rad", "p": "roll_rate_rad_s", "phi": "roll_rad"
+}  # fmt: skip
+_REDUCED = (PHUGOID, ROLL, SPIRAL)
+_MODES = (SHORT_PERIOD, DUTCH_ROLL, LATERAL, *_REDUCED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +76,12 @@ class SensedPlant:
     @property
     def order(self) -> int:
         """States, the bank angle included where it is one."""
-        return len(self.structure.states) + (1 if "roll_rad" in self.outputs else 0)
+        return len(self.structure.states) + (1 if self.structure == LATERAL else 0)
+
+    @property
+    def accelerometer(self) -> bool:
+        """Whether one is read; a row after those of the states."""
+        return self.structure not in _REDUCED
 
     def matrices(self, derivatives: Array) -> tuple[Array, Array, Array, Array]:
         """(a, b, c, d) for derivatives of shape (k,); affine in them."""
@@ -75,6 +94,8 @@ class SensedPlant:
             a += known_terms(LATERAL_FULL, self.condition).matrix[:order, :order]
         c, d = np.zeros((len(self.outputs), order)), np.zeros((len(self.outputs), nu))
         c[:ns, :ns] = np.eye(ns)
+        if not self.accelerometer:
+            return a, b, c, d
         c[0, :ns] += _arm(s, self.vane_position_m)
         lever = _arm(s, self.imu_position_m)
         kinematic = offsets(s, self.condition.airspeed_true_m_s, alpha).reshape(ns, ns + nu)[0]
@@ -109,12 +130,19 @@ def sensed_plant(
 
     Raises:
         AircraftDataError: no noise stated of a sensor that is needed.
-        ValueError: a structure other than short period, Dutch roll and lateral.
+        ValueError: a structure that is none of short period, phugoid, Dutch roll, roll, spiral and lateral.
     """
     if structure not in _MODES:
         raise ValueError(
             f"no promise is defined for mode {structure.name!r}; give {', '.join(m.name for m in _MODES)}"
         )
+    surfaces = np.array([aircraft.noise_std(f"{SURFACE_OF_INPUT[u]}_rad") or 0.0 for u in structure.inputs])
+    values, sensors = np.array([derivatives[s] for s in structure.derivatives]), aircraft.sensors
+    places = sensors.imu_position_m, sensors.vane_position_m
+    if structure in _REDUCED:
+        states = tuple(_STATES[state] for state in structure.states)
+        noise = np.array(_stated(aircraft, states))
+        return SensedPlant(structure, condition, values, states, noise, surfaces, *places)
     longitudinal = structure == SHORT_PERIOD
     vane = "angle_of_attack_rad" if longitudinal else "sideslip_rad"
     rates = [_RATES[state] for state in structure.states[1:]]
@@ -129,12 +157,7 @@ def sensed_plant(
         )
     else:
         std[0] *= condition.airspeed_true_m_s
-    surfaces = [aircraft.noise_std(f"{SURFACE_OF_INPUT[u]}_rad") or 0.0 for u in structure.inputs]
-    sensors: Sensors = aircraft.sensors
-    return SensedPlant(
-        structure, condition, np.array([derivatives[s] for s in structure.derivatives]), outputs, std,
-        np.array(surfaces), sensors.imu_position_m, sensors.vane_position_m,
-    )  # fmt: skip
+    return SensedPlant(structure, condition, values, outputs, std, surfaces, *places)
 
 
 def _stated(aircraft: Aircraft, columns: tuple[str, ...]) -> list[float]:
@@ -190,8 +213,9 @@ class Promise:
 def promise(plant: SensedPlant, inputs_rad: ArrayLike, rate_hz: float) -> Promise:
     """Response to an input and the standard errors that it promises.
 
-    Unknown beside the derivatives: a constant in every equation and in the accelerometer (trim and biases left in the
-    data) and the state at the start. Noise levels that are unknown cost nothing: their information is orthogonal.
+    Unknown beside the derivatives: a constant in every equation and in the accelerometer, where one is read (trim and
+    biases left in the data), and the state at the start. Noise levels that are unknown cost
+    nothing: their information is orthogonal.
 
     Args:
         plant: the mode with its sensors.
@@ -259,12 +283,13 @@ def _fly(plant: SensedPlant, u: Array, dt: float) -> tuple[Array, Array, Array]:
     _, _, c0, d0 = plant.matrices(np.zeros(k))
     each = [plant.matrices(e) for e in np.eye(k)]
     dc, dd = np.array([o[2] - c0 for o in each]), np.array([o[3] - d0 for o in each])
-    count = k + m + 1 + m
+    count = k + m + int(plant.accelerometer) + m
     slope = np.zeros((m, count))  # of the states
-    slope[:, k + m + 1 :] = np.eye(m)
+    slope[:, count - m :] = np.eye(m)
     white = np.zeros((m, count))  # what the whitening filter expects of them
     read_constant = np.zeros((len(plant.outputs), count))
-    read_constant[len(plant.structure.states), k + m] = 1.0
+    if plant.accelerometer:
+        read_constant[len(plant.structure.states), k + m] = 1.0
     noise, kept = _Whitening(plant, f, g[:, :nu], c, d), np.zeros((count, count))
     states, outputs, x = np.empty((len(u), m)), np.empty((len(u), len(c))), np.zeros(m)
     constants = np.zeros((m, count))
@@ -309,6 +334,9 @@ class _Whitening:
 
 def _quantities(plant: SensedPlant, states: Array, outputs: Array) -> dict[str, Array]:
     at, s = plant.condition, plant.structure
+    if not plant.accelerometer:
+        level = {"airspeed_true_m_s": at.airspeed_true_m_s, "pitch_rad": at.angle_of_attack_rad}
+        return {name: level.get(name, 0.0) + states[:, i] for i, name in enumerate(plant.outputs)}
     accelerometer = outputs[:, len(s.states)]
     if s == SHORT_PERIOD:
         angle = np.arctan2(at.normal_velocity_m_s + states[:, 0], at.forward_velocity_m_s)

@@ -66,7 +66,7 @@ STRUCTURES_WATCHED: tuple[ModeStructure, ...] = (SHORT_PERIOD, LATERAL, DUTCH_RO
 """The Dutch roll stands in for the lateral structure, which holds it, where that cannot be estimated."""
 
 NO_CONDITION = (
-    "airspeed, altitude and accelerometers contradict each other, so the last block is compared with nothing"
+    "airspeed, altitude and accelerometers contradict each other, so the last block is not compared"
 )
 
 _VANE = {"w": "angle_of_attack_rad", "v": "sideslip_rad"}
@@ -134,6 +134,7 @@ class Chain:
         configuration: of the aircraft.
         envelopes: expectations that take the place of the aircraft file's, by structure.
         engine: of the filter, ``compiled`` or ``filterpy``.
+        memory_s: time constant with which both estimators forget; their own where None.
 
     Attributes:
         redundancy: what channels must agree in, for all vehicles of the type.
@@ -147,6 +148,7 @@ class Chain:
         configuration: str = "clean",
         envelopes: Mapping[str, Envelope] | None = None,
         engine: Literal["compiled", "filterpy"] = "compiled",
+        memory_s: float | None = None,
     ) -> None:
         self.aircraft = aircraft
         given = envelopes or {}
@@ -175,9 +177,7 @@ class Chain:
                 self.absent[", ".join(derivatives_by(structure, lacking))] = why_lacking(lacking)
                 self._zeros = np.array([CHANNEL_INDEX[channel] for channel in lacking])
             disturbed = disturbed_by(aircraft, structure, lacking)
-            pair = _pair(aircraft, structure, prior, kinds, vane)
-            if engine != pair.ekf.config.engine:
-                pair = replace(pair, ekf=EkfEstimator(replace(pair.ekf.config, engine=engine)))
+            pair = _set(_pair(aircraft, structure, prior, kinds, vane), engine, memory_s)
             pairs.append(replace(pair, lacking=lacking, disturbed=disturbed))
         self.supervisor = Supervisor(pairs)
         self.redundancy = RedundancyWatch(aircraft, present, kinds)
@@ -401,6 +401,17 @@ def _pair(
         span_m=aircraft.geometry.span_m if aircraft.geometry else 0.0,
     )
     return Pair(structure, Signals(signals), FourierEstimator(fourier), EkfEstimator(ekf), vane, force**2)
+
+
+def _set(pair: Pair, engine: Literal["compiled", "filterpy"], memory_s: float | None) -> Pair:
+    """Estimators with another engine of the filter and another memory, where these are asked for."""
+    fourier, ekf = pair.fourier.config, pair.ekf.config
+    memory_s = fourier.memory_s if memory_s is None else memory_s
+    if memory_s != fourier.memory_s:
+        pair = replace(pair, fourier=FourierEstimator(replace(fourier, memory_s=memory_s)))
+    if (engine, memory_s) != (ekf.engine, ekf.memory_s):
+        pair = replace(pair, ekf=EkfEstimator(replace(ekf, engine=engine, memory_s=memory_s)))
+    return pair
 
 
 def _servo(aircraft: Aircraft, symbol: str) -> tuple[float, float]:

@@ -12,7 +12,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wingwatch.aircraft import Aircraft
+from wingwatch.monitor import fleet_record
 from wingwatch.monitor.alert_finding import AlertFinding
 from wingwatch.monitor.chain import Solution
 from wingwatch.monitor.checkpoint import SavedVehicle, settings_of
@@ -31,6 +35,7 @@ from wingwatch.monitor.intake import Intake
 from wingwatch.monitor.known_vehicle import KnownVehicle
 from wingwatch.monitor.monitors import MonitorMaker
 from wingwatch.monitor.ports import ActionRequest, Outputs, Store, VehicleMemory
+from wingwatch.monitor.record_views import FlightRecordView
 from wingwatch.monitor.resuming import Checkpoints
 from wingwatch.monitor.roster import VehicleKey
 from wingwatch.monitor.together import feed_together
@@ -57,6 +62,9 @@ from wingwatch.telemetry import (
 __all__ = ["FleetMonitor", "FleetPorts"]
 
 _LOG = logging.getLogger(__name__)
+
+Array = NDArray[np.float64]
+
 _MOST_HELD = 2000  # pieces of messages, of all vehicles together, for which monitors are still to be made
 _MOST_WAITING = 1000  # pieces of one vehicle's messages; beyond, the publisher waits, and all others with it
 _ENOUGH = 10  # pieces of one vehicle: two seconds of messages of ten samples at 50 Hz
@@ -199,7 +207,7 @@ class FleetMonitor:
 
     @property
     def left_out(self) -> int:
-        """Vehicles that are not watched, for there is more to compute than the machine can."""
+        """Vehicles that are not watched, because the machine is overloaded."""
         return self._overload.left_out
 
     @property
@@ -335,6 +343,7 @@ class FleetMonitor:
         for alert in report.alerts:
             news += self._alerts.keep(alert)
         judge_manoeuvres(self._context, (fleet, vehicle), known, report.manoeuvres)
+        fleet_record.note(known, report)
         self._solutions += len(report.solutions)
         if report.solutions:
             keep(self._context, (fleet, vehicle), known, report)
@@ -436,6 +445,21 @@ class FleetMonitor:
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
             return None if known is None else tuple(known.manoeuvres)
+
+    def flight_record(self, fleet: str, vehicle: str) -> FlightRecordView | None:
+        """What is kept of the vehicle's last hour for pictures; None for an unknown vehicle."""
+        with self._lock:
+            known = self._vehicles.get((fleet, vehicle))
+            return None if known is None else fleet_record.record_of(known, self._clock())
+
+    def expected(
+        self, fleet: str, vehicle: str, structure: str, aircraft: tuple[str, str], conditions: Array
+    ) -> tuple[Array, Array] | None:
+        """What is expected now of a structure at conditions that were flown (``MonitorPort``)."""
+        with self._lock:
+            known = self._vehicles.get((fleet, vehicle))
+        # Without the lock: expectations and what flights taught are replaced, never changed.
+        return None if known is None else fleet_record.expected_of(known, structure, aircraft, conditions)
 
     def alert_groups(self) -> Sequence[AlertGroupView]:
         """Alerts in force that are one event, largest first."""

@@ -85,6 +85,7 @@ class FleetArrivals:
             return arrivals.refusal, _NOTHING
         known.received_s, known.owner.heard_s = self._context.clock(), at_s
         known.pace.note(last_s, at_s)
+        known.link.note(message.block.time_s, at_s)
         news = _NOTHING
         if known.message is not None and arrivals.counts["publisher_restarts"] > restarts:
             claim = known.owner.claimed(arrivals.stream)

@@ -95,7 +95,7 @@ class FleetViews:
 
         Args:
             solutions: how many there have been.
-            left_out: how many vehicles are not watched, for there is more to compute than the machine can.
+            left_out: how many vehicles are not watched, because the machine is overloaded.
         """
         context, states = self._context, Counter[VehicleState]()
         with context.lock:

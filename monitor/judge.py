@@ -253,7 +253,7 @@ class Judge:
         for name, coordinates in self.coordinates.items():
             if name in state.contradictions or name in state.rough:
                 continue
-            information, vector = self._before(state, name, max(0, len(state.blocks) - 2))
+            information, vector = self.before(state, name, max(0, len(state.blocks) - 2))
             modes = [b.modes[name] for b in state.blocks if name in b.modes]
             if not modes:
                 continue
@@ -282,15 +282,17 @@ class Judge:
             np.stack([r.vector for r in references]),
         )
 
-    def _before(self, state: JudgeState, name: str, onset: int) -> tuple[Array, Array]:
-        """Information and vector of the vehicle's own flight before a block, earlier flights included, as the Fourier
-        estimator has them."""
-        reference = state.references[name]
+    def before(
+        self, state: JudgeState, name: str, onset: int, estimator: int = FOURIER
+    ) -> tuple[Array, Array]:
+        """Information and vector of the vehicle's own flight before a block, earlier flights included, as an estimator
+        has them."""
+        reference = (state.references if estimator == FOURIER else state.by_filter)[name]
         information, vector = reference.information.copy(), reference.vector.copy()
         for block in state.blocks[:onset]:
             if name in block.modes:
-                information += block.modes[name].evidence.information[FOURIER]
-                vector += block.modes[name].evidence.vector[FOURIER]
+                information += block.modes[name].evidence.information[estimator]
+                vector += block.modes[name].evidence.vector[estimator]
         return information, vector
 
     def _changes_of_all(

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from wingwatch.aircraft import Aircraft
 from wingwatch.baselines import ChangeRecord
 from wingwatch.monitor.contradictions import Contradictions
+from wingwatch.monitor.flight_record import FlightRecord
+from wingwatch.monitor.link_watch import LinkWatch
 from wingwatch.monitor.loading import Loading, loading_of
 from wingwatch.monitor.ownership import Ownership
 from wingwatch.monitor.pace import Pace
@@ -28,7 +30,7 @@ FAULT_SHOWN_S = 30.0
 KEPT_MANOEUVRES = 10
 """Of a vehicle."""
 
-LEFT_OUT = "degraded service: this vehicle is not watched, for there is more to compute than the machine can"
+LEFT_OUT = "degraded service: this vehicle is not watched, because the machine is overloaded"
 """The reason of a vehicle that is left out."""
 
 _REFUSED = (
@@ -61,7 +63,7 @@ class KnownVehicle:
             settings: what it was made from (``settings_of``); late: whether what is kept of the vehicle came after it.
         owner: which publisher its messages are taken from.
         pace: how fast it sends beside how fast it flies.
-        left_out: whether it is not watched, for there is more to compute than the machine can.
+        left_out: whether it is not watched, because the machine is overloaded.
         deferred: another aircraft or configuration that was announced while an alert is in force.
         checkpoint_s: when its state was handed over to be saved; unsaved: whether it has changed since; urgent: whether
             that is to be saved at once.
@@ -69,6 +71,7 @@ class KnownVehicle:
         contradictions: what its channels say of one another.
         change: the newest change of the baseline in what is known of it.
         renewal: a later one, while what is kept is read again; renewed: the last one that was taken in.
+        record, link: of its last hour and of its messages' arrivals, for pictures, neither of them saved.
         manoeuvres: verdicts on its last ones, newest first, none of them saved: after a restart they are made anew;
             manoeuvres_flown: how many there have been.
     """
@@ -113,6 +116,8 @@ class KnownVehicle:
     renewed: ChangeRecord | None = None
     manoeuvres: deque[ManoeuvreView] = field(default_factory=lambda: deque(maxlen=KEPT_MANOEUVRES))
     manoeuvres_flown: int = 0
+    record: FlightRecord = field(default_factory=FlightRecord)
+    link: LinkWatch = field(default_factory=LinkWatch)
 
     def count(self, reason: str, times: int = 1) -> None:
         """Count what was not used."""
@@ -164,6 +169,7 @@ class KnownVehicle:
         self.change, self.renewal, self.renewed = 0, None, None
         self.ring, self.contradictions = None, Contradictions()
         self.manoeuvres.clear()
+        self.record = FlightRecord()
         self.drop_held()
 
     def hold(self, message: SensorsMessage) -> int:
@@ -264,9 +270,9 @@ class KnownVehicle:
     @property
     def _unknown_because(self) -> str:
         if self.message is None:
-            return "samples arrive but the vehicle has not said what aircraft it is"
+            return "samples arrive, but the vehicle has not announced its aircraft"
         if self.held:
-            return "what is kept of its earlier flights is being read"
+            return "its earlier flights are being read from the database"
         return self.problem or "announced; no samples yet"
 
     def view(
@@ -284,7 +290,7 @@ class KnownVehicle:
         if self.monitor is None:
             return self.bare_view(fleet, vehicle, state, _with_refusal(reason or "", refused))
         view = self.monitor.view()
-        unread = "" if self.recalled else " What is kept of its earlier flights has not been read yet."
+        unread = "" if self.recalled else " Its earlier flights have not been read yet."
         loaded = f" {text}" if (text := self._loading_text) else ""
         return replace(
             view,
@@ -295,6 +301,7 @@ class KnownVehicle:
             active_alerts=tuple(name for name in view.active_alerts if name in alerts),
             mass_kg=None if self.loading is None else self.loading.mass_kg,
             cg_shift_m=0.0 if self.loading is None else self.loading.cg_shift_m,
+            sample_age_s=None if self.received_s is None else max(now_s - self.received_s, 0.0),
         )
 
     def bare_view(self, fleet: str, vehicle: str, state: VehicleState, reason: str) -> VehicleView:

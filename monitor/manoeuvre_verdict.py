@@ -137,7 +137,7 @@ def _poor(
             yield PoorView("correlated_inputs", f"correlated inputs: {names} moved alike (r = {r:.2f})")
     if structure.name in flown.rough:
         mode = structure.name.replace("_", " ")
-        yield PoorView("rough_air", f"rough air: it made a tenth or more of the rotation ({mode})")
+        yield PoorView("rough_air", f"rough air: gusts caused a tenth or more of the rotation ({mode})")
 
 
 def _off_mode(
@@ -273,7 +273,7 @@ def _taught(learned: Sequence[LearnedView]) -> str:
         return "Nothing was estimated before it."
     better = [one for one in gains if one[0] < _LEAST_LEARNED]
     if not better:
-        return "It taught nothing that was not known as well before."
+        return "It added no information to that of before."
     names = {one.derivative for _, one in better}
     ratio, best = min(better, key=lambda one: one[0])
     unit = DERIVATIVES[best.derivative].unit if best.derivative in DERIVATIVES else ""

@@ -43,6 +43,8 @@ class MonitorStart:
             is larger than what they remember of a vehicle, then serve this one as well.
         judge: settings of the test.
         engine: of the filter; ``filterpy`` is one vehicle's, and slow.
+        memory_s: time constant with which both estimators forget; their own where None. Of a ``chain`` that is given it
+            is that chain's.
     """
 
     configuration: str = "clean"
@@ -50,3 +52,4 @@ class MonitorStart:
     chain: Chain | None = None
     judge: JudgeConfig = field(default_factory=JudgeConfig)
     engine: Literal["compiled", "filterpy"] = "compiled"
+    memory_s: float | None = None

@@ -555,9 +555,9 @@ def _without_vane(estimate: Estimate, rough: bool) -> Estimate:
         return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}")
     if not rough and estimate.estimator != "fourier":
         return replace(estimate, reason=f"{NO_VANE}; {estimate.reason}" if estimate.reason else NO_VANE)
-    why = "rough air is not seen without a vane and passes for the aircraft's own"
+    why = "without a vane rough air is not measured and counts as the aircraft's motion"
     if not rough:
-        why = "its errors leave out that the velocity's noise goes with the rates': the Kalman filter alone counts"
+        why = "its errors neglect that the velocity's noise goes with the rates'; the Kalman filter alone counts"
     outcomes = tuple(o if o is Outcome.NOT_OBSERVABLE else Outcome.REJECTED for o in estimate.outcomes)
     return replace(estimate, outcomes=outcomes, outcome=Outcome.REJECTED, reason=f"{NO_VANE}; {why}")
 

@@ -88,7 +88,9 @@ class VehicleMonitor(VehicleReadings):
         self.chain = (
             start.chain.of_another()
             if start.chain
-            else Chain(aircraft, present, kinds, configuration, memory.envelopes, start.engine)
+            else Chain(
+                aircraft, present, kinds, configuration, memory.envelopes, start.engine, start.memory_s
+            )
         )
         self.aircraft = aircraft = self.chain.aircraft  # equal, and one object for all vehicles of its type
         self.chain_state = self.chain.init()
@@ -192,6 +194,11 @@ class VehicleMonitor(VehicleReadings):
     def onset_s(self, alert_id: str) -> float | None:
         """Stamp at which the fault of an alert in force began, as far as it is known."""
         return self._alerts.onset_s(alert_id)
+
+    @property
+    def changed_s(self) -> float | None:
+        """When the change began that an alert about the airframe in force is about; None without."""
+        return None if self.book.active is None else self.book.onset_s
 
     @property
     def alarmed(self) -> bool:
@@ -481,6 +488,7 @@ class VehicleMonitor(VehicleReadings):
             worst=self.worst(), counts=self.counts,
             active_alerts=tuple(alert.id for alert in self.active_alerts), condition=condition,
             air=self.air, rejected_by_channel=self.rejected_by_channel, unseen_surfaces=self.unseen_surfaces,
+            position=self._memory.position,
         )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wingwatch.aircraft import FlightCondition, ModeStructure, mode_quantities
 from wingwatch.baselines import Expectation, OutOfEnvelope, Reference
@@ -12,17 +13,21 @@ from wingwatch.estimators import Estimate
 from wingwatch.monitor.air_watch import PendingAir
 from wingwatch.monitor.blocks import BlockView
 from wingwatch.monitor.chain import Chain, ChainState, Solution, condition_of
+from wingwatch.monitor.flight_record import block_record
 from wingwatch.monitor.furthest import PendingWorst
 from wingwatch.monitor.judge import Judge, JudgeConfig, JudgeState, Verdict
 from wingwatch.monitor.lacking_surfaces import derivatives_by
 from wingwatch.monitor.mode_object import mode_object
 from wingwatch.monitor.monitor_state import WatchMemory
 from wingwatch.monitor.positions import Position
+from wingwatch.monitor.record_views import BlockRecord
 from wingwatch.monitor.views import VehicleState, WorstDerivative
 from wingwatch.telemetry import Aligner, Cleaner
 from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = ["VehicleReadings", "suspected"]
+
+Array = NDArray[np.float64]
 
 
 class VehicleReadings(ABC):
@@ -161,6 +166,32 @@ class VehicleReadings(ABC):
         prior = at.from_concise(found.value[None], found.covariance[None])
         value, covariance = at.to_concise(*self.judge.expected([self._judge_state], structure.name, *prior))
         return Expectation(structure, value[0], covariance[0], found.provenance, condition, found.source)
+
+    def expectations(
+        self, structure: ModeStructure, conditions: Sequence[FlightCondition]
+    ) -> tuple[Array, Array]:
+        """What is expected at m conditions, this vehicle's own flights included: values and standard errors, (m, k)
+        each, NaN where nothing is; as ``expectation``, for all at once."""
+        value, covariance = self.chain.envelopes[structure.name].values_at(conditions)
+        inside = np.flatnonzero(np.all(np.isfinite(value), axis=1))
+        if inside.size and structure.name in self.judge.coordinates:
+            at = self.judge.coordinates[structure.name].at_each([conditions[m] for m in inside.tolist()])
+            prior = at.from_concise(value[inside], covariance[inside])
+            states = [self._judge_state] * inside.size
+            value[inside], covariance[inside] = at.to_concise(
+                *self.judge.expected(states, structure.name, *prior)
+            )
+        return value, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+    @property
+    @abstractmethod
+    def changed_s(self) -> float | None:
+        """When the change began that an alert about the airframe in force is about; None without."""
+
+    def block_record(self, solution: Solution) -> BlockRecord | None:
+        """What the block that this solution, the latest, has closed said; None where it has closed none."""
+        compared = self.last_block, self.last_verdict, self.judge, self._judge_state
+        return block_record(solution, *compared, self.changed_s)
 
     def derivatives(self, solution: Solution | None = None) -> dict[str, Any]:
         """The contract's ``estimate`` object as of a solution, or else of the last sample, with expectations."""

@@ -9,6 +9,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from wingwatch.monitor.positions import Position
+from wingwatch.monitor.record_views import FlightRecordView
 from wingwatch.telemetry.conditioning import AirQuality
 
 __all__ = [
@@ -37,6 +42,7 @@ __all__ = [
     "repeats_in",
 ]
 
+Array = NDArray[np.float64]
 
 LEVELS = ("watch", "warning", "critical")
 """Of alerts, from the least."""
@@ -248,6 +254,8 @@ class VehicleView:
         unseen_surfaces: columns of surfaces that have not moved enough since the start of the flight for a stuck one to
             be noticed; while there are any the vehicle is not healthy.
         proposed_input: that would help, where proposals are asked for and one is valid.
+        sample_age_s: since samples of it arrived last; None before the first.
+        position: where it was last, where it says so.
     """
 
     fleet: str
@@ -271,6 +279,8 @@ class VehicleView:
     could_see: Sequence[CouldSeeView] = ()
     unseen_surfaces: Sequence[str] = ()
     proposed_input: ProposedInputView | None = None
+    sample_age_s: float | None = None
+    position: Position | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -384,7 +394,7 @@ class FleetFigures:
             they do not fall when a vehicle is forgotten or watched anew.
         solutions: half seconds of flight that were estimated and compared since the service started.
         waiting: messages that wait for what the database keeps of their vehicle.
-        left_out: vehicles that are not watched, for there is more to compute than the machine can.
+        left_out: vehicles that are not watched, because the machine is overloaded.
     """
 
     vehicles: Mapping[VehicleState, int]
@@ -419,6 +429,25 @@ class MonitorPort(Protocol):
 
     def manoeuvres(self, fleet: str, vehicle: str) -> Sequence[ManoeuvreView] | None:
         """The vehicle's last ten manoeuvres, newest first; None for an unknown vehicle."""
+        ...
+
+    def flight_record(self, fleet: str, vehicle: str) -> FlightRecordView | None:
+        """What is kept of the vehicle's last hour for pictures; None for an unknown vehicle."""
+        ...
+
+    def expected(
+        self, fleet: str, vehicle: str, structure: str, aircraft: tuple[str, str], conditions: Array
+    ) -> tuple[Array, Array] | None:
+        """What is expected now of one structure at conditions that were flown; None where nothing is.
+
+        Args:
+            aircraft: name and configuration of the aircraft that was flown; of another than is watched now nothing is
+                expected.
+            conditions: (m, 4), as estimates have them.
+
+        Returns:
+            values and standard errors, (m, k) each, NaN where nothing is expected.
+        """
         ...
 
     def alert_groups(self) -> Sequence[AlertGroupView]:

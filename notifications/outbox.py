@@ -80,7 +80,7 @@ class Outbox:
         except OSError as error:
             problem = (error.strerror or type(error).__name__).lower()
             if problem != self.problem:
-                _LOG.warning("what waits to be said is not kept on the disk: %s", problem)
+                _LOG.warning("waiting notices are not kept on the disk: %s", problem)
             self.problem = problem
             return
         self._kept, self.problem = content, None
@@ -109,7 +109,7 @@ class Outbox:
             return
         except Exception as error:  # a damaged file must not keep the service from starting
             _LOG.warning(
-                "%s is not used (%s): alerts in force are said again", self._path, type(error).__name__
+                "%s is not used (%s): alerts in force are announced again", self._path, type(error).__name__
             )
             return
         self.said, self.waiting, self._kept = said, waiting, content

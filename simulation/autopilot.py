@@ -43,7 +43,7 @@ from wingwatch.simulation.layout import AILERON_LIMIT, ELEVATOR_LIMIT, MASS, par
 from wingwatch.simulation.route import route_bank
 from wingwatch.simulation.trim import TrimPoint
 
-__all__ = ["AUTOPILOT", "BANK_LIMIT_RAD", "MEMORY", "ORDERS", "autopilot", "autopilot_row"]
+__all__ = ["AUTOPILOT", "BANK_LIMIT_RAD", "MEMORY", "ORDERS", "autopilot", "autopilot_row", "hands_off"]
 
 PITCH_RAD_S = 1.5
 ALTITUDE_RAD_S = 0.35
@@ -127,6 +127,14 @@ def autopilot_row(aircraft: Aircraft, condition: FlightCondition, point: TrimPoi
         *level, *turning, speed, condition.altitude_m, 0.0,
         min(row[ELEVATOR_LIMIT], MOST_TRAVEL_RAD), min(row[AILERON_LIMIT], MOST_TRAVEL_RAD),
     ])  # fmt: skip
+
+
+def hands_off(row: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The row of an autopilot that answers nothing: surfaces and throttle stay at the trim."""
+    row = row.copy()
+    row[[PITCH_GAIN, AIRSPEED_GAIN, BANK_GAIN]] = 0.0
+    row[[ALPHA_BY_LIFT, ELEVATOR_BY_LIFT, ALPHA_BY_LOAD, ELEVATOR_BY_LOAD]] = 0.0
+    return row
 
 
 def _steady_lift(d: dict[str, float], pitch_rate: float, speed: float) -> tuple[float, float]:

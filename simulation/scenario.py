@@ -38,6 +38,8 @@ class Scenario:
         gusts: discrete gusts, added to the turbulence.
         wind_profile: how the wind changes with height.
         ground_altitude_m: above sea level; turbulence and boundary layer go by the height above it.
+        hands_off: whether the autopilot answers nothing, so that surfaces and throttle stay at the trim but for the
+            manoeuvres: slow motions (phugoid, spiral) are then the aircraft's own. Not with a route.
         route: waypoints to fly, from where the flight starts; without one heading, altitude and airspeed are held.
 
     Raises:
@@ -60,8 +62,11 @@ class Scenario:
     wind_profile: WindProfile = field(default_factory=WindProfile)
     ground_altitude_m: float = 0.0
     route: Route | None = None
+    hands_off: bool = False
 
     def __post_init__(self) -> None:
+        if self.hands_off and self.route is not None:
+            raise ValueError("a route needs the autopilot; leave out the route, or hands_off")
         if not _LOWEST_M <= self.altitude_m <= _HIGHEST_M:
             raise ValueError(f"altitude_m is {self.altitude_m}; give {_LOWEST_M:g} to {_HIGHEST_M:g} m")
         if self.turbulence not in LEVELS:

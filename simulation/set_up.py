@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wingwatch.simulation.autopilot import MEMORY, ORDERS, autopilot_row
+from wingwatch.simulation.autopilot import MEMORY, ORDERS, autopilot_row, hands_off
 from wingwatch.simulation.effects import freeze_s
 from wingwatch.simulation.flight import Fleet, FleetState, in_body_axes
 from wingwatch.simulation.gusts import GUST_COLUMNS, gust_rows
@@ -77,6 +77,8 @@ def _prepared(s: Scenario, frame_s: float, samples: int, once: _Once) -> _Vehicl
     steps = once(("steps", place), lambda: _steps(s, line.row, frame_s))
     steps = -(-steps // samples) * samples
     gains = once(("gains", here), lambda: autopilot_row(s.aircraft, s.condition, _commanded(point, row)))
+    if s.hands_off:
+        gains = hands_off(gains)
     air = None
     if level != "none":
         v, span = s.airspeed_true_m_s, float(line.row[SPAN])

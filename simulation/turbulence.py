@@ -173,9 +173,9 @@ def _discrete(a: Matrix, b: Matrix, c: Matrix, dt_s: float) -> tuple[Matrix, Mat
     known = np.linalg.solve(noise, with_output.T).T
     left = _nearest(added - known @ with_output.T)
     missed = _steady_error(transition - known @ seen, seen, left, noise)
-    surprise = _symmetric(seen @ missed @ seen.T + noise)
-    gain = np.linalg.solve(surprise, (transition @ missed @ seen.T + with_output).T).T
-    drive = gain @ np.linalg.cholesky(surprise)
+    innovation_covariance = _symmetric(seen @ missed @ seen.T + noise)
+    gain = np.linalg.solve(innovation_covariance, (transition @ missed @ seen.T + with_output).T).T
+    drive = gain @ np.linalg.cholesky(innovation_covariance)
     return transition, drive, np.asarray(solve_discrete_lyapunov(transition, drive @ drive.T))
 
 

@@ -22,6 +22,7 @@ _EXAMPLES = {
     "history": "wingwatch baseline history data/wingwatch.db --aircraft aerosonde --vehicle uav1",
     "import": "wingwatch baseline import data/wingwatch.db --aircraft identified.toml",
     "export": "wingwatch baseline export data/wingwatch.db --aircraft aerosonde --out aerosonde.json",
+    "predict": "wingwatch baseline predict --aircraft kite.toml --at 18,200",
     "learn": "wingwatch baseline learn data/wingwatch.db monday.csv tuesday.csv --aircraft aerosonde --vehicle uav1",
     "revert": "wingwatch baseline revert data/wingwatch.db --aircraft aerosonde --vehicle uav1 --yes",
     "delete": "wingwatch baseline delete data/wingwatch.db --aircraft aerosonde --vehicle uav1 --yes",
@@ -35,6 +36,8 @@ _DOES = {
     "import": "put the expectations of an aircraft file, or what export wrote, into the database; each supersedes the "
     "entry at its point",
     "export": "write what counts into a file that imports again to the bit",
+    "predict": "what the empirical tables (thesis B.1, B.2) make of an aircraft's dimensions, beside its file's own "
+    "numbers",
     "learn": "learn from healthy flights, offline: what a vehicle's flights taught, or as expectations of the type",
     "revert": "take back the newest version; what it took the place of counts again",
     "delete": "remove expectations with their history, or all that a vehicle taught",
@@ -47,7 +50,13 @@ def add_baseline(commands: Commands) -> None:
     actions = add_commands(commands, "baseline", does, "\n  ".join(_EXAMPLES.values()), "action")
     for name, what in _DOES.items():
         one = add_command(actions, name, what, _EXAMPLES[name])
-        one.add_argument("database", metavar="DB", help="database of a service (file or URL)")
+        optional = name == "predict"  # which only looks, unless it is to store
+        one.add_argument(
+            "database",
+            metavar="DB",
+            nargs="?" if optional else None,
+            help="database of a service (file or URL)" + ("; with --save alone" if optional else ""),
+        )
         _ADD[name](one)
 
 
@@ -92,6 +101,26 @@ def _add_import(one: argparse.ArgumentParser) -> None:
 def _add_export(one: argparse.ArgumentParser) -> None:
     _add_list(one)
     one.add_argument("--out", type=Path, required=True, metavar="FILE", help="the file, .json")
+
+
+def _add_predict(one: argparse.ArgumentParser) -> None:
+    _add_aircraft(one)
+    add_convention(one)
+    add = one.add_argument
+    add(
+        "--at",
+        type=condition,
+        metavar="AIRSPEED,ALTITUDE",
+        help="the flight condition, m/s and m (default: cruise)",
+    )
+    add(
+        "--static-margin",
+        type=float,
+        metavar="SHARE",
+        help="neutral point behind the centre of gravity over the mean chord (default: a typical aircraft's)",
+    )
+    add("--save", action="store_true", help="put it into DB as a-priori expectations")
+    add("--anyway", action="store_true", help="also where the aircraft file states numbers of its own")
 
 
 def _add_learn(one: argparse.ArgumentParser) -> None:
@@ -153,6 +182,7 @@ _ADD: dict[str, Callable[[argparse.ArgumentParser], None]] = {
     "history": _add_history,
     "import": _add_import,
     "export": _add_export,
+    "predict": _add_predict,
     "learn": _add_learn,
     "revert": _add_revert,
     "delete": _add_delete,

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 
-from wingwatch.cli.arguments.values import job_count
+from wingwatch.cli.arguments.values import forgetting, job_count
 
 __all__ = [
     "CommandParser",
@@ -16,6 +16,7 @@ __all__ = [
     "add_commands",
     "add_convention",
     "add_flight",
+    "add_forgetting",
     "add_jobs",
     "add_link_security",
 ]
@@ -106,6 +107,17 @@ def add_convention(parser: argparse.ArgumentParser) -> None:
         default="concise",
         help="what derivatives, their standard errors and expectations are given in; the others than concise need "
         "[geometry] and [mass] of the aircraft file (default: %(default)s)",
+    )
+
+
+def add_forgetting(parser: argparse.ArgumentParser) -> None:
+    """How fast the estimators that run live forget."""
+    parser.add_argument(
+        "--forgetting",
+        type=forgetting,
+        metavar="TIME",
+        help="time constant with which fourier and ekf forget: 40s, none, or a factor a sample: 0.998 (20 s) and "
+        "0.9998 (200 s) at 25 Hz as in thesis 9.2, 0.999@50 at another rate (default: 40s)",
     )
 
 

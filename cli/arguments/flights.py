@@ -10,6 +10,7 @@ from wingwatch.cli.arguments.common import (
     add_command,
     add_convention,
     add_flight,
+    add_forgetting,
     add_jobs,
     add_link_security,
 )
@@ -93,11 +94,18 @@ def add_estimate(commands: Commands) -> None:
         help="of the filter: compiled, or filterpy's class with the same model, slower and to be read "
         "(default: %(default)s)",
     )
+    add_forgetting(parser)
     _add_estimate_outputs(parser)
 
 
 def _add_estimate_outputs(parser: argparse.ArgumentParser) -> None:
     """What comes of an estimate beside its table."""
+    parser.add_argument(
+        "--repeats",
+        action="store_true",
+        help="each manoeuvre of the flights alone (output-error, or --estimator of the whole flight): the scatter of "
+        "repeats beside the errors that they state",
+    )
     parser.add_argument(
         "--validate",
         type=Path,
@@ -167,6 +175,7 @@ def add_monitor(commands: Commands) -> None:
     add_accept_implausible(parser)
     add_jobs(parser)
     add_convention(parser)
+    add_forgetting(parser)
     parser.add_argument(
         "--manoeuvres",
         action="store_true",

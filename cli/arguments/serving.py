@@ -113,6 +113,12 @@ def _add_serve_outputs(parser: argparse.ArgumentParser) -> None:
         help="record what vehicles send and what is said of them into MCAP files in DIR, for wingwatch replay",
     )
     parser.add_argument(
+        "--studies",
+        type=Path,
+        metavar="DIR",
+        help="show the reports of finished studies in DIR (wingwatch study ... --report) on the status page",
+    )
+    parser.add_argument(
         "--log-format", choices=("text", "json"), help="of the log on standard error (default: text)"
     )
 

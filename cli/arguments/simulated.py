@@ -111,6 +111,13 @@ def add_simulate(commands: Commands) -> None:
         help="deflections from trim over time_s, as design-input writes them, or the surfaces of a flight table; added "
         "to what the autopilot commands, in place of manoeuvres that are not asked for",
     )
+    add(
+        "--autopilot",
+        choices=("on", "off"),
+        default="on",
+        help="off: surfaces and throttle stay at the trim but for manoeuvres and input, so that phugoid and spiral are "
+        "the aircraft's own (default: %(default)s)",
+    )
     add("--turbulence", choices=("none", "light", "moderate", "severe"), default="none", help="MIL-F-8785C")
     add("--turbulence-model", choices=("dryden", "von-karman"), default="dryden", help="form of its spectra")
     add(
@@ -145,8 +152,8 @@ def add_design_input(commands: Commands) -> None:
         "--mode",
         action="append",
         required=True,
-        choices=("short_period", "dutch_roll", "lateral"),
-        help="what to excite; short_period may stand beside one of the others",
+        choices=("short_period", "phugoid", "dutch_roll", "roll", "spiral", "lateral"),
+        help="what to excite; may be repeated: modes of different surfaces stand beside each other",
     )
     add("--kind", choices=_INPUT_KINDS, help="shape of the input")
     add("--compare", action="store_true", help="all kinds side by side, in place of one")

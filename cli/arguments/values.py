@@ -3,7 +3,26 @@
 import argparse
 import math
 
-__all__ = ["condition", "job_count", "positive", "replay_speed", "row_count", "version_id", "wind"]
+__all__ = [
+    "ENDLESS_S",
+    "condition",
+    "forgetting",
+    "job_count",
+    "positive",
+    "replay_speed",
+    "row_count",
+    "version_id",
+    "wind",
+]
+
+ENDLESS_S = 1e9
+"""Thirty years: no flight forgets anything of account."""
+
+_FACTOR_HZ = 25.0
+"""Samples a second that the thesis's factors (section 9.2) count in: its bins go up to 12 Hz (8.4)."""
+
+_SHORTEST_S = 10.0
+"""One block of the Fourier estimator, in which nothing is forgotten."""
 
 
 def positive(text: str) -> float:
@@ -77,3 +96,40 @@ def version_id(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) < 2**63):
         raise argparse.ArgumentTypeError(f"{text!r} is not allowed: give a whole number from 0")
     return int(text)
+
+
+def forgetting(text: str) -> float:
+    """A time constant in s: ``40s``, ``none``, or a factor a sample as in thesis 9.2, ``0.998`` or ``0.999@50``.
+
+    A weight that is multiplied by the factor f each sample falls to 1/e in -1 / (rate ln f): at 25 Hz, the thesis's,
+    0.998 is 20 s, 0.9998 is 200 s, and 1 never forgets.
+    """
+    if text == "none":
+        return ENDLESS_S
+    seconds = _number(text.removesuffix("s")) if text.endswith("s") else _seconds_of_factor(text)
+    if not math.isfinite(seconds):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no forgetting: give a time constant such as 40s, a factor a sample above 0 up to 1 such as "
+            f"0.998 (at {_FACTOR_HZ:g} Hz) or 0.999@50 (at 50 Hz), or none"
+        )
+    if seconds < _SHORTEST_S:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} forgets in {seconds:.3g} s, and the estimators read blocks of {_SHORTEST_S:g} s: give "
+            f"{_SHORTEST_S:g}s or more"
+        )
+    return min(seconds, ENDLESS_S)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+def _seconds_of_factor(text: str) -> float:
+    factor_text, at, rate_text = text.partition("@")
+    factor, rate_hz = _number(factor_text), _number(rate_text) if at else _FACTOR_HZ
+    if not (0.0 < factor <= 1.0 and 0.0 < rate_hz < math.inf):
+        return math.nan
+    return ENDLESS_S if factor == 1.0 else -1.0 / (rate_hz * math.log(factor))

@@ -50,9 +50,9 @@ def _sections(found: ChangeDiagnosis) -> str:
         ("no change", "", "0.0", f"{100.0 * found.nothing_probability:.1f} %", ""),
     ]
     head = ("cause", "size", "ln odds against no change", "probability", "in words")
-    parts = [section("explanations", "What was fitted to the time since the onset", table(head, rows))]
+    parts = [section("explanations", "Fits to the time since the onset", table(head, rows))]
     if found.outcome is Outcome.NOT_SEPARABLE:
-        text = found.separating_manoeuvre or "No manoeuvre of one surface or mode tells them apart."
+        text = found.separating_manoeuvre or "No manoeuvre of one surface or mode distinguishes them."
         parts.append(section("separating", "What would tell them apart", paragraph(text)))
     notes = [
         f"Scores before the onset scatter {found.inflation:.2f} times as much as independent innovations would; "

@@ -131,7 +131,7 @@ def _cause(cause: Cause) -> str:
         facts.append(f"Lowers the misfit of {listed(display(c).name for c in cause.channels)}.")
     if cause.indistinguishable_from:
         rivals = listed(label_title(label) for label in cause.indistinguishable_from)
-        facts.append(f"This flight does not tell it from {rivals}.")
+        facts.append(f"This flight does not distinguish it from {rivals}.")
     if cause.separating_manoeuvre:
         facts.append(f"What would: {cause.separating_manoeuvre}")
     title = f"<h3>{escape(cause_title(cause))}</h3>"
@@ -143,7 +143,7 @@ def _not_separable(d: Diagnosis) -> str:
     if not d.not_separable:
         return ""
     rows = [(listed(label_title(label) for label in group.causes), group.reason) for group in d.not_separable]
-    return section("inseparable", "What no flight can tell apart", table(("causes", "why"), rows))
+    return section("inseparable", "Causes that no flight can distinguish", table(("causes", "why"), rows))
 
 
 def _gain(d: Diagnosis, page: Pictures) -> str:

@@ -172,7 +172,7 @@ def centre_shift(before: Parameter, after: Parameter) -> Parameter:
         reason = (before if not before.observable else after).reason
         return Parameter("shift", math.nan, math.inf, "m", False, reason)
     shift, error = after.value - before.value, math.hypot(before.standard_error, after.standard_error)
-    reason = "" if abs(shift) > 3.0 * error else f"it is within three standard errors of none ({error:.2g} m)"
+    reason = "" if abs(shift) > 3.0 * error else f"it is within three standard errors of zero ({error:.2g} m)"
     return Parameter("shift", shift, error, "m", not reason, reason)
 
 

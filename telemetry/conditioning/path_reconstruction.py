@@ -327,11 +327,14 @@ def _result(run: _Run, last: _Pass, states: Array) -> ReconstructedPath:
         name, unit = ERRORS[i]
         observable, reason = True, ""
         if i in run.spoilt:
-            observable, reason = False, "in rough air the aircraft answers the gusts that the sensor sees"
+            observable, reason = (
+                False,
+                "in rough air the aircraft responds to the gusts that the sensor measures",
+            )
             parameters.append(Parameter(name, math.nan, math.inf, unit, observable, reason))
             continue
         if not alone[i] < run.prior[i]:
-            observable, reason = False, "the flight alone says less of it than was supposed before"
+            observable, reason = False, "the flight alone holds less information on it than the prior"
         parameters.append(Parameter(name, float(value[i]), float(error[i]), unit, observable, reason))
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = covariance / np.outer(error, error)

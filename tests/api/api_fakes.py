@@ -8,10 +8,14 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from typing import Any
 
 import httpx
+import numpy as np
+from numpy.typing import NDArray
 
+from wingwatch.aircraft import STRUCTURES
 from wingwatch.api import (
     AccessSettings,
     AppSettings,
+    BaselineImport,
     BaselineQuestion,
     BaselineRevert,
     DiagnosisPort,
@@ -27,7 +31,15 @@ from wingwatch.api import (
     create_app,
     listen,
 )
-from wingwatch.baselines import EstimateRecord, HistoryRow, HistoryWanted
+from wingwatch.baselines import (
+    EstimateRecord,
+    FlightRecord,
+    HistoryColumns,
+    HistoryKey,
+    HistoryRow,
+    HistoryWanted,
+)
+from wingwatch.monitor.record_views import FlightRecordView, LinkView
 from wingwatch.monitor.views import (
     SHELVED_S,
     AlertAction,
@@ -43,6 +55,9 @@ from wingwatch.monitor.views import (
     WorstDerivative,
 )
 
+Array = NDArray[np.float64]
+
+NO_RECORD = FlightRecordView((), None, {}, LinkView(None, None, 0, 0.0, None, None, None, ()))
 ICED = EvidenceView("m_eta", -116.25, 1.75, -131.5, 2.5, 4.9985)
 VERSION = "9.8.7"
 COMPILING = KernelsView(
@@ -109,6 +124,7 @@ class FakeMonitor:
         self.views: list[VehicleView] = []
         self.current: dict[tuple[str, str], Mapping[str, Any]] = {}
         self.flown: dict[tuple[str, str], Sequence[ManoeuvreView]] = {}
+        self.records: dict[tuple[str, str], FlightRecordView] = {}
         self.raised: list[AlertView] = []
         self.groups: list[AlertGroupView] = []
         self.kept: list[Event] = []
@@ -133,6 +149,19 @@ class FakeMonitor:
 
     def manoeuvres(self, fleet: str, vehicle: str) -> Sequence[ManoeuvreView] | None:
         return self.flown.get((fleet, vehicle))
+
+    def flight_record(self, fleet: str, vehicle: str) -> FlightRecordView | None:
+        known = self.vehicle(fleet, vehicle) is not None
+        return self.records.get((fleet, vehicle), NO_RECORD) if known else None
+
+    def expected(
+        self, fleet: str, vehicle: str, structure: str, aircraft: tuple[str, str], conditions: Array
+    ) -> tuple[Array, Array] | None:
+        """A hundredth of the altitude, and a tenth of the airspeed, for every derivative of the Aerosonde."""
+        if aircraft != ("aerosonde", "clean"):
+            return None
+        k = len(STRUCTURES[structure].derivatives)
+        return np.tile(conditions[:, 1:2] / 100.0, k), np.tile(conditions[:, :1] / 10.0, k)
 
     def alert_groups(self) -> Sequence[AlertGroupView]:
         return tuple(self.groups)
@@ -218,6 +247,34 @@ class FakeHistory:
         self.most = max(self.most, len(found))
         return found
 
+    def history_columns(
+        self, fleet: str, vehicle: str, wanted: HistoryWanted
+    ) -> tuple[Sequence[HistoryColumns], HistoryKey | None]:
+        rows = self.history_rows(fleet, vehicle, wanted)
+        last = self._key(rows[-1]) if rows and len(rows) == wanted.limit else None
+        return [_columns([row])[0] for row in rows], last
+
+    def flights(self, fleet: str, vehicle: str) -> Sequence[FlightRecord]:
+        found = []
+        for number in sorted({row.flight for row in self.rows}, reverse=True):
+            times = [row.estimate.time_s for row in self.rows if row.flight == number]
+            ends = min(times), max(times)
+            found.append(
+                FlightRecord(number, "aerosonde", "clean", *ends, 1.7e9, 1.7e9 + ends[1], len(times))
+            )
+        return found
+
+
+def _columns(rows: Sequence[HistoryRow]) -> list[HistoryColumns]:
+    return [
+        HistoryColumns(
+            row.flight, row.estimate.aircraft, row.estimate.configuration, row.estimate.structure,
+            row.estimate.estimator, np.array([row.estimate.time_s]), np.array([row.estimate.value]),
+            np.array([row.estimate.standard_error]), np.array([row.estimate.condition]), (row.estimate.outcome,),
+        )
+        for row in rows
+    ]  # fmt: skip
+
 
 @contextlib.contextmanager
 def served(
@@ -249,7 +306,7 @@ class FakeBaselines:
     """A baseline that remembers what it was asked."""
 
     def __init__(self) -> None:
-        self.asked: list[BaselineQuestion | BaselineRevert] = []
+        self.asked: list[BaselineQuestion | BaselineRevert | BaselineImport] = []
         self.fault = ""
 
     def listed(self) -> Mapping[str, Any]:
@@ -270,6 +327,13 @@ class FakeBaselines:
 
     def past(self, question: BaselineQuestion) -> Mapping[str, Any]:
         return self._kept(question) | {"changes": []}
+
+    def imported(self, request: BaselineImport) -> Mapping[str, Any]:
+        self.asked.append(request)
+        if self.fault:
+            raise ValueError(self.fault)
+        kinds = ("entries", "references", "cells")
+        return {**{kind: len(request.document[kind]) for kind in kinds}, "stored": 0}
 
     def reverted(self, request: BaselineRevert) -> Mapping[str, Any]:
         self.asked.append(request)

@@ -147,7 +147,15 @@ def test_without_a_token_who_is_required_as_before(monitor: FakeMonitor) -> None
 def test_what_holds_no_data_is_open_and_readiness_keeps_its_reasons(monitor: FakeMonitor) -> None:
     checks = {"database": "secret.db is locked."}
     with served(monitor, access=REQUIRED, checks=checks) as (_, client):
-        for path in ("/", "/pages/app.js", "/health/live", "/v1/session"):
+        for path in (
+            "/",
+            "/alerts",
+            "/vehicles/aero-2",
+            "/docs",
+            "/pages/main.js",
+            "/health/live",
+            "/v1/session",
+        ):
             assert client.get(path).status_code == 200
         answer = client.get("/health/ready")
         assert answer.status_code == 503
@@ -255,14 +263,14 @@ def test_a_cookie_of_a_withdrawn_token_is_worth_nothing_and_harms_nobody() -> No
 def test_the_page_asks_for_a_token_and_then_shows_the_fleet(monitor: FakeMonitor) -> None:
     with served(monitor, access=REQUIRED) as (server, _), open_page(server.url) as page:
         page.wait("document.getElementById('login')?.hidden === false")
-        assert page.ask("document.querySelectorAll('#vehicles > li').length") == 0
+        assert page.ask("document.querySelectorAll('.rows > .row').length") == 0
         fill = "document.getElementById('token').value = {!r}; document.getElementById('token').focus()"
         page.ask(fill.format("wrong"))
         page.key("Enter")
         page.wait("document.getElementById('login-problem').textContent.includes('none of this service')")
         page.ask(fill.format("act"))
         page.key("Enter")
-        page.wait("document.querySelectorAll('#vehicles > li').length === 1")
+        page.wait("document.querySelectorAll('.rows > .row').length === 1")
         page.wait("document.getElementById('link').dataset.link === 'live'")
         assert page.ask("document.getElementById('login').hidden")
         assert page.ask("document.getElementById('who').textContent") == "Logged in as lead (operate)."
@@ -270,7 +278,7 @@ def test_the_page_asks_for_a_token_and_then_shows_the_fleet(monitor: FakeMonitor
         assert page.ask("document.getElementById('token').value") == ""
         page.ask("document.getElementById('logout').click()")
         page.wait("document.getElementById('login')?.hidden === false")
-        assert page.ask("document.querySelectorAll('#vehicles > li').length") == 0
+        assert page.ask("document.querySelectorAll('.rows > .row').length") == 0
 
 
 @needs_openssl

@@ -277,3 +277,28 @@ def test_over_http_the_header_is_honoured() -> None:
         refused = client.get("/v1/events", headers={"Last-Event-ID": "last"})
         assert refused.status_code == 422
         assert refused.headers["content-type"] == "application/problem+json"
+
+
+def test_only_those_kinds_come_that_are_asked_for_and_derivatives_of_one_vehicle() -> None:
+    monitor = FakeMonitor()
+    asked = {"kinds": "alert,derivatives", "derivatives_of": "north/uav"}
+    with served(monitor) as (_, client):
+        with client.stream("GET", "/v1/events", params=asked) as answer:
+            lines = answer.iter_lines()
+            assert next(lines) == "retry: 2000"
+            numbers = [
+                monitor.tell("status", {}),
+                monitor.tell("derivatives", {"fleet": "south", "vehicle": "uav"}),
+                monitor.tell("derivatives", {"fleet": "north", "vehicle": "uav"}),
+                monitor.tell("manoeuvre", {}),
+                monitor.tell("alert", {"id": "a1"}),
+            ]
+            seen = [int(next(line for line in lines if line.startswith("id: "))[4:]) for _ in range(2)]
+        assert seen[1] - seen[0] == numbers[4] - numbers[2]
+        after = {"kinds": "status", "last_event_id": str(seen[0] - numbers[2])}
+        with client.stream("GET", "/v1/events", params=after) as answer:
+            first = next(line for line in answer.iter_lines() if line.startswith("id: "))
+        assert int(first[4:]) == seen[0] - numbers[2] + numbers[0]
+        refused = client.get("/v1/events", params={"kinds": "alerts"})
+        assert refused.status_code == 422
+        assert "should be some of alert, status, derivatives, manoeuvre" in refused.json()["detail"]

@@ -26,6 +26,8 @@ from openapi_check import answer_schema, misfits
 
 from wingwatch.api import encode_json
 from wingwatch.baselines import DatabaseError
+from wingwatch.monitor.positions import Position
+from wingwatch.monitor.record_views import BlockRecord, FlightRecordView, LinkSecond, LinkView, ModeRecord
 from wingwatch.monitor.views import (
     AlertState,
     CandidateView,
@@ -59,6 +61,15 @@ COULD_SEE = (
     CouldSeeView("sensor_bias", "pitch_rate_rad_s", 0.0125, "rad/s"),
     CouldSeeView("icing", None, None, "", "a doublet of the elevator"),
 )
+RECORD = FlightRecordView(
+    (
+        BlockRecord(0.0, 10.0, {"short_period": {"fourier": ModeRecord(31.5, 0.9, 2.1)}}, None, ("lateral",)),
+        BlockRecord(10.0, 20.0, {"short_period": {"ekf": ModeRecord(None, None, None)}}, -math.inf, ()),
+    ),
+    12.8,
+    {"a1": 60.0},
+    LinkView(50.0, 0.02, 1, 1.5, 0.004, 0.3, 0.1, (LinkSecond(-math.inf, 50, 5, 0.02, math.nan),)),
+)
 
 
 def fleet() -> FakeMonitor:
@@ -68,6 +79,7 @@ def fleet() -> FakeMonitor:
         vehicle("aero-1", could_see=COULD_SEE),
         vehicle("aero-1", VehicleState.UNKNOWN, fleet="north", worst=None, aircraft=None, condition={}),
     ]
+    monitor.records = {("default", "aero-2"): RECORD}
     monitor.current = {
         ("default", "aero-1"): {"time_s": 118.48, "estimators": ESTIMATORS},
         ("north", "aero-1"): {"time_s": None, "estimators": {}},
@@ -109,6 +121,7 @@ def get(client: httpx.Client, path: str) -> Any:
     ("path", "described"),
     [
         ("/v1/status", "/v1/status"),
+        ("/v1/fleet", "/v1/fleet"),
         ("/v1/vehicles", "/v1/vehicles"),
         ("/v1/vehicles/aero-1", "/v1/vehicles/{vehicle}"),
         ("/v1/vehicles/aero-1?fleet=north", "/v1/vehicles/{vehicle}"),
@@ -116,6 +129,10 @@ def get(client: httpx.Client, path: str) -> Any:
         ("/v1/vehicles/aero-1/manoeuvres", "/v1/vehicles/{vehicle}/manoeuvres"),
         ("/v1/vehicles/aero-1/derivatives?fleet=north", "/v1/vehicles/{vehicle}/derivatives"),
         ("/v1/vehicles/aero-1/derivatives/history", "/v1/vehicles/{vehicle}/derivatives/history"),
+        ("/v1/vehicles/aero-1/derivatives/series", "/v1/vehicles/{vehicle}/derivatives/series"),
+        ("/v1/vehicles/aero-1/flights", "/v1/vehicles/{vehicle}/flights"),
+        ("/v1/vehicles/aero-2/evidence", "/v1/vehicles/{vehicle}/evidence"),
+        ("/v1/vehicles/aero-2/telemetry", "/v1/vehicles/{vehicle}/telemetry"),
         ("/v1/alerts", "/v1/alerts"),
         ("/v1/alerts?limit=1", "/v1/alerts"),
         ("/v1/alerts/a4", "/v1/alerts/{alert_id}"),
@@ -129,16 +146,41 @@ def test_every_answer_is_what_openapi_says(client: httpx.Client, path: str, desc
     assert misfits(get(client, path), answer_schema(description, described), description) == []
 
 
+def test_evidence_has_onsets_and_what_is_not_known_is_null(client: httpx.Client) -> None:
+    found = get(client, "/v1/vehicles/aero-2/evidence")
+    assert [one["statistic"] for one in found["blocks"]] == [None, None]
+    assert found["blocks"][0]["modes"] == {
+        "short_period": {"fourier": {"information_bit": 31.5, "innovation": 0.9, "limit": 2.1}}
+    }
+    assert {one["id"]: one["onset_s"] for one in found["marks"]} == {
+        "a3": None,
+        "a2": None,
+        "a1": 60.0,
+        "a0": None,
+    }
+    telemetry = get(client, "/v1/vehicles/aero-2/telemetry")
+    assert (telemetry["rate_hz"], telemetry["counts"]["accepted"]) == (50.0, 5924)
+    assert telemetry["seconds"][0]["time_s"] is None
+    assert client.get("/v1/vehicles/nobody/evidence").status_code == 404
+    assert client.get("/v1/vehicles/nobody/telemetry").status_code == 404
+
+
 def test_every_promised_path_is_described_with_its_errors(client: httpx.Client) -> None:
     description = get(client, "/openapi.json")
     actions = ("acknowledge", "shelve", "unshelve", "clear")
     assert set(description["paths"]) == {
         "/v1/status",
+        "/v1/fleet",
         "/v1/vehicles",
         "/v1/vehicles/{vehicle}/manoeuvres",
         "/v1/vehicles/{vehicle}",
         "/v1/vehicles/{vehicle}/derivatives",
         "/v1/vehicles/{vehicle}/derivatives/history",
+        "/v1/vehicles/{vehicle}/derivatives/history.csv",
+        "/v1/vehicles/{vehicle}/derivatives/series",
+        "/v1/vehicles/{vehicle}/evidence",
+        "/v1/vehicles/{vehicle}/flights",
+        "/v1/vehicles/{vehicle}/telemetry",
         "/v1/alerts",
         "/v1/alerts/{alert_id}",
         *(f"/v1/alerts/{{alert_id}}/{action}" for action in actions),
@@ -151,6 +193,8 @@ def test_every_promised_path_is_described_with_its_errors(client: httpx.Client) 
         "/v1/baselines/{aircraft}",
         "/v1/baselines/{aircraft}/history",
         "/v1/baselines/{aircraft}/revert",
+        "/v1/studies",
+        "/v1/studies/{name}/report",
         "/v1/session",
         "/health/live",
         "/health/ready",
@@ -346,6 +390,9 @@ def test_alert_of_a_sensor_names_it_and_what_else_is_possible(client: httpx.Clie
         ("channel=pitch_rate_rad_s", ["a0"]),
         ("channel=pitch_rate_rad_s&state=cleared", []),
         ("channel=throttle", []),
+        ("cause=elevator_effectiveness", ["a1"]),
+        ("level=watch", []),
+        ("since=71&until=73", ["a3", "a2", "a1"]),
     ],
 )
 def test_alerts_are_filtered(client: httpx.Client, query: str, ids: list[str]) -> None:
@@ -439,8 +486,8 @@ def test_status_names_the_parts_that_do_not_work() -> None:
 
 
 def test_no_page_loads_anything_from_elsewhere(client: httpx.Client) -> None:
-    for path in ("/docs", "/redoc"):
-        assert client.get(path).status_code == 404
+    assert client.get("/redoc").status_code == 404
+    assert "https://" not in client.get("/docs").text
 
 
 @settings(max_examples=300, deadline=None)
@@ -473,3 +520,21 @@ def exact() -> Generator[tuple[FakeMonitor, httpx.Client]]:
     monitor.views = [vehicle("aero-1")]
     with served(monitor) as (_, connection):
         yield monitor, connection
+
+
+def test_rows_of_the_fleet_say_where_it_is_and_how_old_their_samples_are() -> None:
+    monitor = fleet()
+    monitor.views[0] = replace(monitor.views[0], position=Position(50.25, 10.5, 900.0), sample_age_s=0.5)
+    with served(monitor) as (_, client):
+        answer = get(client, "/v1/fleet")
+        first, second, north = answer["vehicles"]
+        assert [first[key] for key in ("latitude_deg", "longitude_deg", "sample_age_s", "airspeed_true_m_s")] == [
+            50.25, 10.5, 0.5, 25.0,
+        ]  # fmt: skip
+        assert (second["latitude_deg"], second["sample_age_s"], north["worst"]) == (None, None, None)
+        assert [alert["id"] for alert in answer["alerts"]] == ["a4", "a3", "a1", "a0"]
+        assert answer["counts"]["degraded"] == 1
+        assert "could_see" not in first
+        only = get(client, "/v1/fleet?fleet=north")
+        assert [row["fleet"] for row in only["vehicles"]] == ["north"]
+        assert [alert["id"] for alert in only["alerts"]] == ["a4"]

@@ -1,5 +1,6 @@
 """The baseline over REST: the objects of the command line, and a version taken back by who may."""
 
+import json
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -125,3 +126,53 @@ def test_a_version_is_taken_back_by_who_may_and_noted(
     assert [e["id"] for e in after] == [before[0]["id"] - 1, before[1]["id"]]
     both = {"entry": 1, "vehicle": "uav1"}
     assert served.client.post(path, json=both, headers=OPERATE).status_code == 409
+
+
+def test_what_export_wrote_is_put_back_by_who_may(
+    capsys: pytest.CaptureFixture[str], served: Served, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    out = tmp_path / "baseline.json"
+    counts = run(capsys, ["baseline", "export", served.path, "--out", out, "--json"]).json
+    document, path = json.loads(out.read_text()), "/v1/baselines/aerosonde"
+
+    def put(body: Any, headers: dict[str, str] = OPERATE, **query: str) -> httpx.Response:
+        return served.client.put(path, params=query, json=body, headers=headers)
+
+    assert served.client.put(path, json=document).status_code == 401
+    assert put(document, READ).status_code == 403
+    assert put(document).json() == counts | {"stored": 0}  # all of it is there to the bit
+    document["entries"][0]["value"][0] *= 1.1
+    with caplog.at_level(logging.INFO, "wingwatch"):
+        answer = put(document, note="after the new wing", who="ada")
+    assert answer.json() == counts | {"stored": 1}
+    assert "import into the baseline of 'aerosonde'" in caplog.text
+    assert "by lead, for ada" in caplog.text
+    (change,) = served.get(f"{path}/history").json()["changes"][-1:]
+    assert (change["who"], change["text"]) == ("lead, for ada", "imported over REST: after the new wing")
+    assert (
+        len(served.get(path).json()["structures"]["short_period"]) == 2
+    )  # it superseded the one at its point
+
+
+def test_a_file_that_is_none_changes_nothing(
+    capsys: pytest.CaptureFixture[str], served: Served, tmp_path: Path
+) -> None:
+    out = tmp_path / "baseline.json"
+    run(capsys, ["baseline", "export", served.path, "--out", out])
+    whole, path = json.loads(out.read_text()), "/v1/baselines/aerosonde"
+    before = served.get(f"{path}/history").json()
+    foreign = whole | {"units": whole["units"] | {"z_w": "ft"}}
+    newer = whole | {"version": 9}
+    other = whole | {"entries": [whole["entries"][0] | {"aircraft": "twin"}]}
+    half = whole | {"cells": [{"aircraft": "aerosonde"}]}
+    bad_covariance = [whole["entries"][0] | {"covariance": [[float(-k) for k in range(6)]] * 6}]
+    for body, said in (
+        (foreign, "z_w is in ft"), (newer, "version 9"), (other, "is of aircraft twin"), (half, "cells.0"),
+        (whole | {"entries": bad_covariance}, "export it again"),
+    ):  # fmt: skip
+        answer = served.client.put(path, json=body, headers=OPERATE)
+        assert answer.status_code == 422
+        assert said in answer.json()["detail"]
+    assert served.client.put(path, json={}, headers=OPERATE).status_code == 422
+    assert served.client.put("/v1/baselines/twin", json=whole, headers=OPERATE).status_code == 404
+    assert served.get(f"{path}/history").json() == before

@@ -65,7 +65,7 @@ def test_doubt_about_the_file_comes_first() -> None:
 
 def test_the_chance_of_a_set_stands_beside_that_of_the_cause() -> None:
     both = dataclasses.replace(FOUND.causes[0], set_probability=0.998)
-    assert chances(both) == "probability 0.97, 0.998 with those that this flight does not tell it from"
+    assert chances(both) == "probability 0.97, 0.998 with those that this flight does not separate it from"
     assert chances(FOUND.causes[1]) == "probability > 0.999"
 
 

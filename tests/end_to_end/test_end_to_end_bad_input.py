@@ -125,7 +125,7 @@ def test_a_vehicle_that_nobody_announced_is_counted_and_asked(tmp_path: Path, bl
             until(lambda: AIRCRAFT in asked)
             vehicle = get(service, "/v1/vehicles/uav1")
             assert (vehicle["state"], vehicle["aircraft"]) == ("unknown", None)
-            assert "has not said what aircraft it is" in vehicle["reason"]
+            assert "has not announced its aircraft" in vehicle["reason"]
             queryable.undeclare()  # type: ignore[no-untyped-call]
         assert get(service, "/v1/vehicles/uav1/derivatives")["estimators"] == {}
 

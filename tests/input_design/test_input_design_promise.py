@@ -16,7 +16,10 @@ from wingwatch.aircraft import (
     DUTCH_ROLL,
     GRAVITY_M_S2,
     LATERAL,
+    PHUGOID,
+    ROLL,
     SHORT_PERIOD,
+    SPIRAL,
     Aircraft,
     AircraftDataError,
     FlightCondition,
@@ -293,3 +296,29 @@ def test_notes_name_the_limits_that_are_passed() -> None:
     assert "takes 0.18 s from one step to the next, of 0.16 s" in notes(SHORT_PERIOD, "3211", 18.0)
     assert "beyond the stall at 26.9" in notes(SHORT_PERIOD, "3211", 60.0)
     assert "not distinguished from zero: l_zeta" in notes(LATERAL, "impulse", 2.0)
+
+
+@pytest.mark.parametrize("structure", [PHUGOID, ROLL, SPIRAL], ids=lambda s: s.name)
+def test_errors_of_reduced_modes_are_the_inverse_of_their_information(structure: ModeStructure) -> None:
+    """Sensitivities by finite differences of records of states, written apart from the code under test."""
+    quiet = AEROSONDE.sensors.model_copy(
+        update={"noise_std": {k: v for k, v in AEROSONDE.sensors.noise_std.items() if "elevator" not in k
+                              and "aileron" not in k and "rudder" not in k}}
+    )  # fmt: skip
+    plant, design = made(structure, "step", 20.0, AEROSONDE.model_copy(update={"sensors": quiet}))
+    ns = len(structure.states)
+
+    def record(parameters: Array) -> Array:
+        table = parameters[: plant.derivatives.size].reshape(ns, ns + 1)
+        constant, start = parameters[plant.derivatives.size :].reshape(2, ns)
+        b = np.hstack([table[:, ns:], np.eye(ns)])
+        f, g, *_ = cont2discrete((table[:, :ns], b, np.eye(ns), 0.0 * b), 1.0 / RATE_HZ)
+        x = np.empty((len(design.inputs_rad), ns))
+        x[0] = start
+        for i, u in enumerate(design.inputs_rad[:-1]):
+            x[i + 1] = f @ x[i] + g @ np.concatenate([u, constant])
+        return (x / plant.noise_std).ravel()
+
+    columns = slopes(record, np.concatenate([plant.derivatives, np.zeros(2 * ns)]))
+    bound = np.sqrt(np.diagonal(np.linalg.inv(columns.T @ columns)))[: plant.derivatives.size]
+    np.testing.assert_allclose(promise(plant, design.inputs_rad, RATE_HZ).standard_error, bound, rtol=1e-3)

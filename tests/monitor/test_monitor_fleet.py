@@ -45,7 +45,7 @@ def test_a_vehicle_nobody_announced_is_counted_and_asked_for(hall: Hall, flight:
     view = hall.view()
     assert view.state is VehicleState.UNKNOWN
     assert view.counts == {"unannounced": 2 * PIECE}
-    assert "has not said what aircraft" in view.reason
+    assert "has not announced its aircraft" in view.reason
     assert hall.outputs.asked == [("default", "uav")]  # twice within the interval: asked once
     hall.clock.now_s += FleetSettings().ask_interval_s
     hall.fly(flight, 2, 4)
@@ -261,18 +261,18 @@ def test_what_has_not_been_read_is_not_taken_for_nothing_and_not_written_over(fl
     hall = Hall(settings, FakeStore(unread=True, known={"short_period": earlier}))
     hall.announce()
     hall.fly(flight, 0, 1)
-    assert hall.view().reason == "what is kept of its earlier flights is being read"
+    assert hall.view().reason == "its earlier flights are being read from the database"
     hall.clock.now_s += settings.recall_patience_s
     hall.fly(flight, 1, 80)
     assert hall.view().counts["accepted"] == 80 * PIECE  # those that waited among them
-    assert "has not been read yet" in hall.view().basis_text
+    assert "have not been read yet" in hall.view().basis_text
     assert (hall.store.learned, hall.store.cells_kept) == ([], {})
     before = hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_q"]["value"]
     hall.store.unread = False
     hall.fleet.tick()
     after = hall.derivatives()["estimators"]["ekf"]["short_period"]["derivatives"]["m_q"]["value"]
     assert after == before  # estimates go on
-    assert "has not been read yet" not in hall.view().basis_text
+    assert "have not been read yet" not in hall.view().basis_text
     hall.fly(flight, 80, 100)
     assert hall.store.learned
     assert hall.store.learned[-1][1] > 500

@@ -10,6 +10,7 @@ from wingwatch.estimators import Outcome
 from wingwatch.monitor import VehicleMonitor, VehicleState, WorstDerivative, vehicle
 from wingwatch.monitor.air_watch import PendingAir
 from wingwatch.monitor.furthest import PendingWorst, furthest
+from wingwatch.monitor.positions import Position
 from wingwatch.telemetry import CHANNEL_INDEX, SampleBlock
 from wingwatch.telemetry.conditioning import AirQuality
 
@@ -38,6 +39,14 @@ def test_a_view_of_all_is_without_what_takes_most_of_the_work_and_that_of_one_ha
     assert listed.could_see == ()
     assert listed.unseen_surfaces == one.unseen_surfaces
     assert listed.state is one.state
+
+
+def test_a_view_says_where_the_vehicle_was_last_and_how_old_that_is(hall: Hall, flight: SampleBlock) -> None:
+    columns = [CHANNEL_INDEX[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")]
+    hall.clock.now_s += 1.5
+    (view,) = hall.fleet.vehicles()
+    assert view.sample_age_s == 1.5
+    assert view.position == Position(*flight.values[-1, columns])
 
 
 def is_free(hall: Hall) -> bool:

@@ -342,7 +342,7 @@ def test_no_field_of_a_vehicle_is_forgotten() -> None:
     of_this_run = {
         "heard_s", "received_s", "refused_s", "fault", "fault_s", "asked_s", "published_s", "shown", "saved_blocks",
         "recall_s", "owner", "deferred", "pace", "left_out", "checkpoint_s", "unsaved", "urgent", "earlier", "ring",
-        "contradictions", "change", "renewal", "renewed", "manoeuvres", "manoeuvres_flown",
+        "contradictions", "change", "renewal", "renewed", "manoeuvres", "manoeuvres_flown", "record", "link",
     }  # fmt: skip
     saved = set(names(SavedVehicle)) - {"fleet", "vehicle", "silent_s", "waiting"} | {"held"}
     assert set(names(KnownVehicle)) == saved | follows | of_this_run

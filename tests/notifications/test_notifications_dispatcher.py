@@ -151,7 +151,7 @@ def test_a_damaged_file_begins_anew_and_says_so(path: Path, caplog: pytest.LogCa
         bench = Bench(path)
         bench.hear()
         assert bench.channel.steps == ["a1 raised"]
-        assert "alerts in force are said again" in caplog.text
+        assert "alerts in force are announced again" in caplog.text
     assert json.loads(path.read_bytes())["form"] == 1
     assert path.stat().st_mode & 0o077 == 0
 

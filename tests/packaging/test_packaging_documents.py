@@ -34,7 +34,7 @@ LINK = re.compile(r"\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#+\s+(.*)$", re.MULTILINE)
 CITATION = re.compile(r"docs/([\w./-]+\.md)(?:`{0,2},? sections? ((?:\d+(?:, | and | to )?)+))?")
 PRIVATE = re.compile(
-    r"\b(unrest|echo(?:es)?|heard|deaf|pretend(?:s|ed)?|accuse[sd]?|stray(?:s|ed)?|wander(?:s|ed)?|standings?|told|"
+    r"\b(surprises?|unrest|echo(?:es)?|heard|deaf|pretend(?:s|ed)?|accuse[sd]?|stray(?:s|ed)?|wander(?:s|ed)?|standings?|told|"
     r"stretch(?:es)?|Fourier form)\b",
     re.IGNORECASE,
 )

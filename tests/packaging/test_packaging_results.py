@@ -11,7 +11,7 @@ PAGE = ROOT / "docs" / "benchmarks.md"
 RESULTS = ROOT / "benchmarks" / "results"
 KEPT = sorted(RESULTS.rglob("*.txt"))
 
-TABLE = re.compile(r"^<!-- results(, a row a line)?: (.+) -->\n((?:\|.*\n)+)", re.MULTILINE)
+TABLE = re.compile(r"^<!-- results(, a row a line)?: (.+) -->\n\n((?:\|.*\n)+)", re.MULTILINE)
 NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?![\w]*[A-Za-z_])")
 QUOTED = re.compile(r"`[^`]*`")
 
@@ -95,3 +95,10 @@ def test_pages_and_outputs_name_each_other() -> None:
     assert there
     assert there - named == set()
     assert marked - there == set()
+
+
+def test_every_benchmark_is_among_the_commands() -> None:
+    scripts = {path.name for path in (ROOT / "benchmarks").glob("*.py") if '"__main__"' in path.read_text()}
+    page = (ROOT / "docs" / "notes" / "benchmark_commands.md").read_text()
+    assert len(scripts) > 50
+    assert scripts - set(re.findall(r"benchmarks/(\w+\.py)", page)) == set()

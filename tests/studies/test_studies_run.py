@@ -138,7 +138,7 @@ def test_files_of_other_versions_and_other_tables_are_refused(tmp_path: Path, st
     with pytest.raises(StudyError, match="has version 7 of the study table"):
         read_study(path)
     pq.write_table(pa.table({"a": [1]}), path)
-    with pytest.raises(StudyError, match="is no study"):
+    with pytest.raises(StudyError, match="is no table of a wingwatch study"):
         read_study(path)
     path.write_text("a,b\n1,2\n", encoding="utf-8")
     with pytest.raises(StudyError, match="is no Parquet file"):

@@ -1,0 +1,46 @@
+/* REST as the service describes it itself, in Swagger UI from the installed package. Its version reads OpenAPI 3.0, and the
+   description is 3.1: what differs between them is said in the older words here. */
+
+/** A schema's part in the words of 3.0: null among alternatives is `nullable`, a constant an enumeration of one. */
+function older(part) {
+  if (Array.isArray(part)) return part.map(older);
+  if (part === null || typeof part !== "object") return part;
+  const made = Object.fromEntries(Object.entries(part).map(([name, value]) => [name, older(value)]));
+  if (Array.isArray(made.anyOf)) withoutNull(made);
+  if ("const" in made && typeof made.const !== "object") {
+    made.enum = [made.const];
+    delete made.const;
+  }
+  for (const [limit, side] of [["exclusiveMinimum", "minimum"], ["exclusiveMaximum", "maximum"]]) {
+    if (typeof made[limit] !== "number") continue;
+    made[side] = made[limit];
+    made[limit] = true;
+  }
+  return made;
+}
+
+function withoutNull(made) {
+  const others = made.anyOf.filter((one) => one.type !== "null");
+  if (others.length === made.anyOf.length) return;
+  made.nullable = true;
+  delete made.anyOf;
+  if (others.length > 1) made.anyOf = others;
+  else if (others[0]?.$ref) made.allOf = others;
+  else Object.assign(made, { ...others[0], ...made });
+}
+
+const place = document.getElementById("docs");
+const answer = await fetch("/openapi.json", { cache: "no-store" });
+if (answer.ok) {
+  window.SwaggerUIBundle({
+    spec: { ...older(await answer.json()), openapi: "3.0.3" },
+    domNode: place,
+    deepLinking: true,
+    defaultModelsExpandDepth: 0,
+    docExpansion: "list",
+    validatorUrl: null,
+    presets: [window.SwaggerUIBundle.presets.apis],
+  });
+} else {
+  place.textContent = answer.status === 401 ? "Log in on the page at / first; then load this one again." : `The service answered ${answer.status}.`;
+}
