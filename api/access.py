@@ -14,6 +14,7 @@ from fastapi import Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from wingwatch.api.guards import discard_body
+from wingwatch.api.help_files import HELP
 from wingwatch.api.problems import ProblemError, printable, problem_answer
 from wingwatch.api.rates import Rate, RateLimit
 
@@ -133,7 +134,7 @@ class Access:
         self._check_names(request)
         address = request.client.host if request.client is not None else "unknown"
         path = request.scope["path"]  # which routes go by; a URL is taken apart once more
-        is_open = path in _OPEN or path.startswith(_OPEN_BELOW)
+        is_open = path in _OPEN or path.startswith(_OPEN_BELOW) or f"{path}/".startswith(f"{HELP}/")
         token, asked = _token_of(request)
         strict = not is_open and (asked or self._settings.required)
         caller = None

@@ -3,6 +3,7 @@
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
@@ -16,6 +17,7 @@ from wingwatch.api.door import Door
 from wingwatch.api.events import EventStreams
 from wingwatch.api.fleet_routes import fleet_router
 from wingwatch.api.guards import BodyLimit, SafetyHeaders
+from wingwatch.api.help_files import help_router
 from wingwatch.api.metrics import RequestCounts, metrics_router
 from wingwatch.api.page_files import pages_router
 from wingwatch.api.ports import (
@@ -61,6 +63,7 @@ class AppSettings:
         figures: the service in numbers, for ``/metrics``; it returns at once.
         keep_alive_s: silence after which an event stream carries a comment.
         baselines: the baseline database; None where there is none.
+        documents: folder of the documents' site, served at ``/help``; None where there is none.
         studies: finished ones; None where none are shown.
     """
 
@@ -74,6 +77,7 @@ class AppSettings:
     figures: Callable[[], ServiceFigures] = ServiceFigures
     keep_alive_s: float = 10.0
     baselines: BaselinePort | None = None
+    documents: Path | None = None
     studies: StudyPort | None = None
 
 
@@ -135,6 +139,7 @@ def create_app(
     requests: dict[tuple[str, str], int] = {}
     app.include_router(metrics_router(door, requests), responses=PROBLEM_RESPONSES)
     app.include_router(pages_router())
+    app.include_router(help_router(settings.documents))
     app.add_middleware(BodyLimit, larger={"/v1/diagnoses": FLIGHT_SIZE, "/v1/baselines/": BASELINE_SIZE})
     app.add_middleware(AccessGuard, access=access)
     install_problem_handlers(app)

@@ -171,7 +171,7 @@ def entries_of(flight_id: int, wanted: HistoryWanted, what: Sequence[Any] = (His
     """The estimates of a flight, in their order.
 
     Args:
-        what: of each; all of it unless told otherwise.
+        what: of each; all of it by default.
     """
     key = (HistoryEntry.time_s, HistoryEntry.estimator, HistoryEntry.structure)
     query = select(*what).where(HistoryEntry.flight_id == flight_id).order_by(*key)

@@ -247,7 +247,7 @@ def running_service(
             access=access, aircraft=hangar.find, diagnoses=jobs, kernels=preparation.view,
             counters=lambda: service.counters(), figures=lambda: service.figures(),
             problems=lambda: service.problems(), database_problem=lambda: waiting_for(store),
-            baselines=PatientBaselines(database, wall_clock),
+            baselines=PatientBaselines(database, wall_clock), documents=settings.documents,
             studies=None if settings.studies is None else StudyFolder(settings.studies),
         )  # fmt: skip
         app = create_app(monitor, lambda: service.readiness(), PatientHistory(database), __version__, asked)

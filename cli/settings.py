@@ -34,10 +34,17 @@ DATABASE_VARIABLE = "WINGWATCH_DATABASE_URL"
 _MOST_BYTES = 100_000
 _FLAGS = (
     "host", "port", "listen", "connect", "name", "certificate", "private_key", "require_token", "data", "aircraft",
-    "log_format", "excite", "diagnose_alerts", "record", "studies",
+    "log_format", "excite", "diagnose_alerts", "record", "studies", "documents",
 )  # fmt: skip
 _SECRET = re.compile(r"(^|\.)(url|secret)[a-z_]*$")
-_PATHS = ("data", "certificate", "private_key", "record", "studies")
+_PATHS = ("data", "certificate", "private_key", "record", "studies", "documents")
+
+
+def built_documents() -> Path | None:
+    """The documents' site that ``make docs`` has built in this checkout; None where there is none."""
+    checkout = Path(__file__).resolve().parents[1]
+    site = checkout / "dist" / "site"
+    return site if (checkout / "mkdocs.yml").is_file() and (site / "index.html").is_file() else None
 
 
 class HistoryTable(BaseModel):
@@ -111,6 +118,7 @@ class ServeSettings(BaseModel):
         diagnose_alerts: whether alerts of the airframe or of unclear cause are diagnosed.
         studies: folder of the reports of finished studies that are shown; none are without.
         record: folder of recordings (MCAP); none are made without. recording: how much of them is kept.
+        documents: folder of the documents' site, served at ``/help``; that of this checkout where one was built.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -137,6 +145,7 @@ class ServeSettings(BaseModel):
     record: Path | None = None
     studies: Path | None = None
     recording: RecordingTable = RecordingTable()
+    documents: Path | None = Field(default_factory=built_documents)
 
     @field_validator("listen", "connect", "aircraft", "name", mode="before")
     @classmethod
@@ -147,6 +156,14 @@ class ServeSettings(BaseModel):
     def _both_or_none(self) -> Self:
         if (self.certificate is None) != (self.private_key is None):
             raise CommandError("HTTPS takes both --certificate and --private-key; give the other one too")
+        return self
+
+    @model_validator(mode="after")
+    def _documents_are_there(self) -> Self:
+        if self.documents is not None and not (self.documents / "index.html").is_file():
+            raise CommandError(
+                f"--documents {self.documents}: there is no index.html; `make docs` builds the documents into dist/site"
+            )
         return self
 
     @property

@@ -57,7 +57,7 @@ class RepeatedDerivative:
     """One derivative by the repeats of a manoeuvre.
 
     Attributes:
-        numbers: of the manoeuvres that told it.
+        numbers: of the manoeuvres that determine it.
         values, standard_errors: as each states them, concise units.
         mean, scatter: arithmetic mean and sample standard deviation (5.28, 5.29).
         stated: root mean square of ``standard_errors``.

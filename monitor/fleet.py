@@ -447,7 +447,7 @@ class FleetMonitor:
             return None if known is None else tuple(known.manoeuvres)
 
     def flight_record(self, fleet: str, vehicle: str) -> FlightRecordView | None:
-        """What is kept of the vehicle's last hour for pictures; None for a vehicle never heard of."""
+        """What is kept of the vehicle's last hour for pictures; None for an unknown vehicle."""
         with self._lock:
             known = self._vehicles.get((fleet, vehicle))
             return None if known is None else fleet_record.record_of(known, self._clock())

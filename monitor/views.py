@@ -432,7 +432,7 @@ class MonitorPort(Protocol):
         ...
 
     def flight_record(self, fleet: str, vehicle: str) -> FlightRecordView | None:
-        """What is kept of the vehicle's last hour for pictures; None for a vehicle never heard of."""
+        """What is kept of the vehicle's last hour for pictures; None for an unknown vehicle."""
         ...
 
     def expected(

@@ -1,4 +1,4 @@
-/* A grid of rows of one height of which only those near the screen are built. Screen readers are told how many there
+/* A grid of rows of one height of which only those near the screen are built. Screen readers hear how many there
    are and which one each is; arrows, page keys, Home and End go through all of them, Enter opens one. */
 
 import { make, move } from "./dom.js";

@@ -99,7 +99,13 @@ def add_serve(commands: Commands) -> None:
 
 
 def _add_serve_outputs(parser: argparse.ArgumentParser) -> None:
-    """What a service writes beside its database."""
+    """What a service writes beside its database, and the documents that it shows."""
+    parser.add_argument(
+        "--documents",
+        type=Path,
+        metavar="DIR",
+        help="serve the documents that make docs has built in DIR at /help (default: dist/site of a checkout)",
+    )
     parser.add_argument(
         "--record",
         type=Path,

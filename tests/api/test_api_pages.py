@@ -348,6 +348,7 @@ def test_of_500_vehicles_only_those_near_the_screen_are_built_and_keys_reach_all
         assert page.ask(active) == "2 north/uav-007"
         page.key("End")
         assert page.ask(active) == "501 south/uav-498"
+        assert page.ask("document.querySelector('.row.head').getBoundingClientRect().top") == 0
         assert page.ask(ROWS) < 60
         page.key("ArrowUp")
         assert page.ask(active) == "500 south/uav-496"

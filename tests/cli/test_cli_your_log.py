@@ -15,7 +15,7 @@ TUTORIAL = ROOT / "docs" / "tutorial" / "your_log.md"
 
 def commands() -> list[list[str]]:
     """The lines of its blocks."""
-    blocks = re.findall(r"^```\n(.*?)^```$", TUTORIAL.read_text(), re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"^```sh\n(.*?)^```$", TUTORIAL.read_text(), re.MULTILINE | re.DOTALL)
     return [shlex.split(line) for block in blocks for line in block.splitlines()]
 
 

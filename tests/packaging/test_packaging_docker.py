@@ -428,6 +428,7 @@ def test_the_docker_folder_holds_only_these() -> None:
         "compose.yaml",
         "compose.secure.yaml",
         "service.secure.toml",
+        "grafana",
     }
 
 

@@ -1,6 +1,7 @@
 """Documents lead somewhere: links resolve, the index is complete, what code cites is there, words are the field's."""
 
 import ast
+import importlib.util
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -10,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+DECISIONS = DOCS / "decisions"
 PAGES = sorted((*DOCS.rglob("*.md"), ROOT / "README.md"))
 CODE = sorted(
     path
@@ -66,10 +68,44 @@ def test_every_link_of_a_page_leads_somewhere(page: Path) -> None:
     assert not broken
 
 
+def linked_from(page: Path) -> set[Path]:
+    return {(page.parent / target.partition("#")[0]).resolve() for target in LINK.findall(page.read_text())}
+
+
 def test_the_index_names_every_document() -> None:
-    index = DOCS / "README.md"
-    linked = {(DOCS / target.partition("#")[0]).resolve() for target in LINK.findall(index.read_text())}
-    assert set(DOCS.rglob("*.md")) - linked == {index}
+    """Decisions stand in an index of their own, which the first one names."""
+    index, of_decisions = DOCS / "README.md", DECISIONS / "README.md"
+    assert of_decisions in linked_from(index)
+    assert set(DOCS.rglob("*.md")) - linked_from(index) - linked_from(of_decisions) == {index}
+
+
+@pytest.mark.parametrize("page", sorted(DECISIONS.glob("0*.md")), ids=named)
+def test_a_decision_says_whether_it_is_in_force_as_the_index_does(page: Path) -> None:
+    """First line after the title: in force, in force in part with the decision that replaces the rest, or replaced."""
+    _, empty, status = page.read_text().split("\n")[:3]
+    said = re.match(r"\*\*Status\.\*\* (In force in part|In force|Replaced by)", status)
+    assert not empty
+    assert said
+    (row,) = re.findall(
+        rf"^\| \[{page.name[:4]}\]\({page.name}\) \| .* \| (.*) \|$",
+        (DECISIONS / "README.md").read_text(),
+        re.M,
+    )
+    assert row.lower().startswith(said.group(1).lower())
+    others = set(re.findall(r"\((0\d{3}-[^)]*\.md)\)", row))
+    assert others <= set(re.findall(r"\((0\d{3}-[^)]*\.md)\)", status))
+    assert bool(others) == (said.group(1) != "In force")
+
+
+@pytest.mark.parametrize("name", ["options.md", "operations.md"])
+def test_pages_made_from_the_code_are_those_of_the_code(name: str) -> None:
+    """`make reference` writes them anew."""
+    spec = importlib.util.spec_from_file_location("wingwatch_reference", ROOT / "tools" / "reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    reference = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(reference)
+    assert (DOCS / "reference" / name).read_text() == reference.PAGES[name]()
 
 
 def test_what_code_cites_is_there() -> None:
