@@ -361,10 +361,12 @@ def test_axe_finds_nothing_serious_in_any_view_light_or_dark(browser: Browser, m
 
 
 def test_on_paper_every_alert_and_row_stands_without_what_is_pressed(page: Page) -> None:
-    page.tab.emulate_media(media="print")
+    page.tab.emulate_media(media="print", color_scheme="dark")
     seen = (
         "[...document.querySelectorAll('button, nav, input')].filter((one) => one.checkVisibility()).length"
     )
     assert page.ask(seen) <= 5  # the counts by state
     assert "Icing on aero-2" in page.text("#alerts")
     assert page.ask("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
+    band = "getComputedStyle(document.querySelector('.scale .band')).fill"
+    assert page.ask(band) == "rgb(217, 230, 224)", "paper is light, whatever the screen was"
