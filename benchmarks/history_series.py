@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from saving import run_benchmark
 
 from wingwatch.aircraft import STRUCTURES
 from wingwatch.api.series import series_of
@@ -155,4 +156,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

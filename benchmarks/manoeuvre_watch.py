@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from saving import run_benchmark
 
 from wingwatch.aircraft import load_aircraft
 from wingwatch.monitor import Solution, VehicleMonitor, verdict
@@ -113,4 +114,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_benchmark(main)

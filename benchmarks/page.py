@@ -11,7 +11,6 @@ import argparse
 import contextlib
 import shutil
 import statistics
-import sys
 import threading
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from typing import Any
 
 from drawn_fleet import DrawnFleet
 from playwright.sync_api import Browser, BrowserContext, CDPSession, Page, sync_playwright
+from saving import run_benchmark
 
 from wingwatch.api import HttpServer, create_app, listen
 
@@ -212,4 +212,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_benchmark(main)

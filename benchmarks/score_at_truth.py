@@ -29,6 +29,7 @@ from wingwatch.estimators.fourier.blocks import block_workspace
 from wingwatch.estimators.fourier.noise import between_samples_variance
 from wingwatch.estimators.fourier.solution import ALONE, solve_block
 from wingwatch.estimators.fourier.state import BETWEEN, GUST, ROLLING, Block, Linearisation, Prior
+from wingwatch.estimators.kernels.by_address import ByAddress
 
 Array = NDArray[np.float64]
 
@@ -77,9 +78,12 @@ def read(plant: Plant, name: str, case: Situation, flights: int, noisy: bool) ->
             at = Linearisation(truth.copy(), np.zeros((6, 6)), noise.copy(), known)
             prior = Prior(truth, np.ones(6))
             solving = work.solving
-            solve_block(
-                estimator._model, block, at, solving.posterior.nothing, prior, ALONE, solving, work.found
+            nothing, model, places = (
+                solving.posterior.nothing,
+                ByAddress(estimator._model),
+                ByAddress(solving),
             )
+            solve_block(model, block, at, nothing, prior, ALONE, places, ByAddress(work.found))
             gained = work.found.gained
             scores.append(gained.vector - gained.sensitivity @ truth)
             information += gained.sensitivity

@@ -39,7 +39,7 @@ def record_of(known: KnownVehicle, now_s: float) -> FlightRecordView:
         if onset_s is not None and np.isfinite(onset_s):
             onsets_s[alert.id] = onset_s
     return FlightRecordView(
-        tuple(known.record.blocks),
+        known.record.blocks,
         None if monitor is None else monitor.judge.config.log_threshold,
         onsets_s,
         known.link.view(now_s),

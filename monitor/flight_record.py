@@ -1,8 +1,11 @@
 """A record of a vehicle's last hour for pictures: what each block said, and when the faults of its alerts began."""
 
+from array import array
 from collections import OrderedDict, deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from functools import lru_cache
+from math import isnan, nan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,32 +23,74 @@ __all__ = ["KEPT_BLOCKS", "FlightRecord", "block_record", "information_bit", "in
 Array = NDArray[np.float64]
 
 KEPT_BLOCKS = 360
-"""An hour of blocks of ten seconds: about 300 kB a vehicle where two structures are compared."""
+"""An hour of blocks of ten seconds."""
 
 _KEPT_ONSETS = 100
 _CONFIDENCE = 0.95
 _RANK_TOLERANCE = 1e-9
 _NAMES = {FOURIER: "fourier", EKF: "ekf"}
 
+_END, _MODES = 1, 3
+"""Places in a row of numbers: start, end and statistic of a block, then three of each mode by each estimator."""
 
-@dataclass(slots=True)
+
+class _Form(NamedTuple):
+    """What most blocks of a vehicle have in common: which numbers their rows hold, and what of the air was rough."""
+
+    modes: tuple[tuple[str, str], ...]
+    rough: tuple[str, ...]
+
+
+@lru_cache(maxsize=1024)
+def _shared(form: _Form) -> _Form:
+    """One form for all blocks that have an equal one."""
+    return form
+
+
+def _packed(block: BlockRecord) -> tuple[_Form, "array[float]"]:
+    """A block as one row of numbers, NaN where there is none: as objects an hour of blocks took 300 kB more."""
+    row = array("d", (block.start_s, block.end_s, nan if block.statistic is None else block.statistic))
+    keys: list[tuple[str, str]] = []
+    for structure, by_estimator in block.modes.items():
+        for estimator, mode in by_estimator.items():
+            keys.append((structure, estimator))
+            row.extend(nan if n is None else n for n in (mode.information_bit, mode.innovation, mode.limit))
+    return _shared(_Form(tuple(keys), tuple(block.rough))), row
+
+
+def _unpacked(form: _Form, row: "array[float]") -> BlockRecord:
+    numbers = [None if isnan(n) else n for n in row]
+    modes: dict[str, dict[str, ModeRecord]] = {}
+    for place, (structure, estimator) in enumerate(form.modes):
+        first = _MODES + 3 * place
+        modes.setdefault(structure, {})[estimator] = ModeRecord(*numbers[first : first + 3])
+    return BlockRecord(row[0], row[_END], modes, numbers[2], form.rough)
+
+
 class FlightRecord:
     """What is kept; nothing of it is in a checkpoint.
 
     Attributes:
-        blocks: oldest first.
         onsets_s: by alert, of the newest alerts.
     """
 
-    blocks: deque[BlockRecord] = field(default_factory=lambda: deque(maxlen=KEPT_BLOCKS))
-    onsets_s: OrderedDict[str, float] = field(default_factory=OrderedDict)
+    __slots__ = ("_rows", "onsets_s")
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[_Form, array[float]]] = deque(maxlen=KEPT_BLOCKS)
+        self.onsets_s: OrderedDict[str, float] = OrderedDict()
+
+    @property
+    def blocks(self) -> Sequence[BlockRecord]:
+        """Oldest first."""
+        return tuple(_unpacked(form, row) for form, row in self._rows)
 
     def note_blocks(self, blocks: Sequence[BlockRecord]) -> None:
         """Blocks that have been closed; where the clock was set back, those of the old clock go."""
         for block in blocks:
-            if self.blocks and block.end_s < self.blocks[-1].end_s:
-                self.blocks.clear()
-            self.blocks.append(block)
+            if self._rows and block.end_s < self._rows[-1][1][_END]:
+                self._rows.clear()
+            self._rows.append(_packed(block))
 
     def note_onset(self, alert_id: str, onset_s: float | None) -> None:
         """When the fault of an alert began, where that is known."""

@@ -35,42 +35,25 @@ def browser() -> Generator[Browser]:
         yield launched
 
 
-def test_its_card_shows_all_and_stays_as_the_reader_left_it(browser: Browser) -> None:
+def test_what_others_sent_is_text_and_no_markup(browser: Browser) -> None:
     monitor = FakeMonitor()
     shown = vehicle("aero-2", VehicleState.DEGRADED, fleet="north", reason="icing " + NASTY)
     monitor.views = [dataclasses.replace(shown, could_see=COULD_SEE, proposed_input=PROPOSAL)]
     monitor.raised = [alert(1, fleet="north"), alert(2)]
-    rows = "[...document.querySelectorAll('#vehicle tbody tr')]"
     with (
         served(monitor) as (server, _),
         open_tab(browser, server.url + "/vehicles/aero-2?fleet=north") as page,
     ):
-        page.wait("document.querySelectorAll('#vehicle > li').length === 1")
+        page.wait("document.body.textContent.includes('Proposed input')")
         assert page.ask("document.title") == "(2) north / aero-2 · wingwatch"
-        card = page.text("#vehicle")
+        text = page.text("main")
         for part in (
             "degraded",
-            "z −1.3",
-            "pitch acceleration due to pitch rate",
             "rests on the aircraft file",
+            "doublet of the rudder, ±2.0°, 0.44 s.",
+            NASTY,
         ):
-            assert part in card.replace("\n", " ")
-        assert "Proposed input: doublet of the rudder, ±2.0°, 0.44 s." in card
-        page.tab.click("#vehicle summary")
-        assert page.ask(rows + ".map((row) => [...row.children].map((cell) => cell.textContent))") == [
-            ["sensor bias pitch_rate_rad_s", "0.0123 rad/s", "none needed"],
-            ["sensor bias specific_force_z_m_s2", "0.31 m/s²" + NASTY, NASTY],
-            ["elevator effectiveness of the airframe", "20 %", "a doublet of the elevator"],
-            ["icing of the airframe", "not seen", "none known"],
-            ["surface stuck rudder_rad", "seen", "none needed"],
-        ]
-        monitor.views = [dataclasses.replace(monitor.views[0], reason="changed")]
-        monitor.tell("status", {"vehicle": "aero-2"})
-        page.wait("document.querySelector('#vehicle .reason').textContent === 'changed'")
-        assert page.ask("document.querySelector('#vehicle details').open")
-        assert page.ask("document.querySelectorAll('#vehicle-alerts > li').length") == 1
-        page.look(360, 740, "dark", mobile=True)
-        assert page.ask("document.documentElement.scrollWidth <= 360")
+            assert part in text
         assert page.ask("document.querySelectorAll('main img, main script').length") == 0
         assert page.console == []
 
@@ -78,4 +61,4 @@ def test_its_card_shows_all_and_stays_as_the_reader_left_it(browser: Browser) ->
 def test_a_vehicle_that_nobody_knows_is_said_to_be_none(browser: Browser) -> None:
     with served(FakeMonitor()) as (server, _), open_tab(browser, server.url + "/vehicles/nobody") as page:
         page.wait("document.getElementById('vehicle-problem')?.hidden === false")
-        assert "'nobody' of fleet 'default' has never been heard of" in page.text("#vehicle-problem")
+        assert "'nobody' of fleet 'default' is unknown" in page.text("#vehicle-problem")

@@ -101,7 +101,7 @@ def problem(client: httpx.Client, answer: httpx.Response, status: int) -> Mappin
         ("/v1/alerts?cursor=%C3%BC", 422, ["cursor"]),
         ("/v1/alerts?cursor=WzFd", 422, ["cursor", "'WzFd'"]),
         ("/v1/alerts/none", 404, ["'none'", "/v1/alerts"]),
-        ("/docs", 404, ["/docs"]),
+        ("/redoc", 404, ["/redoc"]),
     ],
 )
 def test_what_cannot_be_answered_says_why(

@@ -26,7 +26,7 @@ from wingwatch.aircraft import (
 from wingwatch.baselines import Reference, ReferenceKey, open_database
 
 AEROSONDE = load_aircraft("aerosonde")
-ACTIONS = ("list", "show", "history", "import", "export", "learn", "revert", "delete")
+ACTIONS = ("list", "show", "history", "import", "export", "predict", "learn", "revert", "delete")
 CRUISE = trimmed(AEROSONDE, FlightCondition(25.0, 1000.0))
 SHORT = linearised_derivatives(AEROSONDE, CRUISE, SHORT_PERIOD)
 

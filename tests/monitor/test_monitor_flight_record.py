@@ -8,7 +8,7 @@ from test_monitor_judge import Bench
 from wingwatch.monitor.blocks import EKF, FOURIER
 from wingwatch.monitor.flight_record import KEPT_BLOCKS, FlightRecord, information_bit, innovation
 from wingwatch.monitor.judge import Judge
-from wingwatch.monitor.record_views import BlockRecord
+from wingwatch.monitor.record_views import BlockRecord, ModeRecord
 
 BLOCKS, LEARNED = 220, 20
 
@@ -56,6 +56,20 @@ def test_information_is_half_the_binary_logarithm_of_what_is_known_better() -> N
     """Known to a seventh of its natural size, a derivative is 1 + 7^2 = 50 times as well known as before."""
     information = np.diag([49.0 / 4.0, 0.0])
     assert information_bit(information, np.array([2.0, 5.0])) == pytest.approx(0.5 * np.log2(50.0))
+
+
+def test_a_block_is_given_back_as_it_was_noted() -> None:
+    """Numbers to the bit, and what is not known as None; also where the next block is of another form."""
+    whole = BlockRecord(
+        0.1, 10.1,
+        {"short_period": {"fourier": ModeRecord(1.0 / 3.0, 0.7, 1.9), "ekf": ModeRecord(None, None, None)},
+         "lateral": {"fourier": ModeRecord(2.0, None, None), "ekf": ModeRecord(0.0, 1.1, 1.6)}},
+        2.5, ("lateral",),
+    )  # fmt: skip
+    part = BlockRecord(10.1, 20.1, {"lateral": {"fourier": ModeRecord(3.0, 0.5, 1.6)}}, None, ())
+    record = FlightRecord()
+    record.note_blocks([whole, part])
+    assert list(record.blocks) == [whole, part]
 
 
 def test_the_record_is_bounded_and_forgets_another_clock() -> None:
