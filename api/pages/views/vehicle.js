@@ -178,6 +178,8 @@ export function view(context) {
     const active = status.alerts.filter(mine);
     sync(alerts, active, (alert) => alert.id, (alert) => alertCard(alert, (one) => actButtons(one, session)));
     alertSection.hidden = active.length === 0;
+    const parts = active.flatMap((alert) => alert.evidence).sort((a, b) => Math.abs(b.z ?? 0) - Math.abs(a.z ?? 0));
+    pictures.suspect = parts[0]?.derivative ?? null;
   }
 
   function close() {

@@ -35,6 +35,7 @@ export class Pictures {
     this.current = null;
     this.chosen = null;
     this.picked = false;  // a person has chosen a derivative
+    this.suspect = null;  // the derivative that an alert in force rests on most
     this.window = FIRST_WINDOW_S;
     this.follows = true;
     this.range = null;
@@ -102,11 +103,13 @@ export class Pictures {
     this.#show();
   }
 
-  /** Until a person chooses: the derivative that is furthest off as both estimators have it, if one is, else a usual one. */
+  /** Until a person chooses: what an alert rests on most; else the derivative that is furthest off as both estimators
+      have it, if one is; else a usual one. */
   #chooseFirst() {
     const all = listed(this.current);
     const size = (one) => Math.min(...rowsOf(this.current, one).map((row) => Math.abs(zOf(row) ?? 0)));
-    const far = all.filter((one) => size(one) >= 3).sort((a, b) => size(b) - size(a))[0];
+    const suspect = all.find((one) => one.derivative === this.suspect);
+    const far = suspect ?? all.filter((one) => size(one) >= 3).sort((a, b) => size(b) - size(a))[0];
     const usual = FIRST.map((name) => all.find((one) => one.derivative === name)).find(Boolean);
     const best = far ?? this.chosen ?? usual ?? all[0] ?? null;
     if (far) this.picked = true;  // it stays: a picture that changes by itself cannot be read
