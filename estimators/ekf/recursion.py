@@ -59,8 +59,7 @@ from wingwatch.estimators.ekf.state import (
     running,
     sizes_of,
 )
-from wingwatch.estimators.kernels.by_address import ByAddress
-from wingwatch.estimators.kernels.hot import hot, lean, part, sizes, whole, whole_entry
+from wingwatch.estimators.kernels.hot import entry, hot, part, sizes, whole, whole_entry
 from wingwatch.estimators.kernels.intersample import means_of_rows
 from wingwatch.estimators.kernels.levels import start_level
 from wingwatch.estimators.kernels.reading_noise import forget_readings
@@ -337,7 +336,7 @@ def _note(state, i, s, notes):  # type: ignore[no-untyped-def]
     state.moments[i] = 0.0
 
 
-@lean
+@entry
 def _run(lengths, given, state, given_rows, ends, first_time, notes, space):  # type: ignore[no-untyped-def]
     """``update_all`` in a workspace; the sizes in ``lengths`` take the place of those in the model."""
     model = Model(
@@ -411,13 +410,11 @@ def run_again(model: Model, state: Running, signals: Array, ends: NDArray[np.int
     notes = _notes(model, ends.size)
     state.moments[:] = 0.0
     rows = signals[None], all_lanes(1, len(signals))
-    _update_all(_lengths(model), model, ByAddress(state), rows, ends, False, notes)
+    _update_all(_lengths(model), model, state, rows, ends, False, notes)
     return notes
 
 
 def update_all(model: Model, state: EkfState, signals: Array, lanes: Lanes) -> None:
     """Run all samples of some vehicles, (vehicles, samples, columns)."""
     ends = np.array([signals.shape[1]])
-    _update_all(
-        _lengths(model), model, ByAddress(running(state)), (signals, lanes), ends, True, _notes(model, 0)
-    )
+    _update_all(_lengths(model), model, running(state), (signals, lanes), ends, True, _notes(model, 0))

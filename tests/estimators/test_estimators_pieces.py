@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wingwatch.estimators.kernels.by_address import ByAddress, one_vehicle
 from wingwatch.estimators.kernels.copying import copy_into
-from wingwatch.estimators.kernels.hot import helper, hot
+from wingwatch.estimators.kernels.hot import helper, lean
 
 
 class Level(NamedTuple):
@@ -43,7 +43,7 @@ def structure(vehicles: int = 3) -> Structure:
     )  # fmt: skip
 
 
-@hot
+@lean
 def _half(x):  # type: ignore[no-untyped-def]
     return 0.5 * x
 
