@@ -29,6 +29,9 @@ PROPOSAL = ProposedInputView(
 )  # fmt: skip
 
 
+ROWS = "[...document.querySelectorAll('#vehicle-could-see tbody tr')]"
+
+
 @pytest.fixture(scope="module")
 def browser() -> Generator[Browser]:
     with chromium() as launched:
@@ -54,6 +57,23 @@ def test_what_others_sent_is_text_and_no_markup(browser: Browser) -> None:
             NASTY,
         ):
             assert part in text
+        page.tab.click("details:has(#vehicle-could-see) > summary")
+        page.wait(f"{ROWS}.length === 5")
+        assert page.ask(ROWS + ".map((row) => [...row.children].map((cell) => cell.textContent))") == [
+            ["sensor bias pitch_rate_rad_s", "0.0123 rad/s", "none needed"],
+            ["sensor bias specific_force_z_m_s2", "0.31 m/s²" + NASTY, NASTY],
+            ["elevator effectiveness of the airframe", "20 %", "a doublet of the elevator"],
+            ["icing of the airframe", "not seen", "none known"],
+            ["surface stuck rudder_rad", "seen", "none needed"],
+        ]
+        assert page.ask("document.querySelectorAll('main img, main script').length") == 0
+        monitor.views = [dataclasses.replace(monitor.views[0], reason="changed")]
+        monitor.tell("status", {"fleet": "north", "vehicle": "aero-2"})
+        page.wait("document.querySelector('#vehicle .reason').textContent === 'changed'")
+        assert page.ask("document.querySelector('#vehicle-could-see').closest('details').open")
+        assert page.ask("document.querySelectorAll('#vehicle-alerts > li').length") == 1
+        page.look(360, 740, "dark", mobile=True)
+        assert page.ask("document.documentElement.scrollWidth <= 360")
         assert page.ask("document.querySelectorAll('main img, main script').length") == 0
         assert page.console == []
 

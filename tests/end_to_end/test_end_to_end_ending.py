@@ -19,7 +19,7 @@ from loopback import free_endpoint
 from wingwatch.cli.service import Service
 from wingwatch.simulation import demo_fleet, simulate
 
-LONGEST_END_S = 5.0
+LONGEST_END_S = 3.0
 EXIT_AFTER_S = 20.0
 
 
