@@ -33,7 +33,7 @@ from saving import run_benchmark
 
 from wingwatch.api import KernelsView
 from wingwatch.baselines import Database
-from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO
+from wingwatch.cli.kernel_steps import AFTER_DEMO, DEMO
 from wingwatch.cli.kernels import KernelCompiler
 from wingwatch.cli.notifications import Notifications
 from wingwatch.cli.notify_settings import NotifyTable
@@ -200,7 +200,7 @@ def measured(count: int, vehicles: int, seed: int) -> Times:
             diagnose_alerts=False,
         )
         service = stack.enter_context(
-            running_service(settings, preparation=KernelCompiler(DEMO, AT_FIRST_USE) if vehicles else Idle())
+            running_service(settings, preparation=KernelCompiler(DEMO, AFTER_DEMO) if vehicles else Idle())
         )
         if vehicles:
             while not service.pump.wait(1.0):

@@ -10,7 +10,7 @@ from rich.live import Live
 from wingwatch.cli.ending import asked_to_end, leave
 from wingwatch.cli.faults import CommandError, say
 from wingwatch.cli.fleet_display import FleetLines, fleet_table
-from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO
+from wingwatch.cli.kernel_steps import AFTER_DEMO, DEMO
 from wingwatch.cli.kernels import KernelCompiler
 from wingwatch.cli.logs import configure_logs
 from wingwatch.cli.serve_command import await_ready, write_address
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
         fleet: SimulatedFleet | None = None
         with ExitStack() as stack:
             service = stack.enter_context(
-                running_service(settings, preparation=KernelCompiler(DEMO, AT_FIRST_USE), fresh=True)
+                running_service(settings, preparation=KernelCompiler(DEMO, AFTER_DEMO), fresh=True)
             )
             write_address(service, arguments.json)
             if await_ready(service, end):

@@ -28,7 +28,7 @@ from wingwatch.monitor import VehicleMonitor
 from wingwatch.telemetry import REQUIRED_CHANNELS, SampleBlock
 from wingwatch.telemetry.conditioning import turbulence_intensity
 
-__all__ = ["AT_FIRST_USE", "DEMO", "EVERY", "LIVE", "STEPS", "KernelStep"]
+__all__ = ["AFTER_DEMO", "AT_FIRST_USE", "DEMO", "EVERY", "LIVE", "STEPS", "KernelStep"]
 
 _RATE_HZ = 50.0
 _REFERENCE = (25.0, 1.2)
@@ -176,11 +176,14 @@ STEPS: Mapping[str, KernelStep] = {
 LIVE: Sequence[str] = ("fourier", "filter", "calm-filter", "watch")
 """Without these no sample is taken in."""
 
-DEMO: Sequence[str] = ("fourier", "filter", "calm-filter", "simulation", "watch")
-"""The same, and the simulated fleet."""
+DEMO: Sequence[str] = ("fourier", "filter", "simulation", "watch")
+"""What the simulated fleet needs: its aircraft state their span, so each filter has gusts."""
 
 AT_FIRST_USE: Sequence[str] = ("simulation", "whole-flights", "diagnosis")
 """For files: these can wait."""
+
+AFTER_DEMO: Sequence[str] = ("calm-filter", *AT_FIRST_USE)
+"""What the demonstration compiles once it is under way."""
 
 EVERY: Sequence[str] = (
     "simulation", "filter", "fourier", "diagnosis", "calm-filter", "whole-flights", "watch",

@@ -154,7 +154,7 @@ class KernelCompiler:
         now = _listed([STEPS[n].name for n in names if self._state[n] is KernelState.COMPILING])
         done = sum(self._state[n] is KernelState.COMPILED for n in names)
         if self._loaded:
-            what = "Samples are taken in; kernels for files are still being compiled in the background"
+            what = "Samples are taken in; kernels that they do not need are still being compiled in the background"
             return f"{what}: {now or 'none'} now, {done} of {len(names)} parts done."
         if done == len(names):
             return f"The numerical kernels were compiled in {elapsed_s:.0f} s and are being loaded."

@@ -258,7 +258,7 @@ class VehicleMonitor(VehicleReadings):
         changed = self._judge_solution(solution)
         if changed is not None and self._relations.book.airframe_alarmed:
             self.book.dismiss()
-            changed = self._relations.confirm(changed)
+            changed = self._relations.confirm(changed, solution.time_s)
         elif changed is not None:
             self._relations.explain(changed, solution.time_s)
         if changed is not None:

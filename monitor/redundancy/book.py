@@ -99,7 +99,7 @@ class RedundancyBook:
             if alert.id == alert_id:
                 fault = state.faults.pop(k)
                 self.state.active.pop(k)
-                self._watch.learn_anew(state, self._watch.users_of(fault), now_s)
+                self._watch.learn_after(state, fault, now_s)
                 return
 
     def explained(self, state: RedundancyState, by: AlertView, now_s: float) -> list[AlertView]:
@@ -113,10 +113,11 @@ class RedundancyBook:
                 )
         return versions
 
-    def confirm(self, state: RedundancyState, by: AlertView) -> AlertView | None:
+    def confirm(self, state: RedundancyState, by: AlertView, now_s: float) -> AlertView | None:
         """The alert about the airframe in force as derivatives confirm it; None where that is no news.
 
         Their cause and size count, for they rest on more of the flight, where they know the cause of the alert.
+        Relations that have begun to learn the fault learn it as it is now known.
         """
         for k, mine in enumerate(self.state.active):
             if mine.channel is not None:
@@ -129,11 +130,14 @@ class RedundancyBook:
                 evidence=by.evidence,
             )  # fmt: skip
             own = [h for h in self._watch.hypotheses if h.is_of_airframe and h.cause == shown.cause]
+            fault = state.faults[k]
             if renamed and own:
-                state.faults[k].becomes(own[0], shown.size)
-            state.faults[k].size = shown.size
-            moved = abs(shown.size - mine.size) > shown.size_standard_error
-            return self.state.active[k] if renamed or moved or not mine.evidence else None
+                fault.becomes(own[0], shown.size)
+            fault.size = shown.size
+            news = renamed or abs(shown.size - mine.size) > shown.size_standard_error
+            if news and fault.settled:
+                self._watch.settle(state, fault, now_s)
+            return self.state.active[k] if news or not mine.evidence else None
         return None
 
     @property
@@ -176,8 +180,7 @@ class RedundancyBook:
                 self.state.active[k] = changed
                 versions.append(changed)
             if second.time_s - alert.raised_s >= SETTLES_S:
-                fault.settled = True
-                self._watch.learn_anew(state, self._watch.users_of(fault), second.time_s)
+                self._watch.settle(state, fault, second.time_s)
         return versions
 
     def _corrected(
@@ -269,7 +272,7 @@ class RedundancyBook:
 
     def _cleared(self, state: RedundancyState, k: int, now_s: float) -> AlertView:
         alert, fault = self.state.active.pop(k), state.faults.pop(k)
-        self._watch.learn_anew(state, self._watch.users_of(fault), now_s)
+        self._watch.learn_after(state, fault, now_s)
         return replace(alert, state=AlertState.CLEARED, cleared_s=now_s)
 
     def _alert(self, best: Ranked, second: Second, finding: Finding, clear: bool, alert_id: str) -> AlertView:

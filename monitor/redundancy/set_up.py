@@ -26,10 +26,11 @@ from wingwatch.monitor.redundancy.layout import (
     ROLLING,
     SIDE,
     YAWING,
+    parameter_index,
 )
 from wingwatch.monitor.redundancy.samples import Model
 
-__all__ = ["least_drift", "model_of"]
+__all__ = ["changed", "least_drift", "model_of"]
 
 Array = NDArray[np.float64]
 
@@ -96,6 +97,23 @@ def model_of(
         *terms,
         commanded,
     ), absent
+
+
+def changed(model: Model, parameters: Array) -> Model:
+    """The model of an aircraft whose forces and moments differ from the file's.
+
+    A column takes incidence and surfaces from earlier than z does (``airframe.py``): a parameter far from zero leaves a
+    part of itself in every manoeuvre, and more of the same fault would explain it.
+
+    Args:
+        parameters: what they differ by, (relations, COLUMNS).
+    """
+    coefficients = model.coefficients + model.units * parameters[LIFT:]
+    airframe = model.airframe.copy()
+    airframe[4] *= 1.0 + parameters[AXIAL, parameter_index(AXIAL, "drag")]
+    airframe[5] += parameters[AXIAL, parameter_index(AXIAL, "lift's axial part")]
+    airframe[6] *= 1.0 + parameters[AXIAL, parameter_index(AXIAL, "induced drag")]
+    return model._replace(coefficients=coefficients, airframe=airframe)
 
 
 class _Terms(NamedTuple):

@@ -59,9 +59,9 @@ class VehicleRelations:
         if by.state is AlertState.ACTIVE:
             self._raised += self.book.explained(self._state, by, now_s)
 
-    def confirm(self, by: AlertView) -> AlertView | None:
+    def confirm(self, by: AlertView, now_s: float) -> AlertView | None:
         """Derivatives have changed, too: the alert about the airframe in force with their evidence, where it is new."""
-        return self.book.confirm(self._state, by)
+        return self.book.confirm(self._state, by, now_s)
 
     def onset_s(self, alert_id: str) -> float | None:
         """Stamp at which the fault of an alert in force began; None for another alert."""

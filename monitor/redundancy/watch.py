@@ -26,6 +26,7 @@ from wingwatch.monitor.redundancy.layout import (
     AIRSPEED,
     ALPHA,
     BETA,
+    COLUMNS,
     EAST,
     FLOORS,
     FLOW,
@@ -56,7 +57,7 @@ from wingwatch.monitor.redundancy.samples import (
     take_samples,
 )
 from wingwatch.monitor.redundancy.sequential import Finding, rank, smallest_seen
-from wingwatch.monitor.redundancy.set_up import least_drift, model_of
+from wingwatch.monitor.redundancy.set_up import changed, least_drift, model_of
 from wingwatch.telemetry import SampleBlock
 
 __all__ = ["LOG_THRESHOLD", "RedundancyState", "RedundancyWatch", "Second", "KnownFault"]
@@ -145,6 +146,7 @@ class RedundancyState:
         log_statistic: of the last test.
         variance: of each row's e2/S, as of the last segment.
         faults: those that alerts are in force for.
+        changed: what the settled faults of the airframe have changed forces and moments by, (relations, COLUMNS).
     """
 
     memory: Memory
@@ -158,6 +160,7 @@ class RedundancyState:
     log_statistic: float = -np.inf
     variance: Array = field(default_factory=lambda: np.ones(_ROWS))
     faults: list[KnownFault] = field(default_factory=list)
+    changed: Array = field(default_factory=lambda: np.zeros((_N, COLUMNS)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +215,8 @@ class RedundancyWatch:
         first, values = 0, np.ascontiguousarray(block.values)
         while first < len(values):
             limit = _SURPRISE**2 * state.variance[:_N]
-            first = take_samples(values, first, self.model, state.memory, state.segment, limit)
+            model = changed(self.model, state.changed) if state.changed.any() else self.model
+            first = take_samples(values, first, model, state.memory, state.segment, limit)
             if first < len(values):
                 yield self._close(state, float(values[first, 0]))
 
@@ -231,6 +235,22 @@ class RedundancyWatch:
                 state.memory.scalar[row, GOING] = 0.0
                 state.segment.forget(row)
             state.learns_until_s[i] = now_s + LEARNING_S
+
+    def settle(self, state: RedundancyState, fault: KnownFault, now_s: float) -> None:
+        """A fault has its name and size: relations of its channel, or of the airframe that it changed, learn anew."""
+        fault.settled = True
+        self.learn_after(state, fault, now_s)
+
+    def learn_after(self, state: RedundancyState, fault: KnownFault, now_s: float) -> None:
+        """Relations of a fault that has settled or is gone learn anew, about the airframe as it is now."""
+        airframe = np.zeros((_N, COLUMNS))
+        for one in state.faults:
+            own = self.hypothesis(one) if one.settled and not one.channel else None
+            for i, effect in (own.effects if own is not None else {}).items():
+                airframe[i] += one.size * effect.direction
+        moved = np.flatnonzero((airframe != state.changed).any(axis=1)).tolist()
+        state.changed = airframe
+        self.learn_anew(state, self.users_of(fault).union(moved), now_s)
 
     def could_see(self, state: RedundancyState) -> list[tuple[Hypothesis, float | None]]:
         """By hypothesis the smallest size that the remembered segments would have shown, had it begun with them."""

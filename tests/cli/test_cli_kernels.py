@@ -18,7 +18,7 @@ import pytest
 from wingwatch.aircraft import library_names, load_aircraft
 from wingwatch.api import KernelState, KernelsView
 from wingwatch.cli import kernel_worker, kernels
-from wingwatch.cli.kernel_steps import AT_FIRST_USE, DEMO, EVERY, LIVE, STEPS, KernelStep
+from wingwatch.cli.kernel_steps import AFTER_DEMO, AT_FIRST_USE, DEMO, EVERY, LIVE, STEPS, KernelStep
 from wingwatch.cli.kernels import KernelCompiler, KernelError, only_load
 from wingwatch.estimators.ekf import recursion, window
 from wingwatch.estimators.ekf.state import gust_states
@@ -271,10 +271,10 @@ def test_an_end_is_at_once_and_leaves_no_process(bench: Bench, preparing: Callab
 
 
 def test_every_step_comes_after_those_that_it_needs() -> None:
-    for order in (LIVE, DEMO, (*DEMO, *AT_FIRST_USE), EVERY):
+    for order in (LIVE, DEMO, (*LIVE, *AT_FIRST_USE), (*DEMO, *AFTER_DEMO), EVERY):
         for place, name in enumerate(order):
             assert set(STEPS[name].after) <= set(order[:place])
-    assert set(DEMO) | set(AT_FIRST_USE) == set(EVERY) == set(STEPS)
+    assert set(DEMO) | set(AFTER_DEMO) == set(LIVE) | set(AT_FIRST_USE) == set(EVERY) == set(STEPS)
 
 
 @pytest.mark.slow

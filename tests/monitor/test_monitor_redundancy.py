@@ -97,6 +97,13 @@ def test_a_reading_that_moves_again_clears_its_freeze() -> None:
     assert alerts[-1].cleared_s == pytest.approx(70.0, abs=2.5)
 
 
+def test_ice_that_has_settled_keeps_its_size_through_doublets() -> None:
+    _, alerts = watched(flown("icing:0.3@50", seconds=180.0, seed=32))
+    assert {(alert.id, alert.cause) for alert in alerts} == {(alerts[0].id, "icing")}
+    for alert in alerts:
+        assert abs(alert.size - 0.3) < 3.0 * alert.size_standard_error, alert.text
+
+
 def test_two_faults_of_different_parts_are_two_alerts() -> None:
     monitor, alerts = watched(
         flown("surface_stuck[rudder]:here@50", "sensor_bias[roll_rate_rad_s]:0.03@70", seconds=90.0)
